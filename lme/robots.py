@@ -1,0 +1,163 @@
+"""What a robot is: footprint, limits, control rate, lidar. One YAML in `conf/robot/` each."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from dataclasses import dataclass
+from typing import Any
+
+from lme.errors import InputError
+from lme.types import Limits, Pose
+
+
+@dataclass(slots=True)
+class Footprint:
+    """Outline seen from above, centred on the base frame: a disc (radius) or a rectangle (length × width)."""
+
+    radius: float | None = None  # [m], of a disc
+    length: float | None = None  # [m], of a rectangle, along x
+    width: float | None = None  # [m], of a rectangle, along y
+
+    def __post_init__(self) -> None:
+        disc = self.radius is not None
+        sides = (self.length is not None) + (self.width is not None)
+        if (disc and sides) or (not disc and sides != 2):
+            raise InputError(
+                f"robot.footprint is {{radius: {self.radius}, length: {self.length}, width: {self.width}}}: "
+                "give either a radius (disc) or a length and a width (rectangle), and null for the rest"
+            )
+        for key in ("radius", "length", "width"):
+            if getattr(self, key) is not None:
+                require(f"robot.footprint.{key}", getattr(self, key), above=0.0)
+
+    @property
+    def box(self) -> tuple[float, float, float]:
+        """(half_length, half_width, rounding) [m]: a disc is a point rounded by its radius."""
+        if self.radius is not None:
+            return 0.0, 0.0, self.radius
+        assert self.length is not None
+        assert self.width is not None
+        return self.length / 2, self.width / 2, 0.0
+
+    @property
+    def r_min(self) -> float:
+        """Radius of the largest disc inside [m] (paper §III.G)."""
+        half_length, half_width, rounding = self.box
+        return min(half_length, half_width) + rounding
+
+    @property
+    def r_max(self) -> float:
+        """Radius of the smallest disc around [m] (paper §III.G)."""
+        half_length, half_width, rounding = self.box
+        return math.hypot(half_length, half_width) + rounding
+
+
+@dataclass(slots=True)
+class Lidar:
+    """A planar laser scanner, fixed to the base at (x, y, yaw)."""
+
+    num_beams: int
+    fov: float  # [rad], 2π for a full circle
+    range_min: float  # [m]
+    range_max: float  # [m]
+    noise_std: float = 0.0  # [m], Gaussian, on every return
+    x: float = 0.0  # [m], mount in the base frame
+    y: float = 0.0  # [m]
+    yaw: float = 0.0  # [rad]
+
+    def __post_init__(self) -> None:
+        require("robot.lidar.num_beams", self.num_beams, above=1)
+        require("robot.lidar.fov", self.fov, above=0.0, at_most=2 * math.pi + 1e-6)
+        require("robot.lidar.range_min", self.range_min, at_least=0.0)
+        require("robot.lidar.range_max", self.range_max, above=self.range_min)
+        require("robot.lidar.noise_std", self.noise_std, at_least=0.0)
+
+    @property
+    def full_circle(self) -> bool:
+        """No blind arc: the last beam's neighbour is the first."""
+        return self.fov >= 2 * math.pi - 1e-6
+
+    @property
+    def angle_min(self) -> float:
+        """Bearing of the first beam in the lidar's frame [rad]; the field of view is centred ahead."""
+        return -self.fov / 2
+
+    @property
+    def angle_increment(self) -> float:
+        """Angle between neighbouring beams [rad]; a full circle does not repeat its first direction."""
+        return self.fov / (self.num_beams if self.full_circle else self.num_beams - 1)
+
+    @property
+    def mount(self) -> Pose:
+        """The lidar's pose in the base frame."""
+        return Pose(self.x, self.y, self.yaw)
+
+
+@dataclass(slots=True)
+class Robot:
+    """A differential-drive (or so driven) robot with a 2D lidar."""
+
+    name: str
+    footprint: Footprint
+    v_max: float  # [m/s]
+    omega_max: float  # [rad/s]
+    alpha_v: float  # [m/s²]
+    alpha_omega: float  # [rad/s²]
+    control_rate: float  # [Hz]
+    lidar: Lidar
+    collision_radius: float | None = None  # [m], the r of LME; null: r_max of the footprint
+
+    def __post_init__(self) -> None:
+        for key in ("v_max", "omega_max", "alpha_v", "alpha_omega", "control_rate"):
+            require(f"robot.{key}", getattr(self, key), above=0.0)
+        if self.collision_radius is not None:
+            self._check_collision_radius(self.collision_radius)
+
+    @property
+    def limits(self) -> Limits:
+        return Limits(self.v_max, self.omega_max, self.alpha_v, self.alpha_omega)
+
+    @property
+    def dt(self) -> float:
+        """Control period [s]."""
+        return 1.0 / self.control_rate
+
+    @property
+    def r(self) -> float:
+        """Collision radius that LME plans with [m]: r_max unless set (paper §III.G)."""
+        return self.footprint.r_max if self.collision_radius is None else self.collision_radius
+
+    def _check_collision_radius(self, radius: float) -> None:
+        """Paper §III.G: below r_min no subgoal is reachable; below r_max only in some orientations."""
+        r_min, r_max = self.footprint.r_min, self.footprint.r_max
+        if radius < r_min:
+            raise InputError(
+                f"robot.collision_radius is {radius:g} m, less than the footprint's inner radius {r_min:.3g} m: "
+                f"must be at least {r_min:.3g}, better {r_max:.3g} (null)"
+            )
+        if radius < r_max:
+            warnings.warn(
+                f"robot.collision_radius {radius:g} m is less than the footprint's outer radius {r_max:.3g} m: "
+                "some subgoals are reachable in some orientations only",
+                stacklevel=3,
+            )
+
+
+def require(
+    key: str,
+    value: Any,
+    *,
+    above: float | None = None,
+    at_least: float | None = None,
+    at_most: float | None = None,
+) -> None:
+    """Raise InputError, naming key, value and bound, unless `value` lies within the bounds and is finite."""
+    bounds = {
+        f"greater than {above:g}" if above is not None else "": above is None or value > above,
+        f"at least {at_least:g}" if at_least is not None else "": at_least is None or value >= at_least,
+        f"at most {at_most:g}" if at_most is not None else "": at_most is None or value <= at_most,
+        "finite": math.isfinite(value),
+    }
+    if not all(bounds.values()):
+        raise InputError(f"{key} is {value:g}: must be {' and '.join(name for name in bounds if name)}")
