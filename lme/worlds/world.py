@@ -1,0 +1,60 @@
+"""World geometry and the navigation task in it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+
+from lme.types import Floats, Pose
+
+
+@dataclass(frozen=True, slots=True)
+class World:
+    """Static obstacles in the world frame.
+
+    circles: (C, 3) solid discs [x, y, radius] [m]. segments: (S, 4) thin walls [x0, y0, x1, y1] [m].
+    polygons: solid, each (V, 2) vertices in order [m], not repeated at the end.
+    """
+
+    circles: Floats = field(default_factory=lambda: np.empty((0, 3)))
+    segments: Floats = field(default_factory=lambda: np.empty((0, 4)))
+    polygons: tuple[Floats, ...] = ()
+
+    @property
+    def edges(self) -> Floats:
+        """(E, 4) every segment and every polygon's sides: what a beam or a moving footprint can hit."""
+        sides = [np.hstack([polygon, np.roll(polygon, -1, axis=0)]) for polygon in self.polygons]
+        return np.ascontiguousarray(np.vstack([self.segments, *sides]))
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """One navigation problem: a world, where to start, where to go, and when it counts.
+
+    measures: named properties of the world that go into the records as they are (difficulty, say).
+    """
+
+    map_name: str  # map set, e.g. "barn"
+    number: int  # of the world within its map set
+    world: World
+    start: Pose
+    goal: Floats  # (2,) [m]
+    goal_tolerance: float  # [m]
+    time_limit: float  # [s]
+    clock_distance: float  # [m] the clock starts once the robot has moved this far
+    shortest_path_length: float  # [m] from start to goal
+    optimal_time: float  # [s] the benchmark's own optimal traversal time OT
+    measures: dict[str, float] = field(default_factory=dict)
+
+
+class MapSet(Protocol):
+    """A numbered collection of tasks. One file here and one YAML in `conf/map/` each."""
+
+    @property
+    def numbers(self) -> tuple[int, ...]:
+        """The worlds chosen, by their own numbers."""
+
+    def task(self, number: int) -> Task:
+        """Build one of them."""
