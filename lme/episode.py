@@ -1,0 +1,137 @@
+"""Run one episode and say how it went."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from time import perf_counter_ns
+
+import numpy as np
+
+from lme.navigator import Navigator
+from lme.sim.simulator import Simulator
+from lme.geometry.frames import to_world
+from lme.types import Floats, Guidance, Outcome
+from lme.worlds.world import Task
+
+TRAJECTORY_COLUMNS = (
+    "time_s",
+    "x_m",
+    "y_m",
+    "yaw_rad",
+    "v_mps",
+    "omega_radps",
+    "subgoal_x_m",
+    "subgoal_y_m",
+    "switched",
+    "clearance_m",
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Episode:
+    """What happened.
+
+    time: from the moment the robot had moved the task's clock distance to the end [s]. trajectory: (T, 10),
+    columns TRAJECTORY_COLUMNS in the world frame, one row per decision and one for the end.
+    decision_us: (steps,) time of each decision [µs].
+    """
+
+    outcome: Outcome
+    time: float
+    path_length: float
+    steps: int
+    switches: int
+    no_free_candidate: int
+    min_clearance: float
+    final_distance: float
+    trajectory: Floats
+    decision_us: Floats
+
+
+def run_episode(
+    task: Task, navigator: Navigator, simulator: Simulator, rng: np.random.Generator
+) -> Episode:
+    """Drive from start to goal, contact or time-out. `rng` is the only source of randomness."""
+    navigator_rng, simulator_rng = rng.spawn(2)
+    navigator.reset(navigator_rng)
+    observation = simulator.reset(task, simulator_rng)
+    log = _Log(task, simulator)
+    while (outcome := log.outcome()) is None:
+        before = perf_counter_ns()
+        command = navigator.act(observation)
+        decision_us = (perf_counter_ns() - before) / 1000.0
+        assert navigator.guidance is not None
+        log.decided(navigator.guidance, decision_us)
+        observation = simulator.step(command)
+        log.moved()
+    return log.episode(outcome)
+
+
+class _Log:
+    """Keeps count while an episode runs."""
+
+    def __init__(self, task: Task, simulator: Simulator) -> None:
+        self._task = task
+        self._simulator = simulator
+        self._clock_start: float | None = None if task.clock_distance > 0.0 else 0.0
+        self._path_length = 0.0
+        self._min_clearance = simulator.state.clearance
+        self._switches = 0
+        self._no_free_candidate = 0
+        self._rows: list[tuple[float, ...]] = []
+        self._decision_us: list[float] = []
+
+    @property
+    def _elapsed(self) -> float:
+        """Time on the task's clock [s]."""
+        return self._simulator.state.time - (self._clock_start or 0.0)
+
+    def outcome(self) -> Outcome | None:
+        """None while the episode goes on."""
+        state = self._simulator.state
+        if state.contact:
+            return Outcome.COLLISION
+        if state.arrived:
+            return Outcome.SUCCESS
+        return Outcome.TIMEOUT if self._elapsed >= self._task.time_limit - 1e-9 else None
+
+    def decided(self, guidance: Guidance, decision_us: float) -> None:
+        """Note a decision, before it is carried out."""
+        self._before = self._simulator.state
+        self._rows.append(self._row(to_world(guidance.subgoal, self._before.pose), guidance.switched))
+        self._switches += guidance.switched
+        self._no_free_candidate += guidance.blocked
+        self._decision_us.append(decision_us)
+
+    def moved(self) -> None:
+        """Note the motion of the last period."""
+        state = self._simulator.state
+        positions = np.vstack((self._before.pose[:2], state.travel[:, :2]))
+        self._path_length += float(np.hypot(*np.diff(positions, axis=0).T).sum())
+        self._min_clearance = min(self._min_clearance, state.clearance)
+        if self._clock_start is None:
+            away = np.hypot(*(positions[1:] - self._task.start[:2]).T) >= self._task.clock_distance
+            if away.any():
+                part = float(np.argmax(away) + 1) / len(away)
+                self._clock_start = self._before.time + part * (state.time - self._before.time)
+
+    def episode(self, outcome: Outcome) -> Episode:
+        """The whole of it."""
+        state = self._simulator.state
+        self._rows.append(self._row(np.full(2, np.nan), False))
+        return Episode(
+            outcome=outcome,
+            time=self._elapsed,
+            path_length=self._path_length,
+            steps=len(self._decision_us),
+            switches=self._switches,
+            no_free_candidate=self._no_free_candidate,
+            min_clearance=self._min_clearance,
+            final_distance=float(np.hypot(*(self._task.goal - np.array(state.pose[:2])))),
+            trajectory=np.array(self._rows),
+            decision_us=np.array(self._decision_us),
+        )
+
+    def _row(self, subgoal: Floats, switched: bool) -> tuple[float, ...]:
+        state = self._simulator.state
+        return (state.time, *state.pose, *state.twist, *subgoal.tolist(), float(switched), state.clearance)

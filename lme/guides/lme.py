@@ -1,0 +1,57 @@
+"""The paper's policy as a guide."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from lme.errors import InputError
+from lme.policy.escaper import PAPER_CRITERIA, EscaperConfig, LocalMinimumEscaper
+from lme.policy.criteria import Criterion
+from lme.robots import Robot
+from lme.types import Guidance, Observation
+
+
+@dataclass(slots=True)
+class LmeConfig(EscaperConfig):
+    """An escaper's settings, its parameters by name, and further criteria as {name: dotted path}."""
+
+    parameters: dict[str, float] = field(default_factory=dict)
+    criteria: dict[str, str] = field(default_factory=dict)
+
+
+class Lme:
+    """Local-Minimum Escaper (paper §III)."""
+
+    Config = LmeConfig
+
+    def __init__(self, config: LmeConfig, robot: Robot) -> None:
+        self.escaper = LocalMinimumEscaper(
+            robot, config.parameters, config, {**PAPER_CRITERIA, **_load(config.criteria)}
+        )
+
+    def reset(self, rng: np.random.Generator) -> None:
+        """Forget the last episode."""
+        self.escaper.reset(rng)
+
+    def guide(self, observation: Observation) -> Guidance:
+        """The subgoal of Algorithm 1."""
+        decision = self.escaper.decide(observation)
+        return Guidance(decision.subgoal, None, decision.choice.switched, decision.blocked)
+
+
+def _load(paths: Mapping[str, str]) -> dict[str, Criterion]:
+    """Import criteria by dotted path."""
+    loaded = {}
+    for name, path in paths.items():
+        module, _, attribute = path.rpartition(".")
+        try:
+            loaded[name] = getattr(importlib.import_module(module), attribute)
+        except (ImportError, AttributeError, ValueError) as error:
+            raise InputError(
+                f"guide.criteria.{name} is {path!r}: must be the dotted path of a function ({error})"
+            ) from error
+    return loaded

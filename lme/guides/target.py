@@ -1,0 +1,31 @@
+"""Straight to the target: what a local planner does without help."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lme.robots import Robot
+from lme.types import Guidance, Observation
+
+
+@dataclass(slots=True)
+class TargetConfig:
+    """Nothing to set."""
+
+
+class Target:
+    """The subgoal is always the target."""
+
+    Config = TargetConfig
+
+    def __init__(self, config: TargetConfig, robot: Robot) -> None:
+        pass
+
+    def reset(self, rng: np.random.Generator) -> None:
+        """Nothing to forget."""
+
+    def guide(self, observation: Observation) -> Guidance:
+        """The target as it is."""
+        return Guidance(observation.target)

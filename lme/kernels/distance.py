@@ -1,0 +1,54 @@
+"""Distances and bearings of many points, without temporaries."""
+
+import math
+
+import numpy as np
+from numba import njit
+
+from lme.types import Floats
+
+
+@njit(cache=True)
+def distances_to(points: Floats, target: Floats) -> Floats:
+    """Euclidean distance of each of the (N, 2) points to the (2,) target [m]: (N,)."""
+    out = np.empty(len(points))
+    for i in range(len(points)):
+        dx = points[i, 0] - target[0]
+        dy = points[i, 1] - target[1]
+        out[i] = math.sqrt(dx * dx + dy * dy)
+    return out
+
+
+@njit(cache=True)
+def bearings(points: Floats) -> Floats:
+    """Bearing of each of the (N, 2) points about the origin, in (−π, π] [rad]: (N,)."""
+    out = np.empty(len(points))
+    for i in range(len(points)):
+        out[i] = math.atan2(points[i, 1], points[i, 0])
+    return out
+
+
+@njit(cache=True)
+def nearest_near_segment(points: Floats, end: Floats, radius: float) -> int:
+    """Index of the point nearest to the origin among those within `radius` of the segment origin–end.
+
+    points (M, 2), end (2,) [m]; −1 where no point lies nearer than `radius` to the segment.
+    """
+    best = -1
+    best_square = np.inf
+    length_square = end[0] * end[0] + end[1] * end[1]
+    for i in range(len(points)):
+        x, y = points[i, 0], points[i, 1]
+        square = x * x + y * y
+        if square >= best_square:
+            continue
+        along = x * end[0] + y * end[1]
+        if along <= 0.0:
+            near = square < radius * radius
+        elif along >= length_square:
+            near = (x - end[0]) ** 2 + (y - end[1]) ** 2 < radius * radius
+        else:
+            near = (end[0] * y - end[1] * x) ** 2 < radius * radius * length_square
+        if near:
+            best, best_square = i, square
+    return best

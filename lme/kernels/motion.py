@@ -1,0 +1,68 @@
+"""Differential-drive motion over one control period, under velocity and acceleration limits."""
+
+import math
+
+import numpy as np
+from numba import njit
+
+from lme.types import Floats
+
+
+@njit(cache=True)
+def drive(
+    pose: tuple[float, float, float],
+    twist: tuple[float, float],
+    command: tuple[float, float],
+    limits: tuple[float, float, float, float],
+    dt: float,
+    max_step: float,
+    reach: float,
+) -> tuple[Floats, tuple[float, float]]:
+    """Poses along the way while v and ω ramp to the command, each at its own acceleration limit.
+
+    pose (x, y, yaw), twist (v, ω), command (v, ω), limits (v_max, ω_max, α_v, α_ω). No point of a footprint
+    of radius `reach` [m] moves further than `max_step` [m] between two poses.
+    Returns poses (K, 3), the last one after `dt` [s], and the twist there.
+    """
+    v_max, omega_max, alpha_v, alpha_omega = limits
+    v_goal = min(max(command[0], -v_max), v_max)
+    omega_goal = min(max(command[1], -omega_max), omega_max)
+    fastest = max(abs(twist[0]), abs(v_goal)) + reach * max(abs(twist[1]), abs(omega_goal))
+    steps = max(1, math.ceil(fastest * dt / max_step - 1e-9))
+    poses = np.empty((steps, 3))
+    x, y = pose[0], pose[1]
+    travelled = 0.0
+    for k in range(steps):
+        until = dt * (k + 1) / steps
+        middle = pose[2] + _ramp_integral(twist[1], omega_goal, alpha_omega, dt * (k + 0.5) / steps)
+        total = _ramp_integral(twist[0], v_goal, alpha_v, until)
+        x += (total - travelled) * math.cos(middle)
+        y += (total - travelled) * math.sin(middle)
+        yaw = pose[2] + _ramp_integral(twist[1], omega_goal, alpha_omega, until)
+        travelled = total
+        poses[k, 0], poses[k, 1], poses[k, 2] = x, y, yaw
+    return poses, (_ramp(twist[0], v_goal, alpha_v, dt), _ramp(twist[1], omega_goal, alpha_omega, dt))
+
+
+@njit(cache=True)
+def first_within(poses: Floats, goal: Floats, tolerance: float) -> int:
+    """Index of the first of the (K, 3) poses within `tolerance` [m] of the (2,) goal; −1 if none."""
+    for k in range(len(poses)):
+        if math.hypot(poses[k, 0] - goal[0], poses[k, 1] - goal[1]) <= tolerance:
+            return k
+    return -1
+
+
+@njit(cache=True)
+def _ramp(start: float, goal: float, rate: float, time: float) -> float:
+    """Value after `time` of a quantity that goes from start to goal at `rate` per second."""
+    change = goal - start
+    return start + math.copysign(min(abs(change), rate * time), change)
+
+
+@njit(cache=True)
+def _ramp_integral(start: float, goal: float, rate: float, time: float) -> float:
+    """Integral of `_ramp` over [0, time]."""
+    ramp_time = min(abs(goal - start) / rate, time)
+    at_end = _ramp(start, goal, rate, ramp_time)
+    return (start + at_end) / 2 * ramp_time + at_end * (time - ramp_time)

@@ -1,0 +1,28 @@
+"""A guide and a planner, nothing more."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lme.types import Guidance, Guide, Observation, Planner, Twist
+
+
+class Navigator:
+    """Asks the guide where to go and the planner how to get there."""
+
+    def __init__(self, guide: Guide, planner: Planner) -> None:
+        self.guide = guide
+        self.planner = planner
+        self.guidance: Guidance | None = None  # of the last step
+
+    def reset(self, rng: np.random.Generator) -> None:
+        """Start a new episode; guide and planner draw from streams of their own."""
+        guide_rng, planner_rng = rng.spawn(2)
+        self.guide.reset(guide_rng)
+        self.planner.reset(planner_rng)
+        self.guidance = None
+
+    def act(self, observation: Observation) -> Twist:
+        """Velocity command for one control period."""
+        self.guidance = self.guide.guide(observation)
+        return self.planner.plan(observation, self.guidance)

@@ -1,0 +1,71 @@
+"""The paper's own local planner: turn towards the subgoal, then drive (Algorithm 3)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from lme.robots import Robot, require
+from lme.types import Guidance, Observation, Twist
+
+
+@dataclass(slots=True)
+class SimpleConfig:
+    """Gains that the paper leaves open, and the cone in which it drives."""
+
+    heading_tolerance: float = math.radians(9.0)  # [rad] Algorithm 3: forward only within 9°
+    pd_below: float = 0.2  # [rad] PD control below this error
+    kp: float = 4.0  # [1/s]
+    kd: float = 0.1  # [-]
+
+    def __post_init__(self) -> None:
+        for key in ("heading_tolerance", "pd_below", "kp", "kd"):
+            require(f"planner.{key}", getattr(self, key), at_least=0.0)
+
+
+class Simple:
+    """Two independent acceleration-limited controllers (paper §III.E)."""
+
+    Config = SimpleConfig
+
+    def __init__(self, config: SimpleConfig, robot: Robot) -> None:
+        self._config = config
+        self._dt = robot.dt
+
+    def reset(self, rng: np.random.Generator) -> None:
+        """Nothing to forget."""
+
+    def plan(self, observation: Observation, guidance: Guidance) -> Twist:
+        """Command for one control period."""
+        x, y = guidance.subgoal
+        bearing = math.atan2(y, x)
+        v, omega = observation.twist
+        limits = observation.limits
+        if abs(bearing) < self._config.heading_tolerance:
+            v_rate = approach(math.hypot(x, y), v, limits.v_max, limits.alpha_v, self._dt)
+        else:
+            v_rate = towards(0.0, v, limits.alpha_v, self._dt)
+        return Twist(v_rate, self._turn(bearing, omega, limits.omega_max, limits.alpha_omega))
+
+    def _turn(self, bearing: float, omega: float, omega_max: float, alpha: float) -> float:
+        if abs(bearing) >= self._config.pd_below:
+            return approach(bearing, omega, omega_max, alpha, self._dt)
+        wanted = self._config.kp * bearing - self._config.kd * omega
+        return towards(min(max(wanted, -omega_max), omega_max), omega, alpha, self._dt)
+
+
+def approach(error: float, rate: float, rate_max: float, alpha: float, dt: float) -> float:
+    """Rate that drives `error` to zero fastest and still stops there.
+
+    Speeds up at `alpha` up to `rate_max`, then slows down at `alpha`: the largest rate u with
+    u·dt + u²/(2·alpha) ≤ |error| can be held for one more period and braked in time.
+    """
+    stoppable = alpha * (math.sqrt(dt * dt + 2.0 * abs(error) / alpha) - dt)
+    return towards(math.copysign(min(rate_max, stoppable), error), rate, alpha, dt)
+
+
+def towards(wanted: float, rate: float, alpha: float, dt: float) -> float:
+    """`wanted`, as near as one period at `alpha` comes to it from `rate`."""
+    return min(max(wanted, rate - alpha * dt), rate + alpha * dt)

@@ -1,0 +1,78 @@
+"""The six criteria that score a candidate (paper §III.C, Eqs. 2–6 and Algorithm 2).
+
+Each takes (N, 2) candidates in the robot frame and a `View`, and returns (N,) values to be weighted; larger
+is better. The collision features c are returned as I(c) of Eq. 7: 1 where favourable (free), 0 where not,
+because all weights are positive. A criterion of your own is one more such function, named in
+`guide.criteria` with a weight of the same name.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from lme.kernels.distance import bearings, distances_to
+from lme.kernels.fan import fan_blocked
+from lme.policy.surmount import Blockage
+from lme.types import Bools, Floats
+
+ORIGIN = np.zeros(2)
+
+
+class View(NamedTuple):
+    """What the criteria see, in the robot frame.
+
+    points: (M, 2) scan points sorted by bearing. target: (2,) p_T. radius: r [m].
+    history: (H, 2) recent positions P_his. blockage: the blocking sector, if any.
+    """
+
+    points: Floats
+    target: Floats
+    radius: float
+    history: Floats
+    blockage: Blockage | None
+
+
+Criterion = Callable[[Floats, View], Floats]
+
+
+def a_close(candidates: Floats, view: View) -> Floats:
+    """Target proximity, Eq. 2: minus the distance to the target [m]."""
+    return -distances_to(candidates, view.target)
+
+
+def a_dev(candidates: Floats, view: View) -> Floats:
+    """Directional deviation, Eq. 3: minus the bearing off straight ahead [rad].
+
+    The paper's heading is +y and its angle unwrapped; here it is +x and the bearing lies in (−π, π].
+    """
+    return -np.abs(bearings(candidates))
+
+
+def c_o(candidates: Floats, view: View) -> Floats:
+    """Collision-free reachability, Eq. 4: 1 where origin–candidate keeps r from every scan point."""
+    return _free(fan_blocked(ORIGIN, candidates, view.points, view.radius))
+
+
+def c_t(candidates: Floats, view: View) -> Floats:
+    """Optimistic target reachability, Eq. 5: 1 where candidate–target keeps r from every scan point."""
+    return _free(fan_blocked(view.target, candidates, view.points, view.radius))
+
+
+def a_mount(candidates: Floats, view: View) -> Floats:
+    """Surmount feature, Algorithm 2: minus the distance to B where the blocking sector hides the target."""
+    if view.blockage is None:
+        return np.zeros(len(candidates))
+    hidden = fan_blocked(view.target, candidates, view.blockage.points, view.radius)
+    return np.where(hidden, -distances_to(candidates, view.blockage.B), 0.0)
+
+
+def c_h(candidates: Floats, view: View) -> Floats:
+    """Historical avoidance, Eq. 6: 1 where origin–candidate keeps r from every recent position."""
+    return _free(fan_blocked(ORIGIN, candidates, view.history, view.radius))
+
+
+def _free(blocked: Bools) -> Floats:
+    return 1.0 - blocked

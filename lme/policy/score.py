@@ -1,0 +1,50 @@
+"""The score S (paper Eq. 7) and the eight parameters that training finds (§III.F)."""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from lme.errors import InputError
+from lme.types import Floats
+
+
+@dataclass(frozen=True, slots=True)
+class Parameters:
+    """weights: (C,) one per criterion, in the order of the criteria. d1 [m], d2: of the maintenance program."""
+
+    weights: Floats
+    d1: float
+    d2: float
+
+    @classmethod
+    def from_mapping(cls, values: Mapping[str, float], criteria: Sequence[str]) -> Parameters:
+        """Take the weight of each criterion by name, then d1 and d2.
+
+        Raises InputError where a name is missing or unknown, or a value negative or NaN.
+        """
+        names = [*criteria, "d1", "d2"]
+        for name, value in values.items():
+            if name not in names:
+                raise InputError(f"parameter {name!r} is unknown: {_suggest(name, names)}")
+            if math.isnan(value) or value < 0:
+                raise InputError(f"parameter {name} is {value:g}: must be at least 0")
+        missing = [name for name in names if name not in values]
+        if missing:
+            raise InputError(f"parameter {missing[0]} is missing: must be given for each of {', '.join(names)}")
+        return cls(np.array([float(values[name]) for name in criteria]), float(values["d1"]), float(values["d2"]))
+
+
+def score(features: Floats, weights: Floats) -> Floats:
+    """S of Eq. 7 for (C, N) features and (C,) weights: (N,)."""
+    return weights @ features
+
+
+def _suggest(name: str, names: Sequence[str]) -> str:
+    close = difflib.get_close_matches(name, names, 1)
+    hint = f"did you mean {close[0]}? " if close else ""
+    return f"{hint}The parameters are {', '.join(names)}"

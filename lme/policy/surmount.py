@@ -1,0 +1,91 @@
+"""Which obstacle blocks the way to the target, and the point that leads around it (paper Algorithm 2)."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from lme.kernels.distance import nearest_near_segment
+from lme.kernels.sectors import cluster
+from lme.types import Floats, Ints
+
+RULES = ("corridor", "line_of_sight")
+
+
+class Blockage(NamedTuple):
+    """The blocking sector and its way around.
+
+    points: (P, 2) the sector's scan points, counter-clockwise. E1, E2: (2,) its ends. A: the end nearer in
+    angle to the target. B: (2,) `r` beyond A on the ray OA [m].
+    """
+
+    points: Floats
+    E1: Floats
+    E2: Floats
+    A: Floats
+    B: Floats
+
+
+def find_blockage(
+    points: Floats, target: Floats, radius: float, full_circle: bool, rule: str
+) -> Blockage | None:
+    """The sector between robot and target, or None where nothing blocks or all of it does.
+
+    points: (M, 2) scan points sorted by bearing; target: (2,); radius: r [m].
+    rule "corridor": the sector that owns the nearest scan point within r of the segment O–T;
+    "line_of_sight": the one hit by the ray towards T nearer than T.
+    A ring closed all round has no ends, so no way around: None.
+    """
+    owner = _blocking_point(points, target, radius, rule)
+    if owner < 0:
+        return None
+    sectors, closed = cluster(points, 2.0 * radius, full_circle)
+    if closed:
+        return None
+    members = sector_members(sectors[sector_of(sectors, owner)], len(points))
+    sector = points[members]
+    A = min(sector[0], sector[-1], key=lambda end: _angle_between(end, target))
+    return Blockage(sector, sector[0], sector[-1], A, A * (1.0 + radius / math.hypot(A[0], A[1])))
+
+
+def sector_of(sectors: Ints, index: int) -> int:
+    """Row of the (K, 2) sectors [first, last] that holds scan point `index`."""
+    first, last = sectors[:, 0], sectors[:, 1]
+    inside = (first <= index) & (index <= last)
+    wrapped = (first > last) & ((index >= first) | (index <= last))
+    return int(np.argmax(inside | wrapped))
+
+
+def sector_members(sector: Ints, num_points: int) -> Ints:
+    """Indices of the scan points of one sector [first, last], counter-clockwise, across ±π if need be."""
+    first, last = int(sector[0]), int(sector[1])
+    if first <= last:
+        return np.arange(first, last + 1)
+    return np.concatenate([np.arange(first, num_points), np.arange(last + 1)])
+
+
+def _blocking_point(points: Floats, target: Floats, radius: float, rule: str) -> int:
+    if rule == "corridor":
+        return int(nearest_near_segment(points, target, radius))
+    return _point_on_ray(points, target, radius)
+
+
+def _point_on_ray(points: Floats, target: Floats, radius: float) -> int:
+    """Scan point nearest in angle to the target if it is nearer than the target, and ahead; else −1."""
+    if len(points) == 0:
+        return -1
+    ahead = points @ target > 0.0
+    across = np.abs(points[:, 0] * target[1] - points[:, 1] * target[0])
+    distance = np.hypot(points[:, 0], points[:, 1])
+    angle = np.where(ahead, across / np.maximum(distance, 1e-12), np.inf)
+    index = int(np.argmin(angle))
+    off_ray = angle[index] / max(math.hypot(target[0], target[1]), 1e-12)
+    hit = off_ray * distance[index] < radius and distance[index] < math.hypot(target[0], target[1])
+    return index if hit else -1
+
+
+def _angle_between(a: Floats, b: Floats) -> float:
+    """Unsigned angle ∠aOb [rad]."""
+    return abs(math.atan2(a[0] * b[1] - a[1] * b[0], a[0] * b[0] + a[1] * b[1]))

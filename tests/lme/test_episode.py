@@ -1,0 +1,78 @@
+"""Closed loop: scan, decision, control, motion, collision."""
+
+import math
+
+import numpy as np
+import pytest
+
+from lme.episode import run_episode
+from lme.guides.lme import Lme, LmeConfig
+from lme.guides.target import Target, TargetConfig
+from lme.navigator import Navigator
+from lme.planners.simple import Simple, SimpleConfig
+from lme.sim.fast import FastConfig, FastSimulator
+from lme.types import Outcome, Pose
+from lme.worlds.world import World
+from tests.builders import PUBLISHED, room, stage, task
+
+
+def drive(task, guide="lme", robot=None, seed=0):
+    robot = robot or stage()
+    guide = Lme(LmeConfig(parameters=PUBLISHED), robot) if guide == "lme" else Target(TargetConfig(), robot)
+    navigator = Navigator(guide, Simple(SimpleConfig(), robot))
+    return run_episode(task, navigator, FastSimulator(FastConfig(), robot), np.random.default_rng(seed))
+
+
+def test_an_empty_room_is_crossed_200_times_of_200():
+    rng = np.random.default_rng(1)
+    outcomes = []
+    for seed in range(200):
+        x, y, goal_x, goal_y = rng.uniform(-4.5, 4.5, 4)
+        start = Pose(x, y, rng.uniform(-math.pi, math.pi))
+        outcomes.append(drive(task(room(), start, (goal_x, goal_y)), seed=seed).outcome)
+    assert outcomes.count(Outcome.SUCCESS) == 200
+
+
+def test_a_wall_traps_the_bare_planner_and_not_lme():
+    wall = World(segments=np.array([[2.0, -1.5, 2.0, 1.5]]))
+    assert drive(task(wall), guide="target").outcome is not Outcome.SUCCESS
+    assert [drive(task(wall), seed=seed).outcome for seed in range(5)] == [Outcome.SUCCESS] * 5
+
+
+def test_a_sealed_box_ends_in_time_out():
+    boxed = room(1.5)
+    episode = drive(task(boxed, time_limit=20.0))
+    assert episode.outcome is Outcome.TIMEOUT
+    assert episode.time == pytest.approx(20.0)
+
+
+def test_contact_is_a_collision_where_it_happens():
+    disc = World(circles=np.array([[2.0, 0.0, 0.3]]))
+    episode = drive(task(disc), guide="target")
+    assert episode.outcome is Outcome.COLLISION
+    assert episode.min_clearance == 0.0
+    # Centre to centre 0.3 + 0.2 m, to one check step.
+    assert episode.trajectory[-1, 1] == pytest.approx(1.5, abs=0.026)
+
+
+def test_limits_hold_at_every_step():
+    robot = stage()
+    wall = World(segments=np.array([[2.0, -1.5, 2.0, 1.5]]))
+    v, omega = drive(task(wall), robot=robot).trajectory[:-1, 4:6].T
+    assert np.abs(v).max() <= robot.v_max + 1e-12
+    assert np.abs(omega).max() <= robot.omega_max + 1e-12
+    assert np.abs(np.diff(v)).max() <= robot.alpha_v * robot.dt + 1e-12
+    assert np.abs(np.diff(omega)).max() <= robot.alpha_omega * robot.dt + 1e-12
+
+
+def test_the_same_seed_gives_the_same_episode():
+    wall = World(segments=np.array([[2.0, -1.5, 2.0, 1.5]]))
+    one, two, other = drive(task(wall)), drive(task(wall)), drive(task(wall), seed=1)
+    np.testing.assert_array_equal(one.trajectory, two.trajectory)
+    assert one.trajectory.shape != other.trajectory.shape or (one.trajectory != other.trajectory)[:, 1:3].any()
+
+
+def test_the_clock_starts_with_the_motion():
+    still = task(goal=(-2.0, 0.0))  # behind: the robot turns first
+    late = still.__class__(**{**{f: getattr(still, f) for f in still.__slots__}, "clock_distance": 0.1})
+    assert drive(late).time < drive(still).time
