@@ -7,9 +7,9 @@ from time import perf_counter_ns
 
 import numpy as np
 
+from lme.geometry.frames import to_world
 from lme.navigator import Navigator
 from lme.sim.simulator import Simulator
-from lme.geometry.frames import to_world
 from lme.types import Floats, Guidance, Outcome
 from lme.worlds.world import Task
 

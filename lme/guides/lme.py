@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from lme.errors import InputError
-from lme.policy.escaper import PAPER_CRITERIA, EscaperConfig, LocalMinimumEscaper
 from lme.policy.criteria import Criterion
+from lme.policy.escaper import PAPER_CRITERIA, EscaperConfig, LocalMinimumEscaper
 from lme.robots import Robot
 from lme.types import Guidance, Observation
 

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 
 from lme.errors import InputError
 from lme.robots import require
@@ -38,11 +40,17 @@ def sample(
 
     Returns (config.number, 2) positions in the robot frame [m].
     """
-    uniform = rng.random((2, config.number))
-    distance = uniform[0] if config.distribution == "polar" else np.sqrt(uniform[0])
-    distance *= max_range
-    bearing = bearing_min + fov * uniform[1]
-    points = np.empty((config.number, 2))
-    np.multiply(distance, np.cos(bearing), out=points[:, 0])
-    np.multiply(distance, np.sin(bearing), out=points[:, 1])
+    uniform = rng.random((config.number, 2))
+    return _spread(uniform, max_range, bearing_min, fov, config.distribution == "area")
+
+
+@njit(cache=True)
+def _spread(uniform: Floats, max_range: float, bearing_min: float, fov: float, by_area: bool) -> Floats:
+    """Map (N, 2) uniform numbers to the sector, the first to range, the second to bearing."""
+    points = np.empty(uniform.shape)
+    for i in range(len(uniform)):
+        distance = max_range * (math.sqrt(uniform[i, 0]) if by_area else uniform[i, 0])
+        bearing = bearing_min + fov * uniform[i, 1]
+        points[i, 0] = distance * math.cos(bearing)
+        points[i, 1] = distance * math.sin(bearing)
     return points

@@ -195,7 +195,9 @@ class LocalMinimumEscaper:
         target = view.target
         if not config.target or math.hypot(target[0], target[1]) > reach:
             return candidates
-        off_centre = abs(math.remainder(math.atan2(target[1], target[0]) - bearing_min - fov / 2, 2 * math.pi))
+        off_centre = abs(
+            math.remainder(math.atan2(target[1], target[0]) - bearing_min - fov / 2, 2 * math.pi)
+        )
         if off_centre > fov / 2 or fan_blocked(ORIGIN, target[None], view.points, view.radius)[0]:
             return candidates
         return np.concatenate((candidates, target[None]))

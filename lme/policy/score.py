@@ -35,8 +35,12 @@ class Parameters:
                 raise InputError(f"parameter {name} is {value:g}: must be at least 0")
         missing = [name for name in names if name not in values]
         if missing:
-            raise InputError(f"parameter {missing[0]} is missing: must be given for each of {', '.join(names)}")
-        return cls(np.array([float(values[name]) for name in criteria]), float(values["d1"]), float(values["d2"]))
+            raise InputError(
+                f"parameter {missing[0]} is missing: must be given for each of {', '.join(names)}"
+            )
+        return cls(
+            np.array([float(values[name]) for name in criteria]), float(values["d1"]), float(values["d2"])
+        )
 
 
 def score(features: Floats, weights: Floats) -> Floats:

@@ -6,6 +6,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numba import njit
 
 from lme.kernels.distance import nearest_near_segment
 from lme.kernels.sectors import cluster
@@ -44,26 +45,28 @@ def find_blockage(
     sectors, closed = cluster(points, 2.0 * radius, full_circle)
     if closed:
         return None
-    members = sector_members(sectors[sector_of(sectors, owner)], len(points))
-    sector = points[members]
-    A = min(sector[0], sector[-1], key=lambda end: _angle_between(end, target))
-    return Blockage(sector, sector[0], sector[-1], A, A * (1.0 + radius / math.hypot(A[0], A[1])))
+    sector = sector_points(points, sectors[sector_of(sectors, owner)])
+    E1, E2 = sector[0], sector[-1]
+    A = E1 if _angle_between(E1, target) <= _angle_between(E2, target) else E2
+    return Blockage(sector, E1, E2, A, A * (1.0 + radius / math.hypot(A[0], A[1])))
 
 
+@njit(cache=True)
 def sector_of(sectors: Ints, index: int) -> int:
-    """Row of the (K, 2) sectors [first, last] that holds scan point `index`."""
-    first, last = sectors[:, 0], sectors[:, 1]
-    inside = (first <= index) & (index <= last)
-    wrapped = (first > last) & ((index >= first) | (index <= last))
-    return int(np.argmax(inside | wrapped))
+    """Row of the (K, 2) sectors [first, last] that holds scan point `index`; −1 where none does."""
+    for k in range(len(sectors)):
+        first, last = sectors[k, 0], sectors[k, 1]
+        if first <= index <= last or (first > last and (index >= first or index <= last)):
+            return k
+    return -1
 
 
-def sector_members(sector: Ints, num_points: int) -> Ints:
-    """Indices of the scan points of one sector [first, last], counter-clockwise, across ±π if need be."""
-    first, last = int(sector[0]), int(sector[1])
+def sector_points(points: Floats, sector: Ints) -> Floats:
+    """Scan points of one sector [first, last], counter-clockwise, across ±π if need be: (P, 2)."""
+    first, last = sector
     if first <= last:
-        return np.arange(first, last + 1)
-    return np.concatenate([np.arange(first, num_points), np.arange(last + 1)])
+        return points[first : last + 1]
+    return np.concatenate((points[first:], points[: last + 1]))
 
 
 def _blocking_point(points: Floats, target: Floats, radius: float, rule: str) -> int:
