@@ -1,0 +1,43 @@
+"""Points and poses from one planar frame into another."""
+
+import math
+
+import numpy as np
+
+from lme.geometry.angles import wrap_angle
+from lme.types import Floats, Pose
+
+
+def to_world(points: Floats, pose: Pose) -> Floats:
+    """Points (..., 2) [m] given in the frame at `pose`, in that frame's parent."""
+    cos, sin = math.cos(pose[2]), math.sin(pose[2])
+    x, y = points[..., 0], points[..., 1]
+    moved = np.empty(points.shape)
+    moved[..., 0] = pose[0] + cos * x - sin * y
+    moved[..., 1] = pose[1] + sin * x + cos * y
+    return moved
+
+
+def to_robot(points: Floats, pose: Pose) -> Floats:
+    """Points (..., 2) [m] given in the parent frame, in the frame at `pose`; undoes `to_world`."""
+    cos, sin = math.cos(pose[2]), math.sin(pose[2])
+    x, y = points[..., 0] - pose[0], points[..., 1] - pose[1]
+    moved = np.empty(points.shape)
+    moved[..., 0] = cos * x + sin * y
+    moved[..., 1] = cos * y - sin * x
+    return moved
+
+
+def compose(pose: Pose, child: Pose) -> Pose:
+    """A pose given in the frame at `pose`, in that frame's parent; yaw in (−π, π] [rad]."""
+    cos, sin = math.cos(pose[2]), math.sin(pose[2])
+    x = pose[0] + cos * child[0] - sin * child[1]
+    y = pose[1] + sin * child[0] + cos * child[1]
+    return Pose(x, y, wrap_angle(pose[2] + child[2]))
+
+
+def relative(pose: Pose, other: Pose) -> Pose:
+    """A pose given in the parent frame, in the frame at `pose`; undoes `compose`."""
+    cos, sin = math.cos(pose[2]), math.sin(pose[2])
+    dx, dy = other[0] - pose[0], other[1] - pose[1]
+    return Pose(cos * dx + sin * dy, cos * dy - sin * dx, wrap_angle(other[2] - pose[2]))

@@ -1,0 +1,184 @@
+"""Which segments of a fan, all from one apex, pass too near to a point.
+
+The test of every segment against every point is the definition; the rest leaves out pairs that cannot be
+near. A segment from the apex comes within the radius of a point only if it points into the cone around the
+disc of that radius, and reaches as far as the disc. So the ends are sorted into bins of bearing about the
+apex, every point visits the bins in its cone, and ends found blocked leave their bin.
+
+Helpers that are called once per point take numbers only: an array passed from inside a loop costs more than
+what is done with it, since numba counts references.
+"""
+
+import math
+
+import numpy as np
+from numba import njit
+
+from lme.kernels.bearing import diamond
+from lme.types import Bools, Floats
+
+_FEW = 8  # ends or points: sorting does not pay
+_ENDS_PER_BIN = 4
+_STRIDE = 16  # points are taken in this many passes, as neighbours in a scan block the same ends
+_SLACK = 1e-9  # of all lengths involved: discs are widened by more than rounding could ever matter
+
+
+@njit(cache=True, error_model="numpy")
+def fan_blocked(apex: Floats, ends: Floats, points: Floats, radius: float) -> Bools:
+    """Whether each segment apex–end comes nearer than `radius` [m] to any point (paper Eqs. 4–6): (N,).
+
+    apex (2,), ends (N, 2), points (M, 2) [m], in any order. A distance of exactly `radius` does not block.
+    """
+    blocked = np.zeros(len(ends), np.bool_)
+    arms, longest = _arms(apex, ends)
+    rays, farthest = _arms(apex, points)
+    if min(len(ends), len(points)) <= _FEW:
+        _test_all(arms, rays, radius, blocked)
+        return blocked
+    wide = radius + _SLACK * (radius + longest + farthest)
+    axis = (arms[0].sum(), arms[1].sum())  # bearings count from here: a narrow fan stays in one piece
+    bearing = _bearings(arms, axis)
+    low = bearing.min()
+    num_bins = len(ends) // _ENDS_PER_BIN + 1
+    scale = num_bins / (bearing.max() - low + _SLACK)
+    cones = _cones(rays, axis, wide, low, scale, num_bins)
+    ends_left, arms_left, start = _sort_into_bins(arms, bearing, low, scale, num_bins)
+    stop = start[1:].copy()
+    reach = _reaches(arms_left, start, wide)
+    for offset in range(_STRIDE):
+        _take(offset, rays, cones, ends_left, arms_left, start, stop, reach, radius, wide, blocked)
+    return blocked
+
+
+@njit(cache=True, error_model="numpy")
+def _near(dx, dy, length_square, qx, qy, radius_square):  # type: ignore[no-untyped-def]
+    """Whether q lies nearer than the radius to the segment from the origin to d: the definition."""
+    along = qx * dx + qy * dy
+    if along <= 0.0:
+        return qx * qx + qy * qy < radius_square
+    if along >= length_square:
+        ex, ey = qx - dx, qy - dy
+        return ex * ex + ey * ey < radius_square
+    across = qx * dy - qy * dx
+    return across * across < radius_square * length_square
+
+
+@njit(cache=True, error_model="numpy")
+def _test_all(arms, rays, radius, blocked):  # type: ignore[no-untyped-def]
+    """Every segment against every point."""
+    radius_square = radius * radius
+    for j in range(rays.shape[1]):
+        for i in range(len(blocked)):
+            near = _near(arms[0, i], arms[1, i], arms[2, i], rays[0, j], rays[1, j], radius_square)
+            blocked[i] = blocked[i] or near
+
+
+@njit(cache=True, error_model="numpy")
+def _arms(apex, points):  # type: ignore[no-untyped-def]
+    """(3, N) x, y and squared length of the points seen from the apex, and the greatest length."""
+    ax, ay = apex[0], apex[1]
+    arms = np.empty((3, len(points)))
+    longest = 0.0
+    for i in range(len(points)):
+        x, y = points[i, 0] - ax, points[i, 1] - ay
+        arms[0, i], arms[1, i], arms[2, i] = x, y, x * x + y * y
+        longest = max(longest, arms[2, i])
+    return arms, math.sqrt(longest)
+
+
+@njit(cache=True, error_model="numpy")
+def _bearings(arms, axis):  # type: ignore[no-untyped-def]
+    """(N,) diamond angles of the arms about the axis."""
+    ax, ay = axis
+    out = np.empty(arms.shape[1])
+    for i in range(len(out)):
+        x, y = arms[0, i], arms[1, i]
+        out[i] = diamond(x * ax + y * ay, y * ax - x * ay)
+    return out
+
+
+@njit(cache=True, error_model="numpy")
+def _cones(rays, axis, wide, low, scale, num_bins):  # type: ignore[no-untyped-def]
+    """(2, M) first and last bin between the tangents to the disc of radius `wide` around each point.
+
+    The tangents are the ray turned by ±asin(wide / length). All bins where the apex is in the disc. Where
+    the cone straddles the direction opposite to the axis, it leaves the last bin for the first: last is then
+    the more by num_bins. Free of branches, for vector instructions.
+    """
+    ax, ay = axis
+    top = float(num_bins)
+    out = np.empty((2, rays.shape[1]), np.int32)
+    for j in range(rays.shape[1]):
+        x, y = rays[0, j], rays[1, j]
+        u, v = x * ax + y * ay, y * ax - x * ay
+        square = rays[2, j] - wide * wide
+        cos = math.sqrt(max(square, 0.0))
+        first = (diamond(u * cos + v * wide, v * cos - u * wide) - low) * scale
+        last = (diamond(u * cos - v * wide, v * cos + u * wide) - low) * scale
+        wrap = top if first > last else 0.0
+        first, last = min(max(first, 0.0), top), min(max(last, -1.0), top - 1.0) + wrap
+        out[0, j] = int(first) if square > 0.0 else 0
+        out[1, j] = int(last) if square > 0.0 else num_bins - 1
+    return out
+
+
+@njit(cache=True, error_model="numpy")
+def _sort_into_bins(arms, bearing, low, scale, num_bins):  # type: ignore[no-untyped-def]
+    """Counting sort: the ends' indices (N,) and arms (3, N) bin by bin, and where bins start (num_bins + 1,)."""
+    start = np.zeros(num_bins + 1, np.int64)
+    bin_of = np.empty(len(bearing), np.int64)
+    for i in range(len(bearing)):
+        bin_of[i] = min(int((bearing[i] - low) * scale), num_bins - 1)
+        start[bin_of[i] + 1] += 1
+    for k in range(num_bins):
+        start[k + 1] += start[k]
+    free = start[:-1].copy()
+    ends = np.empty(len(bearing), np.int64)
+    sorted_arms = np.empty_like(arms)
+    for i in range(len(bearing)):
+        slot = free[bin_of[i]]
+        free[bin_of[i]] += 1
+        ends[slot] = i
+        sorted_arms[0, slot], sorted_arms[1, slot], sorted_arms[2, slot] = arms[0, i], arms[1, i], arms[2, i]
+    return ends, sorted_arms, start
+
+
+@njit(cache=True, error_model="numpy")
+def _reaches(arms, start, wide):  # type: ignore[no-untyped-def]
+    """Per bin, the squared distance from which on a point is too far to block its longest arm; 0 if empty."""
+    reach = np.zeros(len(start) - 1)
+    for k in range(len(reach)):
+        for i in range(start[k], start[k + 1]):
+            reach[k] = max(reach[k], (math.sqrt(arms[2, i]) + wide) ** 2)
+    return reach
+
+
+@njit(cache=True, error_model="numpy")
+def _take(offset, rays, cones, ends, arms, start, stop, reach, radius, wide, blocked):  # type: ignore[no-untyped-def]
+    """Test every `_STRIDE`-th point from `offset` on against the ends left in its bins; blocked ones leave."""
+    num_bins, radius_square = len(reach), radius * radius
+    farthest = 0.0
+    for k in range(num_bins):
+        farthest = max(farthest, reach[k])
+    for j in range(offset, rays.shape[1], _STRIDE):
+        qx, qy, square = rays[0, j], rays[1, j], rays[2, j]
+        if square >= farthest:
+            continue
+        for turned in range(cones[0, j], cones[1, j] + 1):
+            k = turned if turned < num_bins else turned - num_bins
+            if square >= reach[k]:
+                continue
+            i, before = start[k], stop[k]
+            while i < stop[k]:
+                if not _near(arms[0, i], arms[1, i], arms[2, i], qx, qy, radius_square):
+                    i += 1
+                    continue
+                blocked[ends[i]] = True
+                stop[k] -= 1
+                last = stop[k]
+                ends[i] = ends[last]
+                arms[0, i], arms[1, i], arms[2, i] = arms[0, last], arms[1, last], arms[2, last]
+            if stop[k] < before:
+                reach[k] = 0.0
+                for i in range(start[k], stop[k]):
+                    reach[k] = max(reach[k], (math.sqrt(arms[2, i]) + wide) ** 2)

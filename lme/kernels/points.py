@@ -1,0 +1,81 @@
+"""From beams to scan points."""
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from lme.kernels.bearing import diamond
+from lme.types import Floats
+
+
+def beam_directions(angle_min: float, angle_increment: float, num_beams: int) -> Floats:
+    """Unit vectors of the beams in the lidar frame: (num_beams, 2)."""
+    angles = angle_min + angle_increment * np.arange(num_beams)
+    return np.column_stack((np.cos(angles), np.sin(angles)))
+
+
+@njit(cache=True, error_model="numpy")
+def scan_points(
+    ranges: NDArray[np.float32],
+    directions: Floats,
+    range_min: float,
+    range_max: float,
+    mount: tuple[float, float, float],
+) -> Floats:
+    """Where the beams hit, in the base frame, sorted by bearing about the base in (−π, π]: (M, 2) [m].
+
+    ranges (B,), directions (B, 2) in the lidar frame, mount: pose of the lidar in the base frame. Beams that
+    are not finite, below range_min, or at range_max and beyond have hit nothing; both limits are taken as
+    float32, as the ranges are. Points of equal bearing stay in the order of their beams.
+    """
+    points, keys = _hits(ranges, directions, np.float32(range_min), np.float32(range_max), mount)
+    order = _order(keys)
+    out = np.empty_like(points)
+    for i in range(len(order)):
+        out[i, 0], out[i, 1] = points[order[i], 0], points[order[i], 1]
+    return out
+
+
+@njit(cache=True, error_model="numpy")
+def _hits(ranges, directions, range_min, range_max, mount):  # type: ignore[no-untyped-def]
+    """Points (M, 2) and their diamond angles (M,), in the order of the beams."""
+    cos, sin = math.cos(mount[2]), math.sin(mount[2])
+    points = np.empty((len(ranges), 2))
+    keys = np.empty(len(ranges))
+    count = 0
+    for i in range(len(ranges)):
+        if not (range_min <= ranges[i] < range_max):  # NaN fails both; range_max may be inf, a range not
+            continue
+        along, across = ranges[i] * directions[i, 0], ranges[i] * directions[i, 1]
+        x = mount[0] + cos * along - sin * across
+        y = mount[1] + sin * along + cos * across + 0.0  # −0 would put a point behind the robot at −π
+        points[count, 0], points[count, 1] = x, y
+        keys[count] = diamond(x, y)
+        count += 1
+    return points[:count], keys[:count]
+
+
+@njit(cache=True, error_model="numpy")
+def _order(keys):  # type: ignore[no-untyped-def]
+    """Indices that sort the keys, stably. Fast where they rise but for one jump from π to −π."""
+    n = len(keys)
+    start = 0
+    for i in range(1, n):
+        if keys[i] < keys[i - 1] - 2.0:
+            start = i
+    order = np.empty(n, np.int64)
+    for k in range(n):
+        new = start + k if start + k < n else start + k - n
+        j = k
+        while j > 0 and _after(keys, order[j - 1], new):
+            order[j] = order[j - 1]
+            j -= 1
+        order[j] = new
+    return order
+
+
+@njit(cache=True, error_model="numpy")
+def _after(keys, a, b):  # type: ignore[no-untyped-def]
+    return keys[a] > keys[b] or (keys[a] == keys[b] and a > b)

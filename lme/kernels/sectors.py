@@ -1,0 +1,185 @@
+"""Which scan points belong to one obstacle: those a robot cannot pass between (paper Algorithm 2).
+
+Two points nearer than the gap span the arc between them, and what counts is only which gaps between
+neighbours in bearing are spanned. Neighbours come first; they chain the points into runs, and runs are cut
+into blocks of a few points with a box around each. Then every block looks counter-clockwise for the farthest
+block with a point near enough to one of its own: only beyond what is spanned already, only as far in bearing
+as a point so near can lie, and point by point only where the boxes are near.
+"""
+
+import math
+
+import numpy as np
+from numba import njit
+
+from lme.types import Floats, Ints
+
+_BLOCK = 16  # points at most
+_SLACK = 1e-9  # cones are widened by more than rounding could ever matter
+
+
+@njit(cache=True, error_model="numpy")
+def cluster(points: Floats, gap: float, full_circle: bool) -> tuple[Ints, bool]:
+    """Sectors of scan points that belong together, and whether they close all round.
+
+    points (M, 2) in the robot frame [m], sorted by bearing in (−π, π]. Two points nearer than `gap` [m] belong
+    together, with all points on the shorter arc between them as seen from the origin; unless full_circle,
+    nothing is joined over the blind arc from the last point to the first.
+    Returns (K, 2) [first, last] counter-clockwise by rising first, first > last across ±π. One sector of all
+    points is closed if every gap is spanned, the one from last to first too.
+    """
+    num_points = len(points)
+    spanned = np.zeros(num_points, np.bool_)  # the gap from each point to the next, cyclic
+    _span_neighbours(points, gap * gap, full_circle, spanned)
+    start, boxes, nearest = _blocks(points, spanned)
+    _span_blocks(points, gap, full_circle, start, boxes, nearest, spanned)
+    sectors = _sectors(spanned)
+    if num_points > 0 and len(sectors) == 0:
+        return np.array([[0, num_points - 1]]), True
+    return sectors, False
+
+
+@njit(cache=True, error_model="numpy")
+def _ahead(xi, yi, xj, yj):  # type: ignore[no-untyped-def]
+    """For i before j in order of bearing: whether the shorter arc from i to j is the counter-clockwise one."""
+    return (yi < 0.0) == (yj < 0.0) or xi * yj - yi * xj >= 0.0
+
+
+@njit(cache=True, error_model="numpy")
+def _span_neighbours(points, gap_square, full_circle, spanned):  # type: ignore[no-untyped-def]
+    """Mark the gaps between neighbours that are near each other, on the shorter arc."""
+    last = len(points) - 1
+    for i in range(last):
+        xi, yi, xj, yj = points[i, 0], points[i, 1], points[i + 1, 0], points[i + 1, 1]
+        dx, dy = xj - xi, yj - yi
+        spanned[i] = dx * dx + dy * dy < gap_square and _ahead(xi, yi, xj, yj)
+    if full_circle and last > 0:
+        xi, yi, xj, yj = points[0, 0], points[0, 1], points[last, 0], points[last, 1]
+        dx, dy = xj - xi, yj - yi
+        spanned[last] = dx * dx + dy * dy < gap_square and not _ahead(xi, yi, xj, yj)
+
+
+@njit(cache=True, error_model="numpy")
+def _blocks(points, spanned):  # type: ignore[no-untyped-def]
+    """Runs of spanned neighbours in pieces: starts (K + 1,), boxes (K, 4), least squared distance (K,)."""
+    start = np.empty(len(points) + 1, np.int64)
+    boxes = np.empty((len(points), 4))  # x min, x max, y min, y max
+    nearest = np.empty(len(points))
+    k = -1
+    for i in range(len(points)):
+        x, y = points[i, 0], points[i, 1]
+        if i == 0 or not spanned[i - 1] or i - start[k] == _BLOCK:
+            k += 1
+            start[k] = i
+            boxes[k, 0], boxes[k, 1], boxes[k, 2], boxes[k, 3] = x, x, y, y
+            nearest[k] = x * x + y * y
+            continue
+        boxes[k, 0], boxes[k, 1] = min(boxes[k, 0], x), max(boxes[k, 1], x)
+        boxes[k, 2], boxes[k, 3] = min(boxes[k, 2], y), max(boxes[k, 3], y)
+        nearest[k] = min(nearest[k], x * x + y * y)
+    start[k + 1] = len(points)
+    return start[: k + 2], boxes[: k + 1], nearest[: k + 1]
+
+
+@njit(cache=True, error_model="numpy")
+def _span_blocks(points, gap, full_circle, start, boxes, nearest, spanned):  # type: ignore[no-untyped-def]
+    """Mark the gaps between blocks that are joined directly or over others.
+
+    Block numbers count on past the last block into the next turn: b ≥ K is block b − K, reached across ±π.
+    """
+    num_blocks = len(nearest)
+    joined = 0  # every gap from the present block up to this one is spanned
+    for a in range(num_blocks):
+        joined = max(joined, a)
+        end = a + num_blocks if full_circle else num_blocks - 1
+        while joined < end and spanned[start[joined % num_blocks + 1] - 1]:
+            joined += 1
+        if joined == end:
+            if full_circle:
+                return
+            continue
+        farthest = _last_in_view(points, gap, start, nearest[a], a, joined, end)
+        linked = _farthest_linked(points, gap * gap, start, boxes, a, joined, farthest)
+        for b in range(joined, linked):
+            spanned[start[b % num_blocks + 1] - 1] = True
+        joined = linked
+
+
+@njit(cache=True, error_model="numpy")
+def _last_in_view(points, gap, start, nearest, a, joined, end):  # type: ignore[no-untyped-def]
+    """Last of the blocks after `joined`, up to `end`, that may hold a point within the gap of one in block a.
+
+    A point within the gap of one at distance d lies at most asin(gap / d) further in bearing, and less than
+    π further whatever d is.
+    """
+    num_blocks = len(start) - 1
+    i = start[a + 1] - 1
+    xi, yi = points[i, 0], points[i, 1]
+    sine = gap * (1.0 + _SLACK) / math.sqrt(nearest)
+    bounded = sine < 1.0 - _SLACK
+    cosine = math.sqrt(1.0 - sine * sine) if bounded else 0.0
+    limit_x, limit_y = xi * cosine - yi * sine, yi * cosine + xi * sine
+    for b in range(joined + 1, end + 1):
+        j = start[b - num_blocks] if b >= num_blocks else start[b]
+        xj, yj = points[j, 0], points[j, 1]
+        ahead = i != j and (_ahead(xi, yi, xj, yj) if b < num_blocks else not _ahead(xj, yj, xi, yi))
+        if not ahead or (bounded and xj * limit_y - yj * limit_x < 0.0):
+            return b - 1
+    return end
+
+
+@njit(cache=True, error_model="numpy")
+def _farthest_linked(points, gap_square, start, boxes, a, joined, farthest):  # type: ignore[no-untyped-def]
+    """Farthest block b, joined < b ≤ farthest, with a point that links to one in block a; else `joined`."""
+    num_blocks = len(start) - 1
+    left, right, bottom, top = boxes[a, 0], boxes[a, 1], boxes[a, 2], boxes[a, 3]
+    for b in range(farthest, joined, -1):
+        k = b - num_blocks if b >= num_blocks else b
+        dx = max(boxes[k, 0] - right, left - boxes[k, 1], 0.0)
+        dy = max(boxes[k, 2] - top, bottom - boxes[k, 3], 0.0)
+        if dx * dx + dy * dy < gap_square and _linked(
+            points, gap_square, start, boxes, a, k, b >= num_blocks
+        ):
+            return b
+    return joined
+
+
+@njit(cache=True, error_model="numpy")
+def _linked(points, gap_square, start, boxes, a, b, turned):  # type: ignore[no-untyped-def]
+    """Whether a point of block a is near one of block b that lies ahead of it; turned: b is reached across ±π."""
+    left, right, bottom, top = boxes[b, 0], boxes[b, 1], boxes[b, 2], boxes[b, 3]
+    for i in range(start[a], start[a + 1]):
+        xi, yi = points[i, 0], points[i, 1]
+        dx, dy = max(left - xi, xi - right, 0.0), max(bottom - yi, yi - top, 0.0)
+        if dx * dx + dy * dy >= gap_square:
+            continue
+        for j in range(start[b], min(start[b + 1], i) if turned else start[b + 1]):
+            xj, yj = points[j, 0], points[j, 1]
+            dx, dy = xj - xi, yj - yi
+            if dx * dx + dy * dy >= gap_square:
+                continue
+            if (not _ahead(xj, yj, xi, yi)) if turned else _ahead(xi, yi, xj, yj):
+                return True
+    return False
+
+
+@njit(cache=True, error_model="numpy")
+def _sectors(spanned):  # type: ignore[no-untyped-def]
+    """[first, last] between the gaps that are not spanned, by rising first: (K, 2)."""
+    num_points = len(spanned)
+    across = num_points > 0 and spanned[num_points - 1]  # the first points belong to the last sector
+    sectors = np.empty((num_points, 2), np.int64)
+    count, first, last = 0, 0, -1
+    for i in range(num_points):
+        if spanned[i]:
+            continue
+        if across and last < 0:
+            last = i
+        else:
+            sectors[count, 0], sectors[count, 1] = first, i
+            count += 1
+        first = i + 1
+    if last >= 0:
+        sectors[count, 0], sectors[count, 1] = first, last
+        count += 1
+    return sectors[:count]

@@ -1,0 +1,118 @@
+"""Metrics against values worked out by hand and against what must hold for any episode."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from lme.errors import InputError
+from lme.metrics import barn_metric, mean_std_over_runs, path_length, reward, spl, wilson_interval
+from lme.types import Outcome
+from tests.tolerances import KERNEL
+
+lengths = st.floats(0.01, 1e3)
+
+
+@pytest.mark.parametrize(
+    ("time_s", "expected"),
+    # OT = 5 s: below 10 s nothing is gained, beyond 40 s nothing is lost, between it is 5 / AT.
+    [(1.0, 0.5), (10.0, 0.5), (12.5, 0.4), (20.0, 0.25), (40.0, 0.125), (90.0, 0.125)],
+)
+def test_barn_metric_by_hand(time_s, expected):
+    assert barn_metric(True, time_s, 5.0) == pytest.approx(expected, abs=KERNEL)
+    assert barn_metric(False, time_s, 5.0) == 0.0
+
+
+@given(lengths, lengths)
+def test_barn_metric_of_a_success_lies_between_an_eighth_and_a_half(time_s, optimal):
+    assert 0.125 - KERNEL <= barn_metric(True, time_s, optimal) <= 0.5 + KERNEL
+
+
+def test_barn_metric_without_an_optimal_time():
+    assert math.isnan(barn_metric(True, 5.0, math.nan))
+    with pytest.raises(InputError, match="optimal_time_s is 0"):
+        barn_metric(True, 5.0, 0.0)
+
+
+def test_spl_by_hand():
+    assert spl(True, 6.0, 8.0) == 0.75
+    assert spl(True, 6.0, 5.0) == 1.0  # within the goal's tolerance a path may be shorter than the shortest
+    assert spl(False, 6.0, 6.0) == 0.0
+    assert spl(True, 0.0, 0.0) == 1.0
+
+
+@given(lengths, lengths, st.booleans())
+def test_spl_lies_between_zero_and_one(shortest, path, success):
+    assert 0.0 <= spl(success, shortest, path) <= 1.0
+
+
+def test_path_length_of_a_staircase_a_point_and_nothing():
+    assert path_length([[0, 0], [3, 4], [3, 5]]) == 6.0
+    assert path_length([[1, 2]]) == 0.0
+    assert path_length(np.empty((0, 2))) == 0.0
+
+
+@given(
+    st.lists(st.tuples(st.floats(-50, 50), st.floats(-50, 50)), min_size=1, max_size=20), st.floats(-3, 3)
+)
+def test_path_length_does_not_change_when_the_path_is_turned_or_reversed(points, angle):
+    xy = np.array(points)
+    turn = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
+    assert path_length(xy @ turn.T) == pytest.approx(path_length(xy), abs=1e3 * KERNEL)
+    assert path_length(xy[::-1]) == pytest.approx(path_length(xy), abs=1e3 * KERNEL)
+
+
+def test_reward_is_equation_1():
+    assert reward(Outcome.SUCCESS, 50, 200, -0.2, -0.3) == 0.75
+    assert reward("collision", 50, 200, -0.2, -0.3) == -0.2
+    assert reward(Outcome.TIMEOUT, 200, 200, -0.2, -0.3) == -0.3
+    with pytest.raises(InputError, match="outcome is 'lost'"):
+        reward("lost", 1, 200, -0.2, -0.2)
+    with pytest.raises(InputError, match="max_steps is 0"):
+        reward("success", 1, 0, -0.2, -0.2)
+
+
+@pytest.mark.parametrize(
+    ("successes", "n", "expected"),
+    # Newcombe 1998, table I (method 3): 81/263, 15/148, 0/20, 1/29.
+    [
+        (81, 263, (0.2553, 0.3662)),
+        (15, 148, (0.0624, 0.1605)),
+        (0, 20, (0.0, 0.1611)),
+        (1, 29, (0.0061, 0.1718)),
+    ],
+)
+def test_wilson_interval_against_published_values(successes, n, expected):
+    assert wilson_interval(successes, n) == pytest.approx(expected, abs=5e-5)
+
+
+@given(st.integers(0, 300), st.integers(0, 300))
+def test_wilson_interval_holds_the_rate_and_mirrors(successes, failures):
+    n = successes + failures
+    low, high = wilson_interval(successes, n)
+    assert 0.0 <= low <= (successes / n if n else 0.5) <= high <= 1.0
+    mirrored = wilson_interval(failures, n)
+    assert (1 - mirrored[1], 1 - mirrored[0]) == pytest.approx((low, high), abs=KERNEL)
+
+
+def test_wilson_interval_refuses_more_successes_than_trials():
+    with pytest.raises(InputError, match="successes is 4 of n = 3"):
+        wilson_interval(4, 3)
+
+
+def test_mean_and_std_over_runs_reproduce_the_papers_deviation():
+    # Table II, LME: 0.883 ± 0.0094 is 0.87, 0.89, 0.89 over three runs of 100 worlds.
+    successes = [[1] * k + [0] * (100 - k) for k in (87, 89, 89)]
+    mean, std = mean_std_over_runs(np.ravel(successes), np.repeat([0, 1, 2], 100))
+    assert round(mean, 3) == 0.883
+    assert round(std, 4) == 0.0094
+
+
+def test_mean_over_runs_weighs_runs_not_episodes():
+    mean, std = mean_std_over_runs([1.0, 1.0, 1.0, 0.0], [0, 0, 0, 1])
+    assert (mean, std) == (0.5, 0.5)
+    assert all(math.isnan(value) for value in mean_std_over_runs([], []))
+    with pytest.raises(InputError, match="shape"):
+        mean_std_over_runs([1.0], [0, 1])

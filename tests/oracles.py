@@ -1,0 +1,143 @@
+"""Slow obvious twins of the kernels: plain numpy and scipy, every pair looked at."""
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+
+def cast(lidar_pose, angles, range_max, circles, edges):
+    """Every beam against every circle and every edge."""
+    x, y, yaw = lidar_pose
+    bearing = yaw + angles[0] + angles[1] * np.arange(angles[2])
+    direction = np.stack([np.cos(bearing), np.sin(bearing)])
+    ranges = np.full(angles[2], float(range_max))
+    for cx, cy, r in circles:
+        along, across = _turned(cx - x, cy - y, direction)
+        hit = (np.abs(across) <= r) & (along > 0)
+        distance = along[hit] - np.sqrt(r**2 - across[hit] ** 2)
+        ranges[hit] = np.minimum(ranges[hit], distance)
+        if np.hypot(cx - x, cy - y) <= r:
+            ranges[:] = 0
+    for x0, y0, x1, y1 in edges:
+        along0, across0 = _turned(x0 - x, y0 - y, direction)
+        along1, across1 = _turned(x1 - x, y1 - y, direction)
+        crosses = (across0 > 0) != (across1 > 0)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            distance = along0 + (along1 - along0) * across0 / (across0 - across1)
+        hit = crosses & (distance >= 0)
+        ranges[hit] = np.minimum(ranges[hit], distance[hit])
+    return ranges
+
+
+def sweep(poses, box, circles, edges):
+    """Clearance at every pose up to the first contact."""
+    least = np.inf
+    for k, pose in enumerate(poses):
+        clearance = footprint_clearance(pose, box, circles, edges)
+        if clearance <= 0:
+            return 0.0, k
+        least = min(least, clearance)
+    return least, -1
+
+
+def footprint_clearance(pose, box, circles, edges):
+    """Distance from the rounded rectangle at `pose` to the nearest circle or edge; 0 or less in contact."""
+    half_length, half_width, rounding = box
+    half = np.array([half_length, half_width])
+    least = np.inf
+    for cx, cy, r in circles:
+        centre = _into(pose, np.array([cx, cy]))
+        nearest = np.clip(centre, -half, half)
+        least = min(least, np.linalg.norm(centre - nearest) - r - rounding)
+    corners = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) * half
+    for x0, y0, x1, y1 in edges:
+        a, b = _into(pose, np.array([x0, y0])), _into(pose, np.array([x1, y1]))
+        sides = zip(corners, np.roll(corners, -1, axis=0), strict=True)
+        distance = min(_between_segments(a, b, c, d) for c, d in sides)
+        if (np.abs(a) <= half).all():
+            distance = 0.0
+        least = min(least, distance - rounding)
+    return least
+
+
+def fan_blocked(apex, ends, points, radius):
+    """Every segment against every point."""
+    blocked = np.zeros(len(ends), bool)
+    q = points - apex
+    for i, d in enumerate(ends - apex):
+        along = q[:, 0] * d[0] + q[:, 1] * d[1]
+        length = d[0] * d[0] + d[1] * d[1]
+        before = _square(q) < radius * radius
+        behind = _square(q - d) < radius * radius
+        across = q[:, 0] * d[1] - q[:, 1] * d[0]
+        beside = across * across < radius * radius * length
+        near = np.where(along <= 0, before, np.where(along >= length, behind, beside))
+        blocked[i] = near.any()
+    return blocked
+
+
+def cluster(points, gap, full_circle):
+    """Every pair of points nearer than the gap marks every gap on the shorter arc between them."""
+    count = len(points)
+    spanned = np.zeros(count, bool)
+    bearing = np.arctan2(points[:, 1], points[:, 0])
+    pairs = cKDTree(points).query_pairs(gap * 1.001) if count else ()
+    for i, j in pairs:
+        if _square(points[i] - points[j]) >= gap * gap:
+            continue
+        if bearing[j] - bearing[i] <= np.pi:
+            spanned[i:j] = True
+        elif full_circle:
+            spanned[j:] = True
+            spanned[:i] = True
+    if count and spanned.all():
+        return np.array([[0, count - 1]]), True
+    firsts = [i for i in range(count) if not spanned[i - 1]]
+    sectors = []
+    for first in firsts:
+        last = first
+        while spanned[last]:
+            last = (last + 1) % count
+        sectors.append([first, last])
+    return np.array(sectors, dtype=np.int64).reshape(-1, 2), False
+
+
+def scan_points(ranges, directions, range_min, range_max, mount):
+    """Beams that hit something, moved into the base frame, sorted by atan2."""
+    hit = np.isfinite(ranges) & (ranges >= np.float32(range_min)) & (ranges < np.float32(range_max))
+    local = ranges[hit, None].astype(float) * directions[hit]
+    cos, sin = np.cos(mount[2]), np.sin(mount[2])
+    points = np.array(mount[:2]) + local @ np.array([[cos, sin], [-sin, cos]])
+    return points[np.argsort(np.arctan2(points[:, 1], points[:, 0]), kind="stable")]
+
+
+def _turned(x, y, direction):
+    """Components of (x, y) along and across each direction (2, B)."""
+    return x * direction[0] + y * direction[1], x * direction[1] - y * direction[0]
+
+
+def _into(pose, point):
+    """A point of the world in the frame at `pose`."""
+    cos, sin = np.cos(pose[2]), np.sin(pose[2])
+    return np.array([[cos, sin], [-sin, cos]]) @ (point - np.asarray(pose[:2]))
+
+
+def _square(vectors):
+    return vectors[..., 0] * vectors[..., 0] + vectors[..., 1] * vectors[..., 1]
+
+
+def _between_segments(a, b, c, d):
+    """Distance between segments a–b and c–d: 0 where they cross, else from one of the four ends."""
+
+    def side(p, q, r):
+        return (q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0])
+
+    if side(a, b, c) * side(a, b, d) < 0 and side(c, d, a) * side(c, d, b) < 0:
+        return 0.0
+    return min(_to_segment(a, c, d), _to_segment(b, c, d), _to_segment(c, a, b), _to_segment(d, a, b))
+
+
+def _to_segment(point, start, end):
+    along = end - start
+    length = along @ along
+    part = np.clip((point - start) @ along / length, 0, 1) if length > 0 else 0.0
+    return np.linalg.norm(point - start - part * along)
