@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from time import perf_counter_ns
 
 import numpy as np
 
 from lme.geometry.frames import to_world
+from lme.kernels.motion import first_beyond, travelled
 from lme.navigator import Navigator
 from lme.sim.simulator import Simulator
 from lme.types import Floats, Guidance, Outcome
@@ -48,9 +50,7 @@ class Episode:
     decision_us: Floats
 
 
-def run_episode(
-    task: Task, navigator: Navigator, simulator: Simulator, rng: np.random.Generator
-) -> Episode:
+def run_episode(task: Task, navigator: Navigator, simulator: Simulator, rng: np.random.Generator) -> Episode:
     """Drive from start to goal, contact or time-out. `rng` is the only source of randomness."""
     navigator_rng, simulator_rng = rng.spawn(2)
     navigator.reset(navigator_rng)
@@ -73,6 +73,7 @@ class _Log:
     def __init__(self, task: Task, simulator: Simulator) -> None:
         self._task = task
         self._simulator = simulator
+        self._start = np.array(task.start[:2])
         self._clock_start: float | None = None if task.clock_distance > 0.0 else 0.0
         self._path_length = 0.0
         self._min_clearance = simulator.state.clearance
@@ -105,15 +106,14 @@ class _Log:
 
     def moved(self) -> None:
         """Note the motion of the last period."""
-        state = self._simulator.state
-        positions = np.vstack((self._before.pose[:2], state.travel[:, :2]))
-        self._path_length += float(np.hypot(*np.diff(positions, axis=0).T).sum())
+        state, before = self._simulator.state, self._before
+        self._path_length += travelled(before.pose.x, before.pose.y, state.travel)
         self._min_clearance = min(self._min_clearance, state.clearance)
         if self._clock_start is None:
-            away = np.hypot(*(positions[1:] - self._task.start[:2]).T) >= self._task.clock_distance
-            if away.any():
-                part = float(np.argmax(away) + 1) / len(away)
-                self._clock_start = self._before.time + part * (state.time - self._before.time)
+            away = first_beyond(state.travel, self._start, self._task.clock_distance)
+            if away >= 0:
+                part = (away + 1) / len(state.travel)
+                self._clock_start = before.time + part * (state.time - before.time)
 
     def episode(self, outcome: Outcome) -> Episode:
         """The whole of it."""
@@ -127,7 +127,7 @@ class _Log:
             switches=self._switches,
             no_free_candidate=self._no_free_candidate,
             min_clearance=self._min_clearance,
-            final_distance=float(np.hypot(*(self._task.goal - np.array(state.pose[:2])))),
+            final_distance=math.dist(state.pose[:2], self._task.goal),
             trajectory=np.array(self._rows),
             decision_us=np.array(self._decision_us),
         )

@@ -1,3 +1,4 @@
 """How far two answers may differ, in one place."""
 
 KERNEL = 1e-9  # a fast function against its slow twin: rounding in float64, nothing else
+RANGE = 4e-6  # [m] a float32 range of up to 30 m, and where a beam grazes a disc

@@ -54,6 +54,25 @@ def first_within(poses: Floats, goal: Floats, tolerance: float) -> int:
 
 
 @njit(cache=True)
+def first_beyond(poses: Floats, start: Floats, distance: float) -> int:
+    """Index of the first of the (K, 3) poses at least `distance` [m] from the (2,) start; −1 if none."""
+    for k in range(len(poses)):
+        if math.hypot(poses[k, 0] - start[0], poses[k, 1] - start[1]) >= distance:
+            return k
+    return -1
+
+
+@njit(cache=True)
+def travelled(x: float, y: float, poses: Floats) -> float:
+    """Length of the way from (x, y) through the (K, 3) poses [m]."""
+    length = 0.0
+    for k in range(len(poses)):
+        length += math.hypot(poses[k, 0] - x, poses[k, 1] - y)
+        x, y = poses[k, 0], poses[k, 1]
+    return length
+
+
+@njit(cache=True)
 def _ramp(start: float, goal: float, rate: float, time: float) -> float:
     """Value after `time` of a quantity that goes from start to goal at `rate` per second."""
     change = goal - start

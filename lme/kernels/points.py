@@ -32,7 +32,7 @@ def scan_points(
     """
     points, keys = _hits(ranges, directions, np.float32(range_min), np.float32(range_max), mount)
     order = _order(keys)
-    out = np.empty_like(points)
+    out = np.empty((len(order), 2))
     for i in range(len(order)):
         out[i, 0], out[i, 1] = points[order[i], 0], points[order[i], 1]
     return out

@@ -35,7 +35,10 @@ def cast(
     x, y, yaw = lidar_pose
     angle_min, increment, num_beams = angles
     table = _table(increment, num_beams)
-    return _cast(float(x), float(y), yaw + angle_min, increment, float(range_max), table, circles, edges)
+    ranges: NDArray[np.float32] = _cast(
+        float(x), float(y), yaw + angle_min, increment, float(range_max), table, circles, edges
+    )
+    return ranges
 
 
 @lru_cache(maxsize=16)
@@ -118,31 +121,30 @@ def _cast_edges(frame, increment, range_max, table, edges, ranges):  # type: ign
     x, y, cos, sin = frame
     turn = _TWO_PI / increment
     for i in range(len(edges)):
-        dx, dy = edges[i, 0] - x, edges[i, 1] - y
-        ex, ey = edges[i, 2] - edges[i, 0], edges[i, 3] - edges[i, 1]
-        if _beyond(dx, dy, ex, ey, range_max):
+        ax, ay, bx, by = edges[i, 0] - x, edges[i, 1] - y, edges[i, 2] - x, edges[i, 3] - y
+        if _beyond(ax, ay, bx, by, range_max):
             continue
-        start, along = (cos * dx + sin * dy, cos * dy - sin * dx), (cos * ex + sin * ey, cos * ey - sin * ex)
-        low, high = _edge_extent(start, along, increment)
-        _meet_edge(start, along, low, high, table, ranges)
+        start = (cos * ax + sin * ay, cos * ay - sin * ax)
+        end = (cos * bx + sin * by, cos * by - sin * bx)
+        low, high = _edge_extent(start, end, increment)
+        _meet_edge(start, end, low, high, table, ranges)
         if high >= turn:
-            _meet_edge(start, along, low - turn, high - turn, table, ranges)
+            _meet_edge(start, end, low - turn, high - turn, table, ranges)
         if low + turn < len(ranges):
-            _meet_edge(start, along, low + turn, high + turn, table, ranges)
+            _meet_edge(start, end, low + turn, high + turn, table, ranges)
 
 
 @njit(cache=True, error_model="numpy")
-def _beyond(dx, dy, ex, ey, range_max):  # type: ignore[no-untyped-def]
-    """Whether the box around the edge from (dx, dy) by (ex, ey) lies beyond range_max from the origin."""
-    gap_x = max(min(dx, dx + ex), -max(dx, dx + ex), 0.0)
-    gap_y = max(min(dy, dy + ey), -max(dy, dy + ey), 0.0)
+def _beyond(ax, ay, bx, by, range_max):  # type: ignore[no-untyped-def]
+    """Whether the box around the edge from a to b lies beyond range_max from the origin."""
+    gap_x = max(min(ax, bx), -max(ax, bx), 0.0)
+    gap_y = max(min(ay, by), -max(ay, by), 0.0)
     return gap_x * gap_x + gap_y * gap_y >= range_max * range_max
 
 
 @njit(cache=True, error_model="numpy")
-def _edge_extent(start, along, increment):  # type: ignore[no-untyped-def]
+def _edge_extent(start, end, increment):  # type: ignore[no-untyped-def]
     """Extent [low, high] in beams of an edge; a whole turn where the lidar is on it or all but."""
-    end = (start[0] + along[0], start[1] + along[1])
     cross = start[0] * end[1] - start[1] * end[0]
     dot = start[0] * end[0] + start[1] * end[1]
     if abs(cross) <= -1e-6 * dot or start == (0.0, 0.0) or end == (0.0, 0.0):
@@ -156,16 +158,20 @@ def _edge_extent(start, along, increment):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _meet_edge(start, along, low, high, table, ranges):  # type: ignore[no-untyped-def]
-    """Beams low…high against the edge from `start` by `along`."""
+def _meet_edge(start, end, low, high, table, ranges):  # type: ignore[no-untyped-def]
+    """Beams low…high against the edge from start to end.
+
+    Whether a beam passes between the ends is decided by the side of each end that it passes on: edges that
+    share a corner agree on its side, so that no beam slips through between them.
+    """
     first, last = max(math.ceil(low), 0), min(math.floor(high), len(ranges) - 1)
-    lever = start[0] * along[1] - start[1] * along[0]
+    lever = start[0] * end[1] - start[1] * end[0]
     for i in range(first, last + 1):
         c, s = table[0, i], table[1, i]
-        slant = 1.0 / (c * along[1] - s * along[0])  # infinite along the edge: all comparisons fail
-        where = (start[0] * s - start[1] * c) * slant  # fraction of the edge
-        distance = lever * slant
-        if 0.0 <= where <= 1.0 and distance >= 0.0:
+        across_start = start[0] * s - start[1] * c
+        across_end = end[0] * s - end[1] * c
+        distance = lever / (across_start - across_end)
+        if (across_start > 0.0) != (across_end > 0.0) and distance >= 0.0:
             ranges[i] = min(ranges[i], distance)
 
 

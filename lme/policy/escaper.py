@@ -172,7 +172,7 @@ class LocalMinimumEscaper:
         if self._twist is not None:
             self._history.step(self._twist, twist, self._robot.dt)
         if self._twist is not None and self._subgoal is not None:
-            self._subgoal = update_position(self._subgoal, self._twist, twist, self._robot.dt)
+            self._subgoal = update_position(self._subgoal[None], self._twist, twist, self._robot.dt)[0]
         self._twist = twist
 
     def _look(self, observation: Observation) -> View:

@@ -6,6 +6,7 @@ import math
 from enum import StrEnum
 
 import numpy as np
+from numba import njit
 
 from lme.types import Floats, Twist
 
@@ -26,17 +27,33 @@ class Choice(StrEnum):
 def update_position(points: Floats, before: Twist, now: Twist, dt: float) -> Floats:
     """UpdatePos (§III.D): where fixed points lie after one control period, seen from the robot.
 
-    points: (..., 2) in the old robot frame [m]. Translates by the mean forward velocity, then turns by the
+    points: (N, 2) in the old robot frame [m]. Translates by the mean forward velocity, then turns by the
     mean turn rate: first order, as in the paper.
     """
-    angle = (before.omega + now.omega) / 2 * dt
+    return _shift_and_turn(points, (before.v + now.v) / 2 * dt, (before.omega + now.omega) / 2 * dt)
+
+
+@njit(cache=True)
+def _shift_and_turn(points: Floats, forward: float, angle: float) -> Floats:
     cos, sin = math.cos(angle), math.sin(angle)
-    x = points[..., 0] - (before.v + now.v) / 2 * dt
-    y = points[..., 1]
-    moved = np.empty_like(points)
-    moved[..., 0] = cos * x + sin * y
-    moved[..., 1] = cos * y - sin * x
+    moved = np.empty(points.shape)
+    for i in range(len(points)):
+        x, y = points[i, 0] - forward, points[i, 1]
+        moved[i, 0] = cos * x + sin * y
+        moved[i, 1] = cos * y - sin * x
     return moved
+
+
+@njit(cache=True)
+def _at_least(points: Floats, distance: float) -> Floats:
+    """Those of the (N, 2) points that lie at least this far from the origin."""
+    kept = np.empty(points.shape)
+    count = 0
+    for i in range(len(points)):
+        if math.hypot(points[i, 0], points[i, 1]) >= distance:
+            kept[count] = points[i]
+            count += 1
+    return kept[:count]
 
 
 def choose(old_distance: float, old_score: float, new_score: float, d1: float, d2: float) -> Choice:
@@ -62,5 +79,4 @@ class History:
 
     def points(self) -> Floats:
         """(H, 2) positions that count [m], oldest first."""
-        square = np.einsum("ij,ij->i", self._positions, self._positions)
-        return self._positions[square >= self._min_distance**2]
+        return _at_least(self._positions, self._min_distance)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from lme.geometry.frames import compose, to_robot
@@ -15,6 +16,8 @@ from lme.robots import Robot, require
 from lme.sim.simulator import State
 from lme.types import Floats, LaserScan, Observation, Pose, Twist
 from lme.worlds.world import Task
+
+Ranges = NDArray[np.float32]
 
 
 @dataclass(slots=True)
@@ -76,14 +79,15 @@ class FastSimulator:
         pose = compose(state.pose, lidar.mount)
         ranges = cast(pose, self._angles, lidar.range_max, self._circles, self._edges)
         if lidar.noise_std > 0.0:
-            self._add_noise(ranges, lidar.noise_std, lidar.range_max)
+            noise = self._rng.standard_normal(lidar.num_beams, dtype=np.float32)
+            _add_noise(ranges, noise, lidar.noise_std, lidar.range_max)
         scan = LaserScan(ranges, lidar.angle_min, lidar.angle_increment, lidar.range_min, lidar.range_max)
         return Observation(scan, to_robot(self._goal, state.pose), state.twist, self._robot.limits)
 
-    def _add_noise(self, ranges: NDArray[np.float32], std: float, range_max: float) -> None:
-        """Gaussian noise on every return; beams that hit nothing stay at range_max."""
-        noise = self._rng.standard_normal(len(ranges), dtype=np.float32)
-        noise *= np.float32(std)
-        noise[ranges >= np.float32(range_max)] = 0.0
-        ranges += noise
-        np.clip(ranges, 0.0, range_max, out=ranges)
+
+@njit(cache=True)
+def _add_noise(ranges: Ranges, noise: Ranges, std: float, range_max: float) -> None:
+    """Gaussian noise on every return, in place; beams that hit nothing stay at range_max."""
+    for i in range(len(ranges)):
+        if ranges[i] < np.float32(range_max):
+            ranges[i] = min(max(ranges[i] + std * noise[i], 0.0), range_max)

@@ -54,9 +54,7 @@ def test_path_length_of_a_staircase_a_point_and_nothing():
     assert path_length(np.empty((0, 2))) == 0.0
 
 
-@given(
-    st.lists(st.tuples(st.floats(-50, 50), st.floats(-50, 50)), min_size=1, max_size=20), st.floats(-3, 3)
-)
+@given(st.lists(st.tuples(st.floats(-50, 50), st.floats(-50, 50)), min_size=1, max_size=20), st.floats(-3, 3))
 def test_path_length_does_not_change_when_the_path_is_turned_or_reversed(points, angle):
     xy = np.array(points)
     turn = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])

@@ -13,9 +13,11 @@ from hypothesis import strategies as st
 
 from lme.errors import InputError
 from runners.records import (
+    COLUMNS,
     EPISODES,
     TIMING_COLUMNS,
     TRAJECTORIES,
+    TRAJECTORY_COLUMNS,
     RecordsWriteError,
     RecordWriter,
     find_runs,
@@ -254,3 +256,9 @@ def test_a_parquet_file_of_something_else_is_refused(tmp_path):
 
 def test_timing_columns_hold_no_result():
     assert set(TIMING_COLUMNS) == {"decision_us_p50", "decision_us_p99", "wall_s"}
+
+
+def test_every_column_is_documented():
+    text = (ROOT / "docs" / "records.md").read_text(encoding="utf-8")
+    undocumented = [name for name in (*COLUMNS, *TRAJECTORY_COLUMNS) if f"`{name}`" not in text]
+    assert undocumented == []

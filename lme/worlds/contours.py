@@ -1,0 +1,102 @@
+"""Occupied cells of a grid to polygons with few, long, axis-aligned sides."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+from scipy import ndimage
+
+from lme.types import Bools, Floats, Ints
+
+_EIGHT = np.ones((3, 3), dtype=bool)
+_EAST, _NORTH, _WEST, _SOUTH = range(4)  # a left turn adds one
+
+
+class _Run(NamedTuple):
+    """A straight stretch of outline with the occupied cells on its left."""
+
+    direction: int
+    end: tuple[int, int]
+
+
+def outlines(occupied: Bools) -> list[Floats]:
+    """Polygons (V, 2) [column, row] in cells that together cover exactly the occupied cells.
+
+    occupied: (rows, columns), row 0 at y = 0. Every polygon runs counter-clockwise and has no hole: a region
+    with holes is cut into pieces, whose seams lie inside it and so out of every beam's sight.
+    """
+    return [_outline(piece) + np.array([column, row]) for piece, row, column in _pieces(occupied)]
+
+
+def _pieces(occupied: Bools) -> Iterator[tuple[Bools, int, int]]:
+    """4-connected pieces without holes, each cropped, with its first row and column."""
+    waiting = [(occupied, 0, 0)]
+    while waiting:
+        region, row, column = waiting.pop()
+        labels, _ = ndimage.label(region)
+        for number, (rows, columns) in enumerate(ndimage.find_objects(labels), start=1):
+            piece = labels[rows, columns] == number
+            first_row, first_column = row + rows.start, column + columns.start
+            cut = _cut_row(piece)
+            if cut is None:
+                yield piece, first_row, first_column
+            else:
+                waiting.append((piece[:cut], first_row, first_column))
+                waiting.append((piece[cut:], first_row + cut, first_column))
+
+
+def _cut_row(piece: Bools) -> int | None:
+    """A row that opens the middle one of the holes of a piece; None if it has none."""
+    holes, count = ndimage.label(~np.pad(piece, 1), structure=_EIGHT)
+    if count == 1:
+        return None
+    spans = [rows for rows, _ in ndimage.find_objects(holes)[1:]]  # the first touches the padding's corner
+    middle = sorted(spans, key=lambda span: (span.start, span.stop))[len(spans) // 2]
+    return int(middle.start + middle.stop - 1) // 2 - 1
+
+
+def _outline(piece: Bools) -> Floats:
+    """The one closed outline of a 4-connected piece without holes."""
+    starts = _runs(piece)
+    first = next(iter(starts))
+    run = starts[first][0]
+    vertices = [first]
+    while not (run.end == first and _next(starts, run) == starts[first][0]):
+        vertices.append(run.end)
+        run = _next(starts, run)
+    return np.array(vertices, dtype=np.float64)
+
+
+def _next(starts: dict[tuple[int, int], list[_Run]], run: _Run) -> _Run:
+    """The run after `run`. Where two cells touch at a corner there are two: the left turn keeps to its cell."""
+    onward = starts[run.end]
+    if len(onward) == 1:
+        return onward[0]
+    return next(option for option in onward if option.direction == (run.direction + 1) % 4)
+
+
+def _runs(piece: Bools) -> dict[tuple[int, int], list[_Run]]:
+    """All straight stretches of the outline by the vertex [column, row] that they start from."""
+    cells = np.pad(piece, 1).astype(np.int8)
+    starts: dict[tuple[int, int], list[_Run]] = defaultdict(list)
+    for line, low, high, sign in _stretches(cells[1:, 1:-1] - cells[:-1, 1:-1]):
+        begin, end = ((low, line), (high, line))[:: 1 if sign > 0 else -1]
+        starts[begin].append(_Run(_EAST if sign > 0 else _WEST, end))
+    for line, low, high, sign in _stretches((cells[1:-1, 1:] - cells[1:-1, :-1]).T):
+        begin, end = ((line, low), (line, high))[:: 1 if sign < 0 else -1]
+        starts[begin].append(_Run(_NORTH if sign < 0 else _SOUTH, end))
+    return starts
+
+
+def _stretches(steps: Ints) -> list[tuple[int, int, int, int]]:
+    """(line, from, to, sign) of every longest stretch of equal non-zero values along the lines of `steps`."""
+    padded = np.pad(steps, ((0, 0), (1, 1)))
+    changes = np.diff(padded, axis=1) != 0
+    begins = np.argwhere(changes & (padded[:, 1:] != 0))
+    ends = np.argwhere(changes & (padded[:, :-1] != 0))
+    signs = steps[begins[:, 0], begins[:, 1]]
+    stretches = np.column_stack([begins, ends[:, 1], signs])
+    return [(line, low, high, sign) for line, low, high, sign in stretches.tolist()]

@@ -1,0 +1,28 @@
+"""A drawn place: its obstacles and the outline that they stand in."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lme.types import Floats
+from lme.worlds.world import World
+
+
+@dataclass(frozen=True, slots=True)
+class FloorPlan:
+    """What a map file holds.
+
+    world: obstacles, the closed outer wall among them. outline: (4, 2) corners of the place in order [m];
+    nothing is known of what lies beyond.
+    """
+
+    world: World
+    outline: Floats
+
+
+def enclosed(outline: Floats, circles: Floats, segments: Floats, polygons: tuple[Floats, ...]) -> FloorPlan:
+    """The plan with these obstacles and a thin wall along its outline (4, 2)."""
+    wall = np.hstack([outline, np.roll(outline, -1, axis=0)])
+    return FloorPlan(World(circles, np.vstack([wall, segments]), polygons), outline)

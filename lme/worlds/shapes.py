@@ -1,0 +1,156 @@
+"""Shape files: a place drawn by hand, as readable YAML in metres.
+
+    bounds: [0, 0, 10, 10]  # x_min, y_min, x_max, y_max: a closed, thin outer wall
+    boxes:
+      - {centre: [2, 3], size: [0.4, 0.2], yaw_deg: 30}
+    polygons:
+      - {points: [[5, 5], [5.5, 5], [5.2, 5.6]]}
+    circles:
+      - {centre: [7, 2], radius: 0.1}
+    ellipses:
+      - {centre: [7, 4], size: [0.3, 0.5], yaw_deg: 0}
+    walls:
+      - {points: [[0, 7], [3, 7], [3, 8]], thickness: 0.03}  # without thickness: a thin line
+
+Only `bounds` must be there. Sizes are full lengths along x and y before the turn by `yaw_deg`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from lme.errors import InputError
+from lme.types import Floats
+from lme.worlds.floor_plan import FloorPlan, enclosed
+from lme.worlds.yaml_entry import Entry, read_yaml
+
+ELLIPSE_SIDES = 32  # an ellipse is drawn as a polygon: at 0.6 m its sides are off by 1.5 mm at most
+
+_SLACK = 1e-9  # [m] rounding allowed when shapes touch the bounds
+
+
+def read_shapes(path: Path) -> FloorPlan:
+    """Read a shape file.
+
+    Raises InputError, naming file, entry and what would be right: unknown or missing keys, wrong numbers,
+    sizes that are not positive, polygons that cross themselves or enclose nothing, shapes outside the bounds.
+    """
+    return floor_plan(str(path), read_yaml(path))
+
+
+def floor_plan(place: str, drawing: object) -> FloorPlan:
+    """`read_shapes` for what the YAML holds; `place` is the name for messages."""
+    entry = Entry(place, drawing, ["bounds"], [*_SOLIDS, "circles", "walls"])
+    x0, y0, x1, y1 = entry.numbers("bounds", "x_min, y_min, x_max, y_max", 4)
+    if x0 >= x1 or y0 >= y1:
+        raise entry.mistake("bounds", "[x_min, y_min, x_max, y_max] with each min less than its max")
+    outline = np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]])
+    solids = [
+        _within(outline, where, make(where, item))
+        for key, make in _SOLIDS.items()
+        for where, item in entry.entries(key)
+    ]
+    circles = [_circle(outline, *item) for item in entry.entries("circles")]
+    thin, thick = [np.empty((0, 4))], []
+    for where, item in entry.entries("walls"):
+        legs, thickness = _wall(outline, where, item)
+        if thickness is None:
+            thin.append(legs)
+        else:
+            thick += [_bar(leg, thickness) for leg in legs]
+    return enclosed(outline, np.array(circles).reshape(-1, 3), np.vstack(thin), (*solids, *thick))
+
+
+def _box(where: str, item: object) -> Floats:
+    entry = Entry(where, item, ["centre", "size"], ["yaw_deg"])
+    corners = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
+    return _placed(corners, entry)
+
+
+def _ellipse(where: str, item: object) -> Floats:
+    entry = Entry(where, item, ["centre", "size"], ["yaw_deg"])
+    angles = np.arange(ELLIPSE_SIDES) * (2 * math.pi / ELLIPSE_SIDES)
+    return _placed(np.column_stack([np.cos(angles), np.sin(angles)]) / 2, entry)
+
+
+def _placed(unit: Floats, entry: Entry) -> Floats:
+    """A shape of unit size (V, 2), stretched, turned and moved as its entry says."""
+    centre = entry.numbers("centre", "x, y", 2)
+    size = entry.numbers("size", "along x, along y", 2, above=0.0)
+    yaw = math.radians(entry.number("yaw_deg", 0.0))
+    turn = np.array([[math.cos(yaw), math.sin(yaw)], [-math.sin(yaw), math.cos(yaw)]])
+    return np.asarray((unit * size) @ turn + centre)
+
+
+def _polygon(where: str, item: object) -> Floats:
+    entry = Entry(where, item, ["points"])
+    points = entry.points("points", 3)
+    following = np.roll(points, -1, axis=0)
+    if (points[0] == points[-1]).all():
+        raise entry.mistake("points", "a polygon whose last point is not the first again")
+    if abs(_side(points[0], points, following).sum()) < 1e-12:
+        raise entry.mistake("points", "a polygon that encloses an area")
+    if _crosses_itself(points, following):
+        raise entry.mistake("points", "a polygon whose sides do not cross")
+    return points
+
+
+_SOLIDS: dict[str, Callable[[str, object], Floats]] = {
+    "boxes": _box,
+    "polygons": _polygon,
+    "ellipses": _ellipse,
+}
+
+
+def _circle(outline: Floats, where: str, item: object) -> list[float]:
+    entry = Entry(where, item, ["centre", "radius"])
+    centre, radius = entry.numbers("centre", "x, y", 2), entry.number("radius", above=0.0)
+    _within(outline, where, np.array([np.subtract(centre, radius), np.add(centre, radius)]))
+    return [*centre, radius]
+
+
+def _wall(outline: Floats, where: str, item: object) -> tuple[Floats, float | None]:
+    """Legs (L, 4) of the wall's middle line, and how thick it is."""
+    entry = Entry(where, item, ["points"], ["thickness"])
+    points = _within(outline, where, entry.points("points", 2))
+    thick = entry.value("thickness") is not None
+    return np.hstack([points[:-1], points[1:]]), entry.number("thickness", above=0.0) if thick else None
+
+
+def _bar(leg: Floats, thickness: float) -> Floats:
+    """(4, 2) corners of one leg of a wall, half a thickness longer at both ends so that corners close."""
+    along = (leg[2:] - leg[:2]) * (thickness / 2 / math.hypot(*(leg[2:] - leg[:2])))
+    across = np.array([-along[1], along[0]])
+    first, last = leg[:2] - along, leg[2:] + along
+    return np.array([first - across, last - across, last + across, first + across])
+
+
+def _within(outline: Floats, where: str, points: Floats) -> Floats:
+    """The same points (V, 2), all of which lie within the bounds."""
+    low, high = outline[0], outline[2]
+    outside = ((points < low - _SLACK) | (points > high + _SLACK)).any(axis=1)
+    if outside.any():
+        x, y = points[outside][0]
+        bounds = ", ".join(f"{number:g}" for number in (*low, *high))
+        raise InputError(f"{where}: reaches ({x:g}, {y:g}): must lie within bounds [{bounds}]")
+    return points
+
+
+def _crosses_itself(start: Floats, end: Floats) -> bool:
+    """Whether two sides start[i]–end[i] of a closed polygon cross at a point that is no end of either."""
+    for i in range(len(start)):
+        own = (_side(start[i], end[i], start), _side(start[i], end[i], end))
+        other = (_side(start, end, start[i]), _side(start, end, end[i]))
+        if ((own[0] * own[1] < 0) & (other[0] * other[1] < 0)).any():
+            return True
+    return False
+
+
+def _side(a: Floats, b: Floats, point: Floats) -> Floats:
+    """Positive where a point lies to the left of the line a–b."""
+    along, to = b - a, point - a
+    return np.asarray(along[..., 0] * to[..., 1] - along[..., 1] * to[..., 0])

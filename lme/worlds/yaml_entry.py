@@ -1,0 +1,136 @@
+"""Strict reading of YAML that people write: each mistake is one line that names its place."""
+
+from __future__ import annotations
+
+import difflib
+import math
+import reprlib
+from collections.abc import Hashable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from lme.errors import InputError
+from lme.types import Floats
+
+
+def read_yaml(path: Path) -> object:
+    """What a YAML file holds. Raises InputError where there is none, or where a key stands twice."""
+    try:
+        return yaml.load(path.read_text(encoding="utf-8"), Loader=_UniqueKeys)
+    except yaml.MarkedYAMLError as error:
+        line = f", line {error.problem_mark.line + 1}" if error.problem_mark else ""
+        raise InputError(f"{path}{line}: not valid YAML ({error.problem})") from error
+    except (yaml.YAMLError, UnicodeDecodeError, RecursionError, ValueError) as error:
+        raise InputError(f"{path}: not valid YAML in UTF-8 ({_one_line(error)})") from error
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror})") from error
+
+
+class Entry:
+    """A mapping in a YAML file, read key by key.
+
+    place: the file and where in it, for messages. Raises InputError for unknown and for missing keys.
+    """
+
+    def __init__(
+        self, place: str, value: object, required: Sequence[str], optional: Sequence[str] = ()
+    ) -> None:
+        self.place = place
+        known = (*required, *optional)
+        if not isinstance(value, dict):
+            raise InputError(f"{place}: {_short(value)} must be a mapping with {', '.join(known)}")
+        for key in value:
+            if key not in known:
+                raise InputError(f"{place}: unknown key {_short(key)}: {_nearest(key, known)}")
+        missing = [key for key in required if key not in value]
+        if missing:
+            raise InputError(f"{place}: {missing[0]} is missing: must hold {', '.join(required)}")
+        self._value = value
+
+    def value(self, key: str, default: object = None) -> Any:
+        """The value as it stands."""
+        return self._value.get(key, default)
+
+    def entries(self, key: str) -> list[tuple[str, object]]:
+        """The items of a list, each with its place; none where the key is absent or empty."""
+        items = self._value.get(key) or []
+        if not isinstance(items, list):
+            raise self.mistake(key, "a list")
+        return [(f"{self.place}, {key}[{i}]", item) for i, item in enumerate(items)]
+
+    def number(self, key: str, default: float | None = None, above: float | None = None) -> float:
+        """One finite number, greater than `above` where that is given."""
+        number = _number(self._value.get(key, default))
+        if number is None or (above is not None and number <= above):
+            raise self.mistake(key, "a finite number" + ("" if above is None else f" greater than {above:g}"))
+        return number
+
+    def numbers(self, key: str, right: str, count: int, above: float | None = None) -> list[float]:
+        """`count` finite numbers, each greater than `above` where that is given; `right` names them."""
+        numbers = _numbers(self._value.get(key), count)
+        if numbers is None or (above is not None and min(numbers) <= above):
+            suffix = "" if above is None else f", each greater than {above:g}"
+            raise self.mistake(key, f"[{right}], {count} finite numbers{suffix}")
+        return numbers
+
+    def points(self, key: str, at_least: int) -> Floats:
+        """(K, 2) at least so many points [x, y], no two neighbours the same."""
+        given = self._value.get(key)
+        pairs = [_numbers(pair, 2) for pair in given] if isinstance(given, list) else []
+        if len(pairs) < at_least or None in pairs:
+            raise self.mistake(key, f"a list of at least {at_least} points [x, y] [m]")
+        points = np.array(pairs, dtype=np.float64)
+        if (points[1:] == points[:-1]).all(axis=1).any():
+            raise self.mistake(key, "points that differ from one to the next")
+        return points
+
+    def mistake(self, key: str, right: str) -> InputError:
+        """The error for a value that is not right."""
+        return InputError(f"{self.place}: {key} is {_short(self._value.get(key))}: must be {right}")
+
+
+class _UniqueKeys(yaml.SafeLoader):
+    """PyYAML keeps the last of two equal keys in silence: half a drawing would be lost."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
+        names = [key.value for key, _ in node.value if isinstance(key, yaml.ScalarNode)]
+        for key, _ in node.value:
+            if names.count(key.value) > 1:
+                raise yaml.MarkedYAMLError(
+                    problem=f"key {key.value!r} stands twice", problem_mark=key.start_mark
+                )
+        return super().construct_mapping(node, deep)
+
+
+def _number(value: object) -> float | None:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return None
+    try:
+        number = float(value)
+    except OverflowError:
+        return None
+    return number if math.isfinite(number) else None
+
+
+def _numbers(value: object, count: int) -> list[float] | None:
+    if not isinstance(value, list) or len(value) != count:
+        return None
+    numbers = [number for item in value if (number := _number(item)) is not None]
+    return numbers if len(numbers) == count else None
+
+
+def _nearest(key: object, known: Sequence[str]) -> str:
+    close = difflib.get_close_matches(str(key), known, n=1, cutoff=0.5)
+    return (f"did you mean {close[0]!r}? " if close else "") + f"Must be one of {', '.join(known)}"
+
+
+def _short(value: object) -> str:
+    """On one line, however much was given."""
+    return "empty" if value is None else " ".join(reprlib.repr(value).split())
+
+
+def _one_line(error: Exception) -> str:
+    return " ".join(str(error).split())[:200]

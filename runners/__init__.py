@@ -1,0 +1,1 @@
+"""The experiment layer: command line, configs to objects, fan-out, tracking, tables and figures."""

@@ -1,0 +1,59 @@
+"""Configs to objects: the only place that turns the one into the other."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, cast
+
+from omegaconf import DictConfig, OmegaConf
+
+from lme.errors import InputError
+from lme.navigator import Navigator
+from lme.robots import Robot, require
+from lme.sim.simulator import Simulator
+from lme.worlds.world import MapSet
+from runners.targets import build, configured, filled
+
+GROUPS = ("map", "guide", "planner", "sim", "executor", "tracking")
+
+
+def robot(config: Mapping[str, Any]) -> Robot:
+    """The robot of a composed config. Raises InputError where a value is out of bounds."""
+    return cast(Robot, filled(Robot, config["robot"], "robot"))
+
+
+def map_set(config: Mapping[str, Any]) -> MapSet:
+    """The map set of a composed config."""
+    return cast(MapSet, build(config["map"], "map"))
+
+
+def navigator(config: Mapping[str, Any], robot: Robot) -> Navigator:
+    """Guide and planner of a composed config."""
+    guide = build(config["guide"], "guide", robot)
+    planner = build(config["planner"], "planner", robot)
+    return Navigator(guide, planner)
+
+
+def simulator(config: Mapping[str, Any], robot: Robot) -> Simulator:
+    """The simulator of a composed config."""
+    return cast(Simulator, build(config["sim"], "sim", robot))
+
+
+def validate(config: DictConfig) -> None:
+    """Build what is cheap to build and check the rest, so that mistakes show before anything runs."""
+    require("runs", config.runs, at_least=1)
+    require("seed", config.seed, at_least=0)
+    machine = robot(config)
+    for group in GROUPS:
+        configured(config[group], group)
+    map_set(config)
+    navigator(config, machine)
+    simulator(config, machine)
+
+
+def plain(config: DictConfig) -> dict[str, Any]:
+    """The resolved config as plain containers, fit to be pickled, hashed and written."""
+    resolved = OmegaConf.to_container(config, resolve=True, throw_on_missing=True)
+    if not isinstance(resolved, dict):
+        raise InputError("the config must be a mapping")
+    return cast(dict[str, Any], resolved)

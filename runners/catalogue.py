@@ -1,0 +1,93 @@
+"""What `conf/` holds, with its comments: read as plain YAML, without Hydra, so that help answers at once."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from lme.resources import resource_dir
+
+_Loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+
+
+@dataclass(frozen=True, slots=True)
+class Key:
+    """A value of a YAML: dotted name, value as written, and the comment beside or above it."""
+
+    name: str
+    value: str
+    comment: str
+
+
+@dataclass(frozen=True, slots=True)
+class Catalogue:
+    """The config folders, the shipped one first."""
+
+    folders: tuple[Path, ...]
+
+    def groups(self, config_name: str) -> dict[str, str | None]:
+        """Config groups of a command in the order of its defaults list, each with its default option."""
+        slots = yaml.load(self.file(config_name).read_text(encoding="utf-8"), _Loader)["defaults"]
+        pairs = [next(iter(slot.items())) for slot in slots if isinstance(slot, dict)]
+        return {name: option for name, option in pairs if not name.startswith("override ")}
+
+    def options(self, group: str) -> list[str]:
+        """Names of the options of a group."""
+        return sorted({path.stem for folder in self.folders for path in (folder / group).glob("*.yaml")})
+
+    def file(self, name: str) -> Path:
+        """The YAML `name` ("robot/jackal"), in the first folder that has it; raises FileNotFoundError."""
+        for folder in self.folders:
+            if (folder / f"{name}.yaml").is_file():
+                return folder / f"{name}.yaml"
+        raise FileNotFoundError(name)
+
+    def title(self, name: str) -> str:
+        """The first comment line of the YAML `name`."""
+        lines = self.file(name).read_text(encoding="utf-8").splitlines()
+        comments = (line[1:].strip() for line in lines if line.startswith("#"))
+        return next((line for line in comments if not line.startswith("@package")), "")
+
+    def keys(self, name: str) -> list[Key]:
+        """Every value of the YAML `name`, in order, its defaults list left out."""
+        text = self.file(name).read_text(encoding="utf-8")
+        return list(_walk(yaml.compose(text, _Loader), text.splitlines(), ""))
+
+
+def shipped(*more: Path) -> Catalogue:
+    """The catalogue of `conf/` and of the user's own folders."""
+    return Catalogue((resource_dir("conf"), *more))
+
+
+def _walk(node: Any, lines: list[str], prefix: str) -> Iterator[Key]:
+    if not isinstance(node, yaml.MappingNode):
+        return
+    for key, value in node.value:
+        name = f"{prefix}{key.value}"
+        if name == "defaults":
+            continue
+        if isinstance(value, yaml.MappingNode) and value.value:
+            yield from _walk(value, lines, f"{name}.")
+        else:
+            yield Key(name, _written(value, lines), _comment(key, value, lines))
+
+
+def _written(value: Any, lines: list[str]) -> str:
+    """The value as it stands in the file, shortened to its first line."""
+    start, end = value.start_mark, value.end_mark
+    stop = end.column if end.line == start.line else None
+    return lines[start.line][start.column : stop].strip() if start.line < len(lines) else ""
+
+
+def _comment(key: Any, value: Any, lines: list[str]) -> str:
+    """What follows the value on its line, or else the comment line above the key (the first is the title)."""
+    line = key.start_mark.line
+    after = lines[line][value.end_mark.column :] if value.end_mark.line == line else ""
+    if "#" in after:
+        return after.partition("#")[2].strip()
+    above = lines[line - 1].strip() if line > 1 else ""
+    return above[1:].strip() if above.startswith("#") else ""

@@ -1,0 +1,81 @@
+"""Rebuild tables and pictures from records, without driving again."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+EXAMPLES = (
+    "lme table outputs/eval/RUN",
+    "lme table RUN1 RUN2 --format csv",
+)
+
+
+def main(argv: list[str]) -> int:
+    """Print one table over all runs. Raises InputError for a path without records."""
+    from runners.records import find_runs, read_episodes
+
+    arguments = _parser().parse_args(argv)
+    runs = find_runs(arguments.runs)
+    frame = read_episodes(runs)
+    _print(frame, arguments.format)
+    if len(arguments.runs) == 1:
+        _rewrite(frame, runs, arguments.runs[0])
+    return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="lme table",
+        description=__doc__,
+        epilog="One run or sweep: its files are written anew. Several: nothing is written.\n\nexamples:\n  "
+        + "\n  ".join(EXAMPLES),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("runs", nargs="+", type=Path, metavar="RUN", help="a run's directory, or a sweep's")
+    parser.add_argument(
+        "--format", choices=("rich", "md", "csv", "tex"), default="rich", help="default: rich"
+    )
+    return parser
+
+
+def _print(frame: pd.DataFrame, style: str) -> None:
+    from runners import tables
+    from runners.summary import summarise
+
+    renderers = {"md": tables.to_markdown, "csv": tables.to_csv, "tex": tables.to_latex}
+    if style in renderers:
+        print(renderers[style](summarise(frame)), end="")
+    else:
+        tables.print_table(frame)
+
+
+def _rewrite(frame: pd.DataFrame, runs: list[Path], place: Path) -> None:
+    """Tables of the run or sweep that was named, and each run's picture. Raises InputError if it cannot."""
+    from lme.errors import InputError
+    from runners.tables import write_tables
+
+    try:
+        write_tables(frame, place)
+        for run in runs:
+            _draw(frame[frame["run_dir"] == str(run)], run)
+    except OSError as error:
+        raise InputError(f"cannot write to {place} ({error.strerror}): the table above is all") from None
+
+
+def _draw(frame: pd.DataFrame, run: Path) -> None:
+    """The picture needs the worlds, which the run's config describes; a folder without one gets none."""
+    from runners import build
+    from runners.figures import sample_worlds, trajectories_figure
+    from runners.records import read_trajectories
+    from runners.rundirs import read_launch
+
+    launch = read_launch(run)
+    if launch is not None:
+        maps = build.map_set(launch.configs[0])
+        worlds = {number: maps.task(number) for number in sample_worlds(frame)}
+        trajectories_figure(frame, read_trajectories([run]), worlds, run / "trajectories.png")

@@ -1,0 +1,73 @@
+"""One episode from a config, as a record: what worker processes do."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lme import metrics
+from lme.episode import TRAJECTORY_COLUMNS, Episode, run_episode
+from lme.types import Outcome
+from lme.worlds.check import check_task
+from lme.worlds.world import Task
+from runners import build
+
+Item = tuple[int, int]  # (world, run)
+Result = tuple[dict[str, Any], dict[str, NDArray[Any]]]
+
+
+def initialise(payload: Mapping[str, Any]) -> Callable[[Item], Result]:
+    """Build everything once per process. payload: {"config": plain config, "names": record columns}."""
+    config, names = payload["config"], payload["names"]
+    robot = build.robot(config)
+    maps = build.map_set(config)
+    navigator = build.navigator(config, robot)
+    simulator = build.simulator(config, robot)
+
+    def run(item: Item) -> Result:
+        world, run_number = item
+        began = perf_counter()
+        task = maps.task(world)
+        check_task(task, robot)
+        rng = np.random.default_rng(np.random.SeedSequence([config["seed"], world, run_number]))
+        episode = run_episode(task, navigator, simulator, rng)
+        record = {**names, "world": world, "run": run_number, "seed": config["seed"]}
+        record |= _measure(task, episode)
+        record["wall_s"] = perf_counter() - began
+        columns = zip(TRAJECTORY_COLUMNS, episode.trajectory.T, strict=True)
+        return record, {name: np.ascontiguousarray(values) for name, values in columns}
+
+    return run
+
+
+def _measure(task: Task, episode: Episode) -> dict[str, Any]:
+    """The figures of one episode; units in the names."""
+    success = episode.outcome is Outcome.SUCCESS
+    shortest = task.shortest_path_length
+    measures = {
+        "outcome": str(episode.outcome),
+        "time_s": episode.time,
+        "optimal_time_s": task.optimal_time,
+        "barn_metric": metrics.barn_metric(success, episode.time, task.optimal_time),
+        "path_length_m": episode.path_length,
+        "shortest_path_length_m": shortest,
+        "spl": metrics.spl(success, shortest, episode.path_length),
+        "steps": episode.steps,
+        "switches": episode.switches,
+        "no_free_candidate": episode.no_free_candidate,
+        "min_clearance_m": episode.min_clearance,
+        "final_distance_m": episode.final_distance,
+        "goal_tolerance_m": task.goal_tolerance,
+        "start_x_m": task.start.x,
+        "start_y_m": task.start.y,
+        "start_yaw_rad": task.start.yaw,
+        "goal_x_m": float(task.goal[0]),
+        "goal_y_m": float(task.goal[1]),
+        "decision_us_p50": float(np.percentile(episode.decision_us, 50)),
+        "decision_us_p99": float(np.percentile(episode.decision_us, 99)),
+    }
+    return measures | {f"world_{name}": value for name, value in task.measures.items()}

@@ -1,0 +1,90 @@
+"""Evaluate one composed config: episodes to records, records to tables, a figure and a tracked run."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from itertools import product
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from hydra.core.hydra_config import HydraConfig
+from omegaconf import DictConfig
+
+from lme.worlds.world import MapSet
+from runners import build, systems
+from runners.episodes import Item, initialise
+from runners.progress import EpisodeProgress
+from runners.records import EPISODES, RecordWriter, read_episodes, read_trajectories
+from runners.targets import build as build_target
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+def evaluate(config: DictConfig, run_dir: Path) -> pd.DataFrame:
+    """Run what is missing of map set × runs, write everything below `run_dir`, and return the records."""
+    plain = build.plain(config)
+    maps = build.map_set(plain)
+    names = _names(plain)
+    tracking = build_target(plain["tracking"], "tracking")
+    tracking.start(plain, run_dir, {**names, "command": "eval"})
+    try:
+        _drive(plain, names, maps, run_dir)
+    except KeyboardInterrupt:
+        print(f"\nStopped. Go on with: lme eval resume={run_dir}", file=sys.stderr)
+        raise
+    return _report(maps, run_dir, tracking)
+
+
+def _drive(plain: dict[str, Any], names: dict[str, Any], maps: MapSet, run_dir: Path) -> None:
+    items = list(product(maps.numbers, range(plain["runs"])))
+    executor = build_target(plain["executor"], "executor")
+    payload = {"config": plain, "names": names}
+    with RecordWriter(run_dir) as writer, EpisodeProgress(names["system"], len(items)) as progress:
+        done = writer.done()
+        progress.skip(len(done))
+        todo = [item for item in _by_run(items) if item not in done]
+        for record, trajectory in executor.map(initialise, payload, todo):
+            writer.append(record, trajectory)
+            progress.add(record["outcome"])
+        writer.merge()
+
+
+def _by_run(items: list[Item]) -> Iterator[Item]:
+    """All worlds once before any a second time, so that a partial run covers the map set."""
+    return iter(sorted(items, key=lambda item: (item[1], item[0])))
+
+
+def _names(plain: dict[str, Any]) -> dict[str, Any]:
+    """The columns that say what was run."""
+    choices = HydraConfig.get().runtime.choices
+    guide, planner = str(choices["guide"]), str(choices["planner"])
+    ablation = choices["ablation"]
+    return {
+        "system": systems.label(guide, planner),
+        "guide": guide,
+        "planner": planner,
+        "ablation": ablation if isinstance(ablation, str) else "+".join(ablation),
+        "robot": plain["robot"]["name"],
+        "map": str(choices["map"]),
+        "subset": str(plain["map"].get("subset", "")),
+        "weights": plain["weights"],
+    }
+
+
+def _report(maps: MapSet, run_dir: Path, tracking: Any) -> pd.DataFrame:
+    """Tables, picture and tracked run, from the records alone."""
+    from runners.figures import trajectories_figure
+    from runners.summary import metrics
+    from runners.tables import print_table, write_tables
+
+    frame = read_episodes([run_dir])
+    artifacts = write_tables(frame, run_dir)
+    picture = run_dir / "trajectories.png"
+    tasks = {number: maps.task(number) for number in maps.numbers}
+    trajectories_figure(frame, read_trajectories([run_dir]), tasks, picture)
+    print_table(frame)
+    print(f"Records, tables and trajectories.png: {run_dir}")
+    tracking.finish(metrics(frame), [*artifacts, picture, run_dir / EPISODES])
+    return frame

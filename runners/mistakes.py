@@ -1,0 +1,102 @@
+"""What OmegaConf and Hydra complain about, in one line that names key, value and what would be right."""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+import enum
+import re
+import types
+import typing
+from collections.abc import Iterable
+from typing import Any
+
+from lme.errors import InputError
+
+_WORDS = {float: "a number", int: "a whole number", bool: "true or false", str: "text", type(None): "null"}
+_FULL_KEY = re.compile(r"full_key: *(\S+)")
+_VALUE = re.compile(r"(?:[Vv]alue) '(.*?)'(?: of type| is not|,| for)|(?:to string|value): (.*)")
+
+
+def nearest(name: str, known: Iterable[str]) -> str:
+    """ "did you mean NAME? ", or nothing where no known name is near."""
+    close = difflib.get_close_matches(name, sorted(known), 1)
+    return f"did you mean {close[0]}? " if close else ""
+
+
+def unknown_key(key: str, known: Iterable[str]) -> InputError:
+    """`key` (dotted) is none of the `known` last parts that its parent holds."""
+    parent, _, name = key.rpartition(".")
+    names = sorted(known)
+    place = f"{parent} holds: " if parent else "there are: "
+    return InputError(f"{key}: no such key; {nearest(name, names)}{place}{', '.join(names) or 'no keys'}")
+
+
+def translated(error: BaseException, schema: Any = None) -> InputError:
+    """A complaint of OmegaConf's about a config of type `schema`."""
+    message, key = str(error), full_key(error)
+    inner = re.match(r"InputError raised while resolving interpolation: (.+)", message)
+    if inner:
+        return InputError(inner.group(1))
+    if "issing mandatory value" in message:
+        return InputError(f"{key} has no value: give one")
+    if re.search(r"Key '.*' (?:is )?not in", message):
+        return unknown_key(key, keys_beside(schema, key))
+    value, wanted = _VALUE.search(message), expected(schema, key) if key else ""
+    if value and wanted:
+        return InputError(f"{key} is {value.group(1) or value.group(2)}: must be {wanted}")
+    reason = re.sub(r"^\w+ raised while composing config:\s*", "", one_line(message))
+    return InputError(f"{key}: {reason}" if key else reason)
+
+
+def full_key(error: BaseException) -> str:
+    """The dotted key that OmegaConf complains about; empty where it names none."""
+    found = _FULL_KEY.search(str(error))
+    return found.group(1) if found else ""
+
+
+def expected(schema: Any, key: str) -> str:
+    """What a value at the dotted `key` of a dataclass must be, in words; empty where nothing is known."""
+    return describe(_annotation(schema, key))
+
+
+def keys_beside(schema: Any, key: str) -> list[str]:
+    """Names of the fields that the parent of the dotted `key` has."""
+    parent = key.rpartition(".")[0]
+    holder = _annotation(schema, parent) if parent else schema
+    return [field.name for field in dataclasses.fields(holder)] if dataclasses.is_dataclass(holder) else []
+
+
+def describe(annotation: Any) -> str:
+    """A type in the words of the person who writes the YAML."""
+    origin, arguments = typing.get_origin(annotation), typing.get_args(annotation)
+    if origin in (typing.Union, types.UnionType):
+        return " or ".join(describe(argument) for argument in arguments)
+    if origin in (list, tuple):
+        return f"a list, each {describe(arguments[0])}" if arguments else "a list"
+    if origin is dict:
+        return f"a mapping of names, each to {describe(arguments[1])}".removesuffix(", each to ")
+    if isinstance(annotation, type) and issubclass(annotation, enum.Enum):
+        return " or ".join(annotation.__members__)
+    if dataclasses.is_dataclass(annotation):
+        return f"a mapping of {', '.join(field.name for field in dataclasses.fields(annotation))}"
+    return _WORDS.get(annotation, "")
+
+
+def one_line(message: str) -> str:
+    """A message of OmegaConf's or Hydra's as one line, without internal names and advice for others."""
+    shown = [line.strip() for line in message.splitlines() if line.strip()]
+    text = " ".join(line for line in shown if not re.match(r"(full_key|object_type|reference_type)", line))
+    return re.split(r" (?:To append to|Config search path)", text)[0]
+
+
+def _annotation(schema: Any, key: str) -> Any:
+    holder = schema
+    for name in re.sub(r"\[\d+\]", "", key).split("."):
+        if typing.get_origin(holder) is dict:
+            holder = typing.get_args(holder)[1]
+        elif dataclasses.is_dataclass(holder):
+            holder = typing.get_type_hints(holder).get(name)
+        else:
+            return None
+    return holder

@@ -1,0 +1,38 @@
+"""The shape of every command's config, and the resolver that names parameters."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from hydra.core.config_store import ConfigStore
+from omegaconf import OmegaConf
+
+from lme.robots import Robot
+
+
+@dataclass(slots=True)
+class EvalConfig:
+    """`lme eval`. Groups that hold a `_target_` are checked against that class's Config."""
+
+    seed: int
+    runs: int
+    weights: str
+    resume: Any
+    robot: Robot
+    map: dict[str, Any]
+    guide: dict[str, Any]
+    planner: dict[str, Any]
+    sim: dict[str, Any]
+    ablation: dict[str, float]
+    executor: dict[str, Any]
+    tracking: dict[str, Any]
+    system: dict[str, Any] = field(default_factory=dict)
+
+
+def register() -> None:
+    """Make the schemas and the `parameters` resolver known to Hydra; safe to call again."""
+    from runners.weights import parameters
+
+    ConfigStore.instance().store(name="eval_schema", node=EvalConfig)
+    OmegaConf.register_new_resolver("parameters", parameters, replace=True)

@@ -1,0 +1,215 @@
+"""Tables against figures counted by hand."""
+
+import csv
+import io
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from runners import tables
+from runners.summary import DASH, metrics, notes, summarise, title
+
+SYSTEMS = [
+    {
+        "label": "LME",
+        "published": {
+            "barn": {"success": [0.883, 0.0094], "barn_metric": [0.419, 0.0084]},
+            "env1": {"success": [0.95, 0.01]},
+        },
+    },
+    {"label": "Other", "published": None},
+]
+
+
+def records(outcomes=("success",) * 9 + ("collision",), runs=2, **columns):
+    """`outcomes` in worlds 200…; in every run after the first, world 200 times out."""
+    rows = []
+    for run in range(runs):
+        for index, outcome in enumerate(outcomes):
+            outcome = "timeout" if run and not index else outcome
+            success = outcome == "success"
+            rows.append(
+                {
+                    "system": "LME",
+                    "ablation": "none",
+                    "weights": "published",
+                    "robot": "jackal",
+                    "map": "barn",
+                    "subset": "hard100",
+                    "seed": 0,
+                    "world": 200 + index,
+                    "run": run,
+                    "outcome": outcome,
+                    "time_s": 10.0 + index if success else 99.0,
+                    "barn_metric": 0.5 if success else 0.0,
+                    "path_length_m": 11.0 if success else 55.0,
+                    "spl": 0.8 if success else 0.0,
+                    "world_visibility": index / 10,
+                    "run_dir": "one",
+                    **columns,
+                }
+            )
+    return pd.DataFrame(rows)
+
+
+def test_figures_by_hand():
+    """Ten worlds, two runs: 9 + 8 successes, a collision in each, a time-out in the second."""
+    ours = summarise(records(), SYSTEMS)[0]
+    assert (ours.label, ours.episodes, ours.worlds, ours.runs) == ("LME (ours)", 20, 10, 2)
+    expected = {
+        "success": (0.85, 0.05),
+        "collision": (0.1, 0.0),
+        "timeout": (0.05, 0.05),
+        "barn_metric": (0.425, 0.025),
+        "time_s": (14.25, 0.25),  # successes only: mean of 10…18, and of 11…18
+        "path_length_m": (11.0, 0.0),
+        "spl": (0.68, 0.04),
+    }
+    assert ours.stats == {name: pytest.approx(values) for name, values in expected.items()}
+    assert ours.interval == pytest.approx((0.6396, 0.9476), abs=5e-5)
+
+
+def test_one_run_has_no_deviation():
+    row = summarise(records(runs=1), SYSTEMS)[0]
+    assert np.isnan(row.stats["success"][1])
+    assert "±" not in "".join(notes([row]))
+    assert metrics(records(runs=1))["success"] == 0.9
+    assert "success_std" not in metrics(records(runs=1))
+
+
+@pytest.mark.parametrize(
+    ("columns", "published"),
+    [
+        ({}, True),
+        ({"map": "env1", "subset": ""}, True),
+        ({"subset": "official50"}, False),
+        ({"ablation": "no_c_o"}, False),
+        ({"weights": "mine"}, False),
+        ({"map": "elsewhere"}, False),
+        ({"system": "Other"}, False),
+        ({"system": "target+simple"}, False),
+    ],
+)
+def test_published_figures_stand_beside_what_they_compare_with(columns, published):
+    rows = summarise(records(**columns), SYSTEMS)
+    assert [row.published_map is not None for row in rows] == [False, True][: 1 + published]
+    text = "\n".join(notes(rows))
+    assert ("2D simulator" in text) == published
+    assert ("does not list its hundred worlds" in text) == (published and not columns)
+
+
+def test_the_projects_own_published_figures():
+    rows = summarise(records())
+    assert [row.label for row in rows] == ["LME (ours)", "LME (published)"]
+    assert rows[1].stats["success"] == (0.883, 0.0094)
+    assert rows[1].stats["barn_metric"] == (0.419, 0.0084)
+
+
+def test_what_varies_becomes_a_column_and_what_follows_from_it_does_not():
+    ablations = {"none": "1.0", "no_c_o": "0.0", "no_c_t": "1.0"}
+    frames = [
+        records(ablation=name, run_dir=name, subset=subset, **{"guide.c_o": weight})
+        for name, weight in ablations.items()
+        for subset in ("hard100", "official50")
+    ]
+    rows = summarise(pd.concat(frames), SYSTEMS)
+    assert {tuple(row.keys) for row in rows} == {("ablation", "subset")}
+    assert [tuple(row.keys.values()) for row in rows if row.published_map is None] == [
+        (name, subset) for name in ablations for subset in ("hard100", "official50")
+    ]
+    assert [row.keys for row in rows if row.published_map] == [{"ablation": "", "subset": "hard100"}]
+
+
+def test_a_swept_key_that_no_record_holds_is_a_column():
+    frames = [records(run_dir=value, **{"guide.d1": value}) for value in ("0.3", "0.51")]
+    rows = summarise(pd.concat(frames), SYSTEMS)
+    assert [row.keys for row in rows[:2]] == [{"guide.d1": "0.3"}, {"guide.d1": "0.51"}]
+    assert [row.label for row in rows] == ["LME (ours)", "LME (ours)", "LME (published)"]
+
+
+def test_two_runs_of_one_config_are_not_added_up():
+    rows = summarise(pd.concat([records(), records(run_dir="two")]), SYSTEMS)
+    assert [(row.keys, row.episodes) for row in rows[:2]] == [
+        ({"run_dir": "one"}, 20),
+        ({"run_dir": "two"}, 20),
+    ]
+
+
+def test_an_ablation_alone_is_still_named():
+    rows = summarise(records(ablation="no_c_o"), SYSTEMS)
+    assert rows[0].keys == {"ablation": "no_c_o"}
+
+
+def test_an_unfinished_run_says_so():
+    frame = records()
+    assert not any("Not finished" in note for note in notes(summarise(frame, SYSTEMS)))
+    assert "Not finished, some worlds lack runs: LME (ours)." in notes(summarise(frame.iloc[:-1], SYSTEMS))
+
+
+def test_order_of_records_does_not_matter():
+    frame = records()
+    shuffled = frame.sample(frac=1.0, random_state=1)
+    assert tables.to_csv(summarise(frame, SYSTEMS)) == tables.to_csv(summarise(shuffled, SYSTEMS))
+
+
+def test_markdown():
+    text = tables.to_markdown(summarise(records(), SYSTEMS))
+    lines = [[cell.strip() for cell in line.split("|")[1:-1]] for line in text.splitlines()[:4]]
+    table = dict(zip(lines[0], zip(*lines[2:], strict=True), strict=True))
+    assert table["System"] == ("LME (ours)", "LME (published)")
+    assert table["Success"] == ("0.850 ± 0.050", "0.883 ± 0.009")
+    assert table["95 % CI"] == (f"0.640{DASH}0.948", DASH)
+    assert table["Time [s]"] == ("14.2", DASH)
+    assert table["n"] == ("20", DASH)
+    assert len({len(line) for line in lines}) == 1
+
+
+def test_csv_holds_unrounded_numbers():
+    rows = list(csv.DictReader(io.StringIO(tables.to_csv(summarise(records(), SYSTEMS)))))
+    assert float(rows[0]["success"]) == pytest.approx(0.85)
+    assert float(rows[0]["success_low"]) == pytest.approx(0.6396, abs=5e-5)
+    assert (rows[1]["label"], rows[1]["success_std"], rows[1]["spl"]) == ("LME (published)", "0.0094", "")
+
+
+def test_latex_escapes_what_latex_would_read():
+    rows = summarise(records(ablation="no_c_o"), SYSTEMS)
+    text = tables.to_latex(rows)
+    assert r"no\_c\_o" in text
+    assert r"0.850 $\pm$ 0.050" in text
+    assert "95 \\% CI" in text
+    assert text.count("&") == 2 * (len(text.split(r"\toprule")[1].splitlines()[1].split("&")) - 1)
+
+
+@pytest.mark.parametrize("width", [80, 100, 160])
+@pytest.mark.parametrize("ablations", [["none"], ["none", "no_c_o"]])
+def test_terminals_of_any_usual_width_show_every_cell_whole(width, ablations):
+    from rich.console import Console
+
+    frame = pd.concat([records(ablation=ablation, run_dir=ablation) for ablation in ablations])
+    console = Console(width=width, record=True, file=io.StringIO())
+    console.print(tables.to_rich(summarise(frame, SYSTEMS), title(frame), width))
+    text = console.export_text()
+    assert "…" not in text
+    for word in (
+        "LME",
+        "(published)",
+        "±0.050",
+        "0.419",
+        "Time",
+        "[s]",
+        "metric",
+        "Collision",
+        "20",
+        *ablations[1:],
+    ):
+        assert word in text.split()
+    assert "barn · hard100 · jackal · 10 worlds" in text
+    assert max(map(len, text.splitlines())) <= width
+
+
+def test_files(tmp_path):
+    paths = tables.write_tables(records(), tmp_path)
+    assert [path.name for path in paths] == ["table.md", "table.csv", "table.tex"]
+    assert paths[0].read_text(encoding="utf-8").startswith("**barn · hard100 · jackal · 10 worlds")
+    assert all(path.read_text(encoding="utf-8") for path in paths)
