@@ -50,20 +50,30 @@ class Simple:
         return Twist(v_rate, self._turn(bearing, omega, limits.omega_max, limits.alpha_omega))
 
     def _turn(self, bearing: float, omega: float, omega_max: float, alpha: float) -> float:
+        """Acceleration-limited; near the subgoal's direction PD, but never faster than it can stop there."""
+        limit = approach(bearing, omega, omega_max, alpha, self._dt)
         if abs(bearing) >= self._config.pd_below:
-            return approach(bearing, omega, omega_max, alpha, self._dt)
+            return limit
         wanted = self._config.kp * bearing - self._config.kd * omega
-        return towards(min(max(wanted, -omega_max), omega_max), omega, alpha, self._dt)
+        return towards(min(wanted, limit) if bearing > 0 else max(wanted, limit), omega, alpha, self._dt)
 
 
 def approach(error: float, rate: float, rate_max: float, alpha: float, dt: float) -> float:
     """Rate that drives `error` to zero fastest and still stops there.
 
-    Speeds up at `alpha` up to `rate_max`, then slows down at `alpha`: the largest rate u with
-    u·dt + u²/(2·alpha) ≤ |error| can be held for one more period and braked in time.
+    Speeds up at `alpha` up to `rate_max`, then slows down at `alpha`. It is the largest rate from which,
+    after one more period that begins at `rate`, braking at `alpha` ends no further than `error` ahead.
     """
-    stoppable = alpha * (math.sqrt(dt * dt + 2.0 * abs(error) / alpha) - dt)
-    return towards(math.copysign(min(rate_max, stoppable), error), rate, alpha, dt)
+    sign = math.copysign(1.0, error)
+    ahead, now = abs(error), max(sign * rate, 0.0)
+    braking = now * now / (2.0 * alpha)
+    if now * dt + braking <= ahead:  # may speed up: u·dt − (u − now)²/2α + u²/2α = ahead
+        reachable = (ahead + braking) / (dt + now / alpha)
+    else:  # must slow down: (now² − u²)/2α + u·(dt − (now − u)/α) + u²/2α = ahead
+        slack = now - alpha * dt
+        reachable = (slack + math.sqrt(max(slack * slack + 4.0 * alpha * (ahead - braking), 0.0))) / 2.0
+        reachable = max(reachable, 0.0) if ahead > braking else 0.0
+    return towards(sign * min(rate_max, reachable), rate, alpha, dt)
 
 
 def towards(wanted: float, rate: float, alpha: float, dt: float) -> float:

@@ -75,4 +75,5 @@ def c_h(candidates: Floats, view: View) -> Floats:
 
 
 def _free(blocked: Bools) -> Floats:
-    return 1.0 - blocked
+    free: Floats = 1.0 - blocked
+    return free

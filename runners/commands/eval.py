@@ -19,9 +19,7 @@ def main(argv: list[str]) -> int:
     from runners import app
     from runners.build import validate
 
-    return app.launch(
-        config_name="eval", run=run, argv=argv, validate=validate, finish_sweep=finish_sweep
-    )
+    return app.launch(config_name="eval", run=run, argv=argv, validate=validate, finish_sweep=finish_sweep)
 
 
 def run(config: DictConfig, run_dir: Path) -> None:

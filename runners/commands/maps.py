@@ -32,7 +32,9 @@ def main(argv: list[str]) -> int:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog="lme maps", description=__doc__, epilog="examples:\n  " + "\n  ".join(EXAMPLES),
+        prog="lme maps",
+        description=__doc__,
+        epilog="examples:\n  " + "\n  ".join(EXAMPLES),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.set_defaults(lines=_sets)
@@ -66,7 +68,13 @@ def _worlds(arguments: argparse.Namespace) -> Iterator[str]:
         recipe = world.recipe
         made = (f"{recipe.smoothings:>9}", f"{recipe.seed:>9}") if recipe else (f"{'':>9}", f"{'':>9}")
         yield "  ".join(
-            (f"{world.number:>9}", f"{world.num_cylinders:>9}", f"{world.optimal_time_s:>9.3f}", *figures, *made)
+            (
+                f"{world.number:>9}",
+                f"{world.num_cylinders:>9}",
+                f"{world.optimal_time_s:>9.3f}",
+                *figures,
+                *made,
+            )
         )
 
 

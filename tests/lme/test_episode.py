@@ -29,19 +29,21 @@ def test_an_empty_room_is_crossed_200_times_of_200():
     for seed in range(200):
         x, y, goal_x, goal_y = rng.uniform(-4.5, 4.5, 4)
         start = Pose(x, y, rng.uniform(-math.pi, math.pi))
-        outcomes.append(drive(task(room(), start, (goal_x, goal_y)), seed=seed).outcome)
+        crossing = task(room(), start, (goal_x, goal_y), time_limit=100.0)
+        outcomes.append(drive(crossing, seed=seed).outcome)
     assert outcomes.count(Outcome.SUCCESS) == 200
 
 
 def test_a_wall_traps_the_bare_planner_and_not_lme():
     wall = World(segments=np.array([[2.0, -1.5, 2.0, 1.5]]))
     assert drive(task(wall), guide="target").outcome is not Outcome.SUCCESS
-    assert [drive(task(wall), seed=seed).outcome for seed in range(5)] == [Outcome.SUCCESS] * 5
+    outcomes = [drive(task(wall, time_limit=120.0), seed=seed).outcome for seed in range(5)]
+    assert outcomes == [Outcome.SUCCESS] * 5
 
 
 def test_a_sealed_box_ends_in_time_out():
-    boxed = room(1.5)
-    episode = drive(task(boxed, time_limit=20.0))
+    # With r no larger than the robot, the 9° cone of the planner may graze a wall; 5 cm is margin enough.
+    episode = drive(task(room(1.5), time_limit=20.0), robot=stage(collision_radius=0.25))
     assert episode.outcome is Outcome.TIMEOUT
     assert episode.time == pytest.approx(20.0)
 
@@ -69,7 +71,9 @@ def test_the_same_seed_gives_the_same_episode():
     wall = World(segments=np.array([[2.0, -1.5, 2.0, 1.5]]))
     one, two, other = drive(task(wall)), drive(task(wall)), drive(task(wall), seed=1)
     np.testing.assert_array_equal(one.trajectory, two.trajectory)
-    assert one.trajectory.shape != other.trajectory.shape or (one.trajectory != other.trajectory)[:, 1:3].any()
+    assert (
+        one.trajectory.shape != other.trajectory.shape or (one.trajectory != other.trajectory)[:, 1:3].any()
+    )
 
 
 def test_the_clock_starts_with_the_motion():

@@ -1,0 +1,168 @@
+"""Shape files: what they draw, and what is said of those that are wrong."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy import ndimage
+
+from lme.errors import InputError
+from lme.resources import resource_dir
+from lme.worlds.sampling import FreeSpace
+from lme.worlds.shapes import floor_plan, read_shapes
+from tests.tolerances import KERNEL
+
+BOUNDS = "bounds: [0, 0, 10, 10]\n"
+
+
+def area(polygon):
+    (x0, y0), (x1, y1) = polygon.T, np.roll(polygon, -1, axis=0).T
+    return float((x0 * y1 - x1 * y0).sum() / 2)
+
+
+def written(tmp_path, text):
+    path = tmp_path / "place.yaml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_every_kind_of_shape_is_drawn_where_it_says(tmp_path):
+    text = """
+bounds: [-1, -2, 9, 8]
+boxes:
+  - {centre: [2, 3], size: [0.4, 0.2], yaw_deg: 90}
+polygons:
+  - {points: [[5, 5], [5.5, 5], [5.2, 5.6]]}
+ellipses:
+  - {centre: [7, 4], size: [0.4, 0.8]}
+circles:
+  - {centre: [7, 2], radius: 0.1}
+walls:
+  - {points: [[0, 7], [3, 7], [3, 8]]}
+  - {points: [[6, 0], [6, 1]], thickness: 0.1}
+"""
+    plan = read_shapes(written(tmp_path, text))
+    box, triangle, ellipse, bar = plan.world.polygons
+    assert {tuple(corner) for corner in box.round(9)} == {(1.9, 2.8), (2.1, 2.8), (2.1, 3.2), (1.9, 3.2)}
+    assert triangle.tolist() == [[5, 5], [5.5, 5], [5.2, 5.6]]
+    assert np.ptp(ellipse, axis=0) == pytest.approx([0.4, 0.8], abs=KERNEL)
+    assert {tuple(corner) for corner in bar.round(9)} == {
+        (5.95, -0.05),
+        (6.05, -0.05),
+        (6.05, 1.05),
+        (5.95, 1.05),
+    }
+    assert plan.world.circles.tolist() == [[7, 2, 0.1]]
+    assert plan.world.segments[4:].tolist() == [[0, 7, 3, 7], [3, 7, 3, 8]]
+
+
+def test_the_bounds_are_a_closed_outer_wall():
+    plan = floor_plan("place", {"bounds": [-1, -2, 9, 8]})
+    assert plan.outline.tolist() == [[-1, -2], [9, -2], [9, 8], [-1, 8]]
+    starts, ends = plan.world.segments[:, :2], plan.world.segments[:, 2:]
+    assert starts.tolist() == plan.outline.tolist()
+    assert ends.tolist() == np.roll(starts, -1, axis=0).tolist()
+
+
+@given(
+    st.sampled_from(["boxes", "ellipses"]),
+    st.tuples(st.floats(0.01, 2), st.floats(0.01, 2)),
+    st.floats(-720, 720),
+)
+def test_turning_keeps_area_and_centre(kind, size, yaw_deg):
+    item = {"centre": [5.0, 4.0], "size": list(size)}
+    turned = floor_plan("p", {"bounds": [0, 0, 10, 10], kind: [{**item, "yaw_deg": yaw_deg}]}).world.polygons[
+        0
+    ]
+    upright = floor_plan("p", {"bounds": [0, 0, 10, 10], kind: [item]}).world.polygons[0]
+    assert area(turned) == pytest.approx(area(upright), rel=KERNEL)
+    assert turned.mean(axis=0) == pytest.approx([5.0, 4.0], abs=KERNEL)
+    full = size[0] * size[1] * (1 if kind == "boxes" else math.pi / 4)
+    assert area(upright) == pytest.approx(full, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("text", "right"),
+    [
+        ("", "empty must be a mapping with bounds"),
+        ("[1, 2]", "must be a mapping"),
+        ("boxes: []", "bounds is missing"),
+        ("bounds: [0, 0, 10]", "[x_min, y_min, x_max, y_max], 4 finite numbers"),
+        ("bounds: [10, 0, 0, 10]", "each min less than its max"),
+        ("bounds: [0, 0, .inf, 10]", "4 finite numbers"),
+        (BOUNDS + "boxs: []", "did you mean 'boxes'"),
+        (BOUNDS + "boxes: 3", "boxes is 3: must be a list"),
+        (BOUNDS + "boxes: [5]", "boxes[0]: 5 must be a mapping with centre, size, yaw_deg"),
+        (
+            BOUNDS + "boxes: [{centre: [1, 2], sise: [1, 1]}]",
+            "boxes[0]: unknown key 'sise': did you mean 'size'",
+        ),
+        (BOUNDS + "boxes: [{centre: [1, 2]}]", "boxes[0]: size is missing"),
+        (BOUNDS + "boxes: [{centre: [1, 2, 3], size: [1, 1]}]", "centre is [1, 2, 3]: must be [x, y], 2"),
+        (BOUNDS + "boxes: [{centre: [1, 2], size: [1, 0]}]", "size is [1, 0]: must be"),
+        (BOUNDS + "boxes: [{centre: [1, 2], size: [1, -1]}]", "each greater than 0"),
+        (BOUNDS + "boxes: [{centre: [1, two], size: [1, 1]}]", "centre is [1, 'two']"),
+        (BOUNDS + "boxes: [{centre: [1, true], size: [1, 1]}]", "centre is [1, True]"),
+        (BOUNDS + "boxes: [{centre: [1, .nan], size: [1, 1]}]", "centre is [1, nan]"),
+        (BOUNDS + f"boxes: [{{centre: [1, {10**400}], size: [1, 1]}}]", "2 finite numbers"),
+        (BOUNDS + "boxes: [{centre: [1, 2], size: [1, 1], yaw_deg: left}]", "yaw_deg is 'left'"),
+        (BOUNDS + "boxes: [{centre: [9.9, 2], size: [1, 1]}]", "must lie within bounds [0, 0, 10, 10]"),
+        (
+            BOUNDS + "circles: [{centre: [1, 2], radius: 0}]",
+            "circles[0]: radius is 0: must be a finite number",
+        ),
+        (BOUNDS + "circles: [{centre: [1, 2], radius: 1.5}]", "circles[0]: reaches (-0.5, 0.5)"),
+        (BOUNDS + "polygons: [{points: [[1, 1], [2, 2]]}]", "at least 3 points [x, y]"),
+        (BOUNDS + "polygons: [{points: [[1, 1], [2, 2], [3]]}]", "at least 3 points [x, y]"),
+        (BOUNDS + "polygons: [{points: [[1, 1], [2, 2], [3, 3]]}]", "encloses an area"),
+        (BOUNDS + "polygons: [{points: [[1, 1], [2, 2], [2, 1], [1, 3]]}]", "sides do not cross"),
+        (BOUNDS + "polygons: [{points: [[1, 1], [2, 2], [2, 1], [1, 1]]}]", "last point is not the first"),
+        (BOUNDS + "walls: [{points: [[1, 1]]}]", "at least 2 points [x, y]"),
+        (BOUNDS + "walls: [{points: [[1, 1], [1, 1]]}]", "differ from one to the next"),
+        (BOUNDS + "walls: [{points: [[1, 1], [1, 2]], thickness: -0.1}]", "thickness is -0.1"),
+        (BOUNDS + "walls: [{points: [[1, 1], [1, 12]]}]", "walls[0]: reaches (1, 12)"),
+        (BOUNDS + "boxes: []\nboxes: []", "line 3: not valid YAML (key 'boxes' stands twice)"),
+        (BOUNDS + "boxes: [", "not valid YAML"),
+        (BOUNDS + "circles: " + "[" * 5000, "not valid YAML"),
+        (BOUNDS + "circles: !!python/object:os.system {}", "not valid YAML"),
+        (BOUNDS + "? [a, b]\n: 3", "not valid YAML"),
+        (BOUNDS + "3: []", "unknown key 3"),
+    ],
+)
+def test_a_mistake_is_one_line_that_names_file_and_remedy(tmp_path, text, right):
+    path = written(tmp_path, text)
+    with pytest.raises(InputError) as error:
+        read_shapes(path)
+    message = str(error.value)
+    assert message.startswith(str(path))
+    assert right in message
+    assert "\n" not in message
+    assert len(message) < len(str(path)) + 300
+
+
+def test_files_that_cannot_be_read_are_named(tmp_path):
+    with pytest.raises(InputError, match=r"absent\.yaml: cannot be read"):
+        read_shapes(tmp_path / "absent.yaml")
+    (tmp_path / "binary.yaml").write_bytes(b"bounds: \xff\xfe")
+    with pytest.raises(InputError, match=r"binary\.yaml: not valid YAML in UTF-8"):
+        read_shapes(tmp_path / "binary.yaml")
+
+
+@pytest.mark.parametrize(
+    ("name", "shapes", "fill"), [("env1", 41, (0.04, 0.044)), ("env2", 14, (0.005, 0.015))]
+)
+def test_shipped_drawings_are_as_described(name, shapes, fill):
+    plan = read_shapes(resource_dir("maps") / name / "shapes.yaml")
+    assert len(plan.world.polygons) == shapes
+    assert np.ptp(plan.outline, axis=0).tolist() == [10, 10]
+    assert fill[0] < sum(abs(area(polygon)) for polygon in plan.world.polygons) / 100 < fill[1]
+
+
+@pytest.mark.parametrize("name", ["env1", "env2"])
+def test_a_disc_of_30_cm_gets_everywhere_in_shipped_drawings(name):
+    plan = read_shapes(resource_dir("maps") / name / "shapes.yaml")
+    space = FreeSpace(plan, step=0.02, radius=0.3, margin=0.0)
+    _, regions = ndimage.label(space.clearance >= 0.3)
+    assert regions == 1
