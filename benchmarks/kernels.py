@@ -1,13 +1,8 @@
-"""How long each kernel takes from Python, beside its plain twin and, for the scan, pymunk's ray queries.
-
-    python -m benchmarks.kernels
-
-All in one run on one core, so that the ratios hold on a busy machine too. Microseconds, least and median.
-"""
+"""Each kernel from Python, beside its plain twin and, for the scan, pymunk's ray queries."""
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import numpy as np
 import pymunk
@@ -91,20 +86,16 @@ def rows(circles: np.ndarray) -> dict[str, tuple[Callable[[], object], Callable[
     }
 
 
-def report(name: str, circles: np.ndarray) -> None:
-    print(f"{name}: {len(circles)} cylinders")
-    for kernel, (fast, slow) in rows(circles).items():
-        least, median = measure(fast)
-        twin = measure(slow)[1]
-        print(
-            f"  {kernel:16} {least:8.2f} {median:8.2f} µs   twin {twin:9.1f} µs   {twin / median:.0f} times"
-        )
-        if kernel == "cast":
-            rays = measure(pymunk_scan(circles))[1]
-            print(f"  {'':16} {'':8} {'':8}      pymunk {rays:7.1f} µs   {rays / median:.0f} times")
-
-
-if __name__ == "__main__":
+def kernel_rows() -> Iterator[str]:
+    """Rows of a Markdown table: least and median, the twin, and for the scan pymunk's ray queries."""
     barn = Barn(BarnConfig(subset="all"))
     for number in (0, 200):
-        report(f"BARN world {number}", barn.task(number).world.circles)
+        circles = barn.task(number).world.circles
+        for kernel, (fast, slow) in rows(circles).items():
+            least, median = measure(fast)
+            twin = measure(slow)[1]
+            cells = [f"world {number}, {len(circles)} cylinders", kernel, f"{least:.1f}", f"{median:.1f}"]
+            cells += [f"{twin:,.0f}", f"{twin / median:,.0f}"]
+            rays = measure(pymunk_scan(circles))[1] if kernel == "cast" else None
+            cells += [f"{rays:,.0f}", f"{rays / median:,.0f}"] if rays else ["", ""]
+            yield f"| {' | '.join(cells)} |"

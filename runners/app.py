@@ -186,8 +186,8 @@ def _task(command: Command, given: arguments.Arguments, num_jobs: int) -> Callab
         except InputError as error:
             print(f"lme {command.name}: {error}", file=sys.stderr)
             raise SystemExit(2) from error
-        except OSError as error:
-            if not _disk_full(error):
+        except (OSError, RuntimeError) as error:
+            if not _broken_off(error):
                 raise
             print(f"lme {command.name}: {error}", file=sys.stderr)
             raise SystemExit(1) from error
@@ -226,7 +226,10 @@ def _job_dirs(sweep_dir: Path) -> list[Path]:
     return [jobs[number] for number in sorted(jobs)]
 
 
-def _disk_full(error: OSError) -> bool:
+def _broken_off(error: OSError | RuntimeError) -> bool:
+    """Whether the run ended for a reason outside the program: a full disk, a killed worker process."""
+    from runners.executor import WorkerDiedError
     from runners.records import RecordsWriteError
 
-    return error.errno in _DISK_FULL or isinstance(error, RecordsWriteError)
+    disk_full = isinstance(error, OSError) and error.errno in _DISK_FULL
+    return disk_full or isinstance(error, RecordsWriteError | WorkerDiedError)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from time import perf_counter
 from typing import Any
 
@@ -11,6 +12,8 @@ from numpy.typing import NDArray
 
 from lme import metrics
 from lme.episode import TRAJECTORY_COLUMNS, Episode, run_episode
+from lme.navigator import Navigator
+from lme.sim.simulator import Simulator
 from lme.types import Outcome
 from lme.worlds.check import check_task
 from lme.worlds.world import Task
@@ -28,6 +31,8 @@ def initialise(payload: Mapping[str, Any]) -> Callable[[Item], Result]:
     navigator = build.navigator(config, robot)
     simulator = build.simulator(config, robot)
 
+    _warm_up(replace(maps.task(maps.numbers[0]), time_limit=2 * robot.dt), navigator, simulator)
+
     def run(item: Item) -> Result:
         world, run_number = item
         began = perf_counter()
@@ -42,6 +47,11 @@ def initialise(payload: Mapping[str, Any]) -> Callable[[Item], Result]:
         return record, {name: np.ascontiguousarray(values) for name, values in columns}
 
     return run
+
+
+def _warm_up(task: Task, navigator: Navigator, simulator: Simulator) -> None:
+    """A short episode that nobody counts: first decisions load compiled code, and would spoil the timings."""
+    run_episode(task, navigator, simulator, np.random.default_rng(0))
 
 
 def _measure(task: Task, episode: Episode) -> dict[str, Any]:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from hydra.core.hydra_config import HydraConfig
+from hydra.types import RunMode
 from omegaconf import DictConfig
 
 from lme.worlds.world import MapSet
@@ -28,7 +29,7 @@ def evaluate(config: DictConfig, run_dir: Path) -> pd.DataFrame:
     maps = build.map_set(plain)
     names = _names(plain)
     tracking = build_target(plain["tracking"], "tracking")
-    tracking.start(plain, run_dir, {**names, "command": "eval"})
+    tracking.start(plain, run_dir, {**names, "command": "eval"}, _sweep_dir())
     try:
         _drive(plain, names, maps, run_dir)
     except KeyboardInterrupt:
@@ -68,21 +69,26 @@ def _names(plain: dict[str, Any]) -> dict[str, Any]:
         "ablation": ablation if isinstance(ablation, str) else "+".join(ablation),
         "robot": plain["robot"]["name"],
         "map": str(choices["map"]),
-        "subset": str(plain["map"].get("subset", "")),
+        "subset": "custom" if plain["map"].get("worlds") else str(plain["map"].get("subset", "")),
         "weights": plain["weights"],
     }
 
 
+def _sweep_dir() -> Path | None:
+    hydra = HydraConfig.get()
+    return Path(hydra.sweep.dir) if hydra.mode is RunMode.MULTIRUN else None
+
+
 def _report(maps: MapSet, run_dir: Path, tracking: Any) -> pd.DataFrame:
     """Tables, picture and tracked run, from the records alone."""
-    from runners.figures import trajectories_figure
+    from runners.figures import sample_worlds, trajectories_figure
     from runners.summary import metrics
     from runners.tables import print_table, write_tables
 
     frame = read_episodes([run_dir])
     artifacts = write_tables(frame, run_dir)
     picture = run_dir / "trajectories.png"
-    tasks = {number: maps.task(number) for number in maps.numbers}
+    tasks = {number: maps.task(number) for number in sample_worlds(frame)}
     trajectories_figure(frame, read_trajectories([run_dir]), tasks, picture)
     print_table(frame)
     print(f"Records, tables and trajectories.png: {run_dir}")

@@ -14,7 +14,7 @@ from lme.kernels.motion import drive, first_within
 from lme.kernels.raycast import cast
 from lme.robots import Robot, require
 from lme.sim.simulator import State
-from lme.types import Floats, LaserScan, Observation, Pose, Twist
+from lme.types import Floats, LaserScan, Limits, Observation, Pose, Twist
 from lme.worlds.world import Task
 
 Ranges = NDArray[np.float32]
@@ -22,9 +22,10 @@ Ranges = NDArray[np.float32]
 
 @dataclass(slots=True)
 class FastConfig:
-    """How finely motion is checked for contact."""
+    """How finely motion is checked for contact, and how velocity follows the command."""
 
     max_step: float = 0.025  # [m] no point of the footprint moves further between two checks
+    even_ramp: bool = False  # spread a change of velocity over the control period instead of α, then hold
 
     def __post_init__(self) -> None:
         require("sim.max_step", self.max_step, above=0.0)
@@ -37,7 +38,7 @@ class FastSimulator:
 
     def __init__(self, config: FastConfig, robot: Robot) -> None:
         self._robot = robot
-        self._max_step = config.max_step
+        self._config = config
         lidar = robot.lidar
         self._angles = (lidar.angle_min, lidar.angle_increment, lidar.num_beams)
 
@@ -55,11 +56,19 @@ class FastSimulator:
     def step(self, command: Twist) -> Observation:
         """Drive for one control period, or until contact or arrival, whichever comes first."""
         robot, state = self._robot, self.state
+        limits = self._even_limits(command) if self._config.even_ramp else robot.limits
         travel, twist = drive(
-            state.pose, state.twist, command, robot.limits, robot.dt, self._max_step, robot.footprint.r_max
+            state.pose, state.twist, command, limits, robot.dt, self._config.max_step, robot.footprint.r_max
         )
         self.state = self._settle(travel, Twist(*twist), state.time, robot.dt)
         return self._observe()
+
+    def _even_limits(self, command: Twist) -> Limits:
+        """Limits under which the change of velocity takes the whole period, where α allows."""
+        limits, twist, dt = self._robot.limits, self.state.twist, self._robot.dt
+        alpha_v = min(limits.alpha_v, max(abs(command.v - twist.v) / dt, 1e-9))
+        alpha_omega = min(limits.alpha_omega, max(abs(command.omega - twist.omega) / dt, 1e-9))
+        return limits._replace(alpha_v=alpha_v, alpha_omega=alpha_omega)
 
     def _settle(self, travel: Floats, twist: Twist, start_time: float, dt: float) -> State:
         """Cut the motion at contact or arrival; touching on arrival is contact."""

@@ -46,12 +46,7 @@ class FreeSpace:
     def __init__(self, plan: FloorPlan, step: float, radius: float, margin: float) -> None:
         """Lay points `step` [m] apart over the plan. Raises InputError where it is far too large for that."""
         low, high = plan.outline.min(axis=0), plan.outline.max(axis=0)
-        columns, rows = (math.ceil(side / step - 1e-9) for side in high - low)
-        if columns * rows > MAX_POINTS:
-            raise InputError(
-                f"map.grid is {step:g} m for a map of {high[0] - low[0]:g} by {high[1] - low[1]:g} m: must give "
-                f"at most {MAX_POINTS} points, so at least {step * math.sqrt(columns * rows / MAX_POINTS):.2g}"
-            )
+        columns, rows = _points_along(low.tolist(), high.tolist(), step)
         self._x = low[0] + (np.arange(columns) + 0.5) * step
         self._y = low[1] + (np.arange(rows) + 0.5) * step
         self._step = step
@@ -118,6 +113,18 @@ class FreeSpace:
         lengths = np.concatenate([np.full(pair.shape[1], length * self._step) for pair, length in joined])
         count = int(self._passable.sum())
         return coo_array((lengths, (pairs[0], pairs[1])), shape=(count, count)).tocsr()
+
+
+def _points_along(low: list[float], high: list[float], step: float) -> tuple[int, int]:
+    """Columns and rows of a lattice between two corners. Raises InputError where that is far too many."""
+    width, height = high[0] - low[0], high[1] - low[1]
+    points = (width / step) * (height / step)
+    if not points <= MAX_POINTS:
+        raise InputError(
+            f"map.grid is {step:g} m for a map of {width:g} by {height:g} m: must give at most {MAX_POINTS} "
+            f"points, so at least {step * math.sqrt(points / MAX_POINTS):.2g} m"
+        )
+    return math.ceil(width / step - 1e-9), math.ceil(height / step - 1e-9)
 
 
 def clearance_field(plan: FloorPlan, x: Floats, y: Floats, reach: float) -> Floats:

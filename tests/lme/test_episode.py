@@ -11,9 +11,10 @@ from lme.guides.target import Target, TargetConfig
 from lme.navigator import Navigator
 from lme.planners.simple import Simple, SimpleConfig
 from lme.sim.fast import FastConfig, FastSimulator
-from lme.types import Outcome, Pose
+from lme.types import Outcome, Pose, Twist
 from lme.worlds.world import World
 from tests.builders import PUBLISHED, room, stage, task
+from tests.tolerances import KERNEL
 
 
 def drive(task, guide="lme", robot=None, seed=0):
@@ -80,3 +81,14 @@ def test_the_clock_starts_with_the_motion():
     still = task(goal=(-2.0, 0.0))  # behind: the robot turns first
     late = still.__class__(**{**{f: getattr(still, f) for f in still.__slots__}, "clock_distance": 0.1})
     assert drive(late).time < drive(still).time
+
+
+@pytest.mark.parametrize("even", [False, True])
+def test_velocity_reaches_the_command_at_alpha_or_evenly(even):
+    # From rest to 0.2 m/s at 2 m/s², Δt 0.2 s. At α: 0.1 s to 0.2 m/s, then 0.1 s held: 0.01 + 0.02 = 0.03 m.
+    # Evenly: 0.1 m/s on average, 0.02 m.
+    simulator = FastSimulator(FastConfig(even_ramp=even), stage())
+    simulator.reset(task(), np.random.default_rng(0))
+    simulator.step(Twist(0.2, 0.0))
+    assert simulator.state.pose.x == pytest.approx(0.02 if even else 0.03, abs=KERNEL)
+    assert simulator.state.twist.v == pytest.approx(0.2, abs=KERNEL)

@@ -1,0 +1,164 @@
+"""How fast it is: kernels beside their plain twins, one decision, the closed loop, whole commands.
+
+    python -m benchmarks.speed [--record]
+
+All in one run, the library on one core, so that ratios hold on a busy machine too. --record also writes
+benchmarks/results/speed.md.
+"""
+
+import argparse
+import os
+import platform
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+import yaml
+from omegaconf import OmegaConf
+
+from benchmarks.kernels import kernel_rows, measure
+from lme.episode import run_episode
+from lme.guides.lme import Lme, LmeConfig
+from lme.navigator import Navigator
+from lme.planners.simple import Simple, SimpleConfig
+from lme.resources import resource_dir
+from lme.robots import Robot
+from lme.sim.fast import FastConfig, FastSimulator
+from lme.worlds.barn import Barn, BarnConfig
+
+RESULT = Path(__file__).parent / "results" / "speed.md"
+PEERS = (
+    "Stage 4.3 2,800–5,600, navground 1,600–2,700, pymunk rays 540, ir-sim 8–14 (measured earlier, elsewhere)"
+)
+
+
+def main() -> None:
+    """Print, and record where asked."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--record", action="store_true", help=f"write {RESULT.name}")
+    record = parser.parse_args().record
+    lines = []
+    for line in report():
+        print(line, flush=True)
+        lines.append(line)
+    if record:
+        RESULT.parent.mkdir(exist_ok=True)
+        RESULT.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def report() -> Iterator[str]:
+    """Markdown, line by line."""
+    yield "# Speed\n"
+    yield f"`python -m benchmarks.speed --record`, {time.strftime('%Y-%m-%d')}, {machine()}\n"
+    yield "## Kernels, called from Python, one core\n"
+    yield "µs, least / median; the twin is the plain numpy version that the tests hold the kernel to.\n"
+    yield "| scene | kernel | least | median | twin | times | pymunk rays | times |"
+    yield "|---|---|---:|---:|---:|---:|---:|---:|"
+    yield from kernel_rows()
+    yield "\n## Decision and closed loop, one core\n"
+    yield "| what | figure |"
+    yield "|---|---:|"
+    yield from loop_rows("stage", "540 beams, 360°")
+    yield from loop_rows("jackal", "720 beams, 270°")
+    yield f"\nScan steps per second of peers on one core, for scale: {PEERS}.\n"
+    yield "## Whole commands, wall time\n"
+    yield "| command | median [s] | least [s] | peak memory, largest process [MB] |"
+    yield "|---|---:|---:|---:|"
+    yield from command_rows()
+
+
+def loop_rows(name: str, lidar: str) -> Iterator[str]:
+    """One decision in BARN world 200, and closed-loop steps per second over twenty worlds."""
+    robot = load_robot(name)
+    parameters = yaml.safe_load((resource_dir("conf") / "weight_set" / "published.yaml").read_text())
+    guide = Lme(LmeConfig(parameters=parameters["parameters"]), robot)
+    navigator = Navigator(guide, Simple(SimpleConfig(), robot))
+    simulator = FastSimulator(FastConfig(), robot)
+    barn = Barn(BarnConfig())
+    observations = []
+    task = barn.task(200)
+    observation = simulator.reset(task, np.random.default_rng(0))
+    navigator.reset(np.random.default_rng(0))
+    while not (simulator.state.arrived or simulator.state.contact):
+        observations.append(observation)
+        observation = simulator.step(navigator.act(observation))
+
+    def decide_all() -> None:
+        navigator.reset(np.random.default_rng(0))
+        for seen in observations:
+            guide.guide(seen)
+
+    least, median = (figure / len(observations) for figure in measure(decide_all, 2.0))
+    what = f"decision, `{name}` ({lidar}), 300 candidates, BARN world 200"
+    yield f"| {what} | {least:.0f} / {median:.0f} µs |"
+    rates = [closed_loop(barn, navigator, simulator) for _ in range(3)]
+    what = f"closed-loop steps, `{name}`: scan, decision, control, motion, collision"
+    yield f"| {what} | {statistics.median(rates):,.0f} per second |"
+
+
+def closed_loop(barn: Barn, navigator: Navigator, simulator: FastSimulator) -> float:
+    """Steps per second over twenty episodes."""
+    tasks = [barn.task(number) for number in barn.numbers[::5]]
+    begin = time.perf_counter()
+    episodes = [run_episode(task, navigator, simulator, np.random.default_rng(1)) for task in tasks]
+    return sum(episode.steps for episode in episodes) / (time.perf_counter() - begin)
+
+
+def load_robot(name: str) -> Robot:
+    """A shipped robot."""
+    node = OmegaConf.load(resource_dir("conf") / "robot" / f"{name}.yaml")
+    robot = OmegaConf.to_object(OmegaConf.merge(OmegaConf.structured(Robot), node))
+    assert isinstance(robot, Robot)
+    return robot
+
+
+def command_rows() -> Iterator[str]:
+    """Commands as a user types them, compiled code already in its cache."""
+    lme = str(Path(sys.executable).parent / "lme")
+    two = ["executor.workers=2"]
+    for words in (
+        [],
+        ["eval", "--help"],
+        ["eval", "map=barn", *two, "tracking=none"],
+        ["eval", "map=barn", *two],
+    ):
+        with tempfile.TemporaryDirectory() as folder:
+            runs = [timed([lme, *words], folder) for _ in range(4)][1:]
+        seconds = [run[0] for run in runs]
+        memory = max(run[1] for run in runs)
+        name = " ".join(["lme", *words])
+        yield f"| `{name}` | {statistics.median(seconds):.2f} | {min(seconds):.2f} | {memory:.0f} |"
+
+
+def timed(command: list[str], folder: str) -> tuple[float, float]:
+    """Wall time [s] and the largest process's peak memory [MB]."""
+    begin = time.perf_counter()
+    process = subprocess.Popen(command, cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    _, status, usage = os.wait4(process.pid, 0)
+    assert status == 0, f"{command} failed"
+    return time.perf_counter() - begin, usage.ru_maxrss / 1024
+
+
+def machine() -> str:
+    """What it ran on."""
+    cpu = next(
+        (line.split(":")[1].strip() for line in cpu_info() if line.startswith("model name")),
+        platform.machine(),
+    )
+    packages = ", ".join(f"{name} {version(name)}" for name in ("numpy", "numba", "pymunk", "mlflow"))
+    return f"{cpu}, {os.cpu_count()} cores, shared; Python {platform.python_version()}, {packages}"
+
+
+def cpu_info() -> list[str]:
+    path = Path("/proc/cpuinfo")
+    return path.read_text().splitlines() if path.exists() else []
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,145 @@
+"""Free space, start and goal, shortest paths."""
+
+import math
+from functools import cache
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from lme.errors import InputError
+from lme.types import Pose
+from lme.worlds.check import point_clearance
+from lme.worlds.sampling import FreeSpace, clearance_field
+from lme.worlds.shapes import floor_plan
+from tests.tolerances import KERNEL
+
+LONGEST_DETOUR = 1.0132  # of a path on 32 directions against the straight line: 1 / cos of half of 18.4°
+
+inner = st.floats(1.0, 3.0)
+size = st.floats(0.05, 1.5)
+boxes = st.fixed_dictionaries(
+    {
+        "centre": st.tuples(inner, inner).map(list),
+        "size": st.tuples(size, size).map(list),
+        "yaw_deg": st.floats(0, 90),
+    }
+)
+circles = st.fixed_dictionaries({"centre": st.tuples(inner, inner).map(list), "radius": st.floats(0.02, 0.9)})
+walls = st.fixed_dictionaries(
+    {"points": st.lists(st.tuples(inner, inner).map(list), min_size=2, max_size=4, unique_by=str)}
+)
+drawings = st.fixed_dictionaries(
+    {
+        "bounds": st.just([-0.5, -0.5, 4.5, 4.5]),
+        "boxes": st.lists(boxes, max_size=3),
+        "circles": st.lists(circles, max_size=3),
+        "walls": st.lists(walls, max_size=2),
+    }
+)
+
+
+def plan(**shapes):
+    return floor_plan("test", {"bounds": [0, 0, 10, 10], **shapes})
+
+
+@cache
+def empty_room():
+    return FreeSpace(plan(), step=0.1, radius=0.2, margin=0.1)
+
+
+def rng(seed=0):
+    return np.random.default_rng(seed)
+
+
+@settings(max_examples=30, deadline=None)
+@given(drawings)
+def test_the_field_is_the_clearance_of_each_point(drawing):
+    place = floor_plan("test", drawing)
+    x, y = np.linspace(-0.4, 4.4, 13), np.linspace(-0.4, 4.4, 11)
+    field = clearance_field(place, x, y, reach=0.7)
+    twin = [[min(max(point_clearance(place.world, np.array([a, b])), 0.0), 0.7) for a in x] for b in y]
+    assert field == pytest.approx(np.array(twin), abs=KERNEL)
+
+
+def test_nothing_outside_the_outline_is_free():
+    place = floor_plan("test", {"bounds": [0, 0, 1, 1]})
+    field = clearance_field(place, np.array([-0.5, 0.5, 1.5]), np.array([0.5]), reach=9.0)
+    assert field.tolist() == [[0.0, 0.5, 0.0]]
+
+
+def test_draws_keep_clear_and_apart():
+    place = plan(boxes=[{"centre": [5, 5], "size": [3, 3]}], circles=[{"centre": [2, 2], "radius": 0.5}])
+    space = FreeSpace(place, step=0.1, radius=0.3, margin=0.2)
+    for seed in range(40):
+        start, goal = space.draw(rng(seed), min_distance=4.0)
+        assert point_clearance(place.world, np.array(start[:2])) >= 0.5 - KERNEL
+        assert point_clearance(place.world, goal) >= 0.5 - KERNEL
+        assert math.dist(start[:2], goal) >= 4.0 - KERNEL
+        assert -math.pi <= start.yaw <= math.pi
+
+
+def test_draws_come_from_all_over_and_look_every_way():
+    drawn = [empty_room().draw(rng(seed), 1.0) for seed in range(200)]
+    for values in (
+        np.array([[start.x, start.y] for start, _ in drawn]),
+        np.array([goal for _, goal in drawn]),
+    ):
+        assert (values.min(axis=0) < 1.5).all()
+        assert (values.max(axis=0) > 8.5).all()
+        assert np.abs(values.mean(axis=0) - 5.0).max() < 1.0
+    assert np.ptp([start.yaw for start, _ in drawn]) > 5.5
+
+
+@pytest.mark.parametrize(("gap", "joined"), [(0.55, False), (0.75, True)])
+def test_goals_lie_where_the_robot_gets_to(gap, joined):
+    """Two rooms and a door: the robot of radius 0.3 m fits through or it does not."""
+    door = [{"points": [[5, 0], [5, 4]]}, {"points": [[5, 4 + gap], [5, 10]]}]
+    space = FreeSpace(plan(walls=door), step=0.05, radius=0.3, margin=0.0)
+    drawn = [space.draw(rng(seed), 1.0) for seed in range(40)]
+    across = [(start.x < 5) != (goal[0] < 5) for start, goal in drawn]
+    assert any(across) == joined
+    assert all(math.isfinite(space.path_length(*pair)) for pair in drawn)
+    there = space.path_length(Pose(1.025, 1.025, 0.0), np.array([9.025, 1.025]))
+    assert math.isfinite(there) == joined
+
+
+def test_a_robot_does_not_slip_between_corners_that_touch():
+    corners = [{"centre": [2.5, 7.5], "size": [5, 5]}, {"centre": [7.5, 2.5], "size": [5, 5]}]
+    space = FreeSpace(plan(boxes=corners), step=0.1, radius=0.01, margin=0.0)
+    assert math.isinf(space.path_length(Pose(1.05, 1.05, 0.0), np.array([9.05, 9.05])))
+
+
+@given(st.lists(st.integers(4, 95), min_size=4, max_size=4))
+@settings(deadline=None)
+def test_in_an_empty_room_the_path_is_all_but_straight(cells):
+    space = empty_room()
+    x0, y0, x1, y1 = (0.05 + 0.1 * cell for cell in cells)
+    length = space.path_length(Pose(x0, y0, 0.0), np.array([x1, y1]))
+    straight = math.hypot(x1 - x0, y1 - y0)
+    assert straight - KERNEL <= length <= LONGEST_DETOUR * straight + KERNEL
+
+
+def test_the_path_around_a_wall_is_as_long_as_geometry_says():
+    """Around the end of a wall at (5, 7): two tangents to the disc of the robot's radius, and its arc."""
+    space = FreeSpace(plan(walls=[{"points": [[5, 0], [5, 7]]}]), step=0.025, radius=0.3, margin=0.0)
+    half_width, below = 2.0125, 2.0125  # start and goal at (5 ∓ 2, 5), on the lattice
+    start, goal = Pose(5 - half_width, 7 - below, 0.0), np.array([5 + half_width, 7 - below])
+    away = math.hypot(half_width, below)
+    tangent = math.sqrt(away**2 - 0.3**2)
+    turn = 2 * math.pi - 2 * math.acos(0.3 / away) - 2 * math.atan2(half_width, below)
+    assert space.path_length(start, goal) == pytest.approx(2 * tangent + 0.3 * turn, rel=0.015)
+
+
+def test_too_little_room_is_an_error_that_says_so():
+    with pytest.raises(InputError, match=r"map\.min_distance is 20 m: must be a distance"):
+        empty_room().draw(rng(), 20.0)
+    with pytest.raises(InputError, match=r"\(0 points"):
+        FreeSpace(plan(), step=0.1, radius=6.0, margin=0.1).draw(rng(), 1.0)
+
+
+def test_a_lattice_of_too_many_points_is_refused_before_it_is_made():
+    huge = floor_plan("test", {"bounds": [0, 0, 1e7, 1e7]})
+    with pytest.raises(InputError, match=r"map\.grid is 0\.05 m for a map of 1e\+07 by 1e\+07 m: must give"):
+        FreeSpace(huge, step=0.05, radius=0.2, margin=0.1)
