@@ -75,5 +75,4 @@ def c_h(candidates: Floats, view: View) -> Floats:
 
 
 def _free(blocked: Bools) -> Floats:
-    free: Floats = 1.0 - blocked
-    return free
+    return np.logical_not(blocked).astype(np.float64)

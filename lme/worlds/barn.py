@@ -15,7 +15,7 @@ from lme.errors import InputError
 from lme.robots import require
 from lme.types import Pose
 from lme.worlds.barn_files import find_worlds
-from lme.worlds.barn_generator import Recipe, official_recipes
+from lme.worlds.barn_generator import official_recipes
 from lme.worlds.barn_layouts import Layout, fresh_layout, official_layout, published_layout
 from lme.worlds.barn_measures import barn_measures
 from lme.worlds.barn_path import OPTIMAL_SPEED_M_S, benchmark_length, inflated
@@ -60,17 +60,6 @@ class BarnConfig:
         _check_numbers("map.goal", self.goal, "two finite numbers: x, y [m]", 2)
 
 
-@dataclass(frozen=True, slots=True)
-class WorldSummary:
-    """What `lme maps` tells of a world; measures as in `Task.measures`."""
-
-    number: int
-    recipe: Recipe | None
-    num_cylinders: int
-    optimal_time_s: float
-    measures: dict[str, float]
-
-
 class Barn:
     """BARN worlds under their official numbers; fresh ones count from 1000."""
 
@@ -101,15 +90,6 @@ class Barn:
             return fresh_layout(self.config.fresh_seed, number - FIRST_FRESH)
         return official_layout(number)
 
-    def describe(self) -> list[WorldSummary]:
-        """One line per chosen world."""
-        return [self._summary(number) for number in self._numbers]
-
-    def _summary(self, number: int) -> WorldSummary:
-        layout = self.layout(number)
-        task = self._task(number, layout)
-        return WorldSummary(number, layout.recipe, len(layout.cylinders), task.optimal_time, task.measures)
-
     def _task(self, number: int, layout: Layout) -> Task:
         config = self.config
         start, goal = Pose(*config.start), np.array(config.goal, dtype=np.float64)
@@ -125,7 +105,7 @@ class Barn:
             clock_distance=config.clock_distance,
             shortest_path_length=length,
             optimal_time=length / OPTIMAL_SPEED_M_S,
-            measures={"fill": layout.fill, **barn_measures(inflated(layout.grid), layout.path)},
+            measures=_measures(layout),
         )
 
     def _chosen(self) -> tuple[int, ...]:
@@ -160,6 +140,13 @@ class Barn:
             return f"{key} asks for worlds that map.source {config.source} does not hold: {some}"
         right = f"from {FIRST_FRESH} on with map.subset=fresh" if config.subset == "fresh" else "0 to 299"
         return f"map.worlds asks for {some}: must be {right}"
+
+
+def _measures(layout: Layout) -> dict[str, float]:
+    """Cylinders, fill, the five difficulty measures, and the smoothings of the recipe where it is known."""
+    smoothings = {} if layout.recipe is None else {"smoothings": float(layout.recipe.smoothings)}
+    counts = {"cylinders": float(len(layout.cylinders)), "fill": layout.fill}
+    return {**counts, **smoothings, **barn_measures(inflated(layout.grid), layout.path)}
 
 
 def _nearest(word: str) -> str:

@@ -14,7 +14,6 @@ import numpy as np
 from lme.errors import InputError
 from lme.resources import resource_dir
 from lme.robots import require
-from lme.worlds.barn import WorldSummary
 from lme.worlds.bitmap import read_bitmap, read_ros_map
 from lme.worlds.floor_plan import FloorPlan
 from lme.worlds.sampling import Configuration, FreeSpace
@@ -114,14 +113,6 @@ class Room:
             optimal_time=length / config.speed,
             measures={"straight_m": straight, "detour": length / straight},
         )
-
-    def describe(self) -> list[WorldSummary]:
-        """One line per chosen configuration."""
-        tasks = (self.task(number) for number in self._numbers)
-        cylinders = len(self._plan.world.circles)
-        return [
-            WorldSummary(task.number, None, cylinders, task.optimal_time, task.measures) for task in tasks
-        ]
 
     def _drawn(self, number: int) -> Configuration:
         rng = np.random.default_rng(np.random.SeedSequence([self.config.sample_seed, number]))

@@ -21,12 +21,11 @@ class World:
     circles: Floats = field(default_factory=lambda: np.empty((0, 3)))
     segments: Floats = field(default_factory=lambda: np.empty((0, 4)))
     polygons: tuple[Floats, ...] = ()
+    edges: Floats = field(init=False, repr=False)  # (E, 4) segments and polygons' sides: what can be hit
 
-    @property
-    def edges(self) -> Floats:
-        """(E, 4) every segment and every polygon's sides: what a beam or a moving footprint can hit."""
+    def __post_init__(self) -> None:
         sides = [np.hstack([polygon, np.roll(polygon, -1, axis=0)]) for polygon in self.polygons]
-        return np.ascontiguousarray(np.vstack([self.segments, *sides]))
+        object.__setattr__(self, "edges", np.ascontiguousarray(np.vstack([self.segments, *sides])))
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,7 +6,10 @@ import argparse
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from lme.worlds.world import Task
 
 EXAMPLES = (
     "lme maps show barn subset=official50",
@@ -39,7 +42,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.set_defaults(lines=_sets)
     verbs = parser.add_subparsers(metavar="VERB")
-    show = verbs.add_parser("show", help="the worlds of one map set: recipe, optimal time, difficulty")
+    show = verbs.add_parser("show", help="the worlds of one map set: optimal time and measures")
     show.add_argument("map", help="a map set that `lme maps` lists")
     show.add_argument("what", nargs="*", metavar="NUMBER|key=value", help="worlds; settings of the map set")
     show.set_defaults(lines=_worlds)
@@ -60,22 +63,17 @@ def _sets(_: argparse.Namespace) -> Iterator[str]:
 
 
 def _worlds(arguments: argparse.Namespace) -> Iterator[str]:
-    summaries = _map_set(arguments.map, arguments.what).describe()
-    measures = list(summaries[0].measures)
-    yield "  ".join(f"{name:>9}" for name in ("world", "cylinders", "OT_s", *measures, "smooth", "seed"))
-    for world in summaries:
-        figures = (f"{value:>{max(9, len(name))}.3f}" for name, value in world.measures.items())
-        recipe = world.recipe
-        made = (f"{recipe.smoothings:>9}", f"{recipe.seed:>9}") if recipe else (f"{'':>9}", f"{'':>9}")
-        yield "  ".join(
-            (
-                f"{world.number:>9}",
-                f"{world.num_cylinders:>9}",
-                f"{world.optimal_time_s:>9.3f}",
-                *figures,
-                *made,
-            )
-        )
+    chosen = _map_set(arguments.map, arguments.what)
+    rows = [_row(chosen.task(number)) for number in chosen.numbers]
+    widths = {name: max(len(name), *(len(row[name]) for row in rows)) for name in rows[0]}
+    yield "  ".join(f"{name:>{width}}" for name, width in widths.items())
+    for row in rows:
+        yield "  ".join(f"{row[name]:>{width}}" for name, width in widths.items())
+
+
+def _row(task: Task) -> dict[str, str]:
+    measures = {name: f"{value:.4g}" for name, value in task.measures.items()}
+    return {"world": str(task.number), "optimal_time_s": f"{task.optimal_time:.3f}", **measures}
 
 
 def _map_set(name: str, what: list[str]) -> Any:

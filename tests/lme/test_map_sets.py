@@ -52,8 +52,9 @@ def test_shipped_maps_offer_fifty_tasks_that_the_stage_robot_can_begin(name):
 def test_walls_make_detours():
     """What the two maps are for: hardly any way around in env1, long ones in env2."""
     longest = {
-        name: max(row.measures["detour"] for row in room(name=name, configurations=50).describe())
+        name: max(chosen.task(number).measures["detour"] for number in chosen.numbers)
         for name in ("env1", "env2")
+        for chosen in [room(name=name, configurations=50)]
     }
     assert longest["env1"] < 1.2
     assert longest["env2"] > 2.0
@@ -97,13 +98,6 @@ def test_a_picture_is_a_map_set_too(tmp_path):
     chosen = build({**yaml.safe_load((CONF / "map" / "file.yaml").read_text()),
                     "path": str(tmp_path / "hall.png"), "size": [10, 10]}, "map")  # fmt: skip
     assert chosen.task(49).map_name == "hall"
-
-
-def test_descriptions_are_one_row_for_each_configuration():
-    rows = room().describe()
-    assert [row.number for row in rows] == [0, 1, 2, 3, 4]
-    assert rows[2].optimal_time_s == room().task(2).optimal_time
-    assert set(rows[0].measures) == {"straight_m", "detour"}
 
 
 @pytest.mark.parametrize("name", ["env1", "env2", "file"])
