@@ -8,6 +8,7 @@ docs/assumptions.md. What is in FOLDER already is not run again. About half a mi
 
 import argparse
 import math
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -68,7 +69,7 @@ def episodes(change: str, out: Path) -> pd.DataFrame:
     """Records of one change, from disk where they are complete."""
     frames = []
     for seed in SEEDS:
-        folder = out / (change.replace(" ", ",") or "nothing") / str(seed)
+        folder = out / (re.sub(r"[ =]", "_", change) or "nothing") / str(seed)
         if not (folder / "table.md").exists():
             words = [
                 "eval",

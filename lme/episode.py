@@ -8,6 +8,7 @@ from time import perf_counter_ns
 
 import numpy as np
 
+from lme.geometry.angles import wrap_angle
 from lme.geometry.frames import to_world
 from lme.kernels.motion import first_beyond, travelled
 from lme.navigator import Navigator
@@ -121,7 +122,7 @@ class _Log:
         self._rows.append(self._row(np.full(2, np.nan), False))
         return Episode(
             outcome=outcome,
-            time=self._elapsed,
+            time=min(self._elapsed, self._task.time_limit),
             path_length=self._path_length,
             steps=len(self._decision_us),
             switches=self._switches,
@@ -134,4 +135,5 @@ class _Log:
 
     def _row(self, subgoal: Floats, switched: bool) -> tuple[float, ...]:
         state = self._simulator.state
-        return (state.time, *state.pose, *state.twist, *subgoal.tolist(), float(switched), state.clearance)
+        pose = state.pose._replace(yaw=wrap_angle(state.pose.yaw))
+        return (state.time, *pose, *state.twist, *subgoal.tolist(), float(switched), state.clearance)

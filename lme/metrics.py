@@ -38,12 +38,6 @@ def spl(success: bool, shortest_m: float, path_m: float) -> float:
     return shortest_m / longest if longest > 0 else 1.0
 
 
-def path_length(xy: ArrayLike) -> float:
-    """Length [m] of the polyline through xy: (K, 2) [m]; 0 for fewer than two points."""
-    steps = np.diff(np.asarray(xy, dtype=np.float64).reshape(-1, 2), axis=0)
-    return float(np.hypot(steps[:, 0], steps[:, 1]).sum())
-
-
 def reward(outcome: Outcome | str, steps: int, max_steps: int, crash: float, timeout: float) -> float:
     """R of an episode: 1 − L/L_max on success, else the penalty R_c or R_t (paper eq. 1).
 

@@ -11,9 +11,11 @@ from lme.errors import InputError
 from lme.navigator import Navigator
 from lme.robots import Robot, require
 from lme.sim.simulator import Simulator
+from lme.worlds.check import check_task
 from lme.worlds.world import MapSet
 from runners.targets import build, configured, filled
 
+_CHECKED_TASKS = 20  # before anything runs; the rest as they are driven, for a task may be dear to build
 GROUPS = ("map", "guide", "planner", "sim", "executor", "tracking")
 
 
@@ -23,8 +25,11 @@ def robot(config: Mapping[str, Any]) -> Robot:
 
 
 def map_set(config: Mapping[str, Any]) -> MapSet:
-    """The map set of a composed config."""
-    return cast(MapSet, build(config["map"], "map"))
+    """The map set of a composed config; where its `radius` is null, for the disc around the config's robot."""
+    node = config["map"]
+    if "radius" in node and node["radius"] is None:
+        node = {**node, "radius": robot(config).footprint.r_max}
+    return cast(MapSet, build(node, "map"))
 
 
 def navigator(config: Mapping[str, Any], robot: Robot) -> Navigator:
@@ -46,7 +51,9 @@ def validate(config: DictConfig) -> None:
     machine = robot(config)
     for group in GROUPS:
         configured(config[group], group)
-    map_set(config)
+    maps = map_set(config)
+    for number in maps.numbers[:_CHECKED_TASKS]:
+        check_task(maps.task(number), machine)
     navigator(config, machine)
     simulator(config, machine)
 

@@ -21,7 +21,7 @@ from runners.composer import Composer, without_hydra
 from runners.mistakes import expected, full_key, nearest, one_line, translated
 
 MAX_JOBS_CHECKED = 64  # of a sweep; of larger ones every value is checked once
-OPEN_MAPPINGS = ("ablation", "guide.criteria")  # may be given new keys
+OPEN_MAPPINGS = ("ablation", "guide.criteria", "space", "held_out")  # may be given new keys
 
 Validate = Callable[[DictConfig], None]
 
@@ -87,6 +87,8 @@ def _normalised(override: Override, composer: Composer) -> str:
         raise InputError(f"{text}: must be one of {', '.join(composer.catalogue.options(key))}")
     if key not in composer.slots and composer.catalogue.options(key):
         return text  # a group of the user's own, which does need its +
+    if key == "experiment" and _in_subfolder(key, f"{composer.config_name}/{override.value()}", composer):
+        return f"{key}={composer.config_name}/{override.value()}"  # what the experiment is for this command
     if "/" in key:
         raise InputError(f"{text}: no such group; there are: {', '.join(composer.slots)}")
     return f"{'++' if is_open else ''}{text.lstrip('+')}"

@@ -25,20 +25,28 @@ if TYPE_CHECKING:
 
 def evaluate(config: DictConfig, run_dir: Path) -> pd.DataFrame:
     """Run what is missing of map set × runs, write everything below `run_dir`, and return the records."""
+    from runners.summary import metrics
+    from runners.tables import print_table
+
     plain = build.plain(config)
     maps = build.map_set(plain)
-    names = _names(plain)
+    names = record_names(plain)
     tracking = build_target(plain["tracking"], "tracking")
-    tracking.start(plain, run_dir, {**names, "command": "eval"}, _sweep_dir())
+    tracking.start(plain, run_dir, {**names, "command": "eval"}, sweep_directory())
     try:
-        _drive(plain, names, maps, run_dir)
+        drive(plain, names, maps, run_dir)
     except KeyboardInterrupt:
         print(f"\nStopped. Go on with: lme eval resume={run_dir}", file=sys.stderr)
         raise
-    return _report(maps, run_dir, tracking)
+    frame, artifacts = report(maps, run_dir)
+    print_table(frame)
+    print(f"Records, tables and trajectories.png: {run_dir}")
+    tracking.finish(metrics(frame), artifacts)
+    return frame
 
 
-def _drive(plain: dict[str, Any], names: dict[str, Any], maps: MapSet, run_dir: Path) -> None:
+def drive(plain: dict[str, Any], names: dict[str, Any], maps: MapSet, run_dir: Path) -> None:
+    """Run what is missing of map set × runs into the records of `run_dir`. names: columns of every record."""
     items = list(product(maps.numbers, range(plain["runs"])))
     executor = build_target(plain["executor"], "executor")
     payload = {"config": plain, "names": names}
@@ -57,7 +65,7 @@ def _by_run(items: list[Item]) -> Iterator[Item]:
     return iter(sorted(items, key=lambda item: (item[1], item[0])))
 
 
-def _names(plain: dict[str, Any]) -> dict[str, Any]:
+def record_names(plain: dict[str, Any]) -> dict[str, Any]:
     """The columns that say what was run."""
     choices = HydraConfig.get().runtime.choices
     guide, planner = str(choices["guide"]), str(choices["planner"])
@@ -74,23 +82,20 @@ def _names(plain: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def _sweep_dir() -> Path | None:
+def sweep_directory() -> Path | None:
+    """The directory of the sweep that this job is part of, None where it is part of none."""
     hydra = HydraConfig.get()
     return Path(hydra.sweep.dir) if hydra.mode is RunMode.MULTIRUN else None
 
 
-def _report(maps: MapSet, run_dir: Path, tracking: Any) -> pd.DataFrame:
-    """Tables, picture and tracked run, from the records alone."""
+def report(maps: MapSet, run_dir: Path) -> tuple[pd.DataFrame, list[Path]]:
+    """Write tables and picture, from the records alone; the records and all files."""
     from runners.figures import sample_worlds, trajectories_figure
-    from runners.summary import metrics
-    from runners.tables import print_table, write_tables
+    from runners.tables import write_tables
 
     frame = read_episodes([run_dir])
-    artifacts = write_tables(frame, run_dir)
+    tables = write_tables(frame, run_dir)
     picture = run_dir / "trajectories.png"
     tasks = {number: maps.task(number) for number in sample_worlds(frame)}
     trajectories_figure(frame, read_trajectories([run_dir]), tasks, picture)
-    print_table(frame)
-    print(f"Records, tables and trajectories.png: {run_dir}")
-    tracking.finish(metrics(frame), [*artifacts, picture, run_dir / EPISODES])
-    return frame
+    return frame, [*tables, picture, run_dir / EPISODES]

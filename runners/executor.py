@@ -1,7 +1,8 @@
 """Who runs the episodes: this process, or a pool of worker processes. The answers are the same.
 
 A job is split in two: `initialise(payload)` builds what every episode needs, once per process, and returns
-the function that runs one item. Results come as they finish.
+the function that runs one item. Results come as they finish. `map` serves one list of items; `open` keeps the
+processes for list after list.
 """
 
 from __future__ import annotations
@@ -22,9 +23,10 @@ from typing import Any
 from lme.errors import InputError
 from lme.robots import require
 
-Item = tuple[int, int]  # (world, run)
+Item = Any  # (world, run), or anything that pickles and whose str() says what it is
 Run = Callable[[Item], Any]
 Initialise = Callable[[Any], Run]
+Map = Callable[[Iterable[Item]], Iterator[Any]]  # items to results, as they finish
 
 # One thread per worker: the workers are the parallelism.
 _ONE_THREAD = dict.fromkeys(
@@ -56,13 +58,23 @@ class SerialExecutor:
 
     def map(self, initialise: Initialise, payload: Any, items: Iterable[Item]) -> Iterator[Any]:
         """Results of `initialise(payload)` on every item, in their order."""
+        with self.open(initialise, payload) as run_all:
+            yield from run_all(items)
+
+    @contextlib.contextmanager
+    def open(self, initialise: Initialise, payload: Any, at_once: int | None = None) -> Iterator[Map]:
+        """The same for list after list of items; `initialise` is called once."""
         run = initialise(payload)
-        for item in items:
-            try:
-                result = run(item)
-            except Exception as error:
-                raise _portable(error, item) from error
-            yield result
+
+        def run_all(items: Iterable[Item]) -> Iterator[Any]:
+            for item in items:
+                try:
+                    result = run(item)
+                except Exception as error:
+                    raise _portable(error, item) from error
+                yield result
+
+        yield run_all
 
 
 @dataclass(slots=True)
@@ -97,12 +109,21 @@ class ProcessExecutor:
         WorkerDiedError when a worker was killed. Leaving the iteration early stops the workers.
         """
         todo = list(items)
-        if not todo:
-            return
+        if todo:
+            with self.open(initialise, payload, len(todo)) as run_all:
+                yield from run_all(todo)
+
+    @contextlib.contextmanager
+    def open(self, initialise: Initialise, payload: Any, at_once: int | None = None) -> Iterator[Map]:
+        """The same for list after list of items; the workers live until the end of the `with`.
+
+        at_once: the longest list, where it is known: no more workers than that are started.
+        """
         workers: dict[Connection, BaseProcess] = {}
+        count = self.workers if at_once is None else min(self.workers, at_once)
         try:
-            _start_workers(workers, min(self.workers, len(todo)), initialise, payload)
-            yield from _hand_out(workers, todo)
+            _start_workers(workers, count, initialise, payload)
+            yield lambda items: _hand_out(workers, items)
         finally:
             _stop(workers)
 
@@ -114,7 +135,7 @@ def available_cores() -> int:
     return os.cpu_count() or 1
 
 
-def _hand_out(workers: dict[Connection, BaseProcess], items: list[Item]) -> Iterator[Any]:
+def _hand_out(workers: dict[Connection, BaseProcess], items: Iterable[Item]) -> Iterator[Any]:
     """One item at a time to each worker: an episode takes far longer than the hand-over."""
     waiting = iter(items)
     busy: dict[Connection, Item] = {}
@@ -203,14 +224,14 @@ def _work(coordinator: Connection, initialise: Initialise, payload: Any) -> None
 
 def _portable(error: Exception, item: Item | None) -> Exception:
     """What the coordinator raises: an InputError stays one, anything else brings its traceback as text."""
-    where = f"{_name(item)}: " if item else ""
+    where = "" if item is None else f"{_name(item)}: "
     if isinstance(error, InputError):
         return InputError(f"{where}{error}")
     return EpisodeError(f"{where}{type(error).__name__}: {error}\n{traceback.format_exc()}")
 
 
 def _name(item: Item) -> str:
-    return f"world {item[0]}, run {item[1]}"
+    return f"world {item[0]}, run {item[1]}" if type(item) is tuple else str(item)
 
 
 def _cause(exit_code: int | None) -> str:

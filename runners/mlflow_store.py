@@ -5,8 +5,10 @@ from __future__ import annotations
 import contextlib
 import json
 import logging
+import math
 import os
-from collections.abc import Iterator, Mapping
+import time
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -26,6 +28,7 @@ KEY_LENGTH = 250
 PARAM_LENGTH = 6000
 TAG_LENGTH = 5000
 BATCH = 100
+METRICS_BATCH = 1000
 
 # Unless the user has set them: give up on a dead server in seconds, keep quiet, and report to nobody.
 DEFAULTS = {
@@ -143,13 +146,29 @@ def log_params(client: MlflowClient, run_id: str, config: Mapping[str, Any]) -> 
         client.log_batch(run_id, params=params[start : start + BATCH])
 
 
+def log_series(client: MlflowClient, run_id: str, series: Mapping[str, Sequence[float]]) -> None:
+    """Log metrics that change from step to step; those logged before, by a run now resumed, are left out."""
+    from mlflow.entities import Metric
+
+    now = int(time.time() * 1000)
+    for name, values in series.items():
+        known = {metric.step for metric in client.get_metric_history(run_id, name)}
+        points = [
+            Metric(name, float(value), now, step)
+            for step, value in enumerate(values)
+            if step not in known and math.isfinite(value)
+        ]
+        for start in range(0, len(points), METRICS_BATCH):
+            client.log_batch(run_id, metrics=points[start : start + METRICS_BATCH])
+
+
 @contextlib.contextmanager
 def quiet() -> Iterator[None]:
-    """MLflow and its migrations speak through logging; only what is wrong matters here."""
-    loggers = [logging.getLogger(name) for name in ("mlflow", "alembic")]
+    """MLflow, its migrations and its retries speak through logging; what fails is raised anyway."""
+    loggers = [logging.getLogger(name) for name in ("mlflow", "alembic", "urllib3")]
     before = [logger.level for logger in loggers]
     for logger in loggers:
-        logger.setLevel(logging.WARNING)
+        logger.setLevel(logging.ERROR)
     try:
         yield
     finally:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import contextlib
 import errno
 import os
+import warnings
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from types import TracebackType
@@ -160,13 +161,16 @@ def read_episodes(run_dirs: Sequence[Path]) -> pd.DataFrame:
     for run_dir, differing in zip(run_dirs, _differing_keys(run_dirs), strict=True):
         table = _episode_table(run_dir, _parts_of(run_dir))
         if table.num_rows == 0:
-            raise InputError(f"{run_dir} holds no finished episode yet")
+            warnings.warn(f"{run_dir} holds no finished episode yet: left out", stacklevel=2)
+            continue
         missing = ", ".join(sorted(REQUIRED - set(table.column_names)))
         if missing:
             raise InputError(f"records in {run_dir} lack the columns {missing}: not written by lme eval")
         frame = table.to_pandas()
         constants = {"run_dir": str(run_dir), **differing}
         frames.append(frame.assign(**{key: constants[key] for key in constants if key not in frame}))
+    if not frames:
+        raise InputError(f"no finished episode yet in {', '.join(map(str, run_dirs))}")
     return pd.concat(frames, ignore_index=True)
 
 

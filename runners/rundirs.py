@@ -28,6 +28,7 @@ from runners.mistakes import translated
 LAUNCH = "launch.json"
 NO_RESULTS = ("resume", "executor", "tracking", "system")  # keys that cannot change a result
 ROOT = Path("outputs")
+_RESULTS = ("episodes.parquet", "study.journal")
 _SHOWN = 3  # differing keys that a message names
 
 
@@ -110,18 +111,23 @@ def check_same(launch: Launch, directory: Path) -> None:
             f"not {launch.command} with {len(launch.configs)}: cannot be resumed as that"
         )
     pairs = zip(saved.configs, launch.configs, strict=True)
-    changes = list(dict.fromkeys(change for old, new in pairs for change in _changes(old, new)))
-    more = f" and {len(changes) - _SHOWN} more" if len(changes) > _SHOWN else ""
+    found = list(dict.fromkeys(change for old, new in pairs for change in changes(old, new)))
     raise InputError(
-        f"{directory}: holds a run with another config ({'; '.join(changes[:_SHOWN])}{more}): "
+        f"{directory}: holds a run with another config ({shortened(found)}): "
         "resume it with resume=PATH alone, or choose another directory"
     )
 
 
+def shortened(found: Sequence[str]) -> str:
+    """The first few changes, and how many more there are."""
+    more = f" and {len(found) - _SHOWN} more" if len(found) > _SHOWN else ""
+    return f"{'; '.join(found[:_SHOWN])}{more}"
+
+
 def holds_run(directory: Path) -> bool:
-    """Whether the directory, or one right below it, holds records."""
+    """Whether the directory, or one right below it, holds records or a study."""
     for place in ("", "*/"):
-        if any(True for _ in directory.glob(f"{place}episodes.parquet")):
+        if any(True for name in _RESULTS for _ in directory.glob(f"{place}{name}")):
             return True
         if any(part.stat().st_size for part in directory.glob(f"{place}parts/*") if part.is_file()):
             return True
@@ -177,7 +183,8 @@ def _unwritable(directory: Path, error: OSError) -> InputError:
     )
 
 
-def _changes(old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterator[str]:
+def changes(old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterator[str]:
+    """ "key: old there, new now" for every key in which two identities differ."""
     before, after = dict(_flat(old)), dict(_flat(new))
     for key in sorted(before.keys() | after.keys()):
         if before.get(key) != after.get(key):

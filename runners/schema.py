@@ -30,9 +30,48 @@ class EvalConfig:
     system: dict[str, Any] = field(default_factory=dict)
 
 
+@dataclass(slots=True)
+class Reward:
+    """What a failed episode is worth (paper eq. 1), and how long one may take."""
+
+    crash: float
+    timeout: float
+    max_steps: int | None
+
+
+@dataclass(slots=True)
+class TrainConfig:
+    """`lme train`. held_out: map sets by name; space: nested as the config that it searches."""
+
+    seed: int
+    trials: int
+    configurations: int
+    training_numbers: list[int]
+    reward: Reward
+    runs: int
+    weights: str
+    name: str | None
+    storage: str | None
+    study: str | None
+    resume: Any
+    robot: Robot
+    map: dict[str, Any]
+    guide: dict[str, Any]
+    planner: dict[str, Any]
+    sim: dict[str, Any]
+    ablation: dict[str, float]
+    search: dict[str, Any]
+    space: dict[str, Any]
+    executor: dict[str, Any]
+    tracking: dict[str, Any]
+    held_out: dict[str, Any] = field(default_factory=dict)
+    system: dict[str, Any] = field(default_factory=dict)
+
+
 def register() -> None:
     """Make the schemas and the `parameters` resolver known to Hydra; safe to call again."""
     from runners.weights import parameters
 
     ConfigStore.instance().store(name="eval_schema", node=EvalConfig)
+    ConfigStore.instance().store(name="train_schema", node=TrainConfig)
     OmegaConf.register_new_resolver("parameters", parameters, replace=True)

@@ -44,7 +44,7 @@ INTERVAL_HEADER = "95 % CI"
 PUBLISHED_IN = {"barn": "Gazebo"}  # the paper's other maps ran in ROS Stage
 USUAL = frozenset({"none", "published"})  # an ablation or weights that need no mention
 
-Place = tuple[str, str]  # (system's label, map)
+Place = tuple[str, str, str]  # (system's label, map, robot)
 Figures = Mapping[str, Sequence[float]]  # [mean, std] by metric
 
 
@@ -198,7 +198,7 @@ def _metric_column(group: pd.DataFrame, key: str) -> pd.Series | None:
 
 def _published(systems: Sequence[dict[str, Any]]) -> dict[Place, Figures]:
     return {
-        (system["label"], place): figures
+        (system["label"], place, figures["robot"]): {key: figures[key] for key in figures if key != "robot"}
         for system in systems
         for place, figures in (system.get("published") or {}).items()
     }
@@ -207,12 +207,13 @@ def _published(systems: Sequence[dict[str, Any]]) -> dict[Place, Figures]:
 def _published_place(group: pd.DataFrame) -> Place | None:
     """Where published figures for this group would be found, were there any.
 
-    Only the whole policy compares, and on BARN only the hundred hard worlds.
+    Only the whole policy compares, whoever trained it, and on BARN only the hundred hard worlds.
     """
     first = {key: str(group[key].iloc[0]) for key in ("system", *GROUP_KEYS) if key in group}
-    whole = {first.get("ablation", "none"), first.get("weights", "published")} <= USUAL
+    whole = first.get("ablation", "none") == "none"
     same_worlds = first.get("map") != "barn" or first.get("subset") == "hard100"
-    return (first["system"], first.get("map", "")) if whole and same_worlds else None
+    place = (first["system"], first.get("map", ""), first.get("robot", ""))
+    return place if whole and same_worlds else None
 
 
 def _published_row(place: Place, figures: Figures, ours: Row) -> Row:

@@ -25,6 +25,7 @@ from runners.mlflow_store import (
     check_uri,
     experiment_id,
     log_params,
+    log_series,
     open_client,
     quiet,
     run_of,
@@ -33,6 +34,8 @@ from runners.mlflow_store import (
 
 if TYPE_CHECKING:
     from mlflow import MlflowClient
+
+Series = Mapping[str, Sequence[float]]
 
 
 class Tracking(Protocol):
@@ -47,8 +50,10 @@ class Tracking(Protocol):
     ) -> None:
         """Open a run with these parameters, below the run of `sweep_dir` where it is part of a sweep."""
 
-    def finish(self, metrics: Mapping[str, float], artifacts: Sequence[Path]) -> None:
-        """Book results and close the run."""
+    def finish(
+        self, metrics: Mapping[str, float], artifacts: Sequence[Path], series: Series | None = None
+    ) -> None:
+        """Book results and close the run. series: by name, one value per step from 0 on."""
 
 
 @dataclass(slots=True)
@@ -73,7 +78,9 @@ class NoTracking:
     ) -> None:
         """Nothing."""
 
-    def finish(self, metrics: Mapping[str, float], artifacts: Sequence[Path]) -> None:
+    def finish(
+        self, metrics: Mapping[str, float], artifacts: Sequence[Path], series: Series | None = None
+    ) -> None:
         """Nothing."""
 
 
@@ -121,13 +128,15 @@ class MlflowTracking:
         self._opening = threading.Thread(target=open_run, name="mlflow", daemon=True)
         self._opening.start()
 
-    def finish(self, metrics: Mapping[str, float], artifacts: Sequence[Path]) -> None:
+    def finish(
+        self, metrics: Mapping[str, float], artifacts: Sequence[Path], series: Series | None = None
+    ) -> None:
         if self._opening is not None:
             self._opening.join()
         try:
             if self._error is not None:
                 raise self._error
-            self._log_results(metrics, artifacts)
+            self._log_results(metrics, artifacts, series or {})
         except Exception as error:
             reason = (str(error).splitlines() or [type(error).__name__])[0]
             warnings.warn(
@@ -153,12 +162,13 @@ class MlflowTracking:
         log_params(client, self._run_id, config)
         self._client = client
 
-    def _log_results(self, metrics: Mapping[str, float], artifacts: Sequence[Path]) -> None:
+    def _log_results(self, metrics: Mapping[str, float], artifacts: Sequence[Path], series: Series) -> None:
         if self._client is None:
             return
         for name, value in metrics.items():
             if math.isfinite(value):
                 self._client.log_metric(self._run_id, name[:KEY_LENGTH], float(value))
+        log_series(self._client, self._run_id, series)
         with quiet():
             for path in artifacts:
                 self._client.log_artifact(self._run_id, str(path))

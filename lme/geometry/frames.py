@@ -34,10 +34,3 @@ def compose(pose: Pose, child: Pose) -> Pose:
     x = pose[0] + cos * child[0] - sin * child[1]
     y = pose[1] + sin * child[0] + cos * child[1]
     return Pose(x, y, wrap_angle(pose[2] + child[2]))
-
-
-def relative(pose: Pose, other: Pose) -> Pose:
-    """A pose given in the parent frame, in the frame at `pose`; undoes `compose`."""
-    cos, sin = math.cos(pose[2]), math.sin(pose[2])
-    dx, dy = other[0] - pose[0], other[1] - pose[1]
-    return Pose(cos * dx + sin * dy, cos * dy - sin * dx, wrap_angle(other[2] - pose[2]))

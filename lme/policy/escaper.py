@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import copy
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import NamedTuple
+from pathlib import Path
+from typing import NamedTuple, Self
 
 import numpy as np
 
@@ -20,6 +22,7 @@ from lme.policy.criteria import ORIGIN, Criterion, View
 from lme.policy.maintenance import Choice, History, choose, update_position
 from lme.policy.score import Parameters, score
 from lme.policy.surmount import RULES, find_blockage
+from lme.policy.weights import read_parameters
 from lme.robots import Robot, require
 from lme.types import Floats, Ints, LaserScan, Observation, Twist
 
@@ -52,7 +55,7 @@ class EscaperConfig:
 class Decision(NamedTuple):
     """One step of Algorithm 1.
 
-    subgoal: (2,) in the robot frame [m]. blocked: no candidate was reachable, the best of them stands.
+    subgoal: (2,) in the robot frame [m]. blocked: no candidate is reachable, the best of them stands.
     """
 
     subgoal: Floats
@@ -114,6 +117,17 @@ class LocalMinimumEscaper:
         self._parameters = Parameters.from_mapping(parameters, self._names)
         self.reset(np.random.default_rng(0))
 
+    @classmethod
+    def from_file(
+        cls,
+        path: Path | str,
+        robot: Robot,
+        config: EscaperConfig | None = None,
+        criteria: Mapping[str, Criterion] = PAPER_CRITERIA,
+    ) -> Self:
+        """With the parameters of a weight file. Raises InputError where it is missing or not right."""
+        return cls(robot, read_parameters(Path(path), tuple(criteria)), config, criteria)
+
     def reset(self, rng: np.random.Generator) -> None:
         """Forget the last episode; candidates are drawn from `rng`."""
         self._rng = rng
@@ -128,8 +142,13 @@ class LocalMinimumEscaper:
         return self._step(observation).decision
 
     def explain(self, observation: Observation) -> Explanation:
-        """Advance one control period, like `decide`, and return all that led to the subgoal."""
-        step = self._step(observation)
+        """What `decide` would do with this observation now, and all that leads to it. Changes nothing."""
+        before = self._rng, self._history, self._subgoal, self._twist
+        self._rng, self._history = copy.deepcopy(before[:2])
+        try:
+            step = self._step(observation)
+        finally:
+            self._rng, self._history, self._subgoal, self._twist = before
         has_old = step.old is not None
         sectors, closed = cluster(step.view.points, 2.0 * step.view.radius, is_full_circle(observation.scan))
         return Explanation(
@@ -162,10 +181,10 @@ class LocalMinimumEscaper:
         new = int(np.argmax(scores[:old]))
         choice = self._choose(scores, new)
         if choice is not Choice.KEPT:
-            self._subgoal = pool[new]
+            self._subgoal = pool[new].copy()
         assert self._subgoal is not None
-        blocked = choice is not Choice.KEPT and not features[self._reachable, :old].any()
-        return _Step(Decision(self._subgoal, choice, blocked), view, pool, features, scores, new, old)
+        blocked = not features[self._reachable, :old].any()
+        return _Step(Decision(self._subgoal.copy(), choice, blocked), view, pool, features, scores, new, old)
 
     def _advance(self, twist: Twist) -> None:
         """Carry history and old subgoal from the last robot frame into the present one."""
@@ -186,19 +205,21 @@ class LocalMinimumEscaper:
         return View(points, target, radius, self._history.points(), blockage)
 
     def _generate(self, observation: Observation, view: View) -> Floats:
-        """Random candidates, and the target itself where it is in view, in range and free."""
+        """Random candidates in the field of view, and the target itself where it is in view and free.
+
+        Ranges and bearings are about the base, as the paper has them, and so is the field of view: a lidar
+        mounted off the base sees all but a strip as wide as the mount's offset. Candidates about the lidar
+        would crowd ahead of the base, and a robot that wants to stay would creep.
+        """
         config, scan = self._config.candidates, observation.scan
         reach = min(config.max_range, scan.range_max)
         bearing_min = scan.angle_min + self._robot.lidar.yaw
         fov = scan.angle_increment * (len(scan.ranges) - (not is_full_circle(scan)))
         candidates = sample(self._rng, config, reach, bearing_min, fov)
         target = view.target
-        if not config.target or math.hypot(target[0], target[1]) > reach:
+        if not config.target or not _in_view(target, reach, bearing_min, fov):
             return candidates
-        off_centre = abs(
-            math.remainder(math.atan2(target[1], target[0]) - bearing_min - fov / 2, 2 * math.pi)
-        )
-        if off_centre > fov / 2 or fan_blocked(ORIGIN, target[None], view.points, view.radius)[0]:
+        if fan_blocked(ORIGIN, target[None], view.points, view.radius)[0]:
             return candidates
         return np.concatenate((candidates, target[None]))
 
@@ -212,6 +233,12 @@ class LocalMinimumEscaper:
 def is_full_circle(scan: LaserScan) -> bool:
     """Whether the last beam's neighbour is the first, to half an increment."""
     return (len(scan.ranges) + 0.5) * scan.angle_increment >= 2 * math.pi
+
+
+def _in_view(point: Floats, reach: float, bearing_min: float, fov: float) -> bool:
+    """Whether a point lies in the sector [bearing_min, bearing_min + fov], up to `reach`."""
+    off_centre = math.remainder(math.atan2(point[1], point[0]) - bearing_min - fov / 2, 2 * math.pi)
+    return math.hypot(point[0], point[1]) <= reach and abs(off_centre) <= fov / 2
 
 
 @lru_cache(maxsize=16)

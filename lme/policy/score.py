@@ -25,14 +25,15 @@ class Parameters:
     def from_mapping(cls, values: Mapping[str, float], criteria: Sequence[str]) -> Parameters:
         """Take the weight of each criterion by name, then d1 and d2.
 
-        Raises InputError where a name is missing or unknown, or a value negative or NaN.
+        Raises InputError where a name is missing or unknown, a value negative or NaN, or a weight infinite.
         """
         names = [*criteria, "d1", "d2"]
         for name, value in values.items():
             if name not in names:
                 raise InputError(f"parameter {name!r} is unknown: {_suggest(name, names)}")
-            if math.isnan(value) or value < 0:
-                raise InputError(f"parameter {name} is {value:g}: must be at least 0")
+            if math.isnan(value) or value < 0 or (math.isinf(value) and name not in ("d1", "d2")):
+                finite = "" if name in ("d1", "d2") else " and finite"
+                raise InputError(f"parameter {name} is {value:g}: must be at least 0{finite}")
         missing = [name for name in names if name not in values]
         if missing:
             raise InputError(

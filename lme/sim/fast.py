@@ -66,8 +66,10 @@ class FastSimulator:
     def _even_limits(self, command: Twist) -> Limits:
         """Limits under which the change of velocity takes the whole period, where α allows."""
         limits, twist, dt = self._robot.limits, self.state.twist, self._robot.dt
-        alpha_v = min(limits.alpha_v, max(abs(command.v - twist.v) / dt, 1e-9))
-        alpha_omega = min(limits.alpha_omega, max(abs(command.omega - twist.omega) / dt, 1e-9))
+        v = min(max(command.v, -limits.v_max), limits.v_max)
+        omega = min(max(command.omega, -limits.omega_max), limits.omega_max)
+        alpha_v = min(limits.alpha_v, max(abs(v - twist.v) / dt, 1e-9))
+        alpha_omega = min(limits.alpha_omega, max(abs(omega - twist.omega) / dt, 1e-9))
         return limits._replace(alpha_v=alpha_v, alpha_omega=alpha_omega)
 
     def _settle(self, travel: Floats, twist: Twist, start_time: float, dt: float) -> State:

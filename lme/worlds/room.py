@@ -22,6 +22,7 @@ from lme.worlds.world import Task
 from lme.worlds.yaml_entry import read_yaml
 
 UNKNOWN = ("obstacle", "free")
+STAGE_RADIUS = 0.2  # [m] of the paper's robot (§IV.A)
 DRAWING = "shapes.yaml"  # of a map that ships with the package, in its folder of maps/
 
 
@@ -37,7 +38,7 @@ class RoomConfig:
     worlds: list[int] | None = None  # these numbers instead
     sample_seed: int = 0  # which stream of configurations
     min_distance: float = 3.0  # [m] from start to goal, in a straight line
-    radius: float = 0.2  # [m] of the robot that must be able to reach the goal
+    radius: float | None = None  # [m] of the disc that must be able to reach the goal; None: STAGE_RADIUS
     margin: float = 0.1  # [m] more than radius, kept free around start and goal
     grid: float = 0.05  # [m] between the points that are tried
     goal_tolerance: float = 0.2  # [m]
@@ -52,7 +53,9 @@ class RoomConfig:
         require("map.sample_seed", self.sample_seed, at_least=0)
         for key in ("min_distance", "margin", "clock_distance"):
             require(f"map.{key}", getattr(self, key), at_least=0.0)
-        for key in ("radius", "grid", "goal_tolerance", "time_limit", "speed"):
+        if self.radius is not None:
+            require("map.radius", self.radius, above=0.0)
+        for key in ("grid", "goal_tolerance", "time_limit", "speed"):
             require(f"map.{key}", getattr(self, key), above=0.0)
         self._check_size()
         self._check_worlds()
@@ -84,7 +87,8 @@ class Room:
         self._name = config.name or path.stem
         self._numbers = tuple(range(config.configurations) if config.worlds is None else config.worlds)
         source = (path, path.stat().st_mtime_ns, _size(config), config.unknown)
-        self._plan, self._space = _surveyed(*source, config.grid, config.radius, config.margin)
+        radius = STAGE_RADIUS if config.radius is None else config.radius
+        self._plan, self._space = _surveyed(*source, config.grid, radius, config.margin)
         self._configurations = {number: self._drawn(number) for number in self._numbers}
         self._lengths: dict[int, float] = {}
 

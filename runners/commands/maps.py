@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,17 +18,9 @@ EXAMPLES = (
 
 def main(argv: list[str]) -> int:
     """`lme maps`, `lme maps show MAP [NUMBER…] [key=value…]`, `lme maps import SOURCE DESTINATION`."""
-    from lme.errors import InputError
-
     arguments = _parser().parse_args(argv)
-    try:
-        for line in arguments.lines(arguments):
-            print(line)
-    except InputError as error:
-        print(f"lme maps: {error}", file=sys.stderr)
-        return 2
-    except BrokenPipeError:  # `lme maps show barn | head`
-        sys.stderr.close()
+    for line in arguments.lines(arguments):
+        print(line)
     return 0
 
 

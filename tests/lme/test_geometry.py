@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lme.geometry.angles import wrap_angle
-from lme.geometry.frames import compose, relative, to_robot, to_world
+from lme.geometry.frames import compose, to_robot, to_world
 from lme.types import Pose
 from tests.tolerances import KERNEL
 
@@ -41,13 +41,6 @@ def test_a_point_ahead_of_a_robot_that_faces_north():
 def test_robot_frame_undoes_world_frame(pose, x, y):
     point = np.array([x, y])
     assert to_robot(to_world(point, pose), pose) == pytest.approx(point, abs=KERNEL)
-
-
-@given(POSES, POSES)
-def test_relative_undoes_compose(pose, child):
-    back = relative(pose, compose(pose, child))
-    assert back[:2] == pytest.approx(child[:2], abs=KERNEL)
-    assert math.remainder(back.yaw - child.yaw, math.tau) == pytest.approx(0.0, abs=KERNEL)
 
 
 @given(POSES, POSES, COORDINATE, COORDINATE)

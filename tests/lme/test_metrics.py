@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lme.errors import InputError
-from lme.metrics import barn_metric, mean_std_over_runs, path_length, reward, spl, wilson_interval
+from lme.metrics import barn_metric, mean_std_over_runs, reward, spl, wilson_interval
 from lme.types import Outcome
 from tests.tolerances import KERNEL
 
@@ -46,20 +46,6 @@ def test_spl_by_hand():
 @given(lengths, lengths, st.booleans())
 def test_spl_lies_between_zero_and_one(shortest, path, success):
     assert 0.0 <= spl(success, shortest, path) <= 1.0
-
-
-def test_path_length_of_a_staircase_a_point_and_nothing():
-    assert path_length([[0, 0], [3, 4], [3, 5]]) == 6.0
-    assert path_length([[1, 2]]) == 0.0
-    assert path_length(np.empty((0, 2))) == 0.0
-
-
-@given(st.lists(st.tuples(st.floats(-50, 50), st.floats(-50, 50)), min_size=1, max_size=20), st.floats(-3, 3))
-def test_path_length_does_not_change_when_the_path_is_turned_or_reversed(points, angle):
-    xy = np.array(points)
-    turn = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
-    assert path_length(xy @ turn.T) == pytest.approx(path_length(xy), abs=1e3 * KERNEL)
-    assert path_length(xy[::-1]) == pytest.approx(path_length(xy), abs=1e3 * KERNEL)
 
 
 def test_reward_is_equation_1():

@@ -170,5 +170,6 @@ def test_history_within_r_is_left_out():
     # One period of standing still leaves the last position at the origin: it must not forbid every way.
     escaper = LocalMinimumEscaper(stage(), PUBLISHED, EscaperConfig())
     for _ in range(3):
-        seen = escaper.explain(observation())
+        escaper.decide(observation())
+    seen = escaper.explain(observation())
     assert seen.view.history.shape == (0, 2)

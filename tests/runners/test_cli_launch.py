@@ -116,18 +116,21 @@ def test_ablations_combine_and_take_new_keys(probe):
     assert dict(probe.runs[0][0].ablation) == {"c_o": 0.0, "c_t": 3.0, "a_dev": 0.5}
 
 
+PUBLISHED = (ROOT / "conf" / "weight_set" / "published.yaml").read_text()
+
+
 def test_weights_may_be_a_path_with_anything_in_it(probe, tmp_path):
     path = tmp_path / "my best, of [3].yaml"
-    path.write_text("parameters: {a_close: 2.5}")
+    path.write_text(PUBLISHED.replace("a_close: 1.51", "a_close: 2.5"))
     assert probe.launch(f"weights='{path}'") == 0
     assert probe.runs[0][0].guide.parameters["a_close"] == 2.5
 
 
 def test_the_weights_contents_are_part_of_the_fingerprint(probe, tmp_path):
     path = tmp_path / "mine.yaml"
-    path.write_text("parameters: {a_close: 2.5}")
+    path.write_text(PUBLISHED.replace("a_close: 1.51", "a_close: 2.5"))
     probe.launch(f"weights={path}", "hydra.run.dir=out")
-    path.write_text("parameters: {a_close: 2.6}")
+    path.write_text(PUBLISHED.replace("a_close: 1.51", "a_close: 2.6"))
     with pytest.raises(InputError, match=r"guide\.parameters\.a_close: 2\.5 there, 2\.6 now"):
         probe.launch(f"weights={path}", "hydra.run.dir=out", "resume=true")
 

@@ -194,3 +194,34 @@ def test_workers_of_a_killed_coordinator_end_by_themselves(coordinate):
     process.kill()
     with pytest.raises(ProcessLookupError):
         _wait_until_gone(worker)
+
+
+@pytest.mark.parametrize(
+    "executor", [SerialExecutor(SerialConfig()), ProcessExecutor(ProcessConfig(workers=2))]
+)
+def test_an_open_executor_serves_list_after_list(executor):
+    """By the same processes: what they hold is built once."""
+    with executor.open(name_process, None) as run_all:
+        lists = [sorted(run_all(range(count))) for count in (5, 0, 3)]
+    assert [[item for item, _ in found] for found in lists] == [[0, 1, 2, 3, 4], [], [0, 1, 2]]
+    assert {process for _, process in lists[2]} <= {process for _, process in lists[0]}
+
+
+def test_an_item_may_say_itself_what_it_is():
+    class Attempt(tuple):
+        def __str__(self):
+            return "trial 4, configuration 2"
+
+    with pytest.raises(InputError, match="trial 4, configuration 2: bad"):
+        list(SerialExecutor(SerialConfig()).map(fail, None, [Attempt()]))
+
+
+def name_process(payload):
+    return lambda item: (item, os.getpid())
+
+
+def fail(payload):
+    def run(item):
+        raise InputError("bad")
+
+    return run

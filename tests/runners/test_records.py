@@ -230,7 +230,11 @@ def test_missing_and_garbage_files_are_named(tmp_path):
         find_runs([tmp_path / "nowhere"])
     with pytest.raises(InputError, match="holds no records"):
         find_runs([tmp_path])
-    with RecordWriter(tmp_path), pytest.raises(InputError, match="no finished episode"):
+    with (
+        RecordWriter(tmp_path),
+        pytest.warns(UserWarning, match="left out"),
+        pytest.raises(InputError, match="no finished episode"),
+    ):
         read_episodes([tmp_path])
     parts = tmp_path / "parts" / "episodes.jsonl"
     write(tmp_path, KEYS[:1], merge=False)

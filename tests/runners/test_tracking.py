@@ -41,6 +41,18 @@ def book(uri, run_dir, config=CONFIG, metrics=None, artifacts=(), sweep_dir=None
     return returned_s
 
 
+def test_a_series_is_booked_step_by_step_and_continued(store, tmp_path):
+    for values in ([0.1, 0.2], [0.1, 0.2, float("nan"), 0.4]):
+        tracking = MlflowTracking(MlflowConfig(uri=store))
+        tracking.start(CONFIG, tmp_path / "series", {})
+        tracking.finish({"success": 1.0}, [], {"reward": values})
+    from mlflow import MlflowClient
+
+    run = booked(store, tmp_path / "series").info.run_id
+    history = MlflowClient(tracking_uri=store).get_metric_history(run, "reward")
+    assert sorted((metric.step, metric.value) for metric in history) == [(0, 0.1), (1, 0.2), (3, 0.4)]
+
+
 def booked(uri, run_dir):
     from mlflow import MlflowClient
 

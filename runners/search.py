@@ -1,0 +1,188 @@
+"""Who proposes the next trial: Optuna's samplers, seeded anew for every trial.
+
+A sampler that is made from (seed, number of the trial) keeps nothing in memory that the study does not hold,
+so a study that was killed goes on as if nothing had happened.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib.util import find_spec
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+
+from lme.errors import InputError
+from lme.robots import require
+
+if TYPE_CHECKING:
+    from optuna.samplers import BaseSampler
+
+
+class Search(Protocol):
+    """One file in `conf/search/` each."""
+
+    @property
+    def batch(self) -> int:
+        """How many trials are asked before any of them is told."""
+
+    def sampler(self, seed: int) -> BaseSampler:
+        """A sampler that has proposed nothing yet."""
+
+
+@dataclass(slots=True)
+class TpeConfig:
+    """startup: random trials before the model is used; multivariate: one model of all parameters together."""
+
+    batch: int = 4
+    startup: int = 10
+    multivariate: bool = True
+
+    def __post_init__(self) -> None:
+        require("search.batch", self.batch, at_least=1)
+        require("search.startup", self.startup, at_least=1)
+
+
+class Tpe:
+    """Tree-structured Parzen estimator (Bergstra et al. 2011; multivariate: Falkner et al. 2018)."""
+
+    Config = TpeConfig
+
+    def __init__(self, config: TpeConfig) -> None:
+        self._config = config
+        self.batch = config.batch
+
+    def sampler(self, seed: int) -> BaseSampler:
+        from optuna.samplers import TPESampler
+
+        return TPESampler(
+            n_startup_trials=self._config.startup,
+            multivariate=self._config.multivariate,
+            constant_liar=True,  # trials in flight count as bad, so that a batch does not crowd one place
+            seed=seed,
+        )
+
+
+@dataclass(slots=True)
+class GpConfig:
+    """startup: random trials before the model is used."""
+
+    batch: int = 1
+    startup: int = 10
+
+    def __post_init__(self) -> None:
+        require("search.batch", self.batch, at_least=1)
+        require("search.startup", self.startup, at_least=1)
+
+
+class Gp:
+    """Gaussian process, Matérn 5/2, logarithm of the expected improvement (paper §III.F; Snoek et al. 2012)."""
+
+    Config = GpConfig
+
+    def __init__(self, config: GpConfig) -> None:
+        _need("torch", "gp")
+        self._config = config
+        self.batch = config.batch
+
+    def sampler(self, seed: int) -> BaseSampler:
+        import torch
+        from optuna.samplers import GPSampler
+
+        torch.set_num_threads(
+            1
+        )  # sums in one order, whatever the machine: results do not depend on its cores
+        return GPSampler(n_startup_trials=self._config.startup, deterministic_objective=False, seed=seed)
+
+
+@dataclass(slots=True)
+class CmaesConfig:
+    """batch: also the size of a generation."""
+
+    batch: int = 10
+
+    def __post_init__(self) -> None:
+        require("search.batch", self.batch, at_least=2)
+
+
+class Cmaes:
+    """Covariance matrix adaptation evolution strategy (Hansen 2016), one batch a generation."""
+
+    Config = CmaesConfig
+
+    def __init__(self, config: CmaesConfig) -> None:
+        _need("cmaes", "cmaes")
+        self.batch = config.batch
+
+    def sampler(self, seed: int) -> BaseSampler:
+        from optuna.samplers import CmaEsSampler
+
+        return CmaEsSampler(popsize=self.batch, warn_independent_sampling=False, seed=seed)
+
+
+@dataclass(slots=True)
+class RandomConfig:
+    """batch: how many trials run at once; it changes no result."""
+
+    batch: int = 8
+
+    def __post_init__(self) -> None:
+        require("search.batch", self.batch, at_least=1)
+
+
+class Random:
+    """Independent draws."""
+
+    Config = RandomConfig
+
+    def __init__(self, config: RandomConfig) -> None:
+        self.batch = config.batch
+
+    def sampler(self, seed: int) -> BaseSampler:
+        from optuna.samplers import RandomSampler
+
+        return RandomSampler(seed=seed)
+
+
+def per_trial(make: Callable[[int], BaseSampler], seed: int) -> BaseSampler:
+    """A sampler that proposes trial n as `make(seed of n)` would, whatever it has proposed before."""
+    from optuna.samplers import BaseSampler as Base
+
+    class PerTrial(Base):
+        _number: int | None = None
+        _sampler: Any = None
+
+        def _of(self, trial: Any) -> Any:
+            if trial.number != self._number:
+                self._number, self._sampler = trial.number, _quietly(make, trial_seed(seed, trial.number))
+            return self._sampler
+
+        def infer_relative_search_space(self, study: Any, trial: Any) -> Any:
+            return self._of(trial).infer_relative_search_space(study, trial)
+
+        def sample_relative(self, study: Any, trial: Any, search_space: Any) -> Any:
+            return self._of(trial).sample_relative(study, trial, search_space)
+
+        def sample_independent(self, study: Any, trial: Any, param_name: str, param_distribution: Any) -> Any:
+            return self._of(trial).sample_independent(study, trial, param_name, param_distribution)
+
+    return PerTrial()
+
+
+def trial_seed(seed: int, number: int) -> int:
+    """32 bits from the study's seed and the trial's number."""
+    return int(np.random.SeedSequence([seed, number]).generate_state(1)[0])
+
+
+def _quietly(make: Callable[[int], BaseSampler], seed: int) -> BaseSampler:
+    """Optuna calls `multivariate` and the Gaussian process experimental each time."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return make(seed)
+
+
+def _need(package: str, extra: str) -> None:
+    if find_spec(package) is None:
+        raise InputError(f"search={extra} needs {package}: pip install 'lme[{extra}]', or choose search=tpe")
