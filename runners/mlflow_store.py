@@ -8,7 +8,7 @@ import logging
 import math
 import os
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -63,13 +63,14 @@ def sqlite_path(uri: str) -> Path | None:
 
 def open_client(uri: str) -> MlflowClient:
     """A client of the store at `uri`, which is made if it is a file that is not there yet."""
-    with quiet():
-        from mlflow import MlflowClient
+    _quieten()
+    from mlflow import MlflowClient
 
-        path = sqlite_path(uri)
-        if path is not None and not path.exists():
-            _create_store(path)
-        return MlflowClient(tracking_uri=uri, registry_uri=uri)
+    _quieten()  # its import sets levels of its own
+    path = sqlite_path(uri)
+    if path is not None and not path.exists():
+        _create_store(path)
+    return MlflowClient(tracking_uri=uri, registry_uri=uri)
 
 
 def _create_store(path: Path) -> None:
@@ -162,15 +163,7 @@ def log_series(client: MlflowClient, run_id: str, series: Mapping[str, Sequence[
             client.log_batch(run_id, metrics=points[start : start + METRICS_BATCH])
 
 
-@contextlib.contextmanager
-def quiet() -> Iterator[None]:
+def _quieten() -> None:
     """MLflow, its migrations and its retries speak through logging; what fails is raised anyway."""
-    loggers = [logging.getLogger(name) for name in ("mlflow", "alembic", "urllib3")]
-    before = [logger.level for logger in loggers]
-    for logger in loggers:
-        logger.setLevel(logging.ERROR)
-    try:
-        yield
-    finally:
-        for logger, level in zip(loggers, before, strict=True):
-            logger.setLevel(level)
+    for name in ("mlflow", "alembic", "urllib3"):
+        logging.getLogger(name).setLevel(logging.ERROR)

@@ -27,7 +27,6 @@ from runners.mlflow_store import (
     log_params,
     log_series,
     open_client,
-    quiet,
     run_of,
     set_defaults,
 )
@@ -169,10 +168,9 @@ class MlflowTracking:
             if math.isfinite(value):
                 self._client.log_metric(self._run_id, name[:KEY_LENGTH], float(value))
         log_series(self._client, self._run_id, series)
-        with quiet():
-            for path in artifacts:
-                self._client.log_artifact(self._run_id, str(path))
-            self._client.set_terminated(self._run_id)
+        for path in artifacts:
+            self._client.log_artifact(self._run_id, str(path))
+        self._client.set_terminated(self._run_id)
 
 
 def environment_tags() -> dict[str, str]:

@@ -1,0 +1,72 @@
+"""How long `lme train` takes, against the paper's 1.5 hours.
+
+    python -m benchmarks.training [--record] [--gp]
+
+Two worker processes, compiled code already in its cache. --record also writes benchmarks/results/training.md;
+--gp measures the Gaussian process too (needs the extra `gp`).
+"""
+
+import argparse
+import sys
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+from benchmarks.speed import machine, timed
+
+PAPER_S = 5400.0  # "approximately 1.5 hours" on an Intel i9-13900KF with ROS Stage (paper §IV.A)
+RESULT = Path(__file__).parent / "results" / "training.md"
+
+
+def main() -> None:
+    """Print, and record where asked."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--record", action="store_true", help=f"write {RESULT.name}")
+    parser.add_argument("--gp", action="store_true", help="also search=gp")
+    arguments = parser.parse_args()
+    lines = []
+    for line in report(arguments.gp):
+        print(line, flush=True)
+        lines.append(line)
+    if arguments.record:
+        RESULT.parent.mkdir(exist_ok=True)
+        RESULT.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def report(with_gp: bool) -> Iterator[str]:
+    """Markdown, line by line."""
+    yield "# Training\n"
+    yield f"`python -m benchmarks.training --record`, {machine()}\n"
+    yield "Two workers. The search is the time from the first trial to the last: 4 episodes a trial, the search's own"
+    yield "share included. The paper's 600 episodes took 5,400 s on an Intel i9-13900KF, in ROS Stage.\n"
+    yield "| command | whole command [s] | search [s] | the paper's 5,400 s are … times the whole |"
+    yield "|---|---:|---:|---:|"
+    cases = [["trials=75", "tracking=none"], ["tracking=none"], ["trials=300", "tracking=none"], []]
+    cases += [["search=random", "tracking=none"]] + ([["search=gp", "tracking=none"]] if with_gp else [])
+    for words in cases:
+        whole, search = measured(words)
+        share = f"{PAPER_S / whole:,.0f}" if not words or words[0].partition("=")[0] != "trials" else ""
+        yield f"| `{' '.join(['lme', 'train', *words])}` | {whole:.1f} | {search:.1f} | {share} |"
+
+
+def measured(words: list[str]) -> tuple[float, float]:
+    """Wall time of a training command, and of its trials from first to last [s]."""
+    lme = str(Path(sys.executable).parent / "lme")
+    with tempfile.TemporaryDirectory() as folder:
+        whole, _ = timed([lme, "train", *words, "executor.workers=2", "hydra.run.dir=run"], folder)
+        return whole, search_time(Path(folder) / "run" / "study.journal")
+
+
+def search_time(journal: Path) -> float:
+    """From the first trial asked to the last told [s]."""
+    from optuna.storages import JournalStorage
+    from optuna.storages.journal import JournalFileBackend
+
+    storage = JournalStorage(JournalFileBackend(str(journal)))
+    trials = storage.get_all_trials(storage.get_all_studies()[0]._study_id)
+    begin = min(trial.datetime_start for trial in trials)
+    return (max(trial.datetime_complete for trial in trials) - begin).total_seconds()
+
+
+if __name__ == "__main__":
+    main()
