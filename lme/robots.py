@@ -130,6 +130,7 @@ class Robot:
 
     def _check_collision_radius(self, radius: float) -> None:
         """Paper §III.G: below r_min no subgoal is reachable; below r_max only in some orientations."""
+        require("robot.collision_radius", radius, above=0.0)
         r_min, r_max = self.footprint.r_min, self.footprint.r_max
         if radius < r_min:
             raise InputError(

@@ -1,10 +1,20 @@
-"""Small robots, observations and tasks for tests."""
+"""Small robots, observations, tasks and episodes for tests."""
 
 import math
+import warnings
 
 import numpy as np
+import yaml
 
+import lme.policy.escaper
+from lme.guides.lme import Lme, LmeConfig
+from lme.guides.target import Target, TargetConfig
+from lme.navigator import Navigator
+from lme.planners.simple import Simple, SimpleConfig
+from lme.policy.escaper import PAPER_CRITERIA, EscaperConfig, LocalMinimumEscaper
+from lme.resources import resource_dir
 from lme.robots import Footprint, Lidar, Robot
+from lme.sim.fast import FastConfig, FastSimulator
 from lme.types import LaserScan, Observation, Pose, Twist
 from lme.worlds.world import Task, World
 
@@ -34,6 +44,31 @@ def stage(fov=2 * math.pi, num_beams=540, **changes):
         "lidar": lidar,
     }
     return Robot(**{**values, **changes})
+
+
+def robot_from(values):
+    """A robot from a mapping as in `conf/robot/`; a warning about its collision radius is its author's."""
+    parts = {"footprint": Footprint(**values["footprint"]), "lidar": Lidar(**values["lidar"])}
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)
+        return Robot(**{**values, **parts})
+
+
+SHIPPED = tuple(sorted(path.stem for path in (resource_dir("conf") / "robot").glob("*.yaml")))
+
+
+def shipped(name):
+    """A robot that ships."""
+    return robot_from(yaml.safe_load((resource_dir("conf") / "robot" / f"{name}.yaml").read_text("utf-8")))
+
+
+def navigator(robot, guide="lme", **settings):
+    """The simple planner behind LME with the published parameters, or bare."""
+    if guide == "lme":
+        chosen = Lme(LmeConfig(parameters=PUBLISHED, **settings), robot)
+    else:
+        chosen = Target(TargetConfig(), robot)
+    return Navigator(chosen, Simple(SimpleConfig(), robot))
 
 
 def observation(target=(4.0, 0.0), ranges=None, twist=Twist(0.0, 0.0), robot=None):  # noqa: B008
@@ -69,3 +104,62 @@ def room(side=10.0):
     h = side / 2
     corners = np.array([[-h, -h], [h, -h], [h, h], [-h, h]])
     return World(segments=np.hstack([corners, np.roll(corners, -1, axis=0)]))
+
+
+CLUTTER = World(
+    circles=np.array([[1.5, 0.6, 0.2], [2.5, -0.5, 0.3], [-1.0, 1.0, 0.2]]),
+    segments=np.array([[3.0, -1.0, 3.0, 1.5]]),
+)
+
+
+def only(**weights):
+    """Parameters with these values, d1 and d2 that always keep, and nothing else."""
+    return {**dict.fromkeys(PAPER_CRITERIA, 0.0), "d1": 0.0, "d2": math.inf, **weights}
+
+
+def escaper(parameters=PUBLISHED, robot=None, seed=0, **settings):
+    """LME with these settings, reset with the seed."""
+    made = LocalMinimumEscaper(robot or stage(), parameters, EscaperConfig(**settings))
+    made.reset(np.random.default_rng(seed))
+    return made
+
+
+def inject(monkeypatch, *draws):
+    """Let these (N, 2) candidates be drawn one after the other."""
+    left = [np.array(draw, dtype=float) for draw in draws]
+    monkeypatch.setattr(lme.policy.escaper, "sample", lambda *_: left.pop(0))
+
+
+def wander(steps=30, seed=0, even=True, robot=None):
+    """Observations and true poses of a robot that drives about at random."""
+    robot, rng = robot or stage(), np.random.default_rng(seed)
+    simulator = FastSimulator(FastConfig(even_ramp=even), robot)
+    seen = [simulator.reset(task(room(40.0), goal=(15.0, 5.0)), rng)]
+    poses = [simulator.state.pose]
+    for _ in range(steps):
+        command = Twist(rng.uniform(0.1, robot.v_max), rng.uniform(-1, 1) * robot.omega_max)
+        seen.append(simulator.step(command))
+        poses.append(simulator.state.pose)
+    return seen, poses
+
+
+def escape(seed=0, robot=None, steps=25):
+    """Observations on the way of LME past some obstacles."""
+    robot = robot or stage()
+    simulator = FastSimulator(FastConfig(), robot)
+    driver = navigator(robot)
+    driver.reset(np.random.default_rng(seed))
+    seen = [simulator.reset(task(CLUTTER), np.random.default_rng(seed))]
+    for _ in range(steps):
+        seen.append(simulator.step(driver.act(seen[-1])))
+    return seen
+
+
+def assert_same(one, two):
+    """Two explanations or decisions, to the last bit."""
+    if isinstance(one, tuple):
+        assert len(one) == len(two)
+        for a, b in zip(one, two, strict=True):
+            assert_same(a, b)
+    else:
+        np.testing.assert_array_equal(one, two)

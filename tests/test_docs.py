@@ -18,9 +18,9 @@ ASSUMED = sorted(
 def test_every_assumed_value_is_listed(file, key):
     listed = (ROOT / "docs" / "assumptions.md").read_text(encoding="utf-8")
     sections = re.split(r"\n(?=## )", listed)
-    assert any(f"conf/{file}" in section and re.search(rf"`[\w.]*{key}\b", section) for section in sections), (
-        f"conf/{file} marks {key} ASSUMED: docs/assumptions.md must list it"
-    )
+    assert any(
+        f"conf/{file}" in section and re.search(rf"`[\w.]*{key}\b", section) for section in sections
+    ), f"conf/{file} marks {key} ASSUMED: docs/assumptions.md must list it"
 
 
 @pytest.mark.parametrize("name", ["README.md", "CONTRIBUTING.md"])

@@ -156,4 +156,6 @@ def test_a_system_file_is_what_it_says(composer, option):
         assert (CONF / "robot" / f"{figures.robot}.yaml").is_file()
         rates = sum(figures[outcome][0] for outcome in ("success", "collision", "timeout"))
         assert rates == pytest.approx(1.0, abs=0.0101)  # rounded to two digits
-        assert all(0 <= deviation < 0.05 for key in figures if key != "robot" for deviation in figures[key][1:])
+        assert all(
+            0 <= deviation < 0.05 for key in figures if key != "robot" for deviation in figures[key][1:]
+        )

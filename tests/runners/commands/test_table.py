@@ -16,7 +16,14 @@ def write_run(run_dir, subset="hard100", worlds=(200, 201), config=None):
     with RecordWriter(run_dir) as writer:
         for world in worlds:
             outcome = "collision" if world == 201 else "success"
-            record = {"system": "LME", "map": "barn", "robot": "jackal", "subset": subset, "world": world, "run": 0}
+            record = {
+                "system": "LME",
+                "map": "barn",
+                "robot": "jackal",
+                "subset": subset,
+                "world": world,
+                "run": 0,
+            }
             writer.append({**record, "outcome": outcome, "time_s": 9.0, "spl": 0.7}, trajectory)
         writer.merge()
     if config is not None:

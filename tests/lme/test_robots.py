@@ -1,0 +1,175 @@
+"""What a robot may be, and what follows from its footprint and lidar."""
+
+import math
+import warnings
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from lme.episode import run_episode
+from lme.errors import InputError
+from lme.robots import Footprint, Lidar
+from lme.sim.fast import FastConfig, FastSimulator
+from lme.types import Limits, Outcome, Pose
+from lme.worlds.barn import Barn, BarnConfig
+from tests.builders import SHIPPED, navigator, shipped, stage
+from tests.tolerances import KERNEL
+
+LIDAR = {"num_beams": 9, "fov": 2.0, "range_min": 0.1, "range_max": 5.0}
+
+
+@pytest.mark.parametrize("key", ["v_max", "omega_max", "alpha_v", "alpha_omega", "control_rate"])
+@pytest.mark.parametrize("value", [0.0, -1.0, math.nan, math.inf])
+def test_a_limit_must_be_positive_and_finite(key, value):
+    with pytest.raises(InputError, match=rf"^robot\.{key} is {value:g}: must be greater than 0 and finite$"):
+        stage(**{key: value})
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "bound"),
+    [
+        ("num_beams", 0, "greater than 1"),
+        ("num_beams", 1, "greater than 1"),
+        ("fov", 0.0, "greater than 0 and at most 6.28319"),
+        ("fov", -1.0, "greater than 0 and at most 6.28319"),
+        ("fov", 360.0, "greater than 0 and at most 6.28319"),
+        ("fov", math.nan, "greater than 0 and at most 6.28319"),
+        ("range_min", -0.1, "at least 0"),
+        ("range_min", math.nan, "at least 0"),
+        ("range_max", 0.1, "greater than 0.1"),
+        ("range_max", 0.05, "greater than 0.1"),
+        ("range_max", math.inf, "greater than 0.1"),
+        ("noise_std", -0.01, "at least 0"),
+        ("noise_std", math.inf, "at least 0"),
+    ],
+)
+def test_a_lidar_that_cannot_be(key, value, bound):
+    with pytest.raises(InputError, match=rf"^robot\.lidar\.{key} is {value:g}: must be {bound} and finite$"):
+        Lidar(**{**LIDAR, key: value})
+
+
+@pytest.mark.parametrize("key", ["radius", "length", "width"])
+@pytest.mark.parametrize("value", [0.0, -0.2, math.nan, math.inf])
+def test_a_footprint_must_have_an_extent(key, value):
+    sides = {"radius": value} if key == "radius" else {"length": 0.4, "width": 0.3, key: value}
+    with pytest.raises(InputError, match=rf"^robot\.footprint\.{key} is {value:g}: must be greater than 0"):
+        Footprint(**sides)
+
+
+@pytest.mark.parametrize(
+    "sides",
+    [
+        {},
+        {"length": 0.4},
+        {"width": 0.3},
+        {"radius": 0.2, "length": 0.4},
+        {"radius": 0.2, "length": 0.4, "width": 0.3},
+    ],
+)
+def test_a_footprint_is_either_a_disc_or_a_rectangle(sides):
+    with pytest.raises(InputError, match=r"^robot\.footprint is \{.*\}: give either a radius .* or a length"):
+        Footprint(**sides)
+
+
+def test_inner_and_outer_radius():
+    # Half of 0.42 × 0.31: min is 0.155, diagonal √(0.21² + 0.155²) = 0.26101.
+    disc, rectangle = Footprint(radius=0.2), Footprint(length=0.42, width=0.31)
+    assert (disc.r_min, disc.r_max) == (0.2, 0.2)
+    assert disc.box == (0.0, 0.0, 0.2)
+    assert rectangle.r_min == pytest.approx(0.155, abs=KERNEL)
+    assert rectangle.r_max == pytest.approx(0.26101, abs=1e-5)
+    assert rectangle.box == (0.21, 0.155, 0.0)
+    assert Footprint(length=0.31, width=0.42).r_min == pytest.approx(0.155, abs=KERNEL)
+
+
+@given(st.floats(0.01, 3), st.floats(0.01, 3), st.floats(0, 2 * math.pi))
+def test_the_outline_lies_between_the_two_radii(length, width, bearing):
+    footprint = Footprint(length=length, width=width)
+    cos, sin = abs(math.cos(bearing)), abs(math.sin(bearing))
+    to_outline = min(length / 2 / cos if cos else math.inf, width / 2 / sin if sin else math.inf)
+    assert footprint.r_min - KERNEL <= to_outline <= footprint.r_max + KERNEL
+
+
+BODY = {"length": 0.42, "width": 0.31}
+
+
+@pytest.mark.parametrize("radius", [0.154, 0.0, -1.0])
+def test_a_collision_radius_below_the_inner_radius_is_an_error(radius):
+    with pytest.raises(
+        InputError, match=rf"^robot\.collision_radius is {radius:g} m, .*at least 0\.155, better 0\.261"
+    ):
+        stage(footprint=Footprint(**BODY), collision_radius=radius)
+
+
+@pytest.mark.parametrize("radius", [0.155, 0.2, 0.26])
+def test_one_between_the_radii_is_warned_of_once(radius):
+    with pytest.warns(
+        UserWarning, match=rf"collision_radius {radius:g} m is less than .* 0\.261 m"
+    ) as caught:
+        robot = stage(footprint=Footprint(**BODY), collision_radius=radius)
+    assert len(caught) == 1
+    assert robot.r == radius
+
+
+@pytest.mark.parametrize("radius", [None, 0.2611, 0.5])
+def test_any_other_passes_in_silence(radius):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        robot = stage(footprint=Footprint(**BODY), collision_radius=radius)
+    assert robot.r == (robot.footprint.r_max if radius is None else radius)
+
+
+@pytest.mark.parametrize("radius", [math.nan, math.inf])
+def test_a_collision_radius_is_a_finite_number(radius):
+    with pytest.raises(InputError, match=r"robot\.collision_radius is"):
+        stage(collision_radius=radius)
+
+
+def test_a_full_circle_does_not_repeat_its_first_beam_and_an_arc_has_both_ends():
+    full, arc = Lidar(**{**LIDAR, "fov": 2 * math.pi}), Lidar(**LIDAR)
+    assert full.full_circle
+    assert not arc.full_circle
+    assert full.angle_increment == pytest.approx(2 * math.pi / 9, abs=KERNEL)
+    assert arc.angle_increment == pytest.approx(2.0 / 8, abs=KERNEL)
+    assert (full.angle_min, arc.angle_min) == (-math.pi, -1.0)
+    assert Lidar(**{**LIDAR, "fov": 6.2831853}).full_circle  # as people write it
+    assert not Lidar(**{**LIDAR, "fov": 6.28}).full_circle
+
+
+def test_mount_limits_and_period():
+    robot = stage(lidar=Lidar(**LIDAR, x=0.1, y=-0.2, yaw=0.3))
+    assert robot.lidar.mount == Pose(0.1, -0.2, 0.3)
+    assert robot.limits == Limits(0.5, math.pi / 2, 2.0, 2.0)
+    assert robot.dt == 0.2
+
+
+def test_shipped_robots_are_those_of_the_paper():
+    # §IV.A, §IV.B, §V.A, §V.B.
+    assert set(SHIPPED) >= {"stage", "jackal", "turtlebot2", "go2"}
+    stage_robot, jackal, go2 = shipped("stage"), shipped("jackal"), shipped("go2")
+    assert (stage_robot.r, stage_robot.control_rate) == (0.2, 5.0)
+    lidar = stage_robot.lidar
+    assert (lidar.num_beams, lidar.range_max, lidar.full_circle) == (540, 15.0, True)
+    assert (jackal.footprint.length, jackal.footprint.width, jackal.v_max) == (0.42, 0.31, 2.0)
+    assert jackal.r == pytest.approx(0.261, abs=1e-3)
+    assert shipped("turtlebot2").lidar.num_beams == 270
+    assert (go2.v_max, go2.control_rate, go2.r) == (0.66, 8.0, 0.3)
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_each_shipped_robot_drives_in_a_barn_world(name):
+    robot = shipped(name)
+    barn = Barn(BarnConfig(worlds=[200], time_limit=40.0))
+    episode = run_episode(
+        barn.task(200), navigator(robot), FastSimulator(FastConfig(), robot), np.random.default_rng(0)
+    )
+    assert episode.outcome in Outcome
+    assert episode.path_length > 2.0
+    assert 0 < episode.steps <= 40.0 * robot.control_rate + robot.control_rate * 10
+    assert np.isfinite(episode.trajectory[:-1]).all()
+    v, omega = episode.trajectory[:, 4:6].T
+    assert np.abs(v).max() <= robot.v_max + KERNEL
+    assert np.abs(omega).max() <= robot.omega_max + KERNEL
+    assert (episode.min_clearance == 0.0) == (episode.outcome is Outcome.COLLISION)
