@@ -130,13 +130,13 @@ class Robot:
 
     def _check_collision_radius(self, radius: float) -> None:
         """Paper §III.G: below r_min no subgoal is reachable; below r_max only in some orientations."""
-        require("robot.collision_radius", radius, above=0.0)
         r_min, r_max = self.footprint.r_min, self.footprint.r_max
         if radius < r_min:
             raise InputError(
                 f"robot.collision_radius is {radius:g} m, less than the footprint's inner radius {r_min:.3g} m: "
                 f"must be at least {r_min:.3g}, better {r_max:.3g} (null)"
             )
+        require("robot.collision_radius", radius, above=0.0)
         if radius < r_max:
             warnings.warn(
                 f"robot.collision_radius {radius:g} m is less than the footprint's outer radius {r_max:.3g} m: "

@@ -19,6 +19,7 @@ from lme.errors import InputError
 
 _SET_STUDY_SYSTEM_ATTR = 3  # op_code of the entry that serves as a mark
 _MARK = "lme:entries"
+_BEGINNING = b'{"op_code":'
 
 
 class Journal(BaseJournalBackend):
@@ -56,7 +57,10 @@ class Journal(BaseJournalBackend):
 
 def _whole_steps(path: Path) -> Iterator[dict[str, Any]]:
     """The entries of a journal up to its last mark; cuts what lies behind it off the file."""
-    lines = path.read_bytes().splitlines(keepends=True) if path.is_file() else []
+    content = path.read_bytes() if path.is_file() else b""
+    if not _BEGINNING.startswith(content[: len(_BEGINNING)]):  # not ours: nothing may be cut off it
+        raise _no_entry(path, 1)
+    lines = content.splitlines(keepends=True)
     mark = f'"{_MARK}":'.encode()
     while lines and not (mark in lines[-1] and lines[-1].endswith(b"\n")):
         lines.pop()
@@ -78,7 +82,11 @@ def _decoded(line: bytes, path: Path, number: int) -> dict[str, Any]:
         entry: dict[str, Any] = json.loads(line)
         _ = entry["op_code"], entry["worker_id"]
     except (ValueError, KeyError, TypeError):
-        raise InputError(
-            f"{path} line {number}: no entry of an Optuna journal; restore the file, or start another study"
-        ) from None
+        raise _no_entry(path, number) from None
     return entry
+
+
+def _no_entry(path: Path, number: int) -> InputError:
+    return InputError(
+        f"{path} line {number}: no entry of an Optuna journal; restore the file, or start another study"
+    )

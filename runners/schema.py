@@ -39,33 +39,20 @@ class Reward:
     max_steps: int | None
 
 
-@dataclass(slots=True)
-class TrainConfig:
+@dataclass(slots=True, kw_only=True)
+class TrainConfig(EvalConfig):
     """`lme train`. held_out: map sets by name; space: nested as the config that it searches."""
 
-    seed: int
     trials: int
     configurations: int
     training_numbers: list[int]
     reward: Reward
-    runs: int
-    weights: str
     name: str | None
     storage: str | None
     study: str | None
-    resume: Any
-    robot: Robot
-    map: dict[str, Any]
-    guide: dict[str, Any]
-    planner: dict[str, Any]
-    sim: dict[str, Any]
-    ablation: dict[str, float]
     search: dict[str, Any]
     space: dict[str, Any]
-    executor: dict[str, Any]
-    tracking: dict[str, Any]
     held_out: dict[str, Any] = field(default_factory=dict)
-    system: dict[str, Any] = field(default_factory=dict)
 
 
 def register() -> None:

@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lme.errors import InputError
+from runners.journal import Journal
 from runners.search import Cmaes, CmaesConfig, Gp, GpConfig, Random, RandomConfig, Tpe, TpeConfig, trial_seed
 from runners.space import Range
 from runners.study import JOURNAL, masked, open_study
@@ -245,3 +246,11 @@ def test_two_runs_share_a_study(tmp_path):
     assert [(p.number, p.values) for p in again.unfinished()] == [(p.number, p.values) for p in killed]
     assert len(run(again, "random", total=10)) == 10
     shutil.rmtree(here, ignore_errors=True)
+
+
+def test_a_file_that_is_no_journal_is_left_as_it_is(tmp_path):
+    path = tmp_path / JOURNAL
+    path.write_bytes(b"somebody's notes")
+    with pytest.raises(InputError, match="line 1: no entry of an Optuna journal"):
+        Journal(path)
+    assert path.read_bytes() == b"somebody's notes"
