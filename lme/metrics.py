@@ -16,7 +16,7 @@ Z_95 = 1.959963984540054  # two-sided 95 % quantile of the standard normal
 def barn_metric(success: bool, time_s: float, optimal_time_s: float) -> float:
     """I(success) · OT / clip(AT, 2 OT, 8 OT): 0 on failure, else 1/8 (slow) to 1/2 (as fast as counts).
 
-    time_s: actual traversal time AT [s]. optimal_time_s: OT [s]; NaN where a map has none gives NaN.
+    time_s: actual traversal time AT [s]. optimal_time_s: OT [s]; NaN where a map has none, and so for a success.
     Raises InputError if OT is not positive. Paper §IV.B.
     """
     if optimal_time_s <= 0:

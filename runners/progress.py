@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from time import perf_counter
 from types import TracebackType
+from typing import Self
 
 from rich.console import Console
 from rich.progress import (
@@ -17,33 +18,39 @@ from rich.progress import (
 )
 
 
-class EpisodeProgress:
-    """Episodes done, how they ended, and the time left; on a terminal a bar, elsewhere one closing line."""
+class _Bar:
+    """A bar on standard error: what, how far, `columns`, time taken, time left."""
 
-    def __init__(self, label: str, total: int) -> None:
-        self._label = label
-        self._total = total
-        self._outcomes: Counter[str] = Counter()
+    def __init__(self, label: str, total: int, *columns: str, **fields: str) -> None:
         self._bar = Progress(
             TextColumn("{task.description}"),
             BarColumn(),
             MofNCompleteColumn(),
-            TextColumn("{task.fields[outcomes]}"),
+            *map(TextColumn, columns),
             TimeElapsedColumn(),
             TextColumn("left"),
             TimeRemainingColumn(),
             console=Console(stderr=True),
         )
+        self._task = self._bar.add_task(label, start=False, total=total, **fields)
 
-    def __enter__(self) -> EpisodeProgress:
+    def __enter__(self) -> Self:
         self._bar.start()
-        self._task = self._bar.add_task(self._label, total=self._total, outcomes="")
+        self._bar.start_task(self._task)
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._bar.stop()
+
+
+class EpisodeProgress(_Bar):
+    """Episodes done, how they ended, and the time left; on a terminal a bar, elsewhere one closing line."""
+
+    def __init__(self, label: str, total: int) -> None:
+        super().__init__(label, total, "{task.fields[outcomes]}", outcomes="")
+        self._outcomes: Counter[str] = Counter()
 
     def skip(self, done: int) -> None:
         """Count episodes that an earlier run finished."""
@@ -56,35 +63,17 @@ class EpisodeProgress:
         self._bar.update(self._task, advance=1, outcomes=text)
 
 
-class TrialProgress:
+class TrialProgress(_Bar):
     """Trials done, the best reward so far, trials per second and the time left."""
 
     def __init__(self, label: str, total: int) -> None:
-        self._label = label
-        self._total = total
+        best, rate = "best reward {task.fields[best]}", "{task.fields[rate]}"
+        super().__init__(label, total, best, rate, best="–", rate="")
         self._here = 0  # trials of this process
-        self._bar = Progress(
-            TextColumn("{task.description}"),
-            BarColumn(),
-            MofNCompleteColumn(),
-            TextColumn("best reward {task.fields[best]}"),
-            TextColumn("{task.fields[rate]}"),
-            TimeElapsedColumn(),
-            TextColumn("left"),
-            TimeRemainingColumn(),
-            console=Console(stderr=True),
-        )
 
-    def __enter__(self) -> TrialProgress:
-        self._bar.start()
-        self._task = self._bar.add_task(self._label, total=self._total, best="–", rate="")
+    def __enter__(self) -> Self:
         self._began = perf_counter()
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._bar.stop()
+        return super().__enter__()
 
     def skip(self, done: int, best: float | None) -> None:
         """Count trials that an earlier run, or another machine, finished."""

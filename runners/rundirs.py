@@ -23,6 +23,7 @@ from omegaconf.errors import OmegaConfBaseException
 
 from lme.errors import InputError
 from runners.composer import without_hydra
+from runners.flatten import flatten
 from runners.mistakes import translated
 
 LAUNCH = "launch.json"
@@ -185,18 +186,10 @@ def _unwritable(directory: Path, error: OSError) -> InputError:
 
 def changes(old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterator[str]:
     """ "key: old there, new now" for every key in which two identities differ."""
-    before, after = dict(_flat(old)), dict(_flat(new))
+    before, after = dict(flatten(old)), dict(flatten(new))
     for key in sorted(before.keys() | after.keys()):
         if before.get(key) != after.get(key):
             yield f"{key}: {before.get(key, 'absent')} there, {after.get(key, 'absent')} now"
-
-
-def _flat(value: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
-    for key, child in value.items():
-        if isinstance(child, Mapping):
-            yield from _flat(child, f"{prefix}{key}.")
-        else:
-            yield f"{prefix}{key}", child
 
 
 def _canonical(value: Any) -> Any:

@@ -6,7 +6,6 @@ drive. Tracking never stops a run: what cannot be booked is warned of in one lin
 
 from __future__ import annotations
 
-import contextlib
 import math
 import platform
 import subprocess
@@ -14,7 +13,6 @@ import threading
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -30,6 +28,7 @@ from runners.mlflow_store import (
     run_of,
     set_defaults,
 )
+from runners.versions import versions
 
 if TYPE_CHECKING:
     from mlflow import MlflowClient
@@ -175,11 +174,7 @@ class MlflowTracking:
 
 def environment_tags() -> dict[str, str]:
     """What the results may depend on besides the config: commit, versions, platform."""
-    tags = {"platform": platform.platform(), "python": platform.python_version()}
-    for package in ("lme", "numpy", "numba"):
-        with contextlib.suppress(PackageNotFoundError):
-            tags[package] = version(package)
-    return tags | _git_tags()
+    return {"platform": platform.platform(), **versions("lme", "numpy", "numba"), **_git_tags()}
 
 
 def _git_tags() -> dict[str, str]:

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import platform
 from collections.abc import Mapping
 from contextlib import suppress
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +12,7 @@ import yaml
 from lme.errors import InputError
 from lme.resources import resource_dir
 from runners.space import PARAMETERS
+from runners.versions import versions
 from runners.weights import REGISTERED, WEIGHTS
 
 _PACKAGES = ("lme", "numpy", "numba", "optuna")
@@ -40,7 +39,7 @@ def write_weights(
         "robot": config["robot"]["name"],
         **about,
         "seed": config["seed"],
-        "versions": _versions(),
+        "versions": versions(*_PACKAGES),
     }
     text = f"# Written by lme train; use with: {use}\n{yaml.safe_dump(content, sort_keys=False, allow_unicode=True)}"
     for path in (run_dir / WEIGHTS, *([REGISTERED / f"{name}.yaml"] if parameters else [])):
@@ -88,11 +87,3 @@ def _elsewhere(values: Mapping[str, float]) -> dict[str, Any]:
     """Values found for keys that are no parameters of the guide."""
     others = {key: value for key, value in values.items() if not key.startswith(PARAMETERS)}
     return {"settings": others} if others else {}
-
-
-def _versions() -> dict[str, str]:
-    versions = {"python": platform.python_version()}
-    for package in _PACKAGES:
-        with suppress(PackageNotFoundError):
-            versions[package] = version(package)
-    return versions

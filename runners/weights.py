@@ -7,12 +7,12 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from lme.errors import InputError
+from lme.policy.score import CRITERIA
 from lme.policy.weights import read_parameters
 from lme.resources import resource_dir
 
 WEIGHTS = "weights.yaml"  # in the directory of a training run
 REGISTERED = Path("outputs") / "weights"
-PAPER_CRITERIA = ("a_close", "a_dev", "c_o", "c_t", "a_mount", "c_h")
 
 
 def parameters(weights: str, ablation: Mapping[str, float], criteria: Iterable[str] = ()) -> dict[str, float]:
@@ -22,7 +22,7 @@ def parameters(weights: str, ablation: Mapping[str, float], criteria: Iterable[s
     a YAML with a mapping `parameters`. criteria: names of criteria beside the paper's six.
     Raises InputError naming the file where it is missing or malformed.
     """
-    return {**read_parameters(find(weights), (*PAPER_CRITERIA, *criteria)), **ablation}
+    return {**read_parameters(find(weights), (*CRITERIA, *criteria)), **ablation}
 
 
 def find(weights: str) -> Path:

@@ -20,20 +20,13 @@ from lme.policy import criteria as paper
 from lme.policy.candidates import CandidateConfig, sample
 from lme.policy.criteria import ORIGIN, Criterion, View
 from lme.policy.maintenance import Choice, History, choose, update_position
-from lme.policy.score import Parameters, score
+from lme.policy.score import CRITERIA, Parameters, score
 from lme.policy.surmount import RULES, find_blockage
 from lme.policy.weights import read_parameters
 from lme.robots import Robot, require
 from lme.types import Floats, Ints, LaserScan, Observation, Twist
 
-PAPER_CRITERIA: Mapping[str, Criterion] = {
-    "a_close": paper.a_close,
-    "a_dev": paper.a_dev,
-    "c_o": paper.c_o,
-    "c_t": paper.c_t,
-    "a_mount": paper.a_mount,
-    "c_h": paper.c_h,
-}
+PAPER_CRITERIA: Mapping[str, Criterion] = {name: getattr(paper, name) for name in CRITERIA}
 
 
 @dataclass(slots=True)
@@ -181,7 +174,7 @@ class LocalMinimumEscaper:
         new = int(np.argmax(scores[:old]))
         choice = self._choose(scores, new)
         if choice is not Choice.KEPT:
-            self._subgoal = pool[new].copy()
+            self._subgoal = pool[new]
         assert self._subgoal is not None
         blocked = not features[self._reachable, :old].any()
         return _Step(Decision(self._subgoal.copy(), choice, blocked), view, pool, features, scores, new, old)

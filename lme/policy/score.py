@@ -12,6 +12,8 @@ import numpy as np
 from lme.errors import InputError
 from lme.types import Floats
 
+CRITERIA = ("a_close", "a_dev", "c_o", "c_t", "a_mount", "c_h")  # of the paper, in the order of w1…w6
+
 
 @dataclass(frozen=True, slots=True)
 class Parameters:
