@@ -55,6 +55,7 @@ def run_episode(task: Task, navigator: Navigator, simulator: Simulator, rng: np.
     """Drive from start to goal, contact or time-out. `rng` is the only source of randomness."""
     navigator_rng, simulator_rng = rng.spawn(2)
     navigator.reset(navigator_rng)
+    navigator.read_map(task.world, task.start)
     observation = simulator.reset(task, simulator_rng)
     log = _Log(task, simulator)
     while (outcome := log.outcome()) is None:

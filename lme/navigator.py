@@ -2,9 +2,20 @@
 
 from __future__ import annotations
 
+from typing import Protocol, runtime_checkable
+
 import numpy as np
 
-from lme.types import Guidance, Guide, Observation, Planner, Twist
+from lme.types import Guidance, Guide, Observation, Planner, Pose, Twist
+from lme.worlds.world import World
+
+
+@runtime_checkable
+class MapReader(Protocol):
+    """A guide that may be given the true map, as a robot with a map server has it."""
+
+    def read_map(self, world: World, start: Pose) -> None:
+        """The world, and where the episode starts in it; called after `reset`."""
 
 
 class Navigator:
@@ -21,6 +32,11 @@ class Navigator:
         self.guide.reset(guide_rng)
         self.planner.reset(planner_rng)
         self.guidance = None
+
+    def read_map(self, world: World, start: Pose) -> None:
+        """Give the true map to a guide that takes one."""
+        if isinstance(self.guide, MapReader):
+            self.guide.read_map(world, start)
 
     def act(self, observation: Observation) -> Twist:
         """Velocity command for one control period."""

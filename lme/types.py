@@ -55,15 +55,17 @@ class LaserScan(NamedTuple):
 
 
 class Observation(NamedTuple):
-    """What the policy sees (paper §III.A): {scan, p_T, v, ω, v_max, ω_max, α_v, α_ω}. Never a pose.
+    """What the policy sees (paper §III.A), {scan, p_T, v, ω, v_max, ω_max, α_v, α_ω}, and the odometry.
 
-    target: (2,) position of the goal in the robot frame [m].
+    target: (2,) position of the goal in the robot frame [m]. odometry: pose of the base in the frame where
+    the base was when the episode began, for guides and planners that keep a map or a band; LME never reads it.
     """
 
     scan: LaserScan
     target: Floats
     twist: Twist
     limits: Limits
+    odometry: Pose
 
 
 class Guidance(NamedTuple):

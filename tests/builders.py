@@ -71,14 +71,20 @@ def navigator(robot, guide="lme", **settings):
     return Navigator(chosen, Simple(SimpleConfig(), robot))
 
 
-def observation(target=(4.0, 0.0), ranges=None, twist=Twist(0.0, 0.0), robot=None):  # noqa: B008
+def observation(
+    target=(4.0, 0.0),
+    ranges=None,
+    twist=Twist(0.0, 0.0),  # noqa: B008
+    robot=None,
+    odometry=Pose(0.0, 0.0, 0.0),  # noqa: B008
+):
     """What `robot` sees; without ranges, nothing."""
     robot = robot or stage()
     lidar = robot.lidar
     if ranges is None:
         ranges = np.full(lidar.num_beams, lidar.range_max, dtype=np.float32)
     scan = LaserScan(ranges, lidar.angle_min, lidar.angle_increment, lidar.range_min, lidar.range_max)
-    return Observation(scan, np.array(target, dtype=float), twist, robot.limits)
+    return Observation(scan, np.array(target, dtype=float), twist, robot.limits, odometry)
 
 
 def task(world=None, start=Pose(0.0, 0.0, 0.0), goal=(4.0, 0.0), goal_tolerance=0.2, time_limit=60.0):  # noqa: B008

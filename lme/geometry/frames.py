@@ -28,6 +28,13 @@ def to_robot(points: Floats, pose: Pose) -> Floats:
     return moved
 
 
+def relative(pose: Pose, frame: Pose) -> Pose:
+    """A pose given in the parent frame, in the frame at `frame`; undoes `compose`."""
+    dx, dy = pose[0] - frame[0], pose[1] - frame[1]
+    cos, sin = math.cos(frame[2]), math.sin(frame[2])
+    return Pose(cos * dx + sin * dy, cos * dy - sin * dx, wrap_angle(pose[2] - frame[2]))
+
+
 def compose(pose: Pose, child: Pose) -> Pose:
     """A pose given in the frame at `pose`, in that frame's parent; yaw in (−π, π] [rad]."""
     cos, sin = math.cos(pose[2]), math.sin(pose[2])

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lme.planners.commands import approach, towards
 from lme.robots import Robot, require
 from lme.types import Guidance, Observation, Twist
 
@@ -56,26 +57,3 @@ class Simple:
             return limit
         wanted = self._config.kp * bearing - self._config.kd * omega
         return towards(min(wanted, limit) if bearing > 0 else max(wanted, limit), omega, alpha, self._dt)
-
-
-def approach(error: float, rate: float, rate_max: float, alpha: float, dt: float) -> float:
-    """Rate that drives `error` to zero fastest and still stops there.
-
-    Speeds up at `alpha` up to `rate_max`, then slows down at `alpha`. It is the largest rate from which,
-    after one more period that begins at `rate`, braking at `alpha` ends no further than `error` ahead.
-    """
-    sign = math.copysign(1.0, error)
-    ahead, now = abs(error), max(sign * rate, 0.0)
-    braking = now * now / (2.0 * alpha)
-    if now * dt + braking <= ahead:  # may speed up: u·dt − (u − now)²/2α + u²/2α = ahead
-        reachable = (ahead + braking) / (dt + now / alpha)
-    else:  # must slow down: (now² − u²)/2α + u·(dt − (now − u)/α) + u²/2α = ahead
-        slack = now - alpha * dt
-        reachable = (slack + math.sqrt(max(slack * slack + 4.0 * alpha * (ahead - braking), 0.0))) / 2.0
-        reachable = max(reachable, 0.0) if ahead > braking else 0.0
-    return towards(sign * min(rate_max, reachable), rate, alpha, dt)
-
-
-def towards(wanted: float, rate: float, alpha: float, dt: float) -> float:
-    """`wanted`, as near as one period at `alpha` comes to it from `rate`."""
-    return min(max(wanted, rate - alpha * dt), rate + alpha * dt)

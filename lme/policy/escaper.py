@@ -6,7 +6,6 @@ import copy
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple, Self
 
@@ -14,8 +13,8 @@ import numpy as np
 
 from lme.errors import InputError
 from lme.kernels.fan import fan_blocked
-from lme.kernels.points import beam_directions, scan_points
 from lme.kernels.sectors import cluster
+from lme.perception import is_full_circle, obstacle_points
 from lme.policy import criteria as paper
 from lme.policy.candidates import CandidateConfig, sample
 from lme.policy.criteria import ORIGIN, Criterion, View
@@ -24,7 +23,7 @@ from lme.policy.score import CRITERIA, Parameters, score
 from lme.policy.surmount import RULES, find_blockage
 from lme.policy.weights import read_parameters
 from lme.robots import Robot, require
-from lme.types import Floats, Ints, LaserScan, Observation, Twist
+from lme.types import Floats, Ints, Observation, Twist
 
 PAPER_CRITERIA: Mapping[str, Criterion] = {name: getattr(paper, name) for name in CRITERIA}
 
@@ -189,9 +188,7 @@ class LocalMinimumEscaper:
 
     def _look(self, observation: Observation) -> View:
         scan = observation.scan
-        directions = _directions(scan.angle_min, scan.angle_increment, len(scan.ranges))
-        mount = self._robot.lidar.mount
-        points = scan_points(scan.ranges, directions, scan.range_min, scan.range_max, mount)
+        points = obstacle_points(scan, self._robot.lidar.mount)
         radius, target = self._robot.r, observation.target
         full_circle = is_full_circle(scan)
         blockage = find_blockage(points, target, radius, full_circle, self._config.blocking)
@@ -223,17 +220,7 @@ class LocalMinimumEscaper:
         return choose(distance, scores[-1], scores[new], self._parameters.d1, self._parameters.d2)
 
 
-def is_full_circle(scan: LaserScan) -> bool:
-    """Whether the last beam's neighbour is the first, to half an increment."""
-    return (len(scan.ranges) + 0.5) * scan.angle_increment >= 2 * math.pi
-
-
 def _in_view(point: Floats, reach: float, bearing_min: float, fov: float) -> bool:
     """Whether a point lies in the sector [bearing_min, bearing_min + fov], up to `reach`."""
     off_centre = math.remainder(math.atan2(point[1], point[0]) - bearing_min - fov / 2, 2 * math.pi)
     return math.hypot(point[0], point[1]) <= reach and abs(off_centre) <= fov / 2
-
-
-@lru_cache(maxsize=16)
-def _directions(angle_min: float, angle_increment: float, num_beams: int) -> Floats:
-    return beam_directions(angle_min, angle_increment, num_beams)

@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from lme.geometry.frames import compose, to_robot
+from lme.geometry.frames import compose, relative, to_robot
 from lme.kernels.collision import sweep
 from lme.kernels.motion import drive, first_within
 from lme.kernels.raycast import cast
@@ -49,8 +49,8 @@ class FastSimulator:
         self._goal = np.asarray(task.goal, dtype=np.float64)
         self._goal_tolerance = task.goal_tolerance
         self._rng = rng
-        start = Pose(*map(float, task.start))
-        self.state = self._settle(np.array([start]), Twist(0.0, 0.0), 0.0, 0.0)
+        self._start = Pose(*map(float, task.start))
+        self.state = self._settle(np.array([self._start]), Twist(0.0, 0.0), 0.0, 0.0)
         return self._observe()
 
     def step(self, command: Twist) -> Observation:
@@ -93,7 +93,8 @@ class FastSimulator:
             noise = self._rng.standard_normal(lidar.num_beams, dtype=np.float32)
             _add_noise(ranges, noise, lidar.noise_std, lidar.range_max)
         scan = LaserScan(ranges, lidar.angle_min, lidar.angle_increment, lidar.range_min, lidar.range_max)
-        return Observation(scan, to_robot(self._goal, state.pose), state.twist, self._robot.limits)
+        target, odometry = to_robot(self._goal, state.pose), relative(state.pose, self._start)
+        return Observation(scan, target, state.twist, self._robot.limits, odometry)
 
 
 @njit(cache=True)

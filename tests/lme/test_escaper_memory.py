@@ -12,10 +12,11 @@ from lme.geometry.frames import to_robot, to_world
 from lme.navigator import Navigator
 from lme.policy.maintenance import Choice
 from lme.sim.fast import FastConfig, FastSimulator
-from lme.types import Guidance, Twist
+from lme.types import Guidance, Pose, Twist
 from tests.builders import (
     CLUTTER,
     assert_same,
+    escape,
     escaper,
     navigator,
     observation,
@@ -178,3 +179,11 @@ def test_a_navigator_that_drove_before_drives_as_a_new_one():
         for made in (used, navigator(robot))
     )
     np.testing.assert_array_equal(one.trajectory, two.trajectory)
+
+
+def test_odometry_is_never_read():
+    seen = escape()
+    blind = [observation._replace(odometry=Pose(math.nan, math.nan, math.nan)) for observation in seen]
+    one, other = escaper(), escaper()
+    for a, b in zip(seen, blind, strict=True):
+        assert_same(one.decide(a), other.decide(b))

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lme.geometry.angles import wrap_angle
-from lme.geometry.frames import compose, to_robot, to_world
+from lme.geometry.frames import compose, relative, to_robot, to_world
 from lme.types import Pose
 from tests.tolerances import KERNEL
 
@@ -49,3 +49,10 @@ def test_composed_frames_move_points_as_one_after_the_other(pose, child, x, y):
     assert to_world(point, compose(pose, child)) == pytest.approx(
         to_world(to_world(point, child), pose), abs=KERNEL
     )
+
+
+@given(POSES, POSES)
+def test_relative_undoes_compose(frame, child):
+    back = relative(compose(frame, child), frame)
+    assert back[:2] == pytest.approx(child[:2], abs=1e-9)
+    assert abs(wrap_angle(back.yaw - child.yaw)) < 1e-9

@@ -8,7 +8,8 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from lme.errors import InputError
-from lme.planners.simple import Simple, SimpleConfig, approach, towards
+from lme.planners.commands import approach, towards
+from lme.planners.simple import Simple, SimpleConfig
 from lme.sim.fast import FastConfig, FastSimulator
 from lme.types import Guidance, Limits, Pose, Twist
 from tests.builders import SHIPPED, observation, shipped, stage, task

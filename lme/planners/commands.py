@@ -1,0 +1,41 @@
+"""Velocity commands that a robot with limited velocities and accelerations can carry out."""
+
+from __future__ import annotations
+
+import math
+
+from lme.types import Observation, Twist
+
+
+def limited(v: float, omega: float, observation: Observation, dt: float) -> Twist:
+    """The command nearest to (v, ω) that the limits allow one period of `dt` [s] after the present twist."""
+    limits, now = observation.limits, observation.twist
+    v = min(max(v, -limits.v_max), limits.v_max)
+    omega = min(max(omega, -limits.omega_max), limits.omega_max)
+    return Twist(
+        towards(v, now.v, limits.alpha_v, dt),
+        towards(omega, now.omega, limits.alpha_omega, dt),
+    )
+
+
+def approach(error: float, rate: float, rate_max: float, alpha: float, dt: float) -> float:
+    """Rate that drives `error` to zero fastest and still stops there.
+
+    Speeds up at `alpha` up to `rate_max`, then slows down at `alpha`. It is the largest rate from which,
+    after one more period that begins at `rate`, braking at `alpha` ends no further than `error` ahead.
+    """
+    sign = math.copysign(1.0, error)
+    ahead, now = abs(error), max(sign * rate, 0.0)
+    braking = now * now / (2.0 * alpha)
+    if now * dt + braking <= ahead:  # may speed up: u·dt − (u − now)²/2α + u²/2α = ahead
+        reachable = (ahead + braking) / (dt + now / alpha)
+    else:  # must slow down: (now² − u²)/2α + u·(dt − (now − u)/α) + u²/2α = ahead
+        slack = now - alpha * dt
+        reachable = (slack + math.sqrt(max(slack * slack + 4.0 * alpha * (ahead - braking), 0.0))) / 2.0
+        reachable = max(reachable, 0.0) if ahead > braking else 0.0
+    return towards(sign * min(rate_max, reachable), rate, alpha, dt)
+
+
+def towards(wanted: float, rate: float, alpha: float, dt: float) -> float:
+    """`wanted`, as near as one period at `alpha` comes to it from `rate`."""
+    return min(max(wanted, rate - alpha * dt), rate + alpha * dt)
