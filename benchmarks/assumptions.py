@@ -1,19 +1,24 @@
 """How far the BARN result moves with each value that the paper leaves open.
 
-    python -m benchmarks.assumptions [--out FOLDER]
+    python -m benchmarks.assumptions [--baselines] [--out FOLDER]
 
-Each value is changed alone: hard100, three seeds of three runs, 900 episodes. Prints the table of
+Each value is changed alone: LME on hard100, three seeds of three runs, 900 episodes. With --baselines, every
+number that a baseline's YAML marks ASSUMED, halved and doubled, on 200 fresh worlds. Prints a table of
 docs/assumptions.md. What is in FOLDER already is not run again. About half a minute a row on two cores.
 """
 
 import argparse
-import math
+import numbers
 import re
 import subprocess
 import sys
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import pandas as pd
+import yaml
+
+from runners import catalogue
 
 CHANGES = (
     "",
@@ -43,32 +48,71 @@ CHANGES = (
     "robot=jackal_wheels",
 )
 SEEDS = (0, 1, 2)
+BASELINES = {  # the file whose values are changed, and what is driven with it
+    "planner/dwa": "guide=target planner=dwa",
+    "planner/s3_fisvfh": "guide=target planner=s3_fisvfh",
+    "planner/vfh_plus": "guide=target planner=vfh_plus",
+    "planner/apf": "guide=target planner=apf",
+    "planner/eband": "guide=global_path planner=eband",
+    "planner/motion_tubes": "guide=global_path planner=motion_tubes",
+    "guide/global_path": "guide=global_path",
+    "guide/tangent_bug": "guide=tangent_bug",
+}
+FRESH = "map.subset=fresh map.count=200 runs=1"
+FACTORS = (0.5, 2.0)
+REFUSED = 2  # exit status of a user's mistake
 OUTCOMES = ("success", "collision", "timeout")
 
 
 def main() -> None:
     """Run what is missing and print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--baselines", action="store_true", help="those of the baselines, not LME's")
     parser.add_argument("--out", type=Path, default=Path("outputs/assumptions"))
-    out = parser.parse_args().out
+    given = parser.parse_args()
     print("| changed | success | collision | timeout | BARN metric | success moves by |")
     print("|---|---:|---:|---:|---:|---:|")
+    if not given.baselines:
+        table("", CHANGES, SEEDS, given.out)
+    for name, words in BASELINES.items() if given.baselines else ():
+        table(f"{words} {FRESH}", ["", *changes(name)], SEEDS[:1], given.out)
+
+
+def table(words: str, changed: Sequence[str], seeds: Sequence[int], out: Path) -> None:
+    """Lines for these words of a command, alone and with each change."""
     base = None
-    for change in CHANGES:
-        frame = episodes(change, out)
+    for change in changed:
+        frame = episodes(f"{words} {change}".strip(), seeds, out)
+        if frame is None:
+            print(f"| `{change}` | not allowed | | | | |", flush=True)
+            continue
         rates = [float((frame["outcome"] == outcome).mean()) for outcome in OUTCOMES]
         base = rates[0] if base is None else base
-        name = f"`{change}`" if change else "nothing"
+        name = (
+            f"`{change}`"
+            if change
+            else f"nothing: `{words.removesuffix(FRESH).strip()}`"
+            if words
+            else "nothing"
+        )
         cells = [name, *(f"{rate:.3f}" for rate in rates), f"{frame['barn_metric'].mean():.3f}"]
         print(f"| {' | '.join(cells)} | {rates[0] - base:+.3f} |", flush=True)
-    error = math.sqrt(base * (1 - base) / len(frame))
-    print(f"\nStandard error of a success rate: {error:.3f}.")
 
 
-def episodes(change: str, out: Path) -> pd.DataFrame:
-    """Records of one change, from disk where they are complete."""
+def changes(name: str) -> Iterator[str]:
+    """Every assumed number of a YAML, halved and doubled."""
+    group = name.partition("/")[0]
+    for key in catalogue.shipped().keys(name):
+        value = yaml.safe_load(key.value)
+        if "ASSUMED" in key.comment and isinstance(value, numbers.Real):
+            for factor in FACTORS:
+                yield f"{group}.{key.name}={type(value)(value * factor)}"
+
+
+def episodes(change: str, seeds: Sequence[int], out: Path) -> pd.DataFrame | None:
+    """Records of one change, from disk where they are complete; None where the value is not allowed."""
     frames = []
-    for seed in SEEDS:
+    for seed in seeds:
         folder = out / (re.sub(r"[ =]", "_", change) or "nothing") / str(seed)
         if not (folder / "table.md").exists():
             words = [
@@ -81,7 +125,10 @@ def episodes(change: str, out: Path) -> pd.DataFrame:
             ]
             resume = ["resume=true"] if folder.exists() else []
             command = [str(Path(sys.executable).parent / "lme"), *words, *resume]
-            subprocess.run(command, check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+            done = subprocess.run(command, check=False, capture_output=True, text=True)
+            if done.returncode == REFUSED:
+                return None
+            done.check_returncode()
         frames.append(pd.read_parquet(folder / "episodes.parquet"))
     return pd.concat(frames)
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from typing import Protocol, runtime_checkable
 
 import numpy as np
 
+from lme.errors import InputError
 from lme.types import Guidance, Guide, Observation, Planner, Pose, Twist
 from lme.worlds.world import World
 
@@ -39,6 +41,16 @@ class Navigator:
             self.guide.read_map(world, start)
 
     def act(self, observation: Observation) -> Twist:
-        """Velocity command for one control period."""
+        """Velocity command for one control period. Raises InputError for one that is no pair of finite numbers."""
         self.guidance = self.guide.guide(observation)
-        return self.planner.plan(observation, self.guidance)
+        command = self.planner.plan(observation, self.guidance)
+        try:
+            v, omega = map(float, command)
+        except (TypeError, ValueError):
+            v = omega = math.nan
+        if not (math.isfinite(v) and math.isfinite(omega)):
+            name = type(self.planner).__name__
+            raise InputError(
+                f"{name}.plan returned {command!r}: must be (v [m/s], omega [rad/s]), both finite"
+            )
+        return Twist(v, omega)

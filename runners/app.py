@@ -19,7 +19,7 @@ from runners import arguments, checks, rundirs, schema
 from runners.composer import Composer, quoted
 
 Run = Callable[[DictConfig, Path], Any]
-FinishSweep = Callable[[Path, list[Path]], None]
+FinishSweep = Callable[[DictConfig, Path, list[Path]], None]
 
 _DIRECTORY_KEYS = ("hydra.run.dir", "hydra.sweep.dir")
 _DISK_FULL = (errno.ENOSPC, errno.EDQUOT)
@@ -48,8 +48,8 @@ def launch(
     """Run a command on what `argv` composes from `conf/<config_name>.yaml`; returns the exit status.
 
     run: called with the config and the run directory, once per job. validate: called with every job's config
-    before anything is written, to raise InputError. finish_sweep: called after a `-m` sweep with its directory
-    and those of its jobs. Raises InputError for what the user can put right.
+    before anything is written, to raise InputError. finish_sweep: called after a `-m` sweep with its first job's
+    config, its directory and those of its jobs. Raises InputError for what the user can put right.
     """
     return _launch(Command(config_name, run, validate, finish_sweep), arguments.parse(argv))
 
@@ -65,7 +65,7 @@ def _launch(command: Command, given: arguments.Arguments) -> int:
     if given.shows:
         return _hydra(command, replace(given, overrides=plan.jobs[0]), print)
     run_dir = _directory(command, given, plan, resumed)
-    return _start(command, given, run_dir, plan.num_jobs)
+    return _start(command, given, run_dir, plan)
 
 
 def _replayed(given: arguments.Arguments) -> tuple[arguments.Arguments, Path | None]:
@@ -143,11 +143,11 @@ def _asked_directory(plan: checks.Plan) -> Path | None:
     return None
 
 
-def _start(command: Command, given: arguments.Arguments, run_dir: Path, num_jobs: int) -> int:
+def _start(command: Command, given: arguments.Arguments, run_dir: Path, plan: checks.Plan) -> int:
     kind = "sweep" if given.multirun else "run"
     own = [f"hydra.job.name={command.name}", f"hydra.{kind}.dir={quoted(str(run_dir))}"]
     others = [o for o in given.overrides if _key(o) not in (*_DIRECTORY_KEYS, "hydra.job.name")]
-    task = _task(command, given, num_jobs)
+    task = _task(command, given, plan.num_jobs)
     try:
         status = _hydra(command, replace(given, overrides=others + own), task)
     except KeyboardInterrupt:
@@ -155,7 +155,7 @@ def _start(command: Command, given: arguments.Arguments, run_dir: Path, num_jobs
             print(f"The whole sweep: lme {command.name} resume={run_dir}", file=sys.stderr)
         return 130
     if status == 0 and given.multirun and command.finish_sweep is not None:
-        command.finish_sweep(run_dir, _job_dirs(run_dir))
+        command.finish_sweep(plan.configs[0], run_dir, _job_dirs(run_dir))
     return status
 
 

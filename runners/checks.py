@@ -21,6 +21,7 @@ from runners.composer import Composer, without_hydra
 from runners.mistakes import expected, full_key, nearest, one_line, translated
 
 MAX_JOBS_CHECKED = 64  # of a sweep; of larger ones every value is checked once
+CUSTOM = "custom"  # the option of a group that takes a class of the user's own
 OPEN_MAPPINGS = ("ablation", "guide.criteria", "space", "held_out")  # may be given new keys
 
 Validate = Callable[[DictConfig], None]
@@ -43,7 +44,11 @@ class Plan:
 
 def plan(composer: Composer, overrides: Sequence[str], multirun: bool) -> Plan:
     """Compose every job of a command line. Raises InputError where Hydra could not."""
-    parsed = composer.parse([text for o in composer.parse(overrides) if (text := _normalised(o, composer))])
+    given = composer.parse([*_implied(composer.parse(overrides), composer), *overrides])
+    own = [o.key_or_group for o in given if o.value() == CUSTOM]
+    parsed = composer.parse(
+        [text for o in given if (text := _normalised(o, composer, (*OPEN_MAPPINGS, *own)))]
+    )
     for override in parsed:
         _check_options(override, composer)
     first = _composed(composer, next(_jobs(parsed)))
@@ -69,13 +74,22 @@ def validate_all(plan: Plan, composer: Composer, validate: Validate) -> None:
             raise _located(mistake, config, job, composer) from error
 
 
-def _normalised(override: Override, composer: Composer) -> str:
+def _implied(parsed: Sequence[Override], composer: Composer) -> list[str]:
+    """The choice of "custom" for every group whose class is given and no option."""
+    chosen = {override.key_or_group for override in parsed}
+    groups = [key.removesuffix("._target_") for key in chosen if key.endswith("._target_")]
+    return [
+        f"{g}={CUSTOM}" for g in sorted(groups) if g not in chosen and CUSTOM in composer.catalogue.options(g)
+    ]
+
+
+def _normalised(override: Override, composer: Composer, open_mappings: Sequence[str]) -> str:
     """The override without a needless `+`, with the `++` that a new key needs; "" where it says nothing."""
     text, key = override.input_line, override.key_or_group
     if override.is_hydra_override() or key.startswith("hydra/"):
         return text
-    is_open = any(key.startswith(f"{name}.") for name in OPEN_MAPPINGS) or (
-        key in OPEN_MAPPINGS and isinstance(override.value(), dict)
+    is_open = any(key.startswith(f"{name}.") for name in open_mappings) or (
+        key in open_mappings and isinstance(override.value(), dict)
     )
     if override.is_delete():
         if is_open:

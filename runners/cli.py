@@ -34,6 +34,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     if words[0] in ("-V", "--version"):
         print(f"lme {help.installed_version()}")
         return 0
+    sys.path.append(str(Path.cwd()))  # where a user's own planner may lie
     before, warnings.formatwarning = warnings.formatwarning, _warning
     warnings.simplefilter("once", UserWarning)
     try:

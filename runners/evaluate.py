@@ -14,6 +14,7 @@ from omegaconf import DictConfig
 
 from lme.worlds.world import MapSet
 from runners import build, systems
+from runners.checks import CUSTOM
 from runners.episodes import Item, initialise
 from runners.progress import EpisodeProgress
 from runners.records import EPISODES, RecordWriter, read_episodes, read_trajectories
@@ -68,18 +69,25 @@ def _by_run(items: list[Item]) -> Iterator[Item]:
 def record_names(plain: dict[str, Any]) -> dict[str, Any]:
     """The columns that say what was run."""
     choices = HydraConfig.get().runtime.choices
-    guide, planner = str(choices["guide"]), str(choices["planner"])
+    guide, planner = (_chosen(group, plain) for group in ("guide", "planner"))
     ablation = choices["ablation"]
     return {
         "system": systems.label(guide, planner),
         "guide": guide,
         "planner": planner,
+        "global_map": str(plain["guide"].get("global_map", "")),
         "ablation": ablation if isinstance(ablation, str) else "+".join(ablation),
         "robot": plain["robot"]["name"],
         "map": str(choices["map"]),
         "subset": "custom" if plain["map"].get("worlds") else str(plain["map"].get("subset", "")),
         "weights": plain["weights"],
     }
+
+
+def _chosen(group: str, plain: dict[str, Any]) -> str:
+    """The option of a group; of a user's own class, its name."""
+    option = str(HydraConfig.get().runtime.choices[group])
+    return str(plain[group]["_target_"]).rpartition(".")[2] if option == CUSTOM else option
 
 
 def sweep_directory() -> Path | None:

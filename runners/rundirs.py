@@ -192,6 +192,12 @@ def changes(old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterator[str]:
             yield f"{key}: {before.get(key, 'absent')} there, {after.get(key, 'absent')} now"
 
 
+def common(configs: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Dotted keys and values that all of these identities have in common."""
+    first, *others = (dict(flatten(config)) for config in configs)
+    return {key: value for key, value in first.items() if all(other.get(key) == value for other in others)}
+
+
 def _canonical(value: Any) -> Any:
     """One way to write a value: 4.0 is 4, and infinity is a word."""
     if isinstance(value, dict):

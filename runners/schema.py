@@ -28,6 +28,7 @@ class EvalConfig:
     executor: dict[str, Any]
     tracking: dict[str, Any]
     system: dict[str, Any] = field(default_factory=dict)
+    table: list[str] = field(default_factory=list)
 
 
 @dataclass(slots=True)
@@ -46,6 +47,7 @@ class TrainConfig(EvalConfig):
     trials: int
     configurations: int
     training_numbers: list[int]
+    start_from_config: bool
     reward: Reward
     name: str | None
     storage: str | None

@@ -47,6 +47,16 @@ def read_space(config: Mapping[str, Any]) -> Space:
     return space
 
 
+def own_values(config: Mapping[str, Any], space: Space) -> dict[str, float]:
+    """What a plain config has for the keys of the space, as far as that lies in their ranges."""
+    known = dict(flatten(config))
+    return {
+        key: float(known[key])
+        for key, found in space.items()
+        if known[key] is not None and found.low <= known[key] <= found.high
+    }
+
+
 def with_values(config: Mapping[str, Any], values: Mapping[str, float]) -> dict[str, Any]:
     """A copy of a plain config with other values under these dotted keys."""
     changed = copy.deepcopy(dict(config))
@@ -76,7 +86,7 @@ def _check_key(key: str, known: Mapping[str, Any]) -> None:
             f"space.{key}: the config has no {key}; {nearest(key, known)}choose the space of what is trained, "
             "space=NAME"
         )
-    if isinstance(known[key], bool) or not isinstance(known[key], int | float):
+    if isinstance(known[key], bool) or not isinstance(known[key], int | float | None):
         raise InputError(f"space.{key}: {key} is {known[key]!r}: only numbers can be searched")
 
 

@@ -153,10 +153,12 @@ def open_study(
     identity: Mapping[str, Any],
     space: Space,
     search: Search,
+    first: Mapping[str, float],
 ) -> Study:
     """The study of a run, made if need be.
 
-    storage, name: as in the config. identity: of the config. Raises InputError where the storage cannot be
+    storage, name: as in the config. identity: of the config. first: values that the first trial has, where the
+    search does not choose them. Raises InputError where the storage cannot be
     used, or holds under this name a study of another robot, map, search space or seed.
     """
     import optuna
@@ -167,6 +169,8 @@ def open_study(
     name = name or f"lme-{rundirs.fingerprint([searched], multirun=False)[:8]}"
     study = _created(backend, name, per_trial(search.sampler, identity["seed"]), storage)
     owner = "" if storage is None else f"{socket.gethostname()}:{run_dir.resolve()}"
+    if first and not study.get_trials(deepcopy=False):
+        study.enqueue_trial(dict(first))
     opened = Study(study, space, owner, flush)
     found = list(rundirs.changes(opened.settle(IDENTITY, searched), searched))
     if found:

@@ -7,11 +7,12 @@ published figures of a system follow its own row where they were measured on the
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from lme.metrics import mean_std_over_runs, wilson_interval
+from runners import published
 from runners.records import COLUMNS
 from runners.systems import systems as named_systems
 
@@ -41,11 +42,8 @@ METRICS = (
 GROUP_KEYS = ("ablation", "weights", "robot", "map", "subset", "seed")
 TIMES, DASH = "\u00d7", "\u2013"  # typographic signs that are easily taken for letters
 INTERVAL_HEADER = "95 % CI"
-PUBLISHED_IN = {"barn": "Gazebo"}  # the paper's other maps ran in ROS Stage
+GLOBAL_PLANNER = {"": "no", "observed": "yes", "known": "yes, true map"}  # by the guide's global_map
 USUAL = frozenset({"none", "published"})  # an ablation or weights that need no mention
-
-Place = tuple[str, str, str]  # (system's label, map, robot)
-Figures = Mapping[str, Sequence[float]]  # [mean, std] by metric
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,12 +51,13 @@ class Row:
     """One line of the table.
 
     keys: what tells this row from the others, by column. stats: (mean, std over runs) by metric; std is NaN
-    where there is one run. interval: Wilson's 95 % of the success rate.
+    where there is one run. interval: Wilson's 95 % of the success rate. global_planner: "no", "yes" or more.
     """
 
     label: str
     keys: dict[str, str]
     stats: dict[str, tuple[float, float]]
+    global_planner: str = "no"
     episodes: int | None = None
     worlds: int | None = None
     runs: int | None = None
@@ -71,30 +70,34 @@ class Row:
         return self.episodes is None or self.episodes == (self.worlds or 0) * (self.runs or 0)
 
 
-def summarise(frame: pd.DataFrame, systems: Sequence[dict[str, Any]] | None = None) -> list[Row]:
-    """Rows of the table for `frame` (one line per episode), ours and then published ones.
+def summarise(
+    frame: pd.DataFrame,
+    order: Sequence[str] = (),
+    systems: Mapping[str, Mapping[str, Any]] | None = None,
+) -> list[Row]:
+    """Rows of the table for `frame` (one line per episode), each system's own and then its published ones.
 
-    systems: named pairs with their published figures; the project's own unless given.
+    order: names of systems whose rows come first, in this order; of those that were not driven the published
+    figures are shown all the same. systems: named pairs by name; the project's own unless given.
     """
-    published = _published(named_systems() if systems is None else systems)
+    systems = named_systems() if systems is None else systems
+    names = {system["label"]: name for name, system in systems.items()}
     keys = _row_keys(frame)
     grouping = ["system", *keys]
-    frame = frame.assign(**{key: _as_text(frame[key]) for key in grouping})
-    groups = list(frame.groupby(grouping, sort=False))
-    places = [_published_place(group) for _, group in groups]
-    rows = []
-    for index, (values, group) in enumerate(groups):
-        rows.append(_measure(group, dict(zip(grouping, values, strict=True))))
-        place = places[index]
-        # Once, after the last row that it is to be compared with.
-        if place in published and place not in places[index + 1 :]:
-            rows.append(_published_row(place, published[place], rows[-1]))
-    return rows
+    texts = frame.assign(**{key: _as_text(frame[key]) for key in grouping})
+    ours: dict[str, list[tuple[Row, published.Place | None]]] = {name: [] for name in order}
+    for values, group in texts.groupby(grouping, sort=False):
+        row = _measure(group, dict(zip(grouping, values, strict=True)))
+        name = names.get(str(values[0]), str(values[0]))
+        ours.setdefault(name, []).append((row, published.place_of(group)))
+    places = {place: row for rows in ours.values() for row, place in rows if place}
+    figures = published.figures(systems)
+    return [row for name, rows in ours.items() for row in _with_published(name, rows, places, figures)]
 
 
 def metrics(frame: pd.DataFrame) -> dict[str, float]:
     """Every number of the first row by name, as CSV has them: what a tracker stores of one run."""
-    row = summarise(frame, systems=())[0]
+    row = summarise(frame, systems={})[0]
     return {"episodes": float(row.episodes or 0), **numbers(row)}
 
 
@@ -128,16 +131,47 @@ def notes(rows: Sequence[Row]) -> list[str]:
         lines.append("± is the standard deviation over runs.")
     lines.append(f"{INTERVAL_HEADER}: Wilson interval of the success rate.")
     lines.append("Time and path are means over successful episodes.")
-    maps = {row.published_map for row in rows if row.published_map}
-    if maps:
-        others = " and ".join(sorted({PUBLISHED_IN.get(name, "ROS Stage") for name in maps}))
-        lines.append(f"Ours ran in this project's 2D simulator, the published ones in {others}.")
-    if "barn" in maps:
-        lines.append(f"The paper does not list its hundred worlds; ours are hard100, worlds 200{DASH}299.")
+    lines += published.notes({row.published_map for row in rows if row.published_map})
     unfinished = [row.label for row in rows if not row.complete]
     if unfinished:
         lines.append(f"Not finished, some worlds lack runs: {', '.join(dict.fromkeys(unfinished))}.")
     return lines
+
+
+def _with_published(
+    name: str,
+    ours: Sequence[tuple[Row, published.Place | None]],
+    places: Mapping[published.Place, Row],
+    figures: Mapping[tuple[str, published.Place], published.Figures],
+) -> Iterator[Row]:
+    """A system's rows, its published figures for each place once, after the last row that they compare with.
+
+    places: every place that was driven in, with one of its rows; all of them where the system was not driven.
+    """
+    for index, (row, place) in enumerate(ours):
+        yield row
+        if place and (name, place) in figures and place not in (later for _, later in ours[index + 1 :]):
+            yield _published_row(figures[name, place], place, row)
+    if not ours:
+        for place, like in places.items():
+            if (name, place) in figures:
+                yield _published_row(figures[name, place], place, like)
+
+
+def _published_row(found: published.Figures, place: published.Place, ours: Row) -> Row:
+    keys = {key: value if key in ("map", "subset") else "" for key, value in ours.keys.items()}
+    return Row(
+        label=f"{found.label} (published)",
+        keys=keys,
+        stats=found.stats,
+        global_planner=GLOBAL_PLANNER["observed" if found.global_planner else ""],
+        published_map=place.map,
+    )
+
+
+def _global_planner(group: pd.DataFrame) -> str:
+    """Whether the guide planned on a map, and on which; records of before it was noted used none."""
+    return GLOBAL_PLANNER.get(str(group["global_map"].iloc[0]), "no") if "global_map" in group else "no"
 
 
 def _row_keys(frame: pd.DataFrame) -> list[str]:
@@ -183,6 +217,7 @@ def _measure(group: pd.DataFrame, values: dict[str, str]) -> Row:
         label=f"{system} (ours)",
         keys=values,
         stats=stats,
+        global_planner=_global_planner(group),
         episodes=len(group),
         worlds=int(group["world"].nunique()),
         runs=runs,
@@ -194,29 +229,3 @@ def _metric_column(group: pd.DataFrame, key: str) -> pd.Series | None:
     if key in ("success", "collision", "timeout"):
         return (group["outcome"] == key).astype(float)
     return group[key] if key in group and group[key].notna().any() else None
-
-
-def _published(systems: Sequence[dict[str, Any]]) -> dict[Place, Figures]:
-    return {
-        (system["label"], place, figures["robot"]): {key: figures[key] for key in figures if key != "robot"}
-        for system in systems
-        for place, figures in (system.get("published") or {}).items()
-    }
-
-
-def _published_place(group: pd.DataFrame) -> Place | None:
-    """Where published figures for this group would be found, were there any.
-
-    Only the whole policy compares, whoever trained it, and on BARN only the hundred hard worlds.
-    """
-    first = {key: str(group[key].iloc[0]) for key in ("system", *GROUP_KEYS) if key in group}
-    whole = first.get("ablation", "none") == "none"
-    same_worlds = first.get("map") != "barn" or first.get("subset") == "hard100"
-    place = (first["system"], first.get("map", ""), first.get("robot", ""))
-    return place if whole and same_worlds else None
-
-
-def _published_row(place: Place, figures: Figures, ours: Row) -> Row:
-    keys = {key: value if key in ("map", "subset") else "" for key, value in ours.keys.items()}
-    stats = {name: (float(mean), float(std)) for name, (mean, std) in figures.items()}
-    return Row(label=f"{place[0]} (published)", keys=keys, stats=stats, published_map=place[1])

@@ -46,9 +46,9 @@ def to_csv(rows: Sequence[Row]) -> str:
     names = list(dict.fromkeys(name for value in values for name in value))
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(["label", *rows[0].keys, "episodes", "worlds", "runs", *names])
+    writer.writerow(["label", *rows[0].keys, "global_planner", "episodes", "worlds", "runs", *names])
     for row, value in zip(rows, values, strict=True):
-        counts = (row.episodes, row.worlds, row.runs)
+        counts = (row.global_planner, row.episodes, row.worlds, row.runs)
         writer.writerow([row.label, *row.keys.values(), *counts, *(value.get(name) for name in names)])
     return text.getvalue()
 
@@ -94,17 +94,17 @@ def to_rich(rows: Sequence[Row], heading: str, width: int) -> rich.table.Table:
     return table
 
 
-def print_table(frame: pd.DataFrame) -> None:
-    """Print the table for `frame` on the terminal."""
+def print_table(frame: pd.DataFrame, order: Sequence[str] = ()) -> None:
+    """Print the table for `frame` on the terminal; order: as in `summarise`."""
     from rich.console import Console
 
     console = Console()
-    console.print(to_rich(summarise(frame), title(frame), console.width))
+    console.print(to_rich(summarise(frame, order), title(frame), console.width))
 
 
-def write_tables(frame: pd.DataFrame, run_dir: Path) -> list[Path]:
+def write_tables(frame: pd.DataFrame, run_dir: Path, order: Sequence[str] = ()) -> list[Path]:
     """Write `table.md`, `table.csv` and `table.tex` for `frame` into `run_dir`; their paths."""
-    rows = summarise(frame)
+    rows = summarise(frame, order)
     texts = {
         "table.md": f"**{title(frame)}**\n\n{to_markdown(rows)}",
         "table.csv": to_csv(rows),
@@ -131,7 +131,16 @@ def _cells(rows: Sequence[Row], plus_minus: str, to: str = DASH) -> list[list[st
         episodes = MISSING if row.episodes is None else str(row.episodes)
         values = [value or MISSING for value in row.keys.values()]
         lines.append([row.label, *values, first, interval, *others, episodes])
+    if _compares_planners(rows):
+        for line, cell in zip(lines, ["Global planner", *(row.global_planner for row in rows)], strict=True):
+            line.append(cell)
     return lines
+
+
+def _compares_planners(rows: Sequence[Row]) -> bool:
+    """Whether the table says who used a global planner: with several systems, or where one did."""
+    names = {row.label.rpartition(" ")[0] for row in rows}
+    return len(names) > 1 or any(row.global_planner != "no" for row in rows)
 
 
 def _width(columns: Sequence[Sequence[str]], gap: int) -> int:

@@ -21,7 +21,7 @@ from runners.executor import Map
 from runners.parts import lock
 from runners.progress import TrialProgress
 from runners.schema import EvalConfig
-from runners.space import PARAMETERS, Space, read_space, with_values
+from runners.space import PARAMETERS, Space, own_values, read_space, with_values
 from runners.study import Proposal, Study, Trial
 from runners.targets import build as build_target
 
@@ -108,7 +108,9 @@ def _search(config: DictConfig, plain: dict[str, Any], run_dir: Path) -> Study:
     """All trials of the study, those of an earlier run included."""
     identity = rundirs.identity(config)
     search = build_target(plain["search"], "search")
-    opened = study.open_study(plain["storage"], plain["study"], run_dir, identity, read_space(plain), search)
+    space = read_space(plain)
+    first = own_values(plain, space) if plain["start_from_config"] else {}
+    opened = study.open_study(plain["storage"], plain["study"], run_dir, identity, space, search, first)
     worlds = _settled_worlds(opened, plain, run_dir)
     training = with_values(plain, {"map.worlds": worlds})
     with TrialProgress(f"train {plain['robot']['name']}", plain["trials"]) as progress:

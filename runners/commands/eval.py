@@ -29,12 +29,8 @@ def run(config: DictConfig, run_dir: Path) -> None:
     evaluate(config, run_dir)
 
 
-def finish_sweep(sweep_dir: Path, run_dirs: list[Path]) -> None:
-    """One table over all runs of the sweep."""
-    from runners.records import read_episodes
-    from runners.tables import print_table, write_tables
+def finish_sweep(config: DictConfig, sweep_dir: Path, run_dirs: list[Path]) -> None:
+    """One table and one chart over all runs of the sweep."""
+    from runners import sweeps
 
-    frame = read_episodes(run_dirs)
-    write_tables(frame, sweep_dir)
-    print_table(frame)
-    print(f"The sweep's table: {sweep_dir}")
+    sweeps.finish(config, sweep_dir, run_dirs)

@@ -22,9 +22,10 @@ def main(argv: list[str]) -> int:
     arguments = _parser().parse_args(argv)
     runs = find_runs(arguments.runs)
     frame = read_episodes(runs)
-    _print(frame, arguments.format)
+    order = _order(runs)
+    _print(frame, order, arguments.format)
     if len(arguments.runs) == 1:
-        _rewrite(frame, runs, arguments.runs[0])
+        _rewrite(frame, order, runs, arguments.runs[0])
     return 0
 
 
@@ -43,24 +44,36 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _print(frame: pd.DataFrame, style: str) -> None:
+def _order(runs: list[Path]) -> list[str]:
+    """The rows that a sweep's config asks for; none of a single run."""
+    from runners.rundirs import read_launch
+
+    launch = read_launch(runs[0])
+    return list(launch.configs[0].get("table", [])) if launch is not None and len(runs) > 1 else []
+
+
+def _print(frame: pd.DataFrame, order: list[str], style: str) -> None:
     from runners import tables
     from runners.summary import summarise
 
     renderers = {"md": tables.to_markdown, "csv": tables.to_csv, "tex": tables.to_latex}
     if style in renderers:
-        print(renderers[style](summarise(frame)), end="")
+        print(renderers[style](summarise(frame, order)), end="")
     else:
-        tables.print_table(frame)
+        tables.print_table(frame, order)
 
 
-def _rewrite(frame: pd.DataFrame, runs: list[Path], place: Path) -> None:
-    """Tables of the run or sweep that was named, and each run's picture. Raises InputError if it cannot."""
+def _rewrite(frame: pd.DataFrame, order: list[str], runs: list[Path], place: Path) -> None:
+    """Tables and pictures of the run or sweep that was named. Raises InputError if it cannot."""
     from lme.errors import InputError
+    from runners import sweeps
     from runners.tables import write_tables
 
     try:
-        write_tables(frame, place)
+        if len(runs) > 1:
+            sweeps.report(frame, order, place)
+        else:
+            write_tables(frame, place)
         for run in runs:
             _draw(frame[frame["run_dir"] == str(run)], run)
     except OSError as error:

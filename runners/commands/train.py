@@ -30,12 +30,8 @@ def run(config: DictConfig, run_dir: Path) -> None:
     train(config, run_dir)
 
 
-def finish_sweep(sweep_dir: Path, run_dirs: list[Path]) -> None:
-    """One table over the held-out evaluations of all studies."""
-    from runners.records import find_runs, read_episodes
-    from runners.tables import print_table, write_tables
+def finish_sweep(config: DictConfig, sweep_dir: Path, run_dirs: list[Path]) -> None:
+    """One table and one chart over the held-out evaluations of all studies."""
+    from runners import sweeps
 
-    frame = read_episodes(find_runs(run_dirs))
-    write_tables(frame, sweep_dir)
-    print_table(frame)
-    print(f"The sweep's table: {sweep_dir}")
+    sweeps.finish(config, sweep_dir, run_dirs)

@@ -35,7 +35,7 @@ class Probe:
         if self.failure is not None:
             raise self.failure
 
-    def finish_sweep(self, sweep_dir, run_dirs):
+    def finish_sweep(self, config, sweep_dir, run_dirs):
         self.finished.append((sweep_dir, run_dirs))
 
     @property

@@ -6,20 +6,23 @@ import io
 import numpy as np
 import pandas as pd
 import pytest
+import yaml
 
+from lme.resources import resource_dir
 from runners import tables
 from runners.summary import DASH, metrics, notes, summarise, title
+from runners.systems import systems as named_systems
 
-SYSTEMS = [
-    {
+SYSTEMS = {
+    "lme": {
         "label": "LME",
         "published": {
             "barn": {"robot": "jackal", "success": [0.883, 0.0094], "barn_metric": [0.419, 0.0084]},
             "env1": {"robot": "stage", "success": [0.95, 0.01]},
         },
     },
-    {"label": "Other", "published": None},
-]
+    "other": {"label": "Other", "published": None},
+}
 
 
 def records(outcomes=("success",) * 9 + ("collision",), runs=2, **columns):
@@ -55,7 +58,7 @@ def records(outcomes=("success",) * 9 + ("collision",), runs=2, **columns):
 
 def test_figures_by_hand():
     """Ten worlds, two runs: 9 + 8 successes, a collision in each, a time-out in the second."""
-    ours = summarise(records(), SYSTEMS)[0]
+    ours = summarise(records(), systems=SYSTEMS)[0]
     assert (ours.label, ours.episodes, ours.worlds, ours.runs) == ("LME (ours)", 20, 10, 2)
     expected = {
         "success": (0.85, 0.05),
@@ -71,7 +74,7 @@ def test_figures_by_hand():
 
 
 def test_one_run_has_no_deviation():
-    row = summarise(records(runs=1), SYSTEMS)[0]
+    row = summarise(records(runs=1), systems=SYSTEMS)[0]
     assert np.isnan(row.stats["success"][1])
     assert "±" not in "".join(notes([row]))
     assert metrics(records(runs=1))["success"] == 0.9
@@ -93,7 +96,7 @@ def test_one_run_has_no_deviation():
     ],
 )
 def test_published_figures_stand_beside_what_they_compare_with(columns, published):
-    rows = summarise(records(**columns), SYSTEMS)
+    rows = summarise(records(**columns), systems=SYSTEMS)
     assert [row.published_map is not None for row in rows] == [False, True][: 1 + published]
     text = "\n".join(notes(rows))
     assert ("2D simulator" in text) == published
@@ -114,7 +117,7 @@ def test_what_varies_becomes_a_column_and_what_follows_from_it_does_not():
         for name, weight in ablations.items()
         for subset in ("hard100", "official50")
     ]
-    rows = summarise(pd.concat(frames), SYSTEMS)
+    rows = summarise(pd.concat(frames), systems=SYSTEMS)
     assert {tuple(row.keys) for row in rows} == {("ablation", "subset")}
     assert [tuple(row.keys.values()) for row in rows if row.published_map is None] == [
         (name, subset) for name in ablations for subset in ("hard100", "official50")
@@ -124,13 +127,13 @@ def test_what_varies_becomes_a_column_and_what_follows_from_it_does_not():
 
 def test_a_swept_key_that_no_record_holds_is_a_column():
     frames = [records(run_dir=value, **{"guide.d1": value}) for value in ("0.3", "0.51")]
-    rows = summarise(pd.concat(frames), SYSTEMS)
+    rows = summarise(pd.concat(frames), systems=SYSTEMS)
     assert [row.keys for row in rows[:2]] == [{"guide.d1": "0.3"}, {"guide.d1": "0.51"}]
     assert [row.label for row in rows] == ["LME (ours)", "LME (ours)", "LME (published)"]
 
 
 def test_two_runs_of_one_config_are_not_added_up():
-    rows = summarise(pd.concat([records(), records(run_dir="two")]), SYSTEMS)
+    rows = summarise(pd.concat([records(), records(run_dir="two")]), systems=SYSTEMS)
     assert [(row.keys, row.episodes) for row in rows[:2]] == [
         ({"run_dir": "one"}, 20),
         ({"run_dir": "two"}, 20),
@@ -138,24 +141,28 @@ def test_two_runs_of_one_config_are_not_added_up():
 
 
 def test_an_ablation_alone_is_still_named():
-    rows = summarise(records(ablation="no_c_o"), SYSTEMS)
+    rows = summarise(records(ablation="no_c_o"), systems=SYSTEMS)
     assert rows[0].keys == {"ablation": "no_c_o"}
 
 
 def test_an_unfinished_run_says_so():
     frame = records()
-    assert not any("Not finished" in note for note in notes(summarise(frame, SYSTEMS)))
-    assert "Not finished, some worlds lack runs: LME (ours)." in notes(summarise(frame.iloc[:-1], SYSTEMS))
+    assert not any("Not finished" in note for note in notes(summarise(frame, systems=SYSTEMS)))
+    assert "Not finished, some worlds lack runs: LME (ours)." in notes(
+        summarise(frame.iloc[:-1], systems=SYSTEMS)
+    )
 
 
 def test_order_of_records_does_not_matter():
     frame = records()
     shuffled = frame.sample(frac=1.0, random_state=1)
-    assert tables.to_csv(summarise(frame, SYSTEMS)) == tables.to_csv(summarise(shuffled, SYSTEMS))
+    assert tables.to_csv(summarise(frame, systems=SYSTEMS)) == tables.to_csv(
+        summarise(shuffled, systems=SYSTEMS)
+    )
 
 
 def test_markdown():
-    text = tables.to_markdown(summarise(records(), SYSTEMS))
+    text = tables.to_markdown(summarise(records(), systems=SYSTEMS))
     lines = [[cell.strip() for cell in line.split("|")[1:-1]] for line in text.splitlines()[:4]]
     table = dict(zip(lines[0], zip(*lines[2:], strict=True), strict=True))
     assert table["System"] == ("LME (ours)", "LME (published)")
@@ -167,14 +174,14 @@ def test_markdown():
 
 
 def test_csv_holds_unrounded_numbers():
-    rows = list(csv.DictReader(io.StringIO(tables.to_csv(summarise(records(), SYSTEMS)))))
+    rows = list(csv.DictReader(io.StringIO(tables.to_csv(summarise(records(), systems=SYSTEMS)))))
     assert float(rows[0]["success"]) == pytest.approx(0.85)
     assert float(rows[0]["success_low"]) == pytest.approx(0.6396, abs=5e-5)
     assert (rows[1]["label"], rows[1]["success_std"], rows[1]["spl"]) == ("LME (published)", "0.0094", "")
 
 
 def test_latex_escapes_what_latex_would_read():
-    rows = summarise(records(ablation="no_c_o"), SYSTEMS)
+    rows = summarise(records(ablation="no_c_o"), systems=SYSTEMS)
     text = tables.to_latex(rows)
     assert r"no\_c\_o" in text
     assert r"0.850 $\pm$ 0.050" in text
@@ -189,7 +196,7 @@ def test_terminals_of_any_usual_width_show_every_cell_whole(width, ablations):
 
     frame = pd.concat([records(ablation=ablation, run_dir=ablation) for ablation in ablations])
     console = Console(width=width, record=True, file=io.StringIO())
-    console.print(tables.to_rich(summarise(frame, SYSTEMS), title(frame), width))
+    console.print(tables.to_rich(summarise(frame, systems=SYSTEMS), title(frame), width))
     text = console.export_text()
     assert "…" not in text
     for word in (
@@ -214,3 +221,53 @@ def test_files(tmp_path):
     assert [path.name for path in paths] == ["table.md", "table.csv", "table.tex"]
     assert paths[0].read_text(encoding="utf-8").startswith("**barn · hard100 · jackal · 10 worlds")
     assert all(path.read_text(encoding="utf-8") for path in paths)
+
+
+# Several systems
+
+
+def test_rows_stand_in_the_order_asked_for_and_systems_not_driven_show_what_was_published():
+    systems = {
+        **SYSTEMS,
+        "mapper": {
+            "label": "Mapper",
+            "global_planner": True,
+            "published": {"barn": {"robot": "jackal", "success": [0.653], "barn_metric": [0.288]}},
+        },
+    }
+    frame = pd.concat([records(), records(system="Other", global_map="known", run_dir="two")])
+    rows = summarise(frame, ["other", "mapper", "lme"], systems)
+    assert [row.label for row in rows] == [
+        "Other (ours)", "Mapper (published)", "LME (ours)", "LME (published)",
+    ]  # fmt: skip
+    assert [row.global_planner for row in rows] == ["yes, true map", "yes", "no", "no"]
+    assert rows[1].stats["success"][0] == 0.653
+    assert np.isnan(rows[1].stats["success"][1])
+    assert "| Mapper (published) | 0.653 | – |" in tables.to_markdown(rows)
+
+
+def test_published_figures_of_systems_not_driven_need_the_same_worlds():
+    rows = summarise(records(subset="official50"), ["lme"], SYSTEMS)
+    assert [row.label for row in rows] == ["LME (ours)"]
+
+
+def test_the_last_column_says_who_used_a_global_planner_once_systems_are_compared():
+    frame = pd.concat([records(), records(system="Other", global_map="observed", run_dir="two")])
+    header, _, *lines = tables.to_markdown(summarise(frame, systems=SYSTEMS)).splitlines()
+    assert header.endswith("| n | Global planner |")
+    assert [line.rpartition("| ")[2] for line in lines[:3]] == ["no |", "no |", "yes |"]
+    assert "Global planner" not in tables.to_markdown(summarise(records(), systems=SYSTEMS))
+
+
+def test_paper_table_2_is_whole():
+    """Every row of the paper, in its order; the swept systems are those that have a planner."""
+    experiment = yaml.safe_load((resource_dir("conf") / "experiment" / "table2.yaml").read_text())
+    known = named_systems()
+    assert [known[name]["label"] for name in experiment["table"]] == [
+        "DWA", "DRL-DCLP", "S3-FISVFH", "E-Band", "KUL+FM", "DRL-VO", "DRL-DCLP", "LME-DWA", "LME-DRL", "LME",
+    ]  # fmt: skip
+    swept = experiment["hydra"]["sweeper"]["params"]["system"].split(",")
+    assert swept == [name for name in experiment["table"] if known[name]["planner"]]
+    shares = [known[name]["published"]["barn"] for name in experiment["table"]]
+    for each in shares:  # rounded to three digits in the paper
+        assert sum(each[key][0] for key in ("success", "collision", "timeout")) == pytest.approx(1, abs=0.002)

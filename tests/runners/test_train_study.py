@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from lme.errors import InputError
 from runners.journal import Journal
 from runners.search import Cmaes, CmaesConfig, Gp, GpConfig, Random, RandomConfig, Tpe, TpeConfig, trial_seed
-from runners.space import Range
+from runners.space import Range, own_values
 from runners.study import JOURNAL, masked, open_study
 from runners.train import run_trials
 from runners.trials import Score
@@ -37,8 +37,10 @@ def identity(seed=0, **changes):
     return {"seed": seed, "robot": {"name": "stage", "v_max": 0.5}, "trials": 9, **changes}
 
 
-def opened(folder, search="tpe", storage=None, name=None, **changes):
-    return open_study(storage, name, Path(folder), identity(**changes), SPACE, SEARCHES[search]())
+def opened(folder, search="tpe", storage=None, name=None, first=None, **changes):
+    return open_study(
+        storage, name, Path(folder), identity(**changes), SPACE, SEARCHES[search](), first or {}
+    )
 
 
 def score(attempt):
@@ -254,3 +256,22 @@ def test_a_file_that_is_no_journal_is_left_as_it_is(tmp_path):
     with pytest.raises(InputError, match="line 1: no entry of an Optuna journal"):
         Journal(path)
     assert path.read_bytes() == b"somebody's notes"
+
+
+@pytest.mark.parametrize("search", SEARCHES)
+def test_the_first_trial_may_be_what_the_config_has(tmp_path, search):
+    if search == "gp":
+        pytest.importorskip("torch")
+    first = {"guide.parameters.a": 0.25, "planner.c": 3.5}  # b is left to the search
+    study = opened(tmp_path, search, first=first)
+    again = opened(tmp_path, search, first=first)  # killed before it asked: still one such trial
+    batch = again.ask(3)
+    assert first.items() <= batch[0].values.items()
+    assert 0.0 <= batch[0].values["planner.b"] <= 1.0
+    assert not any(first.items() <= proposal.values.items() for proposal in batch[1:])
+    assert study.best is None
+
+
+def test_own_values_are_those_within_the_ranges():
+    config = {"planner": {"b": 0.5, "c": None}, "guide": {"parameters": {"a": 11.0}}}
+    assert own_values(config, SPACE) == {"planner.b": 0.5}

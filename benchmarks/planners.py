@@ -1,0 +1,76 @@
+"""Closed-loop speed of every guide × planner pair, on one core.
+
+    python -m benchmarks.planners [--record]
+
+All in one run: ratios hold on a busy machine too. --record also writes benchmarks/results/planners.md.
+"""
+
+import argparse
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.speed import machine
+from lme.episode import run_episode
+from runners import build, catalogue, schema
+from runners.checks import CUSTOM
+from runners.composer import Composer, without_hydra
+
+RESULT = Path(__file__).parent / "results" / "planners.md"
+ROBOT = "jackal"  # the longest scan, 720 beams
+WORLDS = [1000, 1003, 1006, 1009, 1011]  # fresh ones, one of each kind of density and smoothing
+WANTED = {("lme", "simple"): 6000, ("target", "dwa"): 2000}  # steps/s
+LEAST = 500
+
+
+def main() -> None:
+    """Print, and record where asked."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--record", action="store_true", help=f"write {RESULT.name}")
+    record = parser.parse_args().record
+    lines = []
+    for line in report():
+        print(line, flush=True)
+        lines.append(line)
+    if record:
+        RESULT.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def report() -> Iterator[str]:
+    """Markdown, line by line."""
+    yield "# Speed of every pair\n"
+    yield f"`python -m benchmarks.planners --record`, {time.strftime('%Y-%m-%d')}, {machine()}\n"
+    yield f"{ROBOT}, {len(WORLDS)} fresh BARN worlds, one core; a step is scan, decision, motion and collision check.\n"
+    yield "| guide | planner | steps/s | decision p50 [µs] | p99 [µs] | wanted [steps/s] |"
+    yield "|---|---|---:|---:|---:|---:|"
+    schema.register()
+    options = catalogue.shipped().options
+    with Composer("eval") as composer:
+        for guide in options("guide"):
+            for planner in options("planner"):
+                if CUSTOM not in (guide, planner) and not planner.endswith("_tuned"):
+                    yield row(composer, guide, planner)
+
+
+def row(composer: Composer, guide: str, planner: str) -> str:
+    """One pair."""
+    words = [f"robot={ROBOT}", f"guide={guide}", f"planner={planner}", "map=barn", "map.subset=fresh"]
+    config = build.plain(without_hydra(composer.compose(words)))
+    robot, maps = build.robot(config), build.map_set(config)
+    navigator, simulator = build.navigator(config, robot), build.simulator(config, robot)
+    tasks = [maps.task(number) for number in WORLDS]
+    run_episode(tasks[0], navigator, simulator, np.random.default_rng(0))  # compiles
+    steps, decisions, began = 0, [], time.perf_counter()
+    for seed, task in enumerate(tasks):
+        episode = run_episode(task, navigator, simulator, np.random.default_rng(seed))
+        steps += episode.steps
+        decisions.append(episode.decision_us)
+    rate = steps / (time.perf_counter() - began)
+    p50, p99 = np.percentile(np.concatenate(decisions), [50, 99])
+    return f"| {guide} | {planner} | {rate:,.0f} | {p50:.0f} | {p99:.0f} | {WANTED.get((guide, planner), LEAST):,} |"
+
+
+if __name__ == "__main__":
+    main()

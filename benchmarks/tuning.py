@@ -1,0 +1,77 @@
+"""Tune every baseline alike and write what ships: conf/planner/*_tuned.yaml.
+
+    python -m benchmarks.tuning [PLANNER …] [--seed 0]
+
+Each is one `lme train +experiment=tune guide=… planner=…`: 600 episodes on fresh BARN worlds, no official one.
+"""
+
+import argparse
+import subprocess
+import sys
+from pathlib import Path
+
+import yaml
+
+from lme.resources import resource_dir
+
+GUIDES = {  # that the published systems have
+    "dwa": "target",
+    "s3_fisvfh": "target",
+    "vfh_plus": "target",
+    "apf": "target",
+    "eband": "global_path",
+    "motion_tubes": "global_path",
+}
+DIGITS = 4  # significant ones of a value that ships
+OUT = Path("outputs") / "tuning"
+
+
+def main() -> None:
+    """Train, and write one YAML for each planner."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument(
+        "planners", nargs="*", choices=[*GUIDES, []], metavar="PLANNER", help=", ".join(GUIDES)
+    )
+    parser.add_argument("--seed", type=int, default=0)
+    given = parser.parse_args()
+    for planner in given.planners or GUIDES:
+        print(tune(planner, given.seed), flush=True)
+
+
+def tune(planner: str, seed: int) -> Path:
+    """Run the search, or what is left of it, and write what it found."""
+    words = ["train", "+experiment=tune", f"guide={GUIDES[planner]}", f"planner={planner}", f"seed={seed}"]
+    place = OUT / f"{planner}-{seed}"
+    options = [f"hydra.run.dir={place}", "resume=true", "tracking=none"]
+    subprocess.run([sys.executable, "-m", "runners.cli", *words, *options], check=True)
+    found = yaml.safe_load((place / "weights.yaml").read_text(encoding="utf-8"))
+    path = resource_dir("conf") / "planner" / f"{planner}_tuned.yaml"
+    path.write_text(variant(planner, found, " ".join(["lme", *words])), encoding="utf-8")
+    return path
+
+
+def variant(planner: str, found: dict, command: str) -> str:
+    """The planner's own file with the values found in their place, each beside the one that it replaces."""
+    own = (resource_dir("conf") / "planner" / f"{planner}.yaml").read_text(encoding="utf-8")
+    title, before = own.splitlines()[0].removeprefix("# "), yaml.safe_load(own)
+    settings = {key.removeprefix("planner."): value for key, value in found["settings"].items()}
+    values = "\n".join(
+        f"{key}: {_short(value)}  # textbook: {_short(before[key])}" for key, value in settings.items()
+    )
+    return f"""# {title.partition(":")[0]}, tuned for Jackal on fresh BARN worlds
+# Found by {command}
+# Reward {found["reward"]:.3f} on {len(found["configurations"])} worlds, trial {found["trial"]} of {found["trials"]}
+defaults:
+  - {planner}
+  - _self_
+
+{values}
+"""
+
+
+def _short(value: float | None) -> str:
+    return "null" if value is None else f"{value:.{DIGITS}g}"
+
+
+if __name__ == "__main__":
+    main()

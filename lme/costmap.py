@@ -1,0 +1,170 @@
+"""A grid of what obstacles cost, in the odometry frame: the part of ROS costmap_2d that a global planner needs.
+
+Its layers of obstacles and of inflation, with their parameters and defaults: Lu, Hershberger & Smart 2014,
+"Layered costmaps for context-sensitive navigation", DOI 10.1109/IROS.2014.6942636, and wiki.ros.org/costmap_2d.
+Unknown ground is free.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from lme.errors import InputError
+from lme.geometry.frames import compose, to_robot
+from lme.kernels.costmap import (
+    HIGHEST,
+    INSCRIBED,
+    TOUCHING,
+    Grid,
+    draw_discs,
+    draw_edges,
+    inflate,
+    lattice,
+    observe,
+)
+from lme.robots import Robot, require
+from lme.types import Bools, Floats, Ints, Observation, Pose
+from lme.worlds.world import World
+
+Cell = tuple[int, int]
+
+_MOST_CELLS = 20_000_000
+
+
+@dataclass(slots=True)
+class CostmapConfig:
+    """Size of the grid, what scans change in it, and how obstacles are inflated."""
+
+    cell_size: float = 0.05  # [m]
+    margin: float = 5.0  # [m] around the box of start and goal; there is no way outside
+    obstacle_range: float = 2.5  # [m] hits up to here are marked
+    raytrace_range: float = 3.0  # [m] beams free cells up to here
+    observation_persistence: float = 1.0  # [s] nothing frees a cell hit so short a time ago
+    footprint_padding: float = 0.1  # [m] added to the footprint's inner radius
+    inflation_radius: float = 0.3  # [m] obstacles cost something up to here
+    cost_scaling_factor: float = 10.0  # [1/m] how fast their cost falls
+
+    def __post_init__(self) -> None:
+        for key in ("cell_size", "obstacle_range", "raytrace_range"):
+            require(f"guide.costmap.{key}", getattr(self, key), above=0.0)
+        for key in (
+            "margin",
+            "observation_persistence",
+            "footprint_padding",
+            "inflation_radius",
+            "cost_scaling_factor",
+        ):
+            require(f"guide.costmap.{key}", getattr(self, key), at_least=0.0)
+
+
+class Costmap:
+    """Obstacles seen, or known, between a start at the origin and a goal.
+
+    costs: (I, J) uint8; `TOUCHING` and `INSCRIBED` forbid a cell, up to `HIGHEST` it is only dear.
+    """
+
+    def __init__(self, config: CostmapConfig, robot: Robot, goal: Floats) -> None:
+        self._config = config
+        self._lidar = robot.lidar.mount
+        self._keep = round(config.observation_persistence * robot.control_rate)  # [scans]
+        self._stamp = stamp(config, robot.footprint.r_min)
+        self._grid, size = _layout(config, goal)
+        self._hits = np.zeros(size, dtype=np.int32)
+        self.costs = np.zeros(size, dtype=np.uint8)
+        self._scans = 0
+
+    def observe(self, observation: Observation) -> None:
+        """Mark what the scan hits, free what it passes; see `lme.kernels.costmap.observe`."""
+        scan, config = observation.scan, self._config
+        self._scans += 1
+        observe(
+            self._hits,
+            self.costs,
+            self._grid,
+            self._stamp,
+            self._scans,
+            self._keep,
+            compose(observation.odometry, self._lidar),
+            scan.ranges,
+            (scan.angle_min, scan.angle_increment),
+            (scan.range_min, scan.range_max, config.obstacle_range, config.raytrace_range),
+        )
+
+    def draw(self, world: World, start: Pose) -> None:
+        """Occupy what the world's obstacles touch; `start`: where in the world the origin lies."""
+        circles = np.column_stack([to_robot(world.circles[:, :2], start), world.circles[:, 2]])
+        ends = to_robot(world.edges.reshape(-1, 2, 2), start)
+        draw_discs(self._hits, self._grid, circles)
+        draw_edges(self._hits, self._grid, ends.reshape(-1, 4))
+        for polygon in world.polygons:
+            self._hits[_inside(self._centres(), to_robot(polygon, start))] = 1
+
+    def refresh(self) -> None:
+        """Make the costs those of the obstacles as they are now."""
+        inflate(self._hits, self._stamp, self.costs)
+
+    def cell(self, point: Floats) -> Cell:
+        """Array index of the cell that holds a point (2,) [m], or of the nearest on the grid."""
+        low_i, low_j, cell_size = self._grid
+        i, j = lattice(point[0] / cell_size) - low_i, lattice(point[1] / cell_size) - low_j
+        return min(max(i, 0), self.costs.shape[0] - 1), min(max(j, 0), self.costs.shape[1] - 1)
+
+    def points(self, cells: Ints) -> Floats:
+        """Centres (..., 2) [m] of the cells (..., 2)."""
+        return np.asarray((cells + np.array(self._grid[:2])) * self._grid[2], dtype=np.float64)
+
+    def forbidden(self, points: Floats) -> Bools:
+        """(K,) whether each of the points (K, 2) [m] lies in a forbidden cell; outside the grid none does."""
+        index = np.rint(points / self._grid[2]).astype(np.int64) - np.array(self._grid[:2])
+        on_grid = ((index >= 0) & (index < self.costs.shape)).all(axis=1)
+        i, j = np.where(on_grid[:, None], index, 0).T
+        return np.asarray((self.costs[i, j] >= INSCRIBED) & on_grid, dtype=np.bool_)
+
+    def _centres(self) -> Floats:
+        """(I, J, 2) [m]."""
+        return self.points(np.moveaxis(np.indices(self.costs.shape, dtype=np.int64), 0, -1))
+
+
+def stamp(config: CostmapConfig, r_min: float) -> Ints:
+    """Costs around one occupied cell, (K, 3) rows (di, dj, cost), for a footprint of inner radius r_min [m].
+
+    Forbidden up to the padded inner radius; beyond it, to the inflation radius,
+    HIGHEST · exp(−cost_scaling_factor · (distance − padded radius)).
+    """
+    inscribed = r_min + config.footprint_padding
+    reach = max(inscribed, config.inflation_radius)
+    cells = math.floor(reach / config.cell_size + 1e-9)
+    di, dj = np.mgrid[-cells : cells + 1, -cells : cells + 1]
+    away = np.hypot(di, dj) * config.cell_size - 1e-9
+    fading = np.floor(HIGHEST * np.exp(-config.cost_scaling_factor * np.maximum(away - inscribed, 0.0)))
+    cost = np.where(away <= r_min, TOUCHING, np.where(away <= inscribed, INSCRIBED, fading))
+    rows = np.column_stack([di.ravel(), dj.ravel(), cost.astype(np.int64).ravel()])
+    return np.ascontiguousarray(rows[(away.ravel() <= reach) & (rows[:, 2] > 0)])
+
+
+def _layout(config: CostmapConfig, goal: Floats) -> tuple[Grid, tuple[int, int]]:
+    """The grid around start and goal, and its (I, J)."""
+    cells = [math.ceil((config.margin + abs(side)) / config.cell_size) for side in goal]
+    margin = math.ceil(config.margin / config.cell_size)
+    if (margin + cells[0]) * (margin + cells[1]) > _MOST_CELLS:
+        raise InputError(
+            f"guide.costmap.cell_size is {config.cell_size:g}: a map of start and goal with a margin of "
+            f"{config.margin:g} m has over {_MOST_CELLS:,} cells: must be larger, or guide.costmap.margin smaller"
+        )
+    low = [-margin if side >= 0.0 else -wide for side, wide in zip(goal, cells, strict=True)]
+    size = [margin + wide + 1 for wide in cells]
+    return (low[0], low[1], config.cell_size), (size[0], size[1])
+
+
+def _inside(points: Floats, polygon: Floats) -> Bools:
+    """Which of the points (..., 2) lie in the polygon (V, 2): a ray to the right crosses its sides an odd number
+    of times."""
+    inside = np.zeros(points.shape[:-1], dtype=np.bool_)
+    for (x0, y0), (x1, y1) in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
+        spans = (points[..., 1] < y0) != (points[..., 1] < y1)
+        if y0 != y1:
+            inside ^= spans & (points[..., 0] < x0 + (x1 - x0) * (points[..., 1] - y0) / (y1 - y0))
+    return inside

@@ -1,0 +1,274 @@
+"""TangentBug: around obstacles by what a range sensor sees of their ends."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import NamedTuple
+
+import numpy as np
+
+from lme.blind_arc import BlindArc
+from lme.geometry.frames import to_robot, to_world
+from lme.kernels.tangents import (
+    all_ends,
+    breaks_before,
+    directions,
+    first_longer,
+    first_on_way,
+    free_ways,
+    joined,
+    sweep,
+)
+from lme.robots import Robot, require
+from lme.types import Floats, Guidance, Observation, Pose
+
+UNITS = directions(720)  # in which the free way is looked at: every half degree
+_REMEMBERED = 5.0  # [m] from the robot: what is farther off in a blind arc is forgotten
+TOUCHING = 0.98  # of a point's distance: the most that its disc may reach, so that the robot is never inside
+GRAZING = 6.0  # a wall seen at this slope (tan 80°) steps from beam to beam without a break
+
+
+@dataclass(slots=True)
+class TangentBugConfig:
+    """What a robot that is no point and whose sensor is not perfect needs."""
+
+    margin: float = 0.1  # [m] more than the collision radius, kept from obstacles
+    keep: float = 0.5  # [m] the end not taken before must be so much shorter to be taken
+    leave_gain: float = 0.1  # [m] a boundary is left for a place so much nearer to the target
+
+    def __post_init__(self) -> None:
+        require("guide.margin", self.margin, above=0.0)
+        require("guide.keep", self.keep, at_least=0.0)
+        require("guide.leave_gain", self.leave_gain, at_least=0.0)
+
+
+class Mode(StrEnum):
+    """The three behaviours of TangentBug."""
+
+    TOWARD = "toward"  # the target, ever nearer to it
+    FOLLOW = "follow"  # the boundary of an obstacle, out of a local minimum of the distance
+    LEAVE = "leave"  # the boundary, for a place nearer to the target than any on it
+
+
+class Node(NamedTuple):
+    """A vertex of the local tangent graph.
+
+    place: (2,) in the robot frame [m], in free and straight reach. point: (2,) the scan point it leads around.
+    """
+
+    place: Floats
+    point: Floats
+
+
+class TangentBug:
+    """TangentBug (Kamon, Rimon & Rivlin 1998, IJRR 17(9), 934–953, DOI 10.1177/027836499801700903).
+
+    Toward the target: straight, or to that end of the blocking obstacle over which the way is shortest, as
+    long as it is nearer to the target than the robot ever was. Where neither end is, the robot is in a local
+    minimum of the distance: it follows the boundary to one side, and remembers how near that comes to the
+    target. It leaves for the first free place in sight that is nearer than all of it, and once it is itself
+    nearer, goes on toward the target. An end is a break of the scan, of the obstacle itself or where something
+    nearer hides the rest; it is headed for at the robot's radius beyond.
+
+    Guarantee: it reaches the target wherever a way exists, for a point robot that moves exactly, with perfect
+    odometry and a perfect sensor all round, among static obstacles; where none exists the paper stops after
+    one loop, ours circles on, or stands where it is closed in. What our robots break: they are no points, so
+    obstacles are grown by the collision radius and `margin`, and ways narrower than that do not exist; beams
+    leave gaps, so an opening seen at a grazing angle is missed until the robot is nearer; a blind arc holds
+    what was seen there before; sensors err and planners cut corners, so a boundary is not left for less than
+    `leave_gain`, nor one end given up for the other for less than `keep`.
+    """
+
+    Config = TangentBugConfig
+
+    def __init__(self, config: TangentBugConfig, robot: Robot) -> None:
+        self._config = config
+        self._r = robot.r
+        self._mount = robot.lidar.mount
+        self.reset(np.random.default_rng(0))
+
+    def reset(self, rng: np.random.Generator) -> None:
+        """Forget the last episode; nothing is drawn."""
+        self._blind = BlindArc(self._mount, _REMEMBERED)
+        self._mode = Mode.TOWARD
+        self._nearest = math.inf  # [m] to the target: so near a place must be to be headed for
+        self._side = 0  # +1: the obstacle on the right, so its left end is followed; −1: the other way
+        self._along = np.zeros(2)  # scan point of the boundary that is followed, in the odometry frame
+        self._place = np.zeros(2)  # to leave for, in the odometry frame
+
+    def guide(self, observation: Observation) -> Guidance:
+        """The next place of the local tangent graph; the robot's own where obstacles close all round."""
+        before = self._mode, self._side
+        points = _by_bearing(self._blind.points(observation), self._mount)
+        view = _View(points, observation, self._r, self._config.margin)
+        act = {Mode.TOWARD: self._toward, Mode.FOLLOW: self._follow, Mode.LEAVE: self._leave}[self._mode]
+        place = act(view)
+        switched = (self._mode, self._side) != before
+        return Guidance(np.zeros(2) if place is None else place, None, switched, place is None)
+
+    def _toward(self, view: _View) -> Floats | None:
+        """Straight, or past an end of what is in the way, while that comes nearer to the target."""
+        self._nearest = min(self._nearest, view.distance)
+        owner = view.blocking(view.target)
+        if owner < 0:
+            self._side = 0
+            return view.target
+        ends, least = view.ends(owner)
+        lengths = {side: self._length_over(view, end.place, side) for side, end in ends.items()}
+        nearer = [side for side, end in ends.items() if _distance(end.place, view.target) < self._nearest]
+        if nearer:
+            self._side = min(nearer, key=lengths.__getitem__)
+            return ends[self._side].place
+        self._mode = Mode.FOLLOW
+        self._side = min(lengths, key=lengths.__getitem__, default=view.side_of_target(owner))
+        self._along = to_world(view.points[owner], view.odometry)
+        self._nearest = min(self._nearest, least)
+        return self._follow(view)
+
+    def _length_over(self, view: _View, place: Floats, side: int) -> float:
+        """Of the way to the target over a place [m], less `keep` on the side taken before."""
+        length = math.hypot(*place) + _distance(place, view.target)
+        return length - self._config.keep if side == self._side else length
+
+    def _follow(self, view: _View) -> Floats | None:
+        """To where the boundary goes out of sight, unless a place nearer than all of it has come into sight."""
+        place = view.nearest_place()
+        if _distance(place, view.target) < self._nearest - self._config.leave_gain:
+            self._mode, self._place = Mode.LEAVE, to_world(place, view.odometry)
+            return place
+        end, least = view.next_end(to_robot(self._along, view.odometry), self._side)
+        self._nearest = min(self._nearest, view.distance, least)
+        if end is None:
+            return None
+        self._along = to_world(end.point, view.odometry)
+        return end.place
+
+    def _leave(self, view: _View) -> Floats | None:
+        """To the place in sight, until the robot itself is nearer to the target than the boundary was."""
+        place = to_robot(self._place, view.odometry)
+        if view.distance < self._nearest:
+            self._mode = Mode.TOWARD
+            return self._toward(view)
+        if view.blocking(place, closely=True) >= 0:
+            self._mode = Mode.FOLLOW
+            return self._follow(view)
+        return place
+
+
+class _View:
+    """The scan as a point robot sees it: points grown to discs.
+
+    A disc never reaches the robot, nor the target where the robot fits there.
+    """
+
+    def __init__(self, points: Floats, observation: Observation, r: float, margin: float) -> None:
+        self.points = points
+        self.target = observation.target
+        self.odometry = observation.odometry
+        self.distance = math.hypot(*self.target)
+        self._radius = r + margin
+        away = np.hypot(points[:, 0], points[:, 1])
+        from_target = np.hypot(points[:, 0] - self.target[0], points[:, 1] - self.target[1])
+        wide = np.minimum(self._radius, np.maximum(TOUCHING * from_target, r))
+        self._radii = np.minimum(wide, TOUCHING * away)
+        self._close = np.minimum(self._radii, r + margin / 2.0)
+        self._ways, self._owners = free_ways(points, self._radii, UNITS)
+        slope = GRAZING * observation.scan.angle_increment
+        self._breaks = breaks_before(points, 2.0 * self._radius, slope)
+        self._profile = self._ways, self._owners, self._breaks, slope
+        self._jumps = self._ways, self._owners, np.arange(len(points) + 1), slope  # a break after every point
+
+    def blocking(self, place: Floats, closely: bool = False) -> int:
+        """Index of the point that is in the way to a place, −1 if none is; closely: with half the margin."""
+        return int(first_on_way(self.points, self._close if closely else self._radii, place))
+
+    def side_of_target(self, owner: int) -> int:
+        """On which side of a point the target is: +1 left, −1 right."""
+        x, y = self.points[owner]
+        return 1 if x * self.target[1] - y * self.target[0] >= 0.0 else -1
+
+    def ends(self, owner: int) -> tuple[dict[int, Node], float]:
+        """Left (+1) and right (−1) end of what a point belongs to, and how near that comes to the target [m]."""
+        start = _direction(self.points[owner])
+        found, nearest = {}, math.inf
+        for side in (1, -1):
+            k, longer, least = sweep(*self._profile, UNITS, start, side, self.target)
+            end = self._mouth(start, side) or (self._node(k, longer, side) if k >= 0 else None)
+            if end is not None:
+                found[side] = end
+            nearest = min(nearest, least)
+        return found, nearest
+
+    def next_end(self, along: Floats, side: int) -> tuple[Node | None, float]:
+        """Where the obstacle that holds the scan point nearest to `along` goes out of sight on one side.
+
+        And how near what is in sight of it comes to the target [m]. Where it does so nowhere, as in a room,
+        a place along the wall; None where the robot is closed in.
+        """
+        if not len(self.points):
+            return None, math.inf
+        index = int(np.argmin(np.hypot(*(self.points - along).T)))
+        start = self._in_sight(index, side)
+        k, longer, least = sweep(*self._profile, UNITS, start, side, self.target)
+        return self._node(k, longer, side) if k >= 0 else self._along_wall(start, side), least
+
+    def nearest_place(self) -> Floats:
+        """Of those in free reach the nearest to the target: itself, the ends, the farthest straight towards it."""
+        if self.blocking(self.target) < 0:
+            return self.target
+        k = _direction(self.target)
+        places = [self._node(k, True, side).place for k, side in all_ends(*self._profile).tolist()]
+        places.append(min(self._ways[k], self.distance) * UNITS[k])
+        return min(places, key=lambda place: _distance(place, self.target))
+
+    def _mouth(self, start: int, side: int) -> Node | None:
+        """Where a pocket opens that holds the target: its inside is in sight, so the obstacle does not end there."""
+        k, longer, _ = sweep(*self._jumps, UNITS, start, side, self.target)
+        if k < 0 or not longer:
+            return None
+        node = self._node(k, True, side)
+        onward = first_on_way(self.points - node.place, self._close, self.target - node.place)
+        return node if onward < 0 else None
+
+    def _in_sight(self, index: int, side: int) -> int:
+        """Direction of a point, turned back to where nothing nearer hides what it belongs to."""
+        start = _direction(self.points[index])
+        back = ((start - side * turned) % len(UNITS) for turned in range(len(UNITS)))
+        return next((k for k in back if joined(self._owners[k], index, self._breaks)), start)
+
+    def _along_wall(self, start: int, side: int) -> Node | None:
+        """A robot's width along what is seen in a direction, or first up to it; None where that is not free."""
+        k = first_longer(self._ways, start, side, 2.0 * self._radius)
+        if k < 0:
+            return None
+        if k == start:
+            return self._node(k, False, side)
+        return Node(2.0 * self._radius * UNITS[k], self.points[self._owners[(k - side) % len(UNITS)]])
+
+    def _node(self, k: int, longer: bool, side: int) -> Node:
+        """Where the obstacle seen in direction k goes out of sight: beyond its end, or where something hides it."""
+        point, radius = self.points[self._owners[k]], self._radii[self._owners[k]]
+        if not longer:
+            return Node(self._ways[k] * UNITS[k], point)
+        away = math.hypot(*point)
+        bearing = math.atan2(point[1], point[0]) + side * math.asin(radius / away)
+        length = math.sqrt(away * away - radius * radius) + self._radius
+        length = min(length, self._ways[(k + side) % len(UNITS)])
+        return Node(np.array([length * math.cos(bearing), length * math.sin(bearing)]), point)
+
+
+def _by_bearing(points: Floats, mount: Pose) -> Floats:
+    """Points (M, 2) in the order of their bearing about the lidar: about the base, an end's neighbours mix."""
+    from_lidar = to_robot(points, mount)
+    return points[np.argsort(np.arctan2(from_lidar[:, 1], from_lidar[:, 0]), kind="stable")]
+
+
+def _direction(point: Floats) -> int:
+    """Number of the direction nearest to that of a point."""
+    return int((math.atan2(point[1], point[0]) + math.pi) / math.tau * len(UNITS)) % len(UNITS)
+
+
+def _distance(a: Floats, b: Floats) -> float:
+    return math.hypot(a[0] - b[0], a[1] - b[1])

@@ -1,0 +1,235 @@
+"""Bubbles of free space along a path: their radii, the forces on them, insertion and deletion.
+
+A bubble's radius is how far the robot's inner disc may move from its centre in any direction: the distance to
+the nearest obstacle point less the disc's radius, never more than a ceiling. It is negative where the disc
+does not fit. Points are given as x (M,) and y (M,), apart, so that the search for the nearest becomes vector
+instructions.
+"""
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from lme.types import Bools, Floats
+
+_ROUNDING = 1e-9  # [m] bubbles laid one spacing apart are so, whatever their last digits say
+_OVERSHOOT = 0.75  # a force that turns round and keeps this share has pushed too far
+
+
+@njit(cache=True, error_model="numpy", fastmath={"nnan", "ninf", "nsz", "reassoc"})
+def _nearest_square(xs, ys, x, y):  # type: ignore[no-untyped-def]
+    """Squared distance to the nearest point; no product is fused, so the result is that of plain arithmetic."""
+    least = 1e300
+    for i in range(len(xs)):
+        dx, dy = xs[i] - x, ys[i] - y
+        least = min(least, dx * dx + dy * dy)
+    return least
+
+
+@njit(cache=True, error_model="numpy")
+def _radius(x, y, space):  # type: ignore[no-untyped-def]
+    """Radius of the bubble at (x, y)."""
+    xs, ys, inner, ceiling = space
+    return min(math.sqrt(_nearest_square(xs, ys, x, y)) - inner, ceiling)
+
+
+@njit(cache=True, error_model="numpy")
+def bubble_radii(centres: Floats, xs: Floats, ys: Floats, inner: float, ceiling: float) -> Floats:
+    """Radii of the bubbles at the (N, 2) centres [m]: (N,); `inner` is the radius of the robot's disc [m]."""
+    out = np.empty(len(centres))
+    for i in range(len(centres)):
+        out[i] = _radius(centres[i, 0], centres[i, 1], (xs, ys, inner, ceiling))
+    return out
+
+
+@njit(cache=True, error_model="numpy")
+def relax(
+    centres: Floats,
+    radii: Floats,
+    xs: Floats,
+    ys: Floats,
+    shape: tuple[float, float, float],
+    forces: tuple[float, float, float, float],
+    rounds: tuple[int, int],
+) -> None:
+    """Let the forces of Quinlan & Khatib 1993 move the bubbles, in place; the first and the last stay.
+
+    centres (N, 2) [m], radii (N,) [m]; shape: (inner disc, ceiling of a radius, smallest spacing) [m];
+    forces: (internal gain, external gain, radius below which obstacles repel [m], least force that moves);
+    rounds: (times along the band, halvings of a step that has gone too far).
+    """
+    inner, ceiling, spacing = shape
+    space = (xs, ys, inner, ceiling)
+    for _ in range(rounds[0]):
+        for i in range(1, len(centres) - 1):
+            before = (centres[i - 1, 0], centres[i - 1, 1])
+            after = (centres[i + 1, 0], centres[i + 1, 1])
+            bubble = (centres[i, 0], centres[i, 1], radii[i])
+            moved = _settle(before, bubble, after, space, spacing, forces, rounds[1])
+            centres[i, 0], centres[i, 1], radii[i] = moved
+
+
+@njit(cache=True, error_model="numpy")
+def _settle(before, bubble, after, space, spacing, forces, halvings):  # type: ignore[no-untyped-def]
+    """One bubble a step along its force, and back by halves while the force there turns round."""
+    tx, ty = after[0] - before[0], after[1] - before[1]
+    length = math.sqrt(tx * tx + ty * ty)
+    if length < 1e-9:
+        return bubble
+    normal = (-ty / length, tx / length)  # the force along the band is left out: it would only bunch bubbles
+    force = _force(before, bubble, after, normal, space, spacing, forces)
+    if abs(force) < forces[3]:
+        return bubble
+    reach = max(bubble[2], spacing)
+    step = min(max(0.5 * reach * force, -reach), reach)
+    for k in range(halvings + 1):
+        x, y = bubble[0] + step * normal[0], bubble[1] + step * normal[1]
+        moved = (x, y, _radius(x, y, space))
+        if k == halvings or step == 0.0:
+            break
+        there = _force(before, moved, after, normal, space, spacing, forces)
+        if there * force >= 0.0 or abs(there) <= _OVERSHOOT * abs(force):
+            break
+        step *= 0.5
+    return moved
+
+
+@njit(cache=True, error_model="numpy")
+def _force(before, bubble, after, normal, space, spacing, forces):  # type: ignore[no-untyped-def]
+    """Contraction and repulsion across the band, along `normal`.
+
+    Contraction: the sum of the unit vectors to both neighbours. Repulsion: the missing radius times the slope
+    of the radius, by central differences a radius to either side.
+    """
+    internal, external, influence, _ = forces
+    x, y, radius = bubble
+    pull = _pull(x, y, before, normal) + _pull(x, y, after, normal)
+    if radius >= influence:
+        return internal * pull
+    h = max(radius, spacing)
+    left = _radius(x + h * normal[0], y + h * normal[1], space)
+    right = _radius(x - h * normal[0], y - h * normal[1], space)
+    return internal * pull + external * (influence - radius) * (left - right) / (2.0 * h)
+
+
+@njit(cache=True, error_model="numpy")
+def _pull(x, y, neighbour, normal):  # type: ignore[no-untyped-def]
+    """Component along the normal of the unit vector to a neighbour."""
+    dx, dy = neighbour[0] - x, neighbour[1] - y
+    return (dx * normal[0] + dy * normal[1]) / max(math.sqrt(dx * dx + dy * dy), 1e-9)
+
+
+@njit(cache=True, error_model="numpy")
+def mend(
+    centres: Floats,
+    radii: Floats,
+    xs: Floats,
+    ys: Floats,
+    shape: tuple[float, float, float],
+    joint: tuple[float, float],
+    capacity: int,
+) -> tuple[Floats, Floats, int]:
+    """Delete bubbles that their neighbours make redundant, insert some where neighbours do not join.
+
+    joint: (overlap, least radius [m]). Two bubbles larger than the least join where their centres are no
+    further apart than `overlap` times the sum of their radii. Bubbles are inserted half-way, down to the
+    smallest spacing, at which any two larger than the least join; shape as in `relax`.
+    Returns centres (K, 2), radii (K,), K ≤ max(N, capacity), and the length of the chain: how many bubbles
+    from the first one on are joined.
+    """
+    space = (xs, ys, shape[0], shape[1])
+    kept, kept_radii = _without_redundant(centres, radii, joint)
+    out, chain = _filled(kept, kept_radii, space, shape[2], joint, max(len(kept), capacity))
+    return out[:, :2].copy(), out[:, 2].copy(), chain
+
+
+@njit(cache=True, error_model="numpy")
+def _filled(centres, radii, space, spacing, joint, size):  # type: ignore[no-untyped-def]
+    """The band with bubbles inserted, rows x, y, radius, and the length of its chain."""
+    out, waiting = np.empty((size, 3)), np.empty((size, 3))  # a stack, the next one on top
+    left = len(centres)
+    waiting[:left, :2], waiting[:left, 2] = centres[::-1], radii[::-1]
+    done, chain, torn = 0, 0, False
+    while left > 0:
+        x, y, radius = waiting[left - 1]
+        if done > 0:
+            px, py, before = out[done - 1]
+            gap = math.sqrt((x - px) ** 2 + (y - py) ** 2)
+            joined = _join(gap, before, radius, joint)
+            near = gap <= spacing + _ROUNDING
+            if not joined and not near and done + left < size:
+                mx, my = 0.5 * (x + px), 0.5 * (y + py)
+                waiting[left, 0], waiting[left, 1], waiting[left, 2] = mx, my, _radius(mx, my, space)
+                left += 1
+                continue
+            torn = torn or not (joined or (near and min(before, radius) > joint[1]))
+        chain += not torn
+        out[done] = waiting[left - 1]
+        done, left = done + 1, left - 1
+    return out[:done], chain
+
+
+@njit(cache=True, error_model="numpy")
+def _without_redundant(centres, radii, joint):  # type: ignore[no-untyped-def]
+    """The bubbles whose neighbours do not join without them, and both ends."""
+    out, out_radii = centres.copy(), radii.copy()
+    count = 1
+    for i in range(1, len(centres)):
+        if i + 1 < len(centres):
+            dx, dy = centres[i + 1, 0] - out[count - 1, 0], centres[i + 1, 1] - out[count - 1, 1]
+            if _join(math.sqrt(dx * dx + dy * dy), out_radii[count - 1], radii[i + 1], joint):
+                continue
+        out[count, 0], out[count, 1], out_radii[count] = centres[i, 0], centres[i, 1], radii[i]
+        count += 1
+    return out[:count], out_radii[:count]
+
+
+@njit(cache=True, error_model="numpy")
+def _join(gap, one, other, joint):  # type: ignore[no-untyped-def]
+    """Whether bubbles of these radii, `gap` apart, join."""
+    return min(one, other) > joint[1] and gap <= joint[0] * (one + other)
+
+
+@njit(cache=True, error_model="numpy")
+def covered(points: Floats, centres: Floats, radii: Floats, tolerance: float) -> bool:
+    """Whether each of the (P, 2) points lies in some bubble, or within `tolerance` [m] of a centre."""
+    for k in range(len(points)):
+        inside = False
+        for i in range(len(centres)):
+            dx, dy = points[k, 0] - centres[i, 0], points[k, 1] - centres[i, 1]
+            if dx * dx + dy * dy <= (max(radii[i], tolerance) + _ROUNDING) ** 2:
+                inside = True
+                break
+        if not inside:
+            return False
+    return True
+
+
+@njit(cache=True, error_model="numpy")
+def hidden(
+    points: Floats,
+    ranges: NDArray[np.float32],
+    angles: tuple[float, float],
+    limits: tuple[float, float],
+    slack: float,
+) -> Bools:
+    """Which of the (P, 2) points, in the lidar's frame, the scan cannot see: (P,).
+
+    ranges (B,) [m], angles: (angle_min, angle_increment) [rad], limits: (range_min, range_max) [m]. A point is
+    hidden outside the field of view, behind a return by more than `slack` [m], beyond range_max, and where
+    its beam is not a number or below range_min.
+    """
+    out = np.ones(len(points), np.bool_)
+    beams_in_turn = 2.0 * math.pi / abs(angles[1])
+    for k in range(len(points)):
+        offset = math.atan2(points[k, 1], points[k, 0]) - angles[0]
+        if angles[1] < 0.0:
+            offset = -offset
+        place = offset / abs(angles[1]) + 0.5  # in beams; those of the first one from 0 to 1
+        beam = math.floor(place - math.floor(place / beams_in_turn) * beams_in_turn)
+        if beam < len(ranges) and ranges[beam] >= limits[0]:
+            distance = math.sqrt(points[k, 0] ** 2 + points[k, 1] ** 2)
+            out[k] = distance > min(ranges[beam] + slack, limits[1])
+    return out

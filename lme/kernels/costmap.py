@@ -1,0 +1,146 @@
+"""Marking, clearing and inflating a grid of obstacles.
+
+Cells lie on a lattice through the origin, cell (i, j) centred on (i, j) · cell_size: symmetric about both axes,
+so that a mirrored scene gives a mirrored grid. A `Grid` (low_i, low_j, cell_size) says which lattice cell has the
+array index (0, 0). `hits` (I, J) int32 holds the number of the last scan that hit a cell; 0: free. `costs` (I, J)
+uint8 as in ROS costmap_2d. A stamp (K, 3) int64 is the cost around one occupied cell: rows (di, dj, cost).
+"""
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from lme.types import Floats, Ints
+
+Hits = NDArray[np.int32]
+Costs = NDArray[np.uint8]
+Grid = tuple[int, int, float]
+
+TOUCHING = 254  # the footprint touches the obstacle whichever way it is turned
+INSCRIBED = 253  # the padded footprint does
+HIGHEST = 252  # beside those
+
+
+@njit(cache=True, error_model="numpy")
+def lattice(value: float) -> int:
+    """The nearest integer, halves away from zero: as far on one side of the axis as on the other."""
+    return int(math.copysign(math.floor(abs(value) + 0.5), value))
+
+
+@njit(cache=True, error_model="numpy")
+def observe(
+    hits: Hits,
+    costs: Costs,
+    grid: Grid,
+    stamp: Ints,
+    number: int,
+    keep: int,
+    pose: tuple[float, float, float],
+    ranges: NDArray[np.float32],
+    angles: tuple[float, float],
+    spans: tuple[float, float, float, float],
+) -> None:
+    """Mark the cells that beams of scan `number` (≥ 1) hit, free those they pass; hits and costs in place.
+
+    pose: of the lidar in the frame of the grid. ranges (B,) [m]; angles (angle_min, angle_increment) [rad];
+    spans (range_min, range_max, obstacle_range, raytrace_range) [m]. A hit beyond obstacle_range marks no free
+    cell, but keeps one that is marked; nothing beyond raytrace_range is freed, nor what one of the last `keep`
+    scans or this one hits. A beam at range_max and beyond frees its way; one below range_min, or NaN, says nothing.
+    Costs grow with new hits; where hits were freed they are too high until `inflate`.
+    """
+    range_min, range_max = np.float32(spans[0]), np.float32(spans[1])
+    for k in range(len(ranges)):
+        if range_min <= ranges[k] < range_max:
+            bearing = pose[2] + angles[0] + k * angles[1]
+            x, y = pose[0] + ranges[k] * math.cos(bearing), pose[1] + ranges[k] * math.sin(bearing)
+            i, j = lattice(x / grid[2]) - grid[0], lattice(y / grid[2]) - grid[1]
+            if 0 <= i < hits.shape[0] and 0 <= j < hits.shape[1]:
+                if hits[i, j] == 0 and ranges[k] <= spans[2]:
+                    _press(costs, stamp, i, j)
+                    hits[i, j] = number
+                elif hits[i, j] != 0:  # or walls between the two ranges would be freed and not marked again
+                    hits[i, j] = number
+    for k in range(len(ranges)):
+        if ranges[k] >= range_min:
+            bearing = pose[2] + angles[0] + k * angles[1]
+            length = min(ranges[k], spans[3])
+            _free(hits, grid, number - keep, pose, math.cos(bearing), math.sin(bearing), length)
+
+
+@njit(cache=True, error_model="numpy")
+def inflate(hits: Hits, stamp: Ints, costs: Costs) -> None:
+    """Costs of the hits as they are, in place."""
+    costs[:] = 0
+    for i in range(hits.shape[0]):
+        for j in range(hits.shape[1]):
+            if hits[i, j] != 0:
+                _press(costs, stamp, i, j)
+
+
+@njit(cache=True, error_model="numpy")
+def _press(costs, stamp, i, j):  # type: ignore[no-untyped-def]
+    """Raise the costs around cell (i, j) to those of the stamp."""
+    for k in range(len(stamp)):
+        a, b = i + stamp[k, 0], j + stamp[k, 1]
+        if 0 <= a < costs.shape[0] and 0 <= b < costs.shape[1] and costs[a, b] < stamp[k, 2]:
+            costs[a, b] = stamp[k, 2]
+
+
+@njit(cache=True, error_model="numpy")
+def _free(hits, grid, since, pose, cos, sin, length):  # type: ignore[no-untyped-def]
+    """Free the cells that a beam passes, but for those hit since scan `since`.
+
+    Amanatides & Woo 1987, "A fast voxel traversal algorithm": step into the cell whose border comes first.
+    """
+    x, y, reach = pose[0] / grid[2], pose[1] / grid[2], length / grid[2]
+    i, j = lattice(x), lattice(y)
+    step_i, step_j = (1 if cos > 0.0 else -1), (1 if sin > 0.0 else -1)
+    next_i = (i + 0.5 * step_i - x) / cos if cos != 0.0 else np.inf
+    next_j = (j + 0.5 * step_j - y) / sin if sin != 0.0 else np.inf
+    per_i = abs(1.0 / cos) if cos != 0.0 else np.inf
+    per_j = abs(1.0 / sin) if sin != 0.0 else np.inf
+    a, b = i - grid[0], j - grid[1]
+    entered = 0.0
+    while entered < reach:
+        if 0 <= a < hits.shape[0] and 0 <= b < hits.shape[1] and hits[a, b] < since:
+            hits[a, b] = 0
+        entered = min(next_i, next_j)
+        if next_i < next_j:
+            a, next_i = a + step_i, next_i + per_i
+        else:
+            b, next_j = b + step_j, next_j + per_j
+
+
+@njit(cache=True, error_model="numpy")
+def draw_discs(hits: Hits, grid: Grid, discs: Floats) -> None:
+    """Occupy every cell that a solid disc (C, 3) [x, y, radius] touches, in place."""
+    cell = grid[2]
+    for k in range(len(discs)):
+        x, y, reach = discs[k, 0] / cell, discs[k, 1] / cell, discs[k, 2] / cell
+        for i in range(lattice(x - reach), lattice(x + reach) + 1):
+            for j in range(lattice(y - reach), lattice(y + reach) + 1):
+                away = math.hypot(max(abs(i - x) - 0.5, 0.0), max(abs(j - y) - 0.5, 0.0))
+                if away <= reach:
+                    _occupy(hits, grid, i, j)
+
+
+@njit(cache=True, error_model="numpy")
+def draw_edges(hits: Hits, grid: Grid, edges: Floats) -> None:
+    """Occupy the cells along thin walls (E, 4) [x0, y0, x1, y1], in place; walls leave no gap."""
+    cell = grid[2]
+    for k in range(len(edges)):
+        x0, y0 = edges[k, 0] / cell, edges[k, 1] / cell
+        dx, dy = edges[k, 2] / cell - x0, edges[k, 3] / cell - y0
+        steps = math.ceil(2.0 * math.hypot(dx, dy)) + 1
+        for s in range(steps + 1):
+            _occupy(hits, grid, lattice(x0 + dx * s / steps), lattice(y0 + dy * s / steps))
+
+
+@njit(cache=True, error_model="numpy")
+def _occupy(hits, grid, i, j):  # type: ignore[no-untyped-def]
+    """Mark lattice cell (i, j) where it lies on the grid."""
+    a, b = i - grid[0], j - grid[1]
+    if 0 <= a < hits.shape[0] and 0 <= b < hits.shape[1]:
+        hits[a, b] = 1

@@ -1,0 +1,240 @@
+"""Polar histograms of scan points, their valleys, and a best-first search over headings (VFH*).
+
+A ring of S equal sectors covers all directions; sector s spans [−π + s·w, −π + (s + 1)·w), w = 2π / S.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from lme.types import Bools, Floats, Ints
+
+_TINY = 1e-9  # [m], [rad]
+_CHECK_EVERY = 0.02  # [m]
+_MAX_NODES = 2048  # more than two plies ever need: at most 2π over the least valley at each
+
+
+class Valleys(NamedTuple):
+    """How headings are read off a histogram; all angles [rad], distances [m]."""
+
+    window: float  # points further away count for nothing
+    block_distance: float  # a sector whose mean range is shorter is blocked
+    narrow: float  # a valley must be at least this wide
+    wide: float  # up to this width its middle is taken
+    margin: float  # from the edges of a wider one
+
+
+class Costs(NamedTuple):
+    """What a step of the search costs beside its length."""
+
+    step: float  # [m]
+    deviation: float  # [m/rad] between the heading and the goal
+    switch: float  # [m/rad] between the heading and the one before
+    depth: int  # steps
+
+
+@njit(cache=True, error_model="numpy")
+def histogram(points: Floats, x: float, y: float, spacing: float, window: float, num_sectors: int) -> Floats:
+    """Mean of (window − range) over each sector as seen from (x, y): (S,) [m], 0 free to `window` full.
+
+    points (M, 2) [m], hits of beams `spacing` [rad] apart as seen from the origin. A point stands for the
+    piece of surface between its beams, so it fills the arc that this piece spans from (x, y); directions
+    without a point within `window` [m] are free. From the origin itself this is the mean over the beams.
+    """
+    density = np.zeros(num_sectors)
+    width = 2.0 * math.pi / num_sectors
+    for i in range(len(points)):
+        dx, dy = points[i, 0] - x, points[i, 1] - y
+        distance = math.hypot(dx, dy)
+        if distance >= window:
+            continue
+        half = min(0.5 * spacing * math.hypot(points[i, 0], points[i, 1]) / max(distance, _TINY), math.pi / 2)
+        middle = (math.atan2(dy, dx) + math.pi) / width
+        low, high = middle - half / width, middle + half / width
+        for s in range(math.floor(low), math.ceil(high)):
+            part = min(high, s + 1.0) - max(low, float(s))
+            density[s % num_sectors] += part * (window - distance)
+    for s in range(num_sectors):
+        density[s] = min(density[s], window)
+    return density
+
+
+@njit(cache=True, error_model="numpy")
+def valleys(blocked: Bools) -> Ints:
+    """Runs of free sectors on the ring: (K, 2) [first, length]; one of full length if none is blocked."""
+    num_sectors = len(blocked)
+    runs = np.empty((num_sectors, 2), np.int64)
+    count, first = 0, 0
+    while first < num_sectors and not blocked[first]:
+        first += 1
+    if first == num_sectors:
+        runs[0, 0], runs[0, 1] = 0, num_sectors
+        return runs[:1]
+    length = 0
+    for k in range(1, num_sectors + 1):
+        s = (first + k) % num_sectors
+        if not blocked[s]:
+            length += 1
+        elif length > 0:
+            runs[count, 0], runs[count, 1] = (s - length) % num_sectors, length
+            count += 1
+            length = 0
+    return runs[:count]
+
+
+@njit(cache=True, error_model="numpy")
+def headings(blocked: Bools, goal: float, narrow: float, wide: float, margin: float) -> Floats:
+    """One heading for each valley at least `narrow` wide: (K,) [rad] in [−π, π].
+
+    A valley up to `wide`: its middle; a wider one: `goal`, kept `margin` inside its edges. All angles [rad].
+    """
+    runs = valleys(blocked)
+    width = 2.0 * math.pi / len(blocked)
+    out = np.empty(len(runs))
+    count = 0
+    for k in range(len(runs)):
+        span = runs[k, 1] * width
+        if runs[k, 1] == len(blocked):
+            out[count] = goal
+        elif span < narrow - _TINY:
+            continue
+        else:
+            middle = _wrapped(-math.pi + (runs[k, 0] + 0.5 * runs[k, 1]) * width)
+            room = max(0.5 * span - margin, 0.0) if span > wide + _TINY else 0.0
+            out[count] = _wrapped(middle + min(max(_wrapped(goal - middle), -room), room))
+        count += 1
+    return out[:count]
+
+
+@njit(cache=True, error_model="numpy")
+def search(
+    points: Floats,
+    unseen: Bools,
+    goal: Floats,
+    previous: float,
+    spacing: float,
+    rules: Valleys,
+    costs: Costs,
+) -> tuple[float, bool]:
+    """First heading [rad] of the cheapest sequence of steps, and whether there is any.
+
+    points (M, 2) and goal (2,) in the robot frame [m]; unseen (S,): sectors in which nothing can be seen, taken
+    as blocked; previous [rad]: the heading followed until now. From each node the histogram is built anew
+    as the points look from there. The rest of the path costs at least its length, so the first node taken
+    off the queue at full depth, or at the goal, is the best; if all ways end before, the deepest, then
+    cheapest.
+    """
+    nodes = np.empty((_MAX_NODES, 6))  # x, y, heading, first heading, cost so far, depth
+    estimate = np.empty(_MAX_NODES)  # cost so far and the least that can follow; inf once expanded
+    nodes[0, 0], nodes[0, 1], nodes[0, 2], nodes[0, 3], nodes[0, 4], nodes[0, 5] = 0, 0, previous, 0, 0, 0
+    estimate[0] = 0.0
+    count, best = 1, 0
+    while True:
+        taken = int(np.argmin(estimate[:count]))
+        if estimate[taken] == np.inf:
+            return nodes[best, 3], best > 0
+        if nodes[taken, 5] >= costs.depth:
+            return nodes[taken, 3], True
+        if nodes[taken, 5] > nodes[best, 5]:  # by rising cost, so the first of a depth is its cheapest
+            best = taken
+        estimate[taken] = np.inf
+        count = _expand(nodes, estimate, count, taken, points, unseen, goal, spacing, rules, costs)
+
+
+@njit(cache=True, error_model="numpy")
+def _expand(nodes, estimate, count, taken, points, unseen, goal, spacing, rules, costs):  # type: ignore[no-untyped-def]
+    """Append the children of a node; returns the new number of nodes."""
+    x, y, before, cost, depth = (
+        nodes[taken, 0],
+        nodes[taken, 1],
+        nodes[taken, 2],
+        nodes[taken, 4],
+        nodes[taken, 5],
+    )
+    to_goal = math.hypot(goal[0] - x, goal[1] - y)
+    bearing = math.atan2(goal[1] - y, goal[0] - x)
+    density = histogram(points, x, y, spacing, rules.window, len(unseen))
+    limit = rules.window - min(rules.block_distance, to_goal)
+    blocked = unseen | (density > limit)
+    ahead = headings(blocked, bearing, rules.narrow, rules.wide, rules.margin)
+    for k in range(min(len(ahead), len(nodes) - count)):
+        heading, arrived = ahead[k], to_goal <= costs.step
+        turn = costs.deviation * abs(_wrapped(heading - bearing)) + costs.switch * abs(
+            _wrapped(heading - before)
+        )
+        first = heading if taken == 0 else nodes[taken, 3]
+        nodes[count, 0] = x + costs.step * math.cos(heading)
+        nodes[count, 1] = y + costs.step * math.sin(heading)
+        nodes[count, 2], nodes[count, 3], nodes[count, 4] = heading, first, cost + costs.step + turn
+        nodes[count, 5] = costs.depth if arrived else depth + 1
+        estimate[count] = nodes[count, 4] + costs.step * (costs.depth - nodes[count, 5])
+        count += 1
+    return count
+
+
+@njit(cache=True, error_model="numpy")
+def _wrapped(angle):  # type: ignore[no-untyped-def]
+    """Into [−π, π] for angles within a few turns; odd, so that mirrored angles stay mirrored."""
+    while angle > math.pi:
+        angle -= 2.0 * math.pi
+    while angle < -math.pi:
+        angle += 2.0 * math.pi
+    return angle
+
+
+@njit(cache=True, error_model="numpy")
+def nearest_ahead(points: Floats, half_angle: float) -> tuple[float, float]:
+    """Least distance from the origin to a point within `half_angle` [rad] of straight ahead: left, right [m].
+
+    points (M, 2) in the robot frame [m]; one dead ahead counts on both sides; inf where there is none.
+    """
+    left, right = np.inf, np.inf
+    cosine = math.cos(half_angle)
+    for i in range(len(points)):
+        x, y = points[i, 0], points[i, 1]
+        distance = math.hypot(x, y)
+        if x < cosine * distance:
+            continue
+        if y >= 0.0:
+            left = min(left, distance)
+        if y <= 0.0:
+            right = min(right, distance)
+    return left, right
+
+
+@njit(cache=True, error_model="numpy")
+def least_clearance(
+    points: Floats, box: tuple[float, float, float], v: float, omega: float, time: float
+) -> tuple[float, float]:
+    """Clearance [m] of a footprint to the points now, and the least while it drives (v, ω) for `time` [s].
+
+    points (M, 2) in the robot frame [m]; box (half_length, half_width, rounding) [m]; a point inside is at
+    most −rounding away. Exact at poses that lie no more than 2 cm of travel of any corner apart.
+    """
+    reach = math.hypot(box[0], box[1]) + box[2]
+    steps = max(1, math.ceil((abs(v) + abs(omega) * reach) * time / _CHECK_EVERY))
+    x, y, yaw, half_turn = 0.0, 0.0, 0.0, 0.5 * omega * time / steps
+    now = _clearance(points, box, x, y, yaw)
+    least = now
+    for _ in range(steps):
+        yaw += half_turn
+        x += v * time / steps * math.cos(yaw)
+        y += v * time / steps * math.sin(yaw)
+        yaw += half_turn
+        least = min(least, _clearance(points, box, x, y, yaw))
+    return now, least
+
+
+@njit(cache=True, error_model="numpy")
+def _clearance(points, box, x, y, yaw):  # type: ignore[no-untyped-def]
+    """Distance from the footprint at (x, y, yaw) to the nearest point, less its rounding."""
+    cos, sin = math.cos(yaw), math.sin(yaw)
+    least = np.inf
+    for i in range(len(points)):
+        dx, dy = points[i, 0] - x, points[i, 1] - y
+        along = max(abs(cos * dx + sin * dy) - box[0], 0.0)
+        across = max(abs(cos * dy - sin * dx) - box[1], 0.0)
+        least = min(least, along * along + across * across)
+    return math.sqrt(least) - box[2]

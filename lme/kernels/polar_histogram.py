@@ -1,0 +1,175 @@
+"""The four reductions of VFH+ (Ulrich & Borenstein 1998): cells, density, turning limits, candidate directions.
+
+Sectors are numbered by absolute direction: sector k is centred on k·α, α = 2π / num_sectors, in the odometry
+frame, so that they hold still while the robot turns.
+"""
+
+import math
+
+import numpy as np
+from numba import njit
+
+from lme.types import Bools, Floats
+
+
+@njit(cache=True, error_model="numpy")
+def active_cells(points: Floats, cell_size: float, reach: float) -> Floats:
+    """Occupied cells of the circular active window, each at the mean of the returns in it: (C, 2) [m].
+
+    points (M, 2), cell_size, reach: radius of the window [m]. A cell counts once, however many beams hit it, so
+    that neither the lidar's resolution nor the distance changes what an obstacle weighs.
+    """
+    half = math.ceil(reach / cell_size)
+    side = 2 * half + 1
+    hits = np.zeros((side, side, 3))  # number of returns, sums of x and y
+    for i in range(len(points)):
+        x, y = points[i, 0], points[i, 1]
+        if x * x + y * y > reach * reach:
+            continue
+        hit = hits[_nearest(x / cell_size) + half, _nearest(y / cell_size) + half]
+        hit[0] += 1.0
+        hit[1] += x
+        hit[2] += y
+    cells, count = np.empty((min(side * side, len(points)), 2)), 0
+    for row in range(side):
+        for column in range(side):
+            hit = hits[row, column]
+            if hit[0] > 0.0:
+                cells[count, 0], cells[count, 1] = hit[1] / hit[0], hit[2] / hit[0]
+                count += 1
+    return cells[:count]
+
+
+@njit(cache=True, error_model="numpy")
+def polar_density(
+    cells: Floats, yaw: float, radius: float, reach: float, peak: float, num_sectors: int
+) -> Floats:
+    """Primary polar histogram (first stage): obstacle density of each sector, (num_sectors,).
+
+    cells (C, 2) in the robot frame [m], yaw of the robot [rad]. A cell at distance d weighs a − b·d², `peak` at
+    the robot and 1 at the `reach` [m] of the window, in every sector within asin(radius / d) of its direction:
+    obstacles are enlarged by `radius`, that of the robot and its safety distance [m].
+    """
+    density = np.zeros(num_sectors)
+    alpha = 2.0 * math.pi / num_sectors
+    for i in range(len(cells)):
+        distance = math.sqrt(cells[i, 0] ** 2 + cells[i, 1] ** 2)
+        weight = peak - (peak - 1.0) * (distance / reach) ** 2
+        middle = (math.atan2(cells[i, 1], cells[i, 0]) + yaw) / alpha
+        half = math.asin(radius / distance) / alpha if distance > radius else 0.25 * num_sectors
+        first, last = math.ceil(middle - half), math.floor(middle + half)
+        if first > last:  # narrower than a sector and between two centres
+            first = last = _nearest(middle)
+        for k in range(first, last + 1):
+            density[k % num_sectors] += weight
+    return density
+
+
+@njit(cache=True, error_model="numpy")
+def turning_limits(cells: Floats, turn_radius: float, radius: float) -> tuple[float, float]:
+    """Directions (right ≤ 0, left ≥ 0) [rad] between which the robot can steer past every cell (third stage).
+
+    cells (C, 2) in the robot frame [m]. A cell limits the side it is on where the tightest arc to that side, of
+    `turn_radius` [m], comes within `radius` [m] of it.
+    """
+    right, left = -math.pi, math.pi
+    touch = (turn_radius + radius) ** 2
+    for i in range(len(cells)):
+        x, y = cells[i, 0], cells[i, 1]
+        if x * x + (abs(y) - turn_radius) ** 2 >= touch:
+            continue
+        bearing = math.atan2(y, x)
+        if y > 0.0:
+            left = min(left, bearing)
+        elif y < 0.0:
+            right = max(right, bearing)
+    return right, left
+
+
+@njit(cache=True, error_model="numpy")
+def masked(blocked: Bools, yaw: float, right: float, left: float) -> Bools:
+    """Masked polar histogram (third stage): blocked, or not between `right` and `left` of the heading `yaw` [rad]."""
+    num_sectors = len(blocked)
+    alpha = 2.0 * math.pi / num_sectors
+    out = np.empty(num_sectors, np.bool_)
+    for k in range(num_sectors):
+        bearing = _remainder(k * alpha - yaw, 2.0 * math.pi)
+        out[k] = blocked[k] or bearing < right or bearing > left
+    return out
+
+
+@njit(cache=True, error_model="numpy")
+def candidate_directions(blocked: Bools, target: float, wide: float) -> Floats:
+    """Candidate directions (fourth stage), in sectors: (K,), K = 0 where every sector is blocked.
+
+    target: its direction, `wide`: s_max, both in sectors. A valley of fewer than `wide` free sectors offers its
+    middle; a wider one a direction `wide`/2 from either edge, and the target's where it lies between them.
+    """
+    num_sectors = len(blocked)
+    edge = 0
+    while edge < num_sectors and not blocked[edge]:
+        edge += 1
+    if edge == num_sectors:
+        return np.array([target])
+    out = np.empty(3 * num_sectors)
+    count, k = 0, edge
+    while k < edge + num_sectors:
+        if blocked[k % num_sectors]:
+            k += 1
+            continue
+        first = k
+        while not blocked[k % num_sectors]:
+            k += 1
+        count = _offer(first, k - 1, target, wide, num_sectors, out, count)
+    return out[:count]
+
+
+@njit(cache=True, error_model="numpy")
+def cheapest(
+    candidates: Floats, costs: tuple[float, float, float], towards: tuple[float, float, float], n: int
+) -> int:
+    """Index of the candidate with the least Σ μ·Δ (fourth stage), of equals that nearest to the target.
+
+    costs (μ1, μ2, μ3); towards: directions of the target, of the heading, of the previous choice. Directions
+    in sectors, of which there are n.
+    """
+    best, least, apart = -1, np.inf, np.inf
+    for i in range(len(candidates)):
+        cost = 0.0
+        for j in range(3):
+            cost += costs[j] * abs(_remainder(candidates[i] - towards[j], float(n)))
+        aside = abs(_remainder(candidates[i] - towards[0], float(n)))
+        if cost < least - 1e-9 or (cost < least + 1e-9 and aside < apart - 1e-9):  # rounding decides nothing
+            best, least, apart = i, cost, aside
+    return best
+
+
+@njit(cache=True, error_model="numpy")
+def _offer(first, last, target, wide, num_sectors, out, count):  # type: ignore[no-untyped-def]
+    """Append the candidates of the valley from sector `first` to `last`; return how many there are now."""
+    if last - first + 1 < wide:
+        out[count] = 0.5 * (first + last)
+        return count + 1
+    right, left = first + 0.5 * wide, last - 0.5 * wide
+    if right >= left:
+        out[count] = 0.5 * (first + last)
+        return count + 1
+    out[count], out[count + 1] = right, left
+    middle = 0.5 * (first + last)
+    ahead = middle + _remainder(target - middle, float(num_sectors))
+    if right < ahead < left:
+        out[count + 2] = ahead
+        return count + 3
+    return count + 2
+
+
+@njit(cache=True, error_model="numpy")
+def _nearest(value):  # type: ignore[no-untyped-def]
+    """Nearest whole number; halves away from zero, so that left and right are treated alike."""
+    return int(math.copysign(math.floor(abs(value) + 0.5), value))
+
+
+@njit(cache=True, error_model="numpy")
+def _remainder(value, turn):  # type: ignore[no-untyped-def]
+    """`value` less whole turns, in [−turn/2, turn/2]."""
+    return value - turn * np.rint(value / turn)

@@ -1,0 +1,174 @@
+"""What a point robot sees among scan points grown to discs: how far it can go, and where obstacles end.
+
+A robot of radius R among points is a point among discs of radius R, so a jump of the free way from one
+direction to the next is a place where a robot of that size passes by the end of an obstacle.
+"""
+
+import math
+
+import numpy as np
+from numba import njit
+
+from lme.types import Floats, Ints
+
+
+@njit(cache=True, error_model="numpy")
+def first_on_way(points: Floats, radii: Floats, end: Floats) -> int:
+    """Index of the disc that the segment from the origin to `end` (2,) meets first; −1 where it meets none.
+
+    points (M, 2) and radii (M,) of the discs [m]. A segment at a distance of exactly the radius passes.
+    """
+    length = math.hypot(end[0], end[1])
+    best, least = -1, np.inf
+    for i in range(len(points)):
+        x, y = points[i, 0], points[i, 1]
+        along = (x * end[0] + y * end[1]) / length if length > 0.0 else 0.0
+        over = along - min(max(along, 0.0), length)
+        across_square = max(x * x + y * y - along * along, 0.0)
+        depth = radii[i] * radii[i] - across_square - over * over
+        if depth > 0.0:
+            hit = along - math.sqrt(radii[i] * radii[i] - across_square)
+            if hit < least:
+                best, least = i, hit
+    return best
+
+
+def directions(number: int) -> Floats:
+    """(K, 2) unit vectors, that of direction k at bearing −π + (k + ½)·2π/K: as many to the left as to the right."""
+    bearings = (np.arange(number) + 0.5) * (2.0 * math.pi / number) - math.pi
+    return np.column_stack((np.cos(bearings), np.sin(bearings)))
+
+
+@njit(cache=True, error_model="numpy")
+def free_ways(points: Floats, radii: Floats, units: Floats) -> tuple[Floats, Ints]:
+    """How far the way is free in each of the `directions`, and the disc that ends it.
+
+    points (M, 2), radii (M,) [m], units (K, 2). A disc narrower than the angle between two directions counts in
+    the nearest one; one that holds the origin is left out. Returns (K,) [m], inf and −1 where there is none.
+    """
+    num_directions = len(units)
+    ways, owners = np.full(num_directions, np.inf), np.full(num_directions, -1)
+    per_radian = num_directions / (2.0 * math.pi)
+    for i in range(len(points)):
+        px, py, square = points[i, 0], points[i, 1], radii[i] * radii[i]
+        distance = math.sqrt(px * px + py * py)
+        if not radii[i] < distance:
+            continue
+        bearing, half = math.atan2(py, px) + math.pi, math.asin(radii[i] / distance)
+        middle = math.floor(bearing * per_radian)
+        first = min(math.ceil((bearing - half) * per_radian - 0.5), middle)
+        last = max(math.floor((bearing + half) * per_radian - 0.5), middle)
+        for turned in range(first, last + 1):
+            k = turned % num_directions
+            across = px * units[k, 1] - py * units[k, 0]
+            along = px * units[k, 0] + py * units[k, 1]
+            way = along - math.sqrt(max(square - across * across, 0.0))
+            if way < ways[k]:
+                ways[k], owners[k] = way, i
+    return ways, owners
+
+
+@njit(cache=True, error_model="numpy")
+def breaks_before(points: Floats, gap: float, slope: float) -> Ints:
+    """How many breaks of the scan lie before each point: (M + 1,); the last counts that from last to first too.
+
+    points (M, 2) in the order of the beams. A break is where neighbours are more than `gap` + `slope` · the distance of
+    the nearer one apart [m].
+    """
+    num_points = len(points)
+    out = np.zeros(num_points + 1, np.int64)
+    for i in range(num_points):
+        x, y = points[i, 0], points[i, 1]
+        u, v = points[(i + 1) % num_points, 0], points[(i + 1) % num_points, 1]
+        nearer = math.sqrt(min(x * x + y * y, u * u + v * v))
+        out[i + 1] = out[i] + (math.hypot(u - x, v - y) > gap + slope * nearer)
+    return out
+
+
+@njit(cache=True, error_model="numpy")
+def sweep(
+    ways: Floats,
+    owners: Ints,
+    breaks: Ints,
+    slope: float,
+    units: Floats,
+    start: int,
+    step: int,
+    target: Floats,
+) -> tuple[int, bool, float]:
+    """Turn from direction `start` by `step` (±1) until the obstacle seen there ends.
+
+    It ends at a break where the way gets longer, or shorter because something nearer hides the rest, by more
+    than `slope` · the shorter of the two.
+    Returns the last direction before the end, −1 where there is none all round; whether the way gets longer
+    there; and the least distance from the ends of the ways passed to `target` (2,) [m].
+    """
+    num_directions = len(ways)
+    least = np.inf
+    k = start
+    for _ in range(num_directions):
+        x, y = ways[k] * units[k, 0] - target[0], ways[k] * units[k, 1] - target[1]
+        least = min(least, math.hypot(x, y))
+        after = (k + step) % num_directions
+        if _broken(owners[k], owners[after], breaks, step):
+            if _longer(ways[k], ways[after], slope):
+                return k, True, least
+            if _longer(ways[after], ways[k], slope):
+                return k, False, least
+        k = after
+    return -1, False, least
+
+
+@njit(cache=True, error_model="numpy")
+def all_ends(ways: Floats, owners: Ints, breaks: Ints, slope: float) -> Ints:
+    """(E, 2) directions at which an obstacle ends as in `sweep`, and the step (±1) in which it does."""
+    num_directions = len(ways)
+    out = np.empty((2 * num_directions, 2), np.int64)
+    count = 0
+    for k in range(num_directions):
+        for step in (-1, 1):
+            after = (k + step) % num_directions
+            longer = _longer(ways[k], ways[after], slope)
+            if longer and _broken(owners[k], owners[after], breaks, step):
+                out[count, 0], out[count, 1] = k, step
+                count += 1
+    return out[:count]
+
+
+@njit(cache=True, error_model="numpy")
+def _longer(near, far, slope):  # type: ignore[no-untyped-def]
+    """Whether `far` is beyond `near` by more than a wall seen at a grazing angle would make it."""
+    return far - near > slope * near
+
+
+@njit(cache=True, error_model="numpy")
+def _broken(i, j, breaks, step):  # type: ignore[no-untyped-def]
+    """Whether there is a break between points i and j, turning from i by `step`; −1 is no point at all.
+
+    From an origin off the lidar, neighbours may change places: the shorter way round counts, in points.
+    """
+    if i < 0 or j < 0:
+        return i != j
+    first, last = (i, j) if step > 0 else (j, i)
+    num_points = len(breaks) - 1
+    if (last - first) % num_points > num_points // 2:
+        first, last = last, first
+    turned = breaks[-1] if last < first else 0
+    return breaks[last] - breaks[first] + turned > 0
+
+
+@njit(cache=True, error_model="numpy")
+def joined(i: int, j: int, breaks: Ints) -> bool:
+    """Whether points i and j have no break between them, one way round or the other; −1 is no point."""
+    return not (_broken(i, j, breaks, 1) and _broken(i, j, breaks, -1))
+
+
+@njit(cache=True, error_model="numpy")
+def first_longer(ways: Floats, start: int, step: int, length: float) -> int:
+    """First direction from `start` on by `step` in which the way is at least `length` [m]; −1 if none is."""
+    num_directions = len(ways)
+    for turned in range(num_directions):
+        k = (start + step * turned) % num_directions
+        if ways[k] >= length:
+            return k
+    return -1

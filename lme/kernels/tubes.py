@@ -1,0 +1,296 @@
+"""Motion tubes against scans: what the lidar must see past, and which tube serves best."""
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from lme.types import Bools, Floats, Ints
+
+Ranges = NDArray[np.float32]
+
+_TWO_PI = 2.0 * math.pi
+_STRAIGHT = 1e-9  # [1/m] a smaller curvature is none
+
+
+@njit(cache=True, error_model="numpy")
+def arc_pose(curvature: float, way: float) -> tuple[float, float, float]:
+    """Pose (x, y, yaw) after `way` [m] along an arc from the origin; a negative way is driven backwards."""
+    turn = curvature * way
+    if abs(curvature) < _STRAIGHT:
+        return way, 0.0, turn
+    return math.sin(turn) / curvature, 2.0 * math.sin(0.5 * turn) ** 2 / curvature, turn
+
+
+@njit(cache=True, error_model="numpy")
+def swept_ranges(
+    curvatures: Floats,
+    length: float,
+    steps: int,
+    outline: Floats,
+    front: float,
+    lidar: tuple[float, float, float],
+    increment: float,
+    num_beams: int,
+) -> tuple[Ranges, Bools]:
+    """How far each beam must reach to see past each tube, (N, B) [m], and which tubes are partly out of view (N,).
+
+    A tube is what the outline (V, 2), convex, anticlockwise and around the lidar at the start, newly sweeps while
+    its base drives `length` [m] along an arc: on the outside of the turn what lies beyond `front` [m], on the
+    inside what lies beyond the axle (x = 0). 0 where a beam does not meet it. lidar: (x, y) in the base frame and
+    the bearing of its first beam there.
+    """
+    needs = np.zeros((len(curvatures), num_beams))
+    hidden = np.zeros(len(curvatures), np.bool_)
+    directions = np.empty((num_beams, 2))
+    for i in range(num_beams):
+        angle = lidar[2] + i * increment
+        directions[i, 0], directions[i, 1] = math.cos(angle), math.sin(angle)
+    corners, beams = np.empty_like(outline), np.empty(len(outline))
+    for n in range(len(curvatures)):
+        for k in range(1, steps + 1):
+            pose = arc_pose(curvatures[n], length * k / steps)
+            _place(outline, pose, lidar, increment, corners, beams)
+            rule = (np.sign(curvatures[n]), front, lidar[0], lidar[1])
+            hidden[n] |= _out_of_view(corners, beams, rule, increment, num_beams)
+            for i in range(len(corners)):
+                j = i + 1 if i + 1 < len(corners) else 0
+                _raise(corners[i], corners[j], beams[i], rule, increment, directions, needs[n])
+    return needs.astype(np.float32), hidden
+
+
+@njit(cache=True, error_model="numpy")
+def _place(outline, pose, lidar, increment, corners, beams):  # type: ignore[no-untyped-def]
+    """Corners of the outline at `pose` relative to the lidar, and their bearings in beams from the first."""
+    cos, sin = math.cos(pose[2]), math.sin(pose[2])
+    for i in range(len(outline)):
+        x = pose[0] + cos * outline[i, 0] - sin * outline[i, 1] - lidar[0]
+        y = pose[1] + sin * outline[i, 0] + cos * outline[i, 1] - lidar[1]
+        corners[i, 0], corners[i, 1] = x, y
+        beams[i] = ((math.atan2(y, x) - lidar[2]) % _TWO_PI) / increment
+
+
+@njit(cache=True, error_model="numpy")
+def _counts(x, y, rule):  # type: ignore[no-untyped-def]
+    """Whether a point relative to the lidar belongs to what is newly swept."""
+    side, front, lidar_x, lidar_y = rule
+    ahead, across = x + lidar_x, side * (y + lidar_y)
+    return ahead >= front or (ahead >= 0.0 and across > 0.0)
+
+
+@njit(cache=True, error_model="numpy")
+def _out_of_view(corners, beams, rule, increment, num_beams):  # type: ignore[no-untyped-def]
+    """Whether a corner that counts lies more than half a beam outside the field of view."""
+    last = _TWO_PI / increment - 0.5
+    for i in range(len(corners)):
+        outside = num_beams - 0.5 < beams[i] < last
+        if outside and _counts(corners[i, 0], corners[i, 1], rule):
+            return True
+    return False
+
+
+@njit(cache=True, error_model="numpy")
+def _raise(a, b, beam, rule, increment, directions, need):  # type: ignore[no-untyped-def]
+    """Let the beams that meet the edge from a to b reach at least there; `beam`: bearing of a in beams."""
+    cross, dot = a[0] * b[1] - a[1] * b[0], a[0] * b[0] + a[1] * b[1]
+    span = math.atan2(cross, dot) / increment
+    low, high = min(beam, beam + span), max(beam, beam + span)
+    turn = _TWO_PI / increment
+    for shift in (-turn, 0.0, turn):
+        first, last = max(math.ceil(low + shift), 0), min(math.floor(high + shift), len(need) - 1)
+        for i in range(first, last + 1):
+            c, s = directions[i, 0], directions[i, 1]
+            way = cross / (c * (b[1] - a[1]) - s * (b[0] - a[0]))
+            if way > need[i] and _counts(way * c, way * s, rule):
+                need[i] = way
+
+
+@njit(cache=True, error_model="numpy")
+def free_ranges(ranges: Ranges, range_min: float, range_max: float) -> Ranges:
+    """How far each beam saw nothing: (B,) [m], inf where it hit nothing (see `lme.perception`)."""
+    low, high = np.float32(range_min), np.float32(range_max)
+    seen = np.empty(len(ranges), np.float32)
+    for i in range(len(ranges)):
+        seen[i] = ranges[i] if low <= ranges[i] < high else np.float32(np.inf)
+    return seen
+
+
+@njit(cache=True, error_model="numpy")
+def free_tubes(seen: Ranges, needs: Ranges, spans: Ints, hidden: Bools) -> Bools:
+    """Which tubes are free, (N,): in view, and every beam sees as far as it must.
+
+    seen (B,) from `free_ranges`; needs (N, B) and hidden (N,) from `swept_ranges`; spans (N, 2): first and last
+    beam of each that must see anything.
+    """
+    free = np.empty(len(needs), np.bool_)
+    for n in range(len(needs)):
+        free[n] = not hidden[n]
+        for i in range(spans[n, 0], spans[n, 1] + 1):
+            if seen[i] < needs[n, i]:
+                free[n] = False
+                break
+    return free
+
+
+@njit(cache=True, error_model="numpy")
+def whisker_free(seen: Ranges, beams: Ints, ranges: Ranges) -> bool:
+    """Whether every sample of a whisker is in view and within its beam: beams (S,), −1 out of view; ranges (S,)."""
+    for k in range(len(beams)):  # noqa: SIM110
+        if beams[k] < 0 or seen[beams[k]] < ranges[k]:
+            return False
+    return True
+
+
+@njit(cache=True, error_model="numpy")
+def choose(
+    free: Bools,
+    curvatures: Floats,
+    reach: float,
+    goal: tuple[float, float, float],
+    bins: tuple[float, float, int],
+    twist: tuple[float, float],
+    seen: Ranges,
+    whisker_beams: Ints,
+    whisker_ranges: Ranges,
+) -> tuple[int, int]:
+    """The best free tube and the bin of its distance to the goal; (−1, −1) where none serves.
+
+    Compared in turn: distance from goal (x, y) to the pose after `reach` [m], in bins; outer, front and inner whisker
+    free; deviation from the goal's heading, in bins; change of the turn rate at the present v; distance.
+    A tube more than bins[2] bins off, or more than 90° from the goal's heading, does not serve. bins: (width of
+    a bin of distance [m], of heading [rad], greatest bin). whisker_beams, whisker_ranges (3, N, S) in that order.
+    """
+    best, best_bin = -1, bins[2] + 1
+    key, best_key = np.empty(6), np.empty(6)
+    for n in range(len(free)):
+        if not free[n]:
+            continue
+        x, y, yaw = arc_pose(curvatures[n], reach)
+        distance = math.hypot(goal[0] - x, goal[1] - y)
+        deviation = abs(yaw - goal[2])
+        deviation = min(deviation, _TWO_PI - deviation)
+        here = math.floor(distance / bins[0])
+        if here > best_bin or here > bins[2] or deviation > 0.5 * math.pi:
+            continue
+        for k in range(3):
+            key[k] = 0.0 if whisker_free(seen, whisker_beams[k, n], whisker_ranges[k, n]) else 1.0
+        key[3] = math.floor(deviation / bins[1])
+        key[4] = abs(twist[0] * curvatures[n] - twist[1]) if twist[0] > 0.0 else 0.0
+        key[5] = distance
+        if here < best_bin or _less(key, best_key):
+            best, best_bin = n, here
+            best_key[:] = key
+    return best, best_bin if best >= 0 else -1
+
+
+@njit(cache=True, error_model="numpy")
+def _less(a, b):  # type: ignore[no-untyped-def]
+    """Whether a comes before b in the order of a dictionary."""
+    for k in range(len(a)):
+        if a[k] != b[k]:
+            return a[k] < b[k]
+    return False
+
+
+@njit(cache=True, error_model="numpy")
+def points_along(path: Floats, distances: Floats, window: float) -> tuple[Floats, float]:
+    """Points (D, 2) at distances [m] along a polyline (K, 2) from its point nearest to the origin; the way left [m].
+
+    The nearest point is looked for in the first `window` [m]. A distance past the end gives the end.
+    """
+    start, part = _nearest(path, window)
+    x = path[start, 0] + part * (path[min(start + 1, len(path) - 1), 0] - path[start, 0])
+    y = path[start, 1] + part * (path[min(start + 1, len(path) - 1), 1] - path[start, 1])
+    out = np.empty((len(distances), 2))
+    done, way = 0, 0.0
+    for i in range(start + 1, len(path)):
+        step = math.hypot(path[i, 0] - x, path[i, 1] - y)
+        while done < len(distances) and distances[done] <= way + step:
+            share = (distances[done] - way) / step if step > 0.0 else 0.0
+            out[done, 0], out[done, 1] = x + share * (path[i, 0] - x), y + share * (path[i, 1] - y)
+            done += 1
+        way += step
+        x, y = path[i, 0], path[i, 1]
+    out[done:, 0], out[done:, 1] = x, y
+    return out, way
+
+
+@njit(cache=True, error_model="numpy")
+def _nearest(path, window):  # type: ignore[no-untyped-def]
+    """Segment nearest to the origin, and the share of it passed."""
+    best, at, at_part, way = np.inf, 0, 0.0, 0.0
+    for i in range(len(path) - 1):
+        dx, dy = path[i + 1, 0] - path[i, 0], path[i + 1, 1] - path[i, 1]
+        square = dx * dx + dy * dy
+        part = -(path[i, 0] * dx + path[i, 1] * dy) / square if square > 0.0 else 0.0
+        part = min(max(part, 0.0), 1.0)
+        away = math.hypot(path[i, 0] + part * dx, path[i, 1] + part * dy)
+        if away < best:
+            best, at, at_part = away, i, part
+        way += math.sqrt(square)
+        if way > window:
+            break
+    return at, at_part
+
+
+@njit(cache=True, error_model="numpy")
+def known_free(
+    points: Floats,
+    bodies: Floats,
+    lidars: Floats,
+    ranges: Ranges,
+    increment: float,
+    box: tuple[float, float, float],
+) -> Bools:
+    """Which points (P, 2) the robot has stood on or seen past, (P,), in the frame that the poses are given in.
+
+    bodies, lidars (M, 3): poses of the base, and of the lidar turned to its first beam, when the scans ranges
+    (M, B) from `free_ranges` were taken; box (half_length, half_width, rounding) [m].
+    """
+    turn = _TWO_PI / increment
+    known = np.zeros(len(points), np.bool_)
+    for p in range(len(points)):
+        for m in range(len(bodies)):
+            dx, dy = points[p, 0] - bodies[m, 0], points[p, 1] - bodies[m, 1]
+            cos, sin = math.cos(bodies[m, 2]), math.sin(bodies[m, 2])
+            beside_x = max(abs(cos * dx + sin * dy) - box[0], 0.0)
+            beside_y = max(abs(cos * dy - sin * dx) - box[1], 0.0)
+            if beside_x * beside_x + beside_y * beside_y <= box[2] * box[2]:
+                known[p] = True
+                break
+            dx, dy = points[p, 0] - lidars[m, 0], points[p, 1] - lidars[m, 1]
+            bearing = ((math.atan2(dy, dx) - lidars[m, 2]) % _TWO_PI) / increment
+            beam = 0 if bearing >= turn - 0.5 else round(bearing)
+            if beam < ranges.shape[1] and ranges[m, beam] > math.hypot(dx, dy):
+                known[p] = True
+                break
+    return known
+
+
+@njit(cache=True, error_model="numpy")
+def out_of_sight(
+    points: Floats,
+    pose: tuple[float, float, float],
+    lidar: tuple[float, float, float],
+    increment: float,
+    num_beams: int,
+    reach: float,
+) -> Floats:
+    """Those of the points (P, 2) within `reach` [m] of the base that no beam can show, in the base frame: (K, 2).
+
+    pose: of the base in the frame of the points; lidar as in `swept_ranges`.
+    """
+    cos, sin, turn = math.cos(pose[2]), math.sin(pose[2]), _TWO_PI / increment
+    kept = np.empty_like(points)
+    count = 0
+    for p in range(len(points)):
+        dx, dy = points[p, 0] - pose[0], points[p, 1] - pose[1]
+        if dx * dx + dy * dy >= reach * reach:
+            continue
+        x, y = cos * dx + sin * dy, cos * dy - sin * dx
+        bearing = ((math.atan2(y - lidar[1], x - lidar[0]) - lidar[2]) % _TWO_PI) / increment
+        if num_beams - 0.5 < bearing < turn - 0.5:
+            kept[count, 0], kept[count, 1] = x, y
+            count += 1
+    return kept[:count]

@@ -1,0 +1,160 @@
+"""The Dynamic Window Approach: of the velocities that are in reach and leave room to stop, the best."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from lme.errors import InputError
+from lme.kernels.arcs import clearances, contact_times
+from lme.perception import obstacle_points
+from lme.planners.commands import approach, limited
+from lme.robots import Robot, require
+from lme.types import Floats, Guidance, Limits, Observation, Twist
+
+
+@dataclass(slots=True)
+class DwaConfig:
+    """Gains of the objective, safety margin, and how finely the window is sampled."""
+
+    heading: float = 2.0  # gain of heading for the subgoal; Fox et al. 1997: α
+    clearance: float = 0.2  # gain of the way to the first obstacle; Fox et al. 1997: β
+    velocity: float = 0.2  # gain of forward velocity; Fox et al. 1997: γ
+    heading_time: float | None = (
+        None  # [s] at (v, ω) before heading is measured; null: one period, as Fox et al.
+    )
+    clear_way: float = 2.0  # [m] a way this long is as good as one without end
+    margin: float = 0.02  # [m] by which the footprint grows at rest
+    margin_time: float = 0.05  # [s] by which it grows with velocity: [m] per [m/s]
+    v_samples: int = 9
+    omega_samples: int = 31  # odd, so that straight ahead is one of them
+
+    def __post_init__(self) -> None:
+        for key in ("heading", "clearance", "velocity", "margin", "margin_time"):
+            require(f"planner.{key}", getattr(self, key), at_least=0.0)
+        require("planner.clear_way", self.clear_way, above=0.0)
+        if self.heading_time is not None:
+            require("planner.heading_time", self.heading_time, above=0.0)
+        require("planner.v_samples", self.v_samples, at_least=2)
+        require("planner.omega_samples", self.omega_samples, at_least=3)
+        if self.omega_samples % 2 == 0:
+            raise InputError(
+                f"planner.omega_samples is {self.omega_samples}: must be odd, so that the robot may drive straight"
+            )
+
+
+class _Window(NamedTuple):
+    """Velocities reachable within a period, and what becomes of each pair: v (V, 1) rising, omega (1, W).
+
+    stopping (V, W): least time until contact that leaves room to stop after one more period [s]. contact (V, W):
+    time until contact [s], the first one where that is no less than `stopping`.
+    """
+
+    v: Floats
+    omega: Floats
+    contact: Floats
+    stopping: Floats
+
+
+class Dwa:
+    """Dynamic Window Approach (Fox, Burgard, Thrun 1997, IEEE RAM 4(1):23–33, doi:10.1109/100.580977).
+
+    As there: circular arcs; velocities from which the robot can stop before contact; heading, clearance and
+    velocity, each in [0, 1]; a safety margin that grows with velocity; turning away where no arc is free. The
+    period until the next command counts as part of the way to a stop. The objective is not smoothed.
+    """
+
+    Config = DwaConfig
+
+    def __init__(self, config: DwaConfig, robot: Robot) -> None:
+        self._config = config
+        self._box = robot.footprint.box
+        self._mount = robot.lidar.mount
+        self._dt = robot.dt
+        self._v_share = np.linspace(0.0, 1.0, config.v_samples)
+        half = np.linspace(0.0, 1.0, config.omega_samples // 2 + 1)
+        self._omega_share = np.concatenate((-half[:0:-1], half))  # symmetric to the last bit
+
+    def reset(self, rng: np.random.Generator) -> None:
+        """Nothing to forget."""
+
+    def plan(self, observation: Observation, guidance: Guidance) -> Twist:
+        """Command for one control period."""
+        points = obstacle_points(observation.scan, self._mount)
+        window = self._window(observation, guidance.subgoal, points)
+        admissible = window.contact >= window.stopping
+        driving = window.v[:, 0] > 0.0
+        if driving.any() and not admissible[driving].any():
+            command = self._turn_away(window, points, observation.twist)
+        else:
+            score = self._objective(window, guidance.subgoal, observation.limits)
+            score[~admissible] = -np.inf
+            row, column = divmod(int(score.argmax()), window.omega.size)
+            command = window.v[row, 0], window.omega[0, column]
+        return limited(float(command[0]), float(command[1]), observation, self._dt)
+
+    def _window(self, observation: Observation, subgoal: Floats, points: Floats) -> _Window:
+        """Velocities that one period allows, and that let the robot come to rest at the subgoal."""
+        limits, now, dt, config = observation.limits, observation.twist, self._dt, self._config
+        distance = math.hypot(*subgoal)
+        v_low = max(now.v - limits.alpha_v * dt, 0.0)
+        v_high = approach(distance, now.v, limits.v_max, limits.alpha_v, dt)
+        v_high = min(v_high, limits.omega_max * distance / 2.0)  # faster, it could circle round the subgoal
+        v = v_low + (max(v_high, v_low) - v_low) * self._v_share[:, None]
+        omega = self._turn_rates(now, limits)[None, :]
+        stopping = dt + np.maximum(v / (2.0 * limits.alpha_v), np.abs(omega) / (2.0 * limits.alpha_omega))
+        twists = np.stack(np.broadcast_arrays(v, omega), axis=-1).reshape(-1, 2)
+        margins = config.margin + config.margin_time * twists[:, 0]
+        horizons = np.maximum(stopping, config.clear_way / np.maximum(v, 1e-3)).ravel()
+        contact = contact_times(twists, points, self._box, margins, stopping.ravel(), horizons)
+        return _Window(v, omega, contact.reshape(stopping.shape), stopping)
+
+    def _turn_rates(self, now: Twist, limits: Limits) -> Floats:
+        """Turn rates that one period allows; the one nearest to straight ahead is straight ahead."""
+        low = max(now.omega - limits.alpha_omega * self._dt, -limits.omega_max)
+        high = min(now.omega + limits.alpha_omega * self._dt, limits.omega_max)
+        omega: Floats = (low + high) / 2.0 + (high - low) / 2.0 * self._omega_share
+        omega[np.abs(omega) < (high - low) / (2.0 * (omega.size - 1))] = 0.0
+        return omega
+
+    def _objective(self, window: _Window, subgoal: Floats, limits: Limits) -> Floats:
+        """G(v, ω) of the paper: (V, W). Clearance is the way to contact; a robot that stays has none before it."""
+        config = self._config
+        way = np.zeros_like(window.contact)
+        np.multiply(window.v, window.contact, out=way, where=window.v > 0.0)
+        clear = np.minimum(way, config.clear_way) / config.clear_way
+        heading = self._heading(window, subgoal, limits)
+        velocity = window.v / limits.v_max
+        return config.heading * heading + config.clearance * clear + config.velocity * velocity
+
+    def _heading(self, window: _Window, subgoal: Floats, limits: Limits) -> Floats:
+        """1 where the robot would face the subgoal once it has braked, 0 where it would face away: (V, W).
+
+        The way there counts half-way to the subgoal at most: at the subgoal its bearing says nothing.
+        """
+        v, omega = window.v, window.omega
+        time = self._dt if self._config.heading_time is None else self._config.heading_time
+        way = np.minimum(v * time + v * v / (2.0 * limits.alpha_v), math.hypot(*subgoal) / 2.0)
+        turned = omega * time + omega * np.abs(omega) / (2.0 * limits.alpha_omega)
+        chord = way * np.sinc(turned / (2.0 * np.pi))  # of an arc, which bears half its turn
+        x, y = subgoal[0] - chord * np.cos(turned / 2.0), subgoal[1] - chord * np.sin(turned / 2.0)
+        error = np.abs(np.arctan2(y, x) - turned)
+        facing: Floats = 1.0 - np.abs((error + np.pi) % (2.0 * np.pi) - np.pi) / np.pi
+        return facing
+
+    def _turn_away(self, window: _Window, points: Floats, now: Twist) -> tuple[float, float]:
+        """No arc is free: brake and, at rest, turn in place, as it turns already or else from what is nearest."""
+        v_low, omega = window.v[0, 0], window.omega[0]
+        if v_low > 0.0:
+            return 0.0, now.omega * v_low / now.v  # on the arc it is on, where it could stop a period ago
+        free = omega[(window.contact[0] >= window.stopping[0]) & (omega != 0.0)]
+        if not free.size:
+            return 0.0, 0.0
+        nearest = points[clearances(points, self._box).argmin()]
+        side = math.copysign(1.0, now.omega if now.omega != 0.0 else -nearest[1])
+        preferred = free[free * side > 0.0]
+        options = preferred if preferred.size else free
+        return 0.0, options[np.abs(options).argmax()]

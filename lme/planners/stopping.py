@@ -1,0 +1,71 @@
+"""The last word before a command goes out: can the robot still stop short of everything it sees?"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lme.kernels.collision import sweep
+from lme.kernels.motion import drive
+from lme.planners.commands import limited
+from lme.robots import Robot
+from lme.types import Floats, Observation, Pose, Twist
+
+_SHARES = (1.0, 0.7, 0.45, 0.25, 0.12, 0.05)  # of the wanted twist: the same arc, slower
+_STEP = 0.02  # [m] no point of the outline moves further between two checks
+_NOISE = 1.0  # standard deviations of the lidar's noise kept beyond the margin
+_NO_EDGES = np.empty((0, 4))
+_CENTRE = (0.0, 0.0, 0.0)
+_HERE = Pose(0.0, 0.0, 0.0)
+
+
+class StoppingGuard:
+    """Slows a command along its arc, or to a turn in place, until one period of it and a full stop are free."""
+
+    def __init__(self, robot: Robot, margin: float) -> None:
+        self._box = robot.footprint.box
+        self._reach = robot.footprint.r_max
+        self._dt = robot.dt
+        self._margin = margin + _NOISE * robot.lidar.noise_std
+        self._room = robot.r + self._margin
+
+    def guard(self, wanted: Twist, observation: Observation, points: Floats) -> Twist:
+        """The first of: the command, slower ones on its arc, its turn alone, that keeps clear of the points.
+
+        points (M, 2): what the scan hit, in the robot frame [m]. Clear is: the outline `margin` [m] and one
+        deviation of the lidar's noise away; and, for what does not only turn, the disc of the collision radius
+        too, so that the robot can still turn where it stops. A robot that stands nearer already may do what
+        brings it no nearer. Brakes where nothing is clear. The result is within the limits.
+        """
+        command = limited(*wanted, observation, self._dt)
+        if len(points) == 0:
+            return command
+        circles = np.column_stack((points, np.zeros(len(points))))
+        here = np.array([_HERE])
+        least = min(self._margin, sweep(here, self._box, circles, _NO_EDGES)[0] - 1e-6)
+        room = min(self._room, sweep(here, _CENTRE, circles, _NO_EDGES)[0] - 1e-6)
+        for v, omega in _slower(wanted):
+            command = limited(v, omega, observation, self._dt)
+            if self._clear(command, observation, circles, least, room):
+                return command
+        return limited(0.0, 0.0, observation, self._dt)
+
+    def _clear(
+        self, command: Twist, observation: Observation, circles: Floats, least: float, room: float
+    ) -> bool:
+        """Whether a period of the command and braking keep the outline `least`, the centre `room` [m] away."""
+        limits = observation.limits
+        way, twist = drive(_HERE, observation.twist, command, limits, self._dt, _STEP, self._reach)
+        braking = max(abs(twist[0]) / limits.alpha_v, abs(twist[1]) / limits.alpha_omega)
+        end = Pose(*way[-1].tolist())
+        stop, _ = drive(end, Twist(*twist), Twist(0.0, 0.0), limits, braking, _STEP, self._reach)
+        poses = np.vstack((way, stop))
+        clearance, contact = sweep(poses, self._box, circles, _NO_EDGES)
+        if contact >= 0 or clearance < least:
+            return False
+        return command.v == 0.0 or sweep(poses, _CENTRE, circles, _NO_EDGES)[0] >= room
+
+
+def _slower(wanted: Twist) -> list[tuple[float, float]]:
+    """The command, slower on the same arc, then its turn without the way."""
+    on_arc = [(share * wanted.v, share * wanted.omega) for share in _SHARES]
+    return [*on_arc, (0.0, wanted.omega), (0.0, 0.3 * wanted.omega)]

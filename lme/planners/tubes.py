@@ -1,0 +1,188 @@
+"""Geometry of motion tubes: what they sweep, and which beams must see past them."""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from lme.kernels.tubes import Ranges, arc_pose, free_ranges, swept_ranges
+from lme.types import Bools, Floats, Ints, LaserScan, Pose
+
+Box = tuple[float, float, float]  # half_length, half_width, rounding [m]
+
+_ALONG = 0.03  # [m] between placements of the outline along a tube
+_CORNER_SIDES = 8  # of the polygon that stands for a rounded corner
+_WHISKER_SAMPLES = 3
+_LATTICE = 0.05  # [m] between samples behind the robot
+
+
+class LidarView(NamedTuple):
+    """Where a scan's beams start and point in the base frame, the increment positive."""
+
+    x: float  # [m]
+    y: float  # [m]
+    first: float  # [rad] bearing of the first beam
+    increment: float  # [rad]
+    num_beams: int
+
+
+class TubeSpec(NamedTuple):
+    """What a set of tubes is made of; equal specs share one set."""
+
+    length: float  # [m] way of the base
+    heading_max: float  # [rad] at the end of the most curved tube
+    heading_step: float  # [rad]
+    box: Box
+    margins: tuple[float, float]  # [m] in front, at each side
+    whiskers: tuple[float, float]  # [m] in front, at each side, beyond the margins
+
+
+class Tubes(NamedTuple):
+    """Tubes of one length in the eyes of one lidar, straight on first, then left and right by turns.
+
+    curvatures (N,) [1/m]; needs (N, B) [m], spans (N, 2) and hidden (N,) as in `lme.kernels.tubes.free_tubes`;
+    whisker_beams and whisker_ranges (3, N, S): samples of the outer, front and inner whisker.
+    """
+
+    length: float
+    curvatures: Floats
+    needs: Ranges
+    spans: Ints
+    hidden: Bools
+    whisker_beams: Ints
+    whisker_ranges: Ranges
+
+
+def lidar_view(scan: LaserScan, mount: Pose) -> tuple[LidarView, Ranges]:
+    """The scan's beams in the base frame, anticlockwise, and how far each saw nothing (B,) [m]."""
+    seen = free_ranges(scan.ranges, scan.range_min, scan.range_max)
+    first, increment, count = scan.angle_min, scan.angle_increment, len(seen)
+    if increment < 0.0:
+        first, increment, seen = first + (count - 1) * increment, -increment, np.ascontiguousarray(seen[::-1])
+    return LidarView(mount.x, mount.y, mount.yaw + first, increment, count), seen
+
+
+@lru_cache(maxsize=16)
+def forward_tubes(spec: TubeSpec, view: LidarView) -> Tubes:
+    """The tubes ahead."""
+    curvatures = _curvatures(spec)
+    outline = grown_outline(spec.box, *spec.margins)
+    front = spec.box[0] + spec.box[2] + spec.margins[0]
+    steps = max(1, math.ceil(spec.length / _ALONG))
+    lidar = (view.x, view.y, view.first)
+    needs, hidden = swept_ranges(
+        curvatures, spec.length, steps, outline, front, lidar, view.increment, view.num_beams
+    )
+    beams, ranges = _whiskers(spec, curvatures, view)
+    return Tubes(spec.length, curvatures, needs, _spans(needs), hidden, beams, ranges)
+
+
+def grown_outline(box: Box, front: float, side: float) -> Floats:
+    """The footprint grown at the front and the sides, (V, 2) [m], anticlockwise; rounded corners as polygons around."""
+    half_length, half_width, rounding = box
+    turns = np.array([0.0])
+    if rounding > 0.0:
+        turns = np.linspace(0.0, 0.5 * math.pi, _CORNER_SIDES + 1)
+        rounding /= math.cos(0.25 * math.pi / _CORNER_SIDES)
+    x, y = half_length + front, half_width + side
+    middles = ((x, y), (-half_length, y), (-half_length, -y), (x, -y))
+    parts = [
+        np.array(middle) + rounding * np.column_stack((np.cos(turns + start), np.sin(turns + start)))
+        for middle, start in zip(middles, 0.5 * math.pi * np.arange(4), strict=True)
+    ]
+    return np.vstack(parts)
+
+
+def _curvatures(spec: TubeSpec) -> Floats:
+    """0, then left and right by turns, to the most curved: (N,) [1/m]."""
+    count = max(1, math.floor(spec.heading_max / spec.heading_step + 1e-9))
+    left = spec.heading_step * np.arange(1, count + 1) / spec.length
+    return np.concatenate(([0.0], np.column_stack((left, -left)).ravel()))
+
+
+def _spans(needs: Ranges) -> Ints:
+    """First and last beam of each tube that must see anything, (N, 2); (0, −1) where none must."""
+    met = np.pad(needs > 0.0, ((0, 0), (1, 1)))
+    first, last = met.argmax(axis=1) - 1, needs.shape[1] - met[:, ::-1].argmax(axis=1)
+    return np.where(np.any(met, axis=1, keepdims=True), np.column_stack((first, last)), (0, -1))
+
+
+def _whiskers(spec: TubeSpec, curvatures: Floats, view: LidarView) -> tuple[Ints, Ranges]:
+    """Samples of the whiskers at the end of each tube, (3, N, S); a straight tube has its side whiskers twice over."""
+    half_length, half_width, rounding = spec.box
+    x, y = half_length + spec.margins[0], half_width + spec.margins[1]
+    across = y + rounding + spec.whiskers[1] * np.arange(1, _WHISKER_SAMPLES + 1) / _WHISKER_SAMPLES
+    left = np.column_stack((np.full(_WHISKER_SAMPLES, x), across))
+    ahead = np.full(_WHISKER_SAMPLES, x + rounding + spec.whiskers[0])
+    front = np.column_stack((ahead, np.linspace(-y, y, _WHISKER_SAMPLES)))
+    right = left * (1.0, -1.0)
+    both, empty = np.vstack((left, right)), np.empty((0, 2))
+    sides = {0.0: (both, empty), 1.0: (right, left), -1.0: (left, right)}
+    samples = np.empty((3, len(curvatures), 2 * _WHISKER_SAMPLES, 2))
+    for n, curvature in enumerate(curvatures):
+        outer, inner = sides[float(np.sign(curvature))]
+        pose = arc_pose(curvature, spec.length)
+        for k, whisker in enumerate((outer, front, inner if len(inner) else both)):
+            samples[k, n] = np.resize(_placed(whisker, pose), (2 * _WHISKER_SAMPLES, 2))
+    return _beams(samples, view)
+
+
+def _placed(points: Floats, pose: tuple[float, float, float]) -> Floats:
+    """Points (..., 2) given in the frame at `pose`, in its parent frame."""
+    cos, sin = math.cos(pose[2]), math.sin(pose[2])
+    x, y = points[..., 0], points[..., 1]
+    return np.stack((pose[0] + cos * x - sin * y, pose[1] + sin * x + cos * y), axis=-1)
+
+
+def _beams(points: Floats, view: LidarView) -> tuple[Ints, Ranges]:
+    """The beam nearest to each point (..., 2), −1 out of view, and the point's range [m]."""
+    dx, dy = points[..., 0] - view.x, points[..., 1] - view.y
+    bearings = ((np.arctan2(dy, dx) - view.first) % math.tau) / view.increment
+    beams = np.where(bearings >= math.tau / view.increment - 0.5, 0, np.rint(bearings))
+    beams = np.where(beams < view.num_beams, beams, -1)
+    return beams.astype(np.int64), np.hypot(dx, dy).astype(np.float32)
+
+
+class BackwardTubes(NamedTuple):
+    """Tubes behind the robot, from the most curved to the left to the most to the right.
+
+    curvatures (N,) [1/m]; ends (N, 2) of the base [m]; samples (P, 2) [m]; inside (N, P): which of them lie in each.
+    """
+
+    curvatures: Floats
+    ends: Floats
+    samples: Floats
+    inside: Bools
+
+
+@lru_cache(maxsize=16)
+def backward_tubes(spec: TubeSpec) -> BackwardTubes:
+    """Tubes driven backwards; the front margin is behind, whiskers they have none."""
+    curvatures = np.sort(_curvatures(spec))
+    half_length, half_width, rounding = spec.box
+    grown = (half_length + spec.margins[0], half_width + spec.margins[1], rounding)
+    reach = spec.length + math.hypot(*grown[:2]) + rounding
+    ticks = _LATTICE * np.arange(-math.ceil(reach / _LATTICE), math.ceil(reach / _LATTICE) + 1)
+    lattice = np.stack(np.meshgrid(ticks, ticks, indexing="ij"), axis=-1).reshape(-1, 2)
+    lattice = lattice[~_within(lattice, grown, (0.0, 0.0, 0.0))]
+    inside = np.zeros((len(curvatures), len(lattice)), np.bool_)
+    steps = max(1, math.ceil(spec.length / _LATTICE))
+    for n, curvature in enumerate(curvatures):
+        for k in range(1, steps + 1):
+            inside[n] |= _within(lattice, grown, arc_pose(curvature, -spec.length * k / steps))
+    met = inside.any(axis=0)
+    ends = np.array([arc_pose(curvature, -spec.length)[:2] for curvature in curvatures])
+    return BackwardTubes(curvatures, ends, lattice[met], np.ascontiguousarray(inside[:, met]))
+
+
+def _within(points: Floats, box: Box, pose: tuple[float, float, float]) -> Bools:
+    """Which points (P, 2) lie in the rounded rectangle at `pose`: (P,)."""
+    cos, sin = math.cos(pose[2]), math.sin(pose[2])
+    dx, dy = points[:, 0] - pose[0], points[:, 1] - pose[1]
+    beside_x = np.maximum(np.abs(cos * dx + sin * dy) - box[0], 0.0)
+    beside_y = np.maximum(np.abs(cos * dy - sin * dx) - box[1], 0.0)
+    within: Bools = np.hypot(beside_x, beside_y) <= box[2] + 1e-9
+    return within

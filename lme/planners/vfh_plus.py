@@ -1,0 +1,157 @@
+"""VFH+: steer into the cheapest gap of a polar histogram."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from lme.blind_arc import BlindArc
+from lme.errors import InputError
+from lme.kernels.polar_histogram import (
+    active_cells,
+    candidate_directions,
+    cheapest,
+    masked,
+    polar_density,
+    turning_limits,
+)
+from lme.planners.commands import approach
+from lme.planners.stopping import StoppingGuard
+from lme.robots import Robot, require
+from lme.types import Bools, Floats, Guidance, Observation, Twist
+
+
+@dataclass(slots=True)
+class VfhPlusConfig:
+    """Keys of `conf/planner/vfh_plus.yaml`, where their sources are."""
+
+    cell_size: float = 0.1  # [m]
+    window: float = 1.6  # [m] radius
+    sector_angle: float = math.radians(5.0)  # [rad]
+    safety_distance: float = 0.02  # [m]
+    peak: float = 10.0  # [-]
+    density_low: float = 3.0  # [-]
+    density_high: float = 5.0  # [-]
+    wide_valley: float = math.radians(80.0)  # [rad]
+    cost_target: float = 5.0  # [-]
+    cost_heading: float = 2.0  # [-]
+    cost_previous: float = 2.0  # [-]
+    turn_gain: float = 3.0  # [1/s]
+    density_stop: float = 60.0  # [-]
+    margin: float = 0.01  # [m]
+
+    def __post_init__(self) -> None:
+        for key in ("cell_size", "window", "density_high", "wide_valley", "turn_gain", "density_stop"):
+            require(f"planner.{key}", getattr(self, key), above=0.0)
+        for key in (
+            "safety_distance",
+            "density_low",
+            "cost_target",
+            "cost_heading",
+            "cost_previous",
+            "margin",
+        ):
+            require(f"planner.{key}", getattr(self, key), at_least=0.0)
+        require("planner.sector_angle", self.sector_angle, at_least=math.radians(0.5), at_most=math.pi / 4)
+        require("planner.peak", self.peak, at_least=1.0)
+        if self.density_low > self.density_high:
+            raise InputError(
+                f"planner.density_low is {self.density_low:g}: must be at most planner.density_high, "
+                f"{self.density_high:g}"
+            )
+
+
+class VfhPlus:
+    """Vector Field Histogram + (Ulrich & Borenstein 1998, DOI 10.1109/ROBOT.1998.677362).
+
+    The histogram grid's active window is filled from the present scan, and in the lidar's blind arc from what
+    was seen there before: a cell that is hit has certainty 1. Obstacles behind the subgoal are left out. The
+    speed is that of the first VFH (Borenstein & Koren 1991, DOI 10.1109/70.88137): less in dense directions, and
+    less in turns. Where the robot cannot steer into any gap at its speed, it stops and turns; a command that
+    cannot be stopped in time is slowed.
+    """
+
+    Config = VfhPlusConfig
+
+    def __init__(self, config: VfhPlusConfig, robot: Robot) -> None:
+        self._config = config
+        self._dt = robot.dt
+        self._mount = robot.lidar.mount
+        self._radius = robot.r + config.safety_distance
+        self._num_sectors = round(2.0 * math.pi / config.sector_angle)
+        self._alpha = 2.0 * math.pi / self._num_sectors
+        self._wide = config.wide_valley / self._alpha
+        self._costs = (config.cost_target, config.cost_heading, config.cost_previous)
+        self._guard = StoppingGuard(robot, config.margin)
+
+    def reset(self, rng: np.random.Generator) -> None:
+        """Forget the cells seen, the binary histogram and the direction taken."""
+        self._blind = BlindArc(self._mount, self._config.window)
+        self._blocked = np.zeros(self._num_sectors, dtype=np.bool_)
+        self._previous: float | None = None  # direction in the odometry frame, in sectors
+
+    def plan(self, observation: Observation, guidance: Guidance) -> Twist:
+        """Command for one control period."""
+        x, y = map(float, guidance.subgoal)
+        yaw = observation.odometry.yaw
+        points = self._blind.points(observation)
+        config, distance = self._config, math.hypot(x, y)
+        cells = active_cells(points, config.cell_size, min(config.window, distance + self._radius))
+        density = polar_density(cells, yaw, self._radius, config.window, config.peak, self._num_sectors)
+        self._blocked = self._binary(density)
+        target = yaw + math.atan2(y, x)
+        direction, stop = self._direction(cells, target, observation)
+        wanted = self._drive(direction, stop, density, distance, observation)
+        return self._guard.guard(wanted, observation, points)
+
+    def _binary(self, density: Floats) -> Bools:
+        """Binary polar histogram with hysteresis (second stage)."""
+        config = self._config
+        return (density > config.density_high) | (self._blocked & (density >= config.density_low))
+
+    def _direction(self, cells: Floats, target: float, observation: Observation) -> tuple[float | None, bool]:
+        """Where to turn to, relative to the heading [rad], and whether to stop first; None: nowhere."""
+        yaw = observation.odometry.yaw
+        turn_radius = abs(observation.twist.v) / observation.limits.omega_max
+        limits = turning_limits(cells, turn_radius, self._radius)
+        for blocked, stop in ((masked(self._blocked, yaw, *limits), False), (self._blocked, True)):
+            candidates = candidate_directions(blocked, target / self._alpha, self._wide)
+            if len(candidates) > 0:
+                chosen = self._cheapest(candidates, target, yaw)
+                self._previous = chosen
+                return self._turn(chosen, target, yaw), stop
+        self._previous = None
+        return None, True
+
+    def _cheapest(self, candidates: Floats, target: float, yaw: float) -> float:
+        """Candidate of the least cost, in sectors; with nothing chosen before, the heading was."""
+        heading = yaw / self._alpha
+        previous = heading if self._previous is None else self._previous
+        towards = (target / self._alpha, heading, previous)
+        return float(candidates[cheapest(candidates, self._costs, towards, self._num_sectors)])
+
+    def _turn(self, chosen: float, target: float, yaw: float) -> float:
+        """Direction chosen relative to the heading [rad]; one straight behind is reached past the target."""
+        turn = math.remainder(chosen * self._alpha - yaw, math.tau)
+        if abs(turn) > math.pi - 1e-9:
+            return math.copysign(turn, math.remainder(target - yaw, math.tau))
+        return turn
+
+    def _drive(
+        self, direction: float | None, stop: bool, density: Floats, distance: float, observation: Observation
+    ) -> Twist:
+        """Turn towards the direction, at a speed that density and turn allow."""
+        if direction is None:
+            return Twist(0.0, 0.0)
+        limits, now, config = observation.limits, observation.twist, self._config
+        fastest = approach(direction, now.omega, limits.omega_max, limits.alpha_omega, self._dt)
+        gentle = config.turn_gain * direction
+        omega = min(fastest, gentle) if direction > 0.0 else max(fastest, gentle)
+        if stop:
+            return Twist(0.0, omega)
+        ahead = density[round(observation.odometry.yaw / self._alpha) % self._num_sectors]
+        calm = 1.0 - min(ahead / config.density_stop, 1.0)
+        v_max = limits.v_max * calm * max(1.0 - abs(gentle) / limits.omega_max, 0.0)
+        return Twist(approach(distance, now.v, v_max, limits.alpha_v, self._dt), omega)

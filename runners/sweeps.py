@@ -1,0 +1,66 @@
+"""What a sweep comes to: one table, one chart, and the results in the sweep's own tracked run."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from omegaconf import DictConfig
+
+from runners import rundirs
+from runners.records import find_runs, read_episodes
+from runners.summary import Row, numbers, summarise
+from runners.targets import build as build_target
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+_NO_METRIC_NAME = re.compile(r"[^\w\-. /]")  # MLflow refuses the rest
+
+
+def finish(config: DictConfig, sweep_dir: Path, run_dirs: Sequence[Path]) -> None:
+    """Tabulate, draw, print and book all runs of a sweep. config: of its first job."""
+    from runners.tables import print_table
+
+    frame = read_episodes(find_runs(run_dirs))
+    order = list(config.table)
+    artifacts = report(frame, order, sweep_dir)
+    print_table(frame, order)
+    print(f"The sweep's table and chart: {sweep_dir}")
+    _book(config, frame, artifacts, sweep_dir, run_dirs)
+
+
+def report(frame: pd.DataFrame, order: Sequence[str], place: Path) -> list[Path]:
+    """Write table and chart of several runs into `place`; the files."""
+    from runners.comparison import comparison_figure
+    from runners.tables import write_tables
+
+    return [*write_tables(frame, place, order), *comparison_figure(frame, order, place)]
+
+
+def _book(
+    config: DictConfig,
+    frame: pd.DataFrame,
+    artifacts: Sequence[Path],
+    sweep_dir: Path,
+    run_dirs: Sequence[Path],
+) -> None:
+    """The sweep's run holds what its jobs have in common, and every row's figures by the row's name."""
+    launches = [record for record in map(rundirs.read_launch, run_dirs) if record is not None]
+    tracking = build_target(config.tracking, "tracking")
+    shared = rundirs.common([record.configs[0] for record in launches])
+    tracking.start(shared, sweep_dir, {"command": "sweep"})
+    rows = [row for row in summarise(frame, systems={}) if row.episodes]
+    tracking.finish(
+        {f"{_name(row)}/{key}": value for row in rows for key, value in numbers(row).items()}, artifacts
+    )
+
+
+def _name(row: Row) -> str:
+    parts = [
+        row.label.removesuffix(" (ours)"),
+        *(f"{key} {value}" for key, value in row.keys.items() if value),
+    ]
+    return _NO_METRIC_NAME.sub("_", " ".join(parts))

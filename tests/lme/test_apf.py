@@ -1,0 +1,238 @@
+"""Potential field: the force against a slow twin, what it does by hand, and where it is known to fail."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from lme.episode import run_episode
+from lme.errors import InputError
+from lme.guides.target import Target, TargetConfig
+from lme.kernels.potential import repulsion
+from lme.navigator import Navigator
+from lme.planners.apf import Apf, ApfConfig
+from lme.sim.fast import FastConfig, FastSimulator
+from lme.types import Guidance, Outcome, Pose, Twist
+from lme.worlds.world import World
+from tests.builders import SHIPPED, observation, room, shipped, stage, task
+from tests.tolerances import KERNEL
+
+R, REACH, CLOSEST, SPREAD = 0.2, 0.5, 0.01, 0.35
+POINTS = st.lists(st.tuples(st.floats(-0.8, 0.8), st.floats(-0.8, 0.8)), max_size=30).map(
+    lambda pairs: np.array(pairs, dtype=float).reshape(-1, 2)
+)
+
+
+def slow_repulsion(points):
+    """Every pair looked at."""
+    found = []
+    for x, y in points:
+        clearance = max(math.hypot(x, y) - R, CLOSEST)
+        if clearance < REACH:
+            push = (1 / clearance - 1 / REACH) / clearance**2
+            found.append(
+                (math.atan2(y, x), push, x / max(math.hypot(x, y), 1e-12), y / max(math.hypot(x, y), 1e-12))
+            )
+    force = np.zeros(2)
+    for bearing, push, x, y in found:
+        crowd = 0.0
+        for other, strength, *_ in found:
+            apart = abs(math.remainder(other - bearing, math.tau))
+            crowd += max(1 - apart / SPREAD, 0.0) * min(1.0, strength / push)
+        force -= push / crowd * np.array([x, y])
+    return force
+
+
+def force_of(points):
+    return np.array(repulsion(np.array(points, dtype=float).reshape(-1, 2), R, REACH, CLOSEST, SPREAD))
+
+
+@settings(max_examples=200, deadline=None)
+@given(POINTS)
+def test_repulsion_is_that_of_every_pair(points):
+    slow = slow_repulsion(points)
+    assert force_of(points) == pytest.approx(slow, abs=1e-9 * (1 + np.abs(slow).max()), rel=1e-7)
+
+
+def test_one_point_pushes_with_firas():
+    # Clearance 0.25 m: (1/0.25 − 1/0.5) / 0.25² = 32.
+    assert force_of([[0.45, 0.0]]) == pytest.approx([-32.0, 0.0], abs=KERNEL)
+    assert force_of([[0.0, -0.45]]) == pytest.approx([0.0, 32.0], abs=KERNEL)
+    assert force_of([[0.71, 0.0]]) == pytest.approx([0.0, 0.0], abs=KERNEL)  # beyond 0.2 + 0.5 m
+
+
+def arc(bearing, width, distance, count):
+    angles = bearing + width * (np.arange(count) + 0.5) / count - width / 2
+    return distance * np.column_stack([np.cos(angles), np.sin(angles)])
+
+
+@pytest.mark.parametrize(("width", "distance"), [(0.02, 0.4), (0.3, 0.4), (2.0, 0.5)])
+def test_more_beams_push_no_harder(width, distance):
+    coarse, fine = force_of(arc(0.3, width, distance, 90)), force_of(arc(0.3, width, distance, 900))
+    assert fine == pytest.approx(coarse, rel=0.05, abs=0.05)
+
+
+def test_a_thin_post_counts_as_one_and_hides_the_wall_behind_it():
+    lone = force_of([[0.45, 0.0]])
+    assert force_of(arc(0.0, 0.01, 0.45, 5)) == pytest.approx(lone, rel=0.02, abs=0.02)
+    wall = arc(0.0, 0.3, 0.69, 30)
+    assert force_of(np.vstack([arc(0.0, 0.01, 0.45, 5), wall])) == pytest.approx(lone, rel=0.05, abs=0.5)
+
+
+def planner(robot=None, **settings):
+    made = Apf(ApfConfig(**settings), robot or stage())
+    made.reset(np.random.default_rng(0))
+    return made
+
+
+def plan(made, view):
+    return made.plan(view, Guidance(view.target))
+
+
+def test_the_attraction_is_conic_far_off_and_parabolic_near():
+    made = planner()
+    nothing = np.empty((0, 2))
+    assert made._force(np.array([3.0, 4.0]), nothing) == pytest.approx((0.6, 0.8), abs=KERNEL)
+    assert made._force(np.array([0.3, 0.4]), nothing) == pytest.approx((0.3, 0.4), abs=KERNEL)
+
+
+def test_attraction_and_repulsion_balance_where_they_should():
+    # 0.01 · (1/ρ − 2) / ρ² = 5 N: at ρ = 0.1154 m.
+    made = planner()
+    for rho, sign in [(0.11, -1), (0.12, 1)]:
+        along, _ = made._force(np.array([5.0, 0.0]), np.array([[R + rho, 0.0]]))
+        assert math.copysign(1, along) == sign
+
+
+def test_only_the_ratio_of_the_gains_matters():
+    robot = stage()
+    ranges = np.full(robot.lidar.num_beams, 0.6, dtype=np.float32)
+    ranges[:200] = 2.0
+    view = observation(ranges=ranges, robot=robot)
+    assert plan(planner(attraction=10.0, repulsion=0.02), view) == pytest.approx(
+        plan(planner(attraction=5.0, repulsion=0.01), view), abs=KERNEL
+    )
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    st.sampled_from(["stage", "jackal", "go2"]),
+    st.lists(st.floats(0.25, 3.0, width=32), min_size=12, max_size=12),
+    st.floats(-5, 5),
+    st.floats(0.01, 5),
+    st.floats(0, 0.4),
+    st.floats(-1, 1),
+)
+def test_a_mirrored_scene_gives_the_mirrored_command(name, arcs, x, y, v, omega):
+    robot = shipped(name)
+    lidar = robot.lidar
+    ranges = np.repeat(np.array(arcs, dtype=np.float32), -(-lidar.num_beams // 12))[: lidar.num_beams]
+    shift = lidar.angle_min + lidar.angle_increment * (lidar.num_beams - 1) / 2
+
+    def view(mirrored):
+        side = -1 if mirrored else 1
+        seen = observation(
+            target=(x, side * y),
+            ranges=(ranges[::-1] if mirrored else ranges).copy(),
+            twist=Twist(v, side * omega),
+            robot=robot,
+        )
+        return seen._replace(scan=seen.scan._replace(angle_min=lidar.angle_min - shift))
+
+    one, other = plan(planner(robot), view(False)), plan(planner(robot), view(True))
+    assert other.v == pytest.approx(one.v, abs=1e-6)
+    assert other.omega == pytest.approx(-one.omega, abs=1e-6)
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+@pytest.mark.parametrize("value", [0.0, math.nan, math.inf, 0.2, 1e9])
+def test_any_scan_gives_a_finite_command_within_limits(name, value):
+    robot = shipped(name)
+    made = planner(robot)
+    for target in [(0.0, 0.0), (3.0, 1.0), (-2.0, 0.0)]:
+        ranges = np.full(robot.lidar.num_beams, value, dtype=np.float32)
+        command = plan(made, observation(target=target, ranges=ranges, robot=robot))
+        assert np.isfinite(command).all()
+        assert abs(command.v) <= robot.alpha_v * robot.dt + KERNEL
+        assert abs(command.omega) <= min(robot.omega_max, robot.alpha_omega * robot.dt) + KERNEL
+
+
+def drive(robot, world=None, time_limit=60.0, **changes):
+    made = Navigator(Target(TargetConfig(), robot), Apf(ApfConfig(), robot))
+    place = task(world, time_limit=time_limit, **changes)
+    return run_episode(place, made, FastSimulator(FastConfig(), robot), np.random.default_rng(0))
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_in_an_empty_world_it_drives_straight_and_comes_to_rest(name):
+    episode = drive(
+        shipped(name), goal=(10.0, 0.0), start=Pose(0, 0, 0.3), goal_tolerance=0.0, time_limit=45.0
+    )
+    track = episode.trajectory
+    assert np.abs(track[:, 2]).max() < 0.5
+    there = np.argmax(np.hypot(track[:, 1] - 10.0, track[:, 2]) < 0.2)
+    assert there > 0
+    assert np.hypot(track[there:, 1] - 10.0, track[there:, 2]).max() < 0.2
+    assert abs(track[-1, 4]) < 1e-3
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+@pytest.mark.parametrize("pad", [0.05, 0.3, 1.5])
+def test_a_sealed_box_ends_in_a_timeout(name, pad):
+    robot = shipped(name)
+    length, width, rounding = robot.footprint.box
+    x, y = length + rounding + pad, width + rounding + pad
+    corners = np.array([[-x, -y], [x, -y], [x, y], [-x, y]])
+    world = World(segments=np.hstack([corners, np.roll(corners, -1, axis=0)]))
+    episode = drive(robot, world, goal=(6.0, 3.0), time_limit=15.0)
+    assert episode.outcome == Outcome.TIMEOUT
+    assert episode.min_clearance > 0.0
+
+
+def test_it_goes_round_a_post_off_its_line():
+    episode = drive(stage(), World(circles=np.array([[2.0, 0.15, 0.2]])))
+    assert episode.outcome == Outcome.SUCCESS
+
+
+def test_a_u_is_a_local_minimum():
+    # Attraction and repulsion balance before the goal: it stays inside the U.
+    u = World(segments=np.array([[3.0, -1.0, 3.0, 1.0], [1.0, 1.0, 3.0, 1.0], [1.0, -1.0, 3.0, -1.0]]))
+    episode = drive(stage(), u, goal=(6.0, 0.0), time_limit=60.0)
+    late = episode.trajectory[len(episode.trajectory) // 2 :]
+    assert episode.outcome == Outcome.TIMEOUT
+    assert late[:, 1].min() > 1.0
+    assert late[:, 1].max() < 3.0
+    assert np.ptp(late[:, 1]) < 0.5
+
+
+def test_a_wall_across_the_way_is_a_local_minimum():
+    episode = drive(stage(), World(segments=np.array([[2.0, -2.0, 2.0, 2.0]])))
+    assert episode.outcome == Outcome.TIMEOUT
+
+
+def test_it_wavers_in_a_narrow_passage():
+    # The other limit that Koren & Borenstein 1991 name (DOI 10.1109/ROBOT.1991.131810): between walls 0.7 m
+    # apart it swings from side to side, 2.5 m apart it does not.
+    def swings(width):
+        walls = np.array([[1.0, s * width / 2, 6.0, s * width / 2] for s in (-1, 1)])
+        episode = drive(shipped("jackal"), World(segments=walls), start=Pose(0, 0.15, 0.2), goal=(7.0, 0.0))
+        omega = episode.trajectory[episode.trajectory[:, 1] > 1.0, 5]
+        return np.count_nonzero(np.diff(np.sign(np.round(omega, 1))))
+
+    assert swings(0.7) >= 10
+    assert swings(2.5) <= 3
+
+
+def test_the_same_twice():
+    np.testing.assert_array_equal(
+        drive(stage(), room(6.0), goal=(2.0, 1.0)).trajectory,
+        drive(stage(), room(6.0), goal=(2.0, 1.0)).trajectory,
+    )
+
+
+@pytest.mark.parametrize(("key", "value"), [("attraction", 0.0), ("repulsion", -1.0), ("spread", 4.0)])
+def test_a_wrong_setting_is_named(key, value):
+    with pytest.raises(InputError, match=rf"planner\.{key}"):
+        ApfConfig(**{key: value})

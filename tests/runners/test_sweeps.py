@@ -1,0 +1,73 @@
+"""A sweep over systems: one table, one chart, one tracked run above its jobs'."""
+
+import json
+
+import pytest
+from mlflow import MlflowClient
+
+from runners import cli, systems
+from runners.mlflow_store import RUN_ID_FILE
+from tests.runners.test_tracking import booked
+
+WORDS = ["map.worlds=[0,6]", "map.subset=hard100", "runs=1", "executor=serial"]
+
+
+@pytest.fixture(scope="module")
+def sweep(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("sweep")
+    uri = f"sqlite:///{folder}/store.db"
+    words = ["-m", "guide=target,lme", "table=[lme,drl_vo]", f"hydra.sweep.dir={folder}/out"]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        assert cli.main(["eval", *words, *WORDS, f"tracking.uri={uri}"]) == 0
+    return folder / "out", uri
+
+
+def test_rows_in_the_order_of_the_config(sweep):
+    lines = (sweep[0] / "table.csv").read_text().splitlines()
+    assert [line.split(",")[0] for line in lines] == ["label", "LME (ours)", "Simple (ours)"]
+
+
+def test_the_chart_is_there_and_table_draws_it_anew(sweep, capsys):
+    chart = sweep[0] / "comparison.png"
+    assert chart.read_bytes().startswith(b"\x89PNG")
+    assert (sweep[0] / "comparison.pdf").read_bytes().startswith(b"%PDF")
+    before, table = chart.read_bytes(), (sweep[0] / "table.md").read_text()
+    chart.unlink()
+    assert cli.main(["table", str(sweep[0])]) == 0
+    assert chart.read_bytes() == before
+    assert (sweep[0] / "table.md").read_text() == table
+
+
+def test_one_run_above_those_of_the_jobs_holds_it_all(sweep):
+    out, uri = sweep
+    parent = booked(uri, out)
+    assert parent.data.metrics["LME/success"] == 1.0
+    assert "Simple/success" in parent.data.metrics
+    assert parent.data.params["robot.name"] == "jackal"
+    assert "guide._target_" not in parent.data.params  # the jobs differ in it
+    files = {file.path for file in MlflowClient(uri).list_artifacts(parent.info.run_id)}
+    assert {"table.md", "table.csv", "table.tex", "comparison.png", "comparison.pdf"} <= files
+    for number in "01":
+        run_id = json.loads((out / number / RUN_ID_FILE).read_text())["run"]
+        tags = MlflowClient(uri).get_run(run_id).data.tags
+        assert tags["mlflow.parentRunId"] == parent.info.run_id
+
+
+def test_a_system_without_a_planner_cannot_be_driven(capsys):
+    assert cli.main(["eval", "system=drl_vo"]) == 2
+    error = capsys.readouterr().err
+    assert "system is DRL-VO: published figures are all there is of it" in error
+    assert "lme_dwa" in error
+    assert all(name not in error.partition("must be one of")[2] for name in ("drl_vo", "lme_drl"))
+
+
+def test_a_row_that_is_no_system_is_named(capsys):
+    assert cli.main(["eval", "table=[drl_v]"]) == 2
+    assert "table: drl_v: did you mean drl_vo?" in capsys.readouterr().err
+
+
+def test_labels_are_unique_among_the_pairs_that_run():
+    pairs = [each for each in systems.systems().values() if each["planner"]]
+    assert len({each["label"] for each in pairs}) == len(pairs)
+    assert len({(each["guide"], each["planner"]) for each in pairs}) == len(pairs)
