@@ -5,20 +5,18 @@
 All in one run: ratios hold on a busy machine too. --record also writes benchmarks/results/planners.md.
 """
 
-import argparse
 import time
 from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
 
+from benchmarks.recording import parser, show
 from benchmarks.speed import machine
 from lme.episode import run_episode
 from runners import build, catalogue, schema
 from runners.checks import CUSTOM
 from runners.composer import Composer, without_hydra
 
-RESULT = Path(__file__).parent / "results" / "planners.md"
 ROBOT = "jackal"  # the longest scan, 720 beams
 WORLDS = [1000, 1003, 1006, 1009, 1011]  # fresh ones, one of each kind of density and smoothing
 WANTED = {("lme", "simple"): 6000, ("target", "dwa"): 2000}  # steps/s
@@ -27,15 +25,7 @@ LEAST = 500
 
 def main() -> None:
     """Print, and record where asked."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--record", action="store_true", help=f"write {RESULT.name}")
-    record = parser.parse_args().record
-    lines = []
-    for line in report():
-        print(line, flush=True)
-        lines.append(line)
-    if record:
-        RESULT.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    show(report(), "planners", parser(__doc__, "planners").parse_args().record)
 
 
 def report() -> Iterator[str]:

@@ -6,7 +6,6 @@ All in one run, the library on one core, so that ratios hold on a busy machine t
 benchmarks/results/speed.md.
 """
 
-import argparse
 import os
 import platform
 import re
@@ -24,6 +23,7 @@ import yaml
 from omegaconf import OmegaConf
 
 from benchmarks.kernels import kernel_rows, measure
+from benchmarks.recording import parser, show
 from lme.episode import run_episode
 from lme.guides.lme import Lme, LmeConfig
 from lme.navigator import Navigator
@@ -33,7 +33,6 @@ from lme.robots import Robot
 from lme.sim.fast import FastConfig, FastSimulator
 from lme.worlds.barn import Barn, BarnConfig
 
-RESULT = Path(__file__).parent / "results" / "speed.md"
 PEERS = (
     "Stage 4.3 2,800–5,600, navground 1,600–2,700, pymunk rays 540, ir-sim 8–14 (measured earlier, elsewhere)"
 )
@@ -41,16 +40,7 @@ PEERS = (
 
 def main() -> None:
     """Print, and record where asked."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--record", action="store_true", help=f"write {RESULT.name}")
-    record = parser.parse_args().record
-    lines = []
-    for line in report():
-        print(line, flush=True)
-        lines.append(line)
-    if record:
-        RESULT.parent.mkdir(exist_ok=True)
-        RESULT.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    show(report(), "speed", parser(__doc__, "speed").parse_args().record)
 
 
 def report() -> Iterator[str]:

@@ -6,31 +6,23 @@ Two worker processes, compiled code already in its cache. --record also writes b
 --gp measures the Gaussian process too (needs the extra `gp`).
 """
 
-import argparse
 import sys
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
+from benchmarks.recording import parser, show
 from benchmarks.speed import machine, timed
 
 PAPER_S = 5400.0  # "approximately 1.5 hours" on an Intel i9-13900KF with ROS Stage (paper §IV.A)
-RESULT = Path(__file__).parent / "results" / "training.md"
 
 
 def main() -> None:
     """Print, and record where asked."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--record", action="store_true", help=f"write {RESULT.name}")
-    parser.add_argument("--gp", action="store_true", help="also search=gp")
-    arguments = parser.parse_args()
-    lines = []
-    for line in report(arguments.gp):
-        print(line, flush=True)
-        lines.append(line)
-    if arguments.record:
-        RESULT.parent.mkdir(exist_ok=True)
-        RESULT.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    words = parser(__doc__, "training")
+    words.add_argument("--gp", action="store_true", help="also search=gp")
+    given = words.parse_args()
+    show(report(given.gp), "training", given.record)
 
 
 def report(with_gp: bool) -> Iterator[str]:

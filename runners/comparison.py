@@ -88,6 +88,8 @@ def _metric(axes: Axes, rows: Sequence[Row]) -> None:
 
 def _value(axes: Axes, line: int, mean: float, std: float, digits: int) -> None:
     """The number at the foot of its bar, and a whisker of one standard deviation where there is one."""
+    from matplotlib.patheffects import withStroke
+
     axes.annotate(
         f"{mean:.{digits}f}",
         (0.0, line),
@@ -96,6 +98,7 @@ def _value(axes: Axes, line: int, mean: float, std: float, digits: int) -> None:
         va="center",
         fontsize=7.5,
         color=INK,
+        path_effects=[withStroke(linewidth=2.0, foreground="white", alpha=0.6)],
     )
     if not math.isnan(std):
         axes.errorbar(mean, line, xerr=std, color=INK, elinewidth=0.9, capsize=2.0, capthick=0.9, zorder=5)
@@ -106,7 +109,7 @@ def _label(figure: Figure, axes: Axes, rows: Sequence[Row], heading: str) -> Non
     from matplotlib.patches import Patch
 
     axes.set_yticks(range(len(rows)), [_name(row) for row in rows], fontsize=8, color=INK)
-    axes.invert_yaxis()
+    axes.set_ylim(len(rows) - 0.4, -0.6)
     keys = [
         Patch(
             facecolor=STYLES[kind].colour,

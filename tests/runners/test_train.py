@@ -221,7 +221,7 @@ def test_a_planner_is_tuned_by_its_own_space(capsys):
             "space.guide.parameters.d1.high is 0.001: must be greater than",
         ),
         (["space.guide.parameters.d3={low: 1, high: 2}"], "the config has no guide.parameters.d3"),
-        (["guide=target"], "the config has no guide.parameters.a_close"),
+        (["guide=target", "space=lme"], "the config has no guide.parameters.a_close"),
         (["training_numbers=[5]"], "training_numbers is [5]: must be [first, last]"),
         (["training_numbers=[0,2]"], "must leave 2 worlds beside those held out, and leaves 1"),
         (["name=a/b"], "name is 'a/b': must be a plain file name"),

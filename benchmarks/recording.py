@@ -1,0 +1,25 @@
+"""Print a report as it is made, and keep it where asked."""
+
+import argparse
+from collections.abc import Iterable
+from pathlib import Path
+
+RESULTS = Path(__file__).parent / "results"
+
+
+def parser(doc: str, name: str) -> argparse.ArgumentParser:
+    """A parser with --record, which keeps the report as benchmarks/results/NAME.md."""
+    made = argparse.ArgumentParser(description=doc.splitlines()[0])
+    made.add_argument("--record", action="store_true", help=f"write benchmarks/results/{name}.md")
+    return made
+
+
+def show(lines: Iterable[str], name: str, record: bool) -> None:
+    """Print each line at once; write all of them once they are there."""
+    kept = []
+    for line in lines:
+        print(line, flush=True)
+        kept.append(line)
+    if record:
+        RESULTS.mkdir(exist_ok=True)
+        (RESULTS / f"{name}.md").write_text("\n".join(kept) + "\n", encoding="utf-8")
