@@ -73,13 +73,13 @@ def trajectories_figure(
     numbers = [number for number in sample_worlds(frame) if number in worlds]
     shown = trajectories[trajectories["world"].isin(numbers)]
     paths = dict(list(shown.groupby(["world", "run"])))
-    box = _common_box([worlds[number] for number in numbers], shown[["x_m", "y_m"]].to_numpy())
+    box = common_box([worlds[number] for number in numbers], shown[["x_m", "y_m"]].to_numpy())
     figure = Figure(dpi=DPI)
     FigureCanvasAgg(figure)
     for number, axes in zip(numbers, _panels(figure, len(numbers), box), strict=True):
         episodes = frame[frame["world"] == number]
-        _draw_task(axes, worlds[number])
-        _draw_paths(axes, episodes, paths)
+        draw_task(axes, worlds[number])
+        draw_paths(axes, episodes, paths)
         axes.set_title(f"world {number}", fontsize=8, color=INK, pad=3)
     _label(figure, frame, len(numbers), box)
     figure.savefig(path, metadata={"Software": None})
@@ -113,7 +113,7 @@ def _spread(numbers: Sequence[int], count: int) -> list[int]:
     return [numbers[index] for index in chosen]
 
 
-def _common_box(tasks: Sequence[Task], path: Floats) -> Box:
+def common_box(tasks: Sequence[Task], path: Floats) -> Box:
     """What every panel shows: where things happen, and no more of the emptiness around the obstacles.
 
     path: (N, 2) all positions driven through [m].
@@ -164,7 +164,7 @@ def _panel(figure: Figure, rectangle: tuple[float, float, float, float], box: Bo
     return axes
 
 
-def _draw_task(axes: Axes, task: Task) -> None:
+def draw_task(axes: Axes, task: Task) -> None:
     """Obstacles, start (an arrowhead along its heading), goal and the circle that counts as reached."""
     from matplotlib.collections import LineCollection, PatchCollection
     from matplotlib.patches import Circle, Polygon
@@ -183,7 +183,7 @@ def _draw_task(axes: Axes, task: Task) -> None:
     axes.plot(task.start.x, task.start.y, marker=arrow, markersize=6, color=INK, markeredgewidth=0, zorder=4)
 
 
-def _draw_paths(axes: Axes, episodes: pd.DataFrame, paths: Mapping[tuple[int, int], pd.DataFrame]) -> None:
+def draw_paths(axes: Axes, episodes: pd.DataFrame, paths: Mapping[tuple[int, int], pd.DataFrame]) -> None:
     """One line per run; failures on top, with a marker where they ended."""
     for outcome, style in reversed(STYLES.items()):
         for episode in episodes[episodes["outcome"] == outcome].itertuples():
@@ -205,13 +205,13 @@ def _label(figure: Figure, frame: pd.DataFrame, shown: int, box: Box) -> None:
     for text, from_top_in, size in ((" · ".join(_names(frame)), 0.18, 11), (summary, 0.39, 8.5)):
         y = 1 - from_top_in / figure.get_figheight()
         figure.text(0.5, y, text, ha="center", va="center", fontsize=size, color=INK)
-    keys = _legend_keys()
+    keys = legend_keys()
     figure.legend(
         handles=keys, loc="lower center", ncols=len(keys), frameon=False, fontsize=8.5, labelcolor=INK
     )
 
 
-def _legend_keys() -> list[Line2D]:
+def legend_keys() -> list[Line2D]:
     from matplotlib.lines import Line2D
 
     styles = [(outcome, STYLES[outcome]) for outcome in LEGEND_ORDER]

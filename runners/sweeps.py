@@ -24,20 +24,26 @@ def finish(config: DictConfig, sweep_dir: Path, run_dirs: Sequence[Path]) -> Non
     """Tabulate, draw, print and book all runs of a sweep. config: of its first job."""
     from runners.tables import print_table
 
-    frame = read_episodes(find_runs(run_dirs))
+    run_dirs = find_runs(run_dirs)
+    frame = read_episodes(run_dirs)
     order = list(config.table)
-    artifacts = report(frame, order, sweep_dir)
+    artifacts = report(frame, order, run_dirs, sweep_dir)
     print_table(frame, order)
-    print(f"The sweep's table and chart: {sweep_dir}")
+    print(f"The sweep's table and pictures: {sweep_dir}")
     _book(config, frame, artifacts, sweep_dir, run_dirs)
 
 
-def report(frame: pd.DataFrame, order: Sequence[str], place: Path) -> list[Path]:
-    """Write table and chart of several runs into `place`; the files."""
+def report(frame: pd.DataFrame, order: Sequence[str], run_dirs: Sequence[Path], place: Path) -> list[Path]:
+    """Write table and pictures of several runs into `place`; the files."""
     from runners.comparison import comparison_figure
+    from runners.side_by_side import side_by_side_figure
     from runners.tables import write_tables
 
-    return [*write_tables(frame, place, order), *comparison_figure(frame, order, place)]
+    return [
+        *write_tables(frame, place, order),
+        *comparison_figure(frame, order, place),
+        *side_by_side_figure(frame, run_dirs, place),
+    ]
 
 
 def _book(

@@ -71,7 +71,7 @@ def _rewrite(frame: pd.DataFrame, order: list[str], runs: list[Path], place: Pat
 
     try:
         if len(runs) > 1:
-            sweeps.report(frame, order, place)
+            sweeps.report(frame, order, runs, place)
         else:
             write_tables(frame, place)
         for run in runs:

@@ -1,12 +1,14 @@
 """A sweep over systems: one table, one chart, one tracked run above its jobs'."""
 
 import json
+from pathlib import Path
 
 import pytest
 from mlflow import MlflowClient
 
-from runners import cli, systems
+from runners import cli, side_by_side, systems
 from runners.mlflow_store import RUN_ID_FILE
+from runners.records import find_runs, read_episodes
 from tests.runners.test_tracking import booked
 
 WORDS = ["map.worlds=[0,6]", "map.subset=hard100", "runs=1", "executor=serial"]
@@ -39,6 +41,29 @@ def test_the_chart_is_there_and_table_draws_it_anew(sweep, capsys):
     assert (sweep[0] / "table.md").read_text() == table
 
 
+def test_the_paths_stand_side_by_side(sweep):
+    assert (sweep[0] / "side_by_side.png").read_bytes().startswith(b"\x89PNG")
+    frame = read_episodes([sweep[0] / "0", sweep[0] / "1"])
+    jobs = [side_by_side._job(frame, sweep[0] / number) for number in "01"]
+    assert [job.label for job in jobs] == ["Simple", "LME"]
+    assert [place.name for place in side_by_side._places(jobs)] == ["barn 0", "barn 6"]
+
+
+def test_starts_in_the_same_world_share_a_panel(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    words = ["-m", "system=lme,simple", "map=traps", "robot=stage", "map.kind=u,wall", "map.starts=2"]
+    quick = ["map.time_limit=3", "runs=1", "executor=serial", "tracking=none", "hydra.sweep.dir=out"]
+    assert cli.main(["eval", *words, *quick]) == 0
+    runs = find_runs([Path("out")])
+    frame = read_episodes(runs)
+    places = side_by_side._places([side_by_side._job(frame, run) for run in runs])
+    assert [(place.name, place.numbers) for place in places] == [
+        ("traps: u", (0, 1)),
+        ("traps: wall", (0, 1)),
+    ]
+    assert Path("out/side_by_side.pdf").read_bytes().startswith(b"%PDF")
+
+
 def test_one_run_above_those_of_the_jobs_holds_it_all(sweep):
     out, uri = sweep
     parent = booked(uri, out)
@@ -47,7 +72,7 @@ def test_one_run_above_those_of_the_jobs_holds_it_all(sweep):
     assert parent.data.params["robot.name"] == "jackal"
     assert "guide._target_" not in parent.data.params  # the jobs differ in it
     files = {file.path for file in MlflowClient(uri).list_artifacts(parent.info.run_id)}
-    assert {"table.md", "table.csv", "table.tex", "comparison.png", "comparison.pdf"} <= files
+    assert {"table.md", "table.csv", "table.tex", "comparison.png", "side_by_side.png"} <= files
     for number in "01":
         run_id = json.loads((out / number / RUN_ID_FILE).read_text())["run"]
         tags = MlflowClient(uri).get_run(run_id).data.tags
