@@ -32,6 +32,7 @@ from lme.worlds.world import World
 Cell = tuple[int, int]
 
 _MOST_CELLS = 20_000_000
+_WIDEST_STAMP = 200  # [cells] from an obstacle as far as it costs something
 
 
 @dataclass(slots=True)
@@ -70,8 +71,8 @@ class Costmap:
         self._config = config
         self._lidar = robot.lidar.mount
         self._keep = round(config.observation_persistence * robot.control_rate)  # [scans]
-        self._stamp = stamp(config, robot.footprint.r_min)
         self._grid, size = _layout(config, goal)
+        self._stamp = stamp(config, robot.footprint.r_min)
         self._hits = np.zeros(size, dtype=np.int32)
         self.costs = np.zeros(size, dtype=np.uint8)
         self._scans = 0
@@ -132,10 +133,16 @@ def stamp(config: CostmapConfig, r_min: float) -> Ints:
     """Costs around one occupied cell, (K, 3) rows (di, dj, cost), for a footprint of inner radius r_min [m].
 
     Forbidden up to the padded inner radius; beyond it, to the inflation radius,
-    HIGHEST · exp(−cost_scaling_factor · (distance − padded radius)).
+    HIGHEST · exp(−cost_scaling_factor · (distance − padded radius)). Raises InputError if that is too far.
     """
     inscribed = r_min + config.footprint_padding
     reach = max(inscribed, config.inflation_radius)
+    if reach > _WIDEST_STAMP * config.cell_size:
+        key = "footprint_padding" if inscribed > config.inflation_radius else "inflation_radius"
+        raise InputError(
+            f"guide.costmap.{key} is {getattr(config, key):g}: obstacles would cost something up to {reach:g} m: "
+            f"must be at most {_WIDEST_STAMP} cells, {_WIDEST_STAMP * config.cell_size:g} m"
+        )
     cells = math.floor(reach / config.cell_size + 1e-9)
     di, dj = np.mgrid[-cells : cells + 1, -cells : cells + 1]
     away = np.hypot(di, dj) * config.cell_size - 1e-9

@@ -21,7 +21,7 @@ def obstacle_points(scan: LaserScan, mount: Pose) -> Floats:
 
 def is_full_circle(scan: LaserScan) -> bool:
     """Whether the last beam's neighbour is the first, to half an increment."""
-    return (len(scan.ranges) + 0.5) * scan.angle_increment >= 2 * math.pi
+    return (len(scan.ranges) + 0.5) * abs(scan.angle_increment) >= 2 * math.pi
 
 
 @lru_cache(maxsize=16)

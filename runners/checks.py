@@ -11,7 +11,7 @@ from typing import Any
 
 import yaml
 from hydra.core.override_parser.types import Override
-from hydra.errors import HydraException
+from hydra.errors import HydraException, MissingConfigException
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
@@ -203,6 +203,9 @@ def _broken_yaml(error: yaml.MarkedYAMLError) -> InputError:
 
 def _diagnosed(error: Exception, composer: Composer, job: Sequence[str]) -> InputError:
     """The one override or file that makes composing fail, and why."""
+    missing = error.missing_cfg_file if isinstance(error, MissingConfigException) else None
+    if missing and not missing.startswith("hydra/"):
+        return _no_file(missing, composer)
     file_error = re.match(r"In '([^']+)': \w+ raised while composing config:", str(error))
     if file_error:
         return _in_file(error, file_error.group(1), composer)
@@ -217,6 +220,14 @@ def _diagnosed(error: Exception, composer: Composer, job: Sequence[str]) -> Inpu
         if mistake:
             return mistake
     return InputError(f"{' '.join(job)}: {one_line(str(error.__cause__ or error))}")
+
+
+def _no_file(name: str, composer: Composer) -> InputError:
+    """A file that the chosen options ask for, such as the search space of a planner."""
+    group, _, option = name.rpartition("/")
+    known = composer.catalogue.options(group)
+    hint = nearest(option, known) + f"{_places(group, composer)}: {', '.join(known)}"
+    return InputError(f"no {name}.yaml, which the chosen options ask for; {hint}")
 
 
 def _is_group(override: Override, composer: Composer) -> bool:

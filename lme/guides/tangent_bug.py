@@ -175,7 +175,7 @@ class _View:
         self._radii = np.minimum(wide, TOUCHING * away)
         self._close = np.minimum(self._radii, r + margin / 2.0)
         self._ways, self._owners = free_ways(points, self._radii, UNITS)
-        slope = GRAZING * observation.scan.angle_increment
+        slope = GRAZING * abs(observation.scan.angle_increment)
         self._breaks = breaks_before(points, 2.0 * self._radius, slope)
         self._profile = self._ways, self._owners, self._breaks, slope
         self._jumps = self._ways, self._owners, np.arange(len(points) + 1), slope  # a break after every point

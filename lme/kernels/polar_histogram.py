@@ -19,7 +19,7 @@ def active_cells(points: Floats, cell_size: float, reach: float) -> Floats:
     points (M, 2), cell_size, reach: radius of the window [m]. A cell counts once, however many beams hit it, so
     that neither the lidar's resolution nor the distance changes what an obstacle weighs.
     """
-    half = math.ceil(reach / cell_size)
+    half = math.ceil(_farthest(points, reach) / cell_size)
     side = 2 * half + 1
     hits = np.zeros((side, side, 3))  # number of returns, sums of x and y
     for i in range(len(points)):
@@ -38,6 +38,17 @@ def active_cells(points: Floats, cell_size: float, reach: float) -> Floats:
                 cells[count, 0], cells[count, 1] = hit[1] / hit[0], hit[2] / hit[0]
                 count += 1
     return cells[:count]
+
+
+@njit(cache=True, error_model="numpy")
+def _farthest(points, reach):  # type: ignore[no-untyped-def]
+    """Distance from the origin of the farthest point within `reach`, 0 without any [m]: no more grid is needed."""
+    square = 0.0
+    for i in range(len(points)):
+        away = points[i, 0] * points[i, 0] + points[i, 1] * points[i, 1]
+        if square < away <= reach * reach:
+            square = away
+    return math.sqrt(square)
 
 
 @njit(cache=True, error_model="numpy")

@@ -46,6 +46,7 @@ class EBandConfig(BandConfig):
             require(f"planner.{key}", getattr(self, key), above=0.0)
         for key in ("v_min", "margin"):
             require(f"planner.{key}", getattr(self, key), at_least=0.0)
+        require("planner.v_min", self.v_min, at_most=self.v_max)
 
 
 class EBand:

@@ -19,7 +19,7 @@ from lme.perception import obstacle_points
 from lme.planners.commands import approach, limited
 from lme.planners.fuzzy import FuzzyCurve
 from lme.robots import Robot, require
-from lme.types import Bools, Floats, Guidance, Observation, Pose, Twist
+from lme.types import Bools, Floats, Guidance, LaserScan, Observation, Pose, Twist
 
 _ENTRY_PERIOD = 0.1  # [s] the entry smooths once in that time
 _NEAR = 0.01  # [m] no command may bring the footprint this near to a point, and twice the lidar's noise more
@@ -75,13 +75,12 @@ class S3Fisvfh:
     best-first search looks which of them leads on (VFH*, Ulrich & Borenstein 2000, DOI
     10.1109/ROBOT.2000.846405); the heading found is smoothed; fuzzy rules turn the heading into a turn rate
     and the free space ahead into a speed (FISVFH, Balan et al. 2019); a safeguard backs up before obstacles.
-    Xiao et al., "Autonomous Ground Navigation in Highly Constrained Spaces: Lessons Learned from the BARN
-    Challenge", describe the entry; its public package gives the values.
+    The LME paper describes the entry; its public package gives the values.
 
     The entry counts beams and sectors of Jackal's lidar; here they are angles. Turn rates and the speed of
     backing up are shares of the robot's limits, and what it derives from its size follows the robot's. Its
     search looks twice at the same histogram, which comes to the cheapest first step: `depth: 1` is that.
-    Added for any robot: it stops at the goal, backs up only over ground it has covered, and takes no command
+    Added for any robot: it stops at the goal, backs up no further than it has driven ahead, and takes no command
     that would bring the footprint to a scan point.
     """
 
@@ -120,7 +119,7 @@ class S3Fisvfh:
         guard = self._front + min(
             self._config.guard_clearance, distance
         )  # beyond the goal nothing is in the way
-        heading = self._smoothed(self._wanted(points, goal, bearing, observation.scan.angle_increment))
+        heading = self._smoothed(self._wanted(points, goal, bearing, observation.scan))
         if min(nearest_ahead(points, self._config.guard_ahead)) >= guard:
             omega = math.copysign(self._turn(abs(heading)), heading) * observation.limits.omega_max
             v = self._cruise(points, bearing, observation)
@@ -134,12 +133,15 @@ class S3Fisvfh:
                 return twist
         return self._retreat(points, guard, heading, observation)
 
-    def _wanted(self, points: Floats, goal: Floats, bearing: float, spacing: float) -> float:
+    def _wanted(self, points: Floats, goal: Floats, bearing: float, scan: LaserScan) -> float:
         """Heading that the search finds [rad]; without one, towards the goal as far as one can see."""
-        before = bearing if self._heading is None else self._heading
+        before, spacing = bearing if self._heading is None else self._heading, abs(scan.angle_increment)
         heading, found = search(points, self._unseen, goal, before, spacing, self._rules, self._costs)
-        half = self._robot.lidar.fov / 2
-        return heading if found else min(max(bearing, -half), half)
+        if found:
+            return heading
+        half, middle = self._robot.lidar.fov / 2, self._robot.lidar.yaw
+        off = math.remainder(bearing - middle, math.tau)
+        return math.remainder(middle + min(max(off, -half), half), math.tau)
 
     def _smoothed(self, heading: float) -> float:
         """Exponential moving average of headings [rad], on the circle."""
@@ -161,7 +163,8 @@ class S3Fisvfh:
         if clear and self._towards(bearing):
             return v_max
         num_sectors = len(self._unseen)
-        density = histogram(points, 0.0, 0.0, observation.scan.angle_increment, config.window, num_sectors)
+        spacing = abs(observation.scan.angle_increment)
+        density = histogram(points, 0.0, 0.0, spacing, config.window, num_sectors)
         half = max(1, round(config.look_ahead * num_sectors / math.tau))
         middle = num_sectors // 2
         return min(self._speed(float(density[middle - half : middle + half].min())), v_max)

@@ -58,6 +58,8 @@ class TubeChoiceConfig:
             require(f"planner.{key}", getattr(self, key), above=0.0)
         for key in _NOT_NEGATIVE:
             require(f"planner.{key}", getattr(self, key), at_least=0.0)
+        require("planner.near_length", self.near_length, at_most=self.short_length)
+        require("planner.short_length", self.short_length, at_most=self.long_length)
         require("planner.heading_max", self.heading_max, at_most=math.pi / 2.0 + 1e-9)
         require("planner.heading_step", self.heading_step, at_least=1e-3, at_most=self.heading_max)
         require("planner.goal_bins", self.goal_bins, at_least=0)

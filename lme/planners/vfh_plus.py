@@ -22,6 +22,8 @@ from lme.planners.stopping import StoppingGuard
 from lme.robots import Robot, require
 from lme.types import Bools, Floats, Guidance, Observation, Twist
 
+_LEAST_CELL = 0.01  # [m] the grid of finer ones would take longer than a control period
+
 
 @dataclass(slots=True)
 class VfhPlusConfig:
@@ -43,7 +45,7 @@ class VfhPlusConfig:
     margin: float = 0.01  # [m]
 
     def __post_init__(self) -> None:
-        for key in ("cell_size", "window", "density_high", "wide_valley", "turn_gain", "density_stop"):
+        for key in ("window", "density_high", "wide_valley", "turn_gain", "density_stop"):
             require(f"planner.{key}", getattr(self, key), above=0.0)
         for key in (
             "safety_distance",
@@ -54,6 +56,7 @@ class VfhPlusConfig:
             "margin",
         ):
             require(f"planner.{key}", getattr(self, key), at_least=0.0)
+        require("planner.cell_size", self.cell_size, at_least=_LEAST_CELL)
         require("planner.sector_angle", self.sector_angle, at_least=math.radians(0.5), at_most=math.pi / 4)
         require("planner.peak", self.peak, at_least=1.0)
         if self.density_low > self.density_high:

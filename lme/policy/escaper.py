@@ -203,8 +203,8 @@ class LocalMinimumEscaper:
         """
         config, scan = self._config.candidates, observation.scan
         reach = min(config.max_range, scan.range_max)
-        bearing_min = scan.angle_min + self._robot.lidar.yaw
-        fov = scan.angle_increment * (len(scan.ranges) - (not is_full_circle(scan)))
+        span = scan.angle_increment * (len(scan.ranges) - (not is_full_circle(scan)))  # negative if clockwise
+        bearing_min, fov = scan.angle_min + self._robot.lidar.yaw + min(span, 0.0), abs(span)
         candidates = sample(self._rng, config, reach, bearing_min, fov)
         target = view.target
         if not config.target or not _in_view(target, reach, bearing_min, fov):

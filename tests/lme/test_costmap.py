@@ -203,6 +203,8 @@ def test_a_point_outside_counts_as_the_nearest_cell_on_the_grid():
         ({"footprint_padding": -0.1}, "guide.costmap.footprint_padding"),
         ({"observation_persistence": math.nan}, "guide.costmap.observation_persistence"),
         ({"cell_size": 0.001}, "guide.costmap.cell_size is 0.001"),
+        ({"inflation_radius": 10.1}, "guide.costmap.inflation_radius is 10.1: .* at most 200 cells, 10 m"),
+        ({"footprint_padding": 10.1}, "guide.costmap.footprint_padding is 10.1"),
     ],
 )
 def test_mistakes_name_their_key(settings, key):

@@ -553,6 +553,7 @@ def test_the_yaml_is_the_default_config():
         ("recursion", -1),
         ("v_max", 0.0),
         ("v_min", -0.1),
+        ("v_min", 0.8),
         ("rotation_threshold", math.inf),
         ("margin", -0.01),
     ],

@@ -71,6 +71,11 @@ def test_a_cell_counts_once_at_the_mean_of_its_returns(points, size, reach):
     assert cells == pytest.approx(np.reshape(slow, (-1, 2)), abs=KERNEL)
 
 
+def test_the_grid_is_no_larger_than_the_points_need():
+    cells = kernels.active_cells(np.array([[1.0, 0.0], [0.0, -2.0]]), 0.05, 1e6)
+    assert sorted(map(tuple, cells)) == [(0.0, -2.0), (1.0, 0.0)]
+
+
 @settings(deadline=None, suppress_health_check=[HealthCheck.filter_too_much])
 @given(POINTS, st.floats(-4, 4), st.floats(0.15, 0.5))
 def test_density_is_that_of_every_cell_in_every_sector(points, yaw, radius):

@@ -583,6 +583,8 @@ def test_it_remembers_what_stands_beside_it_out_of_sight():
     ("key", "value"),
     [
         ("long_length", 0.0),
+        ("near_length", 1.0),
+        ("short_length", 2.1),
         ("heading_max", 2.0),
         ("heading_step", 0.0),
         ("goal_bins", -1),

@@ -200,7 +200,8 @@ def test_the_same_twice():
 
 
 @pytest.mark.parametrize(
-    ("key", "value"), [("window", 0.0), ("peak", 0.5), ("density_low", 7.0), ("sector_angle", 2.0)]
+    ("key", "value"),
+    [("window", 0.0), ("cell_size", 1e-5), ("peak", 0.5), ("density_low", 7.0), ("sector_angle", 2.0)],
 )
 def test_a_wrong_setting_is_named(key, value):
     with pytest.raises(InputError, match=rf"planner\.{key}"):

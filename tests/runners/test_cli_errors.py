@@ -18,11 +18,11 @@ ROBOT = (resource_dir("conf") / "robot" / "jackal.yaml").read_text()
 def launch(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
 
-    def launch(*argv):
+    def launch(*argv, command="eval"):
         """The message of the InputError that this must raise, with nothing written."""
         before = sorted(Path().rglob("*"))
         with pytest.raises(InputError) as caught:
-            app.launch("eval", _never, argv, validate=build.robot)
+            app.launch(command, _never, argv, validate=build.robot)
         assert sorted(Path().rglob("*")) == before
         message = str(caught.value)
         assert "\n" not in message
@@ -89,6 +89,13 @@ def test_one_mistake(launch, override, parts):
     message = launch(override)
     for part in parts:
         assert part in message
+
+
+@pytest.mark.parametrize("words", [["system=dwa"], ["guide=target", "planner=dwa_tuned"]])
+def test_a_planner_that_nothing_says_how_to_search(launch, words):
+    message = launch(*words, command="train")
+    assert message.startswith("no space/planner/dwa_tuned.yaml, which the chosen options ask for; ")
+    assert "conf/space/planner/ holds: apf, dwa, " in message
 
 
 def test_a_mistake_in_one_job_of_a_sweep(launch):

@@ -37,6 +37,7 @@ ARRIVED_M = {
 }  # its d1: nearer than this it takes the goal, like any subgoal, for reached and goes on
 AT_GOAL_M, AT_REST_M_S = 0.2, 0.05
 MARGIN_M = 0.05  # the paper's planner drives within 9° of its subgoal: with r alone it may graze a wall
+NEAR = World(circles=np.array([[0.9, 0.25, 0.2], [0.7, -0.9, 0.2], [-0.2, 1.0, 0.2]]))
 
 pytestmark = pytest.mark.parametrize(("robot", "guide", "planner"), CASES)
 
@@ -142,6 +143,29 @@ def test_no_scan_is_too_strange(robot, guide, planner):
             assert math.isfinite(command.v)
             assert math.isfinite(command.omega)
             twist = command
+
+
+def test_a_clockwise_scan_says_the_same(robot, guide, planner):
+    if guide == RESTLESS:
+        pytest.skip("LME draws its candidates from the first beam on")
+    machine, navigator = made(robot, guide, planner)
+    seen = FastSimulator(FastConfig(), machine).reset(task(NEAR), np.random.default_rng(0))
+    scan = seen.scan
+    last = scan.angle_min + (len(scan.ranges) - 1) * scan.angle_increment
+    turned = scan._replace(
+        ranges=scan.ranges[::-1].copy(), angle_min=last, angle_increment=-scan.angle_increment
+    )
+    commands = []
+    for each in (scan, turned):
+        navigator.reset(np.random.default_rng(0))
+        navigator.read_map(NEAR, Pose(0.0, 0.0, 0.0))
+        commands.append(
+            [
+                navigator.act(seen._replace(scan=each, target=np.array(target)))
+                for target in ((4.0, 1.0), (3.0, -2.0), (-1.0, 2.0))
+            ]
+        )
+    assert np.array(commands[1]) == pytest.approx(np.array(commands[0]), abs=MIRROR)
 
 
 def test_a_sealed_box_ends_in_time_out(robot, guide, planner):
