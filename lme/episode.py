@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from time import perf_counter_ns
+from typing import Protocol
 
 import numpy as np
 
@@ -12,8 +13,8 @@ from lme.geometry.angles import wrap_angle
 from lme.geometry.frames import to_world
 from lme.kernels.motion import first_beyond, travelled
 from lme.navigator import Navigator
-from lme.sim.simulator import Simulator
-from lme.types import Floats, Guidance, Outcome
+from lme.sim.simulator import Simulator, State
+from lme.types import Floats, Guidance, Observation, Outcome, Twist
 from lme.worlds.world import Task
 
 TRAJECTORY_COLUMNS = (
@@ -51,7 +52,23 @@ class Episode:
     decision_us: Floats
 
 
-def run_episode(task: Task, navigator: Navigator, simulator: Simulator, rng: np.random.Generator) -> Episode:
+class Observer(Protocol):
+    """Looks on while an episode runs, and changes nothing."""
+
+    def decided(self, observation: Observation, guidance: Guidance, command: Twist, state: State) -> None:
+        """A decision, before it is carried out; `state` is where it was made."""
+
+    def ended(self, observation: Observation, state: State) -> None:
+        """The end, on which no decision follows."""
+
+
+def run_episode(
+    task: Task,
+    navigator: Navigator,
+    simulator: Simulator,
+    rng: np.random.Generator,
+    observer: Observer | None = None,
+) -> Episode:
     """Drive from start to goal, contact or time-out. `rng` is the only source of randomness."""
     navigator_rng, simulator_rng = rng.spawn(2)
     navigator.reset(navigator_rng)
@@ -64,8 +81,12 @@ def run_episode(task: Task, navigator: Navigator, simulator: Simulator, rng: np.
         decision_us = (perf_counter_ns() - before) / 1000.0
         assert navigator.guidance is not None
         log.decided(navigator.guidance, decision_us)
+        if observer is not None:
+            observer.decided(observation, navigator.guidance, command, simulator.state)
         observation = simulator.step(command)
         log.moved()
+    if observer is not None:
+        observer.ended(observation, simulator.state)
     return log.episode(outcome)
 
 

@@ -13,7 +13,8 @@ from lme.robots import Robot, require
 from lme.sim.simulator import Simulator
 from lme.worlds.check import check_task
 from lme.worlds.world import MapSet
-from runners import systems
+from runners import recorder, systems
+from runners.schema import Record
 from runners.targets import build, configured, filled
 
 _CHECKED_TASKS = 20  # before anything runs; the rest as they are driven, for a task may be dear to build
@@ -48,6 +49,8 @@ def validate(config: DictConfig) -> None:
     """Build what is cheap to build and check the rest, so that mistakes show before anything runs."""
     systems.check_implemented(config.system or {})
     systems.check_names(config.table)
+    if config.record == Record.mcap:
+        recorder.check_installed()
     require("runs", config.runs, at_least=1)
     require("seed", config.seed, at_least=0)
     machine = robot(config)

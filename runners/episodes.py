@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
+from pathlib import Path
 from time import perf_counter
 from typing import Any
 
@@ -11,20 +13,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lme import metrics
-from lme.episode import TRAJECTORY_COLUMNS, Episode, run_episode
+from lme.episode import TRAJECTORY_COLUMNS, Episode, Observer, run_episode
 from lme.navigator import Navigator
+from lme.robots import Robot
 from lme.sim.simulator import Simulator
 from lme.types import Outcome
 from lme.worlds.check import check_task
 from lme.worlds.world import Task
 from runners import build
+from runners.recorder import Recorder, recording_path
 
 Item = tuple[int, int]  # (world, run)
 Result = tuple[dict[str, Any], dict[str, NDArray[Any]]]
 
 
 def initialise(payload: Mapping[str, Any]) -> Callable[[Item], Result]:
-    """Build everything once per process. payload: {"config": plain config, "names": record columns}."""
+    """Build everything once per process.
+
+    payload: {"config": plain config, "names": record columns, "recordings": None, or as _recorder takes it}.
+    """
     config, names = payload["config"], payload["names"]
     robot = build.robot(config)
     maps = build.map_set(config)
@@ -38,8 +45,9 @@ def initialise(payload: Mapping[str, Any]) -> Callable[[Item], Result]:
         began = perf_counter()
         task = maps.task(world)
         check_task(task, robot)
-        rng = np.random.default_rng(np.random.SeedSequence([config["seed"], world, run_number]))
-        episode = run_episode(task, navigator, simulator, rng)
+        rng = episode_rng(config["seed"], world, run_number)
+        with _recorder(payload["recordings"], config["seed"], item, robot) as observer:
+            episode = run_episode(task, navigator, simulator, rng, observer)
         record = {**names, "world": world, "run": run_number, "seed": config["seed"]}
         record |= _measure(task, episode)
         record["wall_s"] = perf_counter() - began
@@ -47,6 +55,22 @@ def initialise(payload: Mapping[str, Any]) -> Callable[[Item], Result]:
         return record, {name: np.ascontiguousarray(values) for name, values in columns}
 
     return run
+
+
+def episode_rng(seed: int, world: int, run: int) -> np.random.Generator:
+    """The one source of an episode's randomness; `run_episode` spawns the navigator's stream from it first."""
+    return np.random.default_rng(np.random.SeedSequence([seed, world, run]))
+
+
+def _recorder(
+    recordings: Mapping[str, Any] | None, seed: int, item: Item, robot: Robot
+) -> AbstractContextManager[Observer | None]:
+    """Who writes the episode's recording: nobody, or into {"folder": path, "config": what /lme tells of it}."""
+    if recordings is None:
+        return nullcontext()
+    world, run = item
+    about = {"seed": seed, "world": world, "run": run, "config": recordings["config"]}
+    return Recorder(recording_path(Path(recordings["folder"]), world, run), about, robot)
 
 
 def _warm_up(task: Task, navigator: Navigator, simulator: Simulator) -> None:

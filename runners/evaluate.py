@@ -13,11 +13,12 @@ from hydra.types import RunMode
 from omegaconf import DictConfig
 
 from lme.worlds.world import MapSet
-from runners import build, systems
+from runners import build, recorder, rundirs, systems
 from runners.checks import CUSTOM
 from runners.episodes import Item, initialise
 from runners.progress import EpisodeProgress
 from runners.records import EPISODES, RecordWriter, read_episodes, read_trajectories
+from runners.schema import Record
 from runners.targets import build as build_target
 
 if TYPE_CHECKING:
@@ -50,7 +51,7 @@ def drive(plain: dict[str, Any], names: dict[str, Any], maps: MapSet, run_dir: P
     """Run what is missing of map set × runs into the records of `run_dir`. names: columns of every record."""
     items = list(product(maps.numbers, range(plain["runs"])))
     executor = build_target(plain["executor"], "executor")
-    payload = {"config": plain, "names": names}
+    payload = {"config": plain, "names": names, "recordings": _recordings(plain, run_dir)}
     with RecordWriter(run_dir) as writer, EpisodeProgress(names["system"], len(items)) as progress:
         done = writer.done()
         progress.skip(len(done))
@@ -59,6 +60,13 @@ def drive(plain: dict[str, Any], names: dict[str, Any], maps: MapSet, run_dir: P
             writer.append(record, trajectory)
             progress.add(record["outcome"])
         writer.merge()
+
+
+def _recordings(plain: dict[str, Any], run_dir: Path) -> dict[str, Any] | None:
+    """Where recordings go, and the config that they carry; None where none are made."""
+    if plain["record"] != Record.mcap:
+        return None
+    return {"folder": str(run_dir / recorder.FOLDER), "config": rundirs.identity(DictConfig(plain))}
 
 
 def _by_run(items: list[Item]) -> Iterator[Item]:

@@ -3,12 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from enum import StrEnum, auto
 from typing import Any
 
 from hydra.core.config_store import ConfigStore
 from omegaconf import OmegaConf
 
 from lme.robots import Robot
+
+
+class Record(StrEnum):
+    """What becomes of an episode besides its record. Hydra knows the members by name, hence the small letters."""
+
+    none = auto()
+    mcap = auto()
 
 
 @dataclass(slots=True)
@@ -29,6 +37,7 @@ class EvalConfig:
     tracking: dict[str, Any]
     system: dict[str, Any] = field(default_factory=dict)
     table: list[str] = field(default_factory=list)
+    record: Record = Record.none
 
 
 @dataclass(slots=True)
@@ -57,10 +66,39 @@ class TrainConfig(EvalConfig):
     held_out: dict[str, Any] = field(default_factory=dict)
 
 
+@dataclass(slots=True)
+class ReplayConfig:
+    """`lme replay`. goal: a point [x, y], a topic, or nothing; topics, frames, scan: see runners.replay."""
+
+    bag: str | None
+    list: bool
+    goal: Any
+    as_recorded: bool
+    start: float
+    end: float | None
+    clock: str
+    stale: float
+    topics: dict[str, Any]
+    frames: dict[str, Any]
+    scan: dict[str, Any]
+    ahead: float
+    horizon: float
+    rerun: bool
+    seed: int
+    weights: str
+    robot: Robot
+    guide: dict[str, Any]
+    planner: dict[str, Any]
+    ablation: dict[str, float]
+    tracking: dict[str, Any]
+    system: dict[str, Any] = field(default_factory=dict)
+
+
 def register() -> None:
     """Make the schemas and the `parameters` resolver known to Hydra; safe to call again."""
     from runners.weights import parameters
 
     ConfigStore.instance().store(name="eval_schema", node=EvalConfig)
     ConfigStore.instance().store(name="train_schema", node=TrainConfig)
+    ConfigStore.instance().store(name="replay_schema", node=ReplayConfig)
     OmegaConf.register_new_resolver("parameters", parameters, replace=True)

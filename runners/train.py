@@ -237,7 +237,9 @@ def _evaluate_on(
     fingerprint = rundirs.fingerprint([own], multirun=False)
     rundirs.Launch("eval", fingerprint, False, [], [own]).write(directory)
     names = {**evaluate.record_names(config), "map": place}
-    if not all(key.startswith(PARAMETERS) for key in best.values):  # a named pair no more: its planner has changed
+    if not all(
+        key.startswith(PARAMETERS) for key in best.values
+    ):  # a named pair no more: its planner has changed
         names["system"] = f"{names['guide']}+{names['planner']}"
     map_set = build.map_set(config)
     evaluate.drive(config, names, map_set, directory)
