@@ -1,0 +1,33 @@
+"""Beams that never repeat and fill their field of view evenly, however many are drawn."""
+
+import math
+
+import numpy as np
+from numba import njit
+
+from lme.types import Floats
+
+# Kronecker sequence of the plastic number ρ, ρ³ = ρ + 1: (1/ρ, 1/ρ²) is the pair that leaves the least gaps in a
+# square (M. Roberts 2018, "The unreasonable effectiveness of quasirandom sequences").
+_TURN, _RISE = 0.7548776662466927, 0.5698402909980532
+
+
+@njit(cache=True, error_model="numpy")
+def beam_pattern(
+    first: int, number: int, phase: tuple[float, float], elevations: tuple[float, float]
+) -> Floats:
+    """Unit vectors of the beams from number `first` on, all round between two elevations: (number, 3).
+
+    phase: share of the field of view in azimuth and in elevation at which beam 0 stands; elevations: lowest and
+    highest [rad].
+    """
+    beams = np.empty((number, 3))
+    low, span = elevations[0], elevations[1] - elevations[0]
+    for i in range(number):
+        turn, rise = phase[0] + (first + i) * _TURN, phase[1] + (first + i) * _RISE
+        azimuth = 2.0 * math.pi * (turn - math.floor(turn))
+        elevation = low + span * (rise - math.floor(rise))
+        flat = math.cos(elevation)
+        beams[i, 0], beams[i, 1] = flat * math.cos(azimuth), flat * math.sin(azimuth)
+        beams[i, 2] = math.sin(elevation)
+    return beams

@@ -1,0 +1,150 @@
+"""A simulated Livox Mid-360: the cloud that a solid-state 3D lidar sees in a world that has heights.
+
+Scans are taken at one instant; a real one is smeared by the robot's motion over its frame.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from lme.errors import InputError
+from lme.kernels.beam_pattern import beam_pattern
+from lme.kernels.raycast3d import cast_rays
+from lme.pointcloud import rigid_transform
+from lme.robots import require
+from lme.types import Floats, Pose
+from lme.worlds.world import World
+
+Cloud = NDArray[np.float32]
+
+
+@dataclass(frozen=True, slots=True)
+class ExtrudedWorld:
+    """A world whose obstacles stand upright between two heights, over a ground and under a ceiling.
+
+    circles (C, 2), segments (S, 2), polygons (P, 2): [bottom, top] of each obstacle of the world, or one such
+    pair for all of a kind [m]; top may be inf. ground, ceiling: their heights [m], −inf and inf for none.
+    Movers are left out: put them among the circles and polygons of the world where they are to be seen.
+    Raises InputError for heights of another shape, NaN, or a bottom above its top.
+    """
+
+    world: World
+    circles: ArrayLike = (0.0, math.inf)
+    segments: ArrayLike = (0.0, math.inf)
+    polygons: ArrayLike = (0.0, math.inf)
+    ground: float = 0.0
+    ceiling: float = math.inf
+
+    def __post_init__(self) -> None:
+        for kind in ("circles", "segments", "polygons"):
+            heights = _heights(kind, getattr(self, kind), len(getattr(self.world, kind)))
+            object.__setattr__(self, kind, heights)
+        if not self.ground < self.ceiling:
+            raise InputError(f"ceiling is {self.ceiling:g} m: must be above the ground, {self.ground:g} m")
+
+    def obstacles(self) -> tuple[Floats, Floats, Floats]:
+        """Circles (C, 5), edges (E, 6) and solids (P, 4) as `lme.kernels.raycast3d.cast_rays` takes them."""
+        world, sides = self.world, [len(polygon) for polygon in self.world.polygons]
+        polygons = np.asarray(self.polygons)
+        last = len(world.segments) + np.cumsum(sides, dtype=np.int64)
+        edge_heights = np.vstack([np.asarray(self.segments), np.repeat(polygons, sides, axis=0)])
+        circles = np.hstack([world.circles, np.asarray(self.circles)])
+        return (
+            circles,
+            np.hstack([world.edges, edge_heights]),
+            np.column_stack([last - sides, last, polygons]),
+        )
+
+
+@dataclass(slots=True)
+class Mid360Config:
+    """The sensor and where it sits; figures from the Livox Mid-360 User Manual, v1.0 (2023)."""
+
+    mount: list[float]  # x, y, z [m], roll, pitch, yaw [rad] in the base frame, whose origin is on the ground
+    point_rate: float = 200_000.0  # [points/s]
+    elevation_min: float = math.radians(-7.0)  # [rad]
+    elevation_max: float = math.radians(52.0)  # [rad]
+    range_min: float = 0.1  # [m] blind zone
+    range_max: float = 40.0  # [m] at 10 % reflectivity; 70 m at 80 %
+    noise_std: float = 0.02  # [m] along the beam, 1 σ at 10 m
+
+    def __post_init__(self) -> None:
+        rigid_transform(self.mount)
+        require("mid360.point_rate", self.point_rate, above=0.0)
+        require("mid360.elevation_min", self.elevation_min, at_least=-math.pi / 2)
+        require("mid360.elevation_max", self.elevation_max, above=self.elevation_min, at_most=math.pi / 2)
+        require("mid360.range_min", self.range_min, at_least=0.0)
+        require("mid360.range_max", self.range_max, above=self.range_min)
+        require("mid360.noise_std", self.noise_std, at_least=0.0)
+
+
+class Mid360:
+    """Fires in a pattern that never repeats and covers the field of view more densely the longer it lasts.
+
+    ASSUMED: Livox does not publish the curve of the beam; ours is a sequence that fills azimuth and elevation
+    evenly. Noise is the manual's figure for 10 m at every range.
+    """
+
+    Config = Mid360Config
+
+    def __init__(self, config: Mid360Config) -> None:
+        self._config = config
+        self._mount = rigid_transform(config.mount)
+
+    def reset(self, rng: np.random.Generator) -> None:
+        """Start the pattern anywhere; `rng` is the source of the noise from here on."""
+        self._rng = rng
+        self._phase = rng.random(2)
+        self._fired = 0
+
+    def cloud(self, extruded: ExtrudedWorld, pose: Pose, duration: float) -> Cloud:
+        """What returns from the next `duration` [s] of the pattern: (N, 3) [m] in the sensor's frame.
+
+        pose: of the base in the world. Beams that meet nothing, or something in the blind zone, leave no point.
+        """
+        config = self._config
+        beams = self._beams(round(config.point_rate * duration))
+        sensor = rigid_transform([pose[0], pose[1], 0.0, 0.0, 0.0, pose[2]]) @ self._mount
+        circles, edges, solids = extruded.obstacles()
+        planes = (float(extruded.ground), float(extruded.ceiling))
+        distances = cast_rays(
+            np.ascontiguousarray(sensor[:3, 3]),
+            np.ascontiguousarray(beams @ sensor[:3, :3].T),
+            circles,
+            edges,
+            solids,
+            planes,
+            config.range_max,
+        )
+        seen = (distances >= config.range_min) & (distances < math.inf)
+        distances, beams = distances[seen], beams[seen]
+        if config.noise_std > 0.0:
+            distances = distances + config.noise_std * self._rng.standard_normal(len(distances))
+        return (beams * distances[:, None]).astype(np.float32)
+
+    def _beams(self, number: int) -> Floats:
+        """The next unit vectors of the pattern in the sensor's frame (number, 3)."""
+        config, first = self._config, self._fired
+        self._fired += number
+        azimuth, elevation = self._phase
+        beams: Floats = beam_pattern(
+            first, number, (azimuth, elevation), (config.elevation_min, config.elevation_max)
+        )
+        return beams
+
+
+def _heights(kind: str, given: ArrayLike, count: int) -> Floats:
+    """(count, 2) bottoms and tops."""
+    heights = np.asarray(given, dtype=np.float64)
+    if heights.shape == (2,):
+        heights = np.tile(heights, (count, 1))
+    if heights.shape != (count, 2) or not (heights[:, 0] <= heights[:, 1]).all():
+        raise InputError(
+            f"heights of {kind} are {heights.tolist()}: must be one pair [bottom, top] [m] or {count} of them, "
+            "no bottom above its top"
+        )
+    return heights
