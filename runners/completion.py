@@ -24,7 +24,7 @@ _FLAGS = (
     "--config-dir",
     "--hydra-help",
 )
-_PATH_KEYS = ("weights", "resume", "map.source", "hydra.run.dir", "hydra.sweep.dir")
+_PATH_KEYS = ("weights", "resume", "bag", "map.source", "hydra.run.dir", "hydra.sweep.dir")
 _AFTER_FLAG = {"--cfg": CFG, "-c": CFG, "--info": INFO, "-i": INFO}
 
 BASH = """\

@@ -1,0 +1,146 @@
+"""Any planar scan as the policy takes it: counter-clockwise, right way up, one way to say "no return"."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from lme.errors import InputError
+from lme.geometry.frames import compose
+from lme.robots import Lidar
+from lme.types import LaserScan, Pose
+
+Ranges = NDArray[np.float32]
+
+# Neighbours farther apart than on a wall that the beams meet at this angle of incidence are on two surfaces.
+_GRAZING = math.radians(80.0)
+_TURNS = (-2.0 * math.pi, 0.0, 2.0 * math.pi)  # a direction has many bearings
+
+
+def tidied(scan: LaserScan, upside_down: bool = False) -> LaserScan:
+    """The same sweep, counter-clockwise in the frame of a lidar that stands upright, no direction twice.
+
+    A beam without a return is inf: those that are not finite, 0 or less (many drivers), below range_min, or at
+    range_max and beyond (sensor_msgs/LaserScan, REP-117). angle_increment [rad] may be negative. upside_down: the
+    lidar is mounted with its z axis down, so that its bearings run the other way. Raises InputError for a scan
+    of fewer than two beams or one whose angles or limits are no numbers.
+    """
+    _check(scan)
+    sign = -1.0 if upside_down else 1.0
+    first, increment = sign * scan.angle_min, sign * scan.angle_increment
+    ranges = np.array(scan.ranges, dtype=np.float32)
+    if increment < 0.0:
+        first, increment = first + (len(ranges) - 1) * increment, -increment
+        ranges = ranges[::-1].copy()
+    ranges = ranges[: max(2, round(2.0 * math.pi / increment))]  # drivers that end where they began
+    with np.errstate(invalid="ignore"):
+        seen = (ranges > 0.0) & (ranges >= np.float32(scan.range_min)) & (ranges < np.float32(scan.range_max))
+    ranges[~seen] = np.inf
+    return LaserScan(ranges, first, increment, scan.range_min, scan.range_max)
+
+
+def own_lidar(scan: LaserScan, mount: Pose) -> tuple[Lidar, LaserScan]:
+    """The lidar that a tidied scan comes from, and the scan in it; no range is changed.
+
+    mount: pose of the scan's frame in the base frame. The lidar's frame points to the middle of the field of view,
+    so a scan that reaches further to one side comes from a lidar that is turned.
+    """
+    num_beams = len(scan.ranges)
+    full = (num_beams + 0.5) * scan.angle_increment >= 2.0 * math.pi
+    fov = 2.0 * math.pi if full else (num_beams - 1) * scan.angle_increment
+    pose = compose(mount, Pose(0.0, 0.0, scan.angle_min + fov / 2.0))
+    lidar = Lidar(num_beams, fov, scan.range_min, scan.range_max, 0.0, pose.x, pose.y, pose.yaw)
+    return lidar, scan._replace(angle_min=lidar.angle_min, angle_increment=lidar.angle_increment)
+
+
+def same_lidar(one: Lidar, other: Lidar) -> bool:
+    """Whether two lidars look alike to what a message can say: its angles and ranges are float32."""
+    if one.num_beams != other.num_beams:
+        return False
+    pairs = ((getattr(one, key), getattr(other, key)) for key in ("fov", "range_min", "range_max", "x", "y"))
+    turned = math.remainder(one.yaw - other.yaw, math.tau)
+    return abs(turned) < 1e-5 and all(math.isclose(a, b, rel_tol=1e-5, abs_tol=1e-5) for a, b in pairs)
+
+
+def resampled(scan: LaserScan, mount: Pose, lidar: Lidar) -> LaserScan:
+    """A tidied scan as another lidar on the same robot would have made it.
+
+    mount: pose of the scan's frame in the base frame. Every return goes to the beam nearest to its direction, the
+    nearest return wins; between neighbours on one surface beams are interpolated along the straight line, across
+    a depth edge they are not. inf where nothing is known: beyond the old field of view too.
+    """
+    ranges = _resample(
+        scan.ranges, (scan.angle_min, scan.angle_increment), mount, lidar.mount,
+        (lidar.angle_min, lidar.angle_increment, lidar.num_beams), math.cos(_GRAZING),
+    )  # fmt: skip
+    ranges[(ranges < np.float32(lidar.range_min)) | (ranges >= np.float32(lidar.range_max))] = np.inf
+    return LaserScan(ranges, lidar.angle_min, lidar.angle_increment, lidar.range_min, lidar.range_max)
+
+
+def _check(scan: LaserScan) -> None:
+    if len(scan.ranges) < 2:
+        raise InputError(f"the scan has {len(scan.ranges)} beams: must have at least 2")
+    if not (math.isfinite(scan.angle_min) and math.isfinite(scan.angle_increment) and scan.angle_increment):
+        raise InputError(
+            f"the scan begins at {scan.angle_min:g} rad with increments of {scan.angle_increment:g} rad: "
+            "must be finite, and the increment not 0"
+        )
+    if not 0.0 <= scan.range_min < scan.range_max < math.inf:
+        raise InputError(
+            f"the scan's ranges go from {scan.range_min:g} to {scan.range_max:g} m: "
+            "must be finite and rise; set scan.range_min and scan.range_max"
+        )
+
+
+@njit(cache=True, error_model="numpy")
+def _resample(ranges, source, mount, onto_mount, onto, cos_grazing):  # type: ignore[no-untyped-def]
+    """(num_beams,) float32 [m]; source (angle_min, increment), onto (angle_min, increment, num_beams)."""
+    angle_min, increment, num_beams = onto
+    out = np.full(num_beams, np.inf, np.float32)
+    widest = 2.0 * math.sin(source[1] / 2.0) / cos_grazing  # [1] gap of neighbours on one surface, per range
+    full = (len(ranges) + 0.5) * source[1] >= 2.0 * math.pi
+    for i in range(len(ranges)):
+        if not math.isfinite(ranges[i]):
+            continue
+        x, y = _point(ranges[i], source[0] + i * source[1], mount, onto_mount)
+        off = math.atan2(y, x) - angle_min
+        for shift in _TURNS:
+            nearest = round((off + shift) / increment)
+            if 0 <= nearest < num_beams:
+                out[nearest] = min(out[nearest], np.float32(math.hypot(x, y)))
+        j = i + 1 if i + 1 < len(ranges) else 0
+        if (j == 0 and not full) or not math.isfinite(ranges[j]):
+            continue
+        u, v = _point(ranges[j], source[0] + j * source[1], mount, onto_mount)
+        if math.hypot(u - x, v - y) <= widest * max(ranges[i], ranges[j]):
+            _span(out, x, y, u, v, angle_min, increment)
+    return out
+
+
+@njit(cache=True, error_model="numpy")
+def _span(out, x, y, u, v, angle_min, increment):  # type: ignore[no-untyped-def]
+    """Lower the beams that cross the straight line from (x, y) to (u, v)."""
+    start = math.atan2(y, x) - angle_min
+    end = start + math.atan2(x * v - y * u, x * u + y * v)
+    low, high = min(start, end), max(start, end)
+    for shift in _TURNS:
+        first = max(math.ceil((low + shift) / increment), 0)
+        last = min(math.floor((high + shift) / increment), len(out) - 1)
+        for k in range(first, last + 1):
+            cos, sin = math.cos(angle_min + k * increment), math.sin(angle_min + k * increment)
+            across = cos * (v - y) - sin * (u - x)
+            if across != 0.0:
+                out[k] = min(out[k], np.float32((x * (v - y) - y * (u - x)) / across))
+
+
+@njit(cache=True, error_model="numpy")
+def _point(distance, angle, mount, onto_mount):  # type: ignore[no-untyped-def]
+    """Where a beam ends, in the frame of the lidar at `onto_mount`."""
+    bearing = angle + mount[2]
+    x = mount[0] + distance * math.cos(bearing) - onto_mount[0]
+    y = mount[1] + distance * math.sin(bearing) - onto_mount[1]
+    cos, sin = math.cos(onto_mount[2]), math.sin(onto_mount[2])
+    return cos * x + sin * y, cos * y - sin * x

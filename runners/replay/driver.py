@@ -1,0 +1,261 @@
+"""A navigator on what a robot saw: one decision per control period, nothing of it carried out."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from time import perf_counter_ns
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from lme.errors import InputError
+from lme.guides.lme import Lme
+from lme.kernels.collision import sweep
+from lme.kernels.motion import drive
+from lme.navigator import Navigator
+from lme.perception import obstacle_points
+from lme.policy.escaper import Explanation
+from lme.policy.maintenance import Choice
+from lme.robots import Robot
+from lme.types import Floats, Observation, Pose, Twist
+from runners.replay.bags import Message
+from runners.replay.eyes import Eyes
+from runners.replay.goals import Goal
+from runners.replay.messages import twist_of
+from runners.replay.recording import SECOND, Recording
+from runners.replay.track import Motion, Order, Track
+
+_HERE = Pose(0.0, 0.0, 0.0)
+_NO_EDGES = np.empty((0, 4))
+_STEP = 0.02  # [m] no point of the outline moves further between two checks
+_SAMPLE = 60  # decisions at least are kept for pictures, where there are so many
+
+
+class Decision(NamedTuple):
+    """One tick: what was seen, what was decided. points (M, 2) in the robot frame [m]."""
+
+    time_s: float
+    motion: Motion
+    target: Floats
+    points: Floats
+    subgoal: Floats
+    command: Twist
+
+
+Listener = Callable[[Decision], None]
+
+
+@dataclass(slots=True)
+class Log:
+    """What a replay came to. rows: one per tick. commands: (stamp [ns], v, ω) as recorded. skipped: by reason."""
+
+    rows: list[dict[str, Any]] = field(default_factory=list)
+    commands: list[tuple[int, float, float]] = field(default_factory=list)
+    skipped: dict[str, int] = field(default_factory=lambda: {"no pose": 0, "no goal": 0})
+    scans: int = 0
+    sample: list[Decision] = field(default_factory=list)  # spread over the recording
+
+
+class Driver:
+    """Takes messages in the order of recording and decides once per control period of the robot.
+
+    A tick is the scan nearest to when a decision is due. The pose is that at the scan's stamp, so that what the
+    robot sees and where it is belong together. horizon [s]: how far the clearance of commands is looked at;
+    stale [ns]: a pose that is older or younger than this by the scan's stamp does not count.
+    """
+
+    def __init__(
+        self, recording: Recording, eyes: Eyes, navigator: Navigator, goal: Goal, horizon: float, stale: int
+    ) -> None:
+        self._recording, self._eyes, self._navigator, self._goal = recording, eyes, navigator, goal
+        self._robot: Robot = eyes.robot
+        self._horizon, self._stale = horizon, stale
+        self._tree = recording.tree.copy()
+        self._track = Track(recording.topics.pose_name)
+        self._order = Order(recording.topics.scan.name)
+        self._ticks = _Ticks(self._robot.dt, recording.scan_rate)
+        self._waiting: deque[tuple[Message, int]] = deque()
+        self._listeners: list[Listener] = []
+        self._sampler = _Sampler()
+        self.log = Log()
+
+    def listen(self, listener: Listener) -> None:
+        """Call `listener(decision)` at every tick."""
+        self._listeners.append(listener)
+
+    def take(self, message: Message) -> None:
+        """The next message. Raises InputError where time goes backwards."""
+        topics, name = self._recording.topics, message.topic
+        self._decide(message)
+        sample = self._recording.pose(message, self._tree)
+        if sample is not None:
+            self._track.add(*sample)
+        elif name == topics.scan.name:
+            self._take_scan(message)
+        elif topics.command is not None and name == topics.command.name:
+            twist = twist_of(message.content, topics.command.type)
+            self.log.commands.append((self._recording.stamp(message), *twist))
+        if topics.goal is not None and name == topics.goal.name:
+            self._goal.take(message, self._track, self._tree)
+
+    def finish(self) -> Log:
+        """Decide on what is left. Raises InputError where there was nothing to decide on."""
+        self._decide(None)
+        if not self.log.rows:
+            reasons = ", ".join(
+                f"{count} for want of {key[3:]}s" for key, count in self.log.skipped.items() if count
+            )
+            raise InputError(
+                f"bag {self._recording.bag.path}: nothing to replay: {self.log.scans} scans"
+                + (f", skipped: {reasons}" if reasons else " between start and end")
+            )
+        self.log.sample = self._sampler.kept
+        return self.log
+
+    def _take_scan(self, message: Message) -> None:
+        stamp = self._recording.stamp(message)
+        if not self._order.takes(stamp):
+            return
+        self.log.scans += 1
+        if self._ticks.due(stamp):
+            self._waiting.append((message, stamp))
+
+    def _decide(self, coming: Message | None) -> None:
+        """Make the decisions for which all is there: the pose after the scan, and what came along with it."""
+        while self._waiting:
+            scan, stamp = self._waiting[0]
+            if coming is not None:
+                newest = self._track.newest
+                known = newest is not None and newest >= stamp
+                late = coming.recorded > scan.recorded + self._stale
+                if coming.recorded <= scan.recorded or not (known or late):
+                    return
+            self._waiting.popleft()
+            self._tick(scan, stamp)
+
+    def _tick(self, message: Message, stamp: int) -> None:
+        motion = self._track.at(stamp, self._stale)
+        if motion is None:
+            self.log.skipped["no pose"] += 1
+            return
+        target = self._goal.target(motion)
+        if target is None:
+            self.log.skipped["no goal"] += 1
+            return
+        observation = Observation(
+            self._eyes.see(message.content), target, motion.twist, self._robot.limits, motion.pose
+        )
+        explanation = self._explain(observation)
+        began = perf_counter_ns()
+        command = self._navigator.act(observation)
+        decision_us = (perf_counter_ns() - began) / 1000.0
+        self._note(observation, motion, command, decision_us, explanation)
+
+    def _explain(self, observation: Observation) -> Explanation | None:
+        guide = self._navigator.guide
+        return guide.escaper.explain(observation) if isinstance(guide, Lme) else None
+
+    def _note(
+        self,
+        observation: Observation,
+        motion: Motion,
+        command: Twist,
+        decision_us: float,
+        explanation: Explanation | None,
+    ) -> None:
+        guidance = self._navigator.guidance
+        assert guidance is not None
+        points = obstacle_points(observation.scan, self._robot.lidar.mount)
+        time_s = self._recording.seconds(motion.stamp)
+        (x, y), (subgoal_x, subgoal_y) = observation.target, guidance.subgoal
+        self.log.rows.append(
+            {
+                "time_s": time_s,
+                "stamp_ns": motion.stamp,
+                **dict(zip(("x_m", "y_m", "yaw_rad"), motion.pose, strict=True)),
+                **dict(zip(("v_mps", "omega_radps"), motion.twist, strict=True)),
+                "target_x_m": float(x),
+                "target_y_m": float(y),
+                "subgoal_x_m": float(subgoal_x),
+                "subgoal_y_m": float(subgoal_y),
+                "switched": bool(guidance.switched),
+                "blocked": bool(guidance.blocked),
+                "command_v_mps": command.v,
+                "command_omega_radps": command.omega,
+                "scan_points": len(points),
+                **self._clearances(points, motion.twist, command),
+                "decision_us": decision_us,
+                **_features(explanation),
+            }
+        )
+        decision = Decision(time_s, motion, observation.target, points, guidance.subgoal, command)
+        self._sampler.offer(decision)
+        for listener in self._listeners:
+            listener(decision)
+
+    def _clearances(self, points: Floats, twist: Twist, command: Twist) -> dict[str, float]:
+        """Distance from the footprint to the scan points [m]: now, and the least on the way of each command."""
+        circles = np.column_stack((points, np.zeros(len(points))))
+        box, robot = self._robot.footprint.box, self._robot
+
+        def least(wanted: Twist) -> float:
+            way, _ = drive(_HERE, twist, wanted, robot.limits, self._horizon, _STEP, robot.footprint.r_max)
+            return sweep(way, box, circles, _NO_EDGES)[0]
+
+        return {
+            "clearance_m": sweep(np.array([_HERE]), box, circles, _NO_EDGES)[0],
+            "command_clearance_m": least(command),
+            "recorded_clearance_m": least(twist),
+        }
+
+
+class _Ticks:
+    """When decisions are due."""
+
+    def __init__(self, dt: float, scan_rate: float) -> None:
+        self._period = round(dt * SECOND)
+        self._slack = round(min(0.5 * SECOND / scan_rate, 0.5 * self._period)) if scan_rate else 0
+        self._next: int | None = None
+
+    def due(self, stamp: int) -> bool:
+        """Whether a decision is to be made on the scan of this stamp [ns]; the first always is."""
+        if self._next is not None and stamp < self._next - self._slack:
+            return False
+        late = self._next is None or stamp > self._next + self._slack
+        self._next = (stamp if late or self._next is None else self._next) + self._period
+        return True
+
+
+def _features(explanation: Explanation | None) -> dict[str, Any]:
+    """The criteria of the subgoal that is followed, and its score."""
+    if explanation is None:
+        return {}
+    kept = explanation.decision.choice is Choice.KEPT and explanation.old_features is not None
+    values = explanation.old_features if kept else explanation.features[:, explanation.new]
+    score = explanation.old_score if kept else explanation.scores[explanation.new]
+    named = zip(explanation.names, np.asarray(values), strict=True)
+    return {
+        "choice": str(explanation.decision.choice.value),
+        "score": float(score if score is not None else math.nan),
+        **{f"feature_{name}": float(value) for name, value in named},
+    }
+
+
+class _Sampler:
+    """Keeps some of many, evenly spread, without knowing how many will come."""
+
+    def __init__(self) -> None:
+        self.kept: list[Decision] = []
+        self._stride = 1
+        self._seen = 0
+
+    def offer(self, decision: Decision) -> None:
+        if self._seen % self._stride == 0:
+            self.kept.append(decision)
+            if len(self.kept) == 2 * _SAMPLE:
+                del self.kept[1::2]
+                self._stride *= 2
+        self._seen += 1

@@ -1,0 +1,86 @@
+"""ROS messages in the words of `lme.types`; the definitions are those of common_interfaces and geometry2."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from lme.types import Floats, LaserScan, Pose, Twist
+
+LASER_SCAN, POINT_CLOUD = "sensor_msgs/msg/LaserScan", "sensor_msgs/msg/PointCloud2"
+ODOMETRY = "nav_msgs/msg/Odometry"
+POSE, POSE_WITH_COVARIANCE = "geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/PoseWithCovarianceStamped"
+TRANSFORM = "geometry_msgs/msg/TransformStamped"
+TF = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
+TWIST, TWIST_STAMPED = "geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped"
+
+
+def stamp_of(header: Any) -> int:
+    """The header's stamp [ns]; 0 where the driver left it empty."""
+    return int(header.stamp.sec) * 1_000_000_000 + int(header.stamp.nanosec)
+
+
+def frame(name: str) -> str:
+    """A frame's name as tf2 has it, without the slash of ROS 1."""
+    return str(name).lstrip("/")
+
+
+def scan_of(message: Any) -> LaserScan:
+    """A LaserScan as it is in the message; its angles are float32 there."""
+    return LaserScan(
+        np.asarray(message.ranges, dtype=np.float32),
+        float(message.angle_min),
+        float(message.angle_increment),
+        float(message.range_min),
+        float(message.range_max),
+    )
+
+
+def pose_of(message: Any, kind: str) -> Pose:
+    """The planar pose that an Odometry, a pose or a transform holds."""
+    if kind == TRANSFORM:
+        return planar(message.transform.translation, message.transform.rotation)
+    pose = message.pose.pose if kind in (ODOMETRY, POSE_WITH_COVARIANCE) else message.pose
+    return planar(pose.position, pose.orientation)
+
+
+def planar(position: Any, orientation: Any) -> Pose:
+    """x, y [m] and the heading [rad] of a pose in space."""
+    return Pose(float(position.x), float(position.y), _yaw(orientation))
+
+
+def twist_of(message: Any, kind: str) -> Twist:
+    """Forward velocity and turn rate of an Odometry or a command."""
+    stamped = {ODOMETRY: 2, TWIST_STAMPED: 1, TWIST: 0}[kind]
+    for _ in range(stamped):
+        message = message.twist
+    return Twist(float(message.linear.x), float(message.angular.z))
+
+
+def matrix_of(translation: Any, rotation: Any) -> Floats:
+    """(4, 4) from the child frame to the parent frame, from a translation [m] and a quaternion."""
+    x, y, z, w = (float(getattr(rotation, key)) for key in "xyzw")
+    norm = x * x + y * y + z * z + w * w
+    s = 2.0 / norm if norm > 0.0 else 0.0  # a quaternion that was never filled in is no turn
+    matrix = np.eye(4)
+    matrix[:3, :3] = [
+        [1 - s * (y * y + z * z), s * (x * y - z * w), s * (x * z + y * w)],
+        [s * (x * y + z * w), 1 - s * (x * x + z * z), s * (y * z - x * w)],
+        [s * (x * z - y * w), s * (y * z + x * w), 1 - s * (x * x + y * y)],
+    ]
+    matrix[:3, 3] = [float(getattr(translation, key)) for key in "xyz"]
+    return matrix
+
+
+def planar_matrix(matrix: Floats) -> tuple[Pose, bool]:
+    """A mount (4, 4) seen from above: its pose in the plane, and whether it is upside down."""
+    upside_down = bool(matrix[2, 2] < 0.0)
+    return Pose(float(matrix[0, 3]), float(matrix[1, 3]), math.atan2(matrix[1, 0], matrix[0, 0])), upside_down
+
+
+def _yaw(q: Any) -> float:
+    if q.x == 0.0 and q.y == 0.0:  # exact for what was written as a planar heading
+        return math.remainder(2.0 * math.atan2(q.z, q.w), math.tau)
+    return math.atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y * q.y + q.z * q.z))

@@ -1,0 +1,212 @@
+"""What must be known of a recording before it is replayed: its clock, its frames, where its lidar sits."""
+
+from __future__ import annotations
+
+import statistics
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import NamedTuple
+
+from lme.errors import InputError
+from lme.types import Floats, Pose, Twist
+from runners.replay import messages
+from runners.replay.bags import Bag, Message
+from runners.replay.messages import frame, stamp_of
+from runners.replay.topics import Topics, other_pose
+from runners.replay.transforms import TransformTree
+
+CLOCKS = ("auto", "header", "recorded")
+SECOND = 1_000_000_000
+_LOOK_S = 10  # of the recording are looked at for a transform to the lidar
+_SCANS = 20  # of which the rate is measured
+_BASES = ("base_footprint", "base_link")
+_ODOMS = ("odom", "map")
+_TAIL_S = (2, 30)  # of the recording are looked at for the last pose, before all of it is
+
+
+@dataclass(slots=True)
+class FramesConfig:
+    """Names of frames; null: those of the odometry messages, else the usual ones."""
+
+    odom: str | None = None
+    base: str | None = None
+
+
+class Sample(NamedTuple):
+    """A pose as it came: stamp [ns], pose of the base, twist where the message has one."""
+
+    stamp: int
+    pose: Pose
+    twist: Twist | None
+
+
+@dataclass(slots=True)
+class Recording:
+    """A recording, its topics, and what its first messages tell.
+
+    odom, base: names of the two frames. headers: whether time is that of the headers. offset: from the clock of
+    the stamps to that of the file [ns]. mount: (4, 4) from the scan's frame to the base frame, None where nothing
+    tells. scan_rate [Hz]. tree: what tf said at the beginning.
+    """
+
+    bag: Bag
+    topics: Topics
+    odom: str
+    base: str
+    headers: bool
+    offset: int
+    mount: Floats | None
+    scan_rate: float
+    first_scan: Message
+    tree: TransformTree
+
+    def stamp(self, message: Message) -> int:
+        """When a message was true [ns]: of what bears no stamp, when it was recorded, on the same clock."""
+        header = getattr(message.content, "header", None)
+        return stamp_of(header) if self.headers and header is not None else message.recorded - self.offset
+
+    def seconds(self, stamp: int) -> float:
+        """Time since the recording began [s]."""
+        return (stamp + self.offset - self.bag.start) / SECOND
+
+    def pose(self, message: Message, tree: TransformTree) -> Sample | None:
+        """The pose that a message brings, None where it brings none; tf messages go into `tree` first."""
+        if message.topic in self.topics.tf:
+            named = tree.update(message.content)
+            return self._tf_pose(message, tree, named) if self.topics.pose is None else None
+        if self.topics.pose is None or message.topic != self.topics.pose.name:
+            return None
+        kind = self.topics.pose.type
+        twist = messages.twist_of(message.content, kind) if kind == messages.ODOMETRY else None
+        return Sample(self.stamp(message), messages.pose_of(message.content, kind), twist)
+
+    def last_pose(self, stop: int | None) -> Pose:
+        """The last pose recorded before `stop` [ns]. Raises InputError where there is none."""
+        end = self.bag.end + 1 if stop is None else stop
+        for seconds in (*_TAIL_S, None):
+            start = None if seconds is None else end - seconds * SECOND
+            last, tree = None, self.tree.copy()
+            for message in self.bag.messages(_pose_topics(self.topics), start, stop):
+                last = self.pose(message, tree) or last
+            if last is not None:
+                return last.pose
+        raise InputError(f"bag {self.bag.path}: no pose of {self.base} in {self.odom} to take for the goal")
+
+    def _tf_pose(self, message: Message, tree: TransformTree, named: set[str]) -> Sample | None:
+        """Where the base is now, if these transforms moved it."""
+        chain = tree.chain(self.odom, self.base)
+        moved = [t for t in message.content.transforms if frame(t.child_frame_id) in chain & named]
+        matrix = tree.lookup(self.odom, self.base) if moved else None
+        if matrix is None:
+            return None
+        stamp = stamp_of(moved[-1].header) if self.headers else message.recorded - self.offset
+        return Sample(stamp, messages.planar_matrix(matrix)[0], None)
+
+
+def look(bag: Bag, topics: Topics, frames: FramesConfig, clock: str) -> Recording:
+    """Read the beginning of a recording. Raises InputError where scans, poses or their frames are missing."""
+    first = _Beginning(topics)
+    for message in _statics(bag, topics):
+        first.tree.update(message.content)
+    for message in bag.messages(topics.names):
+        first.take(message)
+        if first.complete and (message.recorded - bag.start > _LOOK_S * SECOND or first.mounted(frames)):
+            break
+    if not first.scans:
+        raise InputError(f"bag {bag.path}: no scans: {topics.scan.name} holds no message")
+    if topics.pose is None and first.tf_frames(frames) is None:
+        topics = topics._replace(pose=other_pose(bag, topics))
+        return look(bag, topics, frames, clock)
+    odom, base = first.frames(frames)
+    headers, offset = first.clock(clock, (odom, base))
+    stamps = [stamp_of(m.content.header) if headers else m.recorded for m in first.scans]
+    gaps = [b - a for a, b in pairwise(stamps) if b > a]
+    rate = SECOND / statistics.median(gaps) if gaps else 0.0
+    mount = first.tree.lookup(base, frame(first.scans[0].content.header.frame_id))
+    return Recording(bag, topics, odom, base, headers, offset, mount, rate, first.scans[0], first.tree)
+
+
+class _Beginning:
+    """The first messages of each kind."""
+
+    def __init__(self, topics: Topics) -> None:
+        self._topics = topics
+        self.scans: list[Message] = []
+        self._pose: Message | None = None
+        self._moved: dict[
+            str, int
+        ] = {}  # by child frame, how far the file's clock is ahead of its stamp [ns]
+        self.tree = TransformTree()
+
+    def take(self, message: Message) -> None:
+        """Keep what is the first of its kind."""
+        pose = self._topics.pose
+        if message.topic == self._topics.scan.name and len(self.scans) < _SCANS:
+            self.scans.append(message)
+        elif pose is not None and message.topic == pose.name and self._pose is None:
+            self._pose = message
+        elif message.topic in self._topics.tf:
+            self.tree.update(message.content)
+            for one in message.content.transforms:
+                self._moved[frame(one.child_frame_id)] = message.recorded - stamp_of(one.header)
+
+    @property
+    def complete(self) -> bool:
+        """Whether there are scans enough to tell their rate, and a pose where a topic is to bring one."""
+        return len(self.scans) == _SCANS and (self._topics.pose is None or self._pose is not None)
+
+    def mounted(self, frames: FramesConfig) -> bool:
+        """Whether it is known where lidar and base are."""
+        if self._topics.pose is None and self.tf_frames(frames) is None:
+            return False
+        _, base = self.frames(frames)
+        return self.tree.lookup(base, frame(self.scans[0].content.header.frame_id)) is not None
+
+    def frames(self, frames: FramesConfig) -> tuple[str, str]:
+        """Names of the odometry frame and the base frame."""
+        if self._topics.pose is None:
+            found = self.tf_frames(frames)
+            assert found is not None
+            return found
+        content = None if self._pose is None else self._pose.content
+        odom = "" if content is None else frame(content.header.frame_id)
+        base = frame(getattr(content, "child_frame_id", ""))
+        known = next((name for name in _BASES if name in self.tree.names), _BASES[1])
+        return frames.odom or odom or _ODOMS[0], frames.base or base or known
+
+    def tf_frames(self, frames: FramesConfig) -> tuple[str, str] | None:
+        """The two frames between which tf has a chain."""
+        odoms = (frames.odom,) if frames.odom else _ODOMS
+        bases = (frames.base,) if frames.base else _BASES
+        pairs = ((odom, base) for odom in odoms for base in bases)
+        return next((pair for pair in pairs if self.tree.lookup(*pair) is not None), None)
+
+    def clock(self, asked: str, frames: tuple[str, str]) -> tuple[bool, int]:
+        """Whether to go by the headers' stamps, and how far the file's clock is ahead of that [ns]."""
+        if asked == "recorded":
+            return False, 0
+        offset = min(_ahead(message) for message in self.scans)
+        stamped = all(stamp_of(message.content.header) for message in self.scans)
+        # Some drivers leave stamps empty, some robots have computers whose clocks differ.
+        alike = all(abs(ahead - offset) < SECOND for ahead in self._poses_ahead(frames))
+        return (True, offset) if asked == "header" or (stamped and alike) else (False, 0)
+
+    def _poses_ahead(self, frames: tuple[str, str]) -> list[int]:
+        if self._topics.pose is not None:
+            return [] if self._pose is None else [_ahead(self._pose)]
+        return [self._moved[name] for name in self.tree.chain(*frames) if self._moved.get(name)][:1]
+
+
+def _ahead(message: Message) -> int:
+    """How far the file's clock is ahead of a message's stamp [ns]."""
+    return message.recorded - stamp_of(message.content.header)
+
+
+def _statics(bag: Bag, topics: Topics) -> Iterator[Message]:
+    """Transforms that never change may come late; they are few."""
+    return bag.messages([name for name in topics.tf if name.endswith("tf_static")])
+
+
+def _pose_topics(topics: Topics) -> set[str]:
+    return set(topics.tf) if topics.pose is None else {topics.pose.name}

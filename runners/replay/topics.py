@@ -1,0 +1,150 @@
+"""Which topics of a recording say what: found by type, chosen by name where there are several."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from lme.errors import InputError
+from runners.mistakes import nearest
+from runners.replay import messages
+from runners.replay.bags import Bag, Topic
+
+# Roles in order of preference of their types, and the name that ROS gives such a topic.
+_SCANS = (messages.LASER_SCAN, messages.POINT_CLOUD)
+_POSES = (messages.ODOMETRY,)  # then tf, then
+_OTHER_POSES = (messages.POSE, messages.POSE_WITH_COVARIANCE, messages.TRANSFORM)
+_COMMANDS = (messages.TWIST, messages.TWIST_STAMPED)
+_GOALS = (messages.POSE,)
+_USUAL = {"scan": "/scan", "pose": "/odom", "command": "/cmd_vel"}
+
+
+@dataclass(slots=True)
+class TopicsConfig:
+    """Names of topics; null: found by type."""
+
+    scan: str | None = None
+    pose: str | None = None
+    command: str | None = None
+
+
+class Chosen(NamedTuple):
+    """A topic and the type of its messages that is read."""
+
+    name: str
+    type: str
+
+
+class Topics(NamedTuple):
+    """What is read of a recording. pose: None where poses come from tf. tf: names, maybe none."""
+
+    scan: Chosen
+    pose: Chosen | None
+    command: Chosen | None
+    goal: Chosen | None
+    tf: tuple[str, ...]
+
+    @property
+    def names(self) -> set[str]:
+        """All of them."""
+        single = (topic.name for topic in self[:4] if isinstance(topic, Chosen))
+        return {*single, *self.tf}
+
+    @property
+    def pose_name(self) -> str:
+        """Where poses come from."""
+        return "tf" if self.pose is None else self.pose.name
+
+
+def choose(bag: Bag, config: TopicsConfig, goal: str | None) -> Topics:
+    """Topics by type and name; goal: the name of its topic where there is one.
+
+    Raises InputError where a topic is missing, of another type, or one of several without a usual name.
+    """
+    known = bag.topics()
+    tf = tuple(topic.name for topic in known if set(topic.types) & set(messages.TF) and topic.number)
+    scan = _choose(known, "scan", config.scan, _SCANS)
+    if scan is None:
+        raise InputError(
+            f"bag {bag.path}: no scans: no topic of type {_or(_SCANS)}; it holds {_listed(known)}"
+        )
+    kinds = _POSES if config.pose is None else (*_POSES, *_OTHER_POSES)
+    pose = _choose(known, "pose", config.pose, kinds)
+    command = _choose(known, "command", config.command, _COMMANDS)
+    chosen_goal = None if goal is None else _choose(known, "goal", goal, _GOALS)
+    topics = Topics(scan, pose, command, chosen_goal, tf)
+    return topics._replace(pose=other_pose(bag, topics)) if pose is None and not tf else topics
+
+
+def other_pose(bag: Bag, topics: Topics) -> Chosen:
+    """A topic of poses that is no odometry, as of motion capture. Raises InputError where there is none."""
+    known = bag.topics()
+    pose = _choose(known, "pose", None, _OTHER_POSES, taken=topics.goal.name if topics.goal else None)
+    if pose is None:
+        raise InputError(
+            f"bag {bag.path}: no poses: no topic of type {_or((*_POSES, *_OTHER_POSES))} and no tf from "
+            f"an odometry frame to a base frame (frames.odom, frames.base); it holds {_listed(known)}"
+        )
+    return pose
+
+
+def table(bag: Bag) -> list[str]:
+    """One line per topic: name, type, messages, rate, and what it would be taken for."""
+    known = bag.topics()
+    uses = [("scan", _SCANS), ("pose", (*_POSES, *_OTHER_POSES)), ("command", _COMMANDS), ("tf", messages.TF)]
+    rows = [("topic", "type", "messages", "Hz", "can be")]
+    for topic in known:
+        roles = [role for role, types in uses if set(topic.types) & set(types)]
+        if set(topic.types) & set(_GOALS):
+            roles.append("goal")
+        rows.append(
+            (topic.name, " | ".join(topic.types), str(topic.number), f"{topic.rate:.1f}", ", ".join(roles))
+        )
+    widths = [max(len(row[k]) for row in rows) for k in range(5)]
+    return [
+        "  ".join(
+            cell.rjust(width) if k in (2, 3) else cell.ljust(width)
+            for k, (cell, width) in enumerate(zip(row, widths, strict=True))
+        ).rstrip()
+        for row in rows
+    ]
+
+
+def _choose(
+    known: Sequence[Topic], role: str, asked: str | None, types: Sequence[str], taken: str | None = None
+) -> Chosen | None:
+    """The topic asked for, or the only one of the first of these types that there is."""
+    key = "goal" if role == "goal" else f"topics.{role}"
+    if asked is not None:
+        return _asked(known, key, asked, types)
+    for kind in types:
+        fitting = [t.name for t in known if kind in t.types and t.number and t.name != taken]
+        if len(fitting) == 1 or _USUAL[role] in fitting:
+            return Chosen(_USUAL[role] if _USUAL[role] in fitting else fitting[0], kind)
+        if fitting:
+            raise InputError(
+                f"{key} is null: there are several of type {kind}: choose one of {', '.join(fitting)}"
+            )
+    return None
+
+
+def _asked(known: Sequence[Topic], key: str, asked: str, types: Sequence[str]) -> Chosen:
+    names = {topic.name: topic for topic in known}
+    name = asked if asked in names else f"/{asked}"
+    if name not in names:
+        raise InputError(f"{key} is {asked}: no such topic; {nearest(asked, names)}it holds {_listed(known)}")
+    fitting = [kind for kind in types if kind in names[name].types]
+    if not fitting:
+        raise InputError(f"{key} is {asked}, of type {_or(names[name].types)}: must be of type {_or(types)}")
+    if not names[name].number:
+        raise InputError(f"{key} is {asked}: the recording holds no message of it")
+    return Chosen(name, fitting[0])
+
+
+def _listed(known: Sequence[Topic]) -> str:
+    return ", ".join(f"{topic.name} ({_or(topic.types)})" for topic in known)
+
+
+def _or(types: Sequence[str]) -> str:
+    return " or ".join(kind.replace("/msg/", "/") for kind in types)

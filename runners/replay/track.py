@@ -1,0 +1,113 @@
+"""Where the robot was, and how fast, at any instant of the last seconds."""
+
+from __future__ import annotations
+
+from bisect import bisect_left, bisect_right
+from typing import NamedTuple
+
+from lme.errors import InputError
+from lme.geometry.angles import wrap_angle
+from lme.geometry.frames import relative
+from lme.types import Pose, Twist
+
+_SECOND = 1_000_000_000
+_KEPT = 5 * _SECOND
+_SLOPE = _SECOND // 5  # over so long a time speed is measured where nobody tells it
+_TRIMMED_AT = 4096  # poses
+_JITTER = _SECOND // 10  # messages of several threads may overtake each other by so much: left out
+
+
+class Motion(NamedTuple):
+    """Pose in the odometry frame and twist in the robot's, at `stamp` [ns]."""
+
+    stamp: int
+    pose: Pose
+    twist: Twist
+
+
+class Order:
+    """Watches that the time of a topic does not go backwards."""
+
+    def __init__(self, topic: str) -> None:
+        self._topic = topic
+        self._last: int | None = None
+
+    def takes(self, stamp: int) -> bool:
+        """Whether a message comes after all before it. Raises InputError where time jumps back [ns]."""
+        if self._last is not None and stamp < self._last - _JITTER:
+            back = (self._last - stamp) / _SECOND
+            raise InputError(
+                f"topics: the time of {self._topic} goes backwards by {back:.3g} s (stamp {stamp / _SECOND:.3f} s): "
+                "use clock=recorded, or cut the recording with start= and end="
+            )
+        later = self._last is None or stamp > self._last
+        if later:
+            self._last = stamp
+        return later
+
+
+class Track:
+    """The recorded motion as it comes in, interpolated between its poses."""
+
+    def __init__(self, topic: str) -> None:
+        self._order = Order(topic)
+        self._stamps: list[int] = []
+        self._poses: list[Pose] = []
+        self._twists: list[Twist | None] = []
+
+    def add(self, stamp: int, pose: Pose, twist: Twist | None) -> None:
+        """One more pose; without a twist, speed is the slope of the poses. Raises InputError where time jumps back."""
+        if not self._order.takes(stamp):
+            return
+        self._stamps.append(stamp)
+        self._poses.append(pose)
+        self._twists.append(twist)
+        if len(self._stamps) > _TRIMMED_AT:
+            self._trim()
+
+    @property
+    def newest(self) -> int | None:
+        """Stamp of the last pose [ns]."""
+        return self._stamps[-1] if self._stamps else None
+
+    def at(self, stamp: int, tolerance: int) -> Motion | None:
+        """The motion at `stamp`, exactly as recorded where a pose has that very stamp.
+
+        Beyond the last pose or before the first, theirs, if no further off than `tolerance` [ns]; else None.
+        """
+        if not self._stamps:
+            return None
+        k = bisect_left(self._stamps, stamp)
+        if k < len(self._stamps) and self._stamps[k] == stamp:
+            return Motion(stamp, self._poses[k], self._twist(k))
+        if 0 < k < len(self._stamps):
+            near = min(stamp - self._stamps[k - 1], self._stamps[k] - stamp)
+            return self._between(k, stamp) if near <= tolerance else None
+        end = k - 1 if k else 0
+        if abs(self._stamps[end] - stamp) > tolerance:
+            return None
+        return Motion(stamp, self._poses[end], self._twist(end))
+
+    def _between(self, k: int, stamp: int) -> Motion:
+        a, b = self._poses[k - 1], self._poses[k]
+        share = (stamp - self._stamps[k - 1]) / (self._stamps[k] - self._stamps[k - 1])
+        turn = wrap_angle(b.yaw - a.yaw)
+        pose = Pose(a.x + share * (b.x - a.x), a.y + share * (b.y - a.y), wrap_angle(a.yaw + share * turn))
+        (v, omega), (v_then, omega_then) = self._twist(k - 1), self._twist(k)
+        return Motion(stamp, pose, Twist(v + share * (v_then - v), omega + share * (omega_then - omega)))
+
+    def _twist(self, k: int) -> Twist:
+        """As recorded, or the slope over the last fifth of a second."""
+        told = self._twists[k]
+        if told is not None:
+            return told
+        j = max(bisect_right(self._stamps, self._stamps[k] - _SLOPE) - 1, 0)
+        seconds = (self._stamps[k] - self._stamps[j]) / _SECOND
+        if seconds <= 0.0:
+            return Twist(0.0, 0.0)
+        moved = relative(self._poses[k], self._poses[j])
+        return Twist(moved.x / seconds, moved.yaw / seconds)
+
+    def _trim(self) -> None:
+        first = bisect_left(self._stamps, self._stamps[-1] - _KEPT)
+        del self._stamps[:first], self._poses[:first], self._twists[:first]

@@ -1,0 +1,181 @@
+"""Recordings made for tests: the same drive in any format, told by any topics."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+from rosbags.rosbag1 import Writer as Writer1
+from rosbags.rosbag2 import StoragePlugin
+from rosbags.rosbag2 import Writer as Writer2
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+from lme.geometry.frames import compose
+from lme.kernels.raycast import cast
+from lme.types import Pose
+
+SECOND = 1_000_000_000
+BEGAN = 1_700_000_000 * SECOND
+CIRCLES = np.array([[2.0, 1.5, 0.3], [3.0, -1.0, 0.4], [5.0, 0.6, 0.3], [-1.5, 0.5, 0.2]])
+EDGES = np.array(
+    [[-3.0, -3.0, 8.0, -3.0], [-3.0, 3.0, 8.0, 3.0], [8.0, -3.0, 8.0, 3.0], [-3.0, -3.0, -3.0, 3.0]]
+)
+
+
+MOUNT = Pose(0.1, 0.0, 0.0)
+
+
+class BagMaker:
+    """Collects messages and writes them as `.bag`, `.db3` or `.mcap`."""
+
+    def __init__(self, suffix=".mcap"):
+        self.suffix = suffix
+        self.store = get_typestore(Stores.ROS1_NOETIC if suffix == ".bag" else Stores.ROS2_HUMBLE)
+        if suffix == ".bag":
+            tf = "geometry_msgs/TransformStamped[] transforms"
+            self.store.register(get_types_from_msg(tf, "tf2_msgs/msg/TFMessage"))
+        self._messages = []
+
+    def make(self, kind, *fields):
+        return self.store.types[kind](*fields)
+
+    def header(self, stamp, frame):
+        time = self.make("builtin_interfaces/msg/Time", *divmod(stamp, SECOND))
+        sequence = (0,) if self.suffix == ".bag" else ()
+        return self.make("std_msgs/msg/Header", *sequence, time, frame)
+
+    def add(self, topic, kind, recorded, message):
+        self._messages.append((recorded, topic, kind, message))
+
+    def write(self, folder, name="drive"):
+        """The path of the file."""
+        messages = sorted(self._messages, key=lambda one: one[0])
+        if self.suffix == ".bag":
+            path = Path(folder) / f"{name}.bag"
+            with Writer1(path) as writer:
+                self._fill(writer, messages, self.store.serialize_ros1)
+            return path
+        storage = StoragePlugin.MCAP if self.suffix == ".mcap" else StoragePlugin.SQLITE3
+        with Writer2(Path(folder) / name, version=8, storage_plugin=storage) as writer:
+            self._fill(writer, messages, self.store.serialize_cdr)
+        return next((Path(folder) / name).glob(f"*{self.suffix}"))
+
+    def _fill(self, writer, messages, serialize):
+        connections = {}
+        for recorded, topic, kind, message in messages:
+            if (topic, kind) not in connections:
+                connections[topic, kind] = writer.add_connection(topic, kind, typestore=self.store)
+            writer.write(connections[topic, kind], recorded, serialize(message, kind))
+
+    # Messages
+
+    def quaternion(self, yaw, roll=0.0):
+        cy, sy, cr, sr = math.cos(yaw / 2), math.sin(yaw / 2), math.cos(roll / 2), math.sin(roll / 2)
+        return self.make("geometry_msgs/msg/Quaternion", cy * sr, sy * sr, sy * cr, cy * cr)
+
+    def pose(self, pose):
+        point = self.make("geometry_msgs/msg/Point", pose.x, pose.y, 0.0)
+        return self.make("geometry_msgs/msg/Pose", point, self.quaternion(pose.yaw))
+
+    def twist(self, v, omega):
+        linear = self.make("geometry_msgs/msg/Vector3", v, 0.0, 0.0)
+        return self.make(
+            "geometry_msgs/msg/Twist", linear, self.make("geometry_msgs/msg/Vector3", 0.0, 0.0, omega)
+        )
+
+    def odometry(self, stamp, pose, v, omega):
+        none = np.zeros(36)
+        return self.make(
+            "nav_msgs/msg/Odometry", self.header(stamp, "odom"), "base_link",
+            self.make("geometry_msgs/msg/PoseWithCovariance", self.pose(pose), none),
+            self.make("geometry_msgs/msg/TwistWithCovariance", self.twist(v, omega), none),
+        )  # fmt: skip
+
+    def pose_stamped(self, stamp, frame, pose):
+        return self.make("geometry_msgs/msg/PoseStamped", self.header(stamp, frame), self.pose(pose))
+
+    def transform(self, stamp, frame, child, pose, roll=0.0):
+        shift = self.make("geometry_msgs/msg/Vector3", pose.x, pose.y, 0.2)
+        moved = self.make("geometry_msgs/msg/Transform", shift, self.quaternion(pose.yaw, roll))
+        return self.make("tf2_msgs/msg/TFMessage", [
+            self.make("geometry_msgs/msg/TransformStamped", self.header(stamp, frame), child, moved)
+        ])  # fmt: skip
+
+    def scan(self, stamp, ranges, angle_min, increment, limits=(0.05, 12.0)):
+        end = angle_min + (len(ranges) - 1) * increment
+        return self.make(
+            "sensor_msgs/msg/LaserScan", self.header(stamp, "laser"), angle_min, end, increment, 0.0, 0.1,
+            *limits, np.ascontiguousarray(ranges, np.float32), np.empty(0, np.float32),
+        )  # fmt: skip
+
+    def cloud(self, stamp, points):
+        fields = [self.make("sensor_msgs/msg/PointField", n, 4 * k, 7, 1) for k, n in enumerate("xyz")]
+        data = np.ascontiguousarray(points, np.float32).view(np.uint8).reshape(-1)
+        return self.make(
+            "sensor_msgs/msg/PointCloud2", self.header(stamp, "laser"), 1, len(points), fields, False, 12,
+            12 * len(points), data, True,
+        )  # fmt: skip
+
+
+def way(steps):
+    """(pose, v, ω) of a drive among the obstacles, ten per second."""
+    pose, v, found = Pose(0.0, 0.0, 0.1), 0.25, []
+    for k in range(steps):
+        omega = 0.3 * math.sin(0.15 * k)
+        found.append((pose, v, omega))
+        pose = compose(pose, Pose(v * 0.1, 0.0, omega * 0.1))
+    return found
+
+
+def seen(pose, mount=MOUNT, beams=360):
+    """Ranges of a full circle from straight behind on, counter-clockwise."""
+    return cast(compose(pose, mount), (-math.pi, 2 * math.pi / beams, beams), 12.0, CIRCLES, EDGES)
+
+
+def drive(
+    suffix=".mcap",
+    steps=60,
+    poses="odometry",
+    mount=MOUNT,
+    roll=0.0,
+    clockwise=False,
+    scans="laser",
+    stamps=lambda stamp: stamp,
+    commands=True,
+):
+    """A BagMaker with one drive. stamps: what the headers say, by when a message was recorded."""
+    made = BagMaker(suffix)
+    made.add(
+        "/tf_static", "tf2_msgs/msg/TFMessage", BEGAN, made.transform(0, "base_link", "laser", mount, roll)
+    )
+    for k, (pose, v, omega) in enumerate(way(steps)):
+        recorded = BEGAN + k * SECOND // 10
+        stamp = stamps(recorded)
+        if poses == "odometry":
+            made.add("/odom", "nav_msgs/msg/Odometry", recorded, made.odometry(stamp, pose, v, omega))
+        elif poses == "tf":
+            made.add(
+                "/tf", "tf2_msgs/msg/TFMessage", recorded, made.transform(stamp, "odom", "base_link", pose)
+            )
+        elif poses == "motion capture":
+            message = made.pose_stamped(stamp, "world", pose)
+            made.add("/vrpn/robot/pose", "geometry_msgs/msg/PoseStamped", recorded, message)
+        _add_scan(made, scans, recorded, stamp, seen(pose, mount), clockwise)
+        if commands:
+            made.add("/cmd_vel", "geometry_msgs/msg/Twist", recorded, made.twist(v, omega))
+    return made
+
+
+def _add_scan(made, scans, recorded, stamp, ranges, clockwise):
+    increment = 2 * math.pi / len(ranges)
+    if scans == "laser":
+        first = math.pi - increment if clockwise else -math.pi
+        if clockwise:
+            ranges, increment = ranges[::-1], -increment
+        made.add("/scan", "sensor_msgs/msg/LaserScan", recorded, made.scan(stamp, ranges, first, increment))
+    elif scans == "cloud":
+        angles = -math.pi + np.arange(len(ranges)) * increment
+        flat = np.column_stack((ranges * np.cos(angles), ranges * np.sin(angles), np.zeros(len(ranges))))
+        floor = np.column_stack((0.5 * np.cos(angles), 0.5 * np.sin(angles), np.full(len(ranges), -0.2)))
+        made.add(
+            "/points", "sensor_msgs/msg/PointCloud2", recorded, made.cloud(stamp, np.vstack((flat, floor)))
+        )
