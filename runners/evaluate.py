@@ -41,6 +41,7 @@ def evaluate(config: DictConfig, run_dir: Path) -> pd.DataFrame:
         print(f"\nStopped. Go on with: lme eval resume={run_dir}", file=sys.stderr)
         raise
     frame, artifacts = report(maps, run_dir)
+    artifacts += _film(plain, maps, run_dir)
     print_table(frame)
     print(f"Records, tables and trajectories.png: {run_dir}")
     tracking.finish(metrics(frame), artifacts)
@@ -60,6 +61,18 @@ def drive(plain: dict[str, Any], names: dict[str, Any], maps: MapSet, run_dir: P
             writer.append(record, trajectory)
             progress.add(record["outcome"])
         writer.merge()
+
+
+def _film(plain: dict[str, Any], maps: MapSet, run_dir: Path) -> list[Path]:
+    """A moving picture of the first episode, where something moves in its world."""
+    world = maps.numbers[0]
+    if not maps.task(world).world.movers:
+        return []
+    from runners.animation import animate
+
+    path = run_dir / "episode.gif"
+    animate(plain, world, 0, path)
+    return [path]
 
 
 def _recordings(plain: dict[str, Any], run_dir: Path) -> dict[str, Any] | None:

@@ -32,20 +32,8 @@ TRAJECTORIES = "trajectories.parquet"
 KEY = ("world", "run")
 TIMING_COLUMNS = ("decision_us_p50", "decision_us_p99", "wall_s")
 COLUMNS = (  # their order in the file; others follow, by name
-    *(
-        "system",
-        "guide",
-        "planner",
-        "global_map",
-        "ablation",
-        "weights",
-        "robot",
-        "map",
-        "subset",
-        *KEY,
-        "seed",
-        "outcome",
-    ),
+    *("system", "guide", "planner", "global_map"),
+    *("ablation", "weights", "robot", "map", "subset", *KEY, "seed", "outcome"),
     *("time_s", "optimal_time_s", "barn_metric", "path_length_m", "shortest_path_length_m", "spl"),
     *("steps", "switches", "no_free_candidate", "min_clearance_m", "final_distance_m"),
     *("start_x_m", "start_y_m", "start_yaw_rad", "goal_x_m", "goal_y_m", "goal_tolerance_m", "reward"),

@@ -2,45 +2,54 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
-from numpy.typing import NDArray
 
-from lme.geometry.frames import compose, relative, to_robot
+from lme.geometry.frames import relative
 from lme.kernels.collision import sweep
 from lme.kernels.motion import drive, first_within
-from lme.kernels.raycast import cast
 from lme.robots import Robot, require
-from lme.sim.simulator import State
-from lme.types import Floats, LaserScan, Limits, Observation, Pose, Twist
+from lme.sim.crowd import Crowd
+from lme.sim.disturbances import Disturbances
+from lme.sim.ride import Ride, rolled
+from lme.sim.simulator import Senses, State
+from lme.types import Floats, Limits, Observation, Pose, Twist
 from lme.worlds.world import Task
 
-Ranges = NDArray[np.float32]
+MAX_SLICE = 0.01  # [s] a ride in slices is cut at least this finely, so that latency is
 
 
 @dataclass(slots=True)
-class FastConfig:
+class FastConfig(Disturbances):
     """How finely motion is checked for contact, and how velocity follows the command."""
 
     max_step: float = 0.025  # [m] no point of the footprint moves further between two checks
     even_ramp: bool = False  # spread a change of velocity over the control period instead of α, then hold
 
     def __post_init__(self) -> None:
+        Disturbances.__post_init__(self)
         require("sim.max_step", self.max_step, above=0.0)
 
 
 class FastSimulator:
-    """Differential drive among static obstacles, a footprint that may not touch, a noisy lidar."""
+    """Differential drive, a footprint that may not touch, a noisy lidar.
+
+    Where nothing moves, slips or comes late, a whole control period is checked at once; otherwise slice by
+    slice (`Ride`).
+    """
 
     Config = FastConfig
 
     def __init__(self, config: FastConfig, robot: Robot) -> None:
         self._robot = robot
         self._config = config
-        lidar = robot.lidar
-        self._angles = (lidar.angle_min, lidar.angle_increment, lidar.num_beams)
+
+    @property
+    def obstacles(self) -> tuple[Floats, Floats]:
+        """Circles (C, 3) and edges (E, 4) as they stand now; those that move follow those that do not."""
+        return self._ride.obstacles if self._ride else (self._circles, self._edges)
 
     def reset(self, task: Task, rng: np.random.Generator) -> Observation:
         """Put the robot at the task's start, at rest."""
@@ -48,24 +57,42 @@ class FastSimulator:
         self._edges = task.world.edges
         self._goal = np.asarray(task.goal, dtype=np.float64)
         self._goal_tolerance = task.goal_tolerance
-        self._rng = rng
+        self._senses = Senses(self._robot, self._config, self._goal, rng)
         self._start = Pose(*map(float, task.start))
-        self.state = self._settle(np.array([self._start]), Twist(0.0, 0.0), 0.0, 0.0)
+        self._ride = self._slow_ride(task, rng)
+        if self._ride:
+            self.state = self._ride.start()
+        else:
+            self.state = self._settle(np.array([self._start]), Twist(0.0, 0.0), 0.0, 0.0)
         return self._observe()
 
     def step(self, command: Twist) -> Observation:
         """Drive for one control period, or until contact or arrival, whichever comes first."""
+        if self._ride:
+            self.state = self._ride.period(command, self._slices, self._limits)
+            return self._observe()
         robot, state = self._robot, self.state
-        limits = self._even_limits(command) if self._config.even_ramp else robot.limits
+        limits = self._limits(command, state.twist)
         travel, twist = drive(
             state.pose, state.twist, command, limits, robot.dt, self._config.max_step, robot.footprint.r_max
         )
         self.state = self._settle(travel, Twist(*twist), state.time, robot.dt)
         return self._observe()
 
-    def _even_limits(self, command: Twist) -> Limits:
-        """Limits under which the change of velocity takes the whole period, where α allows."""
-        limits, twist, dt = self._robot.limits, self.state.twist, self._robot.dt
+    def _slow_ride(self, task: Task, rng: np.random.Generator) -> Ride | None:
+        """A ride in slices, where one is needed: `max_step` then holds at full speed, movers' included."""
+        robot, config, crowd = self._robot, self._config, Crowd(task.world.movers)
+        if not (len(crowd) or config.latency or config.slip):
+            return None
+        fastest = robot.v_max + robot.footprint.r_max * robot.omega_max + crowd.top_speed
+        self._slices = math.ceil(max(fastest * robot.dt / config.max_step, robot.dt / MAX_SLICE) - 1e-9)
+        return Ride(task, robot, config, rng.spawn(1)[0], crowd, _Point(self._start))
+
+    def _limits(self, command: Twist, twist: Twist) -> Limits:
+        """Limits; for an even ramp such that the change of velocity takes the whole period, where α allows."""
+        limits, dt = self._robot.limits, self._robot.dt
+        if not self._config.even_ramp:
+            return limits
         v = min(max(command.v, -limits.v_max), limits.v_max)
         omega = min(max(command.omega, -limits.omega_max), limits.omega_max)
         alpha_v = min(limits.alpha_v, max(abs(v - twist.v) / dt, 1e-9))
@@ -86,20 +113,25 @@ class FastSimulator:
         return State(pose, twist, time, travel, clearance, contact >= 0, arrival >= 0 and contact < 0)
 
     def _observe(self) -> Observation:
-        lidar, state = self._robot.lidar, self.state
-        pose = compose(state.pose, lidar.mount)
-        ranges = cast(pose, self._angles, lidar.range_max, self._circles, self._edges)
-        if lidar.noise_std > 0.0:
-            noise = self._rng.standard_normal(lidar.num_beams, dtype=np.float32)
-            _add_noise(ranges, noise, lidar.noise_std, lidar.range_max)
-        scan = LaserScan(ranges, lidar.angle_min, lidar.angle_increment, lidar.range_min, lidar.range_max)
-        target, odometry = to_robot(self._goal, state.pose), relative(state.pose, self._start)
-        return Observation(scan, target, state.twist, self._robot.limits, odometry)
+        state, ride = self.state, self._ride
+        if ride:
+            return self._senses.observe(state, ride.wheels.twist, ride.wheels.odometry, *ride.obstacles)
+        odometry = relative(state.pose, self._start)
+        return self._senses.observe(state, state.twist, odometry, self._circles, self._edges)
 
 
-@njit(cache=True)
-def _add_noise(ranges: Ranges, noise: Ranges, std: float, range_max: float) -> None:
-    """Gaussian noise on every return, in place; beams that hit nothing stay at range_max."""
-    for i in range(len(ranges)):
-        if ranges[i] < np.float32(range_max):
-            ranges[i] = min(max(ranges[i] + std * noise[i], 0.0), range_max)
+class _Point:
+    """A body without mass: it goes where its wheels roll."""
+
+    def __init__(self, pose: Pose) -> None:
+        self.pose = pose
+        self.twist = Twist(0.0, 0.0)
+
+    def move(self, motion: tuple[float, float], dt: float) -> None:
+        """Roll on."""
+        self.pose = rolled(self.pose, motion)
+        self.twist = Twist(motion[0] / dt, motion[1] / dt)
+
+    def touches(self, clearance: float) -> bool:
+        """Distance 0 is contact."""
+        return clearance <= 0.0

@@ -1,4 +1,4 @@
-"""What every simulator offers."""
+"""What every simulator offers, and what a robot perceives in every one of them."""
 
 from __future__ import annotations
 
@@ -6,7 +6,11 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from lme.types import Floats, Observation, Pose, Twist
+from lme.geometry.frames import compose
+from lme.kernels.raycast import cast
+from lme.robots import Robot
+from lme.sim.disturbances import Disturbances, Target, add_noise, lose_beams
+from lme.types import Floats, LaserScan, Observation, Pose, Twist
 from lme.worlds.world import Task
 
 
@@ -31,8 +35,44 @@ class Simulator(Protocol):
 
     state: State
 
+    @property
+    def obstacles(self) -> tuple[Floats, Floats]:
+        """Circles (C, 3) and edges (E, 4) as they stand now; those that move follow those that do not."""
+
     def reset(self, task: Task, rng: np.random.Generator) -> Observation:
         """Put the robot at the task's start, at rest."""
 
     def step(self, command: Twist) -> Observation:
         """Drive for one control period, or until contact or arrival, whichever comes first."""
+
+
+class Senses:
+    """Lidar, wheel encoders and localisation of a robot, with the disturbances asked for."""
+
+    def __init__(self, robot: Robot, config: Disturbances, goal: Floats, rng: np.random.Generator) -> None:
+        """`rng` is drawn from for the lidar's own noise; what disturbs draws from streams of its own."""
+        self._robot = robot
+        self._config = config
+        self._rng = rng
+        self._scan_rng, goal_rng = rng.spawn(2)
+        self._target = Target(config, goal, goal_rng)
+
+    def observe(
+        self, state: State, twist: Twist, odometry: Pose, circles: Floats, edges: Floats
+    ) -> Observation:
+        """What it perceives: twist and odometry as its wheels count them, obstacles (C, 3) and (E, 4) now."""
+        scan = self._scan(state.pose, circles, edges)
+        target = self._target.seen_from(state.pose, odometry, state.time)
+        return Observation(scan, target, twist, self._robot.limits, odometry)
+
+    def _scan(self, pose: Pose, circles: Floats, edges: Floats) -> LaserScan:
+        lidar, config = self._robot.lidar, self._config
+        angles = (lidar.angle_min, lidar.angle_increment, lidar.num_beams)
+        ranges = cast(compose(pose, lidar.mount), angles, lidar.range_max, circles, edges)
+        for std, rng in ((lidar.noise_std, self._rng), (config.scan_noise, self._scan_rng)):
+            if std > 0.0:
+                noise = rng.standard_normal(lidar.num_beams, dtype=np.float32)
+                add_noise(ranges, noise, std, lidar.range_max)
+        if config.scan_dropout > 0.0:
+            lose_beams(ranges, config.scan_dropout, lidar.range_max, self._scan_rng)
+        return LaserScan(ranges, lidar.angle_min, lidar.angle_increment, lidar.range_min, lidar.range_max)

@@ -18,11 +18,11 @@ from lme.worlds.bitmap import read_bitmap, read_ros_map
 from lme.worlds.floor_plan import FloorPlan
 from lme.worlds.sampling import Configuration, FreeSpace
 from lme.worlds.shapes import floor_plan
+from lme.worlds.starts import STAGE_RADIUS, check_worlds
 from lme.worlds.world import Task
 from lme.worlds.yaml_entry import read_yaml
 
 UNKNOWN = ("obstacle", "free")
-STAGE_RADIUS = 0.2  # [m] of the paper's robot (§IV.A)
 DRAWING = "shapes.yaml"  # of a map that ships with the package, in its folder of maps/
 
 
@@ -58,7 +58,7 @@ class RoomConfig:
         for key in ("grid", "goal_tolerance", "time_limit", "speed"):
             require(f"map.{key}", getattr(self, key), above=0.0)
         self._check_size()
-        self._check_worlds()
+        check_worlds(self.worlds)
 
     def _check_size(self) -> None:
         if self.size is not None:
@@ -66,13 +66,6 @@ class RoomConfig:
                 raise InputError(f"map.size is {list(self.size)}: must be [width, height] in metres, or null")
             for side in self.size:
                 require("map.size", side, above=0.0)
-
-    def _check_worlds(self) -> None:
-        chosen = self.worlds
-        if chosen is not None and (not chosen or len(set(chosen)) < len(chosen) or min(chosen) < 0):
-            raise InputError(
-                f"map.worlds is {list(chosen)}: must be different numbers from 0 on, at least one, or null"
-            )
 
 
 class Room:

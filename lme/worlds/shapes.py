@@ -44,7 +44,7 @@ def read_shapes(path: Path) -> FloorPlan:
 
 def floor_plan(place: str, drawing: object) -> FloorPlan:
     """`read_shapes` for what the YAML holds; `place` is the name for messages."""
-    entry = Entry(place, drawing, ["bounds"], [*_SOLIDS, "circles", "walls"])
+    entry = Entry(place, drawing, ["bounds"], SHAPES)
     x0, y0, x1, y1 = entry.numbers("bounds", "x_min, y_min, x_max, y_max", 4)
     if x0 >= x1 or y0 >= y1:
         raise entry.mistake("bounds", "[x_min, y_min, x_max, y_max] with each min less than its max")
@@ -104,6 +104,7 @@ _SOLIDS: dict[str, Callable[[str, object], Floats]] = {
     "polygons": _polygon,
     "ellipses": _ellipse,
 }
+SHAPES = (*_SOLIDS, "circles", "walls")  # keys of a shape file beside `bounds`
 
 
 def _circle(outline: Floats, where: str, item: object) -> list[float]:

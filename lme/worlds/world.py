@@ -8,19 +8,22 @@ from typing import Protocol
 import numpy as np
 
 from lme.types import Floats, Pose
+from lme.worlds.movers import Mover
 
 
 @dataclass(frozen=True, slots=True)
 class World:
-    """Static obstacles in the world frame.
+    """Obstacles in the world frame.
 
     circles: (C, 3) solid discs [x, y, radius] [m]. segments: (S, 4) thin walls [x0, y0, x1, y1] [m].
     polygons: solid, each (V, 2) vertices in order [m], not repeated at the end.
+    movers: pedestrians and doors; all else stands still.
     """
 
     circles: Floats = field(default_factory=lambda: np.empty((0, 3)))
     segments: Floats = field(default_factory=lambda: np.empty((0, 4)))
     polygons: tuple[Floats, ...] = ()
+    movers: tuple[Mover, ...] = ()
     edges: Floats = field(init=False, repr=False)  # (E, 4) segments and polygons' sides: what can be hit
 
     def __post_init__(self) -> None:

@@ -49,7 +49,7 @@ def _sets(_: argparse.Namespace) -> Iterator[str]:
 
     for path in sorted((resource_dir("conf") / "map").glob("*.yaml")):
         first = path.read_text(encoding="utf-8").splitlines()[0]
-        yield f"{path.stem:<12}  {first.lstrip('# ')}"
+        yield f"{path.stem:<14}  {first.lstrip('# ')}"
     yield "\nOne set's worlds: lme maps show NAME"
 
 

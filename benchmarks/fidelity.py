@@ -1,0 +1,241 @@
+"""How far sim=physics and sim=fast agree: the same commands in both, the same worlds in both, and disturbed.
+
+    python -m benchmarks.fidelity [--episodes 300] [--record]
+
+On fresh BARN worlds, none of the official ones. The tables of docs/fidelity.md.
+"""
+
+import itertools
+import math
+import time
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+import yaml
+
+from benchmarks.recording import parser, show
+from benchmarks.speed import load_robot, machine
+from lme.episode import Episode, run_episode
+from lme.guides.lme import Lme, LmeConfig
+from lme.guides.target import Target, TargetConfig
+from lme.navigator import Navigator
+from lme.planners.simple import Simple, SimpleConfig
+from lme.resources import resource_dir
+from lme.robots import Robot
+from lme.sim.fast import FastConfig, FastSimulator
+from lme.sim.physics import PhysicsConfig, PhysicsSimulator
+from lme.sim.simulator import Simulator, State
+from lme.types import Observation, Twist
+from lme.worlds.barn import Barn, BarnConfig
+from lme.worlds.world import Task
+
+FRESH_SEED = 4
+DISTURBED = 100  # worlds per row of the table of disturbances
+DISTURBANCES: tuple[dict[str, float], ...] = (
+    {},
+    {"latency": 0.05},
+    {"latency": 0.1},
+    {"latency": 0.2},
+    {"slip": 0.05},
+    {"slip": 0.2},
+    {"scan_noise": 0.01},
+    {"scan_noise": 0.03},
+    {"scan_noise": 0.1},
+    {"scan_dropout": 0.1},
+    {"scan_dropout": 0.5},
+    {"goal_noise": 0.1},
+    {"goal_noise": 0.5},
+    {"goal_noise_yaw": 0.05},
+    {"goal_noise_yaw": 0.2},
+    {"goal_rate": 1.0, "goal_noise": 0.1},
+    {"goal_rate": 0.2, "slip": 0.05},
+)
+
+
+class Drive(NamedTuple):
+    """commands: as given; poses: (T, 3) where they led; end: contact, arrival, or still driving."""
+
+    commands: list[Twist]
+    poses: list[tuple[float, ...]]
+    end: str
+
+
+class Tape:
+    """A simulator that keeps the commands which pass through it, and where they led."""
+
+    def __init__(self, simulator: Simulator) -> None:
+        self._simulator = simulator
+
+    @property
+    def state(self) -> State:
+        """The simulator's own."""
+        return self._simulator.state
+
+    def reset(self, task: Task, rng: np.random.Generator) -> Observation:
+        """Begin anew."""
+        self.commands: list[Twist] = []
+        self.poses: list[tuple[float, ...]] = []
+        return self._simulator.reset(task, rng)
+
+    def step(self, command: Twist) -> Observation:
+        """Pass it on."""
+        observation = self._simulator.step(command)
+        self.commands.append(command)
+        self.poses.append(tuple(self.state.pose))
+        return observation
+
+    def drive(self) -> Drive:
+        """What was kept."""
+        end = "contact" if self.state.contact else "arrival" if self.state.arrived else "still driving"
+        return Drive(self.commands, self.poses, end)
+
+
+def main() -> None:
+    """Print, and record where asked."""
+    options = parser(__doc__, "fidelity")
+    options.add_argument("--episodes", type=int, default=300, help="fresh worlds, one episode each")
+    arguments = options.parse_args()
+    show(report(arguments.episodes), "fidelity", arguments.record)
+
+
+def report(episodes: int) -> Iterator[str]:
+    """Markdown, line by line."""
+    yield "# Fidelity\n"
+    yield f"`python -m benchmarks.fidelity --record`, {time.strftime('%Y-%m-%d')}, {machine()}\n"
+    tasks = fresh_tasks(episodes)
+    yield f"{episodes} fresh BARN worlds (`fresh_seed` {FRESH_SEED}), one episode each.\n"
+    yield "## The same commands in both\n"
+    yield "| robot | who drove | same verdict | arrival / contact / time-out | apart: median / 99 % / most [mm] |"
+    yield "|---|---|---:|---:|---:|"
+    for name, guide in itertools.product(("jackal", "jackal_wheels", "stage"), ("lme", "target", "random")):
+        yield open_loop_row(name, guide, tasks)
+    yield "\n## The same worlds in both, LME on `jackal`\n"
+    yield "| simulator | success | collision | time-out | mean time [s] | steps per CPU second |"
+    yield "|---|---:|---:|---:|---:|---:|"
+    for settings in ({}, {"grip": 2.5}, {"grip": 1.0}, {"grip": 0.6}):
+        if not settings:
+            yield closed_loop_row("fast", tasks, {})
+        yield closed_loop_row("physics", tasks, settings)
+    yield f"\n## Disturbed, LME on `jackal`, {min(DISTURBED, episodes)} of the worlds\n"
+    yield "| disturbance | success, fast | collision, fast | success, physics | collision, physics |"
+    yield "|---|---:|---:|---:|---:|"
+    for settings in DISTURBANCES:
+        yield disturbed_row(tasks[:DISTURBED], settings)
+
+
+def fresh_tasks(count: int) -> list[Task]:
+    """New worlds, from a stream that nothing was tuned on."""
+    barn = Barn(BarnConfig(subset="fresh", count=count, fresh_seed=FRESH_SEED))
+    return [barn.task(number) for number in barn.numbers]
+
+
+def open_loop_row(name: str, guide: str, tasks: Sequence[Task]) -> str:
+    """Commands of drives in sim=fast, given to sim=physics as they were, without a look at what it says."""
+    robot = load_robot(name)
+    drives = [drive(robot, guide, task, seed) for seed, task in enumerate(tasks)]
+    replays = [replay(robot, task, one.commands) for task, one in zip(tasks, drives, strict=True)]
+    pairs = list(zip(drives, replays, strict=True))
+    same = np.mean([one.end == other.end for one, other in pairs])
+    ends = Counter(one.end for one in drives)
+    mix = " / ".join(str(ends[end]) for end in ("arrival", "contact", "still driving"))
+    apart = np.array([furthest_apart(one.poses, other.poses) for one, other in pairs]) * 1000.0
+    median, high = np.percentile(apart, [50, 99])
+    return f"| `{name}` | {guide} | {same:.1%} | {mix} | {median:.2f} / {high:.1f} / {apart.max():.1f} |"
+
+
+def drive(robot: Robot, guide: str, task: Task, seed: int) -> Drive:
+    """One episode in sim=fast."""
+    tape = Tape(FastSimulator(FastConfig(), robot))
+    rng = np.random.default_rng([FRESH_SEED, seed])
+    if guide == "random":
+        wander(task, tape, rng)
+    else:
+        run_episode(task, navigator(robot, guide), tape, rng)
+    return tape.drive()
+
+
+def wander(task: Task, tape: Tape, rng: np.random.Generator) -> None:
+    """Random commands, mostly ahead, for half a minute: all kinds of contact, corners and flanks too."""
+    limits = tape.reset(task, rng).limits
+    for _ in range(300):
+        if tape.state.contact or tape.state.arrived:
+            break
+        v, omega = rng.uniform(-0.3, 1.0) * limits.v_max, rng.uniform(-1.0, 1.0) * limits.omega_max
+        tape.step(Twist(v, omega))
+
+
+def replay(robot: Robot, task: Task, commands: Sequence[Twist]) -> Drive:
+    """The same commands in sim=physics, to their end or to its own."""
+    tape = Tape(PhysicsSimulator(PhysicsConfig(), robot))
+    tape.reset(task, np.random.default_rng(0))
+    for command in commands:
+        tape.step(command)
+        if tape.state.contact or tape.state.arrived:
+            break
+    return tape.drive()
+
+
+def furthest_apart(one: Sequence[tuple[float, ...]], other: Sequence[tuple[float, ...]]) -> float:
+    """Greatest distance between positions of the same moment [m]; the last of a drive may be cut short."""
+    together = min(len(one), len(other)) - 1
+    return max(
+        (math.dist(a[:2], b[:2]) for a, b in zip(one[:together], other[:together], strict=True)), default=0.0
+    )
+
+
+def closed_loop_row(sim: str, tasks: Sequence[Task], settings: dict[str, float]) -> str:
+    """LME in one of the simulators, the same seed per world in both."""
+    begin = time.process_time()
+    episodes = closed_loop(sim, tasks, settings)
+    rate = sum(episode.steps for episode in episodes) / (time.process_time() - begin)
+    success, collision, timeout = (
+        share(episodes, outcome) for outcome in ("success", "collision", "timeout")
+    )
+    seconds = np.mean([episode.time for episode in episodes])
+    label = " ".join([f"sim={sim}", *(f"sim.{key}={value}" for key, value in settings.items())])
+    return f"| `{label}` | {success:.3f} | {collision:.3f} | {timeout:.3f} | {seconds:.2f} | {rate:,.0f} |"
+
+
+def disturbed_row(tasks: Sequence[Task], settings: dict[str, float]) -> str:
+    """LME under a disturbance, in both."""
+    label = " ".join(f"`sim.{key}={value}`" for key, value in settings.items()) or "none"
+    both = [closed_loop(sim, tasks, settings) for sim in ("fast", "physics")]
+    rates = [f"{share(episodes, end):.2f}" for episodes in both for end in ("success", "collision")]
+    return f"| {label} | {' | '.join(rates)} |"
+
+
+def closed_loop(sim: str, tasks: Sequence[Task], settings: dict[str, float]) -> list[Episode]:
+    """One episode of LME on jackal in each world."""
+    robot = load_robot("jackal")
+    simulator: Simulator = (
+        FastSimulator(FastConfig(**settings), robot)
+        if sim == "fast"
+        else PhysicsSimulator(PhysicsConfig(**settings), robot)
+    )
+    driver = navigator(robot, "lme")
+    return [
+        run_episode(task, driver, simulator, np.random.default_rng([FRESH_SEED, seed]))
+        for seed, task in enumerate(tasks)
+    ]
+
+
+def share(episodes: Sequence[Episode], outcome: str) -> float:
+    """Of episodes that ended so."""
+    return float(np.mean([episode.outcome == outcome for episode in episodes]))
+
+
+def navigator(robot: Robot, guide: str) -> Navigator:
+    """LME with the published weights, or the bare simple planner, which runs into things."""
+    published = yaml.safe_load((resource_dir("conf") / "weight_set" / "published.yaml").read_text("utf-8"))
+    chosen = (
+        Lme(LmeConfig(parameters=published["parameters"]), robot)
+        if guide == "lme"
+        else Target(TargetConfig(), robot)
+    )
+    return Navigator(chosen, Simple(SimpleConfig(), robot))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,153 @@
+"""Pedestrians and doors on their way: where every mover of a world is, moment by moment."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numba import njit
+
+from lme.types import Floats, Pose
+from lme.worlds.movers import REPEATS, Mover
+
+_BACK_AND_FORTH = REPEATS.index("back_and_forth")
+_CYCLE = REPEATS.index("cycle")
+
+
+class Crowd:
+    """All movers of a world. Stands at the beginning of every path until `advance` is called.
+
+    poses: (M, 3) of the movers, in the world. circles: (C, 3) discs; edges: (E, 4) sides of polygons, both as
+    in `World` and in the order of the movers. top_speed: no point of any mover goes faster [m/s].
+    """
+
+    def __init__(self, movers: Sequence[Mover]) -> None:
+        self._discs = [i for i, mover in enumerate(movers) if mover.radius is not None]
+        self._pack_paths(movers)
+        self._pack_outlines(movers)
+        self.top_speed = max(map(_top_speed, movers), default=0.0)
+        self._time = 0.0
+        self._progress = np.zeros(len(movers))
+        self._begun = np.zeros(len(movers), dtype=np.bool_)
+        self.poses = np.array([mover.path[0] for mover in movers]).reshape(-1, 3)
+        self.circles = np.empty((len(self._discs), 3))
+        self.circles[:, 2] = [movers[i].radius for i in self._discs]
+        self.edges = np.empty((len(self._owner), 4))
+        self._place()
+
+    def __len__(self) -> int:
+        return len(self.poses)
+
+    def advance(self, robot: Pose, dt: float) -> None:
+        """Let `dt` [s] pass; movers heed where the robot's base stands at the beginning of it."""
+        if len(self):
+            state = (self._progress, self._begun, self.poses)
+            _advance(self._rules, self._first, self._waypoints, state, robot[0], robot[1], self._time, dt)
+            self._place()
+        self._time += dt
+
+    def _pack_paths(self, movers: Sequence[Mover]) -> None:
+        """Waypoints (W, 4) [x, y, yaw, when it is reached] of all movers, and their rules (M, 6)."""
+        timed = [_timed(mover) for mover in movers]
+        self._waypoints = np.vstack([np.empty((0, 4)), *timed])
+        self._first = np.cumsum([0, *map(len, timed)])
+        self._rules = np.array([_rules(mover) for mover in movers]).reshape(-1, 6)
+
+    def _pack_outlines(self, movers: Sequence[Mover]) -> None:
+        """Sides (E, 4) of all polygons about their own origins, and whose they are (E,)."""
+        outlines = [(i, mover.outline) for i, mover in enumerate(movers) if mover.outline is not None]
+        sides = [np.hstack([outline, np.roll(outline, -1, axis=0)]) for _, outline in outlines]
+        self._sides = np.vstack([np.empty((0, 4)), *sides])
+        self._owner = np.repeat([i for i, _ in outlines], [len(side) for side in sides]).astype(np.int64)
+
+    def _place(self) -> None:
+        """Put the shapes where the poses are."""
+        self.circles[:, :2] = self.poses[self._discs, :2]
+        _turn_sides(self._sides, self._owner, self.poses, self.edges)
+
+
+def _timed(mover: Mover) -> Floats:
+    """(P, 4) waypoints with the time at which each is reached; a cycle comes back to its first."""
+    path = np.vstack([mover.path, mover.path[:1]]) if mover.repeat == "cycle" else mover.path
+    legs = np.diff(path, axis=0)
+    times = np.maximum(np.hypot(legs[:, 0], legs[:, 1]) / mover.speed, np.abs(legs[:, 2]) / mover.turn_rate)
+    return np.column_stack([path, np.concatenate([[0.0], np.cumsum(times)])])
+
+
+def _top_speed(mover: Mover) -> float:
+    """No point of it goes faster [m/s]."""
+    turns = np.ptp(mover.path[:, 2]) > 0.0
+    return mover.speed + (mover.turn_rate * mover.reach if turns else 0.0)
+
+
+def _rules(mover: Mover) -> tuple[float, ...]:
+    """start_after, starts_within, trigger x and y (NaN: itself), waits_within, repeat."""
+    starts = math.inf if mover.starts_within is None else mover.starts_within
+    waits = -1.0 if mover.waits_within is None else mover.waits_within
+    trigger = mover.trigger or (math.nan, math.nan)
+    return (mover.start_after, starts, *trigger, waits, REPEATS.index(mover.repeat))
+
+
+@njit(cache=True, error_model="numpy")
+def _advance(rules, first, waypoints, state, x, y, time, dt):  # type: ignore[no-untyped-def]
+    """One step of every mover past a robot at (x, y); changes progress (M,), begun (M,) and poses (M, 3)."""
+    progress, begun, poses = state
+    for i in range(len(rules)):
+        start_after, starts_within, trigger_x, trigger_y, waits_within, repeat = rules[i]
+        path = waypoints[first[i] : first[i + 1]]
+        passed = dt
+        if not begun[i]:
+            near_x = poses[i, 0] if math.isnan(trigger_x) else trigger_x
+            near_y = poses[i, 1] if math.isnan(trigger_y) else trigger_y
+            passed = min(dt, time + dt - start_after)
+            begun[i] = passed > 0.0 and math.hypot(x - near_x, y - near_y) <= starts_within
+        if not begun[i]:
+            continue
+        dx, dy = x - poses[i, 0], y - poses[i, 1]
+        if math.hypot(dx, dy) > waits_within or not _is_ahead(path, progress[i], repeat, dx, dy):
+            progress[i] += passed
+        leg, part, _ = _leg(path, progress[i], repeat)
+        last = min(leg + 1, len(path) - 1)
+        for axis in range(3):
+            poses[i, axis] = path[leg, axis] + part * (path[last, axis] - path[leg, axis])
+
+
+@njit(cache=True, error_model="numpy")
+def _is_ahead(path, progress, repeat, dx, dy):  # type: ignore[no-untyped-def]
+    """Whether (dx, dy) from the mover lies in the half-plane ahead of it; all around where it only turns."""
+    leg, _, sign = _leg(path, progress, repeat)
+    last = min(leg + 1, len(path) - 1)
+    along_x, along_y = path[last, 0] - path[leg, 0], path[last, 1] - path[leg, 1]
+    return sign * (along_x * dx + along_y * dy) >= 0.0
+
+
+@njit(cache=True, error_model="numpy")
+def _leg(path, progress, repeat):  # type: ignore[no-untyped-def]
+    """Which leg it is on after `progress` seconds of walking, how much of it lies behind, and which way."""
+    run = path[-1, 3]
+    sign = 1.0
+    if run > 0.0 and repeat == _CYCLE:
+        progress = progress % run
+    elif run > 0.0 and repeat == _BACK_AND_FORTH:
+        progress = progress % (2.0 * run)
+        if progress >= run:
+            progress, sign = 2.0 * run - progress, -1.0
+    leg = 0
+    while leg < len(path) - 2 and progress >= path[leg + 1, 3]:
+        leg += 1
+    last = min(leg + 1, len(path) - 1)
+    length = path[last, 3] - path[leg, 3]
+    part = min((progress - path[leg, 3]) / length, 1.0) if length > 0.0 else 1.0
+    return leg, part, sign
+
+
+@njit(cache=True, error_model="numpy")
+def _turn_sides(sides, owner, poses, edges):  # type: ignore[no-untyped-def]
+    """Sides (E, 4) about their owners' origins, in the world, into `edges` (E, 4)."""
+    for i in range(len(sides)):
+        x, y, yaw = poses[owner[i]]
+        cos, sin = math.cos(yaw), math.sin(yaw)
+        for end in (0, 2):
+            edges[i, end] = x + cos * sides[i, end] - sin * sides[i, end + 1]
+            edges[i, end + 1] = y + sin * sides[i, end] + cos * sides[i, end + 1]

@@ -1,0 +1,202 @@
+"""Rigid-body simulator: a robot with mass on wheels with grip; contact is what the physics engine reports."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pymunk
+
+from lme.robots import Footprint, Robot, require
+from lme.sim.crowd import Crowd
+from lme.sim.disturbances import Disturbances
+from lme.sim.ride import Ride, track
+from lme.sim.simulator import Senses
+from lme.types import Floats, Limits, Observation, Pose, Twist
+from lme.worlds.movers import Mover
+from lme.worlds.world import Task, World
+
+MASS = 1.0  # [kg] cancels out: grip grows with it, and nothing that the robot meets gives way
+GRAVITY = 9.81  # [m/s²]
+CONTACT_FRICTION = 0.5  # [-] between hull and obstacle, once in contact
+
+_ROBOT, _OBSTACLE = 1, 2  # collision types
+
+
+@dataclass(slots=True)
+class PhysicsConfig(Disturbances):
+    """How finely time is cut, and what the tyres hold."""
+
+    substep: float = 0.01  # [s] longest step of the physics engine
+    grip: float | None = None  # [-] friction coefficient of the tyres; None: they never break loose
+
+    def __post_init__(self) -> None:
+        Disturbances.__post_init__(self)
+        require("sim.substep", self.substep, above=0.0)
+        if self.grip is not None:
+            require("sim.grip", self.grip, above=0.0)
+
+
+class PhysicsSimulator:
+    """Differential drive among static and moving rigid bodies (Chipmunk2D through pymunk)."""
+
+    Config = PhysicsConfig
+
+    def __init__(self, config: PhysicsConfig, robot: Robot) -> None:
+        self._robot = robot
+        self._config = config
+        self._slices = max(1, math.ceil(robot.dt / config.substep - 1e-9))
+
+    @property
+    def obstacles(self) -> tuple[Floats, Floats]:
+        """Circles (C, 3) and edges (E, 4) as they stand now; those that move follow those that do not."""
+        return self._ride.obstacles
+
+    def reset(self, task: Task, rng: np.random.Generator) -> Observation:
+        """Put the robot at the task's start, at rest."""
+        crowd = Crowd(task.world.movers)
+        self._senses = Senses(self._robot, self._config, np.asarray(task.goal, dtype=np.float64), rng)
+        body = RigidBody(task.world, Pose(*map(float, task.start)), self._robot, crowd, self._config.grip)
+        self._ride = Ride(task, self._robot, self._config, rng.spawn(1)[0], crowd, body)
+        self.state = self._ride.start()
+        return self._observe()
+
+    def step(self, command: Twist) -> Observation:
+        """Drive for one control period, or until contact or arrival, whichever comes first."""
+        self.state = self._ride.period(command, self._slices, self._limits)
+        return self._observe()
+
+    def _limits(self, _command: Twist, _twist: Twist) -> Limits:
+        return self._robot.limits
+
+    def _observe(self) -> Observation:
+        wheels = self._ride.wheels
+        return self._senses.observe(self.state, wheels.twist, wheels.odometry, *self._ride.obstacles)
+
+
+class RigidBody:
+    """The robot in a pymunk space with its obstacles. pose and twist: of the base, over ground."""
+
+    def __init__(self, world: World, start: Pose, robot: Robot, crowd: Crowd, grip: float | None) -> None:
+        self._crowd = crowd
+        self._grip = math.inf if grip is None else grip
+        self._track = track(robot.footprint)
+        self._touching = 0
+        self._space = pymunk.Space()
+        self._space.collision_slop = 1e-4  # [m]; made for pixels, the engine would let bodies overlap by 0.1
+        self._space.collision_bias = (
+            1e-200  # of an overlap left after a second: a hull is hard, within a substep
+        )
+        self._space.on_collision(_ROBOT, _OBSTACLE, begin=self._begin, separate=self._separate)
+        self._add(self._space.static_body, _static_shapes(self._space.static_body, world))
+        self._movers = [self._add_mover(mover) for mover in world.movers]
+        self._robot = self._add_robot(robot.footprint, start)
+        self.pose, self.twist = start, Twist(0.0, 0.0)
+        self._space.step(1e-9)  # a start in contact is reported at once
+
+    def move(self, motion: tuple[float, float], dt: float) -> None:
+        """Push with the wheels so that the body rolls by this distance [m] and turn [rad], as far as they grip."""
+        heading = self._robot.angle + motion[1] / 2
+        self._push(motion[0] / dt, motion[1] / dt, heading, dt)
+        self._walk(dt)
+        self._space.step(dt)
+        (x, y), (vx, vy) = self._robot.position, self._robot.velocity
+        self.pose = Pose(x, y, self._robot.angle)
+        along = vx * math.cos(heading) + vy * math.sin(heading)
+        self.twist = Twist(along, self._robot.angular_velocity)
+
+    def touches(self, clearance: float) -> bool:
+        """Whether the engine has reported a contact that lasts."""
+        return self._touching > 0
+
+    def _push(self, v: float, omega: float, heading: float, dt: float) -> None:
+        """Impulses of both wheels that bring the body to roll at v along the heading and to turn at omega.
+
+        A wheel drives along its tread and holds across it; both together are bounded by what it grips.
+        """
+        body, cos, sin = self._robot, math.cos(heading), math.sin(heading)
+        vx, vy = body.velocity
+        along = MASS * (v - (vx * cos + vy * sin)) / 2
+        across = MASS * (vx * sin - vy * cos) / 2
+        turn = body.moment * (omega - body.angular_velocity) / self._track
+        most = self._grip * MASS * GRAVITY / 2 * dt
+        x, y = body.position
+        for side, drive in ((0.5, along - turn), (-0.5, along + turn)):
+            needed = math.hypot(drive, across)
+            part = most / needed if needed > most else 1.0
+            impulse = (part * (drive * cos - across * sin), part * (drive * sin + across * cos))
+            lever = side * self._track
+            body.apply_impulse_at_world_point(impulse, (x - lever * sin, y + lever * cos))
+
+    def _walk(self, dt: float) -> None:
+        """Velocities that take every mover to where the crowd is at the end of the step."""
+        for body, (x, y, yaw) in zip(self._movers, self._crowd.poses.tolist(), strict=True):
+            at_x, at_y = body.position
+            body.velocity = ((x - at_x) / dt, (y - at_y) / dt)
+            body.angular_velocity = (yaw - body.angle) / dt
+
+    def _add_robot(self, footprint: Footprint, start: Pose) -> pymunk.Body:
+        half_length, half_width, rounding = footprint.box
+        body = pymunk.Body()
+        if footprint.radius is not None:
+            shape: pymunk.Shape = pymunk.Circle(body, rounding)
+        else:
+            shape = pymunk.Poly.create_box(body, (2 * half_length, 2 * half_width))
+        shape.mass, shape.friction, shape.collision_type = MASS, CONTACT_FRICTION, _ROBOT
+        body.position, body.angle = start[:2], start.yaw
+        self._space.add(body, shape)
+        return body
+
+    def _add_mover(self, mover: Mover) -> pymunk.Body:
+        body = pymunk.Body(body_type=pymunk.Body.KINEMATIC)
+        body.position, body.angle = tuple(mover.path[0, :2].tolist()), float(mover.path[0, 2])
+        if mover.outline is None:
+            assert mover.radius is not None
+            shapes: Iterable[pymunk.Shape] = [pymunk.Circle(body, mover.radius)]
+        else:
+            shapes = _polygon(body, mover.outline)
+        self._space.add(body)
+        self._add(body, shapes)
+        return body
+
+    def _add(self, body: pymunk.Body, shapes: Iterable[pymunk.Shape]) -> None:
+        made = list(shapes)
+        for shape in made:
+            shape.friction, shape.collision_type = CONTACT_FRICTION, _OBSTACLE
+        self._space.add(*made)
+
+    def _begin(self, _arbiter: pymunk.Arbiter, _space: pymunk.Space, _data: Any) -> None:
+        self._touching += 1
+
+    def _separate(self, _arbiter: pymunk.Arbiter, _space: pymunk.Space, _data: Any) -> None:
+        self._touching -= 1
+
+
+def _static_shapes(body: pymunk.Body, world: World) -> Iterator[pymunk.Shape]:
+    for x, y, radius in world.circles.tolist():
+        yield pymunk.Circle(body, radius, (x, y))
+    for x0, y0, x1, y1 in world.segments.tolist():
+        yield pymunk.Segment(body, (x0, y0), (x1, y1), 0.0)
+    for polygon in world.polygons:
+        yield from _polygon(body, polygon)
+
+
+def _polygon(body: pymunk.Body, outline: Floats) -> Iterator[pymunk.Shape]:
+    """A convex polygon in one piece; of any other its sides, since the engine would fill its hollows."""
+    points = outline.tolist()
+    if _is_convex(outline):
+        yield pymunk.Poly(body, points)
+    else:
+        for start, end in zip(points, points[1:] + points[:1], strict=True):
+            yield pymunk.Segment(body, start, end, 0.0)
+
+
+def _is_convex(outline: Floats) -> bool:
+    """Whether a polygon that does not cross itself turns one way only."""
+    sides = np.roll(outline, -1, axis=0) - outline
+    following = np.roll(sides, -1, axis=0)
+    turns = sides[:, 0] * following[:, 1] - sides[:, 1] * following[:, 0]
+    return bool((turns >= 0.0).all() or (turns <= 0.0).all())

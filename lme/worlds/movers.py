@@ -1,0 +1,85 @@
+"""What moves in a world by itself: pedestrians and doors, on scripted or reactive paths."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from lme.errors import InputError
+from lme.robots import require
+from lme.types import Floats
+
+REPEATS = ("once", "back_and_forth", "cycle")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Mover:
+    """A solid shape that goes along waypoints: a disc (radius) or a polygon (outline), one of the two.
+
+    path: (P, 3) poses [x, y, yaw] or (P, 2) positions [m, rad], yaw 0 then; P ≥ 1; the first is where it
+    stands until it begins. Each leg is driven evenly in the longer of its times by `speed` and by `turn_rate`;
+    yaw runs straight from number to number (0 to 4 turns by more than half a circle), so that a door is
+    two poses at its hinge. Its outline is (V, 2) vertices in order [m] about its own origin, V ≥ 3.
+    It begins once `start_after` seconds of the episode are over and, where `starts_within` is given, the
+    robot's base has come that near to `trigger`, or to the mover itself where there is no trigger.
+    Raises InputError for shapes, paths and figures that make no sense.
+    """
+
+    path: Floats
+    radius: float | None = None  # [m], of a disc
+    outline: Floats | None = None  # (V, 2) [m], of a polygon
+    speed: float = 1.0  # [m/s]
+    turn_rate: float = 1.0  # [rad/s]
+    start_after: float = 0.0  # [s]
+    starts_within: float | None = None  # [m] from the robot's base; None: does not heed the robot
+    trigger: tuple[float, float] | None = None  # [m] the point that the robot must come near
+    waits_within: float | None = None  # [m] stands while the robot's base is this near ahead of its middle
+    repeat: str = "once"  # once | back_and_forth | cycle (from the last waypoint straight on to the first)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "path", _poses(self.path))
+        if (self.radius is None) == (self.outline is None):
+            raise InputError("a mover needs either a radius (disc) or an outline (polygon)")
+        if self.outline is not None:
+            object.__setattr__(self, "outline", _rows(self.outline, "outline", (2,), 3))
+        if self.repeat not in REPEATS:
+            raise InputError(f"mover.repeat is {self.repeat!r}: must be {', '.join(REPEATS)}")
+        for key in ("radius", "speed", "turn_rate", "starts_within", "waits_within"):
+            if getattr(self, key) is not None:
+                require(f"mover.{key}", getattr(self, key), above=0.0)
+        require("mover.start_after", self.start_after, at_least=0.0)
+        if self.trigger is not None:
+            self._check_trigger(self.trigger)
+
+    @property
+    def reach(self) -> float:
+        """Distance from its origin to the furthest point of it [m]."""
+        if self.outline is None:
+            assert self.radius is not None
+            return self.radius
+        return float(np.hypot(*self.outline.T).max())
+
+    def _check_trigger(self, trigger: tuple[float, float]) -> None:
+        if self.starts_within is None:
+            raise InputError("mover.trigger needs mover.starts_within: how near the robot must come to it")
+        if len(trigger) != 2 or not all(map(math.isfinite, trigger)):
+            raise InputError(f"mover.trigger is {trigger}: must be x, y in metres")
+
+
+def _poses(path: Floats) -> Floats:
+    """(P, 3) poses from poses or positions."""
+    rows = _rows(path, "path", (2, 3), 1)
+    return rows if rows.shape[1] == 3 else np.column_stack([rows, np.zeros(len(rows))])
+
+
+def _rows(values: Floats, key: str, columns: tuple[int, ...], least: int) -> Floats:
+    """The values as a table of finite numbers."""
+    rows = np.array(values, dtype=np.float64)
+    if rows.ndim != 2 or rows.shape[1] not in columns or len(rows) < least or not np.isfinite(rows).all():
+        shape = " or ".join(map(str, columns))
+        raise InputError(
+            f"mover.{key} is {np.asarray(values).tolist()}: must be at least {least} rows of {shape} finite numbers"
+        )
+    return rows

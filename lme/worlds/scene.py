@@ -1,0 +1,144 @@
+"""Drawn scenes: a place, what moves in it, where to start and where to go, as readable YAML.
+
+A scene file is a shape file (`lme.worlds.shapes`) with three keys more:
+
+    start: [1, 3]  # x, y [m]; the robot faces the goal
+    goal: [7, 3]
+    movers:
+      - {radius: 0.25, path: [[3, 5], [3, 3]], speed: 1.0, starts_within: 1.5, trigger: [3, 3]}
+
+A mover has the keys of `lme.worlds.movers.Mover`; angles are in degrees: poses of `path` [x, y, yaw_deg],
+`turn_rate_deg`.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lme.errors import InputError
+from lme.resources import resource_dir
+from lme.types import Floats
+from lme.worlds.floor_plan import FloorPlan
+from lme.worlds.movers import REPEATS, Mover
+from lme.worlds.sampling import FreeSpace
+from lme.worlds.shapes import SHAPES, floor_plan
+from lme.worlds.starts import STAGE_RADIUS, Starts, StartsConfig
+from lme.worlds.yaml_entry import Entry, read_yaml
+
+FOLDER = "scenes"  # of maps/
+
+_MOVER_NUMBERS = ("radius", "speed", "turn_rate_deg", "start_after", "starts_within", "waits_within")
+_MOVER_KEYS = (*_MOVER_NUMBERS, "outline", "trigger", "repeat")
+
+
+@dataclass(slots=True)
+class SceneConfig(StartsConfig):
+    """Keys of `conf/map/{real1,…,go2_b}.yaml`."""
+
+    name: str | None = None  # in the records; None: the file's name
+    path: str | None = None  # a scene file; None: the one that ships under `name`
+
+
+@dataclass(frozen=True, slots=True)
+class Drawing:
+    """What a scene file holds. start, goal: (2,) [m]."""
+
+    plan: FloorPlan
+    start: Floats
+    goal: Floats
+
+
+class Scene(Starts):
+    """One scene under every number, from another start."""
+
+    Config = SceneConfig
+
+    def __init__(self, config: SceneConfig) -> None:
+        """Raises InputError for a file that is not right."""
+        path = _path(config)
+        radius = STAGE_RADIUS if config.radius is None else config.radius
+        drawing, space = _surveyed(path, path.stat().st_mtime_ns, radius, config.grid)
+        name = config.name or path.stem
+        super().__init__(name, config, drawing.plan.world, space, drawing.start, drawing.goal)
+
+
+def read_scene(path: Path) -> Drawing:
+    """Read a scene file. Raises InputError as `read_shapes` does, and for movers that make no sense."""
+    content = read_yaml(path)
+    entry = Entry(str(path), content, ["bounds", "start", "goal"], [*SHAPES, "movers"])
+    shapes = {key: entry.value(key) for key in ("bounds", *SHAPES) if entry.value(key) is not None}
+    plan = floor_plan(str(path), shapes)
+    movers = tuple(_mover(*item) for item in entry.entries("movers"))
+    start, goal = (np.array(entry.numbers(key, "x, y", 2)) for key in ("start", "goal"))
+    return Drawing(replace(plan, world=replace(plan.world, movers=movers)), start, goal)
+
+
+def _mover(place: str, item: object) -> Mover:
+    entry = Entry(place, item, ["path"], _MOVER_KEYS)
+    given: dict[str, Any] = {key: entry.number(key) for key in _MOVER_NUMBERS if entry.value(key) is not None}
+    if "turn_rate_deg" in given:
+        given["turn_rate"] = math.radians(given.pop("turn_rate_deg"))
+    if entry.value("outline") is not None:
+        given["outline"] = entry.points("outline", 3)
+    if entry.value("trigger") is not None:
+        given["trigger"] = tuple(entry.numbers("trigger", "x, y", 2))
+    if entry.value("repeat") is not None:
+        given["repeat"] = _repeat(entry)
+    try:
+        return Mover(path=_poses(entry), **given)
+    except InputError as error:
+        raise InputError(f"{place}: {error}") from error
+
+
+def _repeat(entry: Entry) -> str:
+    if entry.value("repeat") not in REPEATS:
+        raise entry.mistake("repeat", f"one of {', '.join(REPEATS)}")
+    return str(entry.value("repeat"))
+
+
+def _poses(entry: Entry) -> Floats:
+    """(P, 3) poses [m, rad] of a mover's path, from [x, y] or [x, y, yaw_deg] in its entry."""
+    rows = entry.value("path")
+    if not isinstance(rows, list) or not rows:
+        raise entry.mistake("path", "a list of positions [x, y] or poses [x, y, yaw_deg]")
+    poses = np.zeros((len(rows), 3))
+    for i, row in enumerate(rows):
+        count = 2 if isinstance(row, list) and len(row) == 2 else 3
+        pose = Entry(entry.place, {f"path[{i}]": row}, [f"path[{i}]"])
+        poses[i, :count] = pose.numbers(f"path[{i}]", "x, y] or [x, y, yaw_deg", count)
+    poses[:, 2] = np.radians(poses[:, 2])
+    return poses
+
+
+@lru_cache(maxsize=8)
+def _surveyed(
+    path: Path,
+    _modified: int,  # part of the key: a file that was edited is read again
+    radius: float,
+    grid: float,
+) -> tuple[Drawing, FreeSpace]:
+    """The scene and its free space, once per process. What moves is not in the way of the shortest path."""
+    drawing = read_scene(path)
+    return drawing, FreeSpace(drawing.plan, grid, radius, margin=0.0)
+
+
+def _path(config: SceneConfig) -> Path:
+    if config.path is not None:
+        path = Path(config.path).expanduser()
+        if not path.is_file():
+            raise InputError(
+                f"map.path is {config.path}: no such file; must be a scene file (maps/README.md)"
+            )
+        return path
+    shipped = {path.stem: path for path in sorted((resource_dir("maps") / FOLDER).glob("*.yaml"))}
+    if config.name not in shipped:
+        raise InputError(
+            f"map.name is {config.name!r}: must be one of {', '.join(shipped)}, or give map.path"
+        )
+    return shipped[config.name]
