@@ -86,7 +86,7 @@ def _write(task: Task, robot: Robot, frames: Sequence[_Frame], outcome: Outcome,
     draw_task(axes, task)
     stage = _Stage(axes, robot, task)
     rate = robot.control_rate / every
-    writer = PillowWriter(fps=max(1, round(rate)))
+    writer = PillowWriter(fps=rate)  # type: ignore[arg-type]  # it takes fractions: 5 Hz, every second shown
     with writer.saving(figure, str(path), DPI):
         for number, frame in enumerate(shown):
             stage.show(frame, positions[: number * every + 1])
@@ -137,7 +137,7 @@ class _Stage:
 
 
 def _outline(footprint: Footprint) -> Floats:
-    """(V, 2) [m] of the rounded box, a nose ahead."""
+    """(V, 2) [m] of the rounded box."""
     half_length, half_width, rounding = footprint.box
     corners = [(1, 1), (-1, 1), (-1, -1), (1, -1)]
     parts = []

@@ -80,6 +80,7 @@ def _warm_up(task: Task, navigator: Navigator, simulator: Simulator) -> None:
 
 def _measure(task: Task, episode: Episode) -> dict[str, Any]:
     """The figures of one episode; units in the names."""
+    decision_us = episode.decision_us if episode.steps else np.array([np.nan])  # it began at its end
     success = episode.outcome is Outcome.SUCCESS
     shortest = task.shortest_path_length
     measures = {
@@ -101,7 +102,7 @@ def _measure(task: Task, episode: Episode) -> dict[str, Any]:
         "start_yaw_rad": task.start.yaw,
         "goal_x_m": float(task.goal[0]),
         "goal_y_m": float(task.goal[1]),
-        "decision_us_p50": float(np.percentile(episode.decision_us, 50)),
-        "decision_us_p99": float(np.percentile(episode.decision_us, 99)),
+        "decision_us_p50": float(np.percentile(decision_us, 50)),
+        "decision_us_p99": float(np.percentile(decision_us, 99)),
     }
     return measures | {f"world_{name}": value for name, value in task.measures.items()}

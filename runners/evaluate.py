@@ -43,7 +43,7 @@ def evaluate(config: DictConfig, run_dir: Path) -> pd.DataFrame:
     frame, artifacts = report(maps, run_dir)
     artifacts += _film(plain, maps, run_dir)
     print_table(frame)
-    print(f"Records, tables and trajectories.png: {run_dir}")
+    print(f"Records, tables and pictures: {run_dir}")
     tracking.finish(metrics(frame), artifacts)
     return frame
 

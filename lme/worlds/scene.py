@@ -22,13 +22,16 @@ from typing import Any
 import numpy as np
 
 from lme.errors import InputError
+from lme.geometry.frames import to_world
+from lme.kernels.collision import sweep
 from lme.resources import resource_dir
-from lme.types import Floats
+from lme.types import Floats, Pose
 from lme.worlds.floor_plan import FloorPlan
 from lme.worlds.movers import REPEATS, Mover
 from lme.worlds.sampling import FreeSpace
 from lme.worlds.shapes import SHAPES, floor_plan
 from lme.worlds.starts import STAGE_RADIUS, Starts, StartsConfig
+from lme.worlds.world import Task
 from lme.worlds.yaml_entry import Entry, read_yaml
 
 FOLDER = "scenes"  # of maps/
@@ -62,10 +65,21 @@ class Scene(Starts):
     def __init__(self, config: SceneConfig) -> None:
         """Raises InputError for a file that is not right."""
         path = _path(config)
-        radius = STAGE_RADIUS if config.radius is None else config.radius
-        drawing, space = _surveyed(path, path.stat().st_mtime_ns, radius, config.grid)
+        self._radius = STAGE_RADIUS if config.radius is None else config.radius
+        drawing, space = _surveyed(path, path.stat().st_mtime_ns, self._radius, config.grid)
         name = config.name or path.stem
         super().__init__(name, config, drawing.plan.world, space, drawing.start, drawing.goal)
+
+    def task(self, number: int) -> Task:
+        """As `Starts.task`. Raises InputError also for a start where a mover stands."""
+        task = super().task(number)
+        for place, mover in enumerate(task.world.movers):
+            if _distance(mover, task.start) <= self._radius:
+                raise InputError(
+                    f"map {task.map_name}, start {number}: movers[{place}] stands in the disc around the robot "
+                    "(map.radius): must begin further away"
+                )
+        return task
 
 
 def read_scene(path: Path) -> Drawing:
@@ -94,6 +108,18 @@ def _mover(place: str, item: object) -> Mover:
         return Mover(path=_poses(entry), **given)
     except InputError as error:
         raise InputError(f"{place}: {error}") from error
+
+
+def _distance(mover: Mover, start: Pose) -> float:
+    """From a point to the shape of a mover that has not begun [m]; 0 within a disc or on a side of a polygon."""
+    stands = Pose(*mover.path[0].tolist())
+    circles, edges = np.empty((0, 3)), np.empty((0, 4))
+    if mover.outline is None:
+        circles = np.array([[stands.x, stands.y, mover.radius]])
+    else:
+        corners = to_world(mover.outline, stands)
+        edges = np.hstack([corners, np.roll(corners, -1, axis=0)])
+    return sweep(np.array([start]), (0.0, 0.0, 0.0), circles, edges)[0]
 
 
 def _repeat(entry: Entry) -> str:

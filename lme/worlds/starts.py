@@ -66,13 +66,20 @@ class Starts:
     def task(self, number: int) -> Task:
         """The task from start `number`; its shortest path is computed once.
 
-        Raises InputError for a number that was not chosen, and where no way to the goal is wide enough.
+        Raises InputError for a number that was not chosen, for a start at the goal, and where no way there is
+        wide enough.
         """
         if number not in self._numbers:
             raise InputError(f"start {number} is not among the chosen ones of map {self._name}")
         config = self.config
         start = moved_about(self._start, self._goal, config, number)
-        length, straight = self._length(number, start), math.dist(start[:2], self._goal)
+        straight = math.dist(start[:2], self._goal)
+        if straight <= config.goal_tolerance:
+            raise InputError(
+                f"map {self._name}, start {number}: it lies {straight:.3g} m from the goal, within map.goal_tolerance "
+                f"= {config.goal_tolerance:g} m: must begin further away"
+            )
+        length = self._length(number, start)
         return Task(
             map_name=self._name,
             number=number,

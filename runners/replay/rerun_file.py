@@ -26,7 +26,10 @@ def check_installed() -> None:
 
 
 class RerunFile:
-    """Writes every decision as it is made, in the odometry frame over the recording's time."""
+    """Writes every decision as it is made, in the odometry frame over the recording's time.
+
+    The map is flat, but of 3D shapes: rerun draws 2D ones as images, with y downwards, which swaps left and right.
+    """
 
     def __init__(self, path: Path, name: str, robot: Robot) -> None:
         self.path = path
@@ -41,6 +44,7 @@ class RerunFile:
         self._stream = rerun.RecordingStream("lme_replay")
         self._stream.save(self.path)
         self._stream.send_recording_name(self._name)
+        self._stream.log("map", rerun.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
         self._way: list[tuple[float, float]] = []
         return self
 
@@ -60,10 +64,10 @@ class RerunFile:
         self._points("subgoal", to_world(decision.subgoal, pose)[None], 0.06, _ORANGE)
         self._points("goal", to_world(decision.target, pose)[None], 0.08, _GREEN)
         ahead = to_world(np.array([2 * self._radius, 0.0]), pose) - here
-        arrows = self._rerun.Arrows2D(origins=[here], vectors=[ahead], colors=[_BLUE])
+        arrows = self._rerun.Arrows3D(origins=_flat(here[None]), vectors=_flat(ahead[None]), colors=[_BLUE])
         self._stream.log("map/heading", arrows)
         self._way = [*self._way[-1:], (pose.x, pose.y)]
-        self._stream.log("map/way", self._rerun.LineStrips2D([self._way], colors=[_BLUE]))
+        self._stream.log("map/way", self._rerun.LineStrips3D([_flat(np.array(self._way))], colors=[_BLUE]))
         for name, robot, proposed in zip(
             ("v", "omega"), decision.motion.twist, decision.command, strict=True
         ):
@@ -71,5 +75,10 @@ class RerunFile:
             self._stream.log(f"{name}/proposed", self._rerun.Scalars(proposed))
 
     def _points(self, name: str, points: Floats, radius: float, colour: tuple[int, int, int]) -> None:
-        shown = self._rerun.Points2D(points, radii=radius, colors=colour)
+        shown = self._rerun.Points3D(_flat(points), radii=radius, colors=colour)
         self._stream.log(f"map/{name}", shown)
+
+
+def _flat(points: Floats) -> Floats:
+    """(N, 3) at height 0, of (N, 2)."""
+    return np.column_stack([points, np.zeros(len(points))])

@@ -259,6 +259,31 @@ def test_a_robot_that_is_too_wide_for_the_only_way_is_refused():
         Scene(SceneConfig(name="real1", radius=0.45)).task(0)
 
 
+def test_a_start_at_the_goal_is_refused():
+    with pytest.raises(
+        InputError, match=r"start 0: it lies 6\.4 m from the goal, within map\.goal_tolerance"
+    ):
+        scene("real1", goal_tolerance=6.5).task(0)
+
+
+@pytest.mark.parametrize("shape", ["radius: 0.25", "outline: [[0.25, 1], [0.25, -1], [-1, 0]]"])
+@pytest.mark.parametrize(("x", "refused"), [(1.44, True), (1.46, False)])
+def test_a_start_where_a_mover_stands_is_refused(tmp_path, shape, x, refused):
+    # Turned to face the start, either shape begins 0.25 m nearer than its origin.
+    path = tmp_path / "met.yaml"
+    path.write_text(
+        f"bounds: [0, 0, 8, 6]\nstart: [1, 3]\ngoal: [7, 3]\nmovers: [{{{shape}, path: [[{x}, 3, 180]]}}]\n"
+    )
+    met = Scene(SceneConfig(path=str(path), radius=0.2, lateral=0.0))
+    if not refused:
+        assert met.task(0).number == 0
+        return
+    with pytest.raises(
+        InputError, match=r"map met, start 0: movers\[0\] stands in the disc around the robot"
+    ):
+        met.task(0)
+
+
 def test_an_edited_file_is_read_again(tmp_path):
     file = tmp_path / "scene.yaml"
     file.write_text(DOOR, "utf-8")

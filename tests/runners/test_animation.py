@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
-from runners import cli
+from runners import animation, cli
 from runners.animation import animate
 from runners.records import read_episodes, read_trajectories
 from runners.rundirs import read_launch
@@ -33,6 +33,13 @@ def test_it_is_the_recorded_episode(run_dir, tmp_path):
     config = read_launch(run_dir).configs[0]
     outcome = animate(config, 3, 0, tmp_path / "again.gif")
     assert read_episodes([run_dir])["outcome"].tolist() == [str(outcome)]
+
+
+def test_a_long_one_leaves_decisions_out_and_keeps_its_pace(run_dir, tmp_path, monkeypatch):
+    monkeypatch.setattr(animation, "MOST_FRAMES", 25)  # of 41
+    animate(read_launch(run_dir).configs[0], 3, 0, tmp_path / "short.gif")
+    with Image.open(tmp_path / "short.gif") as film:
+        assert film.info["duration"] == 400  # ms: every second at 5 Hz
 
 
 def test_none_where_nothing_moves(tmp_path, monkeypatch):

@@ -210,6 +210,23 @@ def test_an_interactive_recording_where_it_is_asked_for(replay, plain):
     assert (replay.folder / "replay.rrd").stat().st_size > 10_000
 
 
+def test_the_interactive_map_does_not_swap_left_and_right(replay, plain, monkeypatch):
+    # rerun's 2D views have y downwards, as images have.
+    rerun = pytest.importorskip("rerun")
+    logged = []
+
+    def note(_stream, name, shape, **_):
+        logged.append((name, shape))
+
+    monkeypatch.setattr(rerun.RecordingStream, "log", note)
+    table = replay(plain, "rerun=true", "end=1")
+    shown = {name: type(shape).__name__ for name, shape in logged if name.startswith("map")}
+    assert shown.pop("map") == "ViewCoordinates"
+    assert all(kind.endswith("3D") for kind in shown.values()), shown
+    first = next(shape for name, shape in logged if name == "map/robot").positions.as_arrow_array()
+    np.testing.assert_allclose(first.to_pylist(), [[*table.loc[0, ["x_m", "y_m"]], 0.0]], atol=1e-6)
+
+
 # Recordings of our own
 
 
