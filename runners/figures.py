@@ -159,9 +159,14 @@ def _panels(figure: Figure, count: int, box: Box) -> list[Axes]:
 
 def _panel(figure: Figure, rectangle: tuple[float, float, float, float], box: Box) -> Axes:
     axes = figure.add_axes(rectangle)
+    frame_panel(axes, box)
+    return axes
+
+
+def frame_panel(axes: Axes, box: Box) -> None:
+    """Show a part of the world at one scale for both axes, in a thin frame without numbers."""
     axes.set(xlim=(box.x0, box.x1), ylim=(box.y0, box.y1), aspect="equal", xticks=[], yticks=[])
     axes.spines[:].set(linewidth=0.5, color="#BBBBBB")
-    return axes
 
 
 def draw_task(axes: Axes, task: Task) -> None:

@@ -11,7 +11,16 @@ import numpy as np
 
 from lme.worlds.world import MapSet, Task
 from runners import build, rundirs
-from runners.figures import DPI, INK, common_box, draw_paths, draw_task, legend_keys, sample_worlds
+from runners.figures import (
+    DPI,
+    INK,
+    common_box,
+    draw_paths,
+    draw_task,
+    frame_panel,
+    legend_keys,
+    sample_worlds,
+)
 from runners.records import read_trajectories
 
 if TYPE_CHECKING:
@@ -117,8 +126,7 @@ def _drawn(jobs: Sequence[_Job], columns: Sequence[str], places: Sequence[_Place
     for row, (place, box) in enumerate(zip(places, boxes, strict=True)):
         for column, label in enumerate(columns):
             axes = panels[row][column]
-            axes.set(xlim=(box.x0, box.x1), ylim=(box.y0, box.y1), aspect="equal", xticks=[], yticks=[])
-            axes.spines[:].set(linewidth=0.5, color="#BBBBBB")
+            frame_panel(axes, box)
             draw_task(axes, place.task)
             for job in jobs:
                 if (job.label, job.place) == (label, place.key):

@@ -10,11 +10,11 @@ import numpy as np
 from lme.geometry.frames import to_robot, to_world
 from lme.kernels.band import hidden
 from lme.kernels.collision import sweep
-from lme.kernels.motion import drive
 from lme.kernels.polyline import leaves
 from lme.perception import obstacle_points
 from lme.planners.band import Band, BandConfig
 from lme.planners.commands import approach, limited
+from lme.planners.stopping import until_rest
 from lme.robots import Robot, require
 from lme.types import Floats, Guidance, Observation, Pose, Twist
 
@@ -141,7 +141,7 @@ class EBand:
         back = [(-self._config.v_min, omega), (-self._config.v_min, 0.0)]
         for pair in ahead + back:
             command = limited(*pair, observation, self._robot.dt)
-            poses = self._motion(command, observation)
+            poses = until_rest(command, observation, self._robot, _MAX_STEP)
             if now > self._margin:
                 clear = self._clearance(poses, circles) > self._margin
             else:  # noise alone may have brought it so low: whatever does not help makes it worse in the end
@@ -149,16 +149,6 @@ class EBand:
             if clear:
                 return command
         return limited(0.0, 0.0, observation, self._robot.dt)
-
-    def _motion(self, command: Twist, observation: Observation) -> Floats:
-        """Poses in this period and while braking after it: (K, 3), robot frame."""
-        limits, reach = observation.limits, self._robot.footprint.r_max
-        twist, dt = observation.twist, self._robot.dt
-        poses, twist_then = drive((0.0, 0.0, 0.0), twist, command, limits, dt, _MAX_STEP, reach)
-        braking = max(abs(twist_then[0]) / limits.alpha_v, abs(twist_then[1]) / limits.alpha_omega)
-        last = tuple(poses[-1])
-        stop, _ = drive(last, twist_then, (0.0, 0.0), limits, max(braking, 1e-3), _MAX_STEP, reach)
-        return np.vstack([poses, stop])
 
     def _clearance(self, poses: Floats, circles: Floats) -> float:
         """Least distance of the outline at the (K, 3) poses to an obstacle point [m]."""

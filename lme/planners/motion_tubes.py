@@ -10,10 +10,10 @@ from typing import NamedTuple
 import numpy as np
 
 from lme.kernels.collision import sweep
-from lme.kernels.motion import drive
 from lme.kernels.tubes import Ranges
 from lme.perception import obstacle_points
 from lme.planners.commands import approach, limited, towards
+from lme.planners.stopping import until_rest
 from lme.planners.surroundings import Surroundings
 from lme.planners.tube_choice import Goal, TubeChoice, TubeChoiceConfig, Way
 from lme.planners.tubes import BackwardTubes, LidarView, backward_tubes, lidar_view
@@ -28,7 +28,6 @@ _BACK_STEP = math.radians(5.0)  # between final headings of backward tubes
 _SLOWER = ((1.0, 1.0), (0.5, 0.5), (0.25, 0.25))  # shares of v and ω: on the same arc
 _OTHERWISE_BACK = ((0.25, 0.0), (0.25, -0.25))  # out of a place so tight that the arc cannot be entered
 _GAP = 0.02  # [m] to keep while stopping; a robot that is nearer already comes no nearer
-_STEP = 0.02  # [m] no point of the outline moves further between two checks
 _HERE = Pose(0.0, 0.0, 0.0)
 _NO_EDGES = np.empty((0, 4))
 _POSITIVE = (
@@ -240,12 +239,8 @@ class MotionTubes:
 
     def _clearance(self, command: Twist, observation: Observation, circles: Floats) -> float:
         """Least distance to the points over one period of the command and a full stop [m]; −1 in contact."""
-        limits, reach = observation.limits, self._robot.footprint.r_max
-        way, twist = drive(_HERE, observation.twist, command, limits, self._dt, _STEP, reach)
-        braking = max(abs(twist[0]) / limits.alpha_v, abs(twist[1]) / limits.alpha_omega, 1e-3)
-        end = Pose(*way[-1].tolist())
-        stop, _ = drive(end, twist, (0.0, 0.0), limits, braking, _STEP, reach)
-        clearance, contact = sweep(np.vstack((way, stop)), self._robot.footprint.box, circles, _NO_EDGES)
+        poses = until_rest(command, observation, self._robot)
+        clearance, contact = sweep(poses, self._robot.footprint.box, circles, _NO_EDGES)
         return clearance if contact < 0 else -1.0
 
     def _turns_usefully(self, scene: _Scene, margin: float) -> bool:

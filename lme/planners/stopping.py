@@ -12,6 +12,7 @@ from lme.types import Floats, Observation, Pose, Twist
 
 _SHARES = (1.0, 0.7, 0.45, 0.25, 0.12, 0.05)  # of the wanted twist: the same arc, slower
 _STEP = 0.02  # [m] no point of the outline moves further between two checks
+_SHORTEST_STOP = 1e-3  # [s]
 _NOISE = 1.0  # standard deviations of the lidar's noise kept beyond the margin
 _NO_EDGES = np.empty((0, 4))
 _CENTRE = (0.0, 0.0, 0.0)
@@ -22,8 +23,8 @@ class StoppingGuard:
     """Slows a command along its arc, or to a turn in place, until one period of it and a full stop are free."""
 
     def __init__(self, robot: Robot, margin: float) -> None:
+        self._robot = robot
         self._box = robot.footprint.box
-        self._reach = robot.footprint.r_max
         self._dt = robot.dt
         self._margin = margin + _NOISE * robot.lidar.noise_std
         self._room = robot.r + self._margin
@@ -53,16 +54,23 @@ class StoppingGuard:
         self, command: Twist, observation: Observation, circles: Floats, least: float, room: float
     ) -> bool:
         """Whether a period of the command and braking keep the outline `least`, the centre `room` [m] away."""
-        limits = observation.limits
-        way, twist = drive(_HERE, observation.twist, command, limits, self._dt, _STEP, self._reach)
-        braking = max(abs(twist[0]) / limits.alpha_v, abs(twist[1]) / limits.alpha_omega)
-        end = Pose(*way[-1].tolist())
-        stop, _ = drive(end, Twist(*twist), Twist(0.0, 0.0), limits, braking, _STEP, self._reach)
-        poses = np.vstack((way, stop))
+        poses = until_rest(command, observation, self._robot)
         clearance, contact = sweep(poses, self._box, circles, _NO_EDGES)
         if contact >= 0 or clearance < least:
             return False
         return command.v == 0.0 or sweep(poses, _CENTRE, circles, _NO_EDGES)[0] >= room
+
+
+def until_rest(command: Twist, observation: Observation, robot: Robot, max_step: float = _STEP) -> Floats:
+    """Poses (K, 3) in the robot frame over one period of the command and a full stop after it.
+
+    No point of the outline moves further than `max_step` [m] between two of them.
+    """
+    limits, reach = observation.limits, robot.footprint.r_max
+    way, twist = drive(_HERE, observation.twist, command, limits, robot.dt, max_step, reach)
+    braking = max(abs(twist[0]) / limits.alpha_v, abs(twist[1]) / limits.alpha_omega, _SHORTEST_STOP)
+    stop, _ = drive(Pose(*way[-1].tolist()), twist, (0.0, 0.0), limits, braking, max_step, reach)
+    return np.vstack((way, stop))
 
 
 def _slower(wanted: Twist) -> list[tuple[float, float]]:
