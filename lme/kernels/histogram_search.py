@@ -104,6 +104,8 @@ def headings(blocked: Bools, goal: float, narrow: float, wide: float, margin: fl
             middle = _wrapped(-math.pi + (runs[k, 0] + 0.5 * runs[k, 1]) * width)
             room = max(0.5 * span - margin, 0.0) if span > wide + _TINY else 0.0
             out[count] = _wrapped(middle + min(max(_wrapped(goal - middle), -room), room))
+            if abs(out[count]) > math.pi - _TINY:  # straight behind: turn the way that the goal lies
+                out[count] = math.copysign(out[count], goal)
         count += 1
     return out[:count]
 

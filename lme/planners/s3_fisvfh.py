@@ -23,6 +23,7 @@ from lme.types import Bools, Floats, Guidance, LaserScan, Observation, Pose, Twi
 
 _ENTRY_PERIOD = 0.1  # [s] the entry smooths once in that time
 _NEAR = 0.01  # [m] no command may bring the footprint this near to a point, and twice the lidar's noise more
+_EQUAL = 1e-9  # [m] sides that differ by less are as clear as each other
 _ROOM_MIN = 0.05  # [m] backing up waits until so much ground lies behind
 
 
@@ -193,7 +194,7 @@ class S3Fisvfh:
         sides = nearest_ahead(points, config.guard_ahead)
         if min(sides) >= guard:  # what stands in the way stands beside
             sides = nearest_ahead(points, math.pi / 2)
-        clearer_left = sides[0] - sides[1] if sides[0] != sides[1] else heading
+        clearer_left = sides[0] - sides[1] if abs(sides[0] - sides[1]) > _EQUAL else heading
         omega = math.copysign(config.retreat_turn * limits.omega_max, clearer_left)
         back = -config.retreat_speed * limits.v_max if self._room > _ROOM_MIN else 0.0
         for v in (back, 0.0):

@@ -457,3 +457,10 @@ def test_the_shipped_values_are_the_defaults():
 def test_a_bad_value_is_named(key, value):
     with pytest.raises(InputError, match=f"planner.{key} is"):
         S3FisvfhConfig(**{key: value})
+
+
+@pytest.mark.parametrize("seed", [178, 201, 722, 1100])
+@pytest.mark.parametrize("name", ["go2", "turtlebot2"])
+def test_ties_are_mirrored_too(name, seed):
+    """Headings straight behind, and sides equally clear but for rounding."""
+    test_a_mirrored_scene_mirrors_the_command.hypothesis.inner_test(name, seed)
