@@ -68,7 +68,7 @@ def _film(plain: dict[str, Any], maps: MapSet, run_dir: Path) -> list[Path]:
     world = maps.numbers[0]
     if not maps.task(world).world.movers:
         return []
-    from runners.animation import animate
+    from runners.pictures.animation import animate
 
     path = run_dir / "episode.gif"
     animate(plain, world, 0, path)
@@ -119,7 +119,7 @@ def sweep_directory() -> Path | None:
 
 def report(maps: MapSet, run_dir: Path) -> tuple[pd.DataFrame, list[Path]]:
     """Write tables and picture, from the records alone; the records and all files."""
-    from runners.figures import sample_worlds, trajectories_figure
+    from runners.pictures.trajectories import sample_worlds, trajectories_figure
     from runners.tables import write_tables
 
     frame = read_episodes([run_dir])

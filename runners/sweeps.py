@@ -35,8 +35,8 @@ def finish(config: DictConfig, sweep_dir: Path, run_dirs: Sequence[Path]) -> Non
 
 def report(frame: pd.DataFrame, order: Sequence[str], run_dirs: Sequence[Path], place: Path) -> list[Path]:
     """Write table and pictures of several runs into `place`; the files."""
-    from runners.comparison import comparison_figure
-    from runners.side_by_side import side_by_side_figure
+    from runners.pictures.comparison import comparison_figure
+    from runners.pictures.side_by_side import side_by_side_figure
     from runners.tables import write_tables
 
     return [

@@ -201,7 +201,7 @@ def _write_weights(
 
 
 def _pictures(found: Study, space: Space, run_dir: Path) -> list[Path]:
-    from runners.training_figures import training_figures, write_trials
+    from runners.pictures.training import training_figures, write_trials
 
     told = found.told
     return [write_trials(told, run_dir), *training_figures(told, space, found.importances(), run_dir)]

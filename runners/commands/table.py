@@ -83,7 +83,7 @@ def _rewrite(frame: pd.DataFrame, order: list[str], runs: list[Path], place: Pat
 def _draw(frame: pd.DataFrame, run: Path) -> None:
     """The picture needs the worlds, which the run's config describes; a folder without one gets none."""
     from runners import build
-    from runners.figures import sample_worlds, trajectories_figure
+    from runners.pictures.trajectories import sample_worlds, trajectories_figure
     from runners.records import read_trajectories
     from runners.rundirs import read_launch
 

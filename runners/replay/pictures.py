@@ -10,7 +10,7 @@ import numpy as np
 
 from lme.geometry.frames import to_robot, to_world
 from lme.perception import obstacle_points
-from runners.figures import DPI, INK, OBSTACLE
+from runners.pictures.style import INK, OBSTACLE, new_figure, save
 from runners.replay.driver import Log
 from runners.replay.eyes import Eyes
 from runners.replay.recording import Recording
@@ -18,7 +18,6 @@ from runners.replay.recording import Recording
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 PROPOSED, RECORDED, GOAL = "#D55E00", "#0072B2", "#009E73"
 _FADED: dict[str, Any] = {"linewidth": 0.8, "alpha": 0.6}
@@ -35,7 +34,7 @@ def write(frame: pd.DataFrame, log: Log, eyes: Eyes, recording: Recording, run_d
 
 def replay_figure(frame: pd.DataFrame, log: Log, name: str, period_s: float, path: Path) -> None:
     """The way driven with what was seen and the subgoals; speeds, clearances and decision times over time."""
-    figure = _figure(11.0, 6.6)
+    figure = new_figure(11.0, 6.6, layout=None)
     grid = figure.add_gridspec(
         4, 2, width_ratios=(1.2, 1), hspace=0.4, wspace=0.16, left=0.06, right=0.98, bottom=0.08, top=0.9
     )
@@ -59,7 +58,7 @@ def replay_figure(frame: pd.DataFrame, log: Log, name: str, period_s: float, pat
         axis.tick_params(labelsize=7)
         axis.spines[["top", "right"]].set_visible(False)
     figure.suptitle(name, fontsize=11, color=INK)
-    figure.savefig(path, metadata={"Software": None})
+    save(figure, path.with_suffix(""))
 
 
 def orientation_figure(eyes: Eyes, recording: Recording, path: Path) -> None:
@@ -67,7 +66,7 @@ def orientation_figure(eyes: Eyes, recording: Recording, path: Path) -> None:
     lidar = eyes.robot.lidar
     scan = eyes.see(recording.first_scan.content)
     points = obstacle_points(scan, lidar.mount)
-    figure = _figure(6.0, 6.4)
+    figure = new_figure(6.0, 6.4, layout=None)
     axes = figure.add_axes((0.08, 0.06, 0.84, 0.82))
     order = _beam_shares(points, eyes)
     shown = axes.scatter(-points[:, 1], points[:, 0], c=order, s=4, cmap="viridis", vmin=0, vmax=1)
@@ -86,7 +85,7 @@ def orientation_figure(eyes: Eyes, recording: Recording, path: Path) -> None:
         fontsize=9,
         color=INK,
     )
-    figure.savefig(path, metadata={"Software": None})
+    save(figure, path.with_suffix(""))
 
 
 def _draw_way(axes: Axes, frame: pd.DataFrame, log: Log) -> None:
@@ -145,12 +144,3 @@ def _draw_robot(axes: Axes, eyes: Eyes) -> None:
     length = max(2 * eyes.robot.footprint.r_max, 0.3)
     axes.annotate("", xy=(0, length), xytext=(0, 0), arrowprops={"arrowstyle": "->", "color": INK})
     axes.plot(-eyes.robot.lidar.y, eyes.robot.lidar.x, "+", color=PROPOSED, markersize=6)
-
-
-def _figure(width: float, height: float) -> Figure:
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(width, height), dpi=DPI)
-    FigureCanvasAgg(figure)
-    return figure

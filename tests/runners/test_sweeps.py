@@ -6,8 +6,9 @@ from pathlib import Path
 import pytest
 from mlflow import MlflowClient
 
-from runners import cli, side_by_side, systems
+from runners import cli, systems
 from runners.mlflow_store import RUN_ID_FILE
+from runners.pictures import side_by_side
 from runners.records import find_runs, read_episodes
 from tests.runners.test_tracking import booked
 

@@ -11,16 +11,9 @@ import numpy as np
 
 from lme.worlds.world import MapSet, Task
 from runners import build, rundirs
-from runners.figures import (
-    DPI,
-    INK,
-    common_box,
-    draw_paths,
-    draw_task,
-    frame_panel,
-    legend_keys,
-    sample_worlds,
-)
+from runners.pictures.scene import common_box, draw_paths, draw_task, frame_panel, legend_keys
+from runners.pictures.style import INK, new_figure, save
+from runners.pictures.trajectories import LEGEND_IN, sample_worlds
 from runners.records import read_trajectories
 
 if TYPE_CHECKING:
@@ -28,7 +21,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-FILES = ("side_by_side.png", "side_by_side.pdf")
+NAME = "side_by_side"
 ROWS, COLUMNS = 6, 6  # at most: more cannot be read on a page
 SAMPLED = 3  # worlds of a map set whose worlds differ
 PANEL_IN, TALL_IN = 2.3, 10.0  # width of a panel, height of all of them, at most
@@ -64,10 +57,7 @@ def side_by_side_figure(frame: pd.DataFrame, run_dirs: Sequence[Path], folder: P
     if not 1 < len(columns) <= COLUMNS:
         return []
     figure = _drawn(jobs, columns, _places(jobs)[:ROWS])
-    paths = [folder / name for name in FILES]
-    for path in paths:
-        figure.savefig(path, metadata={"Software": None} if path.suffix == ".png" else {"CreationDate": None})
-    return paths
+    return save(figure, folder / NAME, ("png", "pdf"))
 
 
 def _job(frame: pd.DataFrame, run_dir: Path) -> _Job | None:
@@ -111,17 +101,13 @@ def _same_obstacles(one: Task, other: Task) -> bool:
 
 
 def _drawn(jobs: Sequence[_Job], columns: Sequence[str], places: Sequence[_Place]) -> Figure:
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     paths = {job.run_dir: read_trajectories([job.run_dir]) for job in jobs}
     boxes = [common_box([place.task], np.vstack(_points(jobs, paths, place))) for place in places]
     aspects = [(box.y1 - box.y0) / (box.x1 - box.x0) for box in boxes]
     width = min(PANEL_IN, TALL_IN / sum(aspects))
     heights = [width * aspect for aspect in aspects]
     size = (MARGIN_IN + width * len(columns), sum(heights) + HEADER_IN + FOOTER_IN)
-    figure = Figure(figsize=(max(size[0], 6.6), size[1]), dpi=DPI, layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = new_figure(max(size[0], LEGEND_IN), size[1])
     panels = figure.subplots(len(places), len(columns), squeeze=False, height_ratios=heights)
     for row, (place, box) in enumerate(zip(places, boxes, strict=True)):
         for column, label in enumerate(columns):

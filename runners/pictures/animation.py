@@ -18,7 +18,8 @@ from lme.types import Floats, Guidance, Observation, Outcome, Pose, Twist
 from lme.worlds.world import Task
 from runners import build
 from runners.episodes import episode_rng
-from runners.figures import INK, STYLES, common_box, draw_task
+from runners.pictures.scene import common_box, draw_task
+from runners.pictures.style import BLUE, INK, ORANGE, PURPLE, STYLES, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
 WIDTH_IN, DPI = 4.2, 100
 MOST_FRAMES = 150  # of a longer episode every second, third, … decision is shown
 LAST_S = 1.0  # the end stays so long
-PATH, SCAN, SUBGOAL, MOVER = "#0072B2", "#E69F00", "#CC79A7", "#444444"
+PATH, SCAN, SUBGOAL, MOVER = BLUE, ORANGE, PURPLE, "#444444"
 
 
 class _Frame(NamedTuple):
@@ -71,16 +72,13 @@ def animate(config: Mapping[str, Any], world: int, run: int, path: Path) -> Outc
 
 def _write(task: Task, robot: Robot, frames: Sequence[_Frame], outcome: Outcome, path: Path) -> None:
     from matplotlib.animation import PillowWriter
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
 
     every = math.ceil(len(frames) / MOST_FRAMES)
     shown = [*frames[:-1:every], frames[-1]]
     positions = np.array([frame.pose[:2] for frame in frames])
     box = common_box([task], positions)
     height = WIDTH_IN * (box.y1 - box.y0) / (box.x1 - box.x0) + 0.3
-    figure = Figure(figsize=(WIDTH_IN, height), dpi=DPI, layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = new_figure(WIDTH_IN, height, DPI)
     axes = figure.add_subplot()
     axes.set(xlim=(box.x0, box.x1), ylim=(box.y0, box.y1), aspect="equal", xticks=[], yticks=[])
     draw_task(axes, task)

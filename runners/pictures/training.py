@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from lme.types import Floats
-from runners.figures import DPI, INK
+from runners.pictures.style import INK, new_figure, save
 from runners.space import Space
 from runners.study import Trial
 
@@ -73,7 +73,7 @@ def convergence(told: Sequence[Trial], path: Path) -> None:
     low, high = float(rewards.min()), float(rewards.max())
     room = max(high - low, 0.02)
     axes.set_ylim(low - 0.16 * room, high + 0.06 * room)
-    _save(figure, path)
+    save(figure, path.with_suffix(""))
 
 
 def parallel_coordinates(told: Sequence[Trial], space: Space, path: Path) -> None:
@@ -100,7 +100,7 @@ def parallel_coordinates(told: Sequence[Trial], space: Space, path: Path) -> Non
     axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.08), frameon=False, fontsize=8.5)
     _rank_bar(figure, axes, drawn, rewards)
     axes.set_title(f"{len(told)} trials", fontsize=10, pad=22)
-    _save(figure, path)
+    save(figure, path.with_suffix(""))
 
 
 def importance(importances: Mapping[str, float], num_trials: int, path: Path) -> None:
@@ -113,7 +113,7 @@ def importance(importances: Mapping[str, float], num_trials: int, path: Path) ->
     axes.set(xlim=(0, max(shares) * 1.12 or 1.0), xlabel="importance, PED-ANOVA: best tenth against all")
     axes.set_title(f"{num_trials} trials", fontsize=10)
     axes.tick_params(axis="y", length=0)
-    _save(figure, path)
+    save(figure, path.with_suffix(""))
 
 
 def _rank_bar(figure: Figure, axes: Axes, drawn: LineCollection, rewards: Floats) -> None:
@@ -151,16 +151,8 @@ def _short(key: str) -> str:
 
 
 def _figure(height_in: float) -> tuple[Figure, Axes]:
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(WIDTH_IN, height_in), dpi=DPI, layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = new_figure(WIDTH_IN, height_in)
     axes = figure.add_subplot()
     axes.spines[["top", "right"]].set_visible(False)
     axes.tick_params(labelsize=8.5, colors=INK)
     return figure, axes
-
-
-def _save(figure: Figure, path: Path) -> None:
-    figure.savefig(path, metadata={"Software": None})

@@ -14,9 +14,9 @@ from PIL import Image
 
 from lme.types import Pose
 from lme.worlds.world import Task, World
-from runners import figures
+from runners.pictures import trajectories as figures
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 OUTCOMES = ("success", "collision", "timeout")
 
 
@@ -124,7 +124,7 @@ def test_drawing_does_without_pyplot(tmp_path):
     script = """
 import sys
 from pathlib import Path
-from tests.runners.test_figures import *
+from tests.runners.pictures.test_trajectories import *
 frame, trajectories = run_of(OUTCOMES)
 figures.trajectories_figure(frame, trajectories, {n: task(n) for n in range(3)}, Path(sys.argv[1]))
 sys.exit("matplotlib.pyplot" in sys.modules)

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from runners import published
-from runners.figures import DPI, INK, STYLES
+from runners.pictures.style import GRID, INK, SKY, STYLES, new_figure, save
 from runners.summary import DASH, Row, summarise, title
 
 if TYPE_CHECKING:
@@ -16,14 +16,13 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-FILES = ("comparison.png", "comparison.pdf")
+NAME = "comparison"
 OUTCOMES = ("success", "timeout", "collision")  # from left to right
 HATCHES = {"collision": "////", "timeout": "...."}
 METRIC = "barn_metric"
 WIDTH_IN, ROW_IN, AROUND_IN = 9.0, 0.3, 1.75
 THICK, THIN = 0.8, 0.42  # of a line: our bars, published bars
 FADED = 0.45  # opacity of published bars
-BLUE = "#56B4E9"
 
 
 def comparison_figure(frame: pd.DataFrame, order: Sequence[str], place: Path) -> list[Path]:
@@ -31,23 +30,16 @@ def comparison_figure(frame: pd.DataFrame, order: Sequence[str], place: Path) ->
 
     frame: one line per episode. order: as in `runners.summary.summarise`.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     rows = summarise(frame, order)
     scored = any(METRIC in row.stats for row in rows)
-    figure = Figure(figsize=(WIDTH_IN, AROUND_IN + ROW_IN * len(rows)), dpi=DPI, layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = new_figure(WIDTH_IN, AROUND_IN + ROW_IN * len(rows))
     widths = [3.0, 1.4] if scored else [1.0]
     panels = figure.subplots(1, len(widths), sharey=True, squeeze=False, width_ratios=widths)[0]
     _outcomes(panels[0], rows)
     if scored:
         _metric(panels[1], rows)
     _label(figure, panels[0], rows, title(frame))
-    paths = [place / name for name in FILES]
-    for path in paths:
-        figure.savefig(path, metadata={"Software": None} if path.suffix == ".png" else {"CreationDate": None})
-    return paths
+    return save(figure, place / NAME, ("png", "pdf"))
 
 
 def _outcomes(axes: Axes, rows: Sequence[Row]) -> None:
@@ -79,7 +71,7 @@ def _metric(axes: Axes, rows: Sequence[Row]) -> None:
     for line, row in enumerate(rows):
         mean, std = row.stats.get(METRIC, (math.nan, math.nan))
         if not math.isnan(mean):
-            axes.barh(line, mean, height=_height(row), color=BLUE, alpha=_opacity(row))
+            axes.barh(line, mean, height=_height(row), color=SKY, alpha=_opacity(row))
             _value(axes, line, mean, std, 3)
     axes.set(xlim=(0.0, 0.52))
     axes.set_xlabel("BARN metric (at most 0.5)", fontsize=8.5, color=INK)
@@ -152,5 +144,5 @@ def _plain(axes: Axes) -> None:
     axes.spines[["top", "right", "left"]].set_visible(False)
     axes.tick_params(axis="y", length=0)
     axes.tick_params(axis="x", labelsize=8, colors=INK)
-    axes.grid(axis="x", color="#DDDDDD", linewidth=0.5)
+    axes.grid(axis="x", color=GRID, linewidth=0.5)
     axes.set_axisbelow(True)

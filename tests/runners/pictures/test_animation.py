@@ -5,8 +5,9 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
-from runners import animation, cli
-from runners.animation import animate
+from runners import cli
+from runners.pictures import animation
+from runners.pictures.animation import animate
 from runners.records import read_episodes, read_trajectories
 from runners.rundirs import read_launch
 

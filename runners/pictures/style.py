@@ -1,0 +1,65 @@
+"""One look for every picture: colours, lines, sizes, files.
+
+Colours are Okabe and Ito's (https://jfly.uni-koeln.de/color/), which every kind of colour vision tells apart;
+line styles, hatches and markers say the same again for print in grey.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+ORANGE, SKY, GREEN, YELLOW = "#E69F00", "#56B4E9", "#009E73", "#F0E442"
+BLUE, VERMILION, PURPLE = "#0072B2", "#D55E00", "#CC79A7"
+INK, OBSTACLE, FRAME, GRID = "#333333", "#9A9A9A", "#BBBBBB", "#DDDDDD"
+DPI = 200
+FORMATS = ("png", "pdf", "svg")
+
+
+class Style(NamedTuple):
+    """How the paths of one outcome look."""
+
+    colour: str
+    line: str
+    marker: str  # at the end of the path
+
+
+STYLES = {  # worst first
+    "collision": Style(VERMILION, "-", "X"),
+    "timeout": Style(BLUE, "--", "s"),
+    "success": Style(GREEN, "-", ""),
+}
+LEGEND_ORDER = ("success", "collision", "timeout")
+END: dict[str, Any] = {"markersize": 6, "markeredgecolor": "white", "markeredgewidth": 0.6}
+
+_NO_DATES: dict[str, dict[str, Any]] = {
+    "png": {"Software": None},
+    "pdf": {"CreationDate": None},
+    "svg": {"Date": None},
+}
+_PRINT = {"pdf.fonttype": 42, "svg.fonttype": "none", "svg.hashsalt": "lme"}  # letters stay letters
+
+
+def new_figure(width_in: float, height_in: float, dpi: int = DPI, layout: Any = "constrained") -> Figure:
+    """An empty page that needs no screen."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(width_in, height_in), dpi=dpi, layout=layout)
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def save(figure: Figure, stem: Path, formats: Sequence[str] = ("png",)) -> list[Path]:
+    """Write `stem`.png, … : the same bytes for the same figure; the paths."""
+    from matplotlib import rc_context
+
+    paths = [stem.with_name(f"{stem.name}.{ending}") for ending in formats]
+    with rc_context(_PRINT):
+        for path, ending in zip(paths, formats, strict=True):
+            figure.savefig(path, metadata=_NO_DATES[ending])
+    return paths
