@@ -35,6 +35,19 @@ class Catalogue:
         pairs = [next(iter(slot.items())) for slot in slots if isinstance(slot, dict)]
         return {name: option for name, option in pairs if not name.startswith("override ")}
 
+    def choices(self, group: str, command: str) -> dict[str, str]:
+        """Options of a group, each with its file; of experiments those in the command's own folder, if it has one.
+
+        A user's own experiments count for every command.
+        """
+        found = {option: f"{group}/{option}" for option in self.options(group)}
+        own = self.options(f"{group}/{command}") if group == "experiment" else []
+        if not own:
+            return found
+        users = Catalogue(self.folders[1:]).options(group)
+        named = {option: f"{group}/{command}/{option}" for option in own}
+        return dict(sorted({**named, **{option: found[option] for option in users}}.items()))
+
     def options(self, group: str) -> list[str]:
         """Names of the options of a group."""
         return sorted({path.stem for folder in self.folders for path in (folder / group).glob("*.yaml")})

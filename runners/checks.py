@@ -101,8 +101,9 @@ def _normalised(override: Override, composer: Composer, open_mappings: Sequence[
         raise InputError(f"{text}: must be one of {', '.join(composer.catalogue.options(key))}")
     if key not in composer.slots and composer.catalogue.options(key):
         return text  # a group of the user's own, which does need its +
-    if key == "experiment" and _in_subfolder(key, f"{composer.config_name}/{override.value()}", composer):
-        return f"{key}={composer.config_name}/{override.value()}"  # what the experiment is for this command
+    if key == "experiment":
+        file = composer.catalogue.choices(key, composer.config_name).get(str(override.value()))
+        return text.lstrip("+") if file is None else f"{key}={file.partition('/')[2]}"
     if "/" in key:
         raise InputError(f"{text}: no such group; there are: {', '.join(composer.slots)}")
     return f"{'++' if is_open else ''}{text.lstrip('+')}"
@@ -112,7 +113,7 @@ def _check_options(override: Override, composer: Composer) -> None:
     group = override.key_or_group
     if group not in composer.slots or override.is_delete():
         return
-    known = composer.catalogue.options(group)
+    known = composer.catalogue.choices(group, composer.config_name)
     for option in _values(override):
         if isinstance(option, dict):
             continue

@@ -24,7 +24,7 @@ _FLAGS = (
     "--config-dir",
     "--hydra-help",
 )
-_PATH_KEYS = ("weights", "resume", "bag", "map.source", "hydra.run.dir", "hydra.sweep.dir")
+_PATH_KEYS = ("weights", "resume", "run", "bag", "map.source", "hydra.run.dir", "hydra.sweep.dir")
 _AFTER_FLAG = {"--cfg": CFG, "-c": CFG, "--info": INFO, "-i": INFO}
 
 BASH = """\
@@ -94,9 +94,12 @@ def _override(
         head = key.partition(".")[0]
         if "." in key and head in groups:
             names = [f"{head}.{name}=" for name in _keys(head, groups[head], before, configs)]
+        if not plus and len(before) == len(("lme", command)):
+            names = [*configs.options(command), *names]  # lme figure KIND
         return [plus + name for name in _starting(key, names)]
     done, last = re.match(r"(.*[,\[])?(.*)", value).groups("")  # type: ignore[union-attr]
-    return [f"{plus}{key}={done}{text}" for text in _values(key, last, groups, configs)]
+    found = _values(key, last, groups, command, configs)
+    return [f"{plus}{key}={done}{text}" for text in found]
 
 
 def _keys(group: str, default: str | None, before: Sequence[str], configs: catalogue.Catalogue) -> list[str]:
@@ -109,9 +112,11 @@ def _keys(group: str, default: str | None, before: Sequence[str], configs: catal
         return []
 
 
-def _values(key: str, last: str, groups: dict[str, str | None], configs: catalogue.Catalogue) -> list[str]:
+def _values(
+    key: str, last: str, groups: dict[str, str | None], command: str, configs: catalogue.Catalogue
+) -> list[str]:
     if key in groups:
-        return _starting(last, configs.options(key))
+        return _starting(last, configs.choices(key, command))
     named = {"weights": configs.options("weight_set"), "resume": ["true", "false"]}.get(key, [])
     return _starting(last, named) + (_paths(last) if key in _PATH_KEYS else [])
 

@@ -84,10 +84,11 @@ def command(name: str, title: str, examples: Sequence[str]) -> str:
 def _groups(configs: catalogue.Catalogue, command_name: str) -> list[str]:
     lines = []
     for group, default in configs.groups(command_name).items():
-        options = configs.options(group)
+        options = configs.choices(group, command_name)
         lines.append(f"  {group}" if options else f"  {group}: none yet; add DIR/{group}/NAME.yaml")
         rows = (
-            (("* " if name == default else "  ") + name, configs.title(f"{group}/{name}")) for name in options
+            (("* " if name == default else "  ") + name, configs.title(file))
+            for name, file in options.items()
         )
         lines += _table(rows)
     return lines

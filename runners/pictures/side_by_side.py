@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -145,3 +146,22 @@ def _draw_job(axes: Axes, job: _Job, trajectories: pd.DataFrame, place: _Place) 
     axes.text(
         0.98, 0.02, f"{arrived}/{len(episodes)}", transform=axes.transAxes, ha="right", fontsize=7, color=INK
     )
+
+
+@dataclass(slots=True)
+class SideBySideConfig:
+    """Nothing to choose yet."""
+
+
+class SideBySide:
+    Config = SideBySideConfig
+    name = "trajectories"
+    drives = True
+
+    def __init__(self, config):
+        pass
+
+    def draw(self, jobs, worlds, stem, formats):
+        return side_by_side_figure(
+            __import__("pandas").concat([j.frame for j in jobs]), [j.run_dir for j in jobs], stem.parent
+        )

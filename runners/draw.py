@@ -1,0 +1,85 @@
+"""One figure from one composed config: episodes where none are given, then the picture."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from omegaconf import DictConfig
+
+from lme.errors import InputError
+from lme.robots import require
+from lme.worlds.check import check_task
+from runners import build, evaluate, systems
+from runners.composer import without_hydra
+from runners.pictures.jobs import Kind, read_jobs
+from runners.pictures.style import FORMATS
+from runners.records import find_runs
+from runners.targets import build as build_target
+from runners.targets import configured
+
+
+def validate(config: DictConfig) -> None:
+    """Build what is cheap to build, so that mistakes show before anything runs. Raises InputError."""
+    plain = build.plain(config)
+    _kind(plain)
+    _worlds(plain)
+    unknown = [each for each in plain["formats"] if each not in FORMATS]
+    if unknown or not plain["formats"]:
+        raise InputError(f"formats is {plain['formats']}: must be some of {', '.join(FORMATS)}")
+    if plain["run"] is not None:
+        find_runs([Path(plain["run"])])
+        return
+    systems.check_implemented(config.system or {})
+    require("runs", plain["runs"], at_least=1)
+    require("seed", plain["seed"], at_least=0)
+    configured(config.executor, "executor")
+    plain = _with_worlds(plain)
+    robot = build.robot(plain)
+    maps = build.map_set(plain)
+    for number in maps.numbers:
+        check_task(maps.task(number), robot)
+    build.navigator(plain, robot)
+    build.simulator(plain, robot)
+
+
+def prepare(config: DictConfig, run_dir: Path) -> None:
+    """Drive the episodes that the figure shows; of a figure that is no sweep, draw it too."""
+    plain = build.plain(config)
+    if plain["run"] is None and _kind(plain).drives:
+        plain = _with_worlds(plain)
+        evaluate.drive(plain, evaluate.record_names(plain), build.map_set(plain), run_dir)
+    if evaluate.sweep_directory() is None:
+        draw(config, [Path(plain["run"])] if plain["run"] is not None else [run_dir], run_dir)
+
+
+def draw(config: DictConfig, runs: Sequence[Path], folder: Path) -> list[Path]:
+    """Draw the runs and print where; the files."""
+    plain = build.plain(without_hydra(config))
+    kind = _kind(plain)
+    jobs = read_jobs(runs) if kind.drives else []
+    stem = folder / kind.name
+    paths = kind.draw(jobs, _worlds(plain), stem, plain["formats"])
+    print("\n".join(map(str, paths)))
+    return paths
+
+
+def _kind(plain: dict[str, Any]) -> Kind:
+    kind: Kind = build_target(plain["figure"], "figure")
+    return kind
+
+
+def _worlds(plain: dict[str, Any]) -> list[int]:
+    """The worlds asked for; none where that is left to the figure."""
+    world = plain["world"]
+    worlds = [] if world is None else world if isinstance(world, list) else [world]
+    if any(isinstance(number, bool) or not isinstance(number, int) for number in worlds):
+        raise InputError(f"world is {world!r}: must be a number, or a list of numbers")
+    return worlds
+
+
+def _with_worlds(plain: dict[str, Any]) -> dict[str, Any]:
+    """The config with the worlds to be driven: those asked for, those that the map set names, or its first."""
+    worlds = _worlds(plain) or plain["map"]["worlds"] or [build.map_set(plain).numbers[0]]
+    return {**plain, "map": {**plain["map"], "worlds": worlds}}
