@@ -77,7 +77,7 @@ def _film(plain: dict[str, Any], maps: MapSet, run_dir: Path) -> list[Path]:
 
 def _recordings(plain: dict[str, Any], run_dir: Path) -> dict[str, Any] | None:
     """Where recordings go, and the config that they carry; None where none are made."""
-    if plain["record"] != Record.mcap:
+    if plain.get("record") != Record.mcap:
         return None
     return {"folder": str(run_dir / recorder.FOLDER), "config": rundirs.identity(DictConfig(plain))}
 

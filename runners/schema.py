@@ -20,8 +20,8 @@ class Record(StrEnum):
 
 
 @dataclass(slots=True)
-class EvalConfig:
-    """`lme eval`. Groups that hold a `_target_` are checked against that class's Config."""
+class DriveConfig:
+    """What drives a map set. Groups that hold a `_target_` are checked against that class's Config."""
 
     seed: int
     runs: int
@@ -41,6 +41,13 @@ class EvalConfig:
 
 
 @dataclass(slots=True)
+class EvalConfig(DriveConfig):
+    """`lme eval`. scale: factors on the guide's parameters, by name."""
+
+    scale: dict[str, float] = field(default_factory=dict)
+
+
+@dataclass(slots=True)
 class Reward:
     """What a failed episode is worth (paper eq. 1), and how long one may take."""
 
@@ -50,7 +57,7 @@ class Reward:
 
 
 @dataclass(slots=True, kw_only=True)
-class TrainConfig(EvalConfig):
+class TrainConfig(DriveConfig):
     """`lme train`. held_out: map sets by name; space: nested as the config that it searches."""
 
     trials: int
@@ -94,6 +101,28 @@ class ReplayConfig:
     system: dict[str, Any] = field(default_factory=dict)
 
 
+@dataclass(slots=True)
+class FigureConfig:
+    """`lme figure`. figure: the kind and its settings; run: whose records are drawn, or none."""
+
+    figure: dict[str, Any]
+    run: str | None
+    world: Any
+    formats: list[str]
+    seed: int
+    runs: int
+    weights: str
+    resume: Any
+    robot: Robot
+    map: dict[str, Any]
+    guide: dict[str, Any]
+    planner: dict[str, Any]
+    sim: dict[str, Any]
+    ablation: dict[str, float]
+    executor: dict[str, Any]
+    system: dict[str, Any] = field(default_factory=dict)
+
+
 def register() -> None:
     """Make the schemas and the `parameters` resolver known to Hydra; safe to call again."""
     from runners.weights import parameters
@@ -101,4 +130,5 @@ def register() -> None:
     ConfigStore.instance().store(name="eval_schema", node=EvalConfig)
     ConfigStore.instance().store(name="train_schema", node=TrainConfig)
     ConfigStore.instance().store(name="replay_schema", node=ReplayConfig)
+    ConfigStore.instance().store(name="figure_schema", node=FigureConfig)
     OmegaConf.register_new_resolver("parameters", parameters, replace=True)
