@@ -2,6 +2,7 @@
 
 import math
 import warnings
+from dataclasses import astuple, is_dataclass
 
 import numpy as np
 import yaml
@@ -163,6 +164,8 @@ def escape(seed=0, robot=None, steps=25):
 
 def assert_same(one, two):
     """Two explanations or decisions, to the last bit."""
+    if is_dataclass(one):
+        one, two = astuple(one), astuple(two)
     if isinstance(one, tuple):
         assert len(one) == len(two)
         for a, b in zip(one, two, strict=True):

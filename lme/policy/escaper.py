@@ -61,7 +61,7 @@ class Explanation(NamedTuple):
     candidates: (N, 2). features: (C, N), rows named by `names`. scores: (N,). new: index of the best.
     old, old_features, old_score: the old subgoal where it lies now (2,), its (C,) features and its score;
     None at the first step. view: what the criteria saw. sectors: (K, 2) first and last scan point of each;
-    closed: one ring all round. E1, E2, A, B are in `view.blockage`.
+    closed: one ring all round. E1, E2, A, B are in `view.blockage`. parameters: weights in the order of `names`.
     """
 
     decision: Decision
@@ -76,6 +76,7 @@ class Explanation(NamedTuple):
     view: View
     sectors: Ints
     closed: bool
+    parameters: Parameters
 
 
 class _Step(NamedTuple):
@@ -156,6 +157,7 @@ class LocalMinimumEscaper:
             view=step.view,
             sectors=sectors,
             closed=closed,
+            parameters=self._parameters,
         )
 
     def _step(self, observation: Observation) -> _Step:

@@ -23,15 +23,15 @@ import numpy as np
 
 from lme.errors import InputError
 from lme.geometry.frames import to_world
-from lme.kernels.collision import sweep
 from lme.resources import resource_dir
 from lme.types import Floats, Pose
+from lme.worlds.check import point_clearance
 from lme.worlds.floor_plan import FloorPlan
 from lme.worlds.movers import REPEATS, Mover
 from lme.worlds.sampling import FreeSpace
 from lme.worlds.shapes import SHAPES, floor_plan
 from lme.worlds.starts import STAGE_RADIUS, Starts, StartsConfig
-from lme.worlds.world import Task
+from lme.worlds.world import Task, World
 from lme.worlds.yaml_entry import Entry, read_yaml
 
 FOLDER = "scenes"  # of maps/
@@ -111,15 +111,13 @@ def _mover(place: str, item: object) -> Mover:
 
 
 def _distance(mover: Mover, start: Pose) -> float:
-    """From a point to the shape of a mover that has not begun [m]; 0 within a disc or on a side of a polygon."""
+    """From a point to the shape of a mover that has not begun [m]; ≤ 0 within it."""
     stands = Pose(*mover.path[0].tolist())
-    circles, edges = np.empty((0, 3)), np.empty((0, 4))
     if mover.outline is None:
-        circles = np.array([[stands.x, stands.y, mover.radius]])
+        shape = World(circles=np.array([[stands.x, stands.y, mover.radius]]))
     else:
-        corners = to_world(mover.outline, stands)
-        edges = np.hstack([corners, np.roll(corners, -1, axis=0)])
-    return sweep(np.array([start]), (0.0, 0.0, 0.0), circles, edges)[0]
+        shape = World(polygons=(to_world(mover.outline, stands),))
+    return point_clearance(shape, np.array(start[:2]))
 
 
 def _repeat(entry: Entry) -> str:

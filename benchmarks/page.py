@@ -1,0 +1,111 @@
+"""How fast the explainer page scrubs through an episode of 300 steps × 300 candidates, and how large it is.
+
+    python -m benchmarks.page [--record]
+
+In headless Chromium without a graphics card, at every frame one step further; needs playwright and a browser.
+--record also writes benchmarks/results/page.md.
+"""
+
+import shutil
+import statistics
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from benchmarks.recording import parser, show
+from benchmarks.speed import machine
+from runners import schema
+from runners.composer import Composer
+from runners.page.write import write_page
+from runners.retell import Tale, retell
+from runners.rundirs import identity
+
+WANTED_PER_S, WANTED_MB = 30, 5.0
+EPISODE = ("map.worlds=[250]", "map.time_limit=30")  # of hard100; LME does not arrive within that time
+BROWSERS = ("chromium", "chromium-browser", "google-chrome")
+ARGUMENTS = ["--no-sandbox", "--disable-gpu", "--disable-background-networking"]
+SIZES = {"desktop": (1440, 900, 1), "phone": (390, 844, 3)}
+SCRUB = """(settings) => new Promise((done) => {
+    const { app, tale } = explainer;
+    for (const [id, value] of Object.entries(settings)) {
+        if (document.getElementById(id).checked !== value) app.click(id);
+    }
+    const times = [];
+    const tick = (now) => {
+        times.push(now);
+        if (times.length > tale.last) done(times.slice(1).map((time, i) => time - times[i]));
+        else { app.playback.go(times.length); requestAnimationFrame(tick); }
+    };
+    app.playback.go(0);
+    requestAnimationFrame(tick);
+})"""
+JUDGE = """() => {
+    const { app } = explainer;
+    const begin = performance.now();
+    for (let i = 0; i < 50; i++) app.panel.set({ c_t: 100 + i });
+    return (performance.now() - begin) / 50;
+}"""
+
+
+def main() -> None:
+    """Print, and record where asked."""
+    show(report(), "page", parser(__doc__, "page").parse_args().record)
+
+
+def report() -> Iterator[str]:
+    """Markdown, line by line."""
+    from playwright.sync_api import sync_playwright
+
+    yield "# Explainer page\n"
+    yield f"`python -m benchmarks.page --record`, {time.strftime('%Y-%m-%d')}, {machine()}\n"
+    yield f"Wanted: {WANTED_PER_S} steps per second while scrubbing, less than {WANTED_MB:g} MB.\n"
+    with tempfile.TemporaryDirectory() as folder, sync_playwright() as driver:
+        path = Path(folder) / "page.html"
+        tale = _episode()
+        write_page(tale, path)
+        candidates = sum(len(m.explanation.scores) for m in tale.moments if m.explanation) / len(tale.moments)
+        yield f"{len(tale.moments)} steps, {candidates:.0f} candidates each: {path.stat().st_size / 1e6:.2f} MB.\n"
+        browser = driver.chromium.launch(executable_path=_program(), args=ARGUMENTS)
+        yield "| window | view | steps/s | frame p50 [ms] | p99 [ms] | all steps decided again [ms] |"
+        yield "|---|---|---:|---:|---:|---:|"
+        for name, size in SIZES.items():
+            yield from _rows(browser, path, name, *size)
+        browser.close()
+
+
+def _rows(browser: Any, path: Path, name: str, width: int, height: int, ratio: int) -> Iterator[str]:
+    context = browser.new_context(viewport={"width": width, "height": height}, device_scale_factor=ratio)
+    page = context.new_page()
+    page.goto(path.as_uri())
+    page.wait_for_selector("body.ready")
+    judged = page.evaluate(JUDGE)
+    for view, settings in {
+        "map": {"follow": False, "truth": False},
+        "heading up, true map": {"follow": True, "truth": True},
+    }.items():
+        page.evaluate(SCRUB, settings)  # what is compiled on the way does not count
+        frames = page.evaluate(SCRUB, settings)
+        cuts = statistics.quantiles(frames, n=100)
+        rate = 1000 / statistics.mean(frames)
+        cells = f"{rate:.0f} | {statistics.median(frames):.1f} | {cuts[98]:.1f} | {judged:.1f}"
+        yield f"| {name} {width} × {height}, {ratio}× | {view} | {cells} |"
+    context.close()
+
+
+def _episode() -> Tale:
+    schema.register()
+    with Composer("eval") as composer:
+        return retell(identity(composer.compose(list(EPISODE))), 250, 0)
+
+
+def _program() -> str:
+    found = next(filter(None, map(shutil.which, BROWSERS)), None)
+    if found is None:
+        raise SystemExit(f"needs a browser: none of {', '.join(BROWSERS)} is on the PATH")
+    return found
+
+
+if __name__ == "__main__":
+    main()

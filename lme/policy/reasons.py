@@ -1,0 +1,213 @@
+"""Why the robot goes where it goes, in words: a sentence for every decision of Algorithm 1."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from itertools import groupby
+from typing import NamedTuple
+
+import numpy as np
+
+from lme.policy.escaper import Explanation
+from lme.policy.maintenance import Choice
+from lme.types import Floats
+
+LEFT_OUT = 0.25  # of a difference of scores: what its terms that go unnamed come to at most, signs aside
+_BEST = {"c_o": 1.0, "c_t": 1.0, "a_mount": 0.0, "c_h": 1.0}  # values that the paper's features fall from
+_FELL = {
+    "c_o": "stopped being reachable",
+    "c_t": "lost its free line to the target",
+    "a_mount": "became hidden from the target behind the blocking sector",
+    "c_h": "came to lie behind recent positions of the robot",
+}
+
+
+class Term(NamedTuple):
+    """The part w·f of one criterion in a difference of scores."""
+
+    name: str
+    value: float
+
+
+def reason(now: Explanation, before: Explanation | None) -> str:
+    """One decision in one plain sentence; two where no candidate is reachable.
+
+    before: the decision one control period earlier, which tells what has changed; None at the first step.
+    Source: Algorithm 1, its second half.
+    """
+    choice = now.decision.choice
+    if choice is Choice.BETTER:
+        sentence = _better(now, before)
+    else:
+        sentence = {Choice.FIRST: _first, Choice.REACHED: _reached, Choice.KEPT: _kept}[choice](now)
+    if not now.decision.blocked:
+        return sentence
+    stands = "the old one stays" if choice is Choice.KEPT else "the best of them stands"
+    return f"{sentence}. No candidate is reachable: {stands}"
+
+
+def reasons(steps: Sequence[Explanation]) -> list[tuple[int, int, str]]:
+    """(first step, last step, why) of consecutive decisions from the first on.
+
+    Decisions in a row that kept the subgoal, or that replaced a reached one, share one sentence.
+    """
+    told = []
+    for _, row in groupby(enumerate(steps), lambda one: _kind(*one)):
+        first, *others = [step for step, _ in row]
+        last = others[-1] if others else first
+        before = steps[first - 1] if first else None
+        text = _together(steps[first : last + 1]) if others else reason(steps[first], before)
+        told.append((first, last, text))
+    return told
+
+
+def difference_terms(now: Explanation) -> list[Term]:
+    """How the best candidate's score differs from the old subgoal's, criterion by criterion, largest first.
+
+    At the first step there is no old one, and it is the difference from the candidates' average.
+    """
+    rival = now.features.mean(axis=1) if now.old_features is None else now.old_features
+    values = now.parameters.weights * (now.features[:, now.new] - rival)
+    terms = [Term(name, float(value)) for name, value in zip(now.names, values, strict=True)]
+    return sorted(terms, key=lambda term: -abs(term.value))
+
+
+def main_terms(terms: Sequence[Term]) -> list[Term]:
+    """The first of the terms, as many as it takes for the rest to come to no more than LEFT_OUT of their sum."""
+    most = LEFT_OUT * abs(sum(term.value for term in terms))
+    rests = np.cumsum([abs(term.value) for term in reversed(terms)])[::-1]
+    return [term for term, rest in zip(terms, rests, strict=True) if rest > most]
+
+
+def _kind(step: int, now: Explanation) -> Choice | int:
+    """What decisions that can be told together have in common; of others the step, which they share with none."""
+    choice = now.decision.choice
+    return choice if choice in (Choice.KEPT, Choice.REACHED) else step
+
+
+def _together(steps: Sequence[Explanation]) -> str:
+    """Two decisions or more that are all kept, or all reached."""
+    blocked = sum(step.decision.blocked for step in steps)
+    aside = f". No candidate was reachable at {blocked} of them" if blocked else ""
+    if steps[0].decision.choice is Choice.KEPT:
+        closest = max(steps, key=_gain)
+        return (
+            f"kept for {len(steps)} steps: the best new one scored {_beside_d2(closest, 'at most ')}{aside}"
+        )
+    d1 = steps[0].parameters.d1
+    if math.isinf(d1):
+        return f"switched at {len(steps)} steps: d1 is infinite, so no subgoal is maintained{aside}"
+    away = _apart(max(_old_distance(step) for step in steps), d1)
+    return f"switched at {len(steps)} steps: the old one was reached, at most {away} m away (d1 {d1:.6g} m){aside}"
+
+
+def _first(now: Explanation) -> str:
+    terms = difference_terms(now)
+    lead, count = sum(term.value for term in terms), len(now.candidates)
+    if count == 1:
+        return "first subgoal: the only candidate"
+    if lead <= 0.0:
+        return f"first subgoal: no better than the rest of {count} candidates"
+    named = _named(main_terms(terms))
+    return f"first subgoal: the best of {count} candidates, {_shown(lead)} above their average, {named}"
+
+
+def _reached(now: Explanation) -> str:
+    d1, gain = now.parameters.d1, _gain(now)
+    takes = f"the best new one, which scores {_compared(gain)}, takes its place"
+    if math.isinf(d1):
+        return f"switched: d1 is infinite, so no subgoal is maintained; {takes}"
+    away = _apart(_old_distance(now), d1)
+    return f"switched: the old one is reached, {away} m away (d1 {d1:.6g} m); {takes}"
+
+
+def _better(now: Explanation, before: Explanation | None) -> str:
+    named = main_terms(difference_terms(now))
+    change = _change(now, before, named)
+    scores = f"new subgoal scores {_apart(_gain(now), now.parameters.d2)} higher (d2 {now.parameters.d2:.6g})"
+    return f"switched: {scores}, {_named(named)}{f'; the old one {change}' if change else ''}"
+
+
+def _kept(now: Explanation) -> str:
+    return f"kept: the best new one scores {_beside_d2(now)}"
+
+
+def _beside_d2(now: Explanation, at_most: str = "") -> str:
+    gain, d2 = _gain(now), now.parameters.d2
+    if gain <= 0.0:
+        return f"{at_most.replace('most', 'least') if gain else at_most}{_compared(gain)}"
+    if math.isinf(d2):
+        return f"{at_most}{_shown(gain)} higher, and d2 is infinite"
+    return f"{at_most}{_apart(gain, d2)} higher, {_shown(d2 - gain)} short of d2 ({d2:.6g})"
+
+
+def _old_distance(now: Explanation) -> float:
+    """From the robot to the old subgoal [m]."""
+    assert now.old is not None
+    return math.hypot(now.old[0], now.old[1])
+
+
+def _gain(now: Explanation) -> float:
+    """By how much the best candidate beats the old subgoal."""
+    assert now.old_score is not None
+    return float(now.scores[now.new] - now.old_score)
+
+
+def _change(now: Explanation, before: Explanation | None, named: Sequence[Term]) -> str:
+    """What befell the old subgoal since the step before, as far as it speaks for the new one."""
+    if before is None or now.old_features is None:
+        return ""
+    then = _features_of_chosen(before)
+    falls = []
+    for term in named:
+        row = now.names.index(term.name)
+        falls.append(_fall(term, then[row], now.old_features[row], now.parameters.weights[row]))
+    if _FELL["a_mount"] in falls:  # says it already
+        falls = [fall for fall in falls if fall != _FELL["c_t"]]
+    return _listed([fall for fall in falls if fall])
+
+
+def _features_of_chosen(step: Explanation) -> Floats:
+    """(C,) features of the subgoal that a step decided on."""
+    if step.decision.choice is Choice.KEPT and step.old_features is not None:
+        return step.old_features
+    return step.features[:, step.new]
+
+
+def _fall(term: Term, then: float, now: float, weight: float) -> str:
+    """How the old subgoal lost by a criterion, if that is at least half of what the new one has gained by it."""
+    lost = weight * (then - now)
+    if term.value <= 0.0 or lost < term.value / 2:
+        return ""
+    return _FELL[term.name] if then == _BEST.get(term.name) else f"fell by {_shown(lost)} in {term.name}"
+
+
+def _listed(parts: Sequence[str]) -> str:
+    return " and ".join(filter(None, [", ".join(parts[:-1]), *parts[-1:]]))
+
+
+def _named(terms: Sequence[Term]) -> str:
+    return "mainly " + ", ".join(
+        f"{term.name} {'+' if term.value > 0 else '−'}{_shown(abs(term.value), whole_from=math.inf)}"
+        for term in terms
+    )
+
+
+def _compared(gain: float) -> str:
+    return f"{_shown(abs(gain))} {'higher' if gain > 0 else 'lower'}" if gain else "the same"
+
+
+def _shown(value: float, whole_from: float = 100.0) -> str:
+    """A positive number in few digits; without decimals from `whole_from` on."""
+    if value < 0.001:
+        return "less than 0.001"
+    return f"{value:.2g}" if value < 1.0 else f"{value:.{0 if value >= whole_from else 1}f}"
+
+
+def _apart(value: float, bound: float) -> str:
+    """A number in as few digits as leave it on its own side of the bound."""
+    digits = 0 if value >= 100.0 else 1 if value >= 1.0 else 2
+    while digits < 9 and np.sign(round(value, digits) - bound) != np.sign(value - bound):
+        digits += 1
+    return f"{value:.{digits}f}"

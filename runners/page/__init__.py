@@ -1,0 +1,1 @@
+"""The explainer page: an episode told again, as one HTML file that needs nothing else."""

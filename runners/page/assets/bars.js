@@ -1,0 +1,61 @@
+// The terms of S as bars with numbers: the candidate pointed at, the chosen one, the old one.
+
+const SIDES = ["picked", "chosen", "old"];
+
+class Bars {
+  /** @param {HTMLTableSectionElement} body - gets a row per criterion and one for S */
+  constructor(body, names, about) {
+    this.rows = [...names, "S"].map((name) => termRow(body, name, about[name]));
+  }
+
+  /**
+   * Show terms; each side is a list of numbers in the order of the criteria, or null.
+   * @param {{picked: ?number[], chosen: ?number[], old: ?number[]}} sides
+   */
+  show(sides) {
+    const all = SIDES.flatMap((side) => sides[side] || []);
+    const low = Math.min(0, ...all);
+    const high = Math.max(0, ...all);
+    const span = high - low || 1;
+    this.rows.forEach((row, i) => {
+      for (const side of SIDES) {
+        const terms = sides[side];
+        const total = i === this.rows.length - 1;
+        const value = terms ? (total ? sum(terms) : terms[i]) : NaN;
+        row.cells[side].textContent = number(value);
+        row.cells[side].dataset.value = terms ? String(value) : "";
+        if (!total) stretch(row.bars[side], value, low, span);
+      }
+    });
+  }
+}
+
+function termRow(body, name, about) {
+  const row = body.insertRow();
+  const head = document.createElement("th");
+  head.scope = "row";
+  head.textContent = name;
+  head.title = about || "The sum of the terms above.";
+  row.append(head);
+  const chart = row.insertCell();
+  chart.className = "chart";
+  chart.setAttribute("aria-hidden", "true");
+  const [cells, bars] = [{}, {}];
+  for (const side of SIDES) {
+    bars[side] = document.createElement("i");
+    bars[side].className = `bar ${side}`;
+    cells[side] = row.insertCell();
+    cells[side].className = side;
+  }
+  if (name === "S") row.className = "total";
+  else chart.append(...Object.values(bars));
+  return { cells, bars };
+}
+
+/** A bar from zero to its value, on a scale from `low` on; at least a pixel, so that it is seen to be there. */
+function stretch(bar, value, low, span) {
+  bar.hidden = !Number.isFinite(value) || value === 0;
+  if (bar.hidden) return;
+  bar.style.left = `${(100 * (Math.min(0, value) - low)) / span}%`;
+  bar.style.width = `max(1px, ${(100 * Math.abs(value)) / span}%)`;
+}

@@ -1,0 +1,53 @@
+// What stands in the world: as seen so far, and as it is. Drawn in metres of the world.
+
+/** The cells that scans have touched up to a step, each a hair larger than it is, so that no seams show. */
+function drawSeen(ctx, tale, step, colour, hair) {
+  const { arrays, starts, head } = tale;
+  const [xs, ys, side] = [arrays["seen.x"], arrays["seen.y"], head.cell];
+  const until = starts.seen[step + 1];
+  ctx.fillStyle = colour;
+  for (let i = 0; i < until; i++) ctx.fillRect(xs[i] * side, ys[i] * side, side + hair, side + hair);
+}
+
+/** The world as it is, and what moves in it at a step. */
+function drawTruth(ctx, tale, step, colour, width) {
+  const { arrays, starts } = tale;
+  const moving = (name, size) => arrays[name].subarray(...tale.span(name, step).map((row) => row * size));
+  ctx.fillStyle = ctx.strokeStyle = colour;
+  ctx.lineWidth = width;
+  for (const discs of [arrays["world.circles"], moving("discs", 3)]) fillDiscs(ctx, discs);
+  ctx.beginPath();
+  polygonsInto(ctx, arrays.polygons, starts.polygons);
+  ctx.fill();
+  ctx.beginPath();
+  for (const edges of [arrays["world.segments"], moving("edges", 4)]) edgesInto(ctx, edges);
+  ctx.stroke();
+}
+
+/** Rows of x, y, radius. One by one: a path of them all takes far longer to fill. */
+function fillDiscs(ctx, discs) {
+  for (let i = 0; i < discs.length; i += 3) {
+    ctx.beginPath();
+    ctx.arc(discs[i], discs[i + 1], discs[i + 2], 0, 2 * Math.PI);
+    ctx.fill();
+  }
+}
+
+/** Rows of x0, y0, x1, y1. */
+function edgesInto(ctx, edges) {
+  for (let i = 0; i < edges.length; i += 4) {
+    ctx.moveTo(edges[i], edges[i + 1]);
+    ctx.lineTo(edges[i + 2], edges[i + 3]);
+  }
+}
+
+/** Corners of all polygons, and the first of each. */
+function polygonsInto(ctx, corners, starts) {
+  for (let k = 0; k + 1 < starts.length; k++) {
+    for (let i = starts[k]; i < starts[k + 1]; i++) {
+      if (i === starts[k]) ctx.moveTo(corners[2 * i], corners[2 * i + 1]);
+      else ctx.lineTo(corners[2 * i], corners[2 * i + 1]);
+    }
+    ctx.closePath();
+  }
+}

@@ -1,0 +1,275 @@
+// Everything together.
+
+const byId = (id) => document.getElementById(id);
+const REST_SPOKEN_MS = 300; // a screen reader is told once the step rests, and not while playing
+
+/** The page: what is shown, and what redraws it. */
+class App {
+  constructor(tale) {
+    this.tale = tale;
+    this.colour = "S";
+    this.pointed = this.chosenByHand = null;
+    this.scene = new Scene(byId("scene"), tale);
+    this.timeline = new Timeline(byId("chart"), tale, (step) => this.playback.go(step));
+    this.playback = new Playback(tale.last, tale.head.dt, () => this.#moved());
+    this.redraw = once(() => this.#draw());
+    if (tale.explained) this.#explained();
+    this.changed = new Array(tale.decisions).fill(false);
+    this.#controls();
+    this.judge();
+    listenToPointer(byId("scene"), this.scene, this);
+    listenToKeys(this);
+    new ResizeObserver(once(() => this.#resize())).observe(byId("scene"));
+    new ResizeObserver(once(() => this.timeline.resize())).observe(byId("chart"));
+    this.#resize();
+    this.#speak();
+  }
+
+  /** Decide every step anew with the parameters of the panel. */
+  judge() {
+    if (this.tale.explained) {
+      const { parameters } = this.panel;
+      this.verdicts = this.changed.map((_, step) => decide(this.tale, step, parameters));
+      this.changed = this.verdicts.map((verdict, step) => !sameSubgoal(verdict, this.tale.recorded(step)));
+      this.timeline.judge(this.verdicts, this.changed);
+      byId("reset-all").disabled = !this.panel.moved;
+    }
+    this.redraw();
+  }
+
+  /** The pointer is over this candidate, or over none. */
+  point(index) {
+    if (index === this.pointed) return;
+    this.pointed = index;
+    this.redraw();
+  }
+
+  /** This candidate is to stay in the chart, or none. */
+  pick(index) {
+    this.chosenByHand = index;
+    this.redraw();
+  }
+
+  /** Go so many places down the candidates in the order of their scores. */
+  rank(places) {
+    if (!this.#deciding()) return;
+    const scores = this.#scores();
+    const order = Array.from(scores.keys()).sort((a, b) => scores[b] - scores[a] || a - b);
+    const now = this.chosenByHand === null ? -Math.sign(places) : order.indexOf(this.chosenByHand);
+    this.pick(order[Math.min(Math.max(now + places, 0), order.length - 1)]);
+    this.#speak(candidateText(this.tale, this.playback.step, this.chosenByHand, scores));
+  }
+
+  /** Go to the next (1) or last (−1) step where the robot switched or would decide otherwise. */
+  jump(direction) {
+    const { switched } = this.tale.arrays;
+    let step = this.playback.step + direction;
+    while (step > 0 && step < this.tale.decisions && !switched[step] && !this.changed[step]) step += direction;
+    this.playback.go(step);
+  }
+
+  zoom(factor) {
+    this.scene.camera.zoom(factor);
+    this.redraw();
+  }
+
+  pan(dx, dy) {
+    this.scene.camera.pan(dx, dy);
+    this.redraw();
+  }
+
+  fit() {
+    this.scene.fit();
+    this.redraw();
+  }
+
+  /** As if the control had been pressed. */
+  click(id) {
+    byId(id).click();
+  }
+
+  /** Whether keys with letters do something. */
+  get shortcuts() {
+    return byId("shortcuts").checked;
+  }
+
+  #explained() {
+    const { head } = this.tale;
+    this.bars = new Bars(byId("terms").tBodies[0], head.names, head.about);
+    this.panel = new ParameterPanel(byId("parameters"), head, () => this.judge());
+    this.legend = new Legend(byId("legend"));
+    byId("colour").append(new Option("S", "S"), new Option("S, reachable", "free"));
+    for (const name of head.names) byId("colour").append(new Option(name, name));
+    byId("colour").addEventListener("change", (event) => {
+      this.colour = event.target.value;
+      this.redraw();
+    });
+    byId("reset-all").addEventListener("click", () => this.panel.reset());
+    byId("better").addEventListener("click", () => this.rank(-1));
+    byId("worse").addEventListener("click", () => this.rank(1));
+  }
+
+  #controls() {
+    const on = (id, event, action) => byId(id).addEventListener(event, action);
+    const { playback } = this;
+    on("first", "click", () => playback.go(0));
+    on("back", "click", () => playback.go(playback.step - 1));
+    on("play", "click", () => playback.toggle());
+    on("forward", "click", () => playback.go(playback.step + 1));
+    on("end", "click", () => playback.go(playback.last));
+    on("before", "click", () => this.jump(-1));
+    on("after", "click", () => this.jump(1));
+    on("step", "input", (event) => playback.go(Number(event.target.value)));
+    on("speed", "change", (event) => Object.assign(playback, { speed: Number(event.target.value) }));
+    on("truth", "change", this.redraw);
+    on("follow", "change", (event) => {
+      this.scene.camera.follow = event.target.checked;
+      this.fit();
+    });
+    on("closer", "click", () => this.zoom(1.25));
+    on("wider", "click", () => this.zoom(0.8));
+    on("fit", "click", () => this.fit());
+    on("help-open", "click", () => byId("help").showModal());
+    on("theme", "click", () => switchTheme());
+    whenThemeChanges(() => this.#recolour());
+    byId("step").max = playback.last;
+    if (matchMedia("(prefers-reduced-motion: reduce)").matches) byId("speed").value = "0.25";
+    playback.speed = Number(byId("speed").value);
+  }
+
+  #recolour() {
+    this.scene.recolour();
+    this.timeline.recolour();
+    this.redraw();
+  }
+
+  #resize() {
+    this.scene.resize();
+    this.redraw();
+  }
+
+  #moved() {
+    this.pointed = this.chosenByHand = null; // other candidates are drawn at every step
+    if (!this.redraw) return;
+    this.redraw();
+    this.#speak();
+  }
+
+  /** Tell a screen reader, once what is shown rests. */
+  #speak(text) {
+    clearTimeout(this.speaking);
+    if (this.playback.playing) return;
+    this.speaking = setTimeout(() => {
+      const { step } = this.playback;
+      byId("spoken").textContent = text || `Step ${step}, ${choiceAt(this.tale, step)}. ${sentenceAt(this.tale, step)}`;
+      byId("scene").setAttribute("aria-label", sceneText(this.tale, step));
+    }, REST_SPOKEN_MS);
+  }
+
+  #deciding() {
+    return this.tale.explained && this.playback.step < this.tale.decisions;
+  }
+
+  #scores() {
+    return scoresOf(this.tale, this.playback.step, this.panel.parameters.weights);
+  }
+
+  #draw() {
+    const { tale, playback, scene } = this;
+    const { step } = playback;
+    const shown = { step, truth: byId("truth").checked, verdict: null, changed: false, picked: null };
+    if (this.#deciding()) {
+      const scores = this.#scores();
+      Object.assign(shown, this.#coloured(step, scores));
+      shown.picked = this.pointed ?? this.chosenByHand;
+      shown.verdict = this.verdicts[step];
+      shown.changed = this.changed[step];
+      this.#terms(step, scores, shown.picked);
+      this.legend.show(shown.scale);
+    }
+    scene.draw(shown);
+    this.#texts(step);
+    this.timeline.move(step);
+  }
+
+  /** The values that colour the candidates, and the scale that they are on. */
+  #coloured(step, scores) {
+    const { features, head } = this.tale;
+    const span = this.tale.span("candidates", step);
+    const row = head.names.indexOf(this.colour);
+    const values = row < 0 ? scores : features[row].subarray(...span);
+    const free = features[head.names.indexOf("c_o")].subarray(...span);
+    const counted = this.colour === "free" && free.includes(1) ? values.filter((_, i) => free[i]) : values;
+    return { values, scale: scaleOf(counted, values) };
+  }
+
+  /** The chart of terms: of the candidate pointed at or else the best, of the chosen subgoal, of the old one. */
+  #terms(step, scores, picked) {
+    const { tale } = this;
+    const { weights } = this.panel.parameters;
+    const index = picked ?? this.verdicts[step].best;
+    const { best, choice } = tale.recorded(step);
+    const old = oldTermsOf(tale, step, weights);
+    const chosen = choice === "kept" ? old : termsOf(tale, step, weights, best);
+    this.bars.show({ picked: termsOf(tale, step, weights, index), chosen, old });
+    const which = picked === null ? "The best candidate. " : "";
+    byId("candidate").textContent = which + candidateText(tale, step, index, scores);
+  }
+
+  #texts(step) {
+    const { tale, playback } = this;
+    byId("sentence").textContent = sentenceAt(tale, step);
+    byId("choice").textContent = choiceAt(tale, step);
+    byId("choice").className = choiceAt(tale, step).split(":")[0].replace(" ", "-");
+    const facts = factsAt(tale, step);
+    byId("facts").replaceChildren(...facts.flatMap(([name, value]) => [named("dt", name), named("dd", value)]));
+    byId("step").value = step;
+    byId("step").setAttribute("aria-valuetext", `step ${step} of ${playback.last}`);
+    byId("count").textContent = `${step} / ${playback.last}`;
+    byId("play").setAttribute("aria-label", playback.playing ? "Pause" : "Play");
+    byId("play").dataset.playing = playback.playing;
+    document.body.classList.toggle("no-decision", !this.#deciding());
+    if (tale.explained) {
+      const text = whatIfText(tale, step, this.verdicts[step], this.changed, this.panel.moved);
+      if (byId("what-if").textContent !== text) byId("what-if").textContent = text;
+    }
+  }
+}
+
+function named(tag, text) {
+  return Object.assign(document.createElement(tag), { textContent: text });
+}
+
+/** Run an action at the next frame, however often it is asked for until then. */
+function once(action) {
+  let asked = false;
+  return () => {
+    if (asked) return;
+    asked = true;
+    requestAnimationFrame(() => {
+      asked = false;
+      action();
+    });
+  };
+}
+
+/** Title and subtitle, and which parts of the page there are. */
+function dress(tale) {
+  const { head } = tale;
+  byId("title").textContent = head.title;
+  const ablation = head.ablation ? [`ablation ${head.ablation}`] : [];
+  const ending = `${head.outcome} after ${seconds(tale, tale.last)}`;
+  byId("subtitle").textContent = [head.system, ...ablation, head.robot, ending].join(" · ");
+  document.body.classList.add(tale.explained ? "explained" : "unexplained");
+}
+
+recallTheme();
+unpack(byId("tale").textContent).then((tale) => {
+  dress(tale);
+  window.explainer = { app: new App(tale), tale, scoresOf, choose, sectorColour };
+  document.body.classList.add("ready");
+}).catch((error) => {
+  byId("title").textContent = "This page cannot be shown";
+  byId("subtitle").textContent = `${error.message}. It needs a browser of 2023 or later.`;
+  throw error;
+});

@@ -1,0 +1,290 @@
+// The drive seen from above, on one canvas.
+
+/**
+ * What is shown at a step.
+ * @typedef {{step: number, truth: boolean, verdict: ?Verdict, changed: boolean, values: ?ArrayLike<number>,
+ *   scale: Object, picked: ?number}} Shown
+ */
+
+class Scene {
+  constructor(canvas, tale) {
+    this.canvas = canvas;
+    this.ctx = canvas.getContext("2d");
+    this.tale = tale;
+    this.camera = new Camera();
+    this.box = extent(tale);
+    this.reach = reachOf(tale);
+    this.spots = []; // where the candidates of the last drawing lie [px]
+    this.recolour();
+  }
+
+  /** Read the theme's colours anew. */
+  recolour() {
+    this.colours = themeColours();
+  }
+
+  /** Fit the canvas to its place on the page and to the screen's pixels. */
+  resize() {
+    const { clientWidth, clientHeight } = this.canvas;
+    this.ratio = window.devicePixelRatio || 1;
+    this.canvas.width = Math.round(clientWidth * this.ratio);
+    this.canvas.height = Math.round(clientHeight * this.ratio);
+    Object.assign(this.camera, { width: Math.max(clientWidth, 1), height: Math.max(clientHeight, 1) });
+    if (!this.camera.touched) this.fit();
+  }
+
+  /** Show all of it. */
+  fit() {
+    this.camera.fit(this.box, this.reach);
+  }
+
+  /** @param {Shown} shown */
+  draw(shown) {
+    const { ctx, camera, tale } = this;
+    this.at = tale.pose(shown.step);
+    camera.aim(this.at);
+    ctx.setTransform(this.ratio, 0, 0, this.ratio, 0, 0);
+    ctx.fillStyle = this.colours.paper;
+    ctx.fillRect(0, 0, camera.width, camera.height);
+    this.#world(shown);
+    this.#path(shown.step);
+    this.#aim(shown.step);
+    if (tale.explained && shown.step < tale.decisions) this.#decision(shown);
+    else this.#plainScan(shown.step);
+    this.#robot(shown.step);
+    if (shown.step < tale.decisions) this.#subgoals(shown);
+    if (shown.verdict) this.#blockage(shown.step); // names go on top
+    this.#ruler();
+  }
+
+  /** Index of the candidate nearest to a place on the canvas, at most `limit` pixels off; null where none is. */
+  candidateAt(x, y, limit) {
+    let [found, nearest] = [null, limit * limit];
+    this.spots.forEach(([px, py], index) => {
+      const away = (px - x) ** 2 + (py - y) ** 2;
+      if (away <= nearest) [found, nearest] = [index, away];
+    });
+    return found;
+  }
+
+  /** A point of the robot's frame on the canvas [px]. */
+  #local(x, y) {
+    const [cos, sin] = [Math.cos(this.at.yaw), Math.sin(this.at.yaw)];
+    return this.camera.place(this.at.x + cos * x - sin * y, this.at.y + sin * x + cos * y);
+  }
+
+  /** Draw in metres of the world. */
+  #inWorld(draw) {
+    const { ctx, ratio, camera } = this;
+    ctx.save();
+    ctx.transform(...camera.m);
+    draw(ctx);
+    ctx.restore();
+    ctx.setTransform(ratio, 0, 0, ratio, 0, 0);
+  }
+
+  #world(shown) {
+    this.#inWorld((ctx) => {
+      const pixel = 1 / this.camera.scale;
+      if (shown.truth) drawTruth(ctx, this.tale, shown.step, this.colours.truth, 1.5 * pixel);
+      drawSeen(ctx, this.tale, shown.step, this.colours.seen, 0.5 * pixel);
+    });
+  }
+
+  #path(step) {
+    const { ctx, colours } = this;
+    const { pose } = this.tale.arrays;
+    ctx.beginPath();
+    for (let i = 0; i <= step; i++) ctx.lineTo(...this.camera.place(pose[3 * i], pose[3 * i + 1]));
+    ctx.lineJoin = "round";
+    ctx.strokeStyle = colours.accent;
+    ctx.lineWidth = 2;
+    ctx.stroke();
+  }
+
+  /** The goal, where it counts as reached, and the direction of the target as the robot believes it. */
+  #aim(step) {
+    const { ctx, colours, camera, tale } = this;
+    const [x, y] = camera.place(...tale.head.goal);
+    circlePath(ctx, x, y, tale.head.goal_tolerance * camera.scale);
+    ctx.setLineDash([2, 4]);
+    paint(ctx, null, colours.goal, 1.5);
+    ctx.setLineDash([]);
+    circlePath(ctx, x, y, 4);
+    paint(ctx, colours.goal, colours.paper, 1);
+    const target = tale.pair("target", step);
+    line(ctx, this.#local(0, 0), this.#local(...target), colours.goal, 1.25, [7, 5]);
+  }
+
+  #plainScan(step) {
+    this.spots = [];
+    const [from, to] = this.tale.span("scan", step);
+    this.#dots(from, from, to, this.colours.accent, 2);
+  }
+
+  /** Scan points first … to − 1 of the whole episode. */
+  #dots(base, from, to, colour, size) {
+    const { ctx } = this;
+    const { arrays } = this.tale;
+    ctx.fillStyle = colour;
+    for (let i = from; i < to; i++) {
+      const [x, y] = this.#local(arrays["scan.x"][i] / 1000, arrays["scan.y"][i] / 1000);
+      ctx.fillRect(x - size / 2, y - size / 2, size, size);
+    }
+  }
+
+  #decision(shown) {
+    this.#sectors(shown.step);
+    this.#candidates(shown);
+    this.#history(shown.step);
+  }
+
+  #sectors(step) {
+    const { arrays } = this.tale;
+    const [from, to] = this.tale.span("scan", step);
+    const [first, end] = this.tale.span("sectors", step);
+    for (let k = first; k < end; k++) {
+      const colour = sectorColour(k - first, end - first);
+      const size = k - first === arrays.blocking[step] ? 5 : 3;
+      const [begin, last] = [from + arrays.sectors[2 * k], from + arrays.sectors[2 * k + 1]];
+      if (begin <= last) this.#dots(from, begin, last + 1, colour, size);
+      else {
+        this.#dots(from, begin, to, colour, size);
+        this.#dots(from, from, last + 1, colour, size);
+      }
+    }
+  }
+
+  /** Discs coloured by the value chosen; a cross through those that cannot be reached. */
+  #candidates({ step, values, scale, picked }) {
+    const { ctx, colours } = this;
+    const [from] = this.tale.span("candidates", step);
+    const free = this.tale.arrays["feature.c_o"];
+    const radius = Math.min(Math.max(1.5 + 0.05 * this.camera.scale, 2.5), 4.5);
+    this.spots = [];
+    for (let i = 0; i < values.length; i++) {
+      const [x, y] = this.#local(...this.tale.candidate(step, i));
+      this.spots.push([x, y]);
+      if (free[from + i]) {
+        circlePath(ctx, x, y, radius);
+        paint(ctx, shade(values[i], scale), colours.edge, 0.75);
+      } else {
+        cross(ctx, x, y, radius * 0.85, colours.edge, 2.6); // a rim, since the scale ends near black
+        cross(ctx, x, y, radius * 0.85, shade(values[i], scale), 1.5);
+      }
+    }
+    if (picked === null) return;
+    circlePath(ctx, ...this.spots[picked], 9);
+    paint(ctx, null, colours.paper, 5);
+    paint(ctx, null, colours.ink, 2.5);
+  }
+
+  #history(step) {
+    const { ctx, colours } = this;
+    const [from, to] = this.tale.span("history", step);
+    for (let i = from; i < to; i++) {
+      const [x, y] = this.#local(...this.tale.pair("history", i));
+      ctx.fillStyle = colours.ink;
+      ctx.fillRect(x - 2.5, y - 2.5, 5, 5);
+    }
+  }
+
+  /** E1, E2, A and B of the blocking sector. */
+  #blockage(step) {
+    const { arrays } = this.tale;
+    if (arrays.blocking[step] < 0) return;
+    const at = this.tale.starts.sectors[step] + arrays.blocking[step];
+    const scan = this.tale.starts.scan[step];
+    const ends = [0, 1].map((i) => scan + arrays.sectors[2 * at + i])
+      .map((i) => this.#local(arrays["scan.x"][i] / 1000, arrays["scan.y"][i] / 1000));
+    const nearer = arrays.a_is_e1[step] ? 0 : 1;
+    const b = this.#local(...this.tale.pair("b", step));
+    line(this.ctx, ends[nearer], b, this.colours.ink, 1.5, [2, 2]);
+    const marks = [...ends, b, this.#local(0, 0), this.#local(...this.tale.pair("subgoal", step))];
+    ends.forEach((end, i) => this.#point(end, `E${i + 1}${i === nearer ? " = A" : ""}`, marks));
+    this.#point(b, "B", marks);
+  }
+
+  /** A named point, its name on the side that is furthest from the marks and on the canvas. */
+  #point([x, y], name, marks) {
+    const { ctx, colours, camera } = this;
+    const half = 4 * name.length; // about half the width of the name [px]
+    const sides = [[1, -1], [-1, -1], [1, 1], [-1, 1]].map(([dx, dy]) => [x + dx * (half + 8), y + dy * 9]);
+    const room = ([cx, cy]) => Math.min(...marks.map(([mx, my]) => Math.hypot((mx - cx) / 2, my - cy)),
+      cx - half, camera.width - cx - half, cy, camera.height - cy);
+    const [cx, cy] = sides.reduce((best, side) => (room(side) > room(best) ? side : best));
+    circlePath(ctx, x, y, 4);
+    paint(ctx, colours.paper, colours.ink, 2);
+    ctx.textAlign = "center";
+    label(ctx, name, cx, cy, colours.ink, colours.paper);
+    ctx.textAlign = "left";
+  }
+
+  #robot(step) {
+    const { ctx, colours, camera } = this;
+    const [halfLength, halfWidth, rounding] = this.tale.head.box;
+    const [x, y] = camera.place(this.at.x, this.at.y);
+    const [long, wide, round] = [halfLength + rounding, halfWidth + rounding, rounding]
+      .map((size) => size * camera.scale);
+    ctx.save();
+    ctx.translate(x, y);
+    ctx.rotate(camera.direction(this.at.yaw));
+    ctx.beginPath();
+    ctx.roundRect(-long, -wide, 2 * long, 2 * wide, round);
+    paint(ctx, colours.accent, colours.paper, 1.5);
+    const tip = Math.max(long, 7);
+    ctx.beginPath();
+    for (const [along, across] of [[0.85, 0], [-0.45, 0.5], [-0.2, 0], [-0.45, -0.5]]) {
+      ctx.lineTo(tip * along, tip * across);
+    }
+    ctx.closePath();
+    paint(ctx, colours.paper, colours.accent, 1);
+    ctx.restore();
+  }
+
+  /** The chosen subgoal, the old one where it was given up, and the other one that the sliders lead to. */
+  #subgoals({ step, verdict, changed }) {
+    const { ctx, colours, tale } = this;
+    const chosen = this.#local(...tale.pair("subgoal", step));
+    line(ctx, this.#local(0, 0), chosen, colours.chosen, 1.5);
+    const old = tale.explained ? tale.pair("old", step) : null;
+    if (old && tale.recorded(step).choice !== "kept") {
+      starPath(ctx, ...this.#local(...old), 9);
+      paint(ctx, colours.paper, colours.old, 2);
+    }
+    starPath(ctx, ...chosen, 11);
+    paint(ctx, colours.chosen, colours.paper, 1.5);
+    if (!changed) return;
+    const other = verdict.choice === "kept" ? old : tale.candidate(step, verdict.best);
+    diamondPath(ctx, ...this.#local(...other), 11);
+    paint(ctx, null, colours.paper, 5);
+    paint(ctx, null, colours.other, 3);
+  }
+
+  /** How long a metre is, and where x and y point. */
+  #ruler() {
+    const { ctx, colours, camera } = this;
+    const metre = [10, 5, 2, 1, 0.5].find((length) => length * camera.scale <= 130) || 0.2;
+    const [x, y] = [16, camera.height - 18];
+    line(ctx, [x, y], [x + metre * camera.scale, y], colours.ink, 2);
+    label(ctx, `${metre} m`, x, y - 12, colours.ink, colours.paper);
+    const [ox, oy] = [camera.width - 46, camera.height - 46];
+    for (const [name, yaw] of [["x", 0], ["y", Math.PI / 2]]) {
+      const towards = camera.direction(yaw);
+      const [dx, dy] = [Math.cos(towards), Math.sin(towards)];
+      line(ctx, [ox, oy], [ox + 20 * dx, oy + 20 * dy], colours.muted, 1.5);
+      ctx.textAlign = "center";
+      label(ctx, name, ox + 29 * dx, oy + 29 * dy, colours.muted, colours.paper);
+      ctx.textAlign = "left";
+    }
+  }
+}
+
+/** How far off candidates lie at most, or what is about the robot without them [m]. */
+function reachOf(tale) {
+  if (!tale.explained) return 4;
+  const [xs, ys] = [tale.arrays["candidates.x"], tale.arrays["candidates.y"]];
+  let far = 1000;
+  for (let i = 0; i < xs.length; i++) far = Math.max(far, Math.hypot(xs[i], ys[i]));
+  return far / 1000;
+}

@@ -1,0 +1,135 @@
+// Scores and clearance over the steps, with marks where the robot switched and where it would decide otherwise.
+
+const MARK_PX = 7;
+const STRIDES = [1, 2, 5].flatMap((digit) => [1, 10, 100, 1000].map((ten) => digit * ten)).sort((a, b) => a - b);
+
+class Timeline {
+  /**
+   * @param {HTMLElement} holder
+   * @param {Tale} tale
+   * @param {function(number): void} go - called with the step that was pointed at
+   */
+  constructor(holder, tale, go) {
+    Object.assign(this, { holder, tale, go, changed: [] });
+    this.steps = Float64Array.from({ length: tale.last + 1 }, (_, i) => i);
+    this.data = [this.steps, ...(tale.explained ? [this.#nothing(), this.#nothing()] : []), tale.arrays.clearance];
+    this.cursor = document.createElement("div");
+    this.cursor.className = "now";
+    this.step = 0;
+    this.recolour();
+  }
+
+  /** Scores of the best candidate and of the old subgoal, by step, and where another subgoal would be chosen. */
+  judge(verdicts, changed) {
+    this.changed = changed;
+    verdicts.forEach(({ bestScore, oldScore }, step) => {
+      this.data[1][step] = bestScore;
+      this.data[2][step] = Number.isNaN(oldScore) ? null : oldScore;
+    });
+    this.plot.setData(this.data);
+  }
+
+  /** Move the line that says where we are. */
+  move(step) {
+    this.step = step;
+    this.cursor.style.transform = `translateX(${this.plot.valToPos(step, "x")}px)`;
+  }
+
+  /** Fill its place on the page. */
+  resize() {
+    this.plot.setSize(this.#size());
+    this.move(this.step);
+  }
+
+  /** Draw anew in the theme's colours. */
+  recolour() {
+    this.colours = themeColours();
+    if (this.plot) this.plot.destroy();
+    this.plot = new uPlot(this.#options(), this.data, this.holder);
+    this.plot.over.append(this.cursor);
+    this.#listen(this.plot.over);
+    this.move(this.step);
+  }
+
+  #nothing() {
+    return new Array(this.tale.last + 1).fill(null);
+  }
+
+  #size() {
+    return { width: this.holder.clientWidth, height: this.holder.clientHeight };
+  }
+
+  #options() {
+    const { colours } = this;
+    const scores = [
+      { scale: "S", stroke: colours.chosen, width: 1.5, points: { show: false } },
+      { scale: "S", stroke: colours.old, width: 1.5, dash: [5, 3], points: { show: false } },
+    ];
+    const clearance = { scale: "m", stroke: colours.muted, width: 1.25, dash: [2, 3], points: { show: false } };
+    const axis = {
+      stroke: colours.ink, font: "11px system-ui, sans-serif", labelFont: "11px system-ui, sans-serif",
+      grid: { stroke: colours.line, width: 0.5 }, ticks: { stroke: colours.line, width: 0.5, size: 4 },
+    };
+    const { explained } = this.tale;
+    return {
+      ...this.#size(),
+      padding: [10, explained ? null : 12, 0, 0],
+      legend: { show: false },
+      cursor: { y: false, points: { show: false }, drag: { x: false, y: false } },
+      scales: { x: { time: false, range: [0, Math.max(this.tale.last, 1)] }, m: { range: (_, __, top) => [0, 1.08 * top] } },
+      series: [{}, ...(explained ? scores : []), clearance],
+      axes: [
+        { ...axis, size: 22, gap: 2, incrs: STRIDES },
+        ...(explained ? [{ ...axis, scale: "S", size: 48, gap: 3 }] : []),
+        { ...axis, scale: "m", side: explained ? 1 : 3, size: 40, gap: 3, grid: { show: !explained },
+          values: (_, ticks) => ticks.map((metre) => `${metre} m`) },
+      ],
+      hooks: { draw: [(plot) => this.#marks(plot)] },
+    };
+  }
+
+  /** Triangles: below, where the subgoal was switched; above, where it would be another one. */
+  #marks(plot) {
+    const { ctx, bbox } = plot;
+    const size = MARK_PX * (window.devicePixelRatio || 1);
+    const triangle = (step, y, towards) => {
+      const x = plot.valToPos(step, "x", true);
+      ctx.moveTo(x, y + towards * size);
+      ctx.lineTo(x - size / 2.5, y);
+      ctx.lineTo(x + size / 2.5, y);
+    };
+    const draw = (steps, colour, y, towards) => {
+      ctx.beginPath();
+      for (const step of steps) triangle(step, y, towards);
+      ctx.fillStyle = colour;
+      ctx.fill();
+    };
+    ctx.save();
+    draw(whereTrue(this.tale.arrays.switched), this.colours.ink, bbox.top + bbox.height, -1);
+    draw(whereTrue(this.changed), this.colours.other, bbox.top, 1);
+    ctx.restore();
+  }
+
+  #listen(over) {
+    const pick = (event) => {
+      const step = this.plot.posToVal(event.clientX - over.getBoundingClientRect().left, "x");
+      this.go(Math.round(step));
+    };
+    over.addEventListener("pointerdown", (event) => {
+      over.setPointerCapture(event.pointerId);
+      pick(event);
+    });
+    over.addEventListener("pointermove", (event) => {
+      if (over.hasPointerCapture(event.pointerId)) pick(event);
+    });
+  }
+}
+
+/** Indices of what is true. */
+function whereTrue(flags) {
+  const found = [];
+  flags.forEach((flag, index) => {
+    if (flag) found.push(index);
+  });
+  return found;
+}
