@@ -5,9 +5,8 @@ from __future__ import annotations
 import itertools
 import math
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import yaml
 from hydra.core.override_parser.types import Override
@@ -18,11 +17,12 @@ from omegaconf.errors import OmegaConfBaseException
 from lme.errors import InputError
 from lme.resources import resource_dir
 from runners.composer import Composer, without_hydra
-from runners.mistakes import expected, full_key, nearest, one_line, translated
+from runners.flatten import dotted_keys
+from runners.mistakes import expected, full_key, keys_beside, nearest, one_line, translated, unknown_key
 
 MAX_JOBS_CHECKED = 64  # of a sweep; of larger ones every value is checked once
 CUSTOM = "custom"  # the option of a group that takes a class of the user's own
-OPEN_MAPPINGS = ("ablation", "guide.criteria", "space", "held_out")  # may be given new keys
+OPEN_MAPPINGS = ("ablation", "scale", "guide.criteria", "space", "held_out")  # may be given new keys
 
 Validate = Callable[[DictConfig], None]
 
@@ -89,7 +89,7 @@ def _normalised(override: Override, composer: Composer, open_mappings: Sequence[
     if override.is_hydra_override() or key.startswith("hydra/"):
         return text
     is_open = any(key.startswith(f"{name}.") for name in open_mappings) or (
-        key in open_mappings and isinstance(override.value(), dict)
+        key in open_mappings and all(isinstance(value, dict) for value in _values(override))
     )
     if override.is_delete():
         if is_open:
@@ -127,7 +127,7 @@ def _check_options(override: Override, composer: Composer) -> None:
 
 def _values(override: Override) -> Iterator[object]:
     if override.is_discrete_sweep():
-        yield from (str(value).strip("'\"") if not isinstance(value, list) else value
+        yield from (value if isinstance(value, list | dict) else str(value).strip("'\"")
                     for value in override.sweep_iterator())  # fmt: skip
     elif not override.is_sweep_override():
         yield override.value()
@@ -189,11 +189,15 @@ def _choices(parsed: Sequence[Override]) -> list[list[str]]:
 
 def _composed(composer: Composer, job: Sequence[str]) -> DictConfig:
     try:
-        return composer.compose(job)
+        config = composer.compose(job)
     except yaml.MarkedYAMLError as error:
         raise _broken_yaml(error) from error
     except (HydraException, OmegaConfBaseException, ValueError) as error:
         raise _diagnosed(error, composer, job) from error
+    known = keys_beside(OmegaConf.get_type(config), "")
+    for key in sorted({str(key) for key in config} - {*known, "hydra"} if known else ()):
+        raise unknown_key(key, known)  # the ++ of an open mapping makes keys that other commands have
+    return config
 
 
 def _broken_yaml(error: yaml.MarkedYAMLError) -> InputError:
@@ -241,7 +245,7 @@ def _mistaken(override: Override, config: DictConfig, composer: Composer) -> Inp
     key = override.key_or_group
     if override.is_delete():
         return None
-    known = _dotted_keys(OmegaConf.to_container(config, resolve=False))
+    known = dotted_keys(OmegaConf.to_container(config, resolve=False))
     if key not in known and not override.is_force_add():
         return _unknown(key, known, config, composer)
     try:
@@ -269,15 +273,6 @@ def _unknown(key: str, known: set[str], config: DictConfig, composer: Composer) 
         names = sorted({*names, *composer.slots})
     hint = nearest(key, {name for name in known if not name.startswith("hydra")} | set(composer.slots))
     return InputError(f"{key}: no such key; {hint}{parent or composer.config_name} holds: {', '.join(names)}")
-
-
-def _dotted_keys(node: Mapping[str, Any], prefix: str = "") -> set[str]:
-    keys = set()
-    for name, child in node.items():
-        keys.add(f"{prefix}{name}")
-        if isinstance(child, dict):
-            keys |= _dotted_keys(child, f"{prefix}{name}.")
-    return keys
 
 
 def _in_file(error: Exception, name: str, composer: Composer) -> InputError:

@@ -23,14 +23,18 @@ from runners.targets import configured
 def validate(config: DictConfig) -> None:
     """Build what is cheap to build, so that mistakes show before anything runs. Raises InputError."""
     plain = build.plain(config)
-    _kind(plain)
+    kind = _kind(plain)
     _worlds(plain)
     unknown = [each for each in plain["formats"] if each not in FORMATS]
     if unknown or not plain["formats"]:
         raise InputError(f"formats is {plain['formats']}: must be some of {', '.join(FORMATS)}")
     if plain["run"] is not None:
         find_runs([Path(plain["run"])])
-        return
+    elif kind.drives:
+        _validate_drive(config, plain)
+
+
+def _validate_drive(config: DictConfig, plain: dict[str, Any]) -> None:
     systems.check_implemented(config.system or {})
     require("runs", plain["runs"], at_least=1)
     require("seed", plain["seed"], at_least=0)

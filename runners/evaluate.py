@@ -13,12 +13,12 @@ from hydra.types import RunMode
 from omegaconf import DictConfig
 
 from lme.worlds.world import MapSet
-from runners import build, recorder, rundirs, systems
+from runners import build, explaining, recorder, rundirs, systems
 from runners.checks import CUSTOM
 from runners.episodes import Item, initialise
 from runners.progress import EpisodeProgress
 from runners.records import EPISODES, RecordWriter, read_episodes, read_trajectories
-from runners.schema import Record
+from runners.schema import Explain, Record
 from runners.targets import build as build_target
 
 if TYPE_CHECKING:
@@ -41,15 +41,20 @@ def evaluate(config: DictConfig, run_dir: Path) -> pd.DataFrame:
         print(f"\nStopped. Go on with: lme eval resume={run_dir}", file=sys.stderr)
         raise
     frame, artifacts = report(maps, run_dir)
-    artifacts += _film(plain, maps, run_dir)
+    artifacts += [*_film(plain, maps, run_dir), *explaining.folder(run_dir)]
     print_table(frame)
     print(f"Records, tables and pictures: {run_dir}")
+    for place in explaining.folder(run_dir):
+        print(f"Why the robot went there: {place / explaining.INDEX}")
     tracking.finish(metrics(frame), artifacts)
     return frame
 
 
 def drive(plain: dict[str, Any], names: dict[str, Any], maps: MapSet, run_dir: Path) -> None:
-    """Run what is missing of map set × runs into the records of `run_dir`. names: columns of every record."""
+    """Run what is missing of map set × runs into the records of `run_dir`, and explain what is to be explained.
+
+    names: columns of every record.
+    """
     items = list(product(maps.numbers, range(plain["runs"])))
     executor = build_target(plain["executor"], "executor")
     payload = {"config": plain, "names": names, "recordings": _recordings(plain, run_dir)}
@@ -61,6 +66,7 @@ def drive(plain: dict[str, Any], names: dict[str, Any], maps: MapSet, run_dir: P
             writer.append(record, trajectory)
             progress.add(record["outcome"])
         writer.merge()
+    explaining.as_asked(Explain(plain["explain"]), run_dir, executor)
 
 
 def _film(plain: dict[str, Any], maps: MapSet, run_dir: Path) -> list[Path]:
@@ -91,13 +97,12 @@ def record_names(plain: dict[str, Any]) -> dict[str, Any]:
     """The columns that say what was run."""
     choices = HydraConfig.get().runtime.choices
     guide, planner = (_chosen(group, plain) for group in ("guide", "planner"))
-    ablation = choices["ablation"]
     return {
         "system": systems.label(guide, planner),
         "guide": guide,
         "planner": planner,
         "global_map": str(plain["guide"].get("global_map", "")),
-        "ablation": ablation if isinstance(ablation, str) else "+".join(ablation),
+        "ablation": _ablation(plain),
         "robot": plain["robot"]["name"],
         "map": str(choices["map"]),
         "subset": "custom" if plain["map"].get("worlds") else str(plain["map"].get("subset", "")),
@@ -109,6 +114,19 @@ def _chosen(group: str, plain: dict[str, Any]) -> str:
     """The option of a group; of a user's own class, its name."""
     option = str(HydraConfig.get().runtime.choices[group])
     return str(plain[group]["_target_"]).rpartition(".")[2] if option == CUSTOM else option
+
+
+def _ablation(plain: dict[str, Any]) -> str:
+    """The option; of several at once their names with + between them.
+
+    Hydra notes no choice of several, so they are read from the command line; where they stand in a file, the
+    parameters are named that they set.
+    """
+    hydra = HydraConfig.get()
+    option = hydra.runtime.choices.get("ablation")
+    given = [text.partition("=")[2] for text in hydra.overrides.task if text.startswith("ablation=[")]
+    several = given[-1].strip("[]").split(",") if given else plain["ablation"]
+    return "+".join(name.strip() for name in several) if option is None else str(option)
 
 
 def sweep_directory() -> Path | None:

@@ -13,3 +13,13 @@ def flatten(config: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, 
             yield from flatten(value, f"{prefix}{key}.")
         else:
             yield f"{prefix}{key}", value
+
+
+def dotted_keys(config: Mapping[str, Any], prefix: str = "") -> set[str]:
+    """ "a" and "a.b" for every mapping and every leaf of a nested mapping."""
+    keys = set()
+    for name, child in config.items():
+        keys.add(f"{prefix}{name}")
+        if isinstance(child, dict):
+            keys |= dotted_keys(child, f"{prefix}{name}.")
+    return keys

@@ -42,8 +42,9 @@ def place_of(group: pd.DataFrame) -> Place | None:
 
     Only the whole policy compares, whoever trained it, and on BARN only the hundred hard worlds.
     """
-    first = {key: str(group[key].iloc[0]) for key in ("ablation", "map", "subset", "robot") if key in group}
-    whole = first.get("ablation", "none") == "none"
+    known = [key for key in ("ablation", "scale", "map", "subset", "robot") if key in group]
+    first = {key: str(group[key].iloc[0]) for key in known}
+    whole = first.get("ablation", "none") == "none" and not first.get("scale")
     same_worlds = first.get("map") != "barn" or first.get("subset") == "hard100"
     return Place(first.get("map", ""), first.get("robot", "")) if whole and same_worlds else None
 

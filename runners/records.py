@@ -274,9 +274,11 @@ def _write_error(path: Path, error: OSError, kept: int) -> RecordsWriteError:
 def _differing_keys(run_dirs: Sequence[Path]) -> list[dict[str, str]]:
     """For each run, the config keys that are not the same in all of them, and what they are there.
 
-    Keys that are recorded as columns anyway (`map.subset` as `subset`) are left out.
+    Keys that are recorded as columns anyway (`map.subset` as `subset`) are left out. Factors on parameters are
+    one column, `scale`, even where all runs have the same: whoever reads must not take them for the parameters'.
     """
     from runners.rundirs import read_launch
+    from runners.weights import in_words
 
     launches = [read_launch(run_dir) for run_dir in run_dirs]
     configs = [dict(flatten(launch.configs[0])) if launch else {} for launch in launches]
@@ -285,6 +287,11 @@ def _differing_keys(run_dirs: Sequence[Path]) -> list[dict[str, str]]:
         key
         for key in keys
         if key.rpartition(".")[2] not in COLUMNS
+        and not key.startswith("scale.")
         and any(config.get(key) != configs[0].get(key) for config in configs)
     ]
-    return [{key: str(config.get(key, "")) for key in differing} for config in configs]
+    scales = [in_words(launch.configs[0].get("scale", {})) if launch else "" for launch in launches]
+    return [
+        {**({"scale": scale} if any(scales) else {}), **{key: str(config.get(key, "")) for key in differing}}
+        for scale, config in zip(scales, configs, strict=True)
+    ]

@@ -27,7 +27,7 @@ from runners.flatten import flatten
 from runners.mistakes import translated
 
 LAUNCH = "launch.json"
-NO_RESULTS = ("resume", "executor", "tracking", "system", "record")  # keys that cannot change a result
+NO_RESULTS = ("resume", "executor", "tracking", "system", "record", "explain")  # they cannot change a result
 ROOT = Path("outputs")
 _RESULTS = ("episodes.parquet", "study.journal")
 _SHOWN = 3  # differing keys that a message names

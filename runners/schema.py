@@ -19,6 +19,14 @@ class Record(StrEnum):
     mcap = auto()
 
 
+class Explain(StrEnum):
+    """Which episodes get an explainer page."""
+
+    none = auto()
+    failures = auto()
+    all = auto()
+
+
 @dataclass(slots=True)
 class DriveConfig:
     """What drives a map set. Groups that hold a `_target_` are checked against that class's Config."""
@@ -38,6 +46,7 @@ class DriveConfig:
     system: dict[str, Any] = field(default_factory=dict)
     table: list[str] = field(default_factory=list)
     record: Record = Record.none
+    explain: Explain = Explain.none
 
 
 @dataclass(slots=True)

@@ -39,11 +39,12 @@ METRICS = (
     Metric("path_length_m", "Path [m]", 1, of_successes=True),
     Metric("spl", "SPL", 3),
 )
-GROUP_KEYS = ("ablation", "weights", "robot", "map", "subset", "seed")
+GROUP_KEYS = ("ablation", "weights", "scale", "robot", "map", "subset", "seed")
 TIMES, DASH = "\u00d7", "\u2013"  # typographic signs that are easily taken for letters
 INTERVAL_HEADER = "95 % CI"
 GLOBAL_PLANNER = {"": "no", "observed": "yes", "known": "yes, true map"}  # by the guide's global_map
-USUAL = frozenset({"none", "published"})  # an ablation or weights that need no mention
+NAMED = ("ablation", "weights", "scale")  # shown even where all rows have the same, unless it is usual
+USUAL = frozenset({"none", "published", ""})
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,9 +83,9 @@ def summarise(
     """
     systems = named_systems() if systems is None else systems
     names = {system["label"]: name for name, system in systems.items()}
-    keys = _row_keys(frame)
+    keys = row_keys(frame)
     grouping = ["system", *keys]
-    texts = frame.assign(**{key: _as_text(frame[key]) for key in grouping})
+    texts = frame.assign(**{key: as_text(frame[key]) for key in grouping})
     ours: dict[str, list[tuple[Row, published.Place | None]]] = {name: [] for name in order}
     for values, group in texts.groupby(grouping, sort=False):
         row = _measure(group, dict(zip(grouping, values, strict=True)))
@@ -138,6 +139,24 @@ def notes(rows: Sequence[Row]) -> list[str]:
     return lines
 
 
+def row_keys(frame: pd.DataFrame) -> list[str]:
+    """Columns, beside `system`, that tell rows apart; none that follows from those before it."""
+    swept = [column for column in frame.columns if _is_swept(frame, column)]
+    keys: list[str] = []
+    for key in [*(key for key in GROUP_KEYS if key in frame), *swept]:
+        unusual = key in NAMED and not set(as_text(frame[key])) <= USUAL
+        if unusual or _distinct(frame, [*keys, key]) > _distinct(frame, keys):
+            keys.append(key)
+    if "run_dir" in frame and frame.duplicated(["system", *keys, "world", "run"]).any():
+        keys.append("run_dir")  # two runs of one config, or of configs that differ in what nobody recorded
+    return keys
+
+
+def as_text(column: pd.Series) -> pd.Series:
+    """Values of a column as a table shows them; empty where there are none."""
+    return column.astype(object).where(column.notna(), "").astype(str)
+
+
 def _with_published(
     name: str,
     ours: Sequence[tuple[Row, published.Place | None]],
@@ -174,19 +193,6 @@ def _global_planner(group: pd.DataFrame) -> str:
     return GLOBAL_PLANNER.get(str(group["global_map"].iloc[0]), "no") if "global_map" in group else "no"
 
 
-def _row_keys(frame: pd.DataFrame) -> list[str]:
-    """Columns, beside `system`, that tell rows apart; none that follows from those before it."""
-    swept = [column for column in frame.columns if _is_swept(frame, column)]
-    keys: list[str] = []
-    for key in [*(key for key in GROUP_KEYS if key in frame), *swept]:
-        unusual = key in ("ablation", "weights") and not set(_as_text(frame[key])) <= USUAL
-        if unusual or _distinct(frame, [*keys, key]) > _distinct(frame, keys):
-            keys.append(key)
-    if "run_dir" in frame and frame.duplicated(["system", *keys, "world", "run"]).any():
-        keys.append("run_dir")  # two runs of one config, or of configs that differ in what nobody recorded
-    return keys
-
-
 def _is_swept(frame: pd.DataFrame, column: str) -> bool:
     """A config key: no column of the records, and one value per run directory."""
     if column in COLUMNS or column == "run_dir" or column.startswith("world_") or "run_dir" not in frame:
@@ -196,10 +202,6 @@ def _is_swept(frame: pd.DataFrame, column: str) -> bool:
 
 def _distinct(frame: pd.DataFrame, columns: list[str]) -> int:
     return len(frame[["system", *columns]].drop_duplicates())
-
-
-def _as_text(column: pd.Series) -> pd.Series:
-    return column.astype(object).where(column.notna(), "").astype(str)
 
 
 def _measure(group: pd.DataFrame, values: dict[str, str]) -> Row:

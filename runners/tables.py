@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import html
 import io
 import math
 import textwrap
@@ -51,6 +52,15 @@ def to_csv(rows: Sequence[Row]) -> str:
         counts = (row.global_planner, row.episodes, row.worlds, row.runs)
         writer.writerow([row.label, *row.keys.values(), *counts, *(value.get(name) for name in names)])
     return text.getvalue()
+
+
+def to_html(rows: Sequence[Row]) -> str:
+    """The table and its notes as elements of a page."""
+    header, *lines = ([html.escape(cell) for cell in line] for line in _cells(rows, " ± "))
+    head = "".join(f"<th>{cell}</th>" for cell in header)
+    body = "\n".join("<tr>" + "".join(f"<td>{cell}</td>" for cell in line) + "</tr>" for line in lines)
+    below = "<br>\n".join(map(html.escape, notes(rows)))
+    return f"<table>\n<tr>{head}</tr>\n{body}\n</table>\n<p>{below}</p>"
 
 
 def to_latex(rows: Sequence[Row]) -> str:
@@ -103,10 +113,15 @@ def print_table(frame: pd.DataFrame, order: Sequence[str] = ()) -> None:
 
 
 def write_tables(frame: pd.DataFrame, run_dir: Path, order: Sequence[str] = ()) -> list[Path]:
-    """Write `table.md`, `table.csv` and `table.tex` for `frame` into `run_dir`; their paths."""
+    """Write `table.md`, `table.csv` and `table.tex` for `frame` into `run_dir`; their paths.
+
+    Where episodes have explainer pages, `table.md` links those that failed.
+    """
+    from runners.explain_index import failed_section
+
     rows = summarise(frame, order)
     texts = {
-        "table.md": f"**{title(frame)}**\n\n{to_markdown(rows)}",
+        "table.md": f"**{title(frame)}**\n\n{to_markdown(rows)}{failed_section(frame, run_dir)}",
         "table.csv": to_csv(rows),
         "table.tex": to_latex(rows),
     }

@@ -6,6 +6,7 @@ drive. Tracking never stops a run: what cannot be booked is warned of in one lin
 
 from __future__ import annotations
 
+import json
 import math
 import platform
 import subprocess
@@ -20,6 +21,7 @@ from lme.errors import InputError
 from runners.mlflow_store import (
     DEFAULT_URI,
     KEY_LENGTH,
+    RUN_ID_FILE,
     check_uri,
     experiment_id,
     log_params,
@@ -27,6 +29,7 @@ from runners.mlflow_store import (
     open_client,
     run_of,
     set_defaults,
+    sqlite_path,
 )
 from runners.versions import versions
 
@@ -51,7 +54,12 @@ class Tracking(Protocol):
     def finish(
         self, metrics: Mapping[str, float], artifacts: Sequence[Path], series: Series | None = None
     ) -> None:
-        """Book results and close the run. series: by name, one value per step from 0 on."""
+        """Book results and close the run. artifacts: files, and folders with all that is in them. series: by name,
+        one value per step from 0 on.
+        """
+
+    def add(self, run_dir: Path, artifacts: Sequence[Path], folder: str) -> None:
+        """Book files below `folder` of the run that `run_dir` was booked as, and change nothing else of it."""
 
 
 @dataclass(slots=True)
@@ -79,6 +87,9 @@ class NoTracking:
     def finish(
         self, metrics: Mapping[str, float], artifacts: Sequence[Path], series: Series | None = None
     ) -> None:
+        """Nothing."""
+
+    def add(self, run_dir: Path, artifacts: Sequence[Path], folder: str) -> None:
         """Nothing."""
 
 
@@ -136,11 +147,30 @@ class MlflowTracking:
                 raise self._error
             self._log_results(metrics, artifacts, series or {})
         except Exception as error:
-            reason = (str(error).splitlines() or [type(error).__name__])[0]
-            warnings.warn(
-                f"not booked in MLflow at {self._config.uri}; the results are on disk ({reason[:300]})",
-                stacklevel=2,
-            )
+            self._warn(error)
+
+    def add(self, run_dir: Path, artifacts: Sequence[Path], folder: str) -> None:
+        set_defaults()
+        store = sqlite_path(self._config.uri)
+        try:
+            note = run_dir / RUN_ID_FILE
+            if not note.is_file():  # it was never booked
+                return
+            run_id = str(json.loads(note.read_text())["run"])
+            if store is not None and not store.is_file():
+                raise FileNotFoundError(f"there is none in {Path.cwd()}, where its path begins")
+            client = open_client(self._config.uri)
+            for path in artifacts:
+                client.log_artifact(run_id, str(path), folder)
+        except Exception as error:
+            self._warn(error)
+
+    def _warn(self, error: Exception) -> None:
+        reason = (str(error).splitlines() or [type(error).__name__])[0]
+        warnings.warn(
+            f"not booked in MLflow at {self._config.uri}; the results are on disk ({reason[:300]})",
+            stacklevel=3,
+        )
 
     def _open(
         self,

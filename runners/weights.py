@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import math
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
@@ -10,19 +11,40 @@ from lme.errors import InputError
 from lme.policy.score import CRITERIA
 from lme.policy.weights import read_parameters
 from lme.resources import resource_dir
+from runners.mistakes import unknown_key
 
 WEIGHTS = "weights.yaml"  # in the directory of a training run
 REGISTERED = Path("outputs") / "weights"
+TIMES = "\u00d7"  # a typographic sign that is easily taken for a letter
 
 
-def parameters(weights: str, ablation: Mapping[str, float], criteria: Iterable[str] = ()) -> dict[str, float]:
-    """The parameters of a weight set, with those of the ablation in their place.
+def parameters(
+    weights: str,
+    ablation: Mapping[str, float],
+    criteria: Iterable[str] = (),
+    scale: Mapping[str, float] | None = None,
+) -> dict[str, float]:
+    """The parameters of a weight set, multiplied by `scale`, with those of the ablation in their place.
 
     weights: a name in `conf/weight_set/` or `outputs/weights/`, the directory of a training run, or the path of
-    a YAML with a mapping `parameters`. criteria: names of criteria beside the paper's six.
-    Raises InputError naming the file where it is missing or malformed.
+    a YAML with a mapping `parameters`. criteria: names of criteria beside the paper's six. scale: factors by
+    name; an ablation comes after them and has the last word.
+    Raises InputError naming the file where it is missing or malformed, and for a scale of no parameter or a
+    factor that is negative or not finite.
     """
-    return {**read_parameters(find(weights), (*CRITERIA, *criteria)), **ablation}
+    learned = read_parameters(find(weights), (*CRITERIA, *criteria))
+    return {**learned, **_scaled(learned, scale or {}), **ablation}
+
+
+def in_words(scale: Mapping[str, float]) -> str:
+    """A scale as a table shows it: "a_close × 0.5", several with commas between; empty where there is none."""
+    return ", ".join(f"{name} {TIMES} {float(factor):.12g}" for name, factor in scale.items())
+
+
+def from_words(text: str) -> dict[str, float]:
+    """The scale that `in_words` put so."""
+    pairs = [part.split(f" {TIMES} ") for part in text.split(", ") if part]
+    return {name: float(factor) for name, factor in pairs}
 
 
 def find(weights: str) -> Path:
@@ -45,6 +67,16 @@ def find(weights: str) -> Path:
         f"weights is {weights!r}: {hint}must be one of {', '.join(known)}, the directory of a training run, "
         "or the path of a weight file"
     )
+
+
+def _scaled(learned: Mapping[str, float], scale: Mapping[str, float]) -> dict[str, float]:
+    """Those parameters that have a factor, times it."""
+    for name, factor in scale.items():
+        if name not in learned:
+            raise unknown_key(f"scale.{name}", learned)
+        if not (math.isfinite(factor) and factor >= 0):
+            raise InputError(f"scale.{name} is {factor:g}: must be a number, at least 0 and finite")
+    return {name: learned[name] * factor for name, factor in scale.items()}
 
 
 def _of_run(directory: Path) -> Path:

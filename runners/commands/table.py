@@ -25,7 +25,9 @@ def main(argv: list[str]) -> int:
     order = _order(runs)
     _print(frame, order, arguments.format)
     if len(arguments.runs) == 1:
-        _rewrite(frame, order, runs, arguments.runs[0])
+        words = _rewrite(frame, order, runs, arguments.runs[0])
+        for line in words if arguments.format == "rich" else []:
+            print(line)
     return 0
 
 
@@ -63,21 +65,23 @@ def _print(frame: pd.DataFrame, order: list[str], style: str) -> None:
         tables.print_table(frame, order)
 
 
-def _rewrite(frame: pd.DataFrame, order: list[str], runs: list[Path], place: Path) -> None:
-    """Tables and pictures of the run or sweep that was named. Raises InputError if it cannot."""
+def _rewrite(frame: pd.DataFrame, order: list[str], runs: list[Path], place: Path) -> list[str]:
+    """Tables and pictures of the run or sweep that was named; what they say. Raises InputError if it cannot."""
     from lme.errors import InputError
     from runners import sweeps
     from runners.tables import write_tables
 
+    words: list[str] = []
     try:
         if len(runs) > 1:
-            sweeps.report(frame, order, runs, place)
+            words = sweeps.report(frame, order, runs, place).words
         else:
             write_tables(frame, place)
         for run in runs:
             _draw(frame[frame["run_dir"] == str(run)], run)
     except OSError as error:
         raise InputError(f"cannot write to {place} ({error.strerror}): the table above is all") from None
+    return words
 
 
 def _draw(frame: pd.DataFrame, run: Path) -> None:

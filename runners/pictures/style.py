@@ -24,7 +24,7 @@ class Style(NamedTuple):
     """How the paths of one outcome look."""
 
     colour: str
-    line: str
+    line: str | tuple[float, tuple[float, ...]]  # by name, or offset and dashes
     marker: str  # at the end of the path
 
 
@@ -63,3 +63,10 @@ def save(figure: Figure, stem: Path, formats: Sequence[str] = ("png",)) -> list[
         for path, ending in zip(paths, formats, strict=True):
             figure.savefig(path, metadata=_NO_DATES[ending])
     return paths
+
+
+def symbol(name: str) -> str:
+    """A feature or parameter as the paper writes it: the index of "a_close" or "d1" low; other words as they are."""
+    letter, index = name[:1], name[1:].removeprefix("_")
+    is_symbol = letter in "acd" and index.isalnum() and (name[1:2] == "_" or index.isdigit())
+    return rf"${letter}_{{\mathrm{{{index}}}}}$" if is_symbol else name

@@ -8,7 +8,8 @@ from mlflow import MlflowClient
 
 from runners import cli, systems
 from runners.mlflow_store import RUN_ID_FILE
-from runners.pictures import side_by_side
+from runners.pictures.jobs import jobs_of
+from runners.pictures.places import places
 from runners.records import find_runs, read_episodes
 from tests.runners.test_tracking import booked
 
@@ -45,9 +46,9 @@ def test_the_chart_is_there_and_table_draws_it_anew(sweep, capsys):
 def test_the_paths_stand_side_by_side(sweep):
     assert (sweep[0] / "side_by_side.png").read_bytes().startswith(b"\x89PNG")
     frame = read_episodes([sweep[0] / "0", sweep[0] / "1"])
-    jobs = [side_by_side._job(frame, sweep[0] / number) for number in "01"]
+    jobs = jobs_of(frame, [sweep[0] / number for number in "01"])
     assert [job.label for job in jobs] == ["Simple", "LME"]
-    assert [place.name for place in side_by_side._places(jobs)] == ["barn 0", "barn 6"]
+    assert [place.name for place in places(jobs)] == ["barn, world 0", "barn, world 6"]
 
 
 def test_starts_in_the_same_world_share_a_panel(tmp_path, monkeypatch):
@@ -57,8 +58,8 @@ def test_starts_in_the_same_world_share_a_panel(tmp_path, monkeypatch):
     assert cli.main(["eval", *words, *quick]) == 0
     runs = find_runs([Path("out")])
     frame = read_episodes(runs)
-    places = side_by_side._places([side_by_side._job(frame, run) for run in runs])
-    assert [(place.name, place.numbers) for place in places] == [
+    found = places(jobs_of(frame, runs))
+    assert [(place.name, place.numbers) for place in found] == [
         ("traps: u", (0, 1)),
         ("traps: wall", (0, 1)),
     ]

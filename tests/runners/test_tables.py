@@ -189,6 +189,15 @@ def test_latex_escapes_what_latex_would_read():
     assert text.count("&") == 2 * (len(text.split(r"\toprule")[1].splitlines()[1].split("&")) - 1)
 
 
+def test_html_is_the_same_table_with_nothing_left_to_read_as_markup():
+    rows = summarise(records(weights="<b>&"), systems=SYSTEMS)
+    text = tables.to_html(rows)
+    assert "<td>0.850 ± 0.050</td>" in text
+    assert "<td>&lt;b&gt;&amp;</td>" in text
+    cells = [line.count("<td>") + line.count("<th>") for line in text.splitlines() if line.startswith("<tr>")]
+    assert cells == [len(tables._cells(rows, " ± ")[0])] * (1 + len(rows))
+
+
 @pytest.mark.parametrize("width", [80, 100, 160])
 @pytest.mark.parametrize("ablations", [["none"], ["none", "no_c_o"]])
 def test_terminals_of_any_usual_width_show_every_cell_whole(width, ablations):

@@ -82,6 +82,35 @@ def test_a_run_is_booked_with_everything(store, tmp_path, capfd, monkeypatch):
     assert capfd.readouterr() == ("", "")
 
 
+def test_a_folder_is_booked_as_a_folder_and_more_can_be_added_later(store, tmp_path):
+    pages = tmp_path / "explain"
+    pages.mkdir()
+    (pages / "200-0.html").write_text("one")
+    book(store, tmp_path, artifacts=[pages])
+    before = booked(store, tmp_path)
+    (pages / "201-0.html").write_text("two")
+    MlflowTracking(MlflowConfig(uri=store)).add(tmp_path, [pages / "201-0.html"], "explain")
+    from mlflow import MlflowClient
+
+    found = MlflowClient(tracking_uri=store).list_artifacts(before.info.run_id, "explain")
+    assert [file.path for file in found] == ["explain/200-0.html", "explain/201-0.html"]
+    assert booked(store, tmp_path).info.end_time == before.info.end_time
+
+
+def test_nothing_is_added_to_what_was_never_booked_or_lies_elsewhere(store, tmp_path):
+    page = tmp_path / "page.html"
+    page.write_text("one")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        MlflowTracking(MlflowConfig(uri=store)).add(tmp_path, [page], "explain")
+    (tmp_path / RUN_ID_FILE).write_text(json.dumps({"experiment": "1", "run": "0" * 32}))
+    with pytest.warns(UserWarning, match=r"not booked in MLflow at sqlite:///\S+/none\.db.*there is none"):
+        MlflowTracking(MlflowConfig(uri=f"sqlite:///{tmp_path}/none.db")).add(tmp_path, [page], "explain")
+    assert not (tmp_path / "none.db").exists()
+    with pytest.warns(UserWarning, match="not booked in MLflow"):
+        MlflowTracking(MlflowConfig(uri=store)).add(tmp_path, [page], "explain")  # no such run
+
+
 def test_a_resumed_run_is_the_same_run(store, tmp_path):
     book(store, tmp_path, metrics={"success": 0.1})
     first = booked(store, tmp_path)

@@ -6,7 +6,7 @@ from lme.errors import InputError
 from runners.commands import table
 from runners.records import RecordWriter
 from runners.rundirs import Launch
-from tests.runners.test_figures import run_of
+from tests.runners.pictures.test_trajectories import run_of
 
 
 def write_run(run_dir, subset="hard100", worlds=(200, 201), config=None):

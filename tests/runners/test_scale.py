@@ -1,0 +1,139 @@
+"""The key `scale`: on the command line, in the parameters, in records and tables, and in a sweep's pictures."""
+
+import math
+import shutil
+from pathlib import Path
+
+import pytest
+from omegaconf import OmegaConf
+
+from lme.errors import InputError
+from runners import cli, schema, sweeps
+from runners.composer import Composer
+from runners.records import find_runs, read_episodes
+from runners.summary import summarise
+from runners.weights import from_words, in_words, parameters
+from tests.builders import PUBLISHED
+
+WORDS = ["map.worlds=[0,6]", "runs=1", "executor=serial", "tracking=none"]
+
+
+def test_factors_multiply_and_the_rest_stays():
+    found = parameters("published", {}, (), {"c_t": 0.5, "d2": 3})
+    assert found == {**PUBLISHED, "c_t": 102.92, "d2": 600.0}
+
+
+def test_an_ablation_has_the_last_word():
+    found = parameters("published", {"d1": math.inf, "c_o": 0.0}, (), {"d1": 0, "c_o": 2, "c_h": 2})
+    assert found == {**PUBLISHED, "d1": math.inf, "c_o": 0.0, "c_h": 269.8}
+
+
+@pytest.mark.parametrize(
+    ("scale", "message"),
+    [
+        ({"a_mont": 2.0}, "scale.a_mont: no such key; did you mean a_mount?"),
+        ({"a_mount": -1.0}, "scale.a_mount is -1: must be a number, at least 0 and finite"),
+        ({"d1": math.inf}, "scale.d1 is inf: must be a number, at least 0 and finite"),
+        ({"d2": math.nan}, "scale.d2 is nan: must be a number, at least 0 and finite"),
+    ],
+)
+def test_mistakes(scale, message):
+    with pytest.raises(InputError) as error:
+        parameters("published", {}, (), scale)
+    assert message in str(error.value)
+
+
+def test_words_are_read_back():
+    assert in_words({"a_close": 0.5, "d1": 2}) == "a_close × 0.5, d1 × 2"
+    for scale in ({}, {"c_o": 0.0}, {"a_close": 1 / 3, "d2": 1e-7}):
+        assert from_words(in_words(scale)) == pytest.approx(scale)
+
+
+def test_the_guide_has_the_product_and_other_commands_do_without():
+    schema.register()
+    with Composer("eval") as composer:
+        config = composer.compose(["++scale={d2:2}"])
+        assert config.guide.parameters["d2"] == 400.0
+        assert OmegaConf.to_container(composer.compose([]).scale) == {}
+    with Composer("replay") as composer:
+        assert composer.compose([]).guide.parameters["d2"] == 200.0
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["eval", "scale={a_clse:0.5}"], "scale.a_clse: no such key; did you mean a_close?"),
+        (["eval", "scale.a_clse=0.5"], "scale.a_clse: no such key; did you mean a_close?"),
+        (["eval", "-m", "scale={},{d3:0.5}"], "scale.d3: no such key"),
+        (["eval", "scale.d1=abc"], "scale.d1 is abc: must be a number"),
+        (["eval", "scale={},{d1:2}"], "several values; add -m"),
+        (["train", "scale={d1:2}"], "scale: no such key"),
+        (["replay", "scale.d1=2"], "scale: no such key"),
+        (["eval", "held_out.mine=2"], "held_out: no such key"),
+    ],
+)
+def test_mistakes_on_the_command_line(words, message, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert cli.main(words) == 2
+    assert message in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.fixture(scope="module")
+def sweep(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("sweep")
+    words = ["-m", "scale={},{a_close:0.5}", "ablation=none,no_c_o", "hydra.sweep.dir=out"]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        assert cli.main(["eval", *words, *WORDS]) == 0
+    return folder / "out"
+
+
+def test_a_swept_scale_is_one_column(sweep):
+    rows = summarise(read_episodes(find_runs([sweep])), systems={})
+    assert {tuple(row.keys) for row in rows} == {("ablation", "scale")}
+    shown = ["", "a_close × 0.5"]
+    assert [(row.keys["ablation"], row.keys["scale"]) for row in rows] == [
+        (ablation, scale) for scale in shown for ablation in ("none", "no_c_o")
+    ]
+
+
+def test_one_run_with_factors_is_not_taken_for_one_without(sweep):
+    scaled = next(run for run in find_runs([sweep]) if "scale" in read_episodes([run]))
+    (row, *published) = summarise(read_episodes([scaled]))
+    assert row.keys["scale"] == "a_close × 0.5"
+    assert published == []
+
+
+def test_a_sweep_of_both_has_both_reports_and_table_writes_them_anew(sweep, tmp_path, capsys):
+    names = [f"{stem}.{end}" for stem in ("ablation", "sensitivity") for end in ("md", "csv", "png", "pdf")]
+    copy = tmp_path / "copy"
+    shutil.copytree(sweep, copy)
+    for name in names:
+        (copy / name).unlink()
+    capsys.readouterr()
+    assert cli.main(["table", str(copy)]) == 0
+    said = capsys.readouterr().out
+    for name in names:
+        assert (copy / name).read_bytes() == (sweep / name).read_bytes()
+    text = Path(sweep / "ablation.md").read_text(encoding="utf-8")
+    assert [text.count(f"**{heading} ·") for heading in ("LME", "LME, scale a_close × 0.5")] == [1, 1]
+    assert "a_close (1.51):" in said
+    assert "No c_o: the paper says" in said
+
+
+def test_a_sweep_without_them_has_neither(sweep, tmp_path):
+    frame = read_episodes(find_runs([sweep]))
+    one = frame[(frame["ablation"] == "none") & (frame["scale"] == "")]
+    assert sweeps._ablation(one, tmp_path) == sweeps._sensitivity(one, tmp_path) == ([], [])
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_several_ablations_at_once_are_driven_and_named(tmp_path, monkeypatch):
+    """As the comparison with the complete method shows them."""
+    monkeypatch.chdir(tmp_path)
+    words = ["-m", "ablation=none,[no_c_o, no_a_dev]", *WORDS, "hydra.sweep.dir=out"]
+    assert cli.main(["eval", *words]) == 0
+    frame = read_episodes(find_runs([Path("out")]))
+    assert list(frame["ablation"].unique()) == ["none", "no_c_o+no_a_dev"]
+    assert "| No c_o, a_dev | 0.000 |" in Path("out/ablation.md").read_text(encoding="utf-8")
