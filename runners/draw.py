@@ -55,12 +55,13 @@ def prepare(config: DictConfig, run_dir: Path) -> None:
         plain = _with_worlds(plain)
         evaluate.drive(plain, evaluate.record_names(plain), build.map_set(plain), run_dir)
     if evaluate.sweep_directory() is None:
-        draw(config, [Path(plain["run"])] if plain["run"] is not None else [run_dir], run_dir)
+        draw(config, [run_dir], run_dir)
 
 
-def draw(config: DictConfig, runs: Sequence[Path], folder: Path) -> list[Path]:
-    """Draw the runs and print where; the files."""
+def draw(config: DictConfig, driven: Sequence[Path], folder: Path) -> list[Path]:
+    """Draw the runs that the config names, or else those just driven, and print where; the files."""
     plain = build.plain(without_hydra(config))
+    runs = driven if plain["run"] is None else [Path(plain["run"])]
     kind = _kind(plain)
     jobs = read_jobs(runs) if kind.drives else []
     stem = folder / kind.name

@@ -66,7 +66,7 @@ def drive(plain: dict[str, Any], names: dict[str, Any], maps: MapSet, run_dir: P
             writer.append(record, trajectory)
             progress.add(record["outcome"])
         writer.merge()
-    explaining.as_asked(Explain(plain["explain"]), run_dir, executor)
+    explaining.as_asked(Explain(plain.get("explain", Explain.none)), run_dir, executor)
 
 
 def _film(plain: dict[str, Any], maps: MapSet, run_dir: Path) -> list[Path]:

@@ -20,6 +20,7 @@ _BESIDE_RUN = (
     "map.world",
     "formats",
     "figure",
+    "experiment",
     "resume",
     "hydra",
 )  # keys that say what to draw
