@@ -1,146 +1,158 @@
-"""An episode as a moving picture, driven anew: worlds with movers are not told by one still picture."""
+"""Episodes as a moving picture, side by side, at the same moment of simulated time each."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+import textwrap
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from lme.episode import run_episode
-from lme.geometry.frames import to_world
-from lme.perception import obstacle_points
-from lme.robots import Footprint, Robot
-from lme.sim.simulator import Simulator, State
-from lme.types import Floats, Guidance, Observation, Outcome, Pose, Twist
-from lme.worlds.world import Task
-from runners import build
-from runners.episodes import episode_rng
-from runners.pictures.scene import common_box, draw_task
-from runners.pictures.style import BLUE, INK, ORANGE, PURPLE, STYLES, new_figure
+from lme.types import Floats, Outcome
+from runners.pictures.film import Picture, write_film
+from runners.pictures.layout import Around, aspect_of, best_columns, lay_out, panel_width, wrapped
+from runners.pictures.scene import Box, common_box, draw_task, same_size
+from runners.pictures.stage import Stage, frames, index_at
+from runners.pictures.style import BLUE, END, INK, STYLES, new_figure
+from runners.retell import Tale, retell
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
 
-WIDTH_IN, DPI = 4.2, 100
+DPI = 100
+WIDTH_PX = 560
+TALL = 0.75  # height to width of a film, at most
 MOST_FRAMES = 150  # of a longer episode every second, third, … decision is shown
 LAST_S = 1.0  # the end stays so long
-PATH, SCAN, SUBGOAL, MOVER = BLUE, ORANGE, PURPLE, "#444444"
+LINE_IN, LETTER_IN, SIZE_PT = 0.16, 0.058, 8
+SAMPLE = 5  # frames that the colours of a GIF are chosen from
+KEY = "dots: laser scan · star: subgoal · line: the way so far"
+CANDIDATES_KEY = "small dots in colour: candidates, the brighter the higher their score S"
 
 
-class _Frame(NamedTuple):
-    """One decision. obstacles: circles (C, 3) and edges (E, 4) then; points: (M, 2) of the scan, in the world."""
+class Pace(NamedTuple):
+    """times: simulated time of each frame [s]. fps: of the film [1/s]."""
 
-    time: float
-    pose: Pose
-    subgoal: Floats
-    obstacles: tuple[Floats, Floats]
-    points: Floats
+    times: Floats
+    fps: float
 
-
-class _Film:
-    """Looks on and keeps what is to be drawn."""
-
-    def __init__(self, simulator: Simulator, robot: Robot) -> None:
-        self._simulator = simulator
-        self._mount = robot.lidar.mount
-        self.frames: list[_Frame] = []
-
-    def decided(self, observation: Observation, guidance: Guidance, command: Twist, state: State) -> None:
-        self._keep(observation, to_world(guidance.subgoal, state.pose), state)
-
-    def ended(self, observation: Observation, state: State) -> None:
-        self._keep(observation, np.full(2, math.nan), state)
-
-    def _keep(self, observation: Observation, subgoal: Floats, state: State) -> None:
-        points = to_world(obstacle_points(observation.scan, self._mount), state.pose)
-        self.frames.append(_Frame(state.time, state.pose, subgoal, self._simulator.obstacles, points))
+    @property
+    def held(self) -> Floats:
+        """The times, the last one as often as the end is shown."""
+        return np.append(self.times, np.full(math.ceil(LAST_S * self.fps), self.times[-1]))
 
 
 def animate(config: Mapping[str, Any], world: int, run: int, path: Path) -> Outcome:
     """Drive one episode of a plain config as `lme eval` does, and save it as GIF; how it ended."""
-    robot = build.robot(config)
-    task, simulator = build.map_set(config).task(world), build.simulator(config, robot)
-    film = _Film(simulator, robot)
-    rng = episode_rng(config["seed"], world, run)
-    episode = run_episode(task, build.navigator(config, robot), simulator, rng, film)
-    _write(task, robot, film.frames, episode.outcome, path)
-    return episode.outcome
+    tale = retell(config, world, run)
+    all_times = np.array([frame.time for frame in frames(tale)])
+    every = math.ceil(len(all_times) / MOST_FRAMES)
+    pace = Pace(np.append(all_times[:-1:every], all_times[-1]), tale.robot.control_rate / every)
+    screen = Screen([tale], [""], WIDTH_PX)
+    write_film(screen.pictures(pace.held), path, pace.fps, screen.sample(pace.times))
+    return tale.episode.outcome
 
 
-def _write(task: Task, robot: Robot, frames: Sequence[_Frame], outcome: Outcome, path: Path) -> None:
-    from matplotlib.animation import PillowWriter
+class Screen:
+    """Panels of one size, one for each episode, drawn for one moment after the other.
 
-    every = math.ceil(len(frames) / MOST_FRAMES)
-    shown = [*frames[:-1:every], frames[-1]]
-    positions = np.array([frame.pose[:2] for frame in frames])
-    box = common_box([task], positions)
-    height = WIDTH_IN * (box.y1 - box.y0) / (box.x1 - box.x0) + 0.3
-    figure = new_figure(WIDTH_IN, height, DPI)
-    axes = figure.add_subplot()
-    axes.set(xlim=(box.x0, box.x1), ylim=(box.y0, box.y1), aspect="equal", xticks=[], yticks=[])
-    draw_task(axes, task)
-    stage = _Stage(axes, robot, task)
-    rate = robot.control_rate / every
-    writer = PillowWriter(fps=rate)  # type: ignore[arg-type]  # it takes fractions: 5 Hz, every second shown
-    with writer.saving(figure, str(path), DPI):
-        for number, frame in enumerate(shown):
-            stage.show(frame, positions[: number * every + 1])
-            writer.grab_frame()
-        stage.end(outcome)
-        for _ in range(math.ceil(LAST_S * rate)):
-            writer.grab_frame()
+    What does not move is drawn once, and the rest on top of it for every picture.
+    """
+
+    def __init__(
+        self,
+        tales: Sequence[Tale],
+        labels: Sequence[str],
+        width_px: int,
+        *,
+        candidates: bool = False,
+        note: str = "",
+    ) -> None:
+        """labels: above the panels, empty for none. width_px: at most; of it, TALL high. note: before the key."""
+        boxes = same_size([_box(tale, tales) for tale in tales])
+        page = (width_px / DPI, TALL * width_px / DPI)
+        around = Around(title=LINE_IN * (1 + any(labels)) + 0.08, footer=2 * LINE_IN, header=0.04)
+        columns = best_columns(len(tales), aspect_of(boxes[0]), page, around)
+        width = panel_width(columns, len(tales), aspect_of(boxes[0]), page, around)
+        self._figure = new_figure(*page, DPI, layout=None)
+        rows = lay_out(self._figure, wrapped(boxes, columns), width, around)
+        all_axes = [axes for row in rows for axes in row]
+        self._panels = [
+            _Panel(axes, tale, label, candidates)
+            for axes, tale, label in zip(all_axes, tales, labels, strict=True)
+        ]
+        text = " · ".join(filter(None, [note, KEY, CANDIDATES_KEY if candidates else ""]))
+        lines = textwrap.fill(text, int(self._figure.get_figwidth() / LETTER_IN))
+        top = (around.footer + 0.06) / self._figure.get_figheight()
+        self._figure.text(0.5, top, lines, ha="center", va="top", fontsize=7, color=INK)
+        self._still: Any = None
+
+    def pictures(self, times: Sequence[float] | Floats) -> Iterator[Picture]:
+        """One picture for each of the times [s]."""
+        return (self.at(time) for time in times)
+
+    def sample(self, times: Floats) -> list[Picture]:
+        """Some of them, spread over the times."""
+        chosen = np.linspace(0, len(times) - 1, SAMPLE).round().astype(int)
+        return list(self.pictures(times[chosen]))
+
+    def at(self, time_s: float) -> Picture:
+        """(height, width, 3) what is to be seen then."""
+        canvas: Any = self._figure.canvas
+        if self._still is None:
+            canvas.draw()
+            self._still = canvas.copy_from_bbox(self._figure.bbox)
+        canvas.restore_region(self._still)
+        for panel in self._panels:
+            panel.show(time_s)
+        return np.array(canvas.buffer_rgba())[..., :3]
 
 
-class _Stage:
-    """What changes from frame to frame."""
+class _Panel:
+    """One episode."""
 
-    def __init__(self, axes: Axes, robot: Robot, task: Task) -> None:
-        from matplotlib.collections import LineCollection, PatchCollection
-
-        self._axes = axes
-        self._outline = _outline(robot.footprint)
-        self._still = len(task.world.circles), len(task.world.edges)
-        (self._trail,) = axes.plot([], [], color=PATH, linewidth=1.2, zorder=3)
-        (self._scan,) = axes.plot([], [], ".", color=SCAN, markersize=1.5, zorder=4)
-        (self._subgoal,) = axes.plot(
-            [], [], "D", color=SUBGOAL, markersize=5, markeredgecolor="white", zorder=5
+    def __init__(self, axes: Axes, tale: Tale, label: str, candidates: bool) -> None:
+        self._axes, self._tale = axes, tale
+        self._way = np.array([frame.pose[:2] for frame in frames(tale)])
+        draw_task(axes, tale.task)
+        text: dict[str, Any] = {
+            "fontsize": SIZE_PT,
+            "color": INK,
+            "ha": "center",
+            "textcoords": "offset points",
+        }
+        above: dict[str, Any] = {"xy": (0.5, 1.0), "xycoords": "axes fraction", "annotation_clip": False}
+        axes.annotate(label, xytext=(0, 3 + 72 * LINE_IN), weight="bold", **above, **text)
+        self._clock = axes.annotate("", xytext=(0, 4), **above, **text)
+        (self._trail,) = axes.plot([], [], color=BLUE, linewidth=1.2, zorder=3)
+        self._stage = Stage(axes, tale, candidates=candidates)
+        style = STYLES[tale.episode.outcome]
+        (self._end,) = axes.plot(
+            [], [], marker=style.marker, color=style.colour, linestyle="", zorder=8, **END
         )
-        (self._robot,) = axes.fill([], [], color=PATH, zorder=6)
-        self._discs = PatchCollection([], facecolor=MOVER, zorder=4)
-        self._sides = LineCollection([], colors=MOVER, linewidths=1.5, zorder=4)
-        axes.add_collection(self._discs)
-        axes.add_collection(self._sides)
+        self._moving: list[Artist] = [self._trail, *self._stage.artists, self._end, self._clock]
+        for artist in self._moving:
+            artist.set_animated(True)
 
-    def show(self, frame: _Frame, trail: Floats) -> None:
-        """The moment of a frame."""
-        from matplotlib.patches import Circle
-
-        circles, edges = frame.obstacles
-        discs = [Circle((x, y), radius) for x, y, radius in circles[self._still[0] :]]
-        self._discs.set_paths(discs)
-        self._sides.set_segments(list(edges[self._still[1] :].reshape(-1, 2, 2)))
-        self._trail.set_data(*trail.T)
-        self._scan.set_data(*frame.points.T)
-        self._subgoal.set_data(frame.subgoal[:1], frame.subgoal[1:])
-        self._robot.set_xy(to_world(self._outline, frame.pose))
-        self._axes.set_title(f"{frame.time:.1f} s", fontsize=9, color=INK)
-
-    def end(self, outcome: Outcome) -> None:
-        """How it ended."""
-        title = self._axes.get_title()
-        self._axes.set_title(f"{title}: {outcome}", fontsize=9, color=STYLES[str(outcome)].colour)
+    def show(self, time_s: float) -> None:
+        """The moment then, or the end where it is over."""
+        index = index_at(self._tale, time_s)
+        self._stage.show(index)
+        self._trail.set_data(*self._way[: index + 1].T)
+        outcome, over = self._tale.episode.outcome, index == len(self._tale.moments)
+        self._end.set_data(*(self._way[-1:].T if over else ([], [])))
+        clock = f"{frames(self._tale)[index].time:.1f} s"
+        self._clock.set_text(f"{outcome}, {clock}" if over else clock)
+        self._clock.set_color(STYLES[outcome].colour if over else INK)
+        for artist in self._moving:
+            self._axes.draw_artist(artist)
 
 
-def _outline(footprint: Footprint) -> Floats:
-    """(V, 2) [m] of the rounded box."""
-    half_length, half_width, rounding = footprint.box
-    corners = [(1, 1), (-1, 1), (-1, -1), (1, -1)]
-    parts = []
-    for quarter, (x, y) in enumerate(corners):
-        angles = np.linspace(quarter, quarter + 1, 7) * math.pi / 2
-        centre = np.array([x * half_length, y * half_width])
-        parts.append(centre + rounding * np.column_stack([np.cos(angles), np.sin(angles)]))
-    return np.vstack(parts)
+def _box(tale: Tale, tales: Sequence[Tale]) -> Box:
+    """What is shown of a world: the same for all who drove in it."""
+    here = [each for each in tales if (each.config["map"], each.world) == (tale.config["map"], tale.world)]
+    ways = [np.array([frame.pose[:2] for frame in frames(each)]) for each in here]
+    return common_box([tale.task], np.vstack(ways))

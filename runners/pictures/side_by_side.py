@@ -1,51 +1,100 @@
-"""Paths of several systems side by side: one column per job of a sweep's system, one row per place."""
+"""Paths of several systems: side by side, one row per place, or over one another, one panel per place."""
 
 from __future__ import annotations
 
-import json
-from collections.abc import Mapping, Sequence
+import math
+import re
+import textwrap
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from lme.worlds.world import MapSet, Task
-from runners import build, rundirs
-from runners.pictures.scene import common_box, draw_paths, draw_task, frame_panel, legend_keys
-from runners.pictures.style import INK, new_figure, save
-from runners.pictures.trajectories import LEGEND_IN, sample_worlds
-from runners.records import read_trajectories
+from lme.errors import InputError
+from lme.robots import require
+from runners.pictures.jobs import Job, jobs_of
+from runners.pictures.layout import Around, aspect_of, best_columns, lay_out, wrapped
+from runners.pictures.panels import (
+    SCALE,
+    SYSTEMS,
+    Look,
+    Panel,
+    check_moment,
+    draw_panel,
+    episodes_of,
+    foot_in,
+    least_in,
+    scale_drop_pt,
+    steps_of,
+)
+from runners.pictures.places import Place, places
+from runners.pictures.scene import Box, common_box, legend_keys, same_size, scale_bar
+from runners.pictures.stage import SUBGOAL, stage_keys
+from runners.pictures.style import INK, LEGEND_ORDER, STYLES, Style, new_figure, save
 
 if TYPE_CHECKING:
     import pandas as pd
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
 
 NAME = "side_by_side"
 ROWS, COLUMNS = 6, 6  # at most: more cannot be read on a page
-SAMPLED = 3  # worlds of a map set whose worlds differ
-PANEL_IN, TALL_IN = 2.3, 10.0  # width of a panel, height of all of them, at most
-FOOTER_IN, HEADER_IN, MARGIN_IN = 0.45, 0.35, 0.35
+PANEL_IN, TALL_IN = 2.3, 9.6  # width of a panel of a sweep's picture, height of all rows, at most
+ROW_IN = 0.35  # about what stands above and below the panels of a row
+WIDEST_IN = 3.5  # a panel alone on its page
+LINE_IN, LETTER_IN, LABEL_IN = 0.16, 0.07, 0.28  # a line of text, a letter, the name of a row
+LEAST_IN = 4.2  # the least width that holds the key
+PAGE_IN = (7.2, 5.0)  # what panels of one system, or of systems overlaid, make the best of
+ORDERS = {"faded": "subgoals, later ones stronger", "numbered": "subgoals, in order"}
+SUBGOALS = ("none", *ORDERS)
+LAYOUTS = ("side_by_side", "overlaid")
+KEYS: dict[str, Any] = {"frameon": False, "fontsize": 7.5, "labelcolor": INK}
+_SECONDS = re.compile(r"(\d+(?:\.\d*)?|\.\d+)\s*s")
 
 
-class _Job(NamedTuple):
-    """One run of the sweep. place: the map's config as text, which tells places apart."""
+@dataclass(slots=True)
+class TrajectoriesConfig:
+    """How the paths of several systems are shown."""
 
-    label: str
-    place: str
-    maps: MapSet
-    frame: pd.DataFrame
-    run_dir: Path
+    layout: str = "side_by_side"
+    moment: Any = None
+    subgoals: str = "none"
+    width: float = 7.2  # [in]
+
+    def __post_init__(self) -> None:
+        for key, values in (("layout", LAYOUTS), ("subgoals", SUBGOALS)):
+            if getattr(self, key) not in values:
+                raise InputError(f"figure.{key} is {getattr(self, key)!r}: must be {' or '.join(values)}")
+        require("figure.width", self.width, at_least=2.0)
+        moment(self.moment)
 
 
-class _Place(NamedTuple):
-    """One row of panels. numbers: the worlds drawn over one another, all with the obstacles of `task`."""
+class Trajectories:
+    """The kind `trajectories` of `lme figure`."""
 
-    name: str
-    key: str
-    task: Task
-    numbers: tuple[int, ...]
+    Config = TrajectoriesConfig
+    name = "trajectories"
+    drives = True
+
+    def __init__(self, config: TrajectoriesConfig) -> None:
+        self._config = config
+
+    def draw(
+        self, jobs: Sequence[Job], worlds: Sequence[int], stem: Path, formats: Sequence[str]
+    ) -> list[Path]:
+        """Draw the jobs and save the figure as `stem`.png, …; the paths.
+
+        worlds: one row or panel each; none: a sample. Raises InputError where the episodes do not fit on a page.
+        """
+        if not jobs:
+            raise InputError("run: no launch.json there tells of the config, so the worlds cannot be drawn")
+        overlaid = self._config.layout == "overlaid"
+        look = Look(moment(self._config.moment), self._config.subgoals, _styles(jobs) if overlaid else {})
+        rows = _rows(jobs, places(jobs, worlds), look, self._config.width)
+        check_moment([panel for row in rows for panel in row], look.moment)
+        return save(_drawn(rows, look, self._config.width), stem, formats)
 
 
 def side_by_side_figure(frame: pd.DataFrame, run_dirs: Sequence[Path], folder: Path) -> list[Path]:
@@ -53,115 +102,161 @@ def side_by_side_figure(frame: pd.DataFrame, run_dirs: Sequence[Path], folder: P
 
     Draws nothing where there is one system, or more systems than fit on a page.
     """
-    jobs = [job for run_dir in run_dirs if (job := _job(frame, run_dir)) is not None]
-    columns = list(dict.fromkeys(job.label for job in jobs))
-    if not 1 < len(columns) <= COLUMNS:
+    jobs = jobs_of(frame, run_dirs)
+    columns = len(_labels(jobs))
+    if not 1 < columns <= COLUMNS:
         return []
-    figure = _drawn(jobs, columns, _places(jobs)[:ROWS])
-    return save(figure, folder / NAME, ("png", "pdf"))
+    rows = _rows(jobs, places(jobs)[:ROWS], Look())
+    return save(_drawn(rows, Look(), PANEL_IN * columns), folder / NAME, ("png", "pdf"))
 
 
-def _job(frame: pd.DataFrame, run_dir: Path) -> _Job | None:
-    launch = rundirs.read_launch(run_dir)
-    records = frame[frame["run_dir"] == str(run_dir)]
-    if launch is None or records.empty:
-        return None
-    config: Mapping[str, Any] = launch.configs[0]
-    first = records.iloc[0]
-    ablation = "" if first.get("ablation", "none") == "none" else f", {first['ablation']}"
-    place = json.dumps([config["map"], config["robot"]["footprint"]], sort_keys=True)
-    return _Job(f"{first['system']}{ablation}", place, build.map_set(config), records, run_dir)
-
-
-def _places(jobs: Sequence[_Job]) -> list[_Place]:
-    """One for each map whose worlds are all alike; some worlds of one whose worlds differ."""
-    places = []
-    for key in dict.fromkeys(job.place for job in jobs):
-        here = [job for job in jobs if job.place == key]
-        name, maps = str(here[0].frame["map"].iloc[0]), here[0].maps
-        numbers = sorted({int(number) for job in here for number in job.frame["world"]})
-        tasks = [maps.task(number) for number in numbers[:2]]
-        if len(tasks) > 1 and _same_obstacles(*tasks):
-            places.append(_Place(_with_kind(name, key), key, tasks[0], tuple(numbers)))
-            continue
-        for number in sample_worlds(here[0].frame, SAMPLED):
-            places.append(_Place(f"{name} {number}", key, maps.task(number), (number,)))
-    return places
-
-
-def _with_kind(name: str, key: str) -> str:
-    """A map set that comes in kinds, by its kind."""
-    kind = json.loads(key)[0].get("kind")
-    return f"{name}: {kind}" if kind else name
-
-
-def _same_obstacles(one: Task, other: Task) -> bool:
-    return np.array_equal(one.world.circles, other.world.circles) and np.array_equal(
-        one.world.edges, other.world.edges
+def moment(value: Any) -> int | float | None:
+    """A step (int), seconds (float) or None, as a config says it. Raises InputError."""
+    seconds = _SECONDS.fullmatch(value) if isinstance(value, str) else None
+    if seconds is not None:
+        return float(seconds[1])
+    if value is None or (isinstance(value, int) and not isinstance(value, bool) and value >= 0):
+        return value
+    raise InputError(
+        f"figure.moment is {value!r}: must be null, the number of a step, or a time such as 12.5s"
     )
 
 
-def _drawn(jobs: Sequence[_Job], columns: Sequence[str], places: Sequence[_Place]) -> Figure:
-    paths = {job.run_dir: read_trajectories([job.run_dir]) for job in jobs}
-    boxes = [common_box([place.task], np.vstack(_points(jobs, paths, place))) for place in places]
-    aspects = [(box.y1 - box.y0) / (box.x1 - box.x0) for box in boxes]
-    width = min(PANEL_IN, TALL_IN / sum(aspects))
-    heights = [width * aspect for aspect in aspects]
-    size = (MARGIN_IN + width * len(columns), sum(heights) + HEADER_IN + FOOTER_IN)
-    figure = new_figure(max(size[0], LEGEND_IN), size[1])
-    panels = figure.subplots(len(places), len(columns), squeeze=False, height_ratios=heights)
-    for row, (place, box) in enumerate(zip(places, boxes, strict=True)):
-        for column, label in enumerate(columns):
-            axes = panels[row][column]
-            frame_panel(axes, box)
-            draw_task(axes, place.task)
-            for job in jobs:
-                if (job.label, job.place) == (label, place.key):
-                    _draw_job(axes, job, paths[job.run_dir], place)
-        panels[row][0].set_ylabel(place.name, fontsize=8, color=INK)
-    for column, label in enumerate(columns):
-        panels[0][column].set_title(label, fontsize=9, color=INK)
-    figure.legend(
-        handles=legend_keys(),
-        loc="outside lower center",
-        ncols=6,
-        frameon=False,
-        fontsize=7.5,
-        labelcolor=INK,
-    )
+def _labels(jobs: Sequence[Job]) -> list[str]:
+    return list(dict.fromkeys(job.label for job in jobs))
+
+
+def _styles(jobs: Sequence[Job]) -> dict[str, Style]:
+    labels = _labels(jobs)
+    if len(labels) > len(SYSTEMS):
+        raise InputError(
+            f"figure.layout is overlaid: {len(labels)} systems cannot be told apart in one panel, "
+            f"{len(SYSTEMS)} can; choose side_by_side, or fewer systems"
+        )
+    return dict(zip(labels, SYSTEMS, strict=False))
+
+
+def _rows(
+    jobs: Sequence[Job], shown: Sequence[Place], look: Look, width_in: float = math.inf
+) -> list[list[Panel]]:
+    """Panels as they stand on a page so wide. Raises InputError where there are too many."""
+    labels = _labels(jobs)
+    fitting = (width_in - LABEL_IN) / (least_in([job.label for job in jobs], look) + Around().gap)
+    columns = int(max(min(fitting, COLUMNS), 1))
+    if look.systems or len(labels) == 1:
+        panels = [Panel(place.name, place, place.jobs) for place in shown]
+        aspect = aspect_of(same_size([_box(place) for place in shown])[0])
+        rows = wrapped(panels, min(best_columns(len(panels), aspect, PAGE_IN, Around()), columns))
+    else:
+        rows = [
+            [Panel(label, place, tuple(job for job in place.jobs if job.label == label)) for label in part]
+            for place in shown
+            for part in wrapped(labels, columns)
+        ]
+    if len(rows) > ROWS:
+        raise InputError(
+            f"{len(labels)} systems in {len(shown)} worlds make {len(rows)} rows of panels, and {ROWS} can be "
+            "read on a page: choose fewer with world="
+        )
+    return rows
+
+
+def _drawn(rows: Sequence[Sequence[Panel]], look: Look, width_in: float) -> Figure:
+    panels = [panel for row in rows for panel in row]
+    boxes = {panel.place: _box(panel.place) for panel in panels}
+    if _is_wrapped(rows):
+        boxes = dict(zip(boxes, same_size(list(boxes.values())), strict=True))
+    shown = [[boxes[panel.place] for panel in row] for row in rows]
+    keys = _keys(panels, look)
+    page = _measured(rows, shown, look, keys, width_in)
+    figure = new_figure(width_in, TALL_IN, layout=None)
+    all_axes = lay_out(figure, shown, page.panel, page.around, page.width)
+    for row, row_axes in zip(rows, all_axes, strict=True):
+        scale_bar(row_axes[0], boxes[row[0].place], SCALE, scale_drop_pt(panels, look, page.panel))
+        if not _is_wrapped(rows):
+            row_axes[0].set_ylabel(row[0].place.name, fontsize=8, color=INK, labelpad=4)
+        for panel, axes in zip(row, row_axes, strict=True):
+            draw_panel(axes, panel, look, boxes[panel.place])
+            if row is rows[0] or not _is_repeated(rows):
+                axes.set_title(page.titles[panel.title], fontsize=8.5, color=INK, pad=3)
+    figure.legend(handles=keys, loc="lower center", ncols=_key_columns(keys, page.width), **KEYS)
     return figure
 
 
-def _points(jobs: Sequence[_Job], paths: Mapping[Path, pd.DataFrame], place: _Place) -> list[Any]:
-    """(N, 2) positions of every job in a place."""
-    shown = [paths[job.run_dir] for job in jobs if job.place == place.key]
-    return [each.loc[each["world"].isin(place.numbers), ["x_m", "y_m"]].to_numpy() for each in shown]
+class _Page(NamedTuple):
+    """Width of the figure and of its panels, and the room around these [in]; titles in lines that fit."""
+
+    width: float
+    panel: float
+    around: Around
+    titles: dict[str, str]
 
 
-def _draw_job(axes: Axes, job: _Job, trajectories: pd.DataFrame, place: _Place) -> None:
-    episodes = job.frame[job.frame["world"].isin(place.numbers)]
-    shown = trajectories[trajectories["world"].isin(place.numbers)]
-    draw_paths(axes, episodes, dict(list(shown.groupby(["world", "run"]))))
-    arrived = int((episodes["outcome"] == "success").sum())
-    axes.text(
-        0.98, 0.02, f"{arrived}/{len(episodes)}", transform=axes.transAxes, ha="right", fontsize=7, color=INK
+def _measured(
+    rows: Sequence[Sequence[Panel]],
+    shown: Sequence[Sequence[Box]],
+    look: Look,
+    keys: Sequence[Line2D],
+    width_in: float,
+) -> _Page:
+    """Panels as wide as `width_in` and a page's height allow."""
+    left = Around().left if _is_wrapped(rows) else LABEL_IN
+    columns = max(map(len, rows))
+    panel = min((width_in - left) / columns - Around().gap, WIDEST_IN)
+    tall = (PAGE_IN[1] if _is_wrapped(rows) else TALL_IN) - ROW_IN * len(rows)
+    least = least_in([job.label for row in rows for each in row for job in each.jobs], look)
+    panel = min(panel, max(least, tall / sum(max(map(aspect_of, row)) for row in shown)))
+    width = max(columns * (panel + Around().gap) + left, min(width_in, LEAST_IN))
+    names = dict.fromkeys(each.title for row in rows for each in row)
+    titles = {name: textwrap.fill(name, max(int(panel / LETTER_IN), 8)) for name in names}
+    title = LINE_IN * (1 + max(text.count("\n") for text in titles.values())) + 0.05
+    key_lines = math.ceil(len(keys) / _key_columns(keys, width))
+    foot = foot_in([each for row in rows for each in row], look, panel)
+    above = {"title": 0.04, "header": title} if _is_repeated(rows) else {"title": title, "header": 0.04}
+    return _Page(
+        width, panel, Around(foot=foot, left=left, footer=LINE_IN * key_lines + 0.1, **above), titles
     )
 
 
-@dataclass(slots=True)
-class SideBySideConfig:
-    """Nothing to choose yet."""
+def _key_columns(keys: Sequence[Line2D], width_in: float) -> int:
+    longest = max(len(str(key.get_label())) for key in keys)
+    return max(min(len(keys), int(width_in / (0.5 + 0.055 * longest))), 1)
 
 
-class SideBySide:
-    Config = SideBySideConfig
-    name = "trajectories"
-    drives = True
+def _is_wrapped(rows: Sequence[Sequence[Panel]]) -> bool:
+    """Whether panels differ by their places, not by their systems."""
+    return rows[0][0].title == rows[0][0].place.name
 
-    def __init__(self, config):
-        pass
 
-    def draw(self, jobs, worlds, stem, formats):
-        return side_by_side_figure(
-            __import__("pandas").concat([j.frame for j in jobs]), [j.run_dir for j in jobs], stem.parent
-        )
+def _is_repeated(rows: Sequence[Sequence[Panel]]) -> bool:
+    """Whether every row has the same titles, so that once is enough."""
+    return all([panel.title for panel in row] == [panel.title for panel in rows[0]] for row in rows)
+
+
+def _keys(panels: Sequence[Panel], look: Look) -> list[Line2D]:
+    """What lines and markers stand for, as far as they occur."""
+    from matplotlib.lines import Line2D
+
+    shown = [(job, panel.place) for panel in panels for job in panel.jobs]
+    outcomes = {str(outcome) for job, place in shown for outcome in episodes_of(job, place)["outcome"]}
+    shown_outcomes = [kind for kind in LEGEND_ORDER if kind in outcomes]
+    keys = legend_keys(shown_outcomes, by_system=bool(look.systems))
+    named = look.systems.items()
+    systems = [
+        Line2D([], [], color=style.colour, linestyle=style.line, label=label) for label, style in named
+    ]
+    if look.subgoals != "none" or look.moment is not None:
+        label = "subgoal then" if look.subgoals == "none" else ORDERS[look.subgoals]
+        keys.append(Line2D([], [], marker="*", linestyle="", label=label, **SUBGOAL))
+    if look.moment is None:
+        return systems + keys
+    when = f"at {look.moment:g} s" if isinstance(look.moment, float) else f"at step {look.moment}"
+    robot = INK if look.systems else STYLES[shown_outcomes[0]].colour
+    movers = any(place.task.world.movers for _, place in shown)
+    return systems + keys + stage_keys(when, robot, scan=not look.systems, movers=movers)
+
+
+def _box(place: Place) -> Box:
+    """What all panels of a place show."""
+    points = [steps_of(job, place)[["x_m", "y_m"]].to_numpy() for job in place.jobs]
+    return common_box([place.task], np.vstack(points))

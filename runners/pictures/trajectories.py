@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lme.worlds.world import Task
-from runners.pictures.scene import Box, common_box, draw_paths, draw_task, frame_panel, legend_keys
+from runners.pictures.layout import Around, aspect_of, best_columns, lay_out, panel_width, wrapped
+from runners.pictures.scene import Box, common_box, draw_paths, draw_task, legend_keys
 from runners.pictures.style import INK, LEGEND_ORDER, STYLES, new_figure, save
 
 if TYPE_CHECKING:
@@ -22,7 +23,7 @@ PANELS = 12  # at most: more cannot be read on a page
 FAILURES = 2 / 3  # of the panels at most, when there are as many worlds without a failure
 PAGE_IN = (10.0, 8.0)  # at most
 LEGEND_IN = 6.6  # the least width that holds the key
-GAP_IN, TITLE_IN, HEADER_IN, FOOTER_IN = 0.12, 0.22, 0.55, 0.42
+AROUND = Around(header=0.55, footer=0.42)
 
 
 def trajectories_figure(
@@ -77,32 +78,10 @@ def _spread(numbers: Sequence[int], count: int) -> list[int]:
 
 def _panels(figure: Figure, count: int, box: Box) -> list[Axes]:
     """`count` equal panels at one scale, as large as the page allows; sets the figure's size."""
-    aspect = (box.y1 - box.y0) / (box.x1 - box.x0)
-
-    def panel_width(columns: int) -> float:
-        across = PAGE_IN[0] / columns - GAP_IN
-        down = (PAGE_IN[1] - HEADER_IN - FOOTER_IN) / math.ceil(count / columns) - TITLE_IN - GAP_IN
-        return min(across, down / aspect)
-
-    columns = max(range(1, count + 1), key=panel_width)
-    width, tall = panel_width(columns), panel_width(columns) * aspect
-    grid = columns * (width + GAP_IN) - GAP_IN
-    page = max(grid + 2 * GAP_IN, LEGEND_IN)
-    height = HEADER_IN + FOOTER_IN + math.ceil(count / columns) * (tall + TITLE_IN + GAP_IN)
-    figure.set_size_inches(page, height)
-    axes = []
-    for index in range(count):
-        row, column = divmod(index, columns)
-        x = (page - grid) / 2 + column * (width + GAP_IN)
-        y = height - HEADER_IN - (row + 1) * (tall + TITLE_IN) - row * GAP_IN
-        axes.append(_panel(figure, (x / page, y / height, width / page, tall / height), box))
-    return axes
-
-
-def _panel(figure: Figure, rectangle: tuple[float, float, float, float], box: Box) -> Axes:
-    axes = figure.add_axes(rectangle)
-    frame_panel(axes, box)
-    return axes
+    columns = best_columns(count, aspect_of(box), PAGE_IN, AROUND)
+    width = panel_width(columns, count, aspect_of(box), PAGE_IN, AROUND)
+    rows = lay_out(figure, wrapped([box] * count, columns), width, AROUND, LEGEND_IN)
+    return [axes for row in rows for axes in row]
 
 
 def _label(figure: Figure, frame: pd.DataFrame, shown: int, box: Box) -> None:

@@ -1,0 +1,106 @@
+"""Pictures into a moving picture: GIF through Pillow, MP4 through ffmpeg."""
+
+from __future__ import annotations
+
+import contextlib
+import shutil
+import subprocess
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import chain
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lme.errors import InputError
+
+if TYPE_CHECKING:
+    from PIL import Image
+
+Picture = NDArray[np.uint8]  # (height, width, 3)
+
+GIF, MP4 = "gif", "mp4"
+COLOURS, APART = 200, 12  # of all frames of a GIF together; in one of red, green and blue, of 0 to 255
+QUALITY = "23"  # of x264: the encoder's own default; lower is better and larger
+
+
+def write_film(pictures: Iterable[Picture], path: Path, fps: float, sample: Sequence[Picture]) -> None:
+    """Save pictures of one size at an even pace, as GIF or MP4 by the ending of `path`.
+
+    sample: some of them, that a GIF's colours are chosen from. Raises InputError where ffmpeg is missing or fails.
+    """
+    if path.suffix == f".{GIF}":
+        _write_gif(pictures, path, fps, sample)
+    else:
+        _write_mp4(pictures, path, fps)
+
+
+def find_ffmpeg() -> str:
+    """The program: on the PATH, or that of the package imageio-ffmpeg. Raises InputError where there is neither."""
+    found = shutil.which("ffmpeg")
+    if found is not None:
+        return found
+    try:
+        from imageio_ffmpeg import get_ffmpeg_exe
+
+        return str(get_ffmpeg_exe())
+    except (ImportError, RuntimeError):
+        raise InputError(
+            "figure.format is mp4: needs ffmpeg, which is not on the PATH: install it, or pip install "
+            "'lme[video]', or choose figure.format=gif"
+        ) from None
+
+
+def _write_gif(pictures: Iterable[Picture], path: Path, fps: float, sample: Sequence[Picture]) -> None:
+    """One palette for all frames, so that of each only what differs from the one before is stored."""
+    from PIL import Image
+
+    palette = _palette(np.vstack(sample))
+
+    def reduced() -> Iterator[Image.Image]:
+        for picture in pictures:
+            yield Image.fromarray(picture).quantize(palette=palette, dither=Image.Dither.NONE)
+
+    frames = reduced()
+    first = next(frames)
+    hundredths = max(round(100.0 / fps), 2)  # what a GIF counts in, and the least that browsers heed
+    first.save(path, save_all=True, append_images=frames, duration=10 * hundredths, loop=0, optimize=False)
+
+
+def _palette(picture: Picture) -> Image.Image:
+    """The commonest colours that differ clearly: Pillow, in its haste, takes a neighbour for the colour itself."""
+    from PIL import Image
+
+    colours, counts = np.unique(picture.reshape(-1, 3), axis=0, return_counts=True)
+    left = colours[np.argsort(-counts, kind="stable")].astype(int)
+    chosen = []
+    while len(left) and len(chosen) < COLOURS:
+        chosen.append(left[0])
+        left = left[np.abs(left - left[0]).max(axis=1) >= APART]
+    palette = Image.new("P", (1, 1))
+    palette.putpalette(np.ravel(chosen).tolist())
+    return palette
+
+
+def _write_mp4(pictures: Iterable[Picture], path: Path, fps: float) -> None:
+    """Frames as raw bytes into the encoder; sides made even, as its colour format needs."""
+    frames = iter(pictures)
+    first = next(frames)
+    height, width = first.shape[:2]
+    given = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}", "-r", f"{fps:g}", "-i", "-"]
+    made = ["-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2:color=white", "-c:v", "libx264", "-crf", QUALITY]
+    made += ["-pix_fmt", "yuv420p", "-movflags", "+faststart"]
+    command = [find_ffmpeg(), "-y", "-loglevel", "error", *given, *made, str(path)]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE) as encoder:
+        assert encoder.stdin is not None
+        assert encoder.stderr is not None
+        with contextlib.suppress(BrokenPipeError):  # it says itself why it stopped
+            for picture in chain([first], frames):
+                encoder.stdin.write(picture.tobytes())
+        with contextlib.suppress(BrokenPipeError):
+            encoder.stdin.close()
+        error = encoder.stderr.read().decode(errors="replace").strip()
+    if encoder.returncode != 0:
+        reason = error.splitlines()[-1] if error else f"exit status {encoder.returncode}"
+        raise InputError(f"figure.format is mp4: {command[0]} failed ({reason}); choose figure.format=gif")
