@@ -11,9 +11,9 @@ from urllib.parse import quote
 
 import numpy as np
 
-from lme.errors import InputError
 from runners import rundirs
 from runners.explaining import FOLDER, INDEX, is_failure, page_path
+from runners.page.write import fill, write_whole
 from runners.records import read_trajectories
 from runners.summary import DASH, summarise, title
 from runners.tables import to_html
@@ -67,10 +67,8 @@ def write_index(frame: pd.DataFrame, run_dir: Path) -> Path:
         "RESULTS": to_html(summarise(frame)),
         "PAGES": f"<table>\n<tr>{header}</tr>\n" + "\n".join(lines) + "\n</table>",
     }
-    text = _PAGE
-    for name, part in parts.items():
-        text = text.replace(f"{{{{{name}}}}}", part)
-    return _written(place / INDEX, text)
+    write_whole(place / INDEX, fill("index.html", parts))
+    return place / INDEX
 
 
 def _episodes(frame: pd.DataFrame) -> Iterator[tuple[Path, dict[str, Any]]]:
@@ -146,58 +144,3 @@ def _item(episode: Mapping[str, Any]) -> tuple[int, int]:
 
 def _worst_first(column: pd.Series) -> pd.Series:
     return column == "success" if column.name == "outcome" else column
-
-
-def _written(path: Path, text: str) -> Path:
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise InputError(
-            f"{path}: cannot be written ({error.strerror}): make room or rights for it"
-        ) from error
-    return path
-
-
-_PAGE = """<!doctype html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<meta http-equiv="Content-Security-Policy" content="default-src 'none'; style-src 'unsafe-inline'">
-<title>{{TITLE}}</title>
-<style>
-:root { color-scheme: light dark; --paper: light-dark(#fff, #14181d); --ink: light-dark(#1d2329, #e8ebee);
-  --muted: light-dark(#57606a, #a3adb8); --line: light-dark(#c9ced4, #3b434d);
-  --accent: light-dark(#0072b2, #56b4e9) }
-body { margin: 0 auto; max-width: 64rem; padding: 1rem; background: var(--paper); color: var(--ink);
-  font: 1rem/1.45 system-ui, -apple-system, "Segoe UI", Roboto, sans-serif }
-h1 { font-size: 1.3rem } h2 { font-size: 1.1rem; margin-top: 2rem }
-p { color: var(--muted); font-size: .875rem }
-.wide { overflow-x: auto }
-table { border-collapse: collapse; font-variant-numeric: tabular-nums }
-th, td { padding: .35rem 1rem .35rem 0; border-bottom: 1px solid var(--line); text-align: right;
-  vertical-align: bottom }
-td { white-space: nowrap; vertical-align: baseline }
-th:first-child, td:first-child { text-align: left }
-a { color: var(--accent); display: inline-block; padding: .25rem 0 }
-:focus-visible { outline: 3px solid var(--accent); outline-offset: 2px }
-@media (max-width: 30rem) { table { font-size: .875rem } th, td { padding-right: .6rem } }
-</style>
-</head>
-<body>
-<main>
-<h1>{{TITLE}}</h1>
-<p>{{RUN}}</p>
-<div class="wide" tabindex="0" role="region" aria-label="Results">
-{{RESULTS}}
-</div>
-<h2>Why the robot went there</h2>
-<p>One page for each episode, failures first: what the robot saw, and the reason for every decision.</p>
-<div class="wide" tabindex="0" role="region" aria-label="Episodes">
-{{PAGES}}
-</div>
-</main>
-</body>
-</html>
-"""

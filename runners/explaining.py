@@ -41,7 +41,7 @@ def page_path(run_dir: Path, item: Item) -> Path:
 
 def folder(run_dir: Path) -> list[Path]:
     """The folder of a run's pages, where there is one."""
-    return [run_dir / FOLDER] if (run_dir / FOLDER).is_dir() else []
+    return [run_dir / FOLDER] if (run_dir / FOLDER / INDEX).is_file() else []
 
 
 def is_failure(episodes: pd.DataFrame) -> pd.Series:
@@ -61,7 +61,10 @@ def as_asked(which: Explain, run_dir: Path, executor: Any) -> None:
         episodes = episodes[is_failure(episodes)]
     places = {item: page_path(run_dir, item) for item in items(episodes)}
     pages = list(make_pages(run_dir, episodes, places, executor, keep=True))
-    index(run_dir)
+    if any(not page.problem for page in pages) or folder(run_dir):
+        index(run_dir)
+    elif not pages:
+        print(f"explain={which}: no episode failed, so there is no page")
     missing = [page for page in pages if page.problem]
     if missing:
         warnings.warn(
@@ -106,7 +109,8 @@ def make_pages(
     todo = [item for item in places if item not in kept]
     for path in {places[item].parent for item in todo}:
         _make_folder(path)
-    payload = {"run_dir": run_dir, "places": dict(places), "marks": marks}
+    names = dict(zip(items(episodes), episodes["system"], strict=True))
+    payload = {"run_dir": run_dir, "places": dict(places), "marks": marks, "systems": names}
     if len(todo) <= 1:
         yield from SerialExecutor(SerialConfig()).map(initialise, payload, todo)
         return
@@ -119,23 +123,19 @@ def make_pages(
 def initialise(payload: Mapping[str, Any]) -> Callable[[Item], Page]:
     """What makes pages in a process.
 
-    payload: {"run_dir": the run, "places": paths by episode, "marks": what each page is known again by}.
+    payload: {"run_dir": the run, "places": paths by episode, "marks": what each page is known again by,
+    "systems": what tables call them}.
     """
     from runners.page.write import write_page
     from runners.retell import retell_recorded
 
     def make(item: Item) -> Page:
         path = payload["places"][item]
-        draft = path.with_name(f".{path.name}.new")
         try:
-            write_page(retell_recorded(payload["run_dir"], *item), draft)
-            with draft.open("a", encoding="utf-8") as page:
-                page.write(_MARK.format(payload["marks"][item]))
-            draft.replace(path)
+            mark = _MARK.format(payload["marks"][item])
+            write_page(retell_recorded(payload["run_dir"], *item), path, payload["systems"][item], mark)
         except (InputError, OSError) as error:
             return Page(item, path, str(error))
-        finally:
-            draft.unlink(missing_ok=True)
         return Page(item, path, "")
 
     return make

@@ -17,7 +17,6 @@ from lme.perception import obstacle_points
 from lme.policy.escaper import PAPER_CRITERIA, Explanation
 from lme.policy.maintenance import Choice
 from lme.types import Floats
-from runners import systems
 from runners.page.packer import Packer
 from runners.retell import End, Moment, Tale
 
@@ -26,19 +25,19 @@ CHOICES = tuple(Choice)
 NONE = np.full(2, np.nan)
 
 
-def encode(tale: Tale, sentences: Sequence[str]) -> str:
-    """An episode, and the sentence of each of its decisions, as base64 text."""
+def encode(tale: Tale, sentences: Sequence[str], system: str = "") -> str:
+    """An episode, and the sentence of each of its decisions, as base64 text. system: what tables call it."""
     packer = Packer()
     _drive(packer, tale)
     _scans(packer, tale)
     _world(packer, tale)
     reasons = [moment.explanation for moment in tale.moments if moment.explanation is not None]
-    explained = bool(reasons) and len(reasons) == len(tale.moments)
-    if explained:
+    _plans(packer, tale)
+    if reasons:
         _decisions(packer, reasons)
         _candidates(packer, reasons)
         _obstacles(packer, reasons)
-    header = _header(tale) | (_policy(reasons[0], sentences) if explained else {"explained": False})
+    header = _header(tale, system) | (_policy(reasons[0], sentences) if reasons else {"explained": False})
     return packer.text(header)
 
 
@@ -47,15 +46,17 @@ def title(tale: Tale) -> str:
     return f"{tale.task.map_name} {tale.world}, run {tale.run}"
 
 
-def _header(tale: Tale) -> dict[str, Any]:
+def _header(tale: Tale, system: str) -> dict[str, Any]:
     robot, task, episode = tale.robot, tale.task, tale.episode
     return {
         "title": title(tale),
-        "system": systems.label(_module(tale, "guide"), _module(tale, "planner")),
+        "system": system,
         "ablation": ", ".join(f"{name}={value:g}" for name, value in _ablation(tale).items()),
         "robot": robot.name,
         "outcome": str(episode.outcome),
+        "time": episode.time,
         "steps": len(tale.moments),
+        "planned": _plans_paths(tale),
         "dt": robot.dt,
         "box": robot.footprint.box,
         "goal": task.goal.tolist(),
@@ -63,11 +64,6 @@ def _header(tale: Tale) -> dict[str, Any]:
         "start": list(task.start),
         "cell": CELL_M,
     }
-
-
-def _module(tale: Tale, part: str) -> str:
-    """The last module of a target: `lme` of `lme.guides.lme.Lme`."""
-    return str(tale.config[part]["_target_"]).split(".")[-2]
 
 
 def _ablation(tale: Tale) -> dict[str, float]:
@@ -133,6 +129,18 @@ def _world(packer: Packer, tale: Tale) -> None:
         moving = [told.obstacles[kind][still[kind] :] for told in _told(tale)]
         packer.counts(name, moving)
         packer.drawn(name, np.concatenate(moving))
+
+
+def _plans_paths(tale: Tale) -> bool:
+    """Whether the guide plans paths."""
+    return any(moment.guidance.path is not None for moment in tale.moments)
+
+
+def _plans(packer: Packer, tale: Tale) -> None:
+    """The path that the guide has planned at every step, where it plans any."""
+    if _plans_paths(tale):
+        paths = [moment.guidance.path for moment in tale.moments]
+        _ragged_mm(packer, "plan", [np.empty((0, 2)) if path is None else path for path in paths])
 
 
 def _decisions(packer: Packer, reasons: Sequence[Explanation]) -> None:

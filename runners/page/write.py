@@ -5,7 +5,10 @@ from __future__ import annotations
 import base64
 import hashlib
 import html
-from collections.abc import Sequence
+import os
+import re
+import time
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from lme.errors import InputError
@@ -35,14 +38,27 @@ SCRIPTS = (  # in this order: each may use those before it
     "keyboard.js",
     "main.js",
 )
+STALE_S = 60.0  # a draft is written in far less
 LIBRARY, LICENCE = "uplot/uPlot.iife.min.js", "uplot/LICENSE"
 
 
-def write_page(tale: Tale, path: Path) -> None:
-    """Write the explainer page of an episode. Raises InputError where the file cannot be written."""
+def write_page(tale: Tale, path: Path, system: str = "", ending: str = "") -> None:
+    """Write the explainer page of an episode. Raises InputError where the file cannot be written.
+
+    system: what tables call it. ending: a line after the page.
+    """
+    write_whole(path, page(tale, sentences(tale), system) + ending)
+
+
+def write_whole(path: Path, text: str) -> None:
+    """Write a file that is there as a whole or not at all. Raises InputError where it cannot be written."""
+    draft = path.with_name(f".{path.name}.{os.getpid()}.new")  # others may write the same page meanwhile
     try:
-        path.write_text(page(tale, sentences(tale)), encoding="utf-8")
+        _remove_stale(path)
+        draft.write_text(text, encoding="utf-8")
+        draft.replace(path)
     except OSError as error:
+        draft.unlink(missing_ok=True)
         raise InputError(f"{path}: cannot be written ({error.strerror}): choose another place") from error
 
 
@@ -53,7 +69,7 @@ def sentences(tale: Tale) -> list[str]:
     return [reason(now, before) for before, now in pairs if now is not None]
 
 
-def page(tale: Tale, told: Sequence[str]) -> str:
+def page(tale: Tale, told: Sequence[str], system: str = "") -> str:
     """The whole file. told: a sentence for each decision."""
     style = "\n".join(_asset(name) for name in STYLES)
     own = "\n".join(_asset(name) for name in SCRIPTS)
@@ -62,13 +78,22 @@ def page(tale: Tale, told: Sequence[str]) -> str:
         "TITLE": html.escape(title(tale)),
         "POLICY": _policy(style, script),
         "STYLE": style,
-        "DATA": encode(tale, told),
+        "DATA": encode(tale, told, system),
         "SCRIPT": script,
     }
-    text = _asset("page.html")
-    for name, part in parts.items():
-        text = text.replace(f"{{{{{name}}}}}", part, 1)
-    return text
+    return fill("page.html", parts)
+
+
+def fill(name: str, parts: Mapping[str, str]) -> str:
+    """An asset with its parts put in wherever it has their names in double braces."""
+    return re.sub(r"{{([A-Z]+)}}", lambda found: parts[found[1]], _asset(name))
+
+
+def _remove_stale(path: Path) -> None:
+    """Remove what processes that were killed left of their drafts."""
+    for draft in path.parent.glob(f".{path.name}.*.new"):
+        if time.time() - draft.stat().st_mtime > STALE_S:
+            draft.unlink(missing_ok=True)
 
 
 def _policy(style: str, script: str) -> str:

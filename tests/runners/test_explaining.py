@@ -39,9 +39,9 @@ def drawn(monkeypatch):
     """Episodes of which a page is made, and no pages worth the name."""
     made = []
 
-    def write_page(tale, path):
+    def write_page(tale, path, system, ending):
         made.append((tale.world, tale.run))
-        path.write_text("<!doctype html>\n")
+        path.write_text(f"<!doctype html>{system}\n{ending}")
 
     monkeypatch.setattr(write, "write_page", write_page)
     return made
@@ -114,6 +114,21 @@ def test_none_makes_nothing(run, drawn):
     explaining.as_asked(Explain.none, run, SerialExecutor(SerialConfig()))
     assert drawn == []
     assert explaining.folder(run) == []
+
+
+def test_where_nothing_failed_there_is_nothing_to_see(tmp_path, capsys):
+    assert cli.main([*WORDS, "map.worlds=[230]", "explain=failures", f"hydra.run.dir={tmp_path}"]) == 0
+    out = capsys.readouterr().out
+    assert "explain=failures: no episode failed, so there is no page" in out
+    assert "Why the robot went there" not in out
+    assert not (tmp_path / "explain").exists()
+
+
+def test_a_page_calls_the_system_what_the_table_calls_it(tmp_path, drawn):
+    words = ["guide=target", "planner=dwa_tuned", "map.worlds=[218]", f"hydra.run.dir={tmp_path}"]
+    assert cli.main([*WORDS, *words, "explain=all"]) == 0
+    system = read_episodes([tmp_path]).loc[0, "system"]
+    assert (tmp_path / "explain" / "218-0.html").read_text().startswith(f"<!doctype html>{system}\n")
 
 
 def test_pages_that_cannot_be_made_are_one_warning_of_a_finished_run(run, drawn):

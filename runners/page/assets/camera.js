@@ -85,6 +85,15 @@ function extent(tale) {
     : Math.max(edge, Math.min(near[i], solid[i]))));
 }
 
+/** How far off candidates lie at most, or what is about the robot without them [m]. */
+function reachOf(tale) {
+  if (!tale.explained) return 4;
+  const [xs, ys] = [tale.arrays["candidates.x"], tale.arrays["candidates.y"]];
+  let far = 1000;
+  for (let i = 0; i < xs.length; i++) far = Math.max(far, Math.hypot(xs[i], ys[i]));
+  return far / 1000;
+}
+
 /** [x0, y0, x1, y1] of points, with a margin. */
 function bounds(points, margin) {
   const box = [Infinity, Infinity, -Infinity, -Infinity];

@@ -1,6 +1,6 @@
 // Keys, wherever the focus is, unless it is on something that uses them itself.
 
-/** What a key does; `shift` is held. True where it did something. */
+/** What a key does; `shift` is held. False where it has nothing to do here. */
 function pressed(app, key, shift) {
   const { playback } = app;
   const stride = shift ? 10 : 1;
@@ -28,8 +28,7 @@ function pressed(app, key, shift) {
     "?": () => app.click("help-open"),
   };
   if (!(key in actions)) return false;
-  actions[key]();
-  return true;
+  return actions[key]() !== false;
 }
 
 /** Whether what has the focus needs this key for itself. */

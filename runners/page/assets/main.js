@@ -50,14 +50,15 @@ class App {
     this.redraw();
   }
 
-  /** Go so many places down the candidates in the order of their scores. */
+  /** Go so many places down the candidates in the order of their scores; false where there are none. */
   rank(places) {
-    if (!this.#deciding()) return;
+    if (!this.#deciding()) return false;
     const scores = this.#scores();
     const order = Array.from(scores.keys()).sort((a, b) => scores[b] - scores[a] || a - b);
     const now = this.chosenByHand === null ? -Math.sign(places) : order.indexOf(this.chosenByHand);
     this.pick(order[Math.min(Math.max(now + places, 0), order.length - 1)]);
     this.#speak(candidateText(this.tale, this.playback.step, this.chosenByHand, scores));
+    return true;
   }
 
   /** Go to the next (1) or last (−1) step where the robot switched or would decide otherwise. */
@@ -96,7 +97,10 @@ class App {
   #explained() {
     const { head } = this.tale;
     this.bars = new Bars(byId("terms").tBodies[0], head.names, head.about);
-    this.panel = new ParameterPanel(byId("parameters"), head, () => this.judge());
+    this.panel = new ParameterPanel(byId("parameters"), head, () => {
+      this.judge();
+      this.#speak(this.#whatIf());
+    });
     this.legend = new Legend(byId("legend"));
     byId("colour").append(new Option("S", "S"), new Option("S, reachable", "free"));
     for (const name of head.names) byId("colour").append(new Option(name, name));
@@ -104,7 +108,10 @@ class App {
       this.colour = event.target.value;
       this.redraw();
     });
-    byId("reset-all").addEventListener("click", () => this.panel.reset());
+    byId("reset-all").addEventListener("click", () => {
+      this.panel.reset();
+      byId(`p-${head.names[0]}`).focus(); // the button is of no use any more
+    });
     byId("better").addEventListener("click", () => this.rank(-1));
     byId("worse").addEventListener("click", () => this.rank(1));
   }
@@ -161,7 +168,8 @@ class App {
     if (this.playback.playing) return;
     this.speaking = setTimeout(() => {
       const { step } = this.playback;
-      byId("spoken").textContent = text || `Step ${step}, ${choiceAt(this.tale, step)}. ${sentenceAt(this.tale, step)}`;
+      const told = `Step ${step}, ${choiceAt(this.tale, step)}. ${sentenceAt(this.tale, step)}`;
+      byId("spoken").textContent = text || (this.panel?.moved ? `${told}. ${this.#whatIf()}` : told);
       byId("scene").setAttribute("aria-label", sceneText(this.tale, step));
     }, REST_SPOKEN_MS);
   }
@@ -216,6 +224,11 @@ class App {
     byId("candidate").textContent = which + candidateText(tale, step, index, scores);
   }
 
+  #whatIf() {
+    const { step } = this.playback;
+    return whatIfText(this.tale, step, this.verdicts[step], this.changed, this.panel.moved);
+  }
+
   #texts(step) {
     const { tale, playback } = this;
     byId("sentence").textContent = sentenceAt(tale, step);
@@ -229,10 +242,8 @@ class App {
     byId("play").setAttribute("aria-label", playback.playing ? "Pause" : "Play");
     byId("play").dataset.playing = playback.playing;
     document.body.classList.toggle("no-decision", !this.#deciding());
-    if (tale.explained) {
-      const text = whatIfText(tale, step, this.verdicts[step], this.changed, this.panel.moved);
-      if (byId("what-if").textContent !== text) byId("what-if").textContent = text;
-    }
+    for (const id of ["better", "worse"]) byId(id).setAttribute("aria-disabled", !this.#deciding());
+    if (tale.explained) byId("what-if").textContent = this.#whatIf();
   }
 }
 
@@ -258,18 +269,25 @@ function dress(tale) {
   const { head } = tale;
   byId("title").textContent = head.title;
   const ablation = head.ablation ? [`ablation ${head.ablation}`] : [];
-  const ending = `${head.outcome} after ${seconds(tale, tale.last)}`;
-  byId("subtitle").textContent = [head.system, ...ablation, head.robot, ending].join(" · ");
-  document.body.classList.add(tale.explained ? "explained" : "unexplained");
+  const ending = `${head.outcome} after ${seconds(head.time)}`;
+  byId("subtitle").textContent = [head.system, ...ablation, head.robot, ending].filter(Boolean).join(" · ");
+  document.body.classList.add(tale.explained ? "explained" : "unexplained", head.planned ? "planned" : "unplanned");
+  if (!tale.decisions) byId("without-reasons").textContent = "The episode ended before the first decision.";
+}
+
+/** Raises an error in a browser that would not show the page as it is meant. */
+async function readTale() {
+  if (!CSS.supports("color", "light-dark(red, red)")) throw new Error("This browser is too old");
+  return unpack(byId("tale").textContent);
 }
 
 recallTheme();
-unpack(byId("tale").textContent).then((tale) => {
+readTale().then((tale) => {
   dress(tale);
   window.explainer = { app: new App(tale), tale, scoresOf, choose, sectorColour };
   document.body.classList.add("ready");
 }).catch((error) => {
   byId("title").textContent = "This page cannot be shown";
-  byId("subtitle").textContent = `${error.message}. It needs a browser of 2023 or later.`;
+  byId("subtitle").textContent = `${error.message}. The page needs a browser of May 2024 or later.`;
   throw error;
 });

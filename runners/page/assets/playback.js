@@ -1,5 +1,6 @@
 // Which step is shown, playing on, and the address that leads to it.
 
+const LONGEST_S = 0.25; // a page that was hidden plays on from where it was
 const REST_MS = 150; // the address follows once the step rests: browsers take few changes of it in a row
 
 class Playback {
@@ -31,21 +32,21 @@ class Playback {
     let before = performance.now();
     let owed = 0;
     const tick = (now) => {
-      if (!this.playing) return;
-      owed += ((now - before) / 1000 / this.dt) * this.speed;
+      owed += (Math.min((now - before) / 1000, LONGEST_S) / this.dt) * this.speed;
       before = now;
       if (owed >= 1) this.go(this.step + Math.floor(owed));
       owed %= 1;
       if (this.step === this.last) this.pause();
-      else requestAnimationFrame(tick);
+      else this.frame = requestAnimationFrame(tick);
     };
-    requestAnimationFrame(tick);
+    this.frame = requestAnimationFrame(tick);
     this.changed();
   }
 
   /** Stop here. */
   pause() {
     this.playing = false;
+    cancelAnimationFrame(this.frame); // or it would play on beside the next one
     this.#write();
     this.changed();
   }

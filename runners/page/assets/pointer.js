@@ -12,6 +12,7 @@ function listenToPointer(canvas, scene, app) {
   const find = (event) => scene.candidateAt(...place(event), NEAR_PX[event.pointerType] || NEAR_PX.mouse);
 
   canvas.addEventListener("pointerdown", (event) => {
+    if (event.button) return; // a menu opens, and the release may never be told
     held.set(event.pointerId, place(event));
     moved = held.size > 1 ? Infinity : 0;
     canvas.setPointerCapture(event.pointerId);

@@ -52,7 +52,10 @@ class Scene {
     if (tale.explained && shown.step < tale.decisions) this.#decision(shown);
     else this.#plainScan(shown.step);
     this.#robot(shown.step);
-    if (shown.step < tale.decisions) this.#subgoals(shown);
+    if (shown.step < tale.decisions) {
+      if (tale.head.planned) this.#plan(shown.step);
+      this.#subgoals(shown);
+    }
     if (shown.verdict) this.#blockage(shown.step); // names go on top
     this.#ruler();
   }
@@ -114,6 +117,21 @@ class Scene {
     paint(ctx, colours.goal, colours.paper, 1);
     const target = tale.pair("target", step);
     line(ctx, this.#local(0, 0), this.#local(...target), colours.goal, 1.25, [7, 5]);
+  }
+
+  /** The way that the guide has planned; of LME there is none. */
+  #plan(step) {
+    const { ctx, colours, tale } = this;
+    const [from, to] = tale.span("plan", step);
+    ctx.beginPath();
+    for (let i = from; i < to; i++) {
+      ctx.lineTo(...this.#local(tale.arrays["plan.x"][i] / 1000, tale.arrays["plan.y"][i] / 1000));
+    }
+    ctx.setLineDash([4, 3]);
+    ctx.strokeStyle = colours.other;
+    ctx.lineWidth = 2;
+    ctx.stroke();
+    ctx.setLineDash([]);
   }
 
   #plainScan(step) {
@@ -218,6 +236,7 @@ class Scene {
     ctx.textAlign = "center";
     label(ctx, name, cx, cy, colours.ink, colours.paper);
     ctx.textAlign = "left";
+    marks.push([cx - half, cy], [cx, cy], [cx + half, cy]); // the next name keeps off this one
   }
 
   #robot(step) {
@@ -278,13 +297,4 @@ class Scene {
       ctx.textAlign = "left";
     }
   }
-}
-
-/** How far off candidates lie at most, or what is about the robot without them [m]. */
-function reachOf(tale) {
-  if (!tale.explained) return 4;
-  const [xs, ys] = [tale.arrays["candidates.x"], tale.arrays["candidates.y"]];
-  let far = 1000;
-  for (let i = 0; i < xs.length; i++) far = Math.max(far, Math.hypot(xs[i], ys[i]));
-  return far / 1000;
 }

@@ -73,7 +73,7 @@ class Timeline {
     const { explained } = this.tale;
     return {
       ...this.#size(),
-      padding: [10, explained ? null : 12, 0, 0],
+      padding: [10, explained ? null : 24, 0, 0],
       legend: { show: false },
       cursor: { y: false, points: { show: false }, drag: { x: false, y: false } },
       scales: { x: { time: false, range: [0, Math.max(this.tale.last, 1)] }, m: { range: (_, __, top) => [0, 1.08 * top] } },

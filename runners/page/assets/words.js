@@ -4,7 +4,7 @@ const CHOICE_WORDS = { first: "first", reached: "switched: reached", better: "sw
 
 /** What was decided, and why. */
 function sentenceAt(tale, step) {
-  if (step >= tale.decisions) return `The end: ${tale.head.outcome} after ${seconds(tale, step)}. No decision follows.`;
+  if (step >= tale.decisions) return `The end: ${tale.head.outcome} after ${lasted(tale)}. No decision follows.`;
   if (tale.explained) return tale.head.sentences[step];
   return `Heads for a subgoal ${whereabouts(tale.pair("subgoal", step))}.`;
 }
@@ -21,7 +21,7 @@ function factsAt(tale, step) {
   const { arrays } = tale;
   const pose = tale.pose(step);
   const facts = [
-    ["time", seconds(tale, step)],
+    ["time", seconds(arrays.time[step])],
     ["position", `${number(pose.x)}, ${number(pose.y)} m`],
     ["target", metres(Math.hypot(...tale.pair("target", step)))],
     ["clearance", metres(arrays.clearance[step])],
@@ -64,6 +64,14 @@ function whatIfText(tale, step, verdict, changed, moved) {
   return `At this step it ${here}. ${all}`;
 }
 
-function seconds(tale, step) {
-  return `${tale.arrays.time[step].toFixed(1)} s`;
+/** How long the episode took by the clock of its task, as in the records. */
+function lasted(tale) {
+  const { time } = tale.head;
+  const late = tale.arrays.time[tale.last] - time;
+  return late < 0.05 ? seconds(time)
+    : `${seconds(time)} by the clock of its task, which started ${seconds(late)} into the drive`;
+}
+
+function seconds(time) {
+  return `${time.toFixed(1)} s`;
 }

@@ -107,7 +107,7 @@ def test_it_plays_and_pauses_and_tells_a_screen_reader_when_it_rests(page, tale)
         }"""
     )
     page.click("#play")
-    assert page.get_attribute("#play", "aria-label") == "Pause"
+    until(page, "document.getElementById('play').getAttribute('aria-label') === 'Pause'")
     until(page, "explainer.app.playback.step > 20")
     assert page.evaluate("changes") == 0
     page.click("#play")

@@ -2,12 +2,16 @@
 
 import base64
 import copy
+import dataclasses
 import gzip
+import html
 import json
+import os
 
 import numpy as np
 import pytest
 
+from lme.errors import InputError
 from runners.page import write
 from runners.page.encode import encode
 from runners.page.packer import Packer
@@ -80,6 +84,33 @@ def test_everything_is_in_the_file_and_nothing_is_left_to_fill_in(page_file):
     assert "Copyright (c) 2022 Leon Sorokin" in text  # uPlot's licence goes where uPlot goes
     assert 'src="' not in text
     assert text.count("<script") == 2
+
+
+def test_names_are_text_and_nothing_else(tale):
+    name = '{{DATA}}</title><script>alert("1")</script>'
+    text = page(tale._replace(task=dataclasses.replace(tale.task, map_name=name)), [])
+    said = html.escape(f"{name} 1, run 0")
+    assert f"<title>{said}</title>" in text
+    assert f'<h1 id="title">{said}</h1>' in text  # without a script as well
+    assert text.count("<script") == 2
+
+
+def test_a_file_is_there_as_a_whole_and_leftovers_go(tmp_path):
+    old, young = tmp_path / ".page.html.1.new", tmp_path / ".page.html.2.new"
+    for draft in (old, young):
+        draft.write_text("torn")
+    os.utime(old, (0.0, 0.0))  # its writer was killed; the other one may be at work
+    write.write_whole(tmp_path / "page.html", "whole")
+    assert (tmp_path / "page.html").read_text() == "whole"
+    assert sorted(tmp_path.iterdir()) == [young, tmp_path / "page.html"]
+    with pytest.raises(InputError, match=r"new/page\.html: cannot be written"):  # not the draft's name
+        write.write_whole(tmp_path / "new" / "page.html", "whole")
+
+
+def test_the_episode_lasts_as_its_record_says(tale):
+    late = tale._replace(episode=dataclasses.replace(tale.episode, time=3.25))
+    assert unpacked(encode(late, [], "LME (ours)"))[0]["time"] == 3.25
+    assert unpacked(encode(late, [], "LME (ours)"))[0]["system"] == "LME (ours)"
 
 
 def test_every_script_is_part_of_the_page():

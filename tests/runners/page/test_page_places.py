@@ -74,6 +74,51 @@ def test_a_guide_without_reasons_has_its_drive_shown(open_page, tmp_path):
     assert page.watch.said == []
 
 
+def test_a_planned_path_is_drawn_and_the_end_tells_the_tasks_clock(open_page, tmp_path):
+    path = tmp_path / "planned.html"
+    planned = told(230, "map.worlds=[230]", "guide=global_path", "planner=eband", "map.time_limit=4")
+    write_page(planned, path, "E-Band")
+    page = open_page(path, "#step=5")
+    shown = page.evaluate(
+        """() => {
+            const { arrays, starts } = explainer.tale;
+            const [from, to] = starts.plan.subarray(5, 7);
+            const metres = (name) => Array.from(arrays[name].subarray(from, to), (value) => value / 1000);
+            return [metres("plan.x"), metres("plan.y")];
+        }"""
+    )
+    np.testing.assert_allclose(shown, planned.moments[5].guidance.path.T, atol=0.00051)
+    assert page.get_by_text("planned", exact=True).is_visible()
+    assert page.inner_text("#subtitle") == "E-Band · jackal · timeout after 4.0 s"
+    press(page, "End")
+    late = planned.episode.trajectory[-1, 0] - planned.episode.time
+    assert late > 0.05  # or there is nothing to tell
+    assert page.inner_text("#sentence") == (
+        f"The end: timeout after 4.0 s by the clock of its task, which started {late:.1f} s into the drive. "
+        "No decision follows."
+    )
+    assert page.watch.said == []
+
+
+def test_without_a_plan_there_is_no_key_to_one(page):
+    assert page.get_by_text("planned", exact=True).is_hidden()
+
+
+def test_a_long_name_breaks(open_page, tale, tmp_path):
+    long = tale._replace(task=dataclasses.replace(tale.task, map_name="map_" * 50))
+    write_page(long, tmp_path / "long.html", "system_" * 50)
+    assert open_page(tmp_path / "long.html", "", 360, 740).evaluate(FIT)
+
+
+def test_a_browser_that_is_too_old_is_told_so(browser, page_file):
+    page = browser.new_page()
+    page.add_init_script("CSS.supports = () => false")
+    page.goto(page_file.as_uri())
+    until(page, "document.getElementById('title').textContent === 'This page cannot be shown'")
+    assert "May 2024" in page.inner_text("#subtitle")
+    page.close()
+
+
 def test_what_moves_is_drawn_where_it_is(open_page, tmp_path):
     path = tmp_path / "moving.html"
     moving = told(0, "map=real1_dynamic", "robot=turtlebot2", "map.time_limit=12", "ablation=no_maintenance")
@@ -117,6 +162,7 @@ def test_an_episode_that_ends_at_once_in_an_empty_world(open_page, tale, tmp_pat
     page = open_page(tmp_path / "short.html")
     press(page, "End", "ArrowLeft", "f", "m", "0", "n")
     assert page.watch.said == []
+    assert page.get_by_text("The episode ended before the first decision.").is_visible() is (kept == 0)
 
 
 def test_a_place_that_takes_no_file_is_named(tale, tmp_path):
