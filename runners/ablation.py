@@ -1,20 +1,20 @@
 """What each part of the method is worth: variants against the complete one, and against what the paper says.
 
-The paper shows a figure without numbers and describes it (§IV, Ablation Studies). Its statements are data here,
-and whether ours agree follows from our paired differences by the rules in `NOTES`.
+The paper says in words, without numbers, what its figure shows (§IV, Ablation Studies). Its statements are data
+here, and whether ours agree follows from our paired differences by the rules in `NOTES`.
 """
 
 from __future__ import annotations
 
-import csv
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from runners import paired
-from runners.paired import METRIC, SUCCESS, Block, Difference, signed
-from runners.summary import DASH, Row, numbers, summarise, title
+from runners.paired import METRIC, SUCCESS, Block, Difference, interval, signed
+from runners.summary import DASH, Row, title
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -22,12 +22,15 @@ if TYPE_CHECKING:
 COLUMN, COMPLETE = "ablation", "none"
 NAME = "ablation"
 JOIN = "+"  # of ablations that are combined
-SOURCE = "the LME paper, §IV, Ablation Studies (a figure without numbers)"
+SOURCE = "the LME paper, §IV, Ablation Studies (words without numbers)"
 ABOUT = {"system": "LME", "map": "barn", "robot": "jackal"}  # what the paper's statements are about
 
 
 class Claim(NamedTuple):
-    """What the paper says of removing a part. tier: 3 loses most … 0 loses nothing; None: it loses, no more is said."""
+    """What the paper says of removing a part. tier: 3 loses most … 0 loses nothing; None: it loses, no more is said.
+
+    ASSUMED: that "noticeable" (2) is more than "moderate" (1); so the paper puts them in order.
+    """
 
     tier: int | None
     words: str
@@ -45,11 +48,13 @@ CLAIMS = {  # in the order of the paper's figure
 MOST = 3
 _ANSWERS = {"yes": "Agrees", "in part": "Agrees in part", "no": "Does not agree", "open": "Open"}
 FEWEST = 20  # worlds that a verdict takes where nothing is beyond the noise
+LEAST_P = 0.001  # that is shown
 MARGIN = 0.1  # of success: an interval that reaches farther has room for what the paper says
 NOTES = (
     f"Said of it: {SOURCE}. Ours is a 2D simulator, not Gazebo, and the paper does not list its hundred worlds.",
     "Agrees, where a loss is said: yes for a loss beyond the noise; in part where, besides, "
-    "a variant of which the paper says more loses less, their intervals apart; no for anything else.",
+    "a variant of which the paper says more loses less, their intervals apart; no for anything else. "
+    "The most significant is more than noticeable, and that more than moderate.",
     'Agrees, where "almost no effect" is said: yes unless there is a change beyond the noise.',
     f"Open, where nothing is beyond the noise: with fewer than {FEWEST} worlds, or an interval that reaches farther "
     f"than {MARGIN:g}.",
@@ -107,12 +112,7 @@ def write(found: list[Study], place: Path) -> list[Path]:
     """`ablation.md` and `ablation.csv` below `place`; the paths."""
     markdown, table = place / f"{NAME}.md", place / f"{NAME}.csv"
     markdown.write_text(to_markdown(found), encoding="utf-8")
-    rows = [_numbers(study, variant) for study in found for variant in study.variants]
-    names = list(dict.fromkeys(name for row in rows for name in row))
-    with table.open("w", encoding="utf-8", newline="") as file:
-        writer = csv.DictWriter(file, names, lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(rows)
+    paired.write_csv([_numbers(study, variant) for study in found for variant in study.variants], table)
     return [markdown, table]
 
 
@@ -131,26 +131,22 @@ def _study(block: Block) -> Study:
         *(name for name in CLAIMS if name in block.variants),
         *sorted(block.variants.keys() - CLAIMS.keys()),
     ]
-    variants = [Variant(COMPLETE, _row(block.baseline), {})]
+    variants = [Variant(COMPLETE, paired.row(block.baseline), {})]
     for name in names:
         change = {measure: found[name] for measure, found in changes.items() if name in found}
-        row = _row(block.variants[name])
+        row = paired.row(block.variants[name])
         verdict = _verdict(name, changes[SUCCESS], claims) if name in claims else None
         said = claims[name].words if verdict else ""
         variants.append(Variant(name, row, change, said, *(verdict or ())))
     return Study(block.heading, title(block.baseline), tuple(variants))
 
 
-def _row(part: pd.DataFrame) -> Row:
-    return summarise(part.drop(columns="run_dir", errors="ignore"), systems={})[0]
-
-
 def _is_the_papers(block: Block) -> bool:
-    """Whether the block is what the paper speaks of: its own method on its own benchmark."""
+    """Whether the block is what the paper speaks of: its own method on its own benchmark, with successes to lose."""
     first = block.baseline.iloc[0]
-    return all(str(first.get(key, value)) == value for key, value in ABOUT.items()) and not first.get(
-        "scale", ""
-    )
+    about = {**ABOUT, "scale": ""}
+    same = all(str(first.get(key, value)) == value for key, value in about.items())
+    return same and bool((block.baseline["outcome"] == SUCCESS).any())
 
 
 def _verdict(
@@ -161,7 +157,8 @@ def _verdict(
     if change is None:
         return None
     agrees, why = _judged(name, change, found, claims)
-    measured = f"{signed(change.mean)} ({signed(change.low)} to {signed(change.high)})"
+    reach = interval(change)
+    measured = f"{signed(change.mean)} ({reach})" if reach else signed(change.mean)
     return agrees, f"the paper says {claims[name].words}; ours {measured}. {_ANSWERS[agrees]}: {why}."
 
 
@@ -191,7 +188,7 @@ def _judged(
 
 def _is_open(change: Difference, tier: int | None) -> bool:
     """Whether nothing was found because too little was driven."""
-    reach = -change.low if tier != 0 else max(-change.low, change.high)
+    reach = max(-change.low, change.high) if tier == 0 else -change.low
     return not change.beyond_noise and (change.worlds < FEWEST or reach > MARGIN)
 
 
@@ -217,17 +214,8 @@ def _surpassed(
 
 
 def _table(study: Study) -> str:
-    header = ["Variant", "Success", "Difference", "95 %", "p (Holm)", "Beyond the noise"]
-    header += [
-        "BARN metric",
-        "Difference",
-        "95 %",
-        "p (Holm)",
-        "Beyond the noise",
-        "The paper says",
-        "Agrees",
-        "Pairs",
-    ]
+    change = ["Difference", "95 %", "p (Holm)", "Beyond the noise"]
+    header = ["Variant", "Success", *change, "BARN metric", *change, "The paper says", "Agrees", "Pairs"]
     lines = [_cells(variant) for variant in study.variants]
     rule = ["---", *["---:"] * (len(header) - 4), "---", "---", "---:"]
     table = "\n".join(f"| {' | '.join(line)} |" for line in [header, rule, *lines])
@@ -237,9 +225,9 @@ def _table(study: Study) -> str:
 def _cells(variant: Variant) -> list[str]:
     cells = [in_text(variant.ablation)]
     for measure in (SUCCESS, METRIC):
-        mean, std = variant.row.stats.get(measure, (float("nan"), float("nan")))
-        spread = "" if std != std else f" ± {std:.3f}"
-        cells.append(DASH if mean != mean else f"{mean:.3f}{spread}")
+        mean, std = variant.row.stats.get(measure, (math.nan, math.nan))
+        spread = "" if math.isnan(std) else f" ± {std:.3f}"
+        cells.append(DASH if math.isnan(mean) else f"{mean:.3f}{spread}")
         cells += _change(variant.change.get(measure))
     pairs = str(variant.change[SUCCESS].pairs) if variant.change else DASH
     return [*cells, variant.claim or DASH, variant.agrees or DASH, pairs]
@@ -248,9 +236,10 @@ def _cells(variant: Variant) -> list[str]:
 def _change(change: Difference | None) -> list[str]:
     if change is None:
         return [DASH] * 4
-    p = DASH if change.adjusted != change.adjusted else f"{change.adjusted:.3f}"
-    interval = f"{signed(change.low)} to {signed(change.high)}" if change.low == change.low else DASH
-    return [signed(change.mean), interval, p, "yes" if change.beyond_noise else "no"]
+    if math.isnan(change.adjusted):
+        return [signed(change.mean), DASH, DASH, DASH]
+    p = "< 0.001" if change.adjusted < LEAST_P else f"{change.adjusted:.3f}"
+    return [signed(change.mean), interval(change), p, "yes" if change.beyond_noise else "no"]
 
 
 def _list(study: Study) -> str:
@@ -259,16 +248,7 @@ def _list(study: Study) -> str:
 
 def _numbers(study: Study, variant: Variant) -> dict[str, object]:
     """A line of the CSV, unrounded."""
-    row = variant.row
-    counts = {"episodes": row.episodes, "worlds": row.worlds, "runs": row.runs}
     pairs = {"pairs": variant.change[SUCCESS].pairs} if variant.change else {}
     said = {"paper_says": variant.claim, "agrees": variant.agrees}
-    known = {
-        "block": study.heading,
-        "place": study.place,
-        "ablation": variant.ablation,
-        **counts,
-        **pairs,
-        **numbers(row),
-    }
-    return {**known, **paired.to_mapping(variant.change), **said}
+    known = {"block": study.heading, "place": study.place, "ablation": variant.ablation}
+    return {**known, **pairs, **paired.to_mapping(variant.row, variant.change), **said}

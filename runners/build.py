@@ -13,7 +13,7 @@ from lme.robots import Robot, require
 from lme.sim.simulator import Simulator
 from lme.worlds.check import check_task
 from lme.worlds.world import MapSet
-from runners import recorder, systems
+from runners import recorder, systems, weights
 from runners.schema import Record
 from runners.targets import build, configured, filled
 
@@ -26,15 +26,29 @@ def robot(config: Mapping[str, Any]) -> Robot:
 
 
 def map_set(config: Mapping[str, Any]) -> MapSet:
-    """The map set of a composed config; where its `radius` is null, for the disc around the config's robot."""
+    """The map set of a composed config; where its `radius` is null, for the disc around the config's robot.
+
+    The worlds that a figure's own `world` asks for come before those that the map chooses.
+    """
     node = config["map"]
+    if config.get("world") is not None:
+        node = {**node, "worlds": worlds_of(config["world"])}
     if "radius" in node and node["radius"] is None:
         node = {**node, "radius": robot(config).footprint.r_max}
     return cast(MapSet, build(node, "map"))
 
 
+def worlds_of(world: Any) -> list[int]:
+    """A number, or a list of numbers, as a list. Raises InputError."""
+    worlds = world if isinstance(world, list) else [world]
+    if not worlds or any(isinstance(number, bool) or not isinstance(number, int) for number in worlds):
+        raise InputError(f"world is {world!r}: must be a number, or a list of numbers")
+    return worlds
+
+
 def navigator(config: Mapping[str, Any], robot: Robot) -> Navigator:
-    """Guide and planner of a composed config."""
+    """Guide and planner of a composed config. Raises InputError for factors on parameters that the guide lacks."""
+    weights.check_scale(config.get("scale", {}), config["guide"])
     guide = build(config["guide"], "guide", robot)
     planner = build(config["planner"], "planner", robot)
     return Navigator(guide, planner)

@@ -6,16 +6,18 @@ mean of its paired differences. Seeds are fixed: the same records give the same 
 
 from __future__ import annotations
 
+import csv
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lme.types import Floats, Ints
-from runners.summary import as_text, row_keys
+from runners.summary import Row, as_text, measure, numbers, row_keys
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -30,7 +32,7 @@ NOTES = (
     "Differences are paired by world and run and averaged over worlds; the world is the unit, as runs of one "
     "world are not independent.",
     "Intervals: 95 %, bootstrap over worlds. p: sign-flip permutation over worlds, adjusted by Holm over all "
-    "differences of a column.",
+    "differences in one measure.",
     f"Beyond the noise: the adjusted p is below {LEVEL:g}.",
 )
 
@@ -84,9 +86,9 @@ def blocks(frame: pd.DataFrame, column: str, baseline: str) -> Iterator[Block]:
             yield Block(dict(zip(keys, map(str, values), strict=True)), without, by_value)
 
 
-def compare(block: Block, measure: str) -> dict[str, Difference]:
+def compare(block: Block, quantity: str) -> dict[str, Difference]:
     """Every variant of a block that has pairs against its baseline, by the variant's name."""
-    pairs = {name: difference(block.baseline, part, measure) for name, part in block.variants.items()}
+    pairs = {name: difference(block.baseline, part, quantity) for name, part in block.variants.items()}
     found = {name: value for name, value in pairs.items() if value is not None}
     adjusted = holm([value.p for value in found.values()])
     return {
@@ -94,9 +96,9 @@ def compare(block: Block, measure: str) -> dict[str, Difference]:
     }
 
 
-def difference(baseline: pd.DataFrame, variant: pd.DataFrame, measure: str) -> Difference | None:
-    """`variant` minus `baseline` in a measure, over the episodes that both have; None where there are none."""
-    one, other = (_values(part, measure) for part in (baseline, variant))
+def difference(baseline: pd.DataFrame, variant: pd.DataFrame, quantity: str) -> Difference | None:
+    """`variant` minus `baseline` in a quantity, over the episodes that both have; None where there are none."""
+    one, other = (_values(part, quantity) for part in (baseline, variant))
     changes = (other - one).dropna()
     if changes.empty:
         return None
@@ -122,29 +124,51 @@ def signed(value: float) -> str:
     return "0.000" if float(f"{value:.3f}") == 0 else text
 
 
-def to_mapping(found: Mapping[str, Difference | None]) -> dict[str, float | bool]:
-    """The figures by measure as columns of a CSV, unrounded."""
-    row: dict[str, float | bool] = {}
-    for measure, value in found.items():
-        if value is not None:
-            row |= {
-                f"{measure}_difference": value.mean,
-                f"{measure}_difference_low": value.low,
-                f"{measure}_difference_high": value.high,
-                f"{measure}_difference_p": value.p,
-                f"{measure}_difference_p_holm": value.adjusted,
-                f"{measure}_beyond_noise": value.beyond_noise,
-            }
-    return row
+def interval(value: Difference) -> str:
+    """ "−0.500 to −0.333"; empty where there is none."""
+    return "" if math.isnan(value.low) else f"{signed(value.low)} to {signed(value.high)}"
 
 
-def _values(part: pd.DataFrame, measure: str) -> pd.Series:
-    """The measure of every episode, by world and run."""
+def row(part: pd.DataFrame) -> Row:
+    """The figures of the baseline or of a variant."""
+    return measure(part, str(part["system"].iloc[0]), {})
+
+
+def to_mapping(figures: Row, found: Mapping[str, Difference]) -> dict[str, float | bool | None]:
+    """A row and its differences by measure as columns of a CSV, unrounded."""
+    columns: dict[str, float | bool | None] = {
+        "episodes": figures.episodes,
+        "worlds": figures.worlds,
+        "runs": figures.runs,
+        **numbers(figures),
+    }
+    for name, value in found.items():
+        columns |= {
+            f"{name}_difference": value.mean,
+            f"{name}_difference_low": value.low,
+            f"{name}_difference_high": value.high,
+            f"{name}_difference_p": value.p,
+            f"{name}_difference_p_holm": value.adjusted,
+            f"{name}_beyond_noise": value.beyond_noise,
+        }
+    return columns
+
+
+def write_csv(lines: Sequence[Mapping[str, object]], path: Path) -> None:
+    """All columns that any line has, in the order in which they come up."""
+    names = list(dict.fromkeys(name for line in lines for name in line))
+    with path.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.DictWriter(file, names, lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(lines)
+
+
+def _values(part: pd.DataFrame, quantity: str) -> pd.Series:
+    """The quantity of every episode, by world and run."""
     indexed = part.set_index(["world", "run"])
-    if measure == SUCCESS:
+    if quantity == SUCCESS:
         return (indexed["outcome"] == SUCCESS).astype(float)
-    missing = indexed["outcome"].map(lambda _: math.nan)
-    return indexed[measure].astype(float) if measure in indexed else missing
+    return indexed.reindex(columns=[quantity])[quantity].astype(float)
 
 
 def _tested(by_world: Floats) -> tuple[float, float, float]:

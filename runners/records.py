@@ -275,7 +275,7 @@ def _differing_keys(run_dirs: Sequence[Path]) -> list[dict[str, str]]:
     """For each run, the config keys that are not the same in all of them, and what they are there.
 
     Keys that are recorded as columns anyway (`map.subset` as `subset`) are left out. Factors on parameters are
-    one column, `scale`, even where all runs have the same: whoever reads must not take them for the parameters'.
+    one column, `scale`, even where all runs have the same: records of scaled parameters must not pass for plain ones.
     """
     from runners.rundirs import read_launch
     from runners.weights import in_words

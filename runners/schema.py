@@ -28,8 +28,8 @@ class Explain(StrEnum):
 
 
 @dataclass(slots=True)
-class DriveConfig:
-    """What drives a map set. Groups that hold a `_target_` are checked against that class's Config."""
+class SystemConfig:
+    """A system and where it drives. Groups that hold a `_target_` are checked against that class's Config."""
 
     seed: int
     runs: int
@@ -42,14 +42,20 @@ class DriveConfig:
     sim: dict[str, Any]
     ablation: dict[str, float]
     executor: dict[str, Any]
-    tracking: dict[str, Any]
     system: dict[str, Any] = field(default_factory=dict)
+
+
+@dataclass(slots=True, kw_only=True)
+class DriveConfig(SystemConfig):
+    """What drives a map set and reports on it."""
+
+    tracking: dict[str, Any]
     table: list[str] = field(default_factory=list)
     record: Record = Record.none
     explain: Explain = Explain.none
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, kw_only=True)
 class EvalConfig(DriveConfig):
     """`lme eval`. scale: factors on the guide's parameters, by name."""
 
@@ -110,26 +116,15 @@ class ReplayConfig:
     system: dict[str, Any] = field(default_factory=dict)
 
 
-@dataclass(slots=True)
-class FigureConfig:
+@dataclass(slots=True, kw_only=True)
+class FigureConfig(SystemConfig):
     """`lme figure`. figure: the kind and its settings; run: whose records are drawn, or none."""
 
     figure: dict[str, Any]
     run: str | None
     world: Any
     formats: list[str]
-    seed: int
-    runs: int
-    weights: str
-    resume: Any
-    robot: Robot
-    map: dict[str, Any]
-    guide: dict[str, Any]
-    planner: dict[str, Any]
-    sim: dict[str, Any]
-    ablation: dict[str, float]
-    executor: dict[str, Any]
-    system: dict[str, Any] = field(default_factory=dict)
+    scale: dict[str, float] = field(default_factory=dict)
 
 
 def register() -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from runners import paired
 from runners.paired import METRIC, SUCCESS, Block, Difference, signed
-from runners.summary import DASH, TIMES, Row, numbers, summarise, title
+from runners.summary import DASH, TIMES, Row, title
 from runners.weights import from_words
 
 if TYPE_CHECKING:
@@ -48,6 +47,11 @@ class Curve:
     parameter: str
     value: str
     points: tuple[Point, ...]
+
+    @property
+    def unchanged(self) -> Point:
+        """That at factor 1."""
+        return next(point for point in self.points if point.factor == 1)
 
     @property
     def range(self) -> float:
@@ -91,14 +95,8 @@ def write(found: list[Study], place: Path) -> list[Path]:
     """`sensitivity.md` and `sensitivity.csv` below `place`; the paths."""
     markdown, table = place / f"{NAME}.md", place / f"{NAME}.csv"
     markdown.write_text(to_markdown(found), encoding="utf-8")
-    rows = [
-        _numbers(study, curve, point) for study in found for curve in study.curves for point in curve.points
-    ]
-    names = list(dict.fromkeys(name for row in rows for name in row))
-    with table.open("w", encoding="utf-8", newline="") as file:
-        writer = csv.DictWriter(file, names, lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(rows)
+    points = [(study, curve, point) for study in found for curve in study.curves for point in curve.points]
+    paired.write_csv([_numbers(*point) for point in points], table)
     return [markdown, table]
 
 
@@ -130,21 +128,17 @@ def _single(frame: pd.DataFrame) -> pd.DataFrame:
 
 def _study(block: Block) -> Study:
     changes = {measure: paired.compare(block, measure) for measure in (SUCCESS, METRIC)}
-    base = Point(1.0, _row(block.baseline), {})
+    base = Point(1.0, paired.row(block.baseline), {})
     by_parameter: dict[str, list[Point]] = {}
     for name, part in block.variants.items():
         ((parameter, factor),) = from_words(name).items()
         change = {measure: found[name] for measure, found in changes.items() if name in found}
-        by_parameter.setdefault(parameter, [base]).append(Point(factor, _row(part), change))
+        by_parameter.setdefault(parameter, [base]).append(Point(factor, paired.row(part), change))
     curves = (
         Curve(name, _value(block, name), tuple(sorted(points, key=lambda point: point.factor)))
         for name, points in by_parameter.items()
     )
     return Study(block.heading, title(block.baseline), tuple(curves))
-
-
-def _row(part: pd.DataFrame) -> Row:
-    return summarise(part.drop(columns="run_dir", errors="ignore"), systems={})[0]
 
 
 def _value(block: Block, parameter: str) -> str:
@@ -193,7 +187,6 @@ def _cell(point: Point, measure: str) -> str:
 
 def _numbers(study: Study, curve: Curve, point: Point) -> dict[str, object]:
     """A line of the CSV, unrounded."""
-    row = point.row
     known = {
         "block": study.heading,
         "place": study.place,
@@ -201,5 +194,4 @@ def _numbers(study: Study, curve: Curve, point: Point) -> dict[str, object]:
         "value": curve.value,
         "factor": point.factor,
     }
-    counts = {"episodes": row.episodes, "worlds": row.worlds, "runs": row.runs}
-    return {**known, **counts, **numbers(row), **paired.to_mapping(point.change)}
+    return {**known, **paired.to_mapping(point.row, point.change)}

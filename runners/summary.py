@@ -88,7 +88,7 @@ def summarise(
     texts = frame.assign(**{key: as_text(frame[key]) for key in grouping})
     ours: dict[str, list[tuple[Row, published.Place | None]]] = {name: [] for name in order}
     for values, group in texts.groupby(grouping, sort=False):
-        row = _measure(group, dict(zip(grouping, values, strict=True)))
+        row = measure(group, str(values[0]), dict(zip(keys, map(str, values[1:]), strict=True)))
         name = names.get(str(values[0]), str(values[0]))
         ours.setdefault(name, []).append((row, published.place_of(group)))
     places = {place: row for rows in ours.values() for row, place in rows if place}
@@ -100,6 +100,29 @@ def metrics(frame: pd.DataFrame) -> dict[str, float]:
     """Every number of the first row by name, as CSV has them: what a tracker stores of one run."""
     row = summarise(frame, systems={})[0]
     return {"episodes": float(row.episodes or 0), **numbers(row)}
+
+
+def measure(group: pd.DataFrame, system: str, keys: dict[str, str]) -> Row:
+    """The figures of records that are one row of the table. keys: what tells the row from the others."""
+    successes = group["outcome"] == "success"
+    runs = int(group["run"].nunique())
+    stats = {}
+    for metric in METRICS:
+        column = _metric_column(group, metric.key)
+        chosen = successes if metric.of_successes else slice(None)
+        if column is not None:
+            mean, std = mean_std_over_runs(column[chosen], group["run"][chosen])
+            stats[metric.key] = mean, std if runs > 1 else math.nan
+    return Row(
+        label=f"{system} (ours)",
+        keys=keys,
+        stats=stats,
+        global_planner=_global_planner(group),
+        episodes=len(group),
+        worlds=int(group["world"].nunique()),
+        runs=runs,
+        interval=wilson_interval(int(successes.sum()), len(group)),
+    )
 
 
 def numbers(row: Row) -> dict[str, float]:
@@ -121,8 +144,8 @@ def title(frame: pd.DataFrame) -> str:
         for key in ("map", "subset", "robot")
         if key in frame and frame[key].nunique() == 1 and str(frame[key].iloc[0])
     ]
-    worlds = f"{frame['world'].nunique()} worlds {TIMES} {frame['run'].nunique()} runs"
-    return " · ".join([*common, worlds])
+    counts = f" {TIMES} ".join(_counted(frame[key].nunique(), key) for key in ("world", "run"))
+    return " · ".join([*common, counts])
 
 
 def notes(rows: Sequence[Row]) -> list[str]:
@@ -193,6 +216,10 @@ def _global_planner(group: pd.DataFrame) -> str:
     return GLOBAL_PLANNER.get(str(group["global_map"].iloc[0]), "no") if "global_map" in group else "no"
 
 
+def _counted(count: int, noun: str) -> str:
+    return f"{count} {noun}" + "s" * (count != 1)
+
+
 def _is_swept(frame: pd.DataFrame, column: str) -> bool:
     """A config key: no column of the records, and one value per run directory."""
     if column in COLUMNS or column == "run_dir" or column.startswith("world_") or "run_dir" not in frame:
@@ -202,29 +229,6 @@ def _is_swept(frame: pd.DataFrame, column: str) -> bool:
 
 def _distinct(frame: pd.DataFrame, columns: list[str]) -> int:
     return len(frame[["system", *columns]].drop_duplicates())
-
-
-def _measure(group: pd.DataFrame, values: dict[str, str]) -> Row:
-    system = values.pop("system")
-    successes = group["outcome"] == "success"
-    runs = int(group["run"].nunique())
-    stats = {}
-    for metric in METRICS:
-        column = _metric_column(group, metric.key)
-        chosen = successes if metric.of_successes else slice(None)
-        if column is not None:
-            mean, std = mean_std_over_runs(column[chosen], group["run"][chosen])
-            stats[metric.key] = mean, std if runs > 1 else math.nan
-    return Row(
-        label=f"{system} (ours)",
-        keys=values,
-        stats=stats,
-        global_planner=_global_planner(group),
-        episodes=len(group),
-        worlds=int(group["world"].nunique()),
-        runs=runs,
-        interval=wilson_interval(int(successes.sum()), len(group)),
-    )
 
 
 def _metric_column(group: pd.DataFrame, key: str) -> pd.Series | None:

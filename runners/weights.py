@@ -6,6 +6,7 @@ import difflib
 import math
 from collections.abc import Iterable, Mapping
 from pathlib import Path
+from typing import Any
 
 from lme.errors import InputError
 from lme.policy.score import CRITERIA
@@ -36,9 +37,17 @@ def parameters(
     return {**learned, **_scaled(learned, scale or {}), **ablation}
 
 
+def check_scale(scale: Mapping[str, float], guide: Mapping[str, Any]) -> None:
+    """Raise InputError for factors beside a guide's config that has no parameters to multiply."""
+    if scale and "parameters" not in guide:
+        raise InputError(
+            f"scale is {dict(scale)}: {guide['_target_']} has no parameters to multiply; must be {{}}"
+        )
+
+
 def in_words(scale: Mapping[str, float]) -> str:
-    """A scale as a table shows it: "a_close × 0.5", several with commas between; empty where there is none."""
-    return ", ".join(f"{name} {TIMES} {float(factor):.12g}" for name, factor in scale.items())
+    """A scale as a table shows it: "a_close × 0.5", several with commas between; empty where it changes nothing."""
+    return ", ".join(f"{name} {TIMES} {float(factor):.12g}" for name, factor in scale.items() if factor != 1)
 
 
 def from_words(text: str) -> dict[str, float]:

@@ -22,7 +22,7 @@ def main(argv: list[str]) -> int:
     arguments = _parser().parse_args(argv)
     runs = find_runs(arguments.runs)
     frame = read_episodes(runs)
-    order = _order(runs)
+    order = [] if runs == arguments.runs[:1] else _order(runs)
     _print(frame, order, arguments.format)
     if len(arguments.runs) == 1:
         words = _rewrite(frame, order, runs, arguments.runs[0])
@@ -35,8 +35,8 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="lme table",
         description=__doc__,
-        epilog="One run or sweep: its files are written anew. Several: nothing is written.\n\nexamples:\n  "
-        + "\n  ".join(EXAMPLES),
+        epilog="One run or sweep: its own files are written anew, not those of a sweep's jobs.\n"
+        "Several: nothing is written.\n\nexamples:\n  " + "\n  ".join(EXAMPLES),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("runs", nargs="+", type=Path, metavar="RUN", help="a run's directory, or a sweep's")
@@ -47,11 +47,11 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _order(runs: list[Path]) -> list[str]:
-    """The rows that a sweep's config asks for; none of a single run."""
+    """The rows that a sweep's config asks for."""
     from runners.rundirs import read_launch
 
     launch = read_launch(runs[0])
-    return list(launch.configs[0].get("table", [])) if launch is not None and len(runs) > 1 else []
+    return list(launch.configs[0].get("table", [])) if launch is not None else []
 
 
 def _print(frame: pd.DataFrame, order: list[str], style: str) -> None:
@@ -71,17 +71,14 @@ def _rewrite(frame: pd.DataFrame, order: list[str], runs: list[Path], place: Pat
     from runners import sweeps
     from runners.tables import write_tables
 
-    words: list[str] = []
     try:
-        if len(runs) > 1:
-            words = sweeps.report(frame, order, runs, place).words
-        else:
-            write_tables(frame, place)
-        for run in runs:
-            _draw(frame[frame["run_dir"] == str(run)], run)
+        if runs != [place]:
+            return sweeps.report(frame, order, runs, place).words
+        write_tables(frame, place)
+        _draw(frame, place)
     except OSError as error:
         raise InputError(f"cannot write to {place} ({error.strerror}): the table above is all") from None
-    return words
+    return []
 
 
 def _draw(frame: pd.DataFrame, run: Path) -> None:

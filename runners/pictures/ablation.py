@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from runners.ablation import COMPLETE, JOIN, NAME, Study, Variant
-from runners.paired import SUCCESS, signed
+from runners.paired import SUCCESS, Difference, signed
 from runners.pictures.comparison import HATCHES, OUTCOMES
 from runners.pictures.style import GRID, INK, STYLES, new_figure, save, symbol
 
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 WIDTH_IN, STUDY_IN, AROUND_IN = 7.2, 4.0, 0.75
+VARIANT_IN = 0.8  # at least, where there are more variants than that width holds
 STUDIES = 4  # at most: more cannot be read on a page
 BAR = 0.72
 GAP = 0.08  # between panels, in panels
@@ -28,7 +29,8 @@ NOTES = (
 def ablation_figure(studies: Sequence[Study], place: Path) -> list[Path]:
     """Draw outcomes and paired differences of every variant; save them below `place` as PNG and PDF; the paths."""
     shown = studies[:STUDIES]
-    figure = new_figure(WIDTH_IN, AROUND_IN + STUDY_IN * len(shown))
+    width = max(WIDTH_IN, VARIANT_IN * (1 + max(len(study.variants) for study in shown)))
+    figure = new_figure(width, AROUND_IN + STUDY_IN * len(shown))
     panels = figure.subplots(
         2 * len(shown), 1, squeeze=False, height_ratios=[1.6, 1.0] * len(shown), gridspec_kw={"hspace": GAP}
     )[:, 0]
@@ -64,17 +66,15 @@ def _outcomes(axes: Axes, variants: Sequence[Variant]) -> None:
 
 def _rate(axes: Axes, column: int, mean: float, std: float) -> None:
     """The number at the foot of its bar, a whisker at its top."""
-    from matplotlib.patheffects import withStroke
-
     axes.annotate(
         f"{mean:.3f}",
         (column, 0.0),
-        (0, 4),
+        (0, 5),
         textcoords="offset points",
         ha="center",
         fontsize=8,
         color=INK,
-        path_effects=[withStroke(linewidth=3.0, foreground="white", alpha=0.85)],
+        bbox={"facecolor": "white", "edgecolor": "none", "boxstyle": "round", "pad": 0.15},
         zorder=6,
     )
     if not math.isnan(std):
@@ -95,20 +95,28 @@ def _changes(axes: Axes, variants: Sequence[Variant]) -> None:
             axes.errorbar(
                 column, change.mean, yerr=reach, color=INK, elinewidth=0.9, capsize=3.5, capthick=0.9
             )
-        axes.annotate(
-            signed(change.mean),
-            (column, change.mean),
-            (8, 0),
-            textcoords="offset points",
-            va="center",
-            fontsize=7.5,
-            color=INK,
-            bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.8},
-        )
+        _difference(axes, column, change)
     axes.set_xticks(range(len(variants)), [_label(each.ablation) for each in variants], fontsize=8, color=INK)
-    axes.margins(y=0.12)
+    axes.margins(y=0.25)
     axes.set_ylabel("difference\nin success", fontsize=8.5, color=INK)
     _plain(axes, variants)
+
+
+def _difference(axes: Axes, column: int, change: Difference) -> None:
+    """The number beyond the end of its interval that is farther from zero."""
+    gain = change.mean > 0
+    end = change.high if gain else change.low
+    axes.annotate(
+        signed(change.mean),
+        (column, change.mean if math.isnan(end) else end),
+        (0, 5 if gain else -5),
+        textcoords="offset points",
+        ha="center",
+        va="bottom" if gain else "top",
+        fontsize=7.5,
+        color=INK,
+        bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.5},
+    )
 
 
 def _label(ablation: str) -> str:
@@ -130,7 +138,7 @@ def _filled(kind: str) -> dict[str, Any]:
 
 
 def _plain(axes: Axes, variants: Sequence[Variant]) -> None:
-    axes.set_xlim(-0.6, len(variants) - 0.25)
+    axes.set_xlim(-0.6, len(variants) - 0.4)
     axes.spines[["top", "right", "bottom"]].set_visible(False)
     axes.tick_params(axis="x", length=0)
     axes.tick_params(axis="y", labelsize=8, colors=INK)

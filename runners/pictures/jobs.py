@@ -32,10 +32,12 @@ class Job:
 
     @property
     def label(self) -> str:
-        """The system, and what was taken away from it."""
+        """The system, and what was taken away from it or multiplied."""
         first = self.frame.iloc[0]
-        ablation = str(first.get("ablation", "none"))
-        return str(first["system"]) + ("" if ablation == "none" else f", {ablation}")
+        changes = (str(first.get("ablation", "none")), str(first.get("scale", "")))
+        return ", ".join(
+            [str(first["system"]), *(change for change in changes if change not in ("none", ""))]
+        )
 
     @cached_property
     def maps(self) -> MapSet:

@@ -17,7 +17,9 @@ if TYPE_CHECKING:
 COLUMNS, STUDIES = 4, 3  # of panels; at most, more cannot be read on a page
 WIDTH_IN, PANEL_IN, AROUND_IN = 7.2, 1.75, 1.1
 FRACTIONS = {0.125: "⅛", 0.25: "¼", 0.5: "½", 0.75: "¾"}
-ZERO_GAP = 1.5  # of the factor 0 from the least other one, in doublings
+ZERO_GAP = 0.375  # of the factor 0 from the least other one, in widths of all the others
+BESIDE = 0.09  # left and right of all factors, in widths of them all
+TICK_GAP = 0.16  # between factors that are both named on the axis
 _SUCCESS: dict[str, Any] = {"color": BLUE, "linestyle": "-", "linewidth": 1.4, "marker": "o"}
 _METRIC: dict[str, Any] = {"color": VERMILION, "linestyle": "--", "linewidth": 1.2, "marker": "s"}
 NOTES = (
@@ -30,12 +32,13 @@ NOTES = (
 def sensitivity_figure(studies: Sequence[Study], place: Path) -> list[Path]:
     """Draw a panel for each parameter, save them below `place` as PNG and PDF; the paths."""
     shown = studies[:STUDIES]
-    rows = [math.ceil(len(study.curves) / COLUMNS) for study in shown]
+    columns = min(COLUMNS, max(len(study.curves) for study in shown))
+    rows = [math.ceil(len(study.curves) / columns) for study in shown]
     figure = new_figure(WIDTH_IN, AROUND_IN + PANEL_IN * sum(rows) + 0.3 * (len(shown) - 1))
     for part, study, count in zip(
         figure.subfigures(len(shown), 1, squeeze=False, height_ratios=rows)[:, 0], shown, rows, strict=True
     ):
-        panels = part.subplots(count, COLUMNS, sharex=True, sharey=True, squeeze=False).flat
+        panels = part.subplots(count, columns, sharex=True, sharey=True, squeeze=False).flat
         places = _places(factors(study.curves))
         for axes, curve in zip(panels, study.curves, strict=False):
             _panel(axes, curve, places)
@@ -66,8 +69,7 @@ def _panel(axes: Axes, curve: Curve, places: dict[float, float]) -> None:
                 look["color"] if measure in point.change and point.change[measure].beyond_noise else "white"
             )
             axes.plot(x, y, look["marker"], color=look["color"], markerfacecolor=face, markersize=4, zorder=4)
-    base = next(point for point in curve.points if not point.change)
-    axes.axhline(base.success, color=INK, linewidth=0.7, linestyle=(0, (4, 3)), zorder=2)
+    axes.axhline(curve.unchanged.success, color=INK, linewidth=0.7, linestyle=(0, (4, 3)), zorder=2)
     axes.axvline(places[1.0], color=INK, linewidth=0.7, linestyle=":", zorder=1)
     value = f" = {curve.value}" if curve.value else ""
     axes.set_title(f"{symbol(curve.parameter)}{value}", fontsize=8.5, color=INK, pad=3)
@@ -87,15 +89,29 @@ def _band(axes: Axes, points: Sequence[Point], places: dict[float, float]) -> No
 def _places(found: Sequence[float]) -> dict[float, float]:
     """Where factors lie on the axis, in doublings; 0 has none and goes to the left of all."""
     places = {factor: math.log2(factor) for factor in found if factor > 0}
-    return {**({0.0: min(places.values()) - ZERO_GAP} if 0.0 in found else {}), **places}
+    left, right = min(places.values()), max(places.values())
+    return {**({0.0: left - ZERO_GAP * (right - left or 1.0)} if 0.0 in found else {}), **places}
+
+
+def _named(places: dict[float, float]) -> list[float]:
+    """The factors that have room for their names: 1, the outermost ones, and what fits between."""
+    room = TICK_GAP * (max(places.values()) - min(places.values()))
+    named: list[float] = []
+    for factor in dict.fromkeys([1.0, *sorted(places)[::-1][:1], *sorted(places)]):
+        if all(abs(places[factor] - places[other]) >= room for other in named):
+            named.append(factor)
+    return sorted(named)
 
 
 def _plain(axes: Axes, places: dict[float, float]) -> None:
     left, right = min(places.values()), max(places.values())
-    axes.set(ylim=(-0.03, 1.04), xlim=(left - 0.5, right + 0.5), yticks=[0.0, 0.5, 1.0])
-    axes.set_xticks(list(places.values()), [FRACTIONS.get(factor, f"{factor:g}") for factor in places])
+    beside, named = BESIDE * (right - left), _named(places)
+    axes.set(ylim=(-0.03, 1.04), xlim=(left - beside, right + beside), yticks=[0.0, 0.5, 1.0])
+    axes.set_xticks(
+        [places[factor] for factor in named], [FRACTIONS.get(factor, f"{factor:g}") for factor in named]
+    )
     if 0.0 in places:  # the axis is broken between 0 and the least factor
-        axes.axvline(left + ZERO_GAP / 2, color=FRAME, linewidth=0.8)
+        axes.axvline((left + sorted(places.values())[1]) / 2, color=FRAME, linewidth=0.8)
     axes.spines[["top", "right"]].set_visible(False)
     axes.tick_params(labelsize=8, colors=INK, length=2.5)
     axes.grid(axis="y", color=GRID, linewidth=0.5)

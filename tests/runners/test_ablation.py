@@ -89,6 +89,14 @@ def test_the_paper_speaks_of_its_own_method_on_barn_alone(columns):
     assert "the LME paper" not in ablation.to_markdown([study])
 
 
+def test_a_factor_tells_studies_apart():
+    rates = {"none": 0.9, "no_c_o": 0.1}
+    scaled = sweep(rates, scale="a_close × 0.5").assign(run_dir=lambda frame: frame["run_dir"] + " scaled")
+    found = ablation.studies(pd.concat([sweep(rates, scale=""), scaled]))
+    assert [study.heading for study in found] == ["LME", "LME, scale a_close × 0.5"]
+    assert [study.variants[1].agrees for study in found] == ["yes", ""]
+
+
 def test_a_part_of_the_sweep_is_enough():
     frame = sweep({"no_c_o": 0.1, "none": 0.9})
     part = frame[(frame["ablation"] == "none") | (frame["world"] < 20)]
@@ -110,6 +118,25 @@ def test_too_little_to_tell_is_said_so():
     change = study.variants[1].change["success"]
     assert change.low < -ablation.MARGIN < 0 < change.high
     assert study.variants[1].words.endswith("Open: too noisy to tell.")
+
+
+def test_one_world_has_no_interval_and_says_so():
+    (study,) = ablation.studies(sweep({"none": 0.9, "no_c_o": 0.1}, worlds=1))
+    assert "| 0.000 | – | – | – |" in ablation.to_markdown([study])
+    assert study.variants[1].words.endswith("; ours 0.000. Open: too noisy to tell.")
+    assert study.place.endswith("1 world × 2 runs")
+
+
+def test_where_nothing_succeeds_there_is_nothing_to_lose():
+    (study,) = ablation.studies(sweep({"none": 0.0, "no_c_o": 0.0}))
+    assert [variant.agrees for variant in study.variants] == ["", ""]
+
+
+def test_a_variant_that_drove_other_worlds_is_shown_and_not_compared():
+    frame = sweep({"none": 0.9, "no_c_o": 0.1, "no_c_t": 0.5})
+    (study,) = ablation.studies(frame[(frame["ablation"] == "no_c_o") != (frame["world"] < 50)])
+    found = {variant.ablation: (variant.change == {}, variant.agrees) for variant in study.variants}
+    assert found == {"none": (True, ""), "no_c_o": (True, ""), "no_c_t": (False, "no")}
 
 
 def test_two_at_once_are_shown_last_and_nothing_is_said_of_them():
@@ -137,7 +164,7 @@ def test_files(tmp_path):
     assert len({len(row) for row in rows}) == 1
     assert dict(zip(rows[0][:6], rows[5][:6], strict=True)) == {
         "Variant": "No c_o", "Success": "0.100 ± 0.000", "Difference": "\u22120.800",
-        "95 %": rows[5][3], "p (Holm)": "0.001", "Beyond the noise": "yes",
+        "95 %": rows[5][3], "p (Holm)": "< 0.001", "Beyond the noise": "yes",
     }  # fmt: skip
     assert "not Gazebo" in text
     lines = list(csv.DictReader(table.open(encoding="utf-8")))

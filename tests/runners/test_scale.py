@@ -2,7 +2,6 @@
 
 import math
 import shutil
-from pathlib import Path
 
 import pytest
 from omegaconf import OmegaConf
@@ -10,12 +9,14 @@ from omegaconf import OmegaConf
 from lme.errors import InputError
 from runners import cli, schema, sweeps
 from runners.composer import Composer
+from runners.pictures.jobs import read_jobs
 from runners.records import find_runs, read_episodes
 from runners.summary import summarise
 from runners.weights import from_words, in_words, parameters
 from tests.builders import PUBLISHED
 
-WORDS = ["map.worlds=[0,6]", "runs=1", "executor=serial", "tracking=none"]
+WORDS = ["map.worlds=[0,6]", "map.time_limit=2", "runs=1", "executor=serial", "tracking=none"]
+COMBINED = "no_c_o+no_a_dev"
 
 
 def test_factors_multiply_and_the_rest_stays():
@@ -45,6 +46,7 @@ def test_mistakes(scale, message):
 
 def test_words_are_read_back():
     assert in_words({"a_close": 0.5, "d1": 2}) == "a_close × 0.5, d1 × 2"
+    assert in_words({"a_close": 1.0, "d1": 2}) == "d1 × 2"
     for scale in ({}, {"c_o": 0.0}, {"a_close": 1 / 3, "d2": 1e-7}):
         assert from_words(in_words(scale)) == pytest.approx(scale)
 
@@ -55,6 +57,8 @@ def test_the_guide_has_the_product_and_other_commands_do_without():
         config = composer.compose(["++scale={d2:2}"])
         assert config.guide.parameters["d2"] == 400.0
         assert OmegaConf.to_container(composer.compose([]).scale) == {}
+    with Composer("figure") as composer:
+        assert composer.compose(["++scale={d2:2}"]).guide.parameters["d2"] == 400.0
     with Composer("replay") as composer:
         assert composer.compose([]).guide.parameters["d2"] == 200.0
 
@@ -69,6 +73,9 @@ def test_the_guide_has_the_product_and_other_commands_do_without():
         (["eval", "scale={},{d1:2}"], "several values; add -m"),
         (["train", "scale={d1:2}"], "scale: no such key"),
         (["replay", "scale.d1=2"], "scale: no such key"),
+        (["figure", "scale={d3:2}"], "scale.d3: no such key"),
+        (["figure", "guide=target", "scale={d1:2}"], "Target has no parameters to multiply; must be {}"),
+        (["eval", "-m", "system=lme,dwa", "scale={},{d1:2}"], "Target has no parameters to multiply"),
         (["eval", "held_out.mine=2"], "held_out: no such key"),
     ],
 )
@@ -81,8 +88,9 @@ def test_mistakes_on_the_command_line(words, message, tmp_path, monkeypatch, cap
 
 @pytest.fixture(scope="module")
 def sweep(tmp_path_factory):
+    """Two ablations at once, with parameters as they are and with one halved."""
     folder = tmp_path_factory.mktemp("sweep")
-    words = ["-m", "scale={},{a_close:0.5}", "ablation=none,no_c_o", "hydra.sweep.dir=out"]
+    words = ["-m", "scale.a_close=1,0.5", "ablation=[no_c_o, no_a_dev]", "hydra.sweep.dir=out"]
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
         assert cli.main(["eval", *words, *WORDS]) == 0
@@ -91,49 +99,41 @@ def sweep(tmp_path_factory):
 
 def test_a_swept_scale_is_one_column(sweep):
     rows = summarise(read_episodes(find_runs([sweep])), systems={})
-    assert {tuple(row.keys) for row in rows} == {("ablation", "scale")}
-    shown = ["", "a_close × 0.5"]
-    assert [(row.keys["ablation"], row.keys["scale"]) for row in rows] == [
-        (ablation, scale) for scale in shown for ablation in ("none", "no_c_o")
+    assert [row.keys for row in rows] == [
+        {"ablation": COMBINED, "scale": ""},
+        {"ablation": COMBINED, "scale": "a_close × 0.5"},
     ]
 
 
 def test_one_run_with_factors_is_not_taken_for_one_without(sweep):
-    scaled = next(run for run in find_runs([sweep]) if "scale" in read_episodes([run]))
-    (row, *published) = summarise(read_episodes([scaled]))
+    frame = read_episodes([sweep / "1"]).assign(ablation="none", subset="hard100")
+    (row, *published) = summarise(frame)
     assert row.keys["scale"] == "a_close × 0.5"
     assert published == []
 
 
-def test_a_sweep_of_both_has_both_reports_and_table_writes_them_anew(sweep, tmp_path, capsys):
-    names = [f"{stem}.{end}" for stem in ("ablation", "sensitivity") for end in ("md", "csv", "png", "pdf")]
+def test_figures_tell_scaled_jobs_apart(sweep):
+    labels = [job.label for job in read_jobs([sweep])]
+    assert labels == [f"LME, {COMBINED}", f"LME, {COMBINED}, a_close × 0.5"]
+
+
+def test_the_sweep_has_its_report_and_table_writes_it_anew(sweep, tmp_path, capsys):
+    names = [f"sensitivity.{end}" for end in ("md", "csv", "png", "pdf")]
     copy = tmp_path / "copy"
     shutil.copytree(sweep, copy)
     for name in names:
         (copy / name).unlink()
     capsys.readouterr()
     assert cli.main(["table", str(copy)]) == 0
-    said = capsys.readouterr().out
+    assert "a_close (1.51):" in capsys.readouterr().out
     for name in names:
         assert (copy / name).read_bytes() == (sweep / name).read_bytes()
-    text = Path(sweep / "ablation.md").read_text(encoding="utf-8")
-    assert [text.count(f"**{heading} ·") for heading in ("LME", "LME, scale a_close × 0.5")] == [1, 1]
-    assert "a_close (1.51):" in said
-    assert "No c_o: the paper says" in said
+    text = (sweep / "sensitivity.md").read_text(encoding="utf-8")
+    assert text.startswith(f"**LME, ablation {COMBINED} · barn")
+    assert not (sweep / "ablation.md").exists()
 
 
 def test_a_sweep_without_them_has_neither(sweep, tmp_path):
-    frame = read_episodes(find_runs([sweep]))
-    one = frame[(frame["ablation"] == "none") & (frame["scale"] == "")]
+    one = read_episodes([sweep / "0"])
     assert sweeps._ablation(one, tmp_path) == sweeps._sensitivity(one, tmp_path) == ([], [])
     assert list(tmp_path.iterdir()) == []
-
-
-def test_several_ablations_at_once_are_driven_and_named(tmp_path, monkeypatch):
-    """As the comparison with the complete method shows them."""
-    monkeypatch.chdir(tmp_path)
-    words = ["-m", "ablation=none,[no_c_o, no_a_dev]", *WORDS, "hydra.sweep.dir=out"]
-    assert cli.main(["eval", *words]) == 0
-    frame = read_episodes(find_runs([Path("out")]))
-    assert list(frame["ablation"].unique()) == ["none", "no_c_o+no_a_dev"]
-    assert "| No c_o, a_dev | 0.000 |" in Path("out/ablation.md").read_text(encoding="utf-8")

@@ -1,5 +1,6 @@
 """`lme maps`: plain lines for scripts, pictures for people."""
 
+import logging
 import subprocess
 import sys
 from pathlib import Path
@@ -18,8 +19,9 @@ SETS = sorted(path.stem for path in (resource_dir("conf") / "map").glob("*.yaml"
 
 @pytest.fixture(autouse=True)
 def own_folder(tmp_path, monkeypatch):
-    """Pictures are written below the folder that one is in."""
+    """Pictures are written below the folder that one is in, and no log handler of another test speaks up."""
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(logging.root, "handlers", [])
 
 
 @pytest.fixture

@@ -9,7 +9,7 @@ from runners.rundirs import Launch
 from tests.runners.pictures.test_trajectories import run_of
 
 
-def write_run(run_dir, subset="hard100", worlds=(200, 201), config=None):
+def write_run(run_dir, subset="hard100", worlds=(200, 201), config=None, **columns):
     """Records of a run whose world 201 was a collision."""
     _, steps = run_of(["success"])
     trajectory = {name: steps[name].to_numpy() for name in ("x_m", "y_m")}
@@ -23,6 +23,7 @@ def write_run(run_dir, subset="hard100", worlds=(200, 201), config=None):
                 "subset": subset,
                 "world": world,
                 "run": 0,
+                **columns,
             }
             writer.append({**record, "outcome": outcome, "time_s": 9.0, "spl": 0.7}, trajectory)
         writer.merge()
@@ -61,6 +62,33 @@ def test_a_sweep_gives_one_table(tmp_path, capsys):
         ["LME (ours)", "official50"],
     ]
     assert (tmp_path / "table.md").exists()
+
+
+def test_a_sweeps_own_files_are_written_anew_and_not_its_jobs(tmp_path, capsys):
+    """One of a single job too; the job's own when it is named."""
+    config = {
+        "map": {"_target_": "lme.worlds.barn.Barn", "subset": "hard100"},
+        "robot": {"footprint": {"radius": 0.2}},
+        "table": ["drl_vo"],
+    }
+    write_run(tmp_path / "0", config=config)
+    assert table.main([str(tmp_path), "--format", "md"]) == 0
+    assert "DRL-VO (published)" in capsys.readouterr().out
+    names = {path.name for path in tmp_path.iterdir()}
+    assert {"table.md", "comparison.png"} <= names
+    assert not {"table.md", "trajectories.png"} & {path.name for path in (tmp_path / "0").iterdir()}
+    table.main([str(tmp_path / "0"), "--format", "md"])
+    assert "DRL-VO" not in capsys.readouterr().out
+    assert {"table.md", "trajectories.png"} <= {path.name for path in (tmp_path / "0").iterdir()}
+
+
+def test_a_sweep_of_ablations_is_compared_in_words_and_in_a_picture(tmp_path, capsys):
+    for number, ablation in enumerate(("none", "no_c_o")):
+        write_run(tmp_path / str(number), ablation=ablation)
+    table.main([str(tmp_path)])
+    assert "No c_o: the paper says the most significant" in capsys.readouterr().out
+    names = {f"ablation.{ending}" for ending in ("md", "csv", "png", "pdf")}
+    assert names <= {path.name for path in tmp_path.iterdir()}
 
 
 def test_several_runs_are_printed_and_nothing_is_written(tmp_path, capsys):
