@@ -81,7 +81,7 @@ def _run(name: str, argv: list[str], known: dict[str, Path]) -> int:
         hint = f"did you mean {close[0]}? " if close else ""
         raise InputError(f"{name}: no such command; {hint}there are: {', '.join(known)}")
     if {"-h", "--help"} & set(argv) and (resource_dir("conf") / f"{name}.yaml").is_file():
-        print(help.command(name, title(known[name]), examples(known[name])))
+        print(help.command(name, title(known[name]), examples(known[name]), argv))
         return 0
     module = importlib.import_module(f"{commands.__name__}.{known[name].stem}")
     return int(module.main(argv))

@@ -105,6 +105,8 @@ def _override(
 def _keys(group: str, default: str | None, before: Sequence[str], configs: catalogue.Catalogue) -> list[str]:
     """Keys of the option that the line chooses, or of the default one."""
     chosen = [text.partition("=")[2] for text in before if text.lstrip("+").startswith(f"{group}=")]
+    if before[1] == group and len(before) > 2 and before[2] in configs.options(group):
+        chosen.insert(0, before[2])  # lme figure KIND
     option = (chosen or [default])[-1]
     try:
         return [key.name for key in configs.keys(f"{group}/{option}") if key.name != "_target_"]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import shutil
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -16,6 +18,7 @@ from runners.composer import without_hydra
 from runners.pictures.jobs import Kind, read_jobs
 from runners.pictures.style import FORMATS
 from runners.records import find_runs
+from runners.rundirs import LAUNCH
 from runners.targets import build as build_target
 from runners.targets import configured
 
@@ -25,8 +28,7 @@ def validate(config: DictConfig) -> None:
     plain = build.plain(config)
     kind = _kind(plain)
     _worlds(plain)
-    unknown = [each for each in plain["formats"] if each not in FORMATS]
-    if unknown or not plain["formats"]:
+    if not plain["formats"] or not set(plain["formats"]) <= set(FORMATS):
         raise InputError(f"formats is {plain['formats']}: must be some of {', '.join(FORMATS)}")
     if plain["run"] is not None:
         find_runs([Path(plain["run"])])
@@ -51,11 +53,17 @@ def _validate_drive(config: DictConfig, plain: dict[str, Any]) -> None:
 def prepare(config: DictConfig, run_dir: Path) -> None:
     """Drive the episodes that the figure shows; of a figure that is no sweep, draw it too."""
     plain = build.plain(config)
-    if plain["run"] is None and _kind(plain).drives:
-        plain = _with_worlds(plain)
-        evaluate.drive(plain, evaluate.record_names(plain), build.map_set(plain), run_dir)
-    if evaluate.sweep_directory() is None:
+    drives = plain["run"] is None and _kind(plain).drives
+    if drives:
+        _drive(_with_worlds(plain), run_dir)
+    if evaluate.sweep_directory() is not None:
+        return
+    try:
         draw(config, [run_dir], run_dir)
+    except (InputError, KeyboardInterrupt):
+        if not drives:
+            _leave(run_dir)
+        raise
 
 
 def draw(config: DictConfig, driven: Sequence[Path], folder: Path) -> list[Path]:
@@ -64,10 +72,28 @@ def draw(config: DictConfig, driven: Sequence[Path], folder: Path) -> list[Path]
     runs = driven if plain["run"] is None else [Path(plain["run"])]
     kind = _kind(plain)
     jobs = read_jobs(runs) if kind.drives else []
+    if kind.drives and not jobs:
+        raise InputError(
+            f"run is {plain['run']}: no {LAUNCH} there tells of the config, so it cannot be drawn"
+        )
     stem = folder / kind.name
     paths = kind.draw(jobs, _worlds(plain), stem, plain["formats"])
     print("\n".join(map(str, paths)))
     return paths
+
+
+def _drive(plain: dict[str, Any], run_dir: Path) -> None:
+    try:
+        evaluate.drive(plain, evaluate.record_names(plain), build.map_set(plain), run_dir)
+    except KeyboardInterrupt:
+        print(f"\nStopped. Go on with: lme figure resume={run_dir}", file=sys.stderr)
+        raise
+
+
+def _leave(run_dir: Path) -> None:
+    """Take back the directory of a figure that came to nothing, unless it holds more than how it was started."""
+    if {path.name for path in run_dir.iterdir()} <= {LAUNCH, ".hydra"}:
+        shutil.rmtree(run_dir)
 
 
 def _kind(plain: dict[str, Any]) -> Kind:
@@ -77,11 +103,7 @@ def _kind(plain: dict[str, Any]) -> Kind:
 
 def _worlds(plain: dict[str, Any]) -> list[int]:
     """The worlds asked for; none where that is left to the figure."""
-    world = plain["world"]
-    worlds = [] if world is None else world if isinstance(world, list) else [world]
-    if any(isinstance(number, bool) or not isinstance(number, int) for number in worlds):
-        raise InputError(f"world is {world!r}: must be a number, or a list of numbers")
-    return worlds
+    return [] if plain["world"] is None else build.worlds_of(plain["world"])
 
 
 def _with_worlds(plain: dict[str, Any]) -> dict[str, Any]:

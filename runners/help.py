@@ -56,14 +56,20 @@ def overview(commands: Mapping[str, str]) -> str:
     )
 
 
-def command(name: str, title: str, examples: Sequence[str]) -> str:
-    """Help of a command that is configured by `conf/NAME.yaml`."""
+def command(name: str, title: str, examples: Sequence[str], words: Sequence[str] = ()) -> str:
+    """Help of a command that is configured by `conf/NAME.yaml`.
+
+    words: of the command line. Of a command that takes a kind, `lme NAME KIND`, they choose whose keys are told.
+    """
     configs = catalogue.shipped()
+    kinds = configs.options(name)
+    usage = "[KIND] [GROUP=OPTION ...]" if kinds else "[GROUP=OPTION ...]"
+    kind = next((word for word in words if word in kinds), configs.groups(name).get(name))
     return "\n".join(
         [
             title,
             "",
-            f"usage: lme {name} [GROUP=OPTION ...] [KEY=VALUE ...] [-m] [--config-dir DIR] [--cfg job]",
+            f"usage: lme {name} {usage} [KEY=VALUE ...] [-m] [--config-dir DIR] [--cfg job]",
             "",
             "examples:",
             *(f"  {example}" for example in examples),
@@ -73,12 +79,19 @@ def command(name: str, title: str, examples: Sequence[str]) -> str:
             "",
             "keys:",
             *_table((f"{key.name}={key.value}", key.comment) for key in configs.keys(name)),
+            *(_keys(configs, name, str(kind)) if kinds else ()),
             *_table([("robot.v_max=1.0, ...", "any key of the options chosen; --cfg job prints them all")]),
             "",
             "how to:",
             *_table((how, what.format(command=name)) for how, what in _HOW_TO),
         ]
     )
+
+
+def _keys(configs: catalogue.Catalogue, group: str, option: str) -> list[str]:
+    """Keys of one option."""
+    found = [key for key in configs.keys(f"{group}/{option}") if key.name != "_target_"]
+    return _table((f"{group}.{key.name}={key.value}", key.comment) for key in found)
 
 
 def _groups(configs: catalogue.Catalogue, command_name: str) -> list[str]:

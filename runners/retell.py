@@ -16,11 +16,10 @@ from lme.episode import Episode, run_episode
 from lme.errors import InputError
 from lme.geometry.frames import to_world
 from lme.guides.lme import Lme
-from lme.navigator import Navigator
-from lme.policy.escaper import Explanation
+from lme.policy.escaper import Decision, Explanation, LocalMinimumEscaper
 from lme.robots import Robot
 from lme.sim.simulator import Simulator, State
-from lme.types import Floats, Guidance, Observation, Pose, Twist
+from lme.types import Floats, Guidance, Guide, Observation, Pose, Twist
 from lme.worlds.world import Task
 from runners import build, rundirs
 from runners.episodes import episode_rng
@@ -76,7 +75,7 @@ def retell(config: Mapping[str, Any], world: int, run: int) -> Tale:
     robot = build.robot(config)
     task, simulator = build.map_set(config).task(world), build.simulator(config, robot)
     navigator = build.navigator(config, robot)
-    witness = _Witness(simulator, navigator)
+    witness = _Witness(simulator, navigator.guide)
     episode = run_episode(task, navigator, simulator, episode_rng(config["seed"], world, run), witness)
     return Tale(config, world, run, robot, task, tuple(witness.moments), witness.end, episode)
 
@@ -112,43 +111,29 @@ class _Witness:
 
     end: End
 
-    def __init__(self, simulator: Simulator, navigator: Navigator) -> None:
+    def __init__(self, simulator: Simulator, guide: Guide) -> None:
         self._simulator = simulator
-        self._asked = _Asked(navigator.guide) if isinstance(navigator.guide, Lme) else None
-        if self._asked is not None:
-            navigator.guide = self._asked
+        self._why: Explanation | None = None
         self.moments: list[Moment] = []
+        if isinstance(guide, Lme):
+            self._ask(guide.escaper)
 
     def decided(self, observation: Observation, guidance: Guidance, command: Twist, state: State) -> None:
-        subgoal = to_world(guidance.subgoal, state.pose)
-        why = self._asked.explanation if self._asked else None
+        why, self._why = self._why, None
+        subgoal, obstacles = to_world(guidance.subgoal, state.pose), self._simulator.obstacles
         self.moments.append(
-            Moment(
-                state.time,
-                state.pose,
-                observation,
-                subgoal,
-                guidance,
-                command,
-                self._simulator.obstacles,
-                why,
-            )
+            Moment(state.time, state.pose, observation, subgoal, guidance, command, obstacles, why)
         )
 
     def ended(self, observation: Observation, state: State) -> None:
         self.end = End(state.time, state.pose, observation, self._simulator.obstacles)
 
+    def _ask(self, escaper: LocalMinimumEscaper) -> None:
+        """Only `decide` is stood in for: a guide made from Lme keeps all else that it has, and what it asks is seen."""
+        decide = escaper.decide
 
-class _Asked:
-    """LME as a guide, asked for its reasons before every decision."""
+        def explained(observation: Observation) -> Decision:
+            self._why = escaper.explain(observation)
+            return decide(observation)
 
-    def __init__(self, guide: Lme) -> None:
-        self._guide = guide
-        self.explanation: Explanation | None = None
-
-    def reset(self, rng: np.random.Generator) -> None:
-        self._guide.reset(rng)
-
-    def guide(self, observation: Observation) -> Guidance:
-        self.explanation = self._guide.escaper.explain(observation)
-        return self._guide.guide(observation)
+        escaper.decide = explained  # type: ignore[method-assign]

@@ -148,15 +148,16 @@ def _places(
 
 
 def _book(run_dir: Path, files: Sequence[Path]) -> None:
-    """In MLflow, where the run itself was booked; Hydra's note of its config says where that is."""
+    """In MLflow, where the run itself was booked; Hydra's note of its config says where that is, if anywhere."""
     from omegaconf import OmegaConf
 
     from runners.explaining import FOLDER
     from runners.targets import build
 
-    config = run_dir / ".hydra" / "config.yaml"
-    if config.is_file():
-        build(OmegaConf.load(config)["tracking"], "tracking").add(run_dir, files, FOLDER)
+    note = run_dir / ".hydra" / "config.yaml"
+    tracking = OmegaConf.select(OmegaConf.load(note), "tracking") if note.is_file() else None
+    if tracking is not None:  # a figure's episodes are driven without
+        build(tracking, "tracking").add(run_dir, files, FOLDER)
 
 
 def _tell(run_dir: Path, words: Sequence[str]) -> None:

@@ -10,20 +10,12 @@ if TYPE_CHECKING:
 
 EXAMPLES = (
     "lme figure trajectories -m system=dwa,lme_dwa,lme world=250",
-    "lme figure features world=250 figure.step=40",
+    "lme figure features world=250 step=40",
     "lme figure video run=outputs/eval/RUN world=250",
     "lme figure +experiment=barn_trajectories",
 )
-_BESIDE_RUN = (
-    "run",
-    "world",
-    "map.world",
-    "formats",
-    "figure",
-    "experiment",
-    "resume",
-    "hydra",
-)  # keys that say what to draw
+_BESIDE_RUN = {"run", "world", "formats", "figure", "experiment", "resume"}  # keys that say what to draw
+_SHORT = {"map.world": "world", "step": "figure.step", "moment": "figure.moment"}
 
 
 def main(argv: list[str]) -> int:
@@ -33,6 +25,7 @@ def main(argv: list[str]) -> int:
 
     words = _translated(argv)
     _check_beside_run(words)
+    _check_swept(words)
     return app.launch(config_name="figure", run=run, argv=words, validate=validate, finish_sweep=finish_sweep)
 
 
@@ -51,24 +44,50 @@ def finish_sweep(config: DictConfig, sweep_dir: Path, run_dirs: list[Path]) -> N
 
 
 def _translated(argv: list[str]) -> list[str]:
-    """The kind as an override, and `map.world` under its own name."""
+    """The kind as an override, keys of other names under their own, and one format as a list of one."""
     words = list(argv)
     if words and "=" not in words[0] and not words[0].startswith("-"):
         words[0] = f"figure={words[0]}"
-    return [word.replace("map.world=", "world=", 1) if _key(word) == "map.world" else word for word in words]
+    return [_in_full(word) for word in words]
+
+
+def _in_full(word: str) -> str:
+    key, value = _key(word), word.partition("=")[2]
+    if key == "formats" and value.isalpha():
+        return f"formats=[{value}]"
+    return f"{_SHORT[key]}={value}" if key in _SHORT else word
 
 
 def _check_beside_run(words: list[str]) -> None:
     """Raise InputError for a key that cannot hold where the records of a run are drawn."""
     from lme.errors import InputError
+    from runners import catalogue
 
     given = {_key(word): word for word in words if "=" in word}
     if "run" not in given or given["run"].endswith("=null"):
         return
+    configs = catalogue.shipped()
+    driving = {*configs.groups("figure"), *(key.name for key in configs.keys("figure"))} - _BESIDE_RUN
     for key, word in given.items():
-        if key.partition(".")[0] not in _BESIDE_RUN and key not in _BESIDE_RUN:
+        if key.partition(".")[0] in driving:
             raise InputError(
                 f"{word}: the episodes of run= are driven already, as its own config says; leave it away"
+            )
+
+
+def _check_swept(words: list[str]) -> None:
+    """Raise InputError for a sweep of what there is but once, as there is one figure of a sweep."""
+    from lme.errors import InputError
+
+    if not {"-m", "--multirun"} & set(words):
+        return
+    for word in words:
+        key, value = _key(word), word.partition("=")[2]
+        once = key.partition(".")[0] in ("run", "world", "formats", "figure")
+        if once and "," in value and not value.startswith(("[", "'", '"')):
+            raise InputError(
+                f"{word}: one figure is drawn of all jobs, so this cannot be swept; several worlds are a list, "
+                "world=[3,4], and -m sweeps what is driven: systems, maps, ablations"
             )
 
 

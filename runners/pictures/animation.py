@@ -29,8 +29,8 @@ MOST_FRAMES = 150  # of a longer episode every second, third, … decision is sh
 LAST_S = 1.0  # the end stays so long
 LINE_IN, LETTER_IN, SIZE_PT = 0.16, 0.058, 8
 SAMPLE = 5  # frames that the colours of a GIF are chosen from
-KEY = "dots: laser scan · star: subgoal · line: the way so far"
-CANDIDATES_KEY = "small dots in colour: candidates, the brighter the higher their score S"
+KEY = "orange: laser scan · star: subgoal · line: the way so far"
+CANDIDATES_KEY = "dots: candidates, the brighter the higher their score S"
 
 
 class Pace(NamedTuple):

@@ -20,7 +20,7 @@ from runners.pictures import robot_view as view
 from runners.pictures.feature_page import Page
 from runners.pictures.jobs import Job
 from runners.pictures.moment import Shot, candidate_reach, shots, stems
-from runners.pictures.style import BLUE, INK, save
+from runners.pictures.style import BLUE, INK, save, symbol
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -126,7 +126,7 @@ def _layer(why: Explanation, name: str, values: str) -> _Layer:
     weighted = values == "weighted"
     letter = f"w_{row + 1}" if name in CRITERIA else "w"
     unit = "" if weighted or name not in UNITS else f" [{UNITS[name]}]"
-    title = f"{_symbol(name)}{unit} (${letter}$ = {weight:g})"
+    title = f"{symbol(name)}{unit} (${letter}$ = {weight:g})"
     layer = _Layer(
         f"${letter}$ {title}" if weighted else title,
         raw * weight if weighted else raw,
@@ -144,12 +144,6 @@ def _is_two(name: str, raw: Floats) -> bool:
     return values == {0.0, 1.0} or (name in TWO_NAMES and values <= {0.0, 1.0})
 
 
-def _symbol(name: str) -> str:
-    """A criterion's name as the paper prints it; one of your own as it is."""
-    letter, _, index = name.partition("_")
-    return rf"${letter}_{{\mathrm{{{index}}}}}$" if name in CRITERIA else name.replace("$", r"\$")
-
-
 def _draw_scene(axes: Axes, shot: Shot, lettered: bool) -> None:
     """All that is the same in every panel."""
     why, seen = shot.why, shot.why.view
@@ -160,7 +154,9 @@ def _draw_scene(axes: Axes, shot: Shot, lettered: bool) -> None:
     view.draw_target(axes, seen.target)
     if seen.blockage is not None:
         view.draw_contour(axes, seen.blockage.points, seen.radius, BLUE)
-        view.draw_letters(axes, view.letters(seen.blockage, brief=True), 2.6, lettered)
+        rival = view.rival_subgoal(why)
+        stars = [why.decision.subgoal, *([] if rival is None else [rival[1]])]
+        view.draw_letters(axes, view.letters(seen.blockage, brief=True), 2.6, lettered, stars)
     view.draw_subgoals(axes, why)
 
 

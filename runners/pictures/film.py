@@ -26,14 +26,19 @@ QUALITY = "23"  # of x264: the encoder's own default; lower is better and larger
 
 
 def write_film(pictures: Iterable[Picture], path: Path, fps: float, sample: Sequence[Picture]) -> None:
-    """Save pictures of one size at an even pace, as GIF or MP4 by the ending of `path`.
+    """Save pictures of one size at an even pace, as GIF or MP4 by the ending of `path`; whole or not at all.
 
     sample: some of them, that a GIF's colours are chosen from. Raises InputError where ffmpeg is missing or fails.
     """
-    if path.suffix == f".{GIF}":
-        _write_gif(pictures, path, fps, sample)
-    else:
-        _write_mp4(pictures, path, fps)
+    draft = path.with_name(f"unfinished_{path.name}")
+    try:
+        if path.suffix == f".{GIF}":
+            _write_gif(pictures, draft, fps, sample)
+        else:
+            _write_mp4(pictures, draft, fps)
+        draft.replace(path)
+    finally:
+        draft.unlink(missing_ok=True)
 
 
 def find_ffmpeg() -> str:

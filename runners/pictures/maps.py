@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -148,13 +148,11 @@ def sheet(panels: Sequence[Panel], columns: int) -> Figure:
 
 
 def _every_set() -> Iterator[list[str]]:
-    """All map sets that need no setting; says which one does."""
+    """All map sets that there are without a setting, so none of a user's own file."""
     for name in titles():
-        try:
+        with suppress(InputError):
             choose([name])
             yield [name]
-        except InputError as error:
-            warnings.warn(f"map set {name} is left out: {error}", stacklevel=2)
 
 
 def _chosen(entry: Sequence[str]) -> Chosen:

@@ -116,7 +116,8 @@ def _shot(job: Job, worlds: Sequence[int], step: int | None) -> Shot:
             f"0 to {len(tale.moments) - 1}"
         )
     why = tale.moments[number].explanation
-    assert why is not None  # LME guides, so every decision is explained
+    if why is None:
+        raise InputError(f"figure.step is {number}: {_target(job.config)} did not ask LME for a subgoal then")
     return Shot(job.label, tale, number, why)
 
 

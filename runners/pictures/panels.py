@@ -86,7 +86,7 @@ def draw_ends(axes: Axes, jobs: Sequence[Job], place: Place, look: Look) -> None
     """Below the panel, right: how the episodes ended, one line for each system."""
     for line, job in enumerate(jobs):
         style = look.systems.get(job.label)
-        text = _ends(episodes_of(job, place))
+        text = _ends(episodes_of(job, place), steps_of(job, place))
         axes.annotate(
             text if style is None else f"{job.label}: {text}",
             (1.0, 0.0),
@@ -96,7 +96,7 @@ def draw_ends(axes: Axes, jobs: Sequence[Job], place: Place, look: Look) -> None
             ha="right",
             va="center",
             fontsize=7,
-            color=INK if style is None else style.colour,
+            color=INK,
             annotation_clip=False,
         )
 
@@ -124,18 +124,18 @@ def _lines(panels: Sequence[Panel], look: Look) -> int:
     return max(len(panel.jobs) for panel in panels) if look.systems else 1
 
 
-def check_moment(panels: Sequence[Panel], moment: float | None) -> None:
-    """Raise InputError where a moment lies beyond the end of every episode."""
-    if moment is None:
-        return
+def ends_before(panels: Sequence[Panel], moment: float) -> bool:
+    """Whether a robot that is drawn at this moment has come to its end earlier. Raises InputError where all have."""
     column = "time_s" if isinstance(moment, float) else "step"
-    ends = [steps_of(job, panel.place)[column].max() for panel in panels for job in panel.jobs]
-    last = max((end for end in ends if not math.isnan(end)), default=0)
-    if moment > last + 1e-9:
+    driven = [steps_of(job, panel.place).groupby(["world", "run"]) for panel in panels for job in panel.jobs]
+    ends = [episodes[column].max().iloc[0] + 1e-9 for episodes in driven if len(episodes)]
+    last = max(ends, default=0.0)
+    if moment > last:
         unit = " s" if isinstance(moment, float) else ""
         raise InputError(
             f"figure.moment is {moment:g}{unit}: the longest of the episodes ends at {last:g}{unit}"
         )
+    return moment > min(ends, default=0.0)
 
 
 def _draw_job(axes: Axes, job: Job, place: Place, look: Look, box: Box) -> None:
@@ -192,9 +192,12 @@ def _apart(points: Floats, distance: float) -> Floats:
     return np.array(kept).reshape(-1, 2)
 
 
-def _ends(episodes: pd.DataFrame) -> str:
-    """Outcome and time of one episode, or how many of several arrived."""
+def _ends(episodes: pd.DataFrame, steps: pd.DataFrame) -> str:
+    """Outcome and time of one episode, or how many of several arrived.
+
+    The time counts from the start as in the key and in a film; a record's from the first decimetre where the task
+    has it so.
+    """
     if len(episodes) > 1:
         return f"{(episodes['outcome'] == 'success').sum()}/{len(episodes)}"
-    only = episodes.iloc[0]
-    return f"{only['outcome']}, {only['time_s']:.1f} s" if "time_s" in only else str(only["outcome"])
+    return f"{episodes.iloc[0]['outcome']}, {steps['time_s'].max():.1f} s"

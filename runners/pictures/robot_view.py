@@ -13,7 +13,7 @@ from lme.policy.escaper import Explanation
 from lme.policy.surmount import Blockage, sector_points
 from lme.robots import Footprint
 from lme.types import Floats
-from runners.pictures.scene import Box
+from runners.pictures.scene import Box, outline
 from runners.pictures.style import BLUE, GREEN, INK, PURPLE, VERMILION
 
 if TYPE_CHECKING:
@@ -25,7 +25,8 @@ SECTORS = ((VERMILION, "o"), (PURPLE, "s"), (INK, "^"))  # colour and marker; ne
 MARGIN = 1.09  # of the candidates' range is shown
 CELLS = 240  # of the grid that a contour is traced on, along each side
 OLD, YOUNG = np.array([0.78, 0.91, 0.86]), np.array([0.0, 0.30, 0.22])  # greens of a history, light and dark
-HALO_PT = 2.0  # white around letters
+LETTER_PT = 8.0
+HALO_PT = 2.5  # white around letters
 STAR: dict[str, Any] = {"marker": "*", "linestyle": "", "markersize": 10, "markeredgecolor": "white"}
 
 
@@ -86,20 +87,9 @@ def draw_contour(axes: Axes, points: Floats, radius: float, colour: str, width_p
 
 def draw_robot(axes: Axes, footprint: Footprint) -> None:
     """The footprint, and the heading as a line to its front."""
-    outline = upwards(footprint_outline(footprint))
-    axes.fill(*outline.T, facecolor="white", edgecolor=INK, linewidth=0.8, zorder=7)
-    axes.plot([0, 0], [0, outline[:, 1].max()], color=INK, linewidth=0.8, zorder=7)
-
-
-def footprint_outline(footprint: Footprint) -> Floats:
-    """(V, 2) corners of the rounded box in the robot frame [m], counter-clockwise."""
-    half_length, half_width, rounding = footprint.box
-    parts = []
-    for quarter, (x, y) in enumerate([(1, 1), (-1, 1), (-1, -1), (1, -1)]):
-        angles = np.linspace(quarter, quarter + 1, 7) * math.pi / 2
-        centre = np.array([x * half_length, y * half_width])
-        parts.append(centre + rounding * np.column_stack([np.cos(angles), np.sin(angles)]))
-    return np.vstack(parts)
+    around = upwards(outline(footprint))
+    axes.fill(*around.T, facecolor="white", edgecolor=INK, linewidth=0.8, zorder=7)
+    axes.plot([0, 0], [0, around[:, 1].max()], color=INK, linewidth=0.8, zorder=7)
 
 
 def draw_target(axes: Axes, target: Floats, colour: str = INK, written: bool = False) -> None:
@@ -185,14 +175,28 @@ def blockage_seen(why: Explanation, box: Box) -> Blockage | None:
     return blockage
 
 
-def draw_letters(axes: Axes, marked: Sequence[Letter], size_pt: float, written: bool) -> None:
-    """Ends, A and B as marks, with their names where `written`."""
+def draw_letters(
+    axes: Axes, marked: Sequence[Letter], size_pt: float, written: bool, clear_of: Sequence[Floats] = ()
+) -> None:
+    """Ends, A and B as marks, with their names where `written`. clear_of: (2,) points that no name may hide."""
     for letter in marked:
         face = BLUE if letter.text == "$B$" else "white"
         x, y = upwards(letter.point)
         axes.plot(x, y, "o", markersize=size_pt, markerfacecolor=face, markeredgecolor=BLUE, zorder=8)
         if written and _is_inside(letter.point, Box(*_corners(axes))):
-            write(axes, letter, 7 + size_pt / 2)
+            write(axes, _beside(axes, letter, 7 + size_pt / 2, clear_of), 7 + size_pt / 2)
+
+
+def _beside(axes: Axes, letter: Letter, away_pt: float, clear_of: Sequence[Floats]) -> Letter:
+    """The letter; on another side where it would stand on one of these points."""
+    dots = axes.get_figure(root=True).dpi / 72
+    point, *others = (axes.transData.transform(upwards(each)) for each in (letter.point, *clear_of))
+    x, y = letter.away
+    for away in np.array([[x, y], [-y, x], [y, -x], [-x, -y]]):
+        middle = point + (away_pt + LETTER_PT / 2) * dots * away
+        if all(math.dist(middle, other) >= LETTER_PT * dots for other in others):
+            return letter._replace(away=away)
+    return letter
 
 
 def write(axes: Axes, letter: Letter, away_pt: float) -> None:
@@ -201,7 +205,13 @@ def write(axes: Axes, letter: Letter, away_pt: float) -> None:
     at = axes.transData.transform(upwards(letter.point)) + away_pt * dots * letter.away
     edge = 9 * dots
     x, y = np.clip(at, axes.bbox.min + edge, axes.bbox.max - edge)
-    look: dict[str, Any] = {"fontsize": 8, "color": INK, "va": "center", "zorder": 11, "path_effects": halo()}
+    look: dict[str, Any] = {
+        "fontsize": LETTER_PT,
+        "color": INK,
+        "va": "center",
+        "zorder": 11,
+        "path_effects": halo(),
+    }
     axes.text(*axes.transData.inverted().transform((x, y)), letter.text, ha=_side(letter.away[0]), **look)
 
 

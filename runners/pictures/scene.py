@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from lme.robots import Footprint
 from lme.types import Floats
 from lme.worlds.world import Task, World
 from runners.pictures.style import END, FRAME, INK, LEGEND_ORDER, OBSTACLE, STYLES, VERMILION, Style
@@ -64,6 +65,17 @@ def same_size(boxes: Sequence[Box]) -> list[Box]:
     return [
         Box(box.x0 - x, box.y0 - y, box.x1 + x, box.y1 + y) for box, (x, y) in zip(boxes, more, strict=True)
     ]
+
+
+def outline(footprint: Footprint) -> Floats:
+    """(V, 2) corners of the rounded box in the robot frame [m], counter-clockwise."""
+    half_length, half_width, rounding = footprint.box
+    parts = []
+    for quarter, (x, y) in enumerate([(1, 1), (-1, 1), (-1, -1), (1, -1)]):
+        angles = np.linspace(quarter, quarter + 1, 7) * math.pi / 2
+        centre = np.array([x * half_length, y * half_width])
+        parts.append(centre + rounding * np.column_stack([np.cos(angles), np.sin(angles)]))
+    return np.vstack(parts)
 
 
 def draw_task(axes: Axes, task: Task) -> None:

@@ -21,8 +21,8 @@ from runners.pictures.panels import (
     SYSTEMS,
     Look,
     Panel,
-    check_moment,
     draw_panel,
+    ends_before,
     episodes_of,
     foot_in,
     least_in,
@@ -47,7 +47,7 @@ WIDEST_IN = 3.5  # a panel alone on its page
 LINE_IN, LETTER_IN, LABEL_IN = 0.16, 0.07, 0.28  # a line of text, a letter, the name of a row
 LEAST_IN = 4.2  # the least width that holds the key
 PAGE_IN = (7.2, 5.0)  # what panels of one system, or of systems overlaid, make the best of
-ORDERS = {"faded": "subgoals, later ones stronger", "numbered": "subgoals, in order"}
+ORDERS = {"faded": "subgoals, later ones stronger", "numbered": "some subgoals in order"}
 SUBGOALS = ("none", *ORDERS)
 LAYOUTS = ("side_by_side", "overlaid")
 KEYS: dict[str, Any] = {"frameon": False, "fontsize": 7.5, "labelcolor": INK}
@@ -88,12 +88,9 @@ class Trajectories:
 
         worlds: one row or panel each; none: a sample. Raises InputError where the episodes do not fit on a page.
         """
-        if not jobs:
-            raise InputError("run: no launch.json there tells of the config, so the worlds cannot be drawn")
         overlaid = self._config.layout == "overlaid"
         look = Look(moment(self._config.moment), self._config.subgoals, _styles(jobs) if overlaid else {})
         rows = _rows(jobs, places(jobs, worlds), look, self._config.width)
-        check_moment([panel for row in rows for panel in row], look.moment)
         return save(_drawn(rows, look, self._config.width), stem, formats)
 
 
@@ -238,22 +235,43 @@ def _keys(panels: Sequence[Panel], look: Look) -> list[Line2D]:
     from matplotlib.lines import Line2D
 
     shown = [(job, panel.place) for panel in panels for job in panel.jobs]
-    outcomes = {str(outcome) for job, place in shown for outcome in episodes_of(job, place)["outcome"]}
-    shown_outcomes = [kind for kind in LEGEND_ORDER if kind in outcomes]
-    keys = legend_keys(shown_outcomes, by_system=bool(look.systems))
-    named = look.systems.items()
+    found = {str(outcome) for job, place in shown for outcome in episodes_of(job, place)["outcome"]}
+    outcomes = [kind for kind in LEGEND_ORDER if kind in found]
     systems = [
-        Line2D([], [], color=style.colour, linestyle=style.line, label=label) for label, style in named
+        Line2D([], [], color=style.colour, linestyle=style.line, label=label)
+        for label, style in look.systems.items()
     ]
-    if look.subgoals != "none" or look.moment is not None:
-        label = "subgoal then" if look.subgoals == "none" else ORDERS[look.subgoals]
-        keys.append(Line2D([], [], marker="*", linestyle="", label=label, **SUBGOAL))
-    if look.moment is None:
-        return systems + keys
-    when = f"at {look.moment:g} s" if isinstance(look.moment, float) else f"at step {look.moment}"
-    robot = INK if look.systems else STYLES[shown_outcomes[0]].colour
-    movers = any(place.task.world.movers for _, place in shown)
-    return systems + keys + stage_keys(when, robot, scan=not look.systems, movers=movers)
+    keys = [*systems, *legend_keys(outcomes, by_system=bool(look.systems))]
+    if look.subgoals == "none" and look.moment is None:
+        return keys
+    keys.append(_subgoal_key(look))
+    if look.moment is not None:
+        colour = INK if look.systems or len(outcomes) > 1 else STYLES[outcomes[0]].colour
+        keys += _moment_keys(panels, look, look.moment, colour)
+    if any(len(episodes_of(job, place)) > 1 for job, place in shown):
+        what = (
+            "subgoals" if look.moment is None else "robot" if look.subgoals == "none" else "robot, subgoals"
+        )
+        keys.append(Line2D([], [], linestyle="", label=f"{what}: 1st episode"))
+    return keys
+
+
+def _subgoal_key(look: Look) -> Line2D:
+    """Overlaid, subgoals on the way have the colours of their systems; that of a moment is yellow."""
+    from matplotlib.lines import Line2D
+
+    if look.subgoals == "none":
+        return Line2D([], [], marker="*", linestyle="", label="subgoal then", **SUBGOAL)
+    star = {**SUBGOAL, "color": "white"} if look.systems else SUBGOAL
+    return Line2D([], [], marker="*", linestyle="", label=ORDERS[look.subgoals], **star)
+
+
+def _moment_keys(panels: Sequence[Panel], look: Look, moment: float, colour: str) -> list[Line2D]:
+    """The robot and what it saw."""
+    when = f"at {moment:g} s" if isinstance(moment, float) else f"at step {moment}"
+    late = " or its end" if ends_before(panels, moment) else ""
+    movers = any(panel.place.task.world.movers for panel in panels)
+    return stage_keys(f"{when}{late}", colour, scan=not look.systems, movers=movers)
 
 
 def _box(place: Place) -> Box:

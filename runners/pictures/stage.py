@@ -9,8 +9,9 @@ import numpy as np
 
 from lme.geometry.frames import to_world
 from lme.perception import obstacle_points
-from lme.robots import Footprint, Robot
+from lme.robots import Robot
 from lme.types import Floats
+from runners.pictures.scene import outline
 from runners.pictures.style import BLUE, INK, ORANGE, SKY, YELLOW
 from runners.retell import End, Moment, Tale
 
@@ -149,7 +150,7 @@ def stage_keys(when: str, colour: str, *, scan: bool, movers: bool) -> list[Line
     if scan:
         keys.append(Line2D([], [], **BEAM, label="laser beams"))
     if movers:
-        label = "moving obstacle, rings: before"
+        label = "moving, rings: before"
         keys.append(Line2D([], [], marker="o", linestyle="", color=MOVER, label=label))
     return keys
 
@@ -163,18 +164,6 @@ def moving(frame: Moment | End, still: tuple[int, int]) -> tuple[Floats, Floats]
     """Circles (C, 3) and edges (E, 4) of what moves. still: how many circles and edges do not."""
     circles, edges = frame.obstacles
     return circles[still[0] :], edges[still[1] :]
-
-
-def outline(footprint: Footprint) -> Floats:
-    """(V, 2) [m] of the rounded box."""
-    half_length, half_width, rounding = footprint.box
-    corners = [(1, 1), (-1, 1), (-1, -1), (1, -1)]
-    parts = []
-    for quarter, (x, y) in enumerate(corners):
-        angles = np.linspace(quarter, quarter + 1, 7) * math.pi / 2
-        centre = np.array([x * half_length, y * half_width])
-        parts.append(centre + rounding * np.column_stack([np.cos(angles), np.sin(angles)]))
-    return np.vstack(parts)
 
 
 def _candidates(axes: Axes) -> Any:

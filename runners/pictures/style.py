@@ -69,4 +69,4 @@ def symbol(name: str) -> str:
     """A feature or parameter as the paper writes it: the index of "a_close" or "d1" low; other words as they are."""
     letter, index = name[:1], name[1:].removeprefix("_")
     is_symbol = letter in "acd" and index.isalnum() and (name[1:2] == "_" or index.isdigit())
-    return rf"${letter}_{{\mathrm{{{index}}}}}$" if is_symbol else name
+    return rf"${letter}_{{\mathrm{{{index}}}}}$" if is_symbol else name.replace("$", r"\$")

@@ -79,8 +79,6 @@ def _counted(pictures: Iterator[Picture], total: int) -> Iterator[Picture]:
 
 def _shown(jobs: Sequence[Job], worlds: Sequence[int]) -> list[tuple[Job, int, int]]:
     """(job, world, run) of each panel: every job in the worlds asked for, or where the first in its map drove."""
-    if not jobs:
-        raise InputError("run: no launch.json there tells of the config, so no episode can be told again")
     shown = []
     for job in jobs:
         first = next(other for other in jobs if other.place == job.place)
@@ -88,8 +86,8 @@ def _shown(jobs: Sequence[Job], worlds: Sequence[int]) -> list[tuple[Job, int, i
             shown.append((job, *chosen_world(job, [world])))
     if len(shown) > PANELS:
         raise InputError(
-            f"{len(jobs)} jobs in {max(len(worlds), 1)} worlds make {len(shown)} panels, and {PANELS} can be seen at "
-            "once: choose fewer systems, or one world"
+            f"{len(jobs)} jobs make {len(shown)} panels, and {PANELS} can be seen at once: choose fewer systems, or "
+            "one world"
         )
     return shown
 

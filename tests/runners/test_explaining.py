@@ -299,3 +299,10 @@ def test_every_decision_of_a_real_drive_has_its_own_reason(driven, world):
         before = moment.explanation
     assert len(set(texts)) > len(texts) / 2
     assert sum(text.startswith("switched") for text in texts) == tale.episode.switches
+
+
+def test_episodes_of_a_figure_are_explained_though_nothing_is_booked(run, drawn):
+    note = run / ".hydra" / "config.yaml"
+    note.write_text("seed: 0\n")
+    assert cli.main(["explain", str(run), "230"]) == 0
+    assert drawn == [ARRIVED]

@@ -11,7 +11,7 @@ from runners.pictures.animation import animate
 from runners.records import read_episodes, read_trajectories
 from runners.rundirs import read_launch
 
-WORDS = ["robot=turtlebot2", "runs=1", "executor=serial", "tracking=none", "map.time_limit=8"]
+WORDS = ["robot=turtlebot2", "runs=1", "executor=serial", "tracking=none", "map.time_limit=4"]
 
 
 @pytest.fixture(scope="module")
@@ -37,7 +37,7 @@ def test_it_is_the_recorded_episode(run_dir, tmp_path):
 
 
 def test_a_long_one_leaves_decisions_out_and_keeps_its_pace(run_dir, tmp_path, monkeypatch):
-    monkeypatch.setattr(animation, "MOST_FRAMES", 25)  # of 41
+    monkeypatch.setattr(animation, "MOST_FRAMES", 13)  # of 21
     animate(read_launch(run_dir).configs[0], 3, 0, tmp_path / "short.gif")
     with Image.open(tmp_path / "short.gif") as film:
         assert film.info["duration"] == 400  # ms: every second at 5 Hz

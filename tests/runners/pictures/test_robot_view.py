@@ -8,7 +8,7 @@ import pytest
 from lme.policy.surmount import Blockage
 from lme.robots import Footprint
 from runners.pictures import robot_view as view
-from runners.pictures.scene import Box
+from runners.pictures.scene import Box, outline
 from runners.pictures.style import new_figure
 
 
@@ -38,9 +38,9 @@ def test_history_darkens_towards_now():
 
 
 def test_a_footprint_keeps_its_size():
-    box = view.footprint_outline(Footprint(length=0.42, width=0.31))
+    box = outline(Footprint(length=0.42, width=0.31))
     np.testing.assert_allclose([np.ptp(box[:, 0]), np.ptp(box[:, 1])], [0.42, 0.31])
-    disc = view.footprint_outline(Footprint(radius=0.2))
+    disc = outline(Footprint(radius=0.2))
     np.testing.assert_allclose(np.hypot(*disc.T), 0.2)
 
 
@@ -93,6 +93,15 @@ def test_names_stay_on_their_panel(axes):
     assert page.x0 <= box.x0
     assert box.x1 <= page.x1
     assert box.y1 <= page.y1
+
+
+def test_names_hide_no_subgoal(axes):
+    name = view.Letter("$E_1$", np.array([1.0, 0.0]), np.array([1.0, 0.0]))
+    view.draw_letters(axes, [name], 4.0, written=True)
+    place = axes.texts[0].get_window_extent()
+    x, y = axes.transData.inverted().transform((place.x0 + place.width / 2, place.y0 + place.height / 2))
+    view.draw_letters(axes, [name], 4.0, written=True, clear_of=[np.array([y, -x])])
+    assert not axes.texts[1].get_window_extent().overlaps(place)
 
 
 def test_a_sector_off_the_page_is_not_in_the_key(shot):

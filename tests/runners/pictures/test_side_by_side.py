@@ -11,7 +11,8 @@ import pytest
 from lme.errors import InputError
 from runners.pictures import side_by_side
 from runners.pictures.jobs import Job
-from runners.pictures.panels import subgoals_of
+from runners.pictures.panels import Panel, ends_before, subgoals_of
+from runners.pictures.places import places
 from runners.pictures.side_by_side import Trajectories, TrajectoriesConfig, moment
 from runners.targets import build
 from tests.runners.pictures.test_trajectories import drawn, task
@@ -104,8 +105,8 @@ def test_what_does_not_fit_on_a_page_is_refused(tmp_path):
 def test_each_panel_says_how_it_ended(tmp_path, drawn):
     draw(several(3), [3], tmp_path)
     said = [[text.get_text() for text in axes.texts] for axes in drawn[0].axes]
-    assert ["success, 12.3 s" in texts for texts in said] == [True, False, False]
-    assert ["collision, 12.3 s" in texts for texts in said] == [False, True, False]
+    assert ["success, 1.9 s" in texts for texts in said] == [True, False, False]
+    assert ["collision, 1.9 s" in texts for texts in said] == [False, True, False]
 
 
 def test_a_world_that_one_job_lacks_is_left_empty_there(tmp_path, drawn):
@@ -127,9 +128,33 @@ def test_without_a_world_a_sample_is_shown_with_its_failures(tmp_path, drawn):
     assert "corridor, world 17" in names
 
 
-def test_runs_without_a_config_cannot_be_drawn(tmp_path):
-    with pytest.raises(InputError, match=r"launch\.json"):
-        draw([], [], tmp_path)
+def test_times_count_from_the_start_as_moments_do(tmp_path, drawn):
+    made = job("LME", {3: "success"})
+    assert made.frame["time_s"].tolist() == [12.34]  # on the task's clock
+    draw([made], [3], tmp_path)
+    assert "success, 1.9 s" in [text.get_text() for text in drawn[0].axes[0].texts]
+
+
+def keys_of(figure):
+    return [text.get_text() for text in figure.legends[0].get_texts()]
+
+
+def test_the_key_says_that_only_the_first_of_several_episodes_has_subgoals(tmp_path, drawn):
+    twice = job("LME", {3: "success"})
+    again = [frame.assign(run=1) for frame in (twice.frame, twice.trajectories)]
+    twice.frame = pd.concat([twice.frame, again[0]])
+    twice.trajectories = pd.concat([twice.trajectories, again[1]])
+    draw([job("LME", {3: "success"})], [3], tmp_path, subgoals="faded")
+    draw([twice], [3], tmp_path, subgoals="faded")
+    assert ["subgoals: 1st episode" in keys_of(figure) for figure in drawn] == [False, True]
+
+
+def test_the_key_says_that_a_robot_came_to_its_end_before_the_moment():
+    early, late = job("A", {3: "success"}), job("B", {3: "success"})
+    early.trajectories = early.trajectories[early.trajectories["step"] <= 10]
+    (place,) = places([early, late], [3])
+    panels = [Panel(each.label, place, (each,)) for each in (early, late)]
+    assert [ends_before(panels, moment) for moment in (10, 11, 1.0, 1.1)] == [False, True, False, True]
 
 
 def test_overlaid_systems_differ_in_colour_and_in_line(tmp_path, drawn):
