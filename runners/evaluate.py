@@ -13,7 +13,7 @@ from hydra.types import RunMode
 from omegaconf import DictConfig
 
 from lme.worlds.world import MapSet
-from runners import build, explaining, recorder, rundirs, systems
+from runners import build, explaining, failures, recorder, rundirs, systems
 from runners.checks import CUSTOM
 from runners.episodes import Item, initialise
 from runners.progress import EpisodeProgress
@@ -41,11 +41,11 @@ def evaluate(config: DictConfig, run_dir: Path) -> pd.DataFrame:
         print(f"\nStopped. Go on with: lme eval resume={run_dir}", file=sys.stderr)
         raise
     frame, artifacts = report(maps, run_dir)
-    artifacts += [*_film(plain, maps, run_dir), *explaining.folder(run_dir)]
+    artifacts += [*_film(plain, maps, run_dir), *failures.folder(run_dir)]
     print_table(frame)
     print(f"Records, tables and pictures: {run_dir}")
-    for place in explaining.folder(run_dir):
-        print(f"Why the robot went there: {place / explaining.INDEX}")
+    for place in failures.folder(run_dir):
+        print(f"Why the robot went there: {place / failures.INDEX}")
     tracking.finish(metrics(frame), artifacts)
     return frame
 

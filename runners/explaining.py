@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from lme.errors import InputError
-from lme.types import Outcome
 from runners import rundirs
 from runners.executor import SerialConfig, SerialExecutor
+from runners.failures import Item, folder, is_failure, page_path
 from runners.progress import EpisodeProgress
 from runners.records import read_episodes
 from runners.schema import Explain
@@ -20,8 +20,6 @@ from runners.schema import Explain
 if TYPE_CHECKING:
     import pandas as pd
 
-FOLDER, INDEX = "explain", "index.html"
-Item = tuple[int, int]  # (world, run)
 _NEAREST = 3  # worlds that an error names
 _MARK = "<!-- episode {} -->\n"
 
@@ -32,21 +30,6 @@ class Page(NamedTuple):
     item: Item
     path: Path
     problem: str
-
-
-def page_path(run_dir: Path, item: Item) -> Path:
-    """Where the page of an episode lies unless it is wanted elsewhere."""
-    return run_dir / FOLDER / f"{item[0]}-{item[1]}.html"
-
-
-def folder(run_dir: Path) -> list[Path]:
-    """The folder of a run's pages, where there is one."""
-    return [run_dir / FOLDER] if (run_dir / FOLDER / INDEX).is_file() else []
-
-
-def is_failure(episodes: pd.DataFrame) -> pd.Series:
-    """Which of the episodes did not arrive."""
-    return episodes["outcome"] != str(Outcome.SUCCESS)
 
 
 def as_asked(which: Explain, run_dir: Path, executor: Any) -> None:
@@ -143,7 +126,7 @@ def initialise(payload: Mapping[str, Any]) -> Callable[[Item], Page]:
 
 def index(run_dir: Path) -> Path:
     """Write the index of a run's pages anew; its path."""
-    from runners.explain_index import write_index
+    from runners.page.index import write_index
 
     return write_index(read_episodes([run_dir]), run_dir)
 

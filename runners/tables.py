@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from runners.failures import failed_section
 from runners.summary import (
     DASH,
     GROUP_KEYS,
@@ -117,8 +118,6 @@ def write_tables(frame: pd.DataFrame, run_dir: Path, order: Sequence[str] = ()) 
 
     Where episodes have explainer pages, `table.md` links those that failed.
     """
-    from runners.explain_index import failed_section
-
     rows = summarise(frame, order)
     texts = {
         "table.md": f"**{title(frame)}**\n\n{to_markdown(rows)}{failed_section(frame, run_dir)}",

@@ -16,7 +16,7 @@ from omegaconf import DictConfig
 from lme.errors import InputError
 from lme.robots import require
 from lme.worlds.world import MapSet
-from runners import build, evaluate, explaining, rundirs, study, trials, weight_file
+from runners import build, evaluate, failures, rundirs, study, trials, weight_file
 from runners.executor import Map
 from runners.parts import lock
 from runners.progress import TrialProgress
@@ -65,7 +65,7 @@ def train(config: DictConfig, run_dir: Path) -> None:
     except KeyboardInterrupt:
         print(f"\nStopped. Go on with: lme train resume={run_dir}", file=sys.stderr)
         raise
-    pages = [page for place in frame["run_dir"].unique() for page in explaining.folder(Path(place))]
+    pages = [page for place in frame["run_dir"].unique() for page in failures.folder(Path(place))]
     _book(tracking, found.told, best, frame, [weights, *pictures, *pages])
 
 

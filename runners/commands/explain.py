@@ -78,7 +78,7 @@ def _one_run(path: Path) -> Path:
 
 def _list(run_dir: Path) -> None:
     """Failures first, and how to go on."""
-    from runners.explaining import is_failure
+    from runners.failures import is_failure
     from runners.records import read_episodes
 
     episodes = read_episodes([run_dir])
@@ -136,7 +136,7 @@ def _places(
 ) -> dict[tuple[int, int], Path]:
     """Where the page of each episode goes. Raises InputError where one file is to hold several."""
     from lme.errors import InputError
-    from runners.explaining import page_path
+    from runners.failures import page_path
 
     if output is None:
         return {item: page_path(run_dir, item) for item in items}
@@ -151,7 +151,7 @@ def _book(run_dir: Path, files: Sequence[Path]) -> None:
     """In MLflow, where the run itself was booked; Hydra's note of its config says where that is, if anywhere."""
     from omegaconf import OmegaConf
 
-    from runners.explaining import FOLDER
+    from runners.failures import FOLDER
     from runners.targets import build
 
     note = run_dir / ".hydra" / "config.yaml"

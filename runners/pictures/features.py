@@ -19,8 +19,8 @@ from runners.mistakes import nearest
 from runners.pictures import robot_view as view
 from runners.pictures.feature_page import Page
 from runners.pictures.jobs import Job
-from runners.pictures.moment import Shot, candidate_reach, shots, stems
-from runners.pictures.style import BLUE, INK, save, symbol
+from runners.pictures.moment import Shot, candidate_reach, draw_shots, shots
+from runners.pictures.style import BLUE, INK, symbol
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -86,9 +86,7 @@ class Features:
     ) -> list[Path]:
         """One picture for each job that LME guides and each world asked for; the paths."""
         found = shots(jobs, worlds, self._config.step, self.name)
-        targets = stems(stem, len(found))
-        pages = [(features_figure(shot, self._config), to) for shot, to in zip(found, targets, strict=True)]
-        return [path for figure, to in pages for path in save(figure, to, formats)]
+        return draw_shots(found, lambda shot: features_figure(shot, self._config), stem, formats)
 
 
 def features_figure(shot: Shot, config: FeaturesConfig) -> Figure:

@@ -17,9 +17,17 @@ from lme.robots import require
 from lme.types import Floats
 from runners.pictures import robot_view as view
 from runners.pictures.jobs import Job
-from runners.pictures.moment import Shot, candidate_reach, draw_heading, heading, heading_height, shots, stems
+from runners.pictures.moment import (
+    Shot,
+    candidate_reach,
+    draw_heading,
+    draw_shots,
+    heading,
+    heading_height,
+    shots,
+)
 from runners.pictures.scene import Box, frame_panel
-from runners.pictures.style import BLUE, GREEN, INK, SKY, VERMILION, YELLOW, new_figure, save
+from runners.pictures.style import BLUE, GREEN, INK, SKY, VERMILION, YELLOW, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -57,12 +65,7 @@ class Method:
     ) -> list[Path]:
         """One picture for each job that LME guides and each world asked for; the paths."""
         found = shots(jobs, worlds, self._config.step, self.name)
-        targets = stems(stem, len(found))
-        return [
-            path
-            for shot, to in zip(found, targets, strict=True)
-            for path in save(method_figure(shot), to, formats)
-        ]
+        return draw_shots(found, method_figure, stem, formats)
 
 
 def method_figure(shot: Shot) -> Figure:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -14,7 +14,7 @@ from lme.policy.escaper import Explanation
 from lme.policy.maintenance import Choice
 from lme.policy.reasons import reason
 from runners.pictures.jobs import Job, chosen_world
-from runners.pictures.style import INK
+from runners.pictures.style import INK, save
 from runners.retell import Tale
 from runners.targets import configured
 
@@ -99,11 +99,15 @@ def draw_heading(figure: Figure, lines: Sequence[str]) -> None:
         figure.text(x, y, line, va="top", color=INK, **look)
 
 
-def stems(stem: Path, count: int) -> list[Path]:
-    """File names without ending for so many pictures: numbered from 1 where there are several."""
-    if count == 1:
-        return [stem]
-    return [stem.with_name(f"{stem.name}_{number}") for number in range(1, count + 1)]
+def draw_shots(
+    found: Sequence[Shot], figure_of: Callable[[Shot], Figure], stem: Path, formats: Sequence[str]
+) -> list[Path]:
+    """One picture of each moment, numbered from 1 where there are several; the paths."""
+    numbered = [stem.with_name(f"{stem.name}_{number}") for number in range(1, len(found) + 1)]
+    places = numbered if len(found) > 1 else [stem]
+    return [
+        path for shot, to in zip(found, places, strict=True) for path in save(figure_of(shot), to, formats)
+    ]
 
 
 def _shot(job: Job, worlds: Sequence[int], step: int | None) -> Shot:

@@ -9,7 +9,7 @@ from lme.errors import InputError
 from lme.policy.reasons import reason
 from runners import cli, explaining, rundirs
 from runners.executor import SerialConfig, SerialExecutor
-from runners.explain_index import failed_section
+from runners.failures import failed_section, folder
 from runners.page import write
 from runners.records import RecordWriter, read_episodes, read_trajectories
 from runners.retell import retell
@@ -113,7 +113,7 @@ def test_none_makes_nothing(run, drawn):
     shutil.rmtree(run / "explain")
     explaining.as_asked(Explain.none, run, SerialExecutor(SerialConfig()))
     assert drawn == []
-    assert explaining.folder(run) == []
+    assert folder(run) == []
 
 
 def test_where_nothing_failed_there_is_nothing_to_see(tmp_path, capsys):

@@ -1,8 +1,7 @@
-"""Where explainer pages are linked from: the results table, and an index beside them."""
+"""Episodes that failed, and where their explainer pages lie: the section of a results table that links them."""
 
 from __future__ import annotations
 
-import html
 import os
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -11,19 +10,34 @@ from urllib.parse import quote
 
 import numpy as np
 
+from lme.types import Outcome
 from runners import rundirs
-from runners.explaining import FOLDER, INDEX, is_failure, page_path
-from runners.page.write import fill, write_whole
 from runners.records import read_trajectories
-from runners.summary import DASH, summarise, title
-from runners.tables import to_html
+from runners.summary import DASH
 
 if TYPE_CHECKING:
     import pandas as pd
 
-_HEADER = ("World", "Run", "Outcome", "Time [s]", "Closest to goal [m]")
+FOLDER, INDEX = "explain", "index.html"
+HEADER = ("World", "Run", "Outcome", "Time [s]", "Closest to goal [m]")  # what `cells` gives
+Item = tuple[int, int]  # (world, run)
 _TEXT = ("Outcome", "Page", "Job")  # columns that stand at the left
 _MOST_TOLD = 3  # settings of a job that its name tells
+
+
+def page_path(run_dir: Path, item: Item) -> Path:
+    """Where the page of an episode lies unless it is wanted elsewhere."""
+    return run_dir / FOLDER / f"{item[0]}-{item[1]}.html"
+
+
+def folder(run_dir: Path) -> list[Path]:
+    """The folder of a run's pages, where there is one."""
+    return [run_dir / FOLDER] if (run_dir / FOLDER / INDEX).is_file() else []
+
+
+def is_failure(episodes: pd.DataFrame) -> pd.Series:
+    """Which of the episodes did not arrive."""
+    return episodes["outcome"] != str(Outcome.SUCCESS)
 
 
 def failed_section(frame: pd.DataFrame, place: Path) -> str:
@@ -36,47 +50,39 @@ def failed_section(frame: pd.DataFrame, place: Path) -> str:
         return ""
     jobs = _job_names(frame)
     lines = [
-        [*([jobs[run_dir]] if len(jobs) > 1 else []), *_cells(episode), _page_link(episode, run_dir, place)]
-        for run_dir, episode in _episodes(frame[is_failure(frame)])
+        [*([jobs[run_dir]] if len(jobs) > 1 else []), *cells(episode), _page_link(episode, run_dir, place)]
+        for run_dir, episode in episodes_told(frame[is_failure(frame)])
     ]
-    header = [*(["Job"] if len(jobs) > 1 else []), *_HEADER, "Page"]
+    header = [*(["Job"] if len(jobs) > 1 else []), *HEADER, "Page"]
     rule = ["---" if name in _TEXT else "---:" for name in header]
     table = "\n".join(f"| {' | '.join(line)} |" for line in [header, rule, *lines]) if lines else "None."
     indexes = ", ".join(_link(run_dir / FOLDER / INDEX, place) for run_dir in explained)
     return f"\n## Failed episodes\n\n{table}\n\nAll pages: {indexes}\n"
 
 
-def write_index(frame: pd.DataFrame, run_dir: Path) -> Path:
-    """Write the index of the pages of one run; its path. frame: its records.
-
-    Raises InputError where it cannot be written.
-    """
-    place = run_dir / FOLDER
-    worst_first = frame.sort_values(["outcome", "world", "run"], key=_worst_first)
-    lines = [
-        f"<tr><td>{_anchor(episode, run_dir, place)}</td>"
-        + "".join(f"<td>{html.escape(cell)}</td>" for cell in _cells(episode)[2:])
-        + f"<td>{episode['switches']}</td></tr>"
-        for _, episode in _episodes(worst_first)
-        if page_path(run_dir, _item(episode)).is_file()
-    ]
-    header = "".join(f"<th>{name}</th>" for name in ("Episode", *_HEADER[2:], "Switches"))
-    parts = {
-        "TITLE": html.escape(title(frame)),
-        "RUN": html.escape("/".join(run_dir.resolve().parts[-2:])),  # as MLflow names it
-        "RESULTS": to_html(summarise(frame)),
-        "PAGES": f"<table>\n<tr>{header}</tr>\n" + "\n".join(lines) + "\n</table>",
-    }
-    write_whole(place / INDEX, fill("index.html", parts))
-    return place / INDEX
-
-
-def _episodes(frame: pd.DataFrame) -> Iterator[tuple[Path, dict[str, Any]]]:
+def episodes_told(frame: pd.DataFrame) -> Iterator[tuple[Path, dict[str, Any]]]:
     """Rows in their order with the run that each is of, and how near its goal each episode came [m]."""
     closest = _closest_m(frame)
     for episode in frame.to_dict("records"):
-        key = (episode["run_dir"], *_item(episode))
+        key = (episode["run_dir"], *item_of(episode))
         yield Path(episode["run_dir"]), {**episode, "closest_m": closest.get(key, np.nan)}
+
+
+def cells(episode: Mapping[str, Any]) -> list[str]:
+    """One episode of `episodes_told`, as a table shows it."""
+    closest = episode["closest_m"]
+    return [
+        str(episode["world"]),
+        str(episode["run"]),
+        str(episode["outcome"]),
+        f"{episode['time_s']:.1f}",
+        DASH if np.isnan(closest) else f"{closest:.2f}",
+    ]
+
+
+def item_of(episode: Mapping[str, Any]) -> Item:
+    """Which episode a row is of."""
+    return int(episode["world"]), int(episode["run"])
 
 
 def _closest_m(frame: pd.DataFrame) -> Mapping[Any, float]:
@@ -90,27 +96,9 @@ def _closest_m(frame: pd.DataFrame) -> Mapping[Any, float]:
     return dict(steps.groupby(key)["distance_m"].min())
 
 
-def _cells(episode: Mapping[str, Any]) -> list[str]:
-    """What _HEADER names."""
-    closest = episode["closest_m"]
-    return [
-        str(episode["world"]),
-        str(episode["run"]),
-        str(episode["outcome"]),
-        f"{episode['time_s']:.1f}",
-        DASH if np.isnan(closest) else f"{closest:.2f}",
-    ]
-
-
 def _page_link(episode: Mapping[str, Any], run_dir: Path, place: Path) -> str:
-    path = page_path(run_dir, _item(episode))
+    path = page_path(run_dir, item_of(episode))
     return _link(path, place) if path.is_file() else DASH
-
-
-def _anchor(episode: Mapping[str, Any], run_dir: Path, place: Path) -> str:
-    path = page_path(run_dir, _item(episode))
-    name = f"world {episode['world']}, run {episode['run']}"
-    return f'<a href="{quote(os.path.relpath(path, place))}">{name}</a>'
 
 
 def _link(path: Path, place: Path) -> str:
@@ -136,11 +124,3 @@ def _job_names(frame: pd.DataFrame) -> dict[Path, str]:
         for run, given in settings.items()
     }
     return {run: " ".join([run.name, *own[run][:_MOST_TOLD]]).replace("|", r"\|") for run in runs}
-
-
-def _item(episode: Mapping[str, Any]) -> tuple[int, int]:
-    return int(episode["world"]), int(episode["run"])
-
-
-def _worst_first(column: pd.Series) -> pd.Series:
-    return column == "success" if column.name == "outcome" else column
