@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Sequence
 from typing import Any, NamedTuple, cast
@@ -10,17 +9,13 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 
 from lme.errors import InputError
-from lme.geometry.frames import to_world
-from lme.types import Floats, Pose
-from lme.worlds.movers import Mover
+from lme.types import Floats
 from lme.worlds.world import MapSet, Task
 from runners import catalogue
 from runners.mistakes import nearest
-from runners.pictures.scene import Box
 
 GRAMMAR = "NAME [NUMBER…] [key=value…]"
 CHOICES = ("subset", "kind", "difficulty")  # settings that say which of a set's worlds there are
-SIDES = 24  # of the outline of a disc
 
 
 class Chosen(NamedTuple):
@@ -72,38 +67,6 @@ def known_path(maps: MapSet, task: Task) -> Floats | None:
         return None
     cells = maps.layout(task.number).path * CELL_M + np.array([ORIGIN_X_M, ORIGIN_Y_M])
     return np.vstack([[task.start.x, task.start.y], cells, task.goal])
-
-
-def extent(task: Task) -> Box:
-    """The box around all obstacles, movers where they stand at first, start and goal."""
-    world = task.world
-    centres, radii = world.circles[:, :2], world.circles[:, 2:]
-    ends = np.array([task.start[:2], task.goal])
-    solid = [centres - radii, centres + radii, world.edges.reshape(-1, 2)]
-    points = np.vstack([ends, *solid, *(mover_outline(mover) for mover in world.movers)])
-    return Box(*points.min(axis=0).tolist(), *points.max(axis=0).tolist())
-
-
-def mover_outline(mover: Mover) -> Floats:
-    """(V, 2) corners of a mover where it stands at first [m]; a disc's are so many that it looks round."""
-    angles = np.arange(SIDES) * (2 * math.pi / SIDES)
-    outline = mover.outline
-    if outline is None:
-        outline = (mover.radius or 0.0) * np.column_stack([np.cos(angles), np.sin(angles)])
-    return to_world(outline, Pose(*mover.path[0].tolist()))
-
-
-def metres(task: Task) -> str:
-    """How large a world is, start and goal included, to half a metre, in words."""
-    box = extent(task)
-    return " × ".join(f"{round(2 * side) / 2:g}" for side in (box.x1 - box.x0, box.y1 - box.y0)) + " m"
-
-
-def about_set(chosen: Chosen, task: Task) -> str:
-    """Size of the world shown, and on a second line how many there are."""
-    count = len(chosen.maps.numbers)
-    choice = f", {chosen.choice}" if chosen.choice else ""
-    return f"{metres(task)}\n{count} world{'s' * (count > 1)}{choice}"
 
 
 def _number(word: str) -> int:

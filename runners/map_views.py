@@ -11,7 +11,8 @@ from rich.text import Text
 
 from lme.errors import InputError
 from lme.worlds.world import Task
-from runners.map_sets import Chosen, about_set, choose, extent, known_path, metres
+from runners.map_sets import Chosen, choose, known_path
+from runners.pictures.extent import about_set, extent, metres
 from runners.pictures.style import BLUE, GREEN, VERMILION
 from runners.thumbnails import GOAL, heading, picture
 

@@ -15,7 +15,7 @@ from lme.worlds.floor_plan import FloorPlan
 from lme.worlds.movers import Mover
 from lme.worlds.sampling import clearance_field
 from lme.worlds.world import Task, World
-from runners.map_sets import extent, mover_outline
+from runners.pictures.extent import extent, mover_outline
 from runners.pictures.scene import Box
 from runners.pictures.style import BLUE, GREEN, VERMILION
 

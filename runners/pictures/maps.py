@@ -15,17 +15,8 @@ from lme.errors import InputError
 from lme.robots import require
 from lme.types import Floats
 from lme.worlds.world import Task
-from runners.map_sets import (
-    GRAMMAR,
-    Chosen,
-    about_set,
-    choose,
-    extent,
-    known_path,
-    metres,
-    mover_outline,
-    titles,
-)
+from runners.map_sets import GRAMMAR, Chosen, choose, known_path, titles
+from runners.pictures.extent import about_set, extent, metres, mover_outline
 from runners.pictures.jobs import Job
 from runners.pictures.scene import MARGIN_M, Box, draw_task, frame_panel, legend_keys, scale_bar
 from runners.pictures.style import BLUE, GRID, INK, OBSTACLE, VERMILION, new_figure, save

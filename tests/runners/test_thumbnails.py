@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from lme.types import Pose
 from lme.worlds.movers import Mover
 from lme.worlds.world import World
-from runners.map_sets import extent
+from runners.pictures.extent import extent
 from runners.thumbnails import GOAL, picture
 from tests.builders import room, task
 

@@ -8,7 +8,8 @@ from matplotlib.patches import Polygon
 
 from lme.errors import InputError
 from lme.worlds.check import point_clearance
-from runners.map_sets import choose, extent, known_path, titles
+from runners.map_sets import choose, known_path, titles
+from runners.pictures.extent import extent
 from runners.pictures.maps import COLUMNS, PANELS, Maps, MapsConfig, panels_of, sheet
 
 
