@@ -47,8 +47,12 @@ class Parameters:
 
 
 def score(features: Floats, weights: Floats) -> Floats:
-    """S of Eq. 7 for (C, N) features and (C,) weights: (N,)."""
-    return weights @ features
+    """S of Eq. 7 for (C, N) features and (C,) weights: (N,).
+
+    Summed in the order of the criteria: a matrix product may round equal candidates differently, by their place.
+    """
+    scores: Floats = (weights[:, None] * features).sum(axis=0)
+    return scores
 
 
 def _suggest(name: str, names: Sequence[str]) -> str:

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 
 from lme.errors import InputError
 from lme.geometry.frames import to_world
@@ -14,7 +15,7 @@ from lme.guides.lme import Lme, LmeConfig
 from lme.policy import criteria
 from lme.policy.criteria import View
 from lme.policy.escaper import PAPER_CRITERIA, EscaperConfig
-from lme.policy.score import Parameters
+from lme.policy.score import Parameters, score
 from lme.policy.surmount import find_blockage
 from lme.robots import Lidar
 from lme.types import Pose, Twist
@@ -232,3 +233,10 @@ def test_the_order_of_the_candidates_does_not_matter(seed):
         assert shuffled.scores[:60] == pytest.approx(seen.scores[:60][order], abs=1e3 * KERNEL)
         np.testing.assert_array_equal(shuffled.features[:, :60], seen.features[:, :60][:, order])
         assert_same(decision_shuffled, decision)
+
+
+@given(row=arrays(np.float64, 6, elements=st.floats(-1e3, 1e3)), count=st.integers(1, 320))
+def test_equal_candidates_score_the_same_wherever_they_stand(row, count):
+    weights = np.array([1.51, 1.56, 999.8, 205.84, 88.7, 134.9])
+    scores = score(np.repeat(row[:, None], count, axis=1), weights)
+    assert (scores == scores[0]).all()

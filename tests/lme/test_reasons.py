@@ -27,7 +27,7 @@ def explained(candidates, old=None, at=(2.0, 0.0), names=CRITERIA, **parameters)
     new, choice, old_features, old_score = int(np.argmax(scores)), Choice.FIRST, None, None
     if old is not None:
         old_features = np.array([{**FREE, **old}[name] for name in names])
-        old_score = float(score(old_features, chosen.weights))
+        old_score = float(score(old_features[:, None], chosen.weights)[0])
         choice = choose(math.hypot(*at), old_score, scores[new], chosen.d1, chosen.d2)
     return Explanation(
         decision=Decision(np.array(at), choice, not features[names.index("c_o")].any()),
