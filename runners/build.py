@@ -61,17 +61,22 @@ def simulator(config: Mapping[str, Any], robot: Robot) -> Simulator:
 
 def validate(config: DictConfig) -> None:
     """Build what is cheap to build and check the rest, so that mistakes show before anything runs."""
-    systems.check_implemented(config.system or {})
     systems.check_names(config.table)
     if config.record == Record.mcap:
         recorder.check_installed()
-    require("runs", config.runs, at_least=1)
-    require("seed", config.seed, at_least=0)
+    configured(config.tracking, "tracking")
+    check_drive(config, _CHECKED_TASKS)
+
+
+def check_drive(config: Mapping[str, Any] | DictConfig, num_tasks: int | None = None) -> None:
+    """Raise InputError where a system, or one of its first `num_tasks` tasks, is not right; None: of all."""
+    systems.check_implemented(config["system"] or {})
+    require("runs", config["runs"], at_least=1)
+    require("seed", config["seed"], at_least=0)
     machine = robot(config)
-    for group in ("executor", "tracking"):
-        configured(config[group], group)
+    configured(config["executor"], "executor")
     maps = map_set(config)
-    for number in maps.numbers[:_CHECKED_TASKS]:
+    for number in maps.numbers[:num_tasks]:
         check_task(maps.task(number), machine)
     navigator(config, machine)
     simulator(config, machine)

@@ -65,6 +65,10 @@ class Catalogue:
         comments = (line[1:].strip() for line in lines if line.startswith("#"))
         return next((line for line in comments if not line.startswith("@package")), "")
 
+    def titles(self, group: str) -> dict[str, str]:
+        """The options of a group, each with its title."""
+        return {option: self.title(f"{group}/{option}") for option in self.options(group)}
+
     def keys(self, name: str) -> list[Key]:
         """Every value of the YAML `name`, in order, its defaults list left out."""
         text = self.file(name).read_text(encoding="utf-8")

@@ -11,16 +11,13 @@ from typing import Any
 from omegaconf import DictConfig
 
 from lme.errors import InputError
-from lme.robots import require
-from lme.worlds.check import check_task
-from runners import build, evaluate, systems
+from runners import build, evaluate
 from runners.composer import without_hydra
 from runners.pictures.jobs import Kind, read_jobs
 from runners.pictures.style import FORMATS
 from runners.records import find_runs
 from runners.rundirs import LAUNCH
 from runners.targets import build as build_target
-from runners.targets import configured
 
 
 def validate(config: DictConfig) -> None:
@@ -33,21 +30,7 @@ def validate(config: DictConfig) -> None:
     if plain["run"] is not None:
         find_runs([Path(plain["run"])])
     elif kind.drives:
-        _validate_drive(config, plain)
-
-
-def _validate_drive(config: DictConfig, plain: dict[str, Any]) -> None:
-    systems.check_implemented(config.system or {})
-    require("runs", plain["runs"], at_least=1)
-    require("seed", plain["seed"], at_least=0)
-    configured(config.executor, "executor")
-    plain = _with_worlds(plain)
-    robot = build.robot(plain)
-    maps = build.map_set(plain)
-    for number in maps.numbers:
-        check_task(maps.task(number), robot)
-    build.navigator(plain, robot)
-    build.simulator(plain, robot)
+        build.check_drive(_with_worlds(plain))
 
 
 def prepare(config: DictConfig, run_dir: Path) -> None:

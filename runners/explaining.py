@@ -6,6 +6,7 @@ import hashlib
 import json
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -14,7 +15,7 @@ from runners import rundirs
 from runners.executor import SerialConfig, SerialExecutor
 from runners.failures import Item, folder, is_failure, page_path
 from runners.progress import EpisodeProgress
-from runners.records import read_episodes
+from runners.records import read_episodes, read_trajectories
 from runners.schema import Explain
 
 if TYPE_CHECKING:
@@ -112,11 +113,15 @@ def initialise(payload: Mapping[str, Any]) -> Callable[[Item], Page]:
     from runners.page.write import write_page
     from runners.retell import retell_recorded
 
+    run_dir = payload["run_dir"]
+    trajectories = cache(lambda: read_trajectories([run_dir]))  # once a process, when the first page asks
+
     def make(item: Item) -> Page:
         path = payload["places"][item]
         try:
             mark = _MARK.format(payload["marks"][item])
-            write_page(retell_recorded(payload["run_dir"], *item), path, payload["systems"][item], mark)
+            tale = retell_recorded(run_dir, *item, trajectories())
+            write_page(tale, path, payload["systems"][item], mark)
         except (InputError, OSError) as error:
             return Page(item, path, str(error))
         return Page(item, path, "")

@@ -27,12 +27,6 @@ class Chosen(NamedTuple):
     choice: str
 
 
-def titles() -> dict[str, str]:
-    """Every map set that ships, with the first comment line of its file."""
-    shipped = catalogue.shipped()
-    return {name: shipped.title(f"map/{name}") for name in shipped.options("map")}
-
-
 def choose(words: Sequence[str]) -> Chosen:
     """Build the map set of these words: its name, and in any order world numbers and settings.
 
@@ -42,7 +36,7 @@ def choose(words: Sequence[str]) -> Chosen:
     from runners.targets import build
 
     name, *what = words or [""]
-    known = titles()
+    known = catalogue.shipped().titles("map")
     if name not in known:
         raise InputError(f"map set {name!r} is unknown: {nearest(name, known)}There are {', '.join(known)}")
     settings = [word for word in what if "=" in word]

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -23,7 +23,9 @@ from lme.types import Floats, Guidance, Guide, Observation, Pose, Twist
 from lme.worlds.world import Task
 from runners import build, rundirs
 from runners.episodes import episode_rng
-from runners.records import read_trajectories
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 SAME_M = 1e-6  # [m] an episode told again keeps to its record so closely
 
@@ -66,6 +68,16 @@ class Tale(NamedTuple):
     end: End
     episode: Episode
 
+    @property
+    def frames(self) -> tuple[Moment | End, ...]:
+        """Every decision, and the end."""
+        return (*self.moments, self.end)
+
+    def moving(self, frame: Moment | End) -> tuple[Floats, Floats]:
+        """Circles (C, 3) and edges (E, 4) of what moves, where they stand in one of the frames."""
+        circles, edges = frame.obstacles
+        return circles[len(self.task.world.circles) :], edges[len(self.task.world.edges) :]
+
 
 def retell(config: Mapping[str, Any], world: int, run: int) -> Tale:
     """Drive one episode of a plain config as `lme eval` does, and keep all of it. Raises InputError.
@@ -80,8 +92,8 @@ def retell(config: Mapping[str, Any], world: int, run: int) -> Tale:
     return Tale(config, world, run, robot, task, tuple(witness.moments), witness.end, episode)
 
 
-def retell_recorded(run_dir: Path, world: int, run: int) -> Tale:
-    """Tell an episode of a run again, and hold it against its record.
+def retell_recorded(run_dir: Path, world: int, run: int, trajectories: pd.DataFrame) -> Tale:
+    """Tell an episode of a run again, and hold it against its record among the run's `trajectories`.
 
     Raises InputError where the run has no such episode, no config, or where another version of the program
     drove it otherwise.
@@ -89,8 +101,7 @@ def retell_recorded(run_dir: Path, world: int, run: int) -> Tale:
     launch = rundirs.read_launch(run_dir)
     if launch is None:
         raise InputError(f"{run_dir}: holds no {rundirs.LAUNCH}, so its episodes cannot be told again")
-    steps = read_trajectories([run_dir])
-    steps = steps[(steps["world"] == world) & (steps["run"] == run)]
+    steps = trajectories[(trajectories["world"] == world) & (trajectories["run"] == run)]
     if steps.empty:
         raise InputError(
             f"{run_dir}: holds no episode of world {world}, run {run}; lme table {run_dir} lists"

@@ -27,27 +27,33 @@ class Explain(StrEnum):
     all = auto()
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, kw_only=True)
 class SystemConfig:
-    """A system and where it drives. Groups that hold a `_target_` are checked against that class's Config."""
+    """A guide and a planner on a robot. Groups that hold a `_target_` are checked against that class's Config."""
 
     seed: int
-    runs: int
     weights: str
-    resume: Any
     robot: Robot
-    map: dict[str, Any]
     guide: dict[str, Any]
     planner: dict[str, Any]
-    sim: dict[str, Any]
     ablation: dict[str, float]
-    executor: dict[str, Any]
     system: dict[str, Any] = field(default_factory=dict)
 
 
 @dataclass(slots=True, kw_only=True)
 class DriveConfig(SystemConfig):
-    """What drives a map set and reports on it."""
+    """A system and where it drives."""
+
+    runs: int
+    resume: Any
+    map: dict[str, Any]
+    sim: dict[str, Any]
+    executor: dict[str, Any]
+
+
+@dataclass(slots=True, kw_only=True)
+class ReportConfig(DriveConfig):
+    """A map set driven and reported on."""
 
     tracking: dict[str, Any]
     table: list[str] = field(default_factory=list)
@@ -56,7 +62,7 @@ class DriveConfig(SystemConfig):
 
 
 @dataclass(slots=True, kw_only=True)
-class EvalConfig(DriveConfig):
+class EvalConfig(ReportConfig):
     """`lme eval`. scale: factors on the guide's parameters, by name."""
 
     scale: dict[str, float] = field(default_factory=dict)
@@ -72,7 +78,7 @@ class Reward:
 
 
 @dataclass(slots=True, kw_only=True)
-class TrainConfig(DriveConfig):
+class TrainConfig(ReportConfig):
     """`lme train`. held_out: map sets by name; space: nested as the config that it searches."""
 
     trials: int
@@ -88,8 +94,8 @@ class TrainConfig(DriveConfig):
     held_out: dict[str, Any] = field(default_factory=dict)
 
 
-@dataclass(slots=True)
-class ReplayConfig:
+@dataclass(slots=True, kw_only=True)
+class ReplayConfig(SystemConfig):
     """`lme replay`. goal: a point [x, y], a topic, or nothing; topics, frames, scan: see runners.replay."""
 
     bag: str | None
@@ -106,18 +112,11 @@ class ReplayConfig:
     ahead: float
     horizon: float
     rerun: bool
-    seed: int
-    weights: str
-    robot: Robot
-    guide: dict[str, Any]
-    planner: dict[str, Any]
-    ablation: dict[str, float]
     tracking: dict[str, Any]
-    system: dict[str, Any] = field(default_factory=dict)
 
 
 @dataclass(slots=True, kw_only=True)
-class FigureConfig(SystemConfig):
+class FigureConfig(DriveConfig):
     """`lme figure`. figure: the kind and its settings; run: whose records are drawn, or none."""
 
     figure: dict[str, Any]

@@ -53,34 +53,24 @@ def report(frame: pd.DataFrame, order: Sequence[str], run_dirs: Sequence[Path], 
         *comparison_figure(frame, order, place),
         *side_by_side_figure(frame, run_dirs, place),
     ]
-    parts = [Report(files, []), _ablation(frame, place), _sensitivity(frame, place)]
-    return Report(
-        [file for part in parts for file in part.files], [line for part in parts for line in part.words]
-    )
+    told = _studied(frame, place)
+    return Report(files + told.files, told.words)
 
 
-def _ablation(frame: pd.DataFrame, place: Path) -> Report:
-    """Of what was driven complete and with something missing."""
-    from runners import ablation
+def _studied(frame: pd.DataFrame, place: Path) -> Report:
+    """What ablations and scales come to, where the records have any."""
+    from runners import ablation, sensitivity
     from runners.pictures.ablation import ablation_figure
-
-    found = ablation.studies(frame)
-    if not found:
-        return Report([], [])
-    return Report([*ablation.write(found, place), *ablation_figure(found, place)], ablation.words(found))
-
-
-def _sensitivity(frame: pd.DataFrame, place: Path) -> Report:
-    """Of what was driven with parameters as they are and with one multiplied."""
-    from runners import sensitivity
     from runners.pictures.sensitivity import sensitivity_figure
 
-    found = sensitivity.studies(frame)
-    if not found:
-        return Report([], [])
-    return Report(
-        [*sensitivity.write(found, place), *sensitivity_figure(found, place)], sensitivity.words(found)
-    )
+    files: list[Path] = []
+    words: list[str] = []
+    for study, figure in ((ablation, ablation_figure), (sensitivity, sensitivity_figure)):
+        found = study.studies(frame)
+        if found:
+            files += [*study.write(found, place), *figure(found, place)]
+            words += study.words(found)
+    return Report(files, words)
 
 
 def _book(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from functools import cache
 from typing import Any
 
 import yaml
@@ -12,8 +13,9 @@ from lme.resources import resource_dir
 from runners.mistakes import nearest
 
 
-def systems() -> dict[str, dict[str, Any]]:
-    """Every named pair by its file's name: {guide, planner, label, global_planner, published}.
+@cache
+def systems() -> Mapping[str, Mapping[str, Any]]:
+    """Every named pair by its file's name: {guide, planner, label, global_planner, published}; read once.
 
     One without a planner is not implemented: there are its published figures, and no more.
     """

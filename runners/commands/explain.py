@@ -93,18 +93,16 @@ def _list(run_dir: Path) -> None:
         print(f"All that failed:    lme explain {run_dir} failures")
 
 
-def _lines(frames: Sequence[pd.DataFrame]) -> Iterator[str]:
+def _lines(frames: Sequence[pd.DataFrame]) -> list[str]:
     """A table of text."""
+    from runners.columns import aligned
+
     rows = [("episode", "outcome", "time [s]", "switches")]
     for frame in frames:
         for episode in frame.to_dict("records"):
             name = f"{episode['world']}/{episode['run']}"
             rows.append((name, episode["outcome"], f"{episode['time_s']:.1f}", str(episode["switches"])))
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    for row in rows:
-        left = (f"{cell:<{width}}" for cell, width in zip(row[:2], widths[:2], strict=True))
-        right = (f"{cell:>{width}}" for cell, width in zip(row[2:], widths[2:], strict=True))
-        yield "  ".join([*left, *right])
+    return aligned(rows, right=(2, 3))
 
 
 def _draw(run_dir: Path, words: Sequence[str], output: Path | None) -> None:
@@ -163,11 +161,13 @@ def _book(run_dir: Path, files: Sequence[Path]) -> None:
 def _tell(run_dir: Path, words: Sequence[str]) -> None:
     """Print the reason of every decision, those alike in one line."""
     from runners.explaining import chosen, items
-    from runners.records import read_episodes
+    from runners.records import read_episodes, read_trajectories
     from runners.retell import retell_recorded
 
+    trajectories = read_trajectories([run_dir])
+
     for number, (world, run) in enumerate(items(chosen(read_episodes([run_dir]), words))):
-        tale = retell_recorded(run_dir, world, run)
+        tale = retell_recorded(run_dir, world, run, trajectories)
         end = f"{tale.episode.outcome} after {tale.episode.time:.1f} s"
         lines = [f"World {world}, run {run}: {end}, {len(tale.moments)} decisions", *_sentences(tale.moments)]
         print("\n" * (number > 0) + "\n".join(lines))

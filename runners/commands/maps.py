@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import re
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -100,8 +100,7 @@ def _console(arguments: argparse.Namespace) -> Console | None:
 def _list(arguments: argparse.Namespace) -> None:
     from runners import catalogue
 
-    shipped = catalogue.shipped()
-    titles = {name: shipped.title(f"map/{name}") for name in shipped.options("map")}
+    titles = catalogue.shipped().titles("map")
     console = _console(arguments)
     if console is not None:
         _list_pictures(titles, console)
@@ -145,12 +144,13 @@ def _show_pictures(chosen: Chosen, tasks: Sequence[Task], console: Console) -> N
     console.print(several_worlds(tasks) if len(tasks) > 1 else one_world(chosen, tasks[0], console))
 
 
-def _table(tasks: Sequence[Task]) -> Iterator[str]:
+def _table(tasks: Sequence[Task]) -> list[str]:
+    from runners.columns import aligned
+
     rows = [_measures(task) for task in tasks]
-    widths = {name: max(len(name), *(len(row[name]) for row in rows)) for name in rows[0]}
-    yield "  ".join(f"{name:>{width}}" for name, width in widths.items())
-    for row in rows:
-        yield "  ".join(f"{row[name]:>{width}}" for name, width in widths.items())
+    return aligned(
+        [list(rows[0]), *([row[name] for name in rows[0]] for row in rows)], right=range(len(rows[0]))
+    )
 
 
 def _measures(task: Task) -> dict[str, str]:

@@ -18,7 +18,7 @@ from lme.policy.escaper import PAPER_CRITERIA, Explanation
 from lme.policy.maintenance import Choice
 from lme.types import Floats
 from runners.page.packer import Packer
-from runners.retell import End, Moment, Tale
+from runners.retell import Tale
 
 CELL_M = 0.05  # side of a cell of the world as seen so far
 CHOICES = tuple(Choice)
@@ -99,12 +99,12 @@ def _drive(packer: Packer, tale: Tale) -> None:
     packer.drawn("command", np.array([moment.command for moment in moments]))
     packer.drawn("subgoal", np.array([moment.guidance.subgoal for moment in moments]))
     packer.whole("switched", [moment.guidance.switched for moment in moments])
-    packer.drawn("target", np.array([told.observation.target for told in _told(tale)]))
+    packer.drawn("target", np.array([told.observation.target for told in tale.frames]))
 
 
 def _scans(packer: Packer, tale: Tale) -> None:
     """Scan points in the robot frame, and the cells of the world that they touch for the first time."""
-    told = _told(tale)
+    told = tale.frames
     points = [obstacle_points(one.observation.scan, tale.robot.lidar.mount) for one in told]
     _ragged_mm(packer, "scan", points, differences=True)
     steps = np.repeat(np.arange(len(told)), [len(some) for some in points])
@@ -124,9 +124,8 @@ def _world(packer: Packer, tale: Tale) -> None:
     packer.drawn("world.segments", world.segments)
     packer.counts("polygons", world.polygons)
     packer.drawn("polygons", np.concatenate([np.empty((0, 2)), *world.polygons]))
-    still = len(world.circles), len(world.edges)
-    for name, kind in (("discs", 0), ("edges", 1)):
-        moving = [told.obstacles[kind][still[kind] :] for told in _told(tale)]
+    moving_parts = zip(*map(tale.moving, tale.frames), strict=True)
+    for name, moving in zip(("discs", "edges"), moving_parts, strict=True):
         packer.counts(name, moving)
         packer.drawn(name, np.concatenate(moving))
 
@@ -186,11 +185,6 @@ def _blocking_sector(why: Explanation) -> int:
     ends = points[why.sectors]
     matches = (ends[:, 0] == way.E1).all(axis=1) & (ends[:, 1] == way.E2).all(axis=1)
     return int(np.argmax(matches))
-
-
-def _told(tale: Tale) -> list[Moment | End]:
-    """Every decision, and the end."""
-    return [*tale.moments, tale.end]
 
 
 def _ragged_mm(packer: Packer, name: str, rows: Sequence[Floats], differences: bool = False) -> None:

@@ -14,7 +14,7 @@ from lme.types import Floats, Outcome
 from runners.pictures.film import Picture, write_film
 from runners.pictures.layout import Around, aspect_of, best_columns, lay_out, panel_width, wrapped
 from runners.pictures.scene import Box, common_box, draw_task, same_size
-from runners.pictures.stage import Stage, frames, index_at
+from runners.pictures.stage import Stage, index_at
 from runners.pictures.style import BLUE, END, INK, STYLES, new_figure
 from runners.retell import Tale, retell
 
@@ -48,7 +48,7 @@ class Pace(NamedTuple):
 def animate(config: Mapping[str, Any], world: int, run: int, path: Path) -> Outcome:
     """Drive one episode of a plain config as `lme eval` does, and save it as GIF; how it ended."""
     tale = retell(config, world, run)
-    all_times = np.array([frame.time for frame in frames(tale)])
+    all_times = np.array([frame.time for frame in tale.frames])
     every = math.ceil(len(all_times) / MOST_FRAMES)
     pace = Pace(np.append(all_times[:-1:every], all_times[-1]), tale.robot.control_rate / every)
     screen = Screen([tale], [""], WIDTH_PX)
@@ -116,7 +116,7 @@ class _Panel:
 
     def __init__(self, axes: Axes, tale: Tale, label: str, candidates: bool) -> None:
         self._axes, self._tale = axes, tale
-        self._way = np.array([frame.pose[:2] for frame in frames(tale)])
+        self._way = np.array([frame.pose[:2] for frame in tale.frames])
         draw_task(axes, tale.task)
         text: dict[str, Any] = {
             "fontsize": SIZE_PT,
@@ -144,7 +144,7 @@ class _Panel:
         self._trail.set_data(*self._way[: index + 1].T)
         outcome, over = self._tale.episode.outcome, index == len(self._tale.moments)
         self._end.set_data(*(self._way[-1:].T if over else ([], [])))
-        clock = f"{frames(self._tale)[index].time:.1f} s"
+        clock = f"{self._tale.frames[index].time:.1f} s"
         self._clock.set_text(f"{outcome}, {clock}" if over else clock)
         self._clock.set_color(STYLES[outcome].colour if over else INK)
         for artist in self._moving:
@@ -154,5 +154,5 @@ class _Panel:
 def _box(tale: Tale, tales: Sequence[Tale]) -> Box:
     """What is shown of a world: the same for all who drove in it."""
     here = [each for each in tales if (each.config["map"], each.world) == (tale.config["map"], tale.world)]
-    ways = [np.array([frame.pose[:2] for frame in frames(each)]) for each in here]
+    ways = [np.array([frame.pose[:2] for frame in each.frames]) for each in here]
     return common_box([tale.task], np.vstack(ways))

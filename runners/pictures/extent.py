@@ -11,18 +11,16 @@ from lme.types import Floats, Pose
 from lme.worlds.movers import Mover
 from lme.worlds.world import Task
 from runners.map_sets import Chosen
-from runners.pictures.scene import Box
+from runners.pictures.scene import Box, extremes
 
 SIDES = 24  # of the outline of a disc
 
 
 def extent(task: Task) -> Box:
     """The box around all obstacles, movers where they stand at first, start and goal."""
-    world = task.world
-    centres, radii = world.circles[:, :2], world.circles[:, 2:]
     ends = np.array([task.start[:2], task.goal])
-    solid = [centres - radii, centres + radii, world.edges.reshape(-1, 2)]
-    points = np.vstack([ends, *solid, *(mover_outline(mover) for mover in world.movers)])
+    movers = (mover_outline(mover) for mover in task.world.movers)
+    points = np.vstack([ends, extremes(task.world), *movers])
     return Box(*points.min(axis=0).tolist(), *points.max(axis=0).tolist())
 
 

@@ -51,7 +51,7 @@ class Job:
 
     def tale(self, world: int, run: int) -> Tale:
         """One of the episodes, told again. Raises InputError where that is not possible."""
-        return retell_recorded(self.run_dir, world, run)
+        return retell_recorded(self.run_dir, world, run, self.trajectories)
 
 
 class Kind(Protocol):

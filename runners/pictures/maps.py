@@ -15,7 +15,8 @@ from lme.errors import InputError
 from lme.robots import require
 from lme.types import Floats
 from lme.worlds.world import Task
-from runners.map_sets import GRAMMAR, Chosen, choose, known_path, titles
+from runners.catalogue import shipped
+from runners.map_sets import GRAMMAR, Chosen, choose, known_path
 from runners.pictures.extent import about_set, extent, metres, mover_outline
 from runners.pictures.jobs import Job
 from runners.pictures.scene import MARGIN_M, Box, draw_task, frame_panel, legend_keys, scale_bar
@@ -140,7 +141,7 @@ def sheet(panels: Sequence[Panel], columns: int) -> Figure:
 
 def _every_set() -> Iterator[list[str]]:
     """All map sets that there are without a setting, so none of a user's own file."""
-    for name in titles():
+    for name in shipped().titles("map"):
         with suppress(InputError):
             choose([name])
             yield [name]

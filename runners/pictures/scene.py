@@ -43,7 +43,7 @@ def common_box(tasks: Sequence[Task], path: Floats) -> Box:
     """
     ends = np.array([[[task.start.x, task.start.y], task.goal] for task in tasks]).reshape(-1, 2)
     reach = np.array([task.goal_tolerance for task in tasks]).max()
-    solid = np.vstack([ends - reach, ends + reach, *(_extremes(task.world) for task in tasks)])
+    solid = np.vstack([ends - reach, ends + reach, *(extremes(task.world) for task in tasks)])
     busy = np.vstack([ends - reach, ends + reach, path])
     low, high = solid.min(axis=0) - MARGIN_M, solid.max(axis=0) + MARGIN_M
     if (solid.max(axis=0) - solid.min(axis=0)).max() > ROOM_M:
@@ -199,7 +199,7 @@ def _flag(in_key: bool = False) -> dict[str, Any]:
     return {"marker": Path(FLAG), "markersize": FLAG_SIZE, "color": VERMILION, "linestyle": "", **edge}
 
 
-def _extremes(world: World) -> Floats:
+def extremes(world: World) -> Floats:
     """(N, 2) points that span the obstacles [m]."""
     centres, radii = world.circles[:, :2], world.circles[:, 2:]
     return np.vstack([centres - radii, centres + radii, world.edges.reshape(-1, 2)])

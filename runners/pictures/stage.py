@@ -30,14 +30,9 @@ SCAN: dict[str, Any] = {"color": ORANGE, "markersize": 1.5}
 BEAM: dict[str, Any] = {"color": SKY, "linewidth": 0.5, "alpha": 0.55}
 
 
-def frames(tale: Tale) -> tuple[Moment | End, ...]:
-    """Every decision, and the end."""
-    return (*tale.moments, tale.end)
-
-
 def index_at(tale: Tale, time_s: float) -> int:
-    """The last of `frames` that is no later; the first where none is."""
-    times = np.array([frame.time for frame in frames(tale)])
+    """The last of the frames that is no later; the first where none is."""
+    times = np.array([frame.time for frame in tale.frames])
     return max(int(np.searchsorted(times, time_s + 1e-9, side="right")) - 1, 0)
 
 
@@ -50,9 +45,8 @@ class Stage:
         """colour: of the robot. beams: lines from the lidar to what it sees, instead of dots there."""
         from matplotlib.collections import LineCollection, PatchCollection
 
-        self._tale, self._frames = tale, frames(tale)
+        self._tale, self._frames = tale, tale.frames
         self._outline = outline(tale.robot.footprint)
-        self._still = len(tale.task.world.circles), len(tale.task.world.edges)
         self._beams = LineCollection([], zorder=1.5, **BEAM) if beams else None
         (self._scan,) = axes.plot([], [], ".", zorder=4, **SCAN)
         self._candidates = _candidates(axes) if candidates else None
@@ -73,7 +67,7 @@ class Stage:
         return [artist for artist in shown if artist is not None]
 
     def show(self, index: int) -> None:
-        """The moment with this place in `frames`."""
+        """The moment with this place among the frames."""
         frame = self._frames[index]
         self._robot.set_xy(to_world(self._outline, frame.pose))
         self._nose.set_xy(to_world(NOSE * self._outline.max(axis=0), frame.pose))
@@ -105,7 +99,7 @@ class Stage:
     def _move(self, frame: Moment | End) -> None:
         from matplotlib.patches import Circle
 
-        circles, edges = moving(frame, self._still)
+        circles, edges = self._tale.moving(frame)
         self._discs.set_paths([Circle((x, y), radius) for x, y, radius in circles])
         self._sides.set_segments(list(edges.reshape(-1, 2, 2)))
 
@@ -122,13 +116,12 @@ class Stage:
 
 
 def draw_traces(axes: Axes, tale: Tale, last: int) -> None:
-    """Where the movers were before the moment with the place `last` in `frames`: outlines, half a second apart."""
+    """Where the movers were before the moment with the place `last` among the frames: outlines, half a second apart."""
     from matplotlib.collections import LineCollection, PatchCollection
     from matplotlib.patches import Circle
 
-    still = len(tale.task.world.circles), len(tale.task.world.edges)
-    times = np.arange(0.0, frames(tale)[last].time, TRACE_S)
-    before = [moving(frames(tale)[index_at(tale, time)], still) for time in times]
+    times = np.arange(0.0, tale.frames[last].time, TRACE_S)
+    before = [tale.moving(tale.frames[index_at(tale, time)]) for time in times]
     if not before:
         return
     circles = np.unique(np.vstack([each for each, _ in before]).round(6), axis=0)
@@ -158,12 +151,6 @@ def stage_keys(when: str, colour: str, *, scan: bool, movers: bool) -> list[Line
 def seen(frame: Moment | End, robot: Robot) -> Floats:
     """(M, 2) where the beams hit, in the world [m]."""
     return to_world(obstacle_points(frame.observation.scan, robot.lidar.mount), frame.pose)
-
-
-def moving(frame: Moment | End, still: tuple[int, int]) -> tuple[Floats, Floats]:
-    """Circles (C, 3) and edges (E, 4) of what moves. still: how many circles and edges do not."""
-    circles, edges = frame.obstacles
-    return circles[still[0] :], edges[still[1] :]
 
 
 def _candidates(axes: Axes) -> Any:

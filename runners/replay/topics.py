@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from lme.errors import InputError
+from runners.columns import aligned
 from runners.mistakes import nearest
 from runners.replay import messages
 from runners.replay.bags import Bag, Topic
@@ -101,14 +102,7 @@ def table(bag: Bag) -> list[str]:
         rows.append(
             (topic.name, " | ".join(topic.types), str(topic.number), f"{topic.rate:.1f}", ", ".join(roles))
         )
-    widths = [max(len(row[k]) for row in rows) for k in range(5)]
-    return [
-        "  ".join(
-            cell.rjust(width) if k in (2, 3) else cell.ljust(width)
-            for k, (cell, width) in enumerate(zip(row, widths, strict=True))
-        ).rstrip()
-        for row in rows
-    ]
+    return aligned(rows, right=(2, 3))
 
 
 def _choose(

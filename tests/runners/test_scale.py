@@ -135,5 +135,5 @@ def test_the_sweep_has_its_report_and_table_writes_it_anew(sweep, tmp_path, caps
 
 def test_a_sweep_without_them_has_neither(sweep, tmp_path):
     one = read_episodes([sweep / "0"])
-    assert sweeps._ablation(one, tmp_path) == sweeps._sensitivity(one, tmp_path) == ([], [])
+    assert sweeps._studied(one, tmp_path) == ([], [])
     assert list(tmp_path.iterdir()) == []

@@ -8,14 +8,17 @@ from matplotlib.patches import Polygon
 
 from lme.errors import InputError
 from lme.worlds.check import point_clearance
-from runners.map_sets import choose, known_path, titles
+from runners.catalogue import shipped
+from runners.map_sets import choose, known_path
 from runners.pictures.extent import extent
 from runners.pictures.maps import COLUMNS, PANELS, Maps, MapsConfig, panels_of, sheet
 
 
 @pytest.fixture(scope="module")
 def every_panel():
-    return [panel for name in titles() if name != "file" for panel in panels_of(choose([name]))]
+    return [
+        panel for name in shipped().titles("map") if name != "file" for panel in panels_of(choose([name]))
+    ]
 
 
 @pytest.mark.parametrize("columns", [1, 3, COLUMNS])
@@ -121,7 +124,7 @@ def test_worlds_asked_for_may_lie_beside_the_subset_and_the_path_can_be_left_out
 
 def test_null_is_every_set_but_that_of_a_users_own_file(monkeypatch, tmp_path):
     panels = drawn_names(monkeypatch, tmp_path)
-    assert [panel.name for panel in panels] == [name for name in titles() if name != "file"]
+    assert [panel.name for panel in panels] == [name for name in shipped().titles("map") if name != "file"]
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ from runners.pictures import film
 from runners.pictures.animation import Screen
 from runners.pictures.jobs import read_jobs
 from runners.pictures.scene import outline
-from runners.pictures.stage import TRACE_S, Stage, draw_traces, frames, index_at, moving, seen
+from runners.pictures.stage import TRACE_S, Stage, draw_traces, index_at, seen
 from runners.pictures.style import new_figure
 from runners.pictures.video import Video, VideoConfig
 from runners.targets import build
@@ -105,7 +105,7 @@ def test_candidates_are_shown_where_asked(tales):
 
 
 def test_a_moment_is_the_last_decision_before_it(tales):
-    times = [frame.time for frame in frames(tales[0])]
+    times = [frame.time for frame in tales[0].frames]
     assert [index_at(tales[0], time) for time in times] == list(range(len(times)))
     assert index_at(tales[0], times[3] + 0.1) == 3
     assert index_at(tales[0], 1e9) == len(times) - 1
@@ -131,8 +131,7 @@ def test_the_robot_its_beams_and_its_subgoal_stand_where_they_were(tales):
 
 def test_movers_leave_rings_where_they_were(tales):
     tale = tales[0]
-    still = len(tale.task.world.circles), len(tale.task.world.edges)
-    places = {tuple(moving(frame, still)[0][0].round(3)) for frame in frames(tale)}
+    places = {tuple(tale.moving(frame)[0][0].round(3)) for frame in tale.frames}
     assert len(places) > 1  # he walked
     axes = new_figure(3, 3).add_subplot()
     draw_traces(axes, tale, len(tale.moments))
