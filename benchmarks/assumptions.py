@@ -18,7 +18,7 @@ from pathlib import Path
 import pandas as pd
 import yaml
 
-from runners import catalogue
+from runners.config import catalogue
 
 CHANGES = (
     "",

@@ -28,7 +28,7 @@ from lme.sim.fast import FastConfig, FastSimulator
 from lme.sim.physics import PhysicsConfig, PhysicsSimulator
 from lme.sim.simulator import Simulator, State
 from lme.types import Observation, Twist
-from lme.worlds.barn import Barn, BarnConfig
+from lme.worlds.barn.map_set import Barn, BarnConfig
 from lme.worlds.world import Task
 
 FRESH_SEED = 4

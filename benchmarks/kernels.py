@@ -13,7 +13,7 @@ from lme.kernels.points import beam_directions, scan_points
 from lme.kernels.raycast import cast
 from lme.kernels.sectors import cluster
 from lme.types import Pose
-from lme.worlds.barn import Barn, BarnConfig
+from lme.worlds.barn.map_set import Barn, BarnConfig
 from tests import oracles
 
 FULL_CIRCLE = (-math.pi, 2 * math.pi / 540, 540)

@@ -16,11 +16,11 @@ from typing import Any
 
 from benchmarks.recording import parser, show
 from benchmarks.speed import machine
-from runners import schema
-from runners.composer import Composer
-from runners.page.write import write_page
-from runners.retell import Tale, retell
-from runners.rundirs import identity
+from runners.config import schema
+from runners.config.composer import Composer
+from runners.explainer.write import write_page
+from runners.records.run_directories import identity
+from runners.workers.trace import Tale, retell
 
 WANTED_PER_S, WANTED_MB = 30, 5.0
 EPISODE = ("map.worlds=[250]", "map.time_limit=30")  # of hard100; LME does not arrive within that time

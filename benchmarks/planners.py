@@ -13,9 +13,9 @@ import numpy as np
 from benchmarks.recording import parser, show
 from benchmarks.speed import machine
 from lme.episode import run_episode
-from runners import build, catalogue, schema
-from runners.checks import CUSTOM
-from runners.composer import Composer, without_hydra
+from runners.config import build, catalogue, schema
+from runners.config.composer import Composer, without_hydra
+from runners.config.overrides import CUSTOM
 
 ROBOT = "jackal"  # the longest scan, 720 beams
 WORLDS = [1000, 1003, 1006, 1009, 1011]  # fresh ones, one of each kind of density and smoothing

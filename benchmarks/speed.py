@@ -31,7 +31,7 @@ from lme.planners.simple import Simple, SimpleConfig
 from lme.resources import resource_dir
 from lme.robots import Robot
 from lme.sim.fast import FastConfig, FastSimulator
-from lme.worlds.barn import Barn, BarnConfig
+from lme.worlds.barn.map_set import Barn, BarnConfig
 
 PEERS = (
     "Stage 4.3 2,800–5,600, navground 1,600–2,700, pymunk rays 540, ir-sim 8–14 (measured earlier, elsewhere)"

@@ -43,7 +43,7 @@ def tune(planner: str, seed: int) -> Path:
     words = ["train", "+experiment=tune", f"guide={GUIDES[planner]}", f"planner={planner}", f"seed={seed}"]
     place = OUT / f"{planner}-{seed}"
     options = [f"hydra.run.dir={place}", "resume=true", "tracking=none"]
-    subprocess.run([sys.executable, "-m", "runners.cli", *words, *options], check=True)
+    subprocess.run([sys.executable, "-m", "runners.cli.main", *words, *options], check=True)
     found = yaml.safe_load((place / "weights.yaml").read_text(encoding="utf-8"))
     path = resource_dir("conf") / "planner" / f"{planner}_tuned.yaml"
     path.write_text(variant(planner, found, " ".join(["lme", *words])), encoding="utf-8")

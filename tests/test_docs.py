@@ -1,11 +1,11 @@
 """What the documents promise about the configs."""
 
 import re
-from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[1]
+from tests.places import ROOT
+
 ASSUMED = sorted(
     (path.relative_to(ROOT / "conf"), line.strip().partition(":")[0])
     for path in (ROOT / "conf").rglob("*.yaml")

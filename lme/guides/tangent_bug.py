@@ -9,7 +9,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lme.blind_arc import BlindArc
 from lme.geometry.frames import to_robot, to_world
 from lme.kernels.tangents import (
     all_ends,
@@ -22,6 +21,7 @@ from lme.kernels.tangents import (
     sweep,
 )
 from lme.robots import Robot, require
+from lme.sensing.blind_arc import BlindArc
 from lme.types import Floats, Guidance, Observation, Pose
 
 UNITS = directions(720)  # in which the free way is looked at: every half degree

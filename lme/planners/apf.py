@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lme.blind_arc import BlindArc
 from lme.kernels.potential import repulsion
 from lme.planners.commands import approach
 from lme.planners.stopping import StoppingGuard
 from lme.robots import Robot, require
+from lme.sensing.blind_arc import BlindArc
 from lme.types import Floats, Guidance, Observation, Twist
 
 _CLOSEST = 0.01  # [m] the repulsion grows no more

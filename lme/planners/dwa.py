@@ -10,9 +10,9 @@ import numpy as np
 
 from lme.errors import InputError
 from lme.kernels.arcs import clearances, contact_times
-from lme.perception import obstacle_points
 from lme.planners.commands import approach, limited
 from lme.robots import Robot, require
+from lme.sensing.scan_points import obstacle_points
 from lme.types import Floats, Guidance, Limits, Observation, Twist
 
 

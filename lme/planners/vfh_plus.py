@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lme.blind_arc import BlindArc
 from lme.errors import InputError
 from lme.kernels.polar_histogram import (
     active_cells,
@@ -20,6 +19,7 @@ from lme.kernels.polar_histogram import (
 from lme.planners.commands import approach
 from lme.planners.stopping import StoppingGuard
 from lme.robots import Robot, require
+from lme.sensing.blind_arc import BlindArc
 from lme.types import Bools, Floats, Guidance, Observation, Twist
 
 _LEAST_CELL = 0.01  # [m] the grid of finer ones would take longer than a control period

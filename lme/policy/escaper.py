@@ -14,7 +14,6 @@ import numpy as np
 from lme.errors import InputError
 from lme.kernels.fan import fan_blocked
 from lme.kernels.sectors import cluster
-from lme.perception import is_full_circle, obstacle_points
 from lme.policy import criteria as paper
 from lme.policy.candidates import CandidateConfig, sample
 from lme.policy.criteria import ORIGIN, Criterion, View
@@ -23,6 +22,7 @@ from lme.policy.score import CRITERIA, Parameters, score
 from lme.policy.surmount import RULES, find_blockage
 from lme.policy.weights import read_parameters
 from lme.robots import Robot, require
+from lme.sensing.scan_points import is_full_circle, obstacle_points
 from lme.types import Floats, Ints, Observation, Twist
 
 PAPER_CRITERIA: Mapping[str, Criterion] = {name: getattr(paper, name) for name in CRITERIA}

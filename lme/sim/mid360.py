@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 from lme.errors import InputError
 from lme.kernels.beam_pattern import beam_pattern
 from lme.kernels.raycast3d import cast_rays
-from lme.pointcloud import rigid_transform
 from lme.robots import require
+from lme.sensing.point_cloud import rigid_transform
 from lme.types import Floats, Pose
 from lme.worlds.world import World
 

@@ -16,16 +16,16 @@ from lme.guides.lme import Lme
 from lme.kernels.collision import sweep
 from lme.kernels.motion import drive
 from lme.navigator import Navigator
-from lme.perception import obstacle_points
 from lme.policy.escaper import Explanation
 from lme.policy.maintenance import Choice
 from lme.robots import Robot
+from lme.sensing.scan_points import obstacle_points
 from lme.types import Floats, Observation, Pose, Twist
 from runners.replay.bags import Message
-from runners.replay.eyes import Eyes
 from runners.replay.goals import Goal
 from runners.replay.messages import twist_of
 from runners.replay.recording import SECOND, Recording
+from runners.replay.scan_source import Eyes
 from runners.replay.track import Motion, Order, Track
 
 _HERE = Pose(0.0, 0.0, 0.0)

@@ -15,17 +15,17 @@ from omegaconf import DictConfig
 
 from lme.errors import InputError
 from lme.robots import Robot, require
-from runners import build, systems
-from runners.evaluate import sweep_directory
-from runners.replay import own, report
+from runners.config import build, systems
+from runners.config.instantiate import build as build_target
+from runners.config.instantiate import configured, filled
+from runners.experiments.evaluate import sweep_directory
+from runners.replay import report, simulated
 from runners.replay.bags import Bag
 from runners.replay.driver import Driver
-from runners.replay.eyes import Eyes, ScanConfig
 from runners.replay.goals import goal_of, topic_of
 from runners.replay.recording import CLOCKS, SECOND, FramesConfig, Recording, look
+from runners.replay.scan_source import Eyes, ScanConfig
 from runners.replay.topics import TopicsConfig, choose
-from runners.targets import build as build_target
-from runners.targets import configured, filled
 
 _SLOWER = 0.9  # scans that come at less than this share of the robot's rate set the pace
 
@@ -70,7 +70,7 @@ def replay(config: DictConfig, run_dir: Path) -> None:
         raise InputError(f"{run_dir}: already holds a replay: choose another directory")
     with ExitStack() as stack:
         bag = stack.enter_context(Bag(Path(plain["bag"])))
-        episode = own.episode_of(bag) if plain["as_recorded"] else None
+        episode = simulated.episode_of(bag) if plain["as_recorded"] else None
         plain = _as_recorded(plain, episode)
         tracking = build_target(plain["tracking"], "tracking")
         tracking.start(plain, run_dir, {"command": "replay", "bag": bag.path.name}, sweep_directory())
@@ -79,10 +79,10 @@ def replay(config: DictConfig, run_dir: Path) -> None:
 
 
 def _replay(
-    bag: Bag, plain: Mapping[str, Any], episode: own.Episode | None, run_dir: Path, stack: ExitStack
+    bag: Bag, plain: Mapping[str, Any], episode: simulated.Episode | None, run_dir: Path, stack: ExitStack
 ) -> tuple[dict[str, float], list[Path]]:
     """Figures and files."""
-    from runners.replay import pictures
+    from runners.replay import figures
 
     recording, part = _recording(bag, plain, episode)
     stale = round(plain["stale"] * SECOND)
@@ -114,13 +114,15 @@ def _replay(
     frame = report.frame_of(log, eyes.robot.dt, plain["ahead"])
     found = report.figures(frame, log, eyes.robot.dt, wall_s)
     artifacts += report.write(frame, found, run_dir)
-    artifacts += pictures.write(frame, log, eyes, recording, run_dir)
+    artifacts += figures.write(frame, log, eyes, recording, run_dir)
     _tell(recording, eyes, episode, found, run_dir)
     return found, artifacts
 
 
-def _recording(bag: Bag, plain: Mapping[str, Any], episode: own.Episode | None) -> tuple[Recording, _Part]:
-    asked = own.GOAL if episode is not None and plain["goal"] is None else topic_of(plain["goal"])
+def _recording(
+    bag: Bag, plain: Mapping[str, Any], episode: simulated.Episode | None
+) -> tuple[Recording, _Part]:
+    asked = simulated.GOAL if episode is not None and plain["goal"] is None else topic_of(plain["goal"])
     topics = choose(bag, filled(TopicsConfig, plain["topics"], "topics"), asked)
     recording = look(bag, topics, filled(FramesConfig, plain["frames"], "frames"), plain["clock"])
     start = bag.start + round(plain["start"] * SECOND) if plain["start"] else None
@@ -144,24 +146,28 @@ def _warm_up(driver: Driver, recording: Recording, part: _Part) -> None:
             return
 
 
-def _as_recorded(plain: dict[str, Any], episode: own.Episode | None) -> dict[str, Any]:
+def _as_recorded(plain: dict[str, Any], episode: simulated.Episode | None) -> dict[str, Any]:
     """The config with the system that drove in the recording, where it says so."""
     if episode is None:
         return plain
     chosen = {o.lstrip("+").partition("=")[0] for o in HydraConfig.get().overrides.task}
     asked = sorted(
-        key for key in chosen if key.partition(".")[0] in (*own.GROUPS, "weights", "ablation", "system")
+        key for key in chosen if key.partition(".")[0] in (*simulated.GROUPS, "weights", "ablation", "system")
     )
     if asked:
         raise InputError(
             f"{asked[0]}: the recording is of lme eval and brings its own robot, guide and planner; "
             "add as_recorded=false to choose others"
         )
-    return {**plain, **{group: episode.config[group] for group in own.GROUPS}, "seed": episode.seed}
+    return {**plain, **{group: episode.config[group] for group in simulated.GROUPS}, "seed": episode.seed}
 
 
 def _tell(
-    recording: Recording, eyes: Eyes, episode: own.Episode | None, found: Mapping[str, float], run_dir: Path
+    recording: Recording,
+    eyes: Eyes,
+    episode: simulated.Episode | None,
+    found: Mapping[str, float],
+    run_dir: Path,
 ) -> None:
     """What was read, and what came of it."""
     topics, lidar = recording.topics, eyes.robot.lidar

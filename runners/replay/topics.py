@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from lme.errors import InputError
-from runners.columns import aligned
-from runners.mistakes import nearest
+from runners.analysis.columns import aligned
+from runners.config.hydra_errors import nearest
 from runners.replay import messages
 from runners.replay.bags import Bag, Topic
 

@@ -19,7 +19,7 @@ from lme.planners.simple import Simple, SimpleConfig
 from lme.policy.candidates import CandidateConfig
 from lme.sim.fast import FastConfig, FastSimulator
 from lme.types import Pose
-from lme.worlds.barn import Barn, BarnConfig
+from lme.worlds.barn.map_set import Barn, BarnConfig
 from lme.worlds.world import World
 from tests.builders import robot_from, task
 

@@ -13,7 +13,7 @@ from lme.errors import InputError
 from lme.robots import Footprint, Lidar
 from lme.sim.fast import FastConfig, FastSimulator
 from lme.types import Limits, Outcome, Pose
-from lme.worlds.barn import Barn, BarnConfig
+from lme.worlds.barn.map_set import Barn, BarnConfig
 from tests.builders import SHIPPED, navigator, shipped, stage
 from tests.tolerances import KERNEL
 

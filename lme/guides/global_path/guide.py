@@ -1,0 +1,195 @@
+"""The shortest way on a map of the obstacles seen so far, or on the true map."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from lme.errors import InputError
+from lme.geometry.frames import to_robot, to_world
+from lme.guides.global_path.costmap import Costmap, CostmapConfig
+from lme.kernels.costmap import INSCRIBED, TOUCHING
+from lme.kernels.fan import fan_blocked
+from lme.kernels.grid_search import departs, nearest_passable, search, straighten, trace
+from lme.robots import Robot, require
+from lme.sensing.scan_points import obstacle_points
+from lme.types import Bools, Floats, Guidance, Observation, Pose
+from lme.worlds.world import World
+
+MAPS = ("observed", "known")
+
+# Navfn's cost of a cell (its COST_NEUTRAL and COST_FACTOR): near obstacles up to five times as dear.
+_NEUTRAL, _FACTOR = 50.0, 0.8
+_TABLE = np.where(np.arange(256) < INSCRIBED, _NEUTRAL + _FACTOR * np.arange(256), np.inf)
+
+_ORIGIN = np.zeros(2)
+_SPACING_M = 0.05  # between points of a path
+_AHEAD = 40  # points: the robot's place on the path is looked for so far ahead of its last place
+
+
+@dataclass(slots=True)
+class GlobalPathConfig:
+    """Which map, how often to plan on it, how far ahead the subgoal lies."""
+
+    global_map: str = "observed"  # "observed": from scans in the odometry frame; "known": the true map
+    costmap: CostmapConfig = field(default_factory=CostmapConfig)
+    heuristic_weight: float = 1.0  # 0: Dijkstra, 1: A*
+    replan_rate: float = 10.0  # [Hz]
+    lookahead: float = 2.0  # [m]
+
+    def __post_init__(self) -> None:
+        if self.global_map not in MAPS:
+            raise InputError(f"guide.global_map is {self.global_map!r}: must be one of {', '.join(MAPS)}")
+        require("guide.heuristic_weight", self.heuristic_weight, at_least=0.0, at_most=1.0)
+        require("guide.replan_rate", self.replan_rate, above=0.0)
+        require("guide.lookahead", self.lookahead, above=0.0)
+
+
+@dataclass(slots=True)
+class _Route:
+    """A planned path in the odometry frame, and where on it the robot is."""
+
+    points: Floats  # (K, 2) [m], evenly spaced, from where the robot was to the target
+    found: bool  # False: the straight line, for want of a way
+    forbidden: Bools  # (K,) when it was planned
+    at: int = 0  # index of the point nearest to the robot
+
+
+class GlobalPath:
+    """Dijkstra or A* on a costmap, replanned as the map grows: the part of Navfn in ROS move_base.
+
+    Costs of cells as in navfn (Konolige & Marder-Eppstein, docs.ros.org/en/noetic/api/navfn), on `costmap.py`; the
+    search is that of `lme.kernels.grid_search`. Unlike navfn it does not interpolate between cells but replaces
+    pieces of the path by straight lines that cost no more.
+    """
+
+    Config = GlobalPathConfig
+
+    def __init__(self, config: GlobalPathConfig, robot: Robot) -> None:
+        self._config = config
+        self._robot = robot
+        self._period = max(1, round(robot.control_rate / config.replan_rate))
+        self._world: tuple[World, Pose] | None = None
+
+    def reset(self, rng: np.random.Generator) -> None:
+        """Forget map and path."""
+        self._world = None
+        self.costmap: Costmap | None = None
+        self._route: _Route | None = None
+        self._age = 0  # [steps] since the last plan
+
+    def read_map(self, world: World, start: Pose) -> None:
+        """Keep the true map, should it be asked for."""
+        self._world = (world, start)
+
+    def guide(self, observation: Observation) -> Guidance:
+        """The path from the robot to the target, and the farthest point on it that is in sight.
+
+        Without a way the path is the straight line, and the subgoal where the robot stands. Raises InputError
+        if the true map is asked for and none was given.
+        """
+        costmap = self._updated(observation)
+        before, self._age = self._route, self._age + 1
+        due = before is None or self._age >= self._period
+        if due or (before is not None and before.found and self._obstructed(before, costmap)):
+            self._route, self._age = self._plan(observation, costmap), 0
+        route = self._route
+        assert route is not None
+        _follow(route, observation.odometry)
+        switched = before is not None and before is not route and self._switched(route, before)
+        ahead = to_robot(route.points[route.at + 1 :], observation.odometry)
+        path = np.vstack([_ORIGIN, ahead])
+        subgoal = self._in_sight(path, observation) if route.found else _ORIGIN
+        return Guidance(subgoal, path, switched, not route.found)
+
+    def _updated(self, observation: Observation) -> Costmap:
+        """The map, with this scan in it where scans make it."""
+        if self.costmap is None:
+            goal = to_world(observation.target, observation.odometry)
+            self.costmap = Costmap(self._config.costmap, self._robot, goal)
+            if self._config.global_map == "known":
+                self._draw(self.costmap)
+        if self._config.global_map == "observed":
+            self.costmap.observe(observation)
+        return self.costmap
+
+    def _draw(self, costmap: Costmap) -> None:
+        if self._world is None:
+            raise InputError(
+                "guide.global_map is 'known', but no map was given: must be 'observed', or call read_map after reset"
+            )
+        costmap.draw(*self._world)
+
+    def _obstructed(self, route: _Route, costmap: Costmap) -> bool:
+        """Whether something now stands on what was free of the path ahead."""
+        now = costmap.forbidden(route.points[route.at :])
+        return bool((now & ~route.forbidden[route.at :]).any())
+
+    def _plan(self, observation: Observation, costmap: Costmap) -> _Route:
+        """A new route on the map as it is."""
+        if self._config.global_map == "observed" or self._route is None:
+            costmap.refresh()
+        robot = np.array(observation.odometry[:2])
+        target = to_world(observation.target, observation.odometry)
+        corners = self._corners(costmap, robot, target)
+        line = np.vstack([robot, target]) if corners is None else corners
+        points = _spaced(line)
+        return _Route(points, corners is not None, costmap.forbidden(points))
+
+    def _corners(self, costmap: Costmap, robot: Floats, target: Floats) -> Floats | None:
+        """(C, 2) [m] of the cheapest way; None where there is none.
+
+        From or to a forbidden place it leads straight to the nearest passable cell; it ends there if at the target
+        the robot would touch something.
+        """
+        costs, here, there = costmap.costs, costmap.cell(robot), costmap.cell(target)
+        start = nearest_passable(costs, _TABLE, here, there)
+        goal = nearest_passable(costs, _TABLE, there, here)
+        if start[0] < 0:
+            return None
+        g = search(costs, _TABLE, start, goal, self._config.heuristic_weight)
+        cells = trace(g, costs, _TABLE, start, goal)
+        if len(cells) == 0:
+            return None
+        way = costmap.points(straighten(cells, g, costs, _TABLE))
+        way = way[1:] if start == here else way
+        way = way[:-1] if goal == there else way
+        touching = costs[there] == TOUCHING
+        return np.vstack([robot, way] if touching else [robot, way, target])
+
+    def _in_sight(self, path: Floats, observation: Observation) -> Floats:
+        """The farthest point of the path within lookahead to which nothing stands in the robot's way: (2,) [m].
+
+        The way is as wide as the padded robot, else as the robot, else as its inner disc, but no wider than there
+        is room now. Should all points be hidden: one robot's radius along the path.
+        """
+        robot, padding = self._robot, self._config.costmap.footprint_padding
+        near = path[1 : 1 + max(1, round(self._config.lookahead / _SPACING_M))]
+        points = obstacle_points(observation.scan, robot.lidar.mount)
+        room = math.sqrt((points * points).sum(axis=1).min(initial=math.inf)) * (1.0 - 1e-9)
+        for radius in (robot.r + padding, robot.r, robot.footprint.r_min):
+            free = np.flatnonzero(~fan_blocked(_ORIGIN, near, points, min(radius, room)))
+            if len(free):
+                return np.array(near[free[-1]])
+        step = min(math.ceil(robot.r / _SPACING_M), len(near))
+        return np.array(near[step - 1])
+
+    def _switched(self, route: _Route, before: _Route) -> bool:
+        """Whether the route leaves the old one by more than the robot's width."""
+        return departs(route.points, before.points[before.at :], 2.0 * self._robot.r)
+
+
+def _follow(route: _Route, pose: Pose) -> None:
+    """Note where on the route the robot is: the nearest point from its last place on."""
+    ahead = route.points[route.at : route.at + _AHEAD]
+    away = np.hypot(ahead[:, 0] - pose.x, ahead[:, 1] - pose.y)
+    route.at = min(route.at + int(away.argmin()), len(route.points) - 2)
+
+
+def _spaced(corners: Floats) -> Floats:
+    """Points (K, 2), K ≥ 2, at most `_SPACING_M` apart along a polyline (C, 2), evenly, both ends included."""
+    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(corners, axis=0).T))])
+    places = np.linspace(0.0, along[-1], max(2, math.ceil(along[-1] / _SPACING_M) + 1))
+    return np.column_stack([np.interp(places, along, corners[:, k]) for k in (0, 1)])

@@ -1,0 +1,167 @@
+"""Elastic bands: deform the path in real time, and drive along it no faster than its free space allows."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from lme.geometry.frames import to_robot, to_world
+from lme.kernels.band import hidden
+from lme.kernels.collision import sweep
+from lme.kernels.polyline import leaves
+from lme.planners.commands import approach, limited
+from lme.planners.eband.band import Band, BandConfig
+from lme.planners.stopping import until_rest
+from lme.robots import Robot, require
+from lme.sensing.scan_points import obstacle_points
+from lme.types import Floats, Guidance, Observation, Pose, Twist
+
+_NO_EDGES = np.empty((0, 4))
+_AT_REST = np.zeros((1, 3))
+_ARRIVED = 0.02  # [m] of band left: nothing to turn towards any more
+_MAX_STEP = 0.025  # [m] between two poses of a motion that are checked for contact
+_RELIEF = 0.005  # [m] by which a motion must widen a clearance that is less than the margin
+_SLOWER = (1.0, 0.5, 0.25, 0.0)  # shares of the velocity tried before backing off
+
+
+@dataclass(slots=True)
+class EBandConfig(BandConfig):
+    """A band's settings, and how to drive along it."""
+
+    v_max: float = 0.75  # [m/s]
+    v_min: float = 0.1  # [m/s] never slowed below this by a small bubble; also backwards
+    omega_max: float = 1.0  # [rad/s]
+    bubble_velocity: float = 2.0  # [1/s] velocity per radius of the bubble that the robot is in
+    heading_gain: float = 4.0  # [1/s]
+    rotation_threshold: float = 0.5  # [rad] turns in place above this
+    margin: float = 0.02  # [m] clearance kept by every motion, besides twice the lidar's noise
+
+    def __post_init__(self) -> None:
+        BandConfig.__post_init__(
+            self
+        )  # a dataclass with slots is made anew: super() would look for the old one
+        for key in ("v_max", "omega_max", "bubble_velocity", "heading_gain", "rotation_threshold"):
+            require(f"planner.{key}", getattr(self, key), above=0.0)
+        for key in ("v_min", "margin"):
+            require(f"planner.{key}", getattr(self, key), at_least=0.0)
+        require("planner.v_min", self.v_min, at_most=self.v_max)
+
+
+class EBand:
+    """Elastic bands (Quinlan & Khatib 1993, DOI 10.1109/ROBOT.1993.291936), for a differential drive.
+
+    The robot steers to where the band leaves the bubble around the robot: as far as it may go straight. Its
+    velocity is at most a multiple of that bubble's radius, and it slows down, at last backs off, rather than
+    carry out a motion after which its outline could not stop clear of every obstacle that it knows of. Those
+    are the present scan's points and the ones seen before that are hidden now, behind others or in the blind
+    arc: turning away from an obstacle does not remove it.
+    """
+
+    Config = EBandConfig
+
+    def __init__(self, config: EBandConfig, robot: Robot) -> None:
+        self._config = config
+        self._robot = robot
+        self._margin = config.margin + 2.0 * robot.lidar.noise_std
+        self._reach = (
+            config.horizon + config.max_radius + robot.footprint.r_max
+        )  # [m] farther points are no matter
+        self.band = Band(config, robot.footprint.r_min)
+        self._known: Floats = np.empty((0, 2))  # obstacle points near the robot, odometry frame [m]
+
+    def reset(self, rng: np.random.Generator) -> None:
+        """Forget the band and what was seen."""
+        self.band.reset()
+        self._known = np.empty((0, 2))
+
+    def plan(self, observation: Observation, guidance: Guidance) -> Twist:
+        """Command for one control period."""
+        here = observation.odometry
+        points = self._look(observation)
+        planned = guidance.path is not None and len(guidance.path) > 0
+        path = guidance.path if planned else np.vstack([np.zeros(2), guidance.subgoal])
+        assert path is not None
+        self.band.update(to_world(path, here), np.array(here[:2]), self._known, planned=planned)
+        v, omega = self._follow(observation)
+        return self._safe(v, omega, points, observation)
+
+    def _look(self, observation: Observation) -> Floats:
+        """Obstacle points in sight, and those seen before that are hidden now: (M, 2), robot frame [m]."""
+        here, scan, mount = observation.odometry, observation.scan, self._robot.lidar.mount
+        seen = obstacle_points(scan, mount)
+        seen = seen[np.hypot(seen[:, 0], seen[:, 1]) < self._reach]
+        before = to_robot(self._known, here)
+        angles, limits = (scan.angle_min, scan.angle_increment), (scan.range_min, scan.range_max)
+        out_of_sight = hidden(to_robot(before, mount), scan.ranges, angles, limits, self._config.spacing)
+        near = np.hypot(before[:, 0], before[:, 1]) < self._reach
+        kept = _thinned(self._known[out_of_sight & near], self._config.spacing)
+        self._known = np.vstack([to_world(seen, here), kept])
+        return np.vstack([seen, to_robot(kept, here)])
+
+    def _follow(self, observation: Observation) -> tuple[float, float]:
+        """Velocity and turn rate along the band."""
+        config, limits, dt = self._config, observation.limits, self._robot.dt
+        x, y, left = self._aim(observation.odometry)
+        if math.hypot(x, y) < _ARRIVED:
+            return 0.0, 0.0
+        error, omega_max = math.atan2(y, x), min(config.omega_max, limits.omega_max)
+        wanted = min(config.heading_gain * abs(error), omega_max)
+        turn = approach(error, observation.twist.omega, omega_max, limits.alpha_omega, dt)
+        turn = math.copysign(min(abs(turn), wanted), turn)
+        if abs(error) > config.rotation_threshold:
+            return 0.0, turn
+        fastest = min(self._allowed(), limits.v_max)
+        if error != 0.0:  # no faster than turning at that rate leads to the aim, on an arc
+            fastest = min(fastest, wanted * math.hypot(x, y) / (2.0 * math.sin(abs(error))))
+        return approach(left, observation.twist.v, fastest, limits.alpha_v, dt), turn
+
+    def _aim(self, here: Pose) -> tuple[float, float, float]:
+        """Where the band leaves the bubble around the robot, and how long it is to its end or its tear [m].
+
+        Torn at the robot, it still leads to the next bubble.
+        """
+        line = to_robot(self.band.centres[: max(self.band.chain, 2)], here)
+        x, y, left = leaves(line, max(self.band.radii[0], self._robot.footprint.r_min))
+        return x, y, left
+
+    def _allowed(self) -> float:
+        """Velocity in the bubble around the robot [m/s]; where the band is torn there, the least."""
+        config, band = self._config, self.band
+        if band.torn and band.chain < 2:
+            return config.v_min
+        return min(config.v_max, max(config.bubble_velocity * float(band.radii[0]), config.v_min))
+
+    def _safe(self, v: float, omega: float, points: Floats, observation: Observation) -> Twist:
+        """The first of slower and slower commands, at last backwards, after which the robot can stop clear."""
+        circles = np.column_stack([points, np.zeros(len(points))])
+        now = self._clearance(_AT_REST, circles)
+        ahead = [(share * v, omega) for share in _SLOWER]
+        back = [(-self._config.v_min, omega), (-self._config.v_min, 0.0)]
+        for pair in ahead + back:
+            command = limited(*pair, observation, self._robot.dt)
+            poses = until_rest(command, observation, self._robot, _MAX_STEP)
+            if now > self._margin:
+                clear = self._clearance(poses, circles) > self._margin
+            else:  # noise alone may have brought it so low: whatever does not help makes it worse in the end
+                clear = self._clearance(poses[-1:], circles) > now + _RELIEF
+            if clear:
+                return command
+        return limited(0.0, 0.0, observation, self._robot.dt)
+
+    def _clearance(self, poses: Floats, circles: Floats) -> float:
+        """Least distance of the outline at the (K, 3) poses to an obstacle point [m]."""
+        clearance, _ = sweep(poses, self._robot.footprint.box, circles, _NO_EDGES)
+        return clearance
+
+
+def _thinned(points: Floats, spacing: float) -> Floats:
+    """In each square of a grid the point nearest to its middle: the same in whichever order they come."""
+    cells = np.rint(points / spacing)
+    off = np.abs(points - cells * spacing).sum(axis=1)
+    order = np.lexsort((off, cells[:, 1], cells[:, 0]))
+    cells = cells[order]
+    first = np.ones(len(points), np.bool_)
+    first[1:] = (cells[1:] != cells[:-1]).any(axis=1)
+    return points[order[first]]

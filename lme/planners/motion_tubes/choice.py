@@ -1,0 +1,177 @@
+"""Which motion tube to drive, and how fast."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from lme.kernels.tubes import Ranges, choose, free_tubes, points_along
+from lme.planners.motion_tubes.tubes import LidarView, Tubes, TubeSpec, forward_tubes
+from lme.robots import Robot, require
+from lme.types import Bools, Floats, Guidance, Twist
+
+_AT_GOAL = 1  # bins: a tube that would pass the path's end must not miss it by more, lest the robot circle it
+_POSITIVE = (
+    "long_length",
+    "short_length",
+    "near_length",
+    "heading_max",
+    "goal_bin",
+    "heading_bin",
+    "heading_span",
+    "long_speed",
+    "short_speed",
+    "near_speed",
+)
+_NOT_NEGATIVE = ("front_margin", "side_margin", "front_whisker", "side_whisker", "wide_radius")
+
+
+@dataclass(slots=True)
+class TubeChoiceConfig:
+    """Geometry of the tubes ahead, rules of choice, speeds."""
+
+    long_length: float = 2.0  # [m]
+    short_length: float = 0.9  # [m]
+    near_length: float = 0.25  # [m]
+    heading_max: float = math.pi / 2.0  # [rad]
+    heading_step: float = math.radians(0.5)  # [rad]
+    front_margin: float = 0.10  # [m]
+    side_margin: float = 0.05  # [m]
+    front_whisker: float = 0.05  # [m]
+    side_whisker: float = 0.1  # [m]
+    goal_bin: float = 0.2  # [m]
+    goal_bins: int = 6
+    heading_bin: float = math.radians(20.0)  # [rad]
+    heading_span: float = 0.25  # [m]
+    long_speed: float = 1.75  # [m/s]
+    short_speed: float = 1.0  # [m/s]
+    near_speed: float = 0.25  # [m/s]
+    free_low: float = 0.2  # [-]
+    free_high: float = 0.75  # [-]
+    wide_radius: float = 2.0  # [m]
+
+    def __post_init__(self) -> None:
+        for key in _POSITIVE:
+            require(f"planner.{key}", getattr(self, key), above=0.0)
+        for key in _NOT_NEGATIVE:
+            require(f"planner.{key}", getattr(self, key), at_least=0.0)
+        require("planner.near_length", self.near_length, at_most=self.short_length)
+        require("planner.short_length", self.short_length, at_most=self.long_length)
+        require("planner.heading_max", self.heading_max, at_most=math.pi / 2.0 + 1e-9)
+        require("planner.heading_step", self.heading_step, at_least=1e-3, at_most=self.heading_max)
+        require("planner.goal_bins", self.goal_bins, at_least=0)
+        require("planner.free_low", self.free_low, at_least=0.0, at_most=1.0)
+        require("planner.free_high", self.free_high, above=self.free_low)
+
+
+class Way(NamedTuple):
+    """A path (K, 2), K ≥ 2, in the robot frame [m], and what is left of it from here [m]."""
+
+    path: Floats
+    left: float
+
+
+class Goal(NamedTuple):
+    """Where a tube should end: position [m] and heading [rad], after how much of its way [m]."""
+
+    x: float
+    y: float
+    heading: float
+    reach: float
+
+
+class Chosen(NamedTuple):
+    """A tube's curvature [1/m] and speed [m/s], its bin of distance to its goal, the share of its set that is free."""
+
+    curvature: float
+    speed: float
+    bin: int
+    share: float
+
+
+class TubeChoice:
+    """Picks among the tubes that the lidar sees to be free the one that follows a path best."""
+
+    def __init__(self, config: TubeChoiceConfig, robot: Robot) -> None:
+        self._config = config
+        self._margins = (config.front_margin, config.side_margin)
+        self._whiskers = (config.front_whisker, config.side_whisker)
+        self._box = robot.footprint.box
+        lengths = (config.long_length, config.short_length, config.near_length)
+        self._long, self._short, self._near = (self.spec(length, config.heading_step) for length in lengths)
+
+    def spec(self, length: float, heading_step: float) -> TubeSpec:
+        """A set of tubes like those ahead."""
+        return TubeSpec(
+            length, self._config.heading_max, heading_step, self._box, self._margins, self._whiskers
+        )
+
+    def way(self, guidance: Guidance) -> Way:
+        """The guide's path, or the straight line to its subgoal where it has none."""
+        path = guidance.path
+        if path is None or len(path) < 2:
+            path = np.vstack((np.zeros(2), guidance.subgoal))
+        path = np.ascontiguousarray(path, dtype=np.float64)
+        _, left = points_along(path, np.empty(0), self._config.long_length)
+        return Way(path, max(left, math.hypot(*path[-1])))
+
+    def ahead(self, way: Way, twist: Twist, view: LidarView, seen: Ranges) -> Chosen | None:
+        """The best of the long tubes if all of them are free, else of the short, else of the shortest ones.
+
+        None if no tube serves. view, seen: see `lme.planners.motion_tubes.tubes.lidar_view`.
+        """
+        config = self._config
+        for spec in (self._long, self._short, self._near):
+            tubes = forward_tubes(spec, view)
+            free = free_tubes(seen, tubes.needs, tubes.spans, tubes.hidden)
+            if spec is self._long and not free.all():
+                continue
+            index, bin_ = self._choose(way, twist, tubes, free, seen)
+            if index < 0:
+                continue
+            curvature, share = float(tubes.curvatures[index]), float(free.mean())
+            if spec is self._short:
+                return Chosen(curvature, self._short_speed(curvature, share), bin_, share)
+            return Chosen(
+                curvature, config.long_speed if spec is self._long else config.near_speed, bin_, share
+            )
+        return None
+
+    def goal(self, way: Way, length: float) -> Goal:
+        """The path's point at `length` [m], or its end, and its direction there."""
+        reach = min(length, way.left)
+        places = np.array([max(reach - self._config.heading_span, 0.0), reach])
+        (before, point), _ = points_along(way.path, places, self._config.long_length)
+        heading = _bearing(point - before) if (point != before).any() else _bearing(point)
+        return Goal(float(point[0]), float(point[1]), heading, reach)
+
+    def bearing(self, way: Way) -> float:
+        """Direction in which the path sets out [rad]."""
+        (point,), _ = points_along(way.path, np.array([self._config.heading_span]), self._config.long_length)
+        return _bearing(point)
+
+    def _choose(self, way: Way, twist: Twist, tubes: Tubes, free: Bools, seen: Ranges) -> tuple[int, int]:
+        config, goal = self._config, self.goal(way, tubes.length)
+        distance_bin = config.goal_bin * min(1.0, goal.reach / config.short_length)
+        most = config.goal_bins if goal.reach == tubes.length else min(config.goal_bins, _AT_GOAL)
+        bins = (distance_bin, float(config.heading_bin), int(most))
+        target, rates = (goal.x, goal.y, goal.heading), (float(twist.v), float(twist.omega))
+        whiskers = (tubes.whisker_beams, tubes.whisker_ranges)
+        return choose(free, tubes.curvatures, goal.reach, target, bins, rates, seen, *whiskers)
+
+    def _short_speed(self, curvature: float, share: float) -> float:
+        """From near_speed to short_speed with the share of tubes that are free."""
+        config = self._config
+        if share < config.free_low:
+            return config.near_speed
+        if share > config.free_high or abs(curvature) * config.wide_radius < 1.0:
+            return config.short_speed
+        part = (share - config.free_low) / (config.free_high - config.free_low)
+        return config.near_speed + part * (config.short_speed - config.near_speed)
+
+
+def _bearing(point: Floats) -> float:
+    return math.atan2(point[1], point[0])

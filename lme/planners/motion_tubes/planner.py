@@ -1,0 +1,293 @@
+"""Free-space motion tubes along a path: the KU Leuven and Flanders Make entry of the BARN Challenge."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import Enum, auto
+from typing import NamedTuple
+
+import numpy as np
+
+from lme.kernels.collision import sweep
+from lme.kernels.tubes import Ranges
+from lme.planners.commands import approach, limited, towards
+from lme.planners.motion_tubes.choice import Goal, TubeChoice, TubeChoiceConfig, Way
+from lme.planners.motion_tubes.surroundings import Surroundings
+from lme.planners.motion_tubes.tubes import BackwardTubes, LidarView, backward_tubes, lidar_view
+from lme.planners.stopping import until_rest
+from lme.robots import Robot, require
+from lme.sensing.scan_points import obstacle_points
+from lme.types import Bools, Floats, Guidance, Observation, Pose, Twist
+
+_STANDSTILL = 0.025  # [m/s, rad/s] authors' public code
+_NEAR = 1.5  # [m] farther off, nothing can be touched within a period and a stop
+_KEPT = 3.0  # [m] what a scan hit farther off is not kept
+_SCANS, _SCAN_SPACING, _SCAN_TURN = 60, 0.15, math.radians(20.0)  # kept: up to 9 m of driving
+_BACK_STEP = math.radians(5.0)  # between final headings of backward tubes
+_SLOWER = ((1.0, 1.0), (0.5, 0.5), (0.25, 0.25))  # shares of v and ω: on the same arc
+_OTHERWISE_BACK = ((0.25, 0.0), (0.25, -0.25))  # out of a place so tight that the arc cannot be entered
+_GAP = 0.02  # [m] to keep while stopping; a robot that is nearer already comes no nearer
+_HERE = Pose(0.0, 0.0, 0.0)
+_NO_EDGES = np.empty((0, 4))
+_POSITIVE = (
+    "acceleration",
+    "deceleration",
+    "stop_deceleration",
+    "turn_speed",
+    "turn_acceleration",
+    "turn_tolerance",
+    "back_length",
+    "back_speed",
+    "back_bin",
+)
+
+
+@dataclass(slots=True)
+class MotionTubesConfig(TubeChoiceConfig):
+    """Tubes and their choice, accelerations, recovery."""
+
+    acceleration: float = 1.5  # [m/s²]
+    deceleration: float = 0.75  # [m/s²]
+    stop_deceleration: float = 1.875  # [m/s²]
+    turn_margin: float = 0.14  # [m]
+    turn_speed: float = 1.0  # [rad/s]
+    turn_acceleration: float = math.pi / 3.0  # [rad/s²]
+    turn_tolerance: float = math.radians(5.0)  # [rad]
+    back_length: float = 0.9  # [m]
+    back_speed: float = 0.5  # [m/s]
+    back_bin: float = 0.4  # [m]
+    rest_within: float = 0.05  # [m]
+
+    def __post_init__(self) -> None:
+        TubeChoiceConfig.__post_init__(self)
+        for key in _POSITIVE:
+            require(f"planner.{key}", getattr(self, key), above=0.0)
+        for key in ("turn_margin", "rest_within"):
+            require(f"planner.{key}", getattr(self, key), at_least=0.0)
+
+
+class _State(Enum):
+    FOLLOW = auto()
+    STOP = auto()
+    TURN = auto()
+    BACK = auto()
+
+
+class _Scene(NamedTuple):
+    """What one step is decided on. points: (M, 2) seen or remembered, in the robot frame [m]."""
+
+    observation: Observation
+    way: Way
+    view: LidarView
+    seen: Ranges
+    points: Floats
+
+
+class MotionTubes:
+    """Follows a path through tubes that the lidar sees to be free (KUL+FM, winner of BARN's physical round 2023).
+
+    A tube is what the footprint sweeps along an arc. It is free if each beam sees past its edge: one comparison
+    per beam, with ranges worked out beforehand (Teixeira Rodrigues et al., "Clutter-resilient autonomous mobile
+    robot navigation with computationally efficient free-space features", DOI 10.1007/978-3-031-25555-7_35). Of the
+    free tubes the one that ends nearest to the path's point at the tube's length is driven; without one the robot
+    stops, turns along the path if there is room for it, else backs up (Xiao et al., "Lessons Learned From the
+    Second BARN Challenge at ICRA 2023", DOI 10.1109/MRA.2023.3322920). Rules and values are those of the authors'
+    public code. They are for Jackal: margins are added to whatever footprint, speeds are capped by the robot's
+    limits, and lengths stay, for they follow from the speeds.
+
+    Ours: a third, short set of tubes, for goals near walls and narrow places (the authors' BARN code had lengths
+    from 0.1 m); tubes end at the goal when it is nearer, and miss it by no more than a bin; what the lidar cannot
+    see is not free ahead, and behind it is free only where an earlier scan saw past it or the robot stood; turning
+    on the spot ends as soon as there is a way ahead; no command after which the robot could not stop short of what
+    it sees or remembers. Obstacles are taken to stand still.
+    """
+
+    Config = MotionTubesConfig
+
+    def __init__(self, config: MotionTubesConfig, robot: Robot) -> None:
+        self._config = config
+        self._robot = robot
+        self._dt = robot.dt
+        self._tubes = TubeChoice(config, robot)
+        far, near = (
+            self._tubes.spec(length, _BACK_STEP) for length in (config.back_length, config.near_length)
+        )
+        self._back = (far, near, near._replace(margins=(_GAP, _GAP)))
+        self._around = Surroundings(robot.footprint, _SCANS, _SCAN_SPACING, _SCAN_TURN)
+        self._stuck: Pose | None = None  # where the free tube could not be entered: back off from there
+        self._forget()
+
+    def reset(self, rng: np.random.Generator) -> None:
+        """Forget what was seen, and any recovery."""
+        self._forget()
+
+    def plan(self, observation: Observation, guidance: Guidance) -> Twist:
+        """Command for one control period."""
+        scene = self._scene(observation, guidance)
+        if scene.way.left <= self._config.rest_within:
+            self._state = _State.FOLLOW
+            return self._stopping_in_time(self._brake(scene), scene)
+        steps = {
+            _State.FOLLOW: self._follow,
+            _State.STOP: self._stop,
+            _State.TURN: self._turn,
+            _State.BACK: self._back_up,
+        }
+        wanted = steps[self._state](scene)
+        command = self._stopping_in_time(wanted, scene)
+        if command == Twist(0.0, 0.0) != wanted:
+            self._out_of(observation.odometry)
+        return command
+
+    def _out_of(self, here: Pose) -> None:
+        """Another way than the one that was not safe to enter."""
+        if self._state is _State.FOLLOW:
+            self._state, self._stuck = _State.BACK, here
+        elif self._state is _State.BACK:
+            self._state, self._stuck = _State.STOP, None
+
+    def _forget(self) -> None:
+        self._around.forget()
+        self._state = _State.FOLLOW
+        self._stuck = None
+
+    def _scene(self, observation: Observation, guidance: Guidance) -> _Scene:
+        """Take in the scan."""
+        mount = self._robot.lidar.mount
+        view, seen = lidar_view(observation.scan, mount)
+        points = obstacle_points(observation.scan, mount)
+        self._around.see(observation.odometry, view, seen, _within(points, _KEPT))
+        points = np.concatenate((_within(points, _NEAR), self._around.hidden_hits(_NEAR)))
+        return _Scene(observation, self._tubes.way(guidance), view, seen, points)
+
+    def _follow(self, scene: _Scene) -> Twist:
+        """Along the best tube; without one, brake."""
+        config, now, dt = self._config, scene.observation.twist, self._dt
+        chosen = self._tubes.ahead(scene.way, now, scene.view, scene.seen)
+        if chosen is None:
+            self._state = _State.STOP
+            return self._brake(scene)
+        limits = scene.observation.limits
+        speed, braking = min(chosen.speed, limits.v_max), min(config.stop_deceleration, limits.alpha_v)
+        v = min(max(speed, now.v - config.deceleration * dt), now.v + config.acceleration * dt)
+        v = min(v, approach(scene.way.left, now.v, speed, braking, dt))
+        v = self._no_faster_than_it_turns(v, chosen.curvature, scene.observation)
+        return Twist(v, v * chosen.curvature)
+
+    def _no_faster_than_it_turns(self, v: float, curvature: float, observation: Observation) -> float:
+        """The speed at which the turn rate within reach keeps the robot in the tube."""
+        limits = observation.limits
+        wanted = min(max(v * curvature, -limits.omega_max), limits.omega_max)
+        omega = towards(wanted, observation.twist.omega, limits.alpha_omega, self._dt)
+        if omega * curvature > 0.0:
+            return min(v, omega / curvature)
+        return v if curvature == 0.0 else min(v, self._config.near_speed)
+
+    def _stop(self, scene: _Scene) -> Twist:
+        """Brake until a tube is free; at a standstill, recover."""
+        v, omega = scene.observation.twist
+        if v > -_STANDSTILL and self._tubes.ahead(scene.way, Twist(v, omega), scene.view, scene.seen):
+            self._state = _State.FOLLOW
+            return self._follow(scene)
+        if max(abs(v), abs(omega)) > _STANDSTILL:
+            return self._brake(scene)
+        if self._turns_usefully(scene, self._config.turn_margin):
+            self._state = _State.TURN
+        elif self._behind(scene) is not None:
+            self._state = _State.BACK
+        elif self._turns_usefully(scene, _GAP):
+            self._state = _State.TURN
+        return self._turn(scene) if self._state is _State.TURN else self._back_up(scene)
+
+    def _turn(self, scene: _Scene) -> Twist:
+        """On the spot, until the robot looks along the path or has a way ahead."""
+        bearing, config = self._tubes.bearing(scene.way), self._config
+        done = abs(bearing) <= config.turn_tolerance or self._way_ahead(scene)
+        if done or not self._room_to_turn(scene, 0.0):
+            self._state = _State.STOP
+            return self._brake(scene)
+        rate = scene.observation.twist.omega
+        return Twist(0.0, approach(bearing, rate, config.turn_speed, config.turn_acceleration, self._dt))
+
+    def _back_up(self, scene: _Scene) -> Twist:
+        """Backwards, until there is room to turn or a way ahead."""
+        curvature = self._behind(scene)
+        if curvature is None or self._backed_off(scene):
+            self._state, self._stuck = _State.STOP, None
+            return self._brake(scene)
+        v = towards(-self._config.back_speed, scene.observation.twist.v, self._config.deceleration, self._dt)
+        return Twist(v, v * curvature)
+
+    def _brake(self, scene: _Scene) -> Twist:
+        """To a stop, on the arc that the robot is on."""
+        v, omega = scene.observation.twist
+        if abs(v) <= _STANDSTILL:
+            return Twist(0.0, 0.0)
+        slower = towards(0.0, v, self._config.stop_deceleration, self._dt)
+        return Twist(slower, omega * slower / v)
+
+    def _stopping_in_time(self, wanted: Twist, scene: _Scene) -> Twist:
+        """The command, or one like it after which the robot can stop short of every point; else brake."""
+        circles = np.column_stack((scene.points, np.zeros(len(scene.points))))
+        here, _ = sweep(np.array([_HERE]), self._robot.footprint.box, circles, _NO_EDGES)
+        for v_share, omega_share in _SLOWER if wanted.v >= 0.0 else (*_SLOWER, *_OTHERWISE_BACK):
+            command = limited(v_share * wanted.v, omega_share * wanted.omega, scene.observation, self._dt)
+            if self._clearance(command, scene.observation, circles) >= min(_GAP, here - 1e-6):
+                return command
+        return limited(0.0, 0.0, scene.observation, self._dt)
+
+    def _clearance(self, command: Twist, observation: Observation, circles: Floats) -> float:
+        """Least distance to the points over one period of the command and a full stop [m]; −1 in contact."""
+        poses = until_rest(command, observation, self._robot)
+        clearance, contact = sweep(poses, self._robot.footprint.box, circles, _NO_EDGES)
+        return clearance if contact < 0 else -1.0
+
+    def _turns_usefully(self, scene: _Scene, margin: float) -> bool:
+        off = abs(self._tubes.bearing(scene.way)) > self._config.turn_tolerance
+        return off and self._room_to_turn(scene, margin)
+
+    def _room_to_turn(self, scene: _Scene, margin: float) -> bool:
+        """Whether nothing lies within the circle that the footprint turns in; a disc needs no room."""
+        footprint = self._robot.footprint
+        least = float(np.hypot(*scene.points.T).min(initial=math.inf))
+        return footprint.radius is not None or least > footprint.r_max + margin
+
+    def _backed_off(self, scene: _Scene) -> bool:
+        """Whether a place too tight is far enough off, and there is room to turn or a way ahead."""
+        here = scene.observation.odometry
+        if self._stuck is not None and math.dist(here[:2], self._stuck[:2]) < self._config.near_length:
+            return False
+        return self._turns_usefully(scene, self._config.turn_margin) or self._way_ahead(scene)
+
+    def _way_ahead(self, scene: _Scene) -> bool:
+        """Whether enough tubes are free, one of them to the path (authors' public code: within one bin)."""
+        chosen = self._tubes.ahead(scene.way, scene.observation.twist, scene.view, scene.seen)
+        return chosen is not None and chosen.share >= self._config.free_low and chosen.bin <= 1
+
+    def _behind(self, scene: _Scene) -> float | None:
+        """Curvature of the best backward tube [1/m], of the short ones where no long one is free."""
+        goal = self._tubes.goal(scene.way, self._config.short_length)
+        for spec in self._back:
+            tubes = backward_tubes(spec)
+            unknown = ~self._around.known_free(tubes.samples)
+            free: Bools = ~np.any(tubes.inside[:, unknown], axis=1)
+            if free.any():
+                return self._middle(tubes, free, goal)
+        return None
+
+    def _middle(self, tubes: BackwardTubes, free: Bools, goal: Goal) -> float:
+        """Of the free tubes that end nearest to the goal, in bins, the middle of the widest fan."""
+        away = np.hypot(tubes.ends[:, 0] - goal.x, tubes.ends[:, 1] - goal.y)
+        bins = np.floor(away / self._config.back_bin)
+        good = np.flatnonzero(free & (bins == bins[free].min()))
+        fans = np.split(good, np.flatnonzero(np.diff(good) > 1) + 1)
+        widest = max(fans, key=len)
+        middle = widest[[(len(widest) - 1) // 2, len(widest) // 2]]
+        return float(min(tubes.curvatures[middle], key=abs))
+
+
+def _within(points: Floats, reach: float) -> Floats:
+    """Those of the points (M, 2) that are nearer than `reach` [m]."""
+    near: Floats = points[points[:, 0] ** 2 + points[:, 1] ** 2 < reach * reach]
+    return near

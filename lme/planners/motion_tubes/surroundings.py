@@ -1,0 +1,80 @@
+"""What lies around the robot where its lidar does not look now, from what it saw before."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from lme.geometry.frames import relative, to_world
+from lme.kernels.tubes import Ranges, known_free, out_of_sight
+from lme.planners.motion_tubes.tubes import LidarView
+from lme.robots import Footprint
+from lme.types import Bools, Floats, Pose
+
+
+class Surroundings:
+    """The latest scans, kept by odometry: what was seen and where the robot stood, also where it cannot see now.
+
+    A scan stays when the robot has driven or turned on since the last that stayed; the oldest gives way. What was
+    seen is taken to stand still.
+    """
+
+    def __init__(self, footprint: Footprint, capacity: int, spacing: float, turn: float) -> None:
+        self._box = footprint.box
+        self._capacity, self._spacing, self._turn = capacity, spacing, turn
+        self.forget()
+
+    def forget(self) -> None:
+        """Start over."""
+        self._poses: list[Pose] = []
+        self._ranges: list[Ranges] = []
+        self._hits: list[Floats] = []  # of each scan, in the odometry frame
+        self._view: LidarView | None = None
+
+    def see(self, odometry: Pose, view: LidarView, seen: Ranges, points: Floats) -> None:
+        """Take in a scan; it takes the place of the last one unless the robot has moved on from the one before.
+
+        points (M, 2): what it hit, in the base frame [m].
+        """
+        if view != self._view:
+            self.forget()
+            self._view = view
+        if len(self._poses) > 1 and not self._moved(self._poses[-2], self._poses[-1]):
+            self._poses.pop()
+            self._ranges.pop()
+            self._hits.pop()
+        self._poses.append(odometry)
+        self._ranges.append(seen)
+        self._hits.append(to_world(points, odometry))
+        for kept in (self._poses, self._ranges, self._hits):
+            del kept[: -self._capacity]
+
+    def hidden_hits(self, reach: float) -> Floats:
+        """What was hit within `reach` [m] of the base where the lidar cannot see now, in the base frame: (K, 2) [m]."""
+        view = self._view
+        assert view is not None
+        lidar = (view.x, view.y, view.first)
+        hits = np.concatenate(self._hits)
+        return np.asarray(out_of_sight(hits, self._poses[-1], lidar, view.increment, view.num_beams, reach))
+
+    def known_free(self, points: Floats) -> Bools:
+        """Which points (P, 2) in the base frame the robot has stood on or seen past: (P,)."""
+        view, bodies, lidars, ranges = self._from_here()
+        return np.asarray(known_free(points, bodies, lidars, ranges, view.increment, self._box))
+
+    def _moved(self, before: Pose, after: Pose) -> bool:
+        _, _, turn = relative(after, before)
+        return math.dist(before[:2], after[:2]) >= self._spacing or abs(turn) >= self._turn
+
+    def _from_here(self) -> tuple[LidarView, Floats, Floats, Ranges]:
+        """The view, poses of base and lidar (M, 3) in the present base frame, ranges (M, B); newest first."""
+        view = self._view
+        assert view is not None
+        bodies = np.array([relative(pose, self._poses[-1]) for pose in reversed(self._poses)])
+        lidars = np.empty_like(bodies)
+        lidars[:, 2] = bodies[:, 2] + view.first
+        cos, sin = np.cos(bodies[:, 2]), np.sin(bodies[:, 2])
+        lidars[:, 0] = bodies[:, 0] + cos * view.x - sin * view.y
+        lidars[:, 1] = bodies[:, 1] + sin * view.x + cos * view.y
+        return view, bodies, lidars, np.stack(self._ranges[::-1])

@@ -1,0 +1,221 @@
+"""S3-FISVFH: search, smooth and safeguard around a vector field histogram with fuzzy control."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from lme.kernels.histogram_search import Costs, Valleys, histogram, least_clearance, nearest_ahead, search
+from lme.planners.commands import approach, limited
+from lme.planners.s3_fisvfh.fuzzy import FuzzyCurve
+from lme.robots import Robot, require
+from lme.sensing.scan_points import obstacle_points
+from lme.types import Bools, Floats, Guidance, LaserScan, Observation, Pose, Twist
+
+_ENTRY_PERIOD = 0.1  # [s] the entry smooths once in that time
+_NEAR = 0.01  # [m] no command may bring the footprint this near to a point, and twice the lidar's noise more
+_EQUAL = 1e-9  # [m] sides that differ by less are as clear as each other
+_ROOM_MIN = 0.05  # [m] backing up waits until so much ground lies behind
+
+
+@dataclass(slots=True)
+class S3FisvfhConfig:
+    """Settings of the entry; counts of beams and sectors as angles, turn rates as shares of the limit."""
+
+    window: float = 4.0  # [m]
+    sector: float = math.radians(3.0)  # [rad]
+    block_distance: float = 1.1  # [m]
+    size_factor: float = 1.15  # [-] of the collision radius's double
+    size_distance: float = 0.9  # [m]
+    wide_factor: float = 22 / 12  # [-] of the least width of a valley
+    depth: int = 2  # [steps]
+    deviation_cost: float = 0.1 / math.radians(3.0)  # [m/rad]
+    switch_cost: float = 0.2 / math.radians(3.0)  # [m/rad]
+    smoothing: float = 0.5  # [-] share of the new heading every 0.1 s
+    speed: float = 0.7  # [m/s] v_max where that is less
+    turn: float = math.pi / 4.0  # [-] share of ω_max
+    turn_span: float = math.radians(135.0)  # [rad]
+    look_ahead: float = math.radians(30.0)  # [rad]
+    clear_ahead: float = math.radians(22.5)  # [rad]
+    clear_deviation: float = math.radians(15.0)  # [rad]
+    guard_ahead: float = math.radians(33.75)  # [rad]
+    guard_clearance: float = 0.295  # [m]
+    retreat_speed: float = 0.2  # [-] share of v_max
+    retreat_turn: float = 0.125  # [-] share of ω_max
+    retreat_room: float = 0.5  # [m]
+
+    def __post_init__(self) -> None:
+        for key in ("window", "block_distance", "size_factor", "size_distance", "speed"):
+            require(f"planner.{key}", getattr(self, key), above=0.0)
+        for key in ("deviation_cost", "switch_cost", "guard_clearance", "retreat_room"):
+            require(f"planner.{key}", getattr(self, key), at_least=0.0)
+        for key in ("smoothing", "turn"):
+            require(f"planner.{key}", getattr(self, key), above=0.0, at_most=1.0)
+        for key in ("retreat_speed", "retreat_turn"):
+            require(f"planner.{key}", getattr(self, key), at_least=0.0, at_most=1.0)
+        for key in ("turn_span", "look_ahead", "clear_ahead", "clear_deviation", "guard_ahead"):
+            require(f"planner.{key}", getattr(self, key), above=0.0, at_most=math.pi)
+        require("planner.sector", self.sector, at_least=math.radians(0.5), at_most=math.radians(30.0))
+        require("planner.wide_factor", self.wide_factor, at_least=1.0)
+        require("planner.depth", self.depth, at_least=1, at_most=4)
+
+
+class S3Fisvfh:
+    """Search-Smooth-Safeguard Fuzzy Inference System Vector Field Histogram, winner of BARN's physical round 2025.
+
+    A polar histogram of the scan (VFH, Borenstein & Koren 1991, DOI 10.1109/70.88137) has valleys; a
+    best-first search looks which of them leads on (VFH*, Ulrich & Borenstein 2000, DOI
+    10.1109/ROBOT.2000.846405); the heading found is smoothed; fuzzy rules turn the heading into a turn rate
+    and the free space ahead into a speed (FISVFH, Balan et al. 2019); a safeguard backs up before obstacles.
+    The LME paper describes the entry; its public package gives the values.
+
+    The entry counts beams and sectors of Jackal's lidar; here they are angles. Turn rates and the speed of
+    backing up are shares of the robot's limits, and what it derives from its size follows the robot's. Its
+    search looks twice at the same histogram, which comes to the cheapest first step: `depth: 1` is that.
+    Added for any robot: it stops at the goal, backs up no further than it has driven ahead, and takes no command
+    that would bring the footprint to a scan point.
+    """
+
+    Config = S3FisvfhConfig
+
+    def __init__(self, config: S3FisvfhConfig, robot: Robot) -> None:
+        self._config = config
+        self._robot = robot
+        self._unseen = _unseen(robot, 2 * round(math.pi / config.sector))
+        size = 2.0 * robot.r * config.size_factor
+        self._near = _NEAR + 2.0 * robot.lidar.noise_std
+        narrow = 2.0 * math.asin(min(size / (2.0 * config.size_distance), 1.0))
+        self._rules = Valleys(
+            float(config.window), float(config.block_distance), narrow, config.wide_factor * narrow, narrow
+        )
+        self._costs = Costs(size, float(config.deviation_cost), float(config.switch_cost), int(config.depth))
+        five = np.linspace(0.0, 1.0, 5)
+        self._speed = FuzzyCurve(config.window * five, config.speed * five[::-1])
+        self._turn = FuzzyCurve(config.turn_span * (2 * five - 1), config.turn * (2 * five - 1))
+        self._keep = (1.0 - config.smoothing) ** (robot.dt / _ENTRY_PERIOD)
+        half_length, _, rounding = robot.footprint.box
+        self._front = half_length + rounding
+
+    def reset(self, rng: np.random.Generator) -> None:
+        """Forget the heading followed and the ground covered."""
+        self._heading: float | None = None
+        self._pose: Pose | None = None
+        self._room = 0.0
+
+    def plan(self, observation: Observation, guidance: Guidance) -> Twist:
+        """Command for one control period."""
+        points = obstacle_points(observation.scan, self._robot.lidar.mount)
+        self._note_travel(observation.odometry)
+        goal = np.asarray(guidance.subgoal, dtype=np.float64)
+        bearing, distance = math.atan2(goal[1], goal[0]), math.hypot(*goal)
+        guard = self._front + min(
+            self._config.guard_clearance, distance
+        )  # beyond the goal nothing is in the way
+        heading = self._smoothed(self._wanted(points, goal, bearing, observation.scan))
+        if min(nearest_ahead(points, self._config.guard_ahead)) >= guard:
+            omega = math.copysign(self._turn(abs(heading)), heading) * observation.limits.omega_max
+            v = self._cruise(points, bearing, observation)
+            twist = limited(
+                self._arrival(v, omega, distance, bearing, observation),
+                omega,
+                observation,
+                self._robot.dt,
+            )
+            if self._is_free(twist, points, observation):
+                return twist
+        return self._retreat(points, guard, heading, observation)
+
+    def _wanted(self, points: Floats, goal: Floats, bearing: float, scan: LaserScan) -> float:
+        """Heading that the search finds [rad]; without one, towards the goal as far as one can see."""
+        before, spacing = bearing if self._heading is None else self._heading, abs(scan.angle_increment)
+        heading, found = search(points, self._unseen, goal, before, spacing, self._rules, self._costs)
+        if found:
+            return heading
+        half, middle = self._robot.lidar.fov / 2, self._robot.lidar.yaw
+        off = math.remainder(bearing - middle, math.tau)
+        return math.remainder(middle + min(max(off, -half), half), math.tau)
+
+    def _smoothed(self, heading: float) -> float:
+        """Exponential moving average of headings [rad], on the circle."""
+        if self._heading is not None:
+            change = math.remainder(heading - self._heading, math.tau)
+            heading = math.remainder(self._heading + (1.0 - self._keep) * change, math.tau)
+        self._heading = heading
+        return heading
+
+    def _towards(self, bearing: float) -> bool:
+        """Whether the heading followed is that of the goal."""
+        assert self._heading is not None
+        return abs(math.remainder(self._heading - bearing, math.tau)) < self._config.clear_deviation
+
+    def _cruise(self, points: Floats, bearing: float, observation: Observation) -> float:
+        """Speed by the clearest sector ahead [m/s]; full where all is clear and the goal lies there."""
+        config, v_max = self._config, observation.limits.v_max
+        clear = min(nearest_ahead(points, config.clear_ahead)) >= config.window
+        if clear and self._towards(bearing):
+            return v_max
+        num_sectors = len(self._unseen)
+        spacing = abs(observation.scan.angle_increment)
+        density = histogram(points, 0.0, 0.0, spacing, config.window, num_sectors)
+        half = max(1, round(config.look_ahead * num_sectors / math.tau))
+        middle = num_sectors // 2
+        return min(self._speed(float(density[middle - half : middle + half].min())), v_max)
+
+    def _arrival(
+        self, v: float, omega: float, distance: float, bearing: float, observation: Observation
+    ) -> float:
+        """No faster than can stop at the goal [m/s], nor, on the way to it, than the arc that leads there.
+
+        A robot that turns at ω drives a circle; faster than v = ω·d / (2 sin bearing), it passes outside the goal
+        and may circle it for ever.
+        """
+        limits = observation.limits
+        v = min(v, approach(distance, observation.twist.v, limits.v_max, limits.alpha_v, self._robot.dt))
+        near, off = distance <= self._costs.step, abs(bearing)
+        if near and off >= math.pi / 2:
+            return 0.0
+        if not self._towards(bearing) or off == 0.0 or (not near and off < self._config.clear_deviation):
+            return v
+        turning = max(math.copysign(omega, omega * bearing), 0.0)
+        return min(v, turning * distance / (2.0 * math.sin(min(off, math.pi / 2))))
+
+    def _retreat(self, points: Floats, guard: float, heading: float, observation: Observation) -> Twist:
+        """Backwards over ground just covered, turning to the clearer side; else turn on the spot; else stop."""
+        limits, config, dt = observation.limits, self._config, self._robot.dt
+        sides = nearest_ahead(points, config.guard_ahead)
+        if min(sides) >= guard:  # what stands in the way stands beside
+            sides = nearest_ahead(points, math.pi / 2)
+        clearer_left = sides[0] - sides[1] if abs(sides[0] - sides[1]) > _EQUAL else heading
+        omega = math.copysign(config.retreat_turn * limits.omega_max, clearer_left)
+        back = -config.retreat_speed * limits.v_max if self._room > _ROOM_MIN else 0.0
+        for v in (back, 0.0):
+            twist = limited(v, omega, observation, dt)
+            if self._is_free(twist, points, observation):
+                return twist
+        return limited(0.0, 0.0, observation, dt)
+
+    def _note_travel(self, pose: Pose) -> None:
+        """Keep count of how far the robot may back up into what its lidar may not see [m]."""
+        if self._pose is not None:
+            before = self._pose
+            ahead = (pose.x - before.x) * math.cos(before.yaw) + (pose.y - before.y) * math.sin(before.yaw)
+            self._room = min(max(self._room + ahead, 0.0), self._config.retreat_room)
+        self._pose = pose
+
+    def _is_free(self, twist: Twist, points: Floats, observation: Observation) -> bool:
+        """Whether the footprint clears all points with this command and its braking."""
+        limits = observation.limits
+        braking = max(abs(twist.v) / limits.alpha_v, abs(twist.omega) / limits.alpha_omega) / 2.0
+        time = self._robot.dt + braking
+        now, least = least_clearance(points, self._robot.footprint.box, twist.v, twist.omega, time)
+        return least >= min(self._near, now)
+
+
+def _unseen(robot: Robot, num_sectors: int) -> Bools:
+    """Sectors whose middle no beam comes near: (num_sectors,)."""
+    lidar = robot.lidar
+    middles = -math.pi + (np.arange(num_sectors) + 0.5) * math.tau / num_sectors
+    off_axis = np.abs(np.remainder(middles - lidar.yaw + math.pi, math.tau) - math.pi)
+    return np.asarray(off_axis > lidar.fov / 2 + lidar.angle_increment / 2)

@@ -1,0 +1,50 @@
+"""What lies in the arc that a lidar cannot see, from what it saw there before."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from lme.geometry.frames import to_robot, to_world
+from lme.kernels.polar_histogram import active_cells
+from lme.sensing.scan_points import is_full_circle, obstacle_points
+from lme.types import Bools, Floats, LaserScan, Observation, Pose
+
+_CELL = 0.05  # [m] of what is remembered, one point in each
+_NONE = np.empty((0, 2))
+
+
+class BlindArc:
+    """Remembers obstacle points by odometry, for as long as they are within `reach` [m] and out of sight.
+
+    A lidar of a full circle leaves nothing to remember.
+    """
+
+    def __init__(self, mount: Pose, reach: float) -> None:
+        self._mount = mount
+        self._reach = reach
+        self._seen = _NONE  # in the odometry frame
+
+    def points(self, observation: Observation) -> Floats:
+        """What the scan hits now and what it hit before where it cannot see, in the robot frame: (M, 2) [m].
+
+        In no particular order. To be called at every step.
+        """
+        points = obstacle_points(observation.scan, self._mount)
+        if is_full_circle(observation.scan):
+            return points
+        if len(self._seen) > 0:
+            before = to_robot(self._seen, observation.odometry)
+            points = np.concatenate((points, before[self._unseen(before, observation.scan)]))
+        self._seen = to_world(active_cells(points, _CELL, self._reach), observation.odometry)
+        return points
+
+    def _unseen(self, points: Floats, scan: LaserScan) -> Bools:
+        """Whether each point lies more than half an increment outside the field of view."""
+        at_lidar = to_robot(points, self._mount)
+        half_fov = 0.5 * len(scan.ranges) * abs(scan.angle_increment)
+        middle = scan.angle_min + 0.5 * (len(scan.ranges) - 1) * scan.angle_increment
+        bearings = np.arctan2(at_lidar[:, 1], at_lidar[:, 0]) - middle
+        unseen: Bools = np.cos(bearings) < math.cos(half_fov)
+        return unseen

@@ -1,0 +1,122 @@
+"""Where BARN worlds come from: the official recipes, published files, or fresh seeds."""
+
+from __future__ import annotations
+
+import itertools
+import random
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from lme.errors import InputError
+from lme.types import Bools, Floats, Ints
+from lme.worlds.barn.files import path_file, read_path, read_world
+from lme.worlds.barn.generator import (
+    FILLS,
+    SMOOTHINGS,
+    Recipe,
+    cylinders_of,
+    grid_from,
+    occupancy,
+    official_recipes,
+)
+from lme.worlds.barn.path import inflated, middle_path, random_path
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """One BARN world before any task is set in it.
+
+    cylinders: (C, 3) [x, y, radius] [m]. grid: (30, 30) filled cells. path: (K, 2) the benchmark's [cells].
+    recipe: what makes the same world again; None where that is not known.
+    """
+
+    cylinders: Floats
+    grid: Bools
+    path: Ints
+    recipe: Recipe | None
+
+    @property
+    def fill(self) -> float:
+        """Share of the grid filled, its first and last row (always walls) left out."""
+        return float(self.grid[1:-1].mean())
+
+
+def official_layout(number: int) -> Layout:
+    """Official world 0…299, regenerated."""
+    layout = generated_layout(official_recipes()[number])
+    assert layout is not None, "the benchmark published only worlds with a way through"
+    return layout
+
+
+def fresh_layout(fresh_seed: int, index: int) -> Layout:
+    """World `index` of the stream `fresh_seed`: never an official one, always with a way through.
+
+    Settings cycle through the benchmark's twelve; each world has its own seeds, whatever else is asked for.
+    """
+    layout = generated_layout(_fresh_recipe(fresh_seed, index))
+    assert layout is not None, "only accepted recipes are returned"
+    return layout
+
+
+def generated_layout(recipe: Recipe) -> Layout | None:
+    """The world that a recipe makes; None where the benchmark rejects it, as there is no way through."""
+    grid, rng = occupancy(recipe)
+    path = random_path(inflated(grid), rng)
+    return None if path is None else Layout(cylinders_of(grid), grid, path, recipe)
+
+
+def published_layout(number: int, world_file: Path) -> Layout:
+    """World and path as published; the path is planned where `path_N.npy` is not there.
+
+    A world that differs from the official one of its number has no random stream: its path starts and ends
+    at the open rows nearest to the middle. Raises InputError for files that are no BARN world or path.
+    """
+    cylinders = read_world(world_file)
+    recipe = _matching_recipe(number, cylinders)
+    grid, rng = (grid_from(cylinders), None) if recipe is None else occupancy(recipe)
+    file = path_file(world_file)
+    path = _checked_path(file, world_file, grid) if file.exists() else _own_path(world_file, grid, rng)
+    return Layout(cylinders, grid, path, recipe)
+
+
+@lru_cache(maxsize=4096)
+def _fresh_recipe(fresh_seed: int, index: int) -> Recipe:
+    """First accepted recipe of a fresh world; of the densest settings one in hundreds is accepted."""
+    settings = list(itertools.product(FILLS, SMOOTHINGS))
+    fill, smoothings = settings[index % len(settings)]
+    official = {recipe.seed for recipe in official_recipes().values()}
+    for attempt in itertools.count():
+        entropy = np.random.SeedSequence([fresh_seed, index, attempt])
+        recipe = Recipe(int(entropy.generate_state(1, np.uint64)[0]), fill, smoothings)
+        if recipe.seed not in official and generated_layout(recipe) is not None:
+            return recipe
+    raise AssertionError("unreachable: the attempts are endless")
+
+
+def _matching_recipe(number: int, cylinders: Floats) -> Recipe | None:
+    recipe = official_recipes().get(number)
+    same = recipe is not None and np.array_equal(cylinders_of(occupancy(recipe)[0]), np.round(cylinders, 6))
+    return recipe if same else None
+
+
+def _checked_path(file: Path, world_file: Path, grid: Bools) -> Ints:
+    path = read_path(file)
+    if inflated(grid)[path[:, 0], path[:, 1]].any():
+        raise InputError(
+            f"{file} runs into the obstacles of {world_file.name}: must be the path of that world "
+            "(remove the file to have one planned)"
+        )
+    return path
+
+
+def _own_path(world_file: Path, grid: Bools, rng: random.Random | None) -> Ints:
+    blocked = inflated(grid)
+    path = middle_path(blocked) if rng is None else random_path(blocked, rng)
+    if path is None:
+        raise InputError(
+            f"{world_file} has no way through, wide enough for the benchmark's path: must leave one"
+        )
+    return path

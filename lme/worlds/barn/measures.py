@@ -1,0 +1,115 @@
+"""The five difficulty measures of a BARN world, averaged along the benchmark's path.
+
+All lengths are in cells of the 0.15 m grid, on the inflated grid, as the benchmark publishes them.
+Source: Perille et al. 2020, arXiv:2008.13315, section on difficulty metrics.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from lme.types import Bools, Ints
+from lme.worlds.barn.path import obstacle_distance
+
+_AXES = ((0, 1), (1, 1), (1, 0), (1, -1))
+_RAYS = _AXES + tuple((-dr, -dc) for dr, dc in _AXES)
+# Sixteen directions around the cell, quarter by quarter. The published figures come out only with two quirks:
+# in the third quarter the two knight's moves are swapped, and of the knight's moves only those with a +2
+# count as two cells each, those with a −2 as one.
+_SIXTEEN = (
+    *((0, 1), (1, 2), (1, 1), (2, 1)),
+    *((1, 0), (2, -1), (1, -1), (1, -2)),
+    *((0, -1), (-2, -1), (-1, -1), (-1, -2)),
+    *((-1, 0), (-2, 1), (-1, 1), (-1, 2)),
+)
+_DISPERSION_CELLS = 3
+
+Walls = list[list[bool]]
+
+
+def barn_measures(blocked: Bools, path: Ints) -> dict[str, float]:
+    """All five by name. blocked: (30, 30) inflated grid; path: (K, 2) cells, all of them free."""
+    return {
+        "closest_wall": closest_wall(blocked, path),
+        "avg_visibility": avg_visibility(blocked, path),
+        "dispersion": dispersion(blocked, path),
+        "characteristic_dimension": characteristic_dimension(blocked, path),
+        "tortuosity": tortuosity(path),
+    }
+
+
+def closest_wall(blocked: Bools, path: Ints) -> float:
+    """Mean distance from a path cell to the nearest blocked cell [cells]."""
+    return float(obstacle_distance(blocked)[path[:, 0], path[:, 1]].mean())
+
+
+def avg_visibility(blocked: Bools, path: Ints) -> float:
+    """Mean over the path of how far one sees, on average over the eight neighbours' directions [cells].
+
+    A ray ends at a blocked cell or at the border of the grid; the cell itself counts as seen.
+    """
+    walls = blocked.tolist()
+    return _mean(
+        [sum(_length(ray, 1 + _free(walls, cell, ray)) for ray in _RAYS) / 8 for cell in path.tolist()]
+    )
+
+
+def characteristic_dimension(blocked: Bools, path: Ints) -> float:
+    """Mean over the path of the narrowest free width through a cell along four axes [cells]."""
+    walls = blocked.tolist()
+    return _mean([min(_width(walls, cell, axis) for axis in _AXES) for cell in path.tolist()])
+
+
+def dispersion(blocked: Bools, path: Ints) -> float:
+    """Mean over the path of how often "wall" and "no wall" alternate around a cell.
+
+    Sixteen directions, each looked along for three cells.
+    """
+    walls = blocked.tolist()
+    return _mean(
+        [_alternations([_wall_near(walls, cell, ray) for ray in _SIXTEEN]) for cell in path.tolist()]
+    )
+
+
+def tortuosity(path: Ints) -> float:
+    """Length of the path over the straight distance between its ends."""
+    arc = np.hypot(*np.diff(path, axis=0).T).sum()
+    return float(arc / math.dist(path[0], path[-1]))
+
+
+def _free(walls: Walls, cell: list[int], ray: tuple[int, int], most: int = 1000) -> int:
+    """Free cells passed along a ray, not counting the first, until a wall, the border or `most`."""
+    (r, c), (dr, dc) = cell, ray
+    steps = 0
+    while steps < most and _inside(walls, r + dr, c + dc) and not walls[r + dr][c + dc]:
+        r, c, steps = r + dr, c + dc, steps + 1
+    return steps
+
+
+def _wall_near(walls: Walls, cell: list[int], ray: tuple[int, int]) -> bool:
+    most = math.ceil(_DISPERSION_CELLS / max(1, *ray))
+    stop = _free(walls, cell, ray, most) + 1
+    r, c = cell[0] + stop * ray[0], cell[1] + stop * ray[1]
+    return stop <= most and _inside(walls, r, c) and walls[r][c]
+
+
+def _width(walls: Walls, cell: list[int], axis: tuple[int, int]) -> float:
+    return _length(axis, _free(walls, cell, axis) + _free(walls, cell, (-axis[0], -axis[1])))
+
+
+def _length(ray: tuple[int, int], steps: int) -> float:
+    return math.hypot(*ray) * steps
+
+
+def _alternations(around: list[bool]) -> int:
+    return sum(here != before for before, here in zip([around[-1], *around], around, strict=False))
+
+
+def _inside(walls: Walls, r: int, c: int) -> bool:
+    return 0 <= r < len(walls) and 0 <= c < len(walls[0])
+
+
+def _mean(values: list[float] | list[int]) -> float:
+    return sum(values) / len(values)

@@ -1,0 +1,140 @@
+"""The benchmark's own path through a BARN world, and the optimal time that it scores against.
+
+Source: Perille et al. 2020, arXiv:2008.13315; the published `path_N.npy` are reproduced cell for cell.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import heapq
+import math
+import random
+from collections.abc import Callable
+
+import numpy as np
+from scipy import ndimage
+
+from lme.types import Bools, Floats, Ints, Pose
+from lme.worlds.barn.generator import CELL_M, GRID_CELLS
+
+ROBOT_CELLS = 2  # the benchmark's Jackal takes so many cells on each side of its own
+OPTIMAL_SPEED_M_S = 2.0
+
+# The scripts that score map path cells by these, (−0.15, −0.10) m beside the cells' true centres.
+_PATH_X_M, _PATH_Y_M = -4.575, 5.075
+
+_PENALTY, _PENALTY_CELLS = 5.0, 2.0
+# Neighbouring directions differ by 45°.
+_DIRECTIONS = ((0, 1), (1, 1), (1, 0), (1, -1), (0, -1), (-1, -1), (-1, 0), (-1, 1))
+
+Cell = tuple[int, int]
+
+
+def inflated(grid: Bools) -> Bools:
+    """(30, 30) cells where the robot's centre cannot be: any cell of the 5 × 5 around is filled."""
+    size = 2 * ROBOT_CELLS + 1
+    return np.asarray(ndimage.maximum_filter(grid, size=size, mode="constant", cval=0), dtype=np.bool_)
+
+
+def obstacle_distance(blocked: Bools) -> Floats:
+    """(30, 30) distance of each cell to the nearest blocked one [cells]."""
+    return np.asarray(ndimage.distance_transform_edt(~blocked), dtype=np.float64)
+
+
+def random_path(blocked: Bools, rng: random.Random) -> Ints | None:
+    """Path between rows that the world's own stream draws, left before right; None: no way through."""
+    return _path_through(blocked, lambda rows: rows[int(rng.random() * len(rows))])
+
+
+def middle_path(blocked: Bools) -> Ints | None:
+    """Path between the open rows nearest to the middle, for worlds without a random stream."""
+    return _path_through(blocked, lambda rows: min(rows, key=lambda row: abs(row - (GRID_CELLS - 1) / 2)))
+
+
+def plan(blocked: Bools, start: Cell, goal: Cell) -> Ints | None:
+    """(K, 2) cells from start to goal, the start twice as published; None where there is no way.
+
+    Best-first search over eight neighbours: turns of at most 45°, never between two blocked cells that touch
+    at a corner, a penalty of 5/d within 2 cells of an obstacle. As in the published paths, a cell is first
+    ranked by the way so far, and by way plus straight distance to go once a shorter way to it turns up;
+    neither that distance nor the penalty is handed on.
+    """
+    walls, nearness = blocked.tolist(), _penalties(blocked)
+    parents: dict[Cell, Cell | None] = {start: None}
+    costs, ranks, order = {start: 0.0}, {start: 0.0}, {start: 0}
+    heap, closed = [(0.0, 0, start)], set[Cell]()
+    while heap:
+        rank, _, cell = heapq.heappop(heap)
+        if cell in closed or rank != ranks[cell]:
+            continue
+        closed.add(cell)
+        if cell == goal:
+            return _trace(parents, goal)
+        for child, step in _moves(walls, cell, parents[cell]):
+            cost = costs[cell] + step
+            known = child in costs
+            if child in closed or (known and cost >= costs[child]):
+                continue
+            costs[child], parents[child] = cost, cell
+            ranks[child] = cost + nearness[child[0]][child[1]] + (math.dist(child, goal) if known else 0.0)
+            heapq.heappush(heap, (ranks[child], order.setdefault(child, len(order)), child))
+    return None
+
+
+def benchmark_length(path: Ints, start: Pose, goal: Floats) -> float:
+    """Length of start, path (K, 2) and goal in a row [m], as the scripts that score measure it."""
+    cells = np.column_stack([_PATH_X_M + CELL_M * path[:, 0], _PATH_Y_M + CELL_M * path[:, 1]])
+    points = np.vstack([[start.x, start.y], cells, goal])
+    return float(np.hypot(*np.diff(points, axis=0).T).sum())
+
+
+def path_digest(path: Ints) -> str:
+    """SHA-256 of one line "row column" per cell, in order."""
+    return hashlib.sha256("".join(f"{r} {c}\n" for r, c in path.tolist()).encode("ascii")).hexdigest()
+
+
+def _path_through(blocked: Bools, choose: Callable[[list[int]], int]) -> Ints | None:
+    """From the first column to the last, both ends in the one region that is the largest at either side."""
+    if blocked[:, 0].all() or blocked[:, -1].all():
+        return None
+    regions, count = ndimage.label(~blocked)
+    sizes = np.bincount(regions.ravel(), minlength=count + 1)
+    sizes[0] = 0
+    entry, leave = (max(regions[:, column].tolist(), key=lambda region: sizes[region]) for column in (0, -1))
+    if entry != leave:
+        return None
+    left = choose(np.flatnonzero(regions[:, 0] == entry).tolist())
+    right = choose(np.flatnonzero(regions[:, -1] == entry).tolist())
+    return plan(blocked, (left, 0), (right, GRID_CELLS - 1))
+
+
+def _penalties(blocked: Bools) -> list[list[float]]:
+    distance = obstacle_distance(blocked)
+    near = (distance > 0) & (distance <= _PENALTY_CELLS)
+    penalties: list[list[float]] = np.divide(
+        _PENALTY, distance, out=np.zeros_like(distance), where=near
+    ).tolist()
+    return penalties
+
+
+def _moves(walls: list[list[bool]], cell: Cell, parent: Cell | None) -> list[tuple[Cell, float]]:
+    """Free neighbours that a turn of at most 45° leads to, with the length of the step [cells]."""
+    r, c = cell
+    directions: tuple[Cell, ...] = _DIRECTIONS
+    if parent is not None:
+        ahead = _DIRECTIONS.index((r - parent[0], c - parent[1]))
+        directions = tuple(_DIRECTIONS[(ahead + turn) % 8] for turn in (-1, 0, 1))
+    moves = []
+    for dr, dc in directions:
+        if not (0 <= r + dr < GRID_CELLS and 0 <= c + dc < GRID_CELLS) or walls[r + dr][c + dc]:
+            continue
+        if not (walls[r + dr][c] and walls[r][c + dc]) or 0 in (dr, dc):
+            moves.append(((r + dr, c + dc), math.hypot(dr, dc)))
+    return moves
+
+
+def _trace(parents: dict[Cell, Cell | None], goal: Cell) -> Ints:
+    cells = [goal]
+    while (parent := parents[cells[-1]]) is not None:
+        cells.append(parent)
+    return np.array([cells[-1], *reversed(cells)], dtype=np.int64)

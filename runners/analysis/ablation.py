@@ -1,0 +1,254 @@
+"""What each part of the method is worth: variants against the complete one, and against what the paper says.
+
+The paper says in words, without numbers, what its figure shows (§IV, Ablation Studies). Its statements are data
+here, and whether ours agree follows from our paired differences by the rules in `NOTES`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+from runners.analysis import paired
+from runners.analysis.paired import METRIC, SUCCESS, Block, Difference, interval, signed
+from runners.analysis.summary import DASH, Row, title
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+COLUMN, COMPLETE = "ablation", "none"
+NAME = "ablation"
+JOIN = "+"  # of ablations that are combined
+SOURCE = "the LME paper, §IV, Ablation Studies (words without numbers)"
+ABOUT = {"system": "LME", "map": "barn", "robot": "jackal"}  # what the paper's statements are about
+
+
+class Claim(NamedTuple):
+    """What the paper says of removing a part. tier: 3 loses most … 0 loses nothing; None: it loses, no more is said.
+
+    ASSUMED: that "noticeable" (2) is more than "moderate" (1); so the paper puts them in order.
+    """
+
+    tier: int | None
+    words: str
+
+
+CLAIMS = {  # in the order of the paper's figure
+    "no_a_close": Claim(1, "moderate degradation"),
+    "no_a_dev": Claim(0, "almost no effect"),
+    "no_c_o": Claim(3, "the most significant, a substantial decrease"),
+    "no_c_t": Claim(2, "noticeable degradation"),
+    "no_a_mount": Claim(2, "noticeable degradation"),
+    "no_c_h": Claim(1, "moderate degradation"),
+    "no_maintenance": Claim(None, "a lower success rate"),
+}
+MOST = 3
+_ANSWERS = {"yes": "Agrees", "in part": "Agrees in part", "no": "Does not agree", "open": "Open"}
+FEWEST = 20  # worlds that a verdict takes where nothing is beyond the noise
+LEAST_P = 0.001  # that is shown
+MARGIN = 0.1  # of success: an interval that reaches farther has room for what the paper says
+NOTES = (
+    f"Said of it: {SOURCE}. Ours is a 2D simulator, not Gazebo, and the paper does not list its hundred worlds.",
+    "Agrees, where a loss is said: yes for a loss beyond the noise; in part where, besides, "
+    "a variant of which the paper says more loses less, their intervals apart; no for anything else. "
+    "The most significant is more than noticeable, and that more than moderate.",
+    'Agrees, where "almost no effect" is said: yes unless there is a change beyond the noise.',
+    f"Open, where nothing is beyond the noise: with fewer than {FEWEST} worlds, or an interval that reaches farther "
+    f"than {MARGIN:g}.",
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Variant:
+    """A line of the table. change: by measure, to the complete method; empty for that itself.
+
+    agrees: "yes", "in part", "no" or "open" with what the paper says, and words why; empty where it says nothing.
+    """
+
+    ablation: str
+    row: Row
+    change: dict[str, Difference]
+    claim: str = ""
+    agrees: str = ""
+    words: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Study:
+    """Variants of one system in one place, the complete one first. heading, place: what it was."""
+
+    heading: str
+    place: str
+    variants: tuple[Variant, ...]
+
+
+def studies(frame: pd.DataFrame) -> list[Study]:
+    """One for each system and place that was driven complete and with something missing; the rest is left out."""
+    return [_study(block) for block in paired.blocks(frame, COLUMN, COMPLETE)]
+
+
+def in_text(ablation: str) -> str:
+    """ "No a_close" for no_a_close, "No c_o, c_t" for two at once."""
+    if ablation == COMPLETE:
+        return "Complete"
+    return f"No {', '.join(part.removeprefix('no_') for part in ablation.split(JOIN))}"
+
+
+def words(found: list[Study]) -> list[str]:
+    """Where ours agrees with the paper and where it does not, a line for each statement of the paper."""
+    lines = []
+    for study in found:
+        said = [variant for variant in study.variants if variant.agrees]
+        if said:
+            lines.append(f"{study.heading}, {study.place}: the paper's ablation and ours.")
+        lines += [f"{in_text(each.ablation)}: {each.words}" for each in said]
+    return lines
+
+
+def write(found: list[Study], place: Path) -> list[Path]:
+    """`ablation.md` and `ablation.csv` below `place`; the paths."""
+    markdown, table = place / f"{NAME}.md", place / f"{NAME}.csv"
+    markdown.write_text(to_markdown(found), encoding="utf-8")
+    paired.write_csv([_numbers(study, variant) for study in found for variant in study.variants], table)
+    return [markdown, table]
+
+
+def to_markdown(found: list[Study]) -> str:
+    """Tables, the words below each, and at the end what a reader must know."""
+    parts = [part for study in found for part in (_table(study), _list(study)) if part]
+    said = any(variant.agrees for study in found for variant in study.variants)
+    notes = [*paired.NOTES, *(NOTES if said else ())]
+    return "\n\n".join([*parts, "  \n".join(notes)]) + "\n"
+
+
+def _study(block: Block) -> Study:
+    changes = {measure: paired.compare(block, measure) for measure in (SUCCESS, METRIC)}
+    claims = CLAIMS if _is_the_papers(block) else {}
+    names = [
+        *(name for name in CLAIMS if name in block.variants),
+        *sorted(block.variants.keys() - CLAIMS.keys()),
+    ]
+    variants = [Variant(COMPLETE, paired.row(block.baseline), {})]
+    for name in names:
+        change = {measure: found[name] for measure, found in changes.items() if name in found}
+        row = paired.row(block.variants[name])
+        verdict = _verdict(name, changes[SUCCESS], claims) if name in claims else None
+        said = claims[name].words if verdict else ""
+        variants.append(Variant(name, row, change, said, *(verdict or ())))
+    return Study(block.heading, title(block.baseline), tuple(variants))
+
+
+def _is_the_papers(block: Block) -> bool:
+    """Whether the block is what the paper speaks of: its own method on its own benchmark, with successes to lose."""
+    first = block.baseline.iloc[0]
+    about = {**ABOUT, "scale": ""}
+    same = all(str(first.get(key, value)) == value for key, value in about.items())
+    return same and bool((block.baseline["outcome"] == SUCCESS).any())
+
+
+def _verdict(
+    name: str, found: Mapping[str, Difference], claims: Mapping[str, Claim]
+) -> tuple[str, str] | None:
+    """Whether the change agrees with what is said, and a sentence; None where nothing was compared."""
+    change = found.get(name)
+    if change is None:
+        return None
+    agrees, why = _judged(name, change, found, claims)
+    reach = interval(change)
+    measured = f"{signed(change.mean)} ({reach})" if reach else signed(change.mean)
+    return agrees, f"the paper says {claims[name].words}; ours {measured}. {_ANSWERS[agrees]}: {why}."
+
+
+def _judged(
+    name: str, change: Difference, found: Mapping[str, Difference], claims: Mapping[str, Claim]
+) -> tuple[str, str]:
+    tier = claims[name].tier
+    if _is_open(change, tier):
+        return "open", "too noisy to tell"
+    if tier == 0:
+        if not change.beyond_noise:
+            return "yes", "no change beyond the noise"
+        return "no", f"a {'gain' if change.mean > 0 else 'loss'} beyond the noise"
+    if not change.beyond_noise:
+        return "no", "no loss beyond the noise"
+    if change.mean > 0:
+        return "no", "on the contrary, a gain beyond the noise"
+    if tier is None:
+        return "yes", "a loss beyond the noise"
+    if tier == MOST:
+        return _the_largest(name, change, found, claims)
+    above = list(_surpassed(name, change, found, claims))
+    if above:
+        return "in part", f"a loss beyond the noise, but larger than that of {' and '.join(above)}"
+    return "yes", "a loss beyond the noise"
+
+
+def _is_open(change: Difference, tier: int | None) -> bool:
+    """Whether nothing was found because too little was driven."""
+    reach = max(-change.low, change.high) if tier == 0 else -change.low
+    return not change.beyond_noise and (change.worlds < FEWEST or reach > MARGIN)
+
+
+def _the_largest(
+    name: str, change: Difference, found: Mapping[str, Difference], claims: Mapping[str, Claim]
+) -> tuple[str, str]:
+    others = {other: found[other] for other in claims if other in found and other != name}
+    larger = [in_text(other) for other, theirs in others.items() if theirs.high < change.low]
+    if larger:
+        return "in part", f"a loss beyond the noise, but smaller than that of {' and '.join(larger)}"
+    largest = all(theirs.mean > change.mean for theirs in others.values())
+    return "yes", "the largest loss of all" if largest else "a loss beyond the noise"
+
+
+def _surpassed(
+    name: str, change: Difference, found: Mapping[str, Difference], claims: Mapping[str, Claim]
+) -> Iterator[str]:
+    """Variants of which the paper says more, and that lose less here, the intervals apart."""
+    tier = claims[name].tier or 0
+    for other, claim in claims.items():
+        if claim.tier is not None and claim.tier > tier and other in found and change.high < found[other].low:
+            yield in_text(other)
+
+
+def _table(study: Study) -> str:
+    change = ["Difference", "95 %", "p (Holm)", "Beyond the noise"]
+    header = ["Variant", "Success", *change, "BARN metric", *change, "The paper says", "Agrees", "Pairs"]
+    lines = [_cells(variant) for variant in study.variants]
+    rule = ["---", *["---:"] * (len(header) - 4), "---", "---", "---:"]
+    table = "\n".join(f"| {' | '.join(line)} |" for line in [header, rule, *lines])
+    return f"**{study.heading} · {study.place}**\n\n{table}"
+
+
+def _cells(variant: Variant) -> list[str]:
+    cells = [in_text(variant.ablation)]
+    for measure in (SUCCESS, METRIC):
+        mean, std = variant.row.stats.get(measure, (math.nan, math.nan))
+        spread = "" if math.isnan(std) else f" ± {std:.3f}"
+        cells.append(DASH if math.isnan(mean) else f"{mean:.3f}{spread}")
+        cells += _change(variant.change.get(measure))
+    pairs = str(variant.change[SUCCESS].pairs) if variant.change else DASH
+    return [*cells, variant.claim or DASH, variant.agrees or DASH, pairs]
+
+
+def _change(change: Difference | None) -> list[str]:
+    if change is None:
+        return [DASH] * 4
+    if math.isnan(change.adjusted):
+        return [signed(change.mean), DASH, DASH, DASH]
+    p = "< 0.001" if change.adjusted < LEAST_P else f"{change.adjusted:.3f}"
+    return [signed(change.mean), interval(change), p, "yes" if change.beyond_noise else "no"]
+
+
+def _list(study: Study) -> str:
+    return "\n".join(f"- {in_text(v.ablation)}: {v.words}" for v in study.variants if v.agrees)
+
+
+def _numbers(study: Study, variant: Variant) -> dict[str, object]:
+    """A line of the CSV, unrounded."""
+    pairs = {"pairs": variant.change[SUCCESS].pairs} if variant.change else {}
+    said = {"paper_says": variant.claim, "agrees": variant.agrees}
+    known = {"block": study.heading, "place": study.place, "ablation": variant.ablation}
+    return {**known, **pairs, **paired.to_mapping(variant.row, variant.change), **said}

@@ -1,0 +1,126 @@
+"""Episodes that failed, and where their explainer pages lie: the section of a results table that links them."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+from urllib.parse import quote
+
+import numpy as np
+
+from lme.types import Outcome
+from runners.analysis.summary import DASH
+from runners.records import run_directories
+from runners.records.records import read_trajectories
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+FOLDER, INDEX = "explain", "index.html"
+HEADER = ("World", "Run", "Outcome", "Time [s]", "Closest to goal [m]")  # what `cells` gives
+Item = tuple[int, int]  # (world, run)
+_TEXT = ("Outcome", "Page", "Job")  # columns that stand at the left
+_MOST_TOLD = 3  # settings of a job that its name tells
+
+
+def page_path(run_dir: Path, item: Item) -> Path:
+    """Where the page of an episode lies unless it is wanted elsewhere."""
+    return run_dir / FOLDER / f"{item[0]}-{item[1]}.html"
+
+
+def folder(run_dir: Path) -> list[Path]:
+    """The folder of a run's pages, where there is one."""
+    return [run_dir / FOLDER] if (run_dir / FOLDER / INDEX).is_file() else []
+
+
+def is_failure(episodes: pd.DataFrame) -> pd.Series:
+    """Which of the episodes did not arrive."""
+    return episodes["outcome"] != str(Outcome.SUCCESS)
+
+
+def failed_section(frame: pd.DataFrame, place: Path) -> str:
+    """The part of `table.md` in `place` on failed episodes, with links; empty where no episode has a page.
+
+    frame: records of one or more runs, each with its `run_dir`.
+    """
+    explained = [Path(run_dir) for run_dir in frame["run_dir"].unique() if _has_pages(frame, Path(run_dir))]
+    if not explained:
+        return ""
+    jobs = _job_names(frame)
+    lines = [
+        [*([jobs[run_dir]] if len(jobs) > 1 else []), *cells(episode), _page_link(episode, run_dir, place)]
+        for run_dir, episode in episodes_told(frame[is_failure(frame)])
+    ]
+    header = [*(["Job"] if len(jobs) > 1 else []), *HEADER, "Page"]
+    rule = ["---" if name in _TEXT else "---:" for name in header]
+    table = "\n".join(f"| {' | '.join(line)} |" for line in [header, rule, *lines]) if lines else "None."
+    indexes = ", ".join(_link(run_dir / FOLDER / INDEX, place) for run_dir in explained)
+    return f"\n## Failed episodes\n\n{table}\n\nAll pages: {indexes}\n"
+
+
+def episodes_told(frame: pd.DataFrame) -> Iterator[tuple[Path, dict[str, Any]]]:
+    """Rows in their order with the run that each is of, and how near its goal each episode came [m]."""
+    closest = _closest_m(frame)
+    for episode in frame.to_dict("records"):
+        key = (episode["run_dir"], *item_of(episode))
+        yield Path(episode["run_dir"]), {**episode, "closest_m": closest.get(key, np.nan)}
+
+
+def cells(episode: Mapping[str, Any]) -> list[str]:
+    """One episode of `episodes_told`, as a table shows it."""
+    closest = episode["closest_m"]
+    return [
+        str(episode["world"]),
+        str(episode["run"]),
+        str(episode["outcome"]),
+        f"{episode['time_s']:.1f}",
+        DASH if np.isnan(closest) else f"{closest:.2f}",
+    ]
+
+
+def item_of(episode: Mapping[str, Any]) -> Item:
+    """Which episode a row is of."""
+    return int(episode["world"]), int(episode["run"])
+
+
+def _closest_m(frame: pd.DataFrame) -> Mapping[Any, float]:
+    """Smallest distance to the goal [m] by (run_dir, world, run); none where records do not tell the goal."""
+    if frame.empty or not {"goal_x_m", "goal_y_m"} <= set(frame.columns):
+        return {}
+    key = ["run_dir", "world", "run"]
+    steps = read_trajectories([Path(run_dir) for run_dir in frame["run_dir"].unique()])
+    steps = steps.merge(frame[[*key, "goal_x_m", "goal_y_m"]], on=key)
+    steps["distance_m"] = np.hypot(steps["x_m"] - steps["goal_x_m"], steps["y_m"] - steps["goal_y_m"])
+    return dict(steps.groupby(key)["distance_m"].min())
+
+
+def _page_link(episode: Mapping[str, Any], run_dir: Path, place: Path) -> str:
+    path = page_path(run_dir, item_of(episode))
+    return _link(path, place) if path.is_file() else DASH
+
+
+def _link(path: Path, place: Path) -> str:
+    """A link of Markdown to a file, as it is reached from the folder `place`."""
+    way = Path(os.path.relpath(path, place)).as_posix()
+    return f"[{way}]({quote(way)})"
+
+
+def _has_pages(frame: pd.DataFrame, run_dir: Path) -> bool:
+    episodes = frame[frame["run_dir"] == str(run_dir)]
+    return any(
+        page_path(run_dir, item).is_file() for item in zip(episodes["world"], episodes["run"], strict=True)
+    )
+
+
+def _job_names(frame: pd.DataFrame) -> dict[Path, str]:
+    """What tells the runs of a sweep apart, by directory: its folder, and settings that are not those of all."""
+    runs = [Path(run_dir) for run_dir in frame["run_dir"].unique()]
+    launches = {run_dir: run_directories.read_launch(run_dir) for run_dir in runs}
+    settings = {run: launch.overrides if launch is not None else [] for run, launch in launches.items()}
+    own = {
+        run: [one for one in given if not all(one in others for others in settings.values())]
+        for run, given in settings.items()
+    }
+    return {run: " ".join([run.name, *own[run][:_MOST_TOLD]]).replace("|", r"\|") for run in runs}

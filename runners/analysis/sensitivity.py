@@ -1,0 +1,197 @@
+"""Which parameters matter: one at a time multiplied, the others kept, against all as they are."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from runners.analysis import paired
+from runners.analysis.paired import METRIC, SUCCESS, Block, Difference, signed
+from runners.analysis.summary import DASH, TIMES, Row, title
+from runners.config.weights import from_words
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+COLUMN, UNCHANGED = "scale", ""
+NAME = "sensitivity"
+NAMES = {SUCCESS: "success", METRIC: "BARN metric"}
+PARAMETER = "guide.parameters."
+NOTES = (
+    "Range: the highest minus the lowest success rate over the factors, 1 included. Bold: differs from that at 1 "
+    "beyond the noise, in brackets by how much.",
+    "The picture's band: Wilson's 95 % interval.",
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Point:
+    """One factor of one parameter. change: by measure, to all parameters as they are; empty at factor 1."""
+
+    factor: float
+    row: Row
+    change: dict[str, Difference]
+
+    @property
+    def success(self) -> float:
+        """The success rate."""
+        return self.row.stats[SUCCESS][0]
+
+
+@dataclass(frozen=True, slots=True)
+class Curve:
+    """Points of one parameter by rising factor. value: of the parameter at factor 1; empty where unknown."""
+
+    parameter: str
+    value: str
+    points: tuple[Point, ...]
+
+    @property
+    def unchanged(self) -> Point:
+        """That at factor 1."""
+        return next(point for point in self.points if point.factor == 1)
+
+    @property
+    def range(self) -> float:
+        """Of the success rate over the factors."""
+        rates = [point.success for point in self.points]
+        return max(rates) - min(rates)
+
+    def beyond(self, measure: str) -> list[Point]:
+        """Points that differ in the measure from that at factor 1 beyond the noise."""
+        return [each for each in self.points if measure in each.change and each.change[measure].beyond_noise]
+
+
+@dataclass(frozen=True, slots=True)
+class Study:
+    """Curves of one system in one place, in the order of the sweep. heading, place: what it was."""
+
+    heading: str
+    place: str
+    curves: tuple[Curve, ...]
+
+
+def studies(frame: pd.DataFrame) -> list[Study]:
+    """One for each system and place that was driven with parameters as they are, and with one multiplied.
+
+    Runs with several parameters multiplied at once belong to no curve.
+    """
+    found = [_study(block) for block in paired.blocks(_single(frame), COLUMN, UNCHANGED)]
+    return [study for study in found if study.curves]
+
+
+def words(found: list[Study]) -> list[str]:
+    """Which parameters matter, the most first."""
+    lines = []
+    for study in found:
+        lines.append(f"{study.heading}, {study.place}: success over the factors of each parameter.")
+        lines += [_sentence(curve) for curve in sorted(study.curves, key=lambda curve: -curve.range)]
+    return lines
+
+
+def write(found: list[Study], place: Path) -> list[Path]:
+    """`sensitivity.md` and `sensitivity.csv` below `place`; the paths."""
+    markdown, table = place / f"{NAME}.md", place / f"{NAME}.csv"
+    markdown.write_text(to_markdown(found), encoding="utf-8")
+    points = [(study, curve, point) for study in found for curve in study.curves for point in curve.points]
+    paired.write_csv([_numbers(*point) for point in points], table)
+    return [markdown, table]
+
+
+def to_markdown(found: list[Study]) -> str:
+    """Success rates by factor, and the words below each table."""
+    parts = []
+    for study in found:
+        lines = "\n".join(f"- {line}" for line in words([study])[1:])
+        parts += [
+            f"**{study.heading} · {study.place}**",
+            _table(study, SUCCESS),
+            _table(study, METRIC),
+            lines,
+        ]
+    return "\n\n".join([*(part for part in parts if part), "  \n".join([*paired.NOTES, *NOTES])]) + "\n"
+
+
+def factors(curves: Sequence[Curve]) -> list[float]:
+    """All factors of some curves, rising."""
+    return sorted({point.factor for curve in curves for point in curve.points})
+
+
+def _single(frame: pd.DataFrame) -> pd.DataFrame:
+    """Records of runs with no factor, or with one."""
+    if COLUMN not in frame:
+        return frame
+    return frame[[len(from_words(text)) <= 1 for text in frame[COLUMN].fillna(UNCHANGED)]]
+
+
+def _study(block: Block) -> Study:
+    changes = {measure: paired.compare(block, measure) for measure in (SUCCESS, METRIC)}
+    base = Point(1.0, paired.row(block.baseline), {})
+    by_parameter: dict[str, list[Point]] = {}
+    for name, part in block.variants.items():
+        ((parameter, factor),) = from_words(name).items()
+        change = {measure: found[name] for measure, found in changes.items() if name in found}
+        by_parameter.setdefault(parameter, [base]).append(Point(factor, paired.row(part), change))
+    curves = (
+        Curve(name, _value(block, name), tuple(sorted(points, key=lambda point: point.factor)))
+        for name, points in by_parameter.items()
+    )
+    return Study(block.heading, title(block.baseline), tuple(curves))
+
+
+def _value(block: Block, parameter: str) -> str:
+    """The parameter as it is; empty where the records do not tell."""
+    column = f"{PARAMETER}{parameter}"
+    return str(block.baseline[column].iloc[0]) if column in block.baseline else ""
+
+
+def _sentence(curve: Curve) -> str:
+    rates = [point.success for point in curve.points]
+    value = f" ({curve.value})" if curve.value else ""
+    found = [text for measure in (SUCCESS, METRIC) if (text := _beyond(curve, measure))]
+    verdict = f"beyond the noise: {'; '.join(found)}" if found else "nothing beyond the noise"
+    return (
+        f"{curve.parameter}{value}: {min(rates):.3f} to {max(rates):.3f}, range {curve.range:.3f}; {verdict}."
+    )
+
+
+def _beyond(curve: Curve, measure: str) -> str:
+    """ "success 0.020 at × 0", or nothing."""
+    points = curve.beyond(measure)
+    shown = ", ".join(f"{point.row.stats[measure][0]:.3f} at {TIMES} {point.factor:g}" for point in points)
+    return f"{NAMES[measure]} {shown}" if shown else ""
+
+
+def _table(study: Study, measure: str) -> str:
+    """A line for each parameter, a column for each factor; bold where it differs beyond the noise."""
+    columns = factors(study.curves)
+    if not any(measure in point.row.stats for curve in study.curves for point in curve.points):
+        return ""
+    lines = [[NAMES[measure], "Value", *(f"{TIMES} {factor:g}" for factor in columns)]]
+    lines.append(["---", *["---:"] * (len(columns) + 1)])
+    for curve in study.curves:
+        cells = {point.factor: _cell(point, measure) for point in curve.points}
+        lines.append([curve.parameter, curve.value or DASH, *(cells.get(factor, DASH) for factor in columns)])
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+
+
+def _cell(point: Point, measure: str) -> str:
+    if measure not in point.row.stats:
+        return DASH
+    text = f"{point.row.stats[measure][0]:.3f}"
+    change = point.change.get(measure)
+    return f"**{text}** ({signed(change.mean)})" if change and change.beyond_noise else text
+
+
+def _numbers(study: Study, curve: Curve, point: Point) -> dict[str, object]:
+    """A line of the CSV, unrounded."""
+    known = {
+        "block": study.heading,
+        "place": study.place,
+        "parameter": curve.parameter,
+        "value": curve.value,
+        "factor": point.factor,
+    }
+    return {**known, **paired.to_mapping(point.row, point.change)}

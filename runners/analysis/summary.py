@@ -1,0 +1,237 @@
+"""From episode records to the rows of a result table.
+
+One row per system and whatever else varies among the records (ablation, map subset, seed, swept keys); the
+published figures of a system follow its own row where they were measured on the same map.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from lme.metrics import mean_std_over_runs, wilson_interval
+from runners.analysis import published
+from runners.config.systems import systems as named_systems
+from runners.records.records import COLUMNS
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+class Metric(NamedTuple):
+    """A column of the table. spread: show ± over runs. of_successes: failed episodes do not count."""
+
+    key: str
+    header: str
+    digits: int
+    spread: bool = False
+    of_successes: bool = False
+
+
+METRICS = (
+    Metric("success", "Success", 3, spread=True),
+    Metric("collision", "Collision", 3, spread=True),
+    Metric("timeout", "Timeout", 3, spread=True),
+    Metric("barn_metric", "BARN metric", 3, spread=True),
+    Metric("time_s", "Time [s]", 1, of_successes=True),
+    Metric("path_length_m", "Path [m]", 1, of_successes=True),
+    Metric("spl", "SPL", 3),
+)
+GROUP_KEYS = ("ablation", "weights", "scale", "robot", "map", "subset", "seed")
+TIMES, DASH = "\u00d7", "\u2013"  # typographic signs that are easily taken for letters
+INTERVAL_HEADER = "95 % CI"
+GLOBAL_PLANNER = {"": "no", "observed": "yes", "known": "yes, true map"}  # by the guide's global_map
+NAMED = ("ablation", "weights", "scale")  # shown even where all rows have the same, unless it is usual
+USUAL = frozenset({"none", "published", ""})
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One line of the table.
+
+    keys: what tells this row from the others, by column. stats: (mean, std over runs) by metric; std is NaN
+    where there is one run. interval: Wilson's 95 % of the success rate. global_planner: "no", "yes" or more.
+    """
+
+    label: str
+    keys: dict[str, str]
+    stats: dict[str, tuple[float, float]]
+    global_planner: str = "no"
+    episodes: int | None = None
+    worlds: int | None = None
+    runs: int | None = None
+    interval: tuple[float, float] | None = None
+    published_map: str | None = None
+
+    @property
+    def complete(self) -> bool:
+        """Every world has every run."""
+        return self.episodes is None or self.episodes == (self.worlds or 0) * (self.runs or 0)
+
+
+def summarise(
+    frame: pd.DataFrame,
+    order: Sequence[str] = (),
+    systems: Mapping[str, Mapping[str, Any]] | None = None,
+) -> list[Row]:
+    """Rows of the table for `frame` (one line per episode), each system's own and then its published ones.
+
+    order: names of systems whose rows come first, in this order; of those that were not driven the published
+    figures are shown all the same. systems: named pairs by name; the project's own unless given.
+    """
+    systems = named_systems() if systems is None else systems
+    names = {system["label"]: name for name, system in systems.items()}
+    keys = row_keys(frame)
+    grouping = ["system", *keys]
+    texts = frame.assign(**{key: as_text(frame[key]) for key in grouping})
+    ours: dict[str, list[tuple[Row, published.Place | None]]] = {name: [] for name in order}
+    for values, group in texts.groupby(grouping, sort=False):
+        row = measure(group, str(values[0]), dict(zip(keys, map(str, values[1:]), strict=True)))
+        name = names.get(str(values[0]), str(values[0]))
+        ours.setdefault(name, []).append((row, published.place_of(group)))
+    places = {place: row for rows in ours.values() for row, place in rows if place}
+    figures = published.figures(systems)
+    return [row for name, rows in ours.items() for row in _with_published(name, rows, places, figures)]
+
+
+def metrics(frame: pd.DataFrame) -> dict[str, float]:
+    """Every number of the first row by name, as CSV has them: what a tracker stores of one run."""
+    row = summarise(frame, systems={})[0]
+    return {"episodes": float(row.episodes or 0), **numbers(row)}
+
+
+def measure(group: pd.DataFrame, system: str, keys: dict[str, str]) -> Row:
+    """The figures of records that are one row of the table. keys: what tells the row from the others."""
+    successes = group["outcome"] == "success"
+    runs = int(group["run"].nunique())
+    stats = {}
+    for metric in METRICS:
+        column = _metric_column(group, metric.key)
+        chosen = successes if metric.of_successes else slice(None)
+        if column is not None:
+            mean, std = mean_std_over_runs(column[chosen], group["run"][chosen])
+            stats[metric.key] = mean, std if runs > 1 else math.nan
+    return Row(
+        label=f"{system} (ours)",
+        keys=keys,
+        stats=stats,
+        global_planner=_global_planner(group),
+        episodes=len(group),
+        worlds=int(group["world"].nunique()),
+        runs=runs,
+        interval=wilson_interval(int(successes.sum()), len(group)),
+    )
+
+
+def numbers(row: Row) -> dict[str, float]:
+    """Means, deviations over runs (`_std`) and bounds of the success rate of a row, where it has them."""
+    pairs = {
+        f"{key}{end}": value
+        for key, both in row.stats.items()
+        for end, value in zip(("", "_std"), both, strict=True)
+    }
+    low, high = row.interval or (math.nan, math.nan)
+    every = {**pairs, "success_low": low, "success_high": high}
+    return {name: value for name, value in every.items() if not math.isnan(value)}
+
+
+def title(frame: pd.DataFrame) -> str:
+    """What all rows have in common: map, subset, robot."""
+    common = [
+        str(frame[key].iloc[0])
+        for key in ("map", "subset", "robot")
+        if key in frame and frame[key].nunique() == 1 and str(frame[key].iloc[0])
+    ]
+    counts = f" {TIMES} ".join(_counted(frame[key].nunique(), key) for key in ("world", "run"))
+    return " · ".join([*common, counts])
+
+
+def notes(rows: Sequence[Row]) -> list[str]:
+    """What a reader must know to read the table right."""
+    lines = []
+    if any(row.runs is not None and row.runs > 1 for row in rows):
+        lines.append("± is the standard deviation over runs.")
+    lines.append(f"{INTERVAL_HEADER}: Wilson interval of the success rate.")
+    lines.append("Time and path are means over successful episodes.")
+    lines += published.notes({row.published_map for row in rows if row.published_map})
+    unfinished = [row.label for row in rows if not row.complete]
+    if unfinished:
+        lines.append(f"Not finished, some worlds lack runs: {', '.join(dict.fromkeys(unfinished))}.")
+    return lines
+
+
+def row_keys(frame: pd.DataFrame) -> list[str]:
+    """Columns, beside `system`, that tell rows apart; none that follows from those before it."""
+    swept = [column for column in frame.columns if _is_swept(frame, column)]
+    keys: list[str] = []
+    for key in [*(key for key in GROUP_KEYS if key in frame), *swept]:
+        unusual = key in NAMED and not set(as_text(frame[key])) <= USUAL
+        if unusual or _distinct(frame, [*keys, key]) > _distinct(frame, keys):
+            keys.append(key)
+    if "run_dir" in frame and frame.duplicated(["system", *keys, "world", "run"]).any():
+        keys.append("run_dir")  # two runs of one config, or of configs that differ in what nobody recorded
+    return keys
+
+
+def as_text(column: pd.Series) -> pd.Series:
+    """Values of a column as a table shows them; empty where there are none."""
+    return column.astype(object).where(column.notna(), "").astype(str)
+
+
+def _with_published(
+    name: str,
+    ours: Sequence[tuple[Row, published.Place | None]],
+    places: Mapping[published.Place, Row],
+    figures: Mapping[tuple[str, published.Place], published.Figures],
+) -> Iterator[Row]:
+    """A system's rows, its published figures for each place once, after the last row that they compare with.
+
+    places: every place that was driven in, with one of its rows; all of them where the system was not driven.
+    """
+    for index, (row, place) in enumerate(ours):
+        yield row
+        if place and (name, place) in figures and place not in (later for _, later in ours[index + 1 :]):
+            yield _published_row(figures[name, place], place, row)
+    if not ours:
+        for place, like in places.items():
+            if (name, place) in figures:
+                yield _published_row(figures[name, place], place, like)
+
+
+def _published_row(found: published.Figures, place: published.Place, ours: Row) -> Row:
+    keys = {key: value if key in ("map", "subset") else "" for key, value in ours.keys.items()}
+    return Row(
+        label=f"{found.label} (published)",
+        keys=keys,
+        stats=found.stats,
+        global_planner=GLOBAL_PLANNER["observed" if found.global_planner else ""],
+        published_map=place.map,
+    )
+
+
+def _global_planner(group: pd.DataFrame) -> str:
+    """Whether the guide planned on a map, and on which; records of before it was noted used none."""
+    return GLOBAL_PLANNER.get(str(group["global_map"].iloc[0]), "no") if "global_map" in group else "no"
+
+
+def _counted(count: int, noun: str) -> str:
+    return f"{count} {noun}" + "s" * (count != 1)
+
+
+def _is_swept(frame: pd.DataFrame, column: str) -> bool:
+    """A config key: no column of the records, and one value per run directory."""
+    if column in COLUMNS or column == "run_dir" or column.startswith("world_") or "run_dir" not in frame:
+        return False
+    return bool((frame.groupby("run_dir")[column].nunique(dropna=False) == 1).all())
+
+
+def _distinct(frame: pd.DataFrame, columns: list[str]) -> int:
+    return len(frame[["system", *columns]].drop_duplicates())
+
+
+def _metric_column(group: pd.DataFrame, key: str) -> pd.Series | None:
+    if key in ("success", "collision", "timeout"):
+        return (group["outcome"] == key).astype(float)
+    return group[key] if key in group and group[key].notna().any() else None

@@ -1,0 +1,187 @@
+"""Result tables as text: Markdown, CSV, LaTeX, and for the terminal."""
+
+from __future__ import annotations
+
+import csv
+import html
+import io
+import math
+import textwrap
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from runners.analysis.failures import failed_section
+from runners.analysis.summary import (
+    DASH,
+    GROUP_KEYS,
+    INTERVAL_HEADER,
+    METRICS,
+    Metric,
+    Row,
+    notes,
+    numbers,
+    summarise,
+    title,
+)
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import rich.table
+
+MISSING = DASH
+GAP = 2  # between columns on the terminal
+
+
+def to_markdown(rows: Sequence[Row]) -> str:
+    """The table in GitHub's Markdown, notes below."""
+    header, *lines = _cells(rows, " ± ")
+    first = 1 + len(rows[0].keys)
+    rule = ["---"] * first + ["---:"] * (len(header) - first)
+    table = "\n".join(f"| {' | '.join(_escape_pipe(line))} |" for line in [header, rule, *lines])
+    return f"{table}\n\n" + "\n".join(f"{note}  " for note in notes(rows)) + "\n"
+
+
+def to_csv(rows: Sequence[Row]) -> str:
+    """The table's numbers, unrounded; empty where there are none."""
+    values = [numbers(row) for row in rows]
+    names = list(dict.fromkeys(name for value in values for name in value))
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(["label", *rows[0].keys, "global_planner", "episodes", "worlds", "runs", *names])
+    for row, value in zip(rows, values, strict=True):
+        counts = (row.global_planner, row.episodes, row.worlds, row.runs)
+        writer.writerow([row.label, *row.keys.values(), *counts, *(value.get(name) for name in names)])
+    return text.getvalue()
+
+
+def to_html(rows: Sequence[Row]) -> str:
+    """The table and its notes as elements of a page."""
+    header, *lines = ([html.escape(cell) for cell in line] for line in _cells(rows, " ± "))
+    head = "".join(f"<th>{cell}</th>" for cell in header)
+    body = "\n".join("<tr>" + "".join(f"<td>{cell}</td>" for cell in line) + "</tr>" for line in lines)
+    below = "<br>\n".join(map(html.escape, notes(rows)))
+    return f"<table>\n<tr>{head}</tr>\n{body}\n</table>\n<p>{below}</p>"
+
+
+def to_latex(rows: Sequence[Row]) -> str:
+    """A `tabular` with booktabs rules, notes as comments."""
+    header, *lines = ([_escape_latex(cell) for cell in line] for line in _cells(rows, " ± "))
+    first = 1 + len(rows[0].keys)
+    body = [" & ".join(line) + r" \\" for line in lines]
+    return "\n".join(
+        [
+            *(f"% {note}" for note in notes(rows)),
+            rf"\begin{{tabular}}{{@{{}}{'l' * first}{'r' * (len(header) - first)}@{{}}}}",
+            r"\toprule",
+            " & ".join(header) + r" \\",
+            r"\midrule",
+            *body,
+            r"\bottomrule",
+            r"\end{tabular}",
+            "",
+        ]
+    )
+
+
+def to_rich(rows: Sequence[Row], heading: str, width: int) -> rich.table.Table:
+    """The table for a terminal of `width` columns; in a narrow one ± goes below its mean (80 are enough)."""
+    from rich.box import SIMPLE_HEAD
+    from rich.table import Table
+    from rich.text import Text
+
+    columns, gap = list(zip(*_cells(rows, " ±"), strict=True)), GAP
+    if _width(columns, gap) > width:
+        columns = [_folded(column) for column in zip(*_cells(rows, " ±", f" {DASH}"), strict=True)]
+        gap = GAP if _width(columns, GAP) <= width else 1
+    table = Table(title=Text(heading), caption=Text("\n".join(notes(rows))), caption_justify="left")
+    table.box, table.show_edge, table.pad_edge, table.padding = SIMPLE_HEAD, False, False, (0, gap - 1, 0, 0)
+    # Text, not str: a unit or a key in brackets is no markup.
+    for number, (header, *_) in enumerate(columns):
+        left = number <= len(rows[0].keys)
+        table.add_column(Text(header), justify="left" if left else "right", overflow="fold")
+    for row, line in zip(rows, list(zip(*columns, strict=True))[1:], strict=True):
+        table.add_row(*map(Text, line), style="dim" if row.published_map else None)
+    return table
+
+
+def print_table(frame: pd.DataFrame, order: Sequence[str] = ()) -> None:
+    """Print the table for `frame` on the terminal; order: as in `summarise`."""
+    from rich.console import Console
+
+    console = Console()
+    console.print(to_rich(summarise(frame, order), title(frame), console.width))
+
+
+def write_tables(frame: pd.DataFrame, run_dir: Path, order: Sequence[str] = ()) -> list[Path]:
+    """Write `table.md`, `table.csv` and `table.tex` for `frame` into `run_dir`; their paths.
+
+    Where episodes have explainer pages, `table.md` links those that failed.
+    """
+    rows = summarise(frame, order)
+    texts = {
+        "table.md": f"**{title(frame)}**\n\n{to_markdown(rows)}{failed_section(frame, run_dir)}",
+        "table.csv": to_csv(rows),
+        "table.tex": to_latex(rows),
+    }
+    for name, text in texts.items():
+        (run_dir / name).write_text(text, encoding="utf-8")
+    return [run_dir / name for name in texts]
+
+
+def _shown_metrics(rows: Sequence[Row]) -> list[Metric]:
+    return [metric for metric in METRICS if any(metric.key in row.stats for row in rows)]
+
+
+def _cells(rows: Sequence[Row], plus_minus: str, to: str = DASH) -> list[list[str]]:
+    """Header and lines, as text; the interval stands beside the success rate."""
+    metrics = _shown_metrics(rows)
+    headers = [metric.header for metric in metrics]
+    keys = [key.capitalize() if key in GROUP_KEYS else key for key in rows[0].keys]
+    lines = [["System", *keys, headers[0], INTERVAL_HEADER, *headers[1:], "n"]]
+    for row in rows:
+        first, *others = [_stat(row, metric, plus_minus) for metric in metrics]
+        interval = MISSING if row.interval is None else f"{row.interval[0]:.3f}{to}{row.interval[1]:.3f}"
+        episodes = MISSING if row.episodes is None else str(row.episodes)
+        values = [value or MISSING for value in row.keys.values()]
+        lines.append([row.label, *values, first, interval, *others, episodes])
+    if _compares_planners(rows):
+        for line, cell in zip(lines, ["Global planner", *(row.global_planner for row in rows)], strict=True):
+            line.append(cell)
+    return lines
+
+
+def _compares_planners(rows: Sequence[Row]) -> bool:
+    """Whether the table says who used a global planner: with several systems, or where one did."""
+    names = {row.label.rpartition(" ")[0] for row in rows}
+    return len(names) > 1 or any(row.global_planner != "no" for row in rows)
+
+
+def _width(columns: Sequence[Sequence[str]], gap: int) -> int:
+    """Of the table on the terminal, in characters."""
+    widest = (max(len(line) for cell in column for line in cell.split("\n")) for column in columns)
+    return sum(width + gap for width in widest) - gap
+
+
+def _folded(column: Sequence[str]) -> tuple[str, ...]:
+    """Cells as narrow as their longest word."""
+    narrow = max(len(word) for cell in column for word in cell.split())
+    return tuple("\n".join(textwrap.wrap(cell, narrow, break_on_hyphens=False)) for cell in column)
+
+
+def _stat(row: Row, metric: Metric, plus_minus: str) -> str:
+    mean, std = row.stats.get(metric.key, (math.nan, math.nan))
+    if math.isnan(mean):
+        return MISSING
+    spread = metric.spread and not math.isnan(std)
+    return f"{mean:.{metric.digits}f}" + (f"{plus_minus}{std:.{metric.digits}f}" if spread else "")
+
+
+def _escape_pipe(cells: Sequence[str]) -> list[str]:
+    return [cell.replace("|", r"\|") for cell in cells]
+
+
+def _escape_latex(cell: str) -> str:
+    for plain, escaped in (("\\", r"\textbackslash "), ("±", r"$\pm$"), (DASH, "--")):
+        cell = cell.replace(plain, escaped)
+    return "".join(f"\\{letter}" if letter in "_%&#{}" else letter for letter in cell)

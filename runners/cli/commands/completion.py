@@ -1,0 +1,37 @@
+"""Print what makes the tab key complete lme's words: eval "$(lme completion bash)"."""
+
+from __future__ import annotations
+
+import argparse
+
+EXAMPLES = (
+    'eval "$(lme completion bash)"  # in ~/.bashrc to keep it',
+    'eval "$(lme completion zsh)"  # in ~/.zshrc',
+)
+
+
+def main(argv: list[str]) -> int:
+    """Print a shell's script, or the words that may come next, which is what the script asks for."""
+    from runners.cli import completion
+    from runners.cli.main import command_files
+
+    given = _parser().parse_intermixed_args(argv)
+    if given.what in completion.SCRIPTS:
+        print(completion.SCRIPTS[given.what], end="")
+        return 0
+    found = completion.candidates(given.line, command_files())
+    print("\n".join(completion.unbroken(found, given.line, given.breaks)))
+    return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="lme completion",
+        description=(__doc__ or "").partition("\n")[0],
+        epilog="\n".join(["examples:", *(f"  {example}" for example in EXAMPLES)]),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("what", choices=("bash", "zsh", "words"), help="a shell; words: for its script")
+    parser.add_argument("line", nargs="?", default="", help="with words: the line typed so far")
+    parser.add_argument("--breaks", default="", help="with words: letters at which the shell breaks words")
+    return parser

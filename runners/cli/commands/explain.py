@@ -1,0 +1,191 @@
+"""Show why the robot went where it went: a page for each episode, or sentences."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from runners.workers.trace import Moment
+
+EXAMPLES = (
+    "lme explain outputs/eval/RUN",
+    "lme explain outputs/eval/RUN 218",
+    "lme explain outputs/eval/RUN 218/2 --output why.html",
+    "lme explain outputs/eval/RUN failures",
+    "lme explain outputs/eval/RUN 218 --text",
+)
+
+
+def main(argv: list[str]) -> int:
+    """List the episodes of a run, or explain those that are named. Raises InputError."""
+    arguments = _parser().parse_args(argv)
+    run_dir = _one_run(arguments.run)
+    if not arguments.episodes:
+        _list(run_dir)
+    elif arguments.text:
+        _tell(run_dir, arguments.episodes)
+    else:
+        _draw(run_dir, arguments.episodes, arguments.output)
+    return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="lme explain",
+        description=__doc__,
+        epilog="The episodes are driven once more, and must go as they are recorded.\n\nexamples:\n  "
+        + "\n  ".join(EXAMPLES),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("run", type=Path, metavar="RUN", help="a run's directory, or that of a sweep's job")
+    parser.add_argument(
+        "episodes",
+        nargs="*",
+        metavar="EPISODE",
+        help="WORLD (its run 0), WORLD/RUN or failures; none: list the episodes of the run",
+    )
+    either = parser.add_mutually_exclusive_group()
+    either.add_argument(
+        "--output",
+        type=Path,
+        metavar="PATH",
+        help="a file .html for one episode, or a folder; default: RUN/explain/",
+    )
+    either.add_argument("--text", action="store_true", help="print the sentences instead of making a page")
+    return parser
+
+
+def _one_run(path: Path) -> Path:
+    """The run directory. Raises InputError for one that holds several, and names them."""
+    from lme.errors import InputError
+    from runners.records.records import find_runs
+    from runners.records.run_directories import read_launch
+
+    runs = find_runs([path])
+    if runs == [path]:
+        return path
+    names = []
+    for run in runs:
+        launch = read_launch(run)
+        names.append(f"{run} ({' '.join(launch.overrides)})" if launch and launch.overrides else str(run))
+    raise InputError(f"{path} holds {len(runs)} runs: give one of them\n  " + "\n  ".join(names))
+
+
+def _list(run_dir: Path) -> None:
+    """Failures first, and how to go on."""
+    from runners.analysis.failures import is_failure
+    from runners.records.records import read_episodes
+
+    episodes = read_episodes([run_dir])
+    failed = episodes[is_failure(episodes)]
+    for line in _lines([failed, episodes[~is_failure(episodes)]]):
+        print(line)
+    first = (failed if len(failed) else episodes).iloc[0]
+    episode = f"{first['world']}/{first['run']}"
+    print(f"\nOne of them:        lme explain {run_dir} {episode}")
+    print(f"In words:           lme explain {run_dir} {episode} --text")
+    if len(failed):
+        print(f"All that failed:    lme explain {run_dir} failures")
+
+
+def _lines(frames: Sequence[pd.DataFrame]) -> list[str]:
+    """A table of text."""
+    from runners.analysis.columns import aligned
+
+    rows = [("episode", "outcome", "time [s]", "switches")]
+    for frame in frames:
+        for episode in frame.to_dict("records"):
+            name = f"{episode['world']}/{episode['run']}"
+            rows.append((name, episode["outcome"], f"{episode['time_s']:.1f}", str(episode["switches"])))
+    return aligned(rows, right=(2, 3))
+
+
+def _draw(run_dir: Path, words: Sequence[str], output: Path | None) -> None:
+    """Make the pages, print where they are, and book those that lie with the run."""
+    from lme.errors import InputError
+    from runners.explainer import pages
+    from runners.records.records import read_episodes
+    from runners.workers.executor import ProcessConfig, ProcessExecutor, WorkerDiedError
+
+    episodes = pages.chosen(read_episodes([run_dir]), words)
+    places = _places(run_dir, pages.items(episodes), output)
+    executor = ProcessExecutor(ProcessConfig())
+    try:
+        results = sorted(pages.make_pages(run_dir, episodes, places, executor))
+    except WorkerDiedError as error:
+        raise InputError(f"{str(error).partition(':')[0]}: explain fewer episodes at once") from None
+    made = [page.path for page in results if not page.problem]
+    for path in made:
+        print(path)
+    if output is None and made:
+        _book(run_dir, [*made, pages.index(run_dir)])
+    problems = [page.problem for page in results if page.problem]
+    if problems:
+        raise InputError(problems[0])
+
+
+def _places(
+    run_dir: Path, items: Sequence[tuple[int, int]], output: Path | None
+) -> dict[tuple[int, int], Path]:
+    """Where the page of each episode goes. Raises InputError where one file is to hold several."""
+    from lme.errors import InputError
+    from runners.analysis.failures import page_path
+
+    if output is None:
+        return {item: page_path(run_dir, item) for item in items}
+    if output.suffix != ".html" or output.is_dir():
+        return {item: output / page_path(run_dir, item).name for item in items}
+    if len(items) > 1:
+        raise InputError(f"--output {output}: one file cannot hold {len(items)} pages; give a folder")
+    return dict.fromkeys(items, output)
+
+
+def _book(run_dir: Path, files: Sequence[Path]) -> None:
+    """In MLflow, where the run itself was booked; Hydra's note of its config says where that is, if anywhere."""
+    from omegaconf import OmegaConf
+
+    from runners.analysis.failures import FOLDER
+    from runners.config.instantiate import build
+
+    note = run_dir / ".hydra" / "config.yaml"
+    tracking = OmegaConf.select(OmegaConf.load(note), "tracking") if note.is_file() else None
+    if tracking is not None:  # a figure's episodes are driven without
+        build(tracking, "tracking").add(run_dir, files, FOLDER)
+
+
+def _tell(run_dir: Path, words: Sequence[str]) -> None:
+    """Print the reason of every decision, those alike in one line."""
+    from runners.explainer.pages import chosen, items
+    from runners.records.records import read_episodes, read_trajectories
+    from runners.workers.trace import retell_recorded
+
+    trajectories = read_trajectories([run_dir])
+
+    for number, (world, run) in enumerate(items(chosen(read_episodes([run_dir]), words))):
+        tale = retell_recorded(run_dir, world, run, trajectories)
+        end = f"{tale.episode.outcome} after {tale.episode.time:.1f} s"
+        lines = [f"World {world}, run {run}: {end}, {len(tale.moments)} decisions", *_sentences(tale.moments)]
+        print("\n" * (number > 0) + "\n".join(lines))
+
+
+def _sentences(moments: Sequence[Moment]) -> Iterator[str]:
+    """Steps, times and reasons. Raises InputError where the guide gives none."""
+    from lme.errors import InputError
+    from lme.policy.reasons import reasons
+
+    why = [moment.explanation for moment in moments if moment.explanation is not None]
+    if not why:
+        raise InputError(
+            "--text: only guide=lme has reasons to tell; without --text the page shows the drive"
+        )
+    yield f"{'step':>11}  {'time [s]':>13}  why"
+    for first, last, text in reasons(why):
+        numbers, times = f"{first}", f"{moments[first].time:.1f}"
+        if last > first:
+            numbers, times = f"{numbers}–{last}", f"{times}–{moments[last].time:.1f}"
+        yield f"{numbers:>11}  {times:>13}  {text}"

@@ -1,0 +1,97 @@
+"""Draw a figure, of episodes driven for it or of a run's records: lme figure KIND …"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from omegaconf import DictConfig
+
+EXAMPLES = (
+    "lme figure trajectories -m system=dwa,lme_dwa,lme world=250",
+    "lme figure features world=250 step=40",
+    "lme figure video run=outputs/eval/RUN world=250",
+    "lme figure +experiment=barn_trajectories",
+)
+_BESIDE_RUN = {"run", "world", "formats", "figure", "experiment", "resume"}  # keys that say what to draw
+_SHORT = {"map.world": "world", "step": "figure.step", "moment": "figure.moment"}
+
+
+def main(argv: list[str]) -> int:
+    """Compose the config, drive what must be driven, and draw. `lme figure KIND` stands for `figure=KIND`."""
+    from runners.cli import launch
+    from runners.experiments.figure import validate
+
+    words = _translated(argv)
+    _check_beside_run(words)
+    _check_swept(words)
+    return launch.launch(
+        config_name="figure", run=run, argv=words, validate=validate, finish_sweep=finish_sweep
+    )
+
+
+def run(config: DictConfig, run_dir: Path) -> None:
+    """One job: its episodes, and the figure where it is the only one."""
+    from runners.experiments.figure import prepare
+
+    prepare(config, run_dir)
+
+
+def finish_sweep(config: DictConfig, sweep_dir: Path, run_dirs: list[Path]) -> None:
+    """One figure of all jobs."""
+    from runners.experiments.figure import draw
+
+    draw(config, run_dirs, sweep_dir)
+
+
+def _translated(argv: list[str]) -> list[str]:
+    """The kind as an override, keys of other names under their own, and one format as a list of one."""
+    words = list(argv)
+    if words and "=" not in words[0] and not words[0].startswith("-"):
+        words[0] = f"figure={words[0]}"
+    return [_in_full(word) for word in words]
+
+
+def _in_full(word: str) -> str:
+    key, value = _key(word), word.partition("=")[2]
+    if key == "formats" and value.isalpha():
+        return f"formats=[{value}]"
+    return f"{_SHORT[key]}={value}" if key in _SHORT else word
+
+
+def _check_beside_run(words: list[str]) -> None:
+    """Raise InputError for a key that cannot hold where the records of a run are drawn."""
+    from lme.errors import InputError
+    from runners.config import catalogue
+
+    given = {_key(word): word for word in words if "=" in word}
+    if "run" not in given or given["run"].endswith("=null"):
+        return
+    configs = catalogue.shipped()
+    driving = {*configs.groups("figure"), *(key.name for key in configs.keys("figure"))} - _BESIDE_RUN
+    for key, word in given.items():
+        if key.partition(".")[0] in driving:
+            raise InputError(
+                f"{word}: the episodes of run= are driven already, as its own config says; leave it away"
+            )
+
+
+def _check_swept(words: list[str]) -> None:
+    """Raise InputError for a sweep of what there is but once, as there is one figure of a sweep."""
+    from lme.errors import InputError
+
+    if not {"-m", "--multirun"} & set(words):
+        return
+    for word in words:
+        key, value = _key(word), word.partition("=")[2]
+        once = key.partition(".")[0] in ("run", "world", "formats", "figure")
+        if once and "," in value and not value.startswith(("[", "'", '"')):
+            raise InputError(
+                f"{word}: one figure is drawn of all jobs, so this cannot be swept; several worlds are a list, "
+                "world=[3,4], and -m sweeps what is driven: systems, maps, ablations"
+            )
+
+
+def _key(word: str) -> str:
+    return word.partition("=")[0].lstrip("+")

@@ -1,0 +1,205 @@
+"""List map sets, look at their worlds, or import published ones."""
+
+from __future__ import annotations
+
+import argparse
+import re
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from lme.errors import InputError
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from lme.worlds.world import Task
+    from runners.config.map_sets import Chosen
+
+EXAMPLES = (
+    "lme maps",
+    "lme maps show barn subset=official50",
+    "lme maps show barn 42",
+    "lme maps show traps 0 1 2 kind=door --output traps.pdf",
+    "lme maps import ~/the-barn-challenge barn_worlds",
+)
+NAMED = 6  # worlds that the name of a picture's file tells one by one
+
+
+def main(argv: list[str]) -> int:
+    """`lme maps`, `lme maps show MAP [NUMBER…] [key=value…]`, `lme maps import SOURCE DESTINATION`."""
+    arguments = _parsed(argv)
+    arguments.run(arguments)
+    return 0
+
+
+def _parsed(argv: list[str]) -> argparse.Namespace:
+    """The arguments; worlds and settings may also follow an option, which argparse by itself refuses."""
+    parser = _parser()
+    arguments, rest = parser.parse_known_args(argv)
+    strange = [word for word in rest if word.startswith("-") and not re.fullmatch(r"-\d+", word)]
+    if strange or (rest and arguments.run is not _show):
+        parser.error(f"unrecognized arguments: {' '.join(strange or rest)}")
+    if rest:
+        arguments.what += rest
+    return arguments
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="lme maps",
+        description=f"{__doc__}\nIn a terminal each map set comes with a picture of its first world.",
+        epilog="examples:\n  " + "\n  ".join(EXAMPLES),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.set_defaults(run=_list)
+    _add_plain(parser, False)
+    verbs = parser.add_subparsers(metavar="VERB")
+    show = verbs.add_parser(
+        "show",
+        help="the worlds of one map set: measures; of single worlds a picture too",
+        description="The worlds of one map set: optimal time and measures.\n"
+        "Worlds that are named by their numbers are drawn too: in the terminal, and as a file.\n"
+        "Settings are the keys of conf/map/MAP.yaml.",
+        epilog="examples:\n  " + "\n  ".join(each for each in EXAMPLES if " show " in each),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    show.add_argument("map", help="a map set that `lme maps` lists")
+    show.add_argument("what", nargs="*", metavar="NUMBER|key=value", help="worlds; settings of the map set")
+    show.add_argument(
+        "--output",
+        type=Path,
+        metavar="PATH",
+        help="the picture's file, .png, .pdf or .svg; default: outputs/maps/MAP-NUMBER.png",
+    )
+    _add_plain(show, argparse.SUPPRESS)
+    show.set_defaults(run=_show)
+    bring = verbs.add_parser("import", help="check published BARN worlds, copy them, compare with ours")
+    bring.add_argument("source", type=Path, help="an official checkout, its worlds/ or its BARN/")
+    bring.add_argument("destination", type=Path, help="a new folder, for map.source=")
+    bring.set_defaults(run=_import)
+    return parser
+
+
+def _add_plain(parser: argparse.ArgumentParser, default: bool | str) -> None:
+    words = "no pictures in the terminal, one line each: what is printed anyway where there is no terminal"
+    parser.add_argument("--plain", action="store_true", default=default, help=words)
+
+
+def _console(arguments: argparse.Namespace) -> Console | None:
+    """Where pictures can be shown; None where plain lines are asked for, or fit better."""
+    unicode = (sys.stdout.encoding or "").lower().replace("-", "").startswith("utf")
+    if arguments.plain or not sys.stdout.isatty() or not unicode:
+        return None
+    from rich.console import Console
+
+    return Console(highlight=False)
+
+
+def _list(arguments: argparse.Namespace) -> None:
+    from runners.config import catalogue
+
+    titles = catalogue.shipped().titles("map")
+    console = _console(arguments)
+    if console is not None:
+        _list_pictures(titles, console)
+        return
+    for name, title in titles.items():
+        print(f"{name:<14}  {title}")
+    print("\nOne set's worlds: lme maps show NAME")
+
+
+def _list_pictures(titles: Mapping[str, str], console: Console) -> None:
+    from runners.figures.terminal.maps import set_entry
+
+    for name, title in titles.items():
+        console.print(set_entry(name, title))
+        console.print()
+    console.print("One set's worlds: lme maps show NAME; one of them: lme maps show NAME NUMBER")
+
+
+def _show(arguments: argparse.Namespace) -> None:
+    from runners.config.map_sets import choose
+
+    chosen = choose([arguments.map, *arguments.what])
+    if not chosen.worlds and arguments.output is not None:
+        raise InputError(
+            f"--output {arguments.output}: name the worlds, lme maps show {arguments.map} NUMBER …"
+        )
+    tasks = [chosen.maps.task(number) for number in chosen.maps.numbers]
+    console = _console(arguments) if chosen.worlds else None
+    path = _saved(chosen, tasks, arguments.output)
+    if console is not None:
+        _show_pictures(chosen, tasks, console)
+    if console is None or len(tasks) > 1:
+        print("\n".join(_table(tasks)))
+    if path is not None:
+        print(path, file=sys.stderr)
+
+
+def _show_pictures(chosen: Chosen, tasks: Sequence[Task], console: Console) -> None:
+    from runners.figures.terminal.maps import one_world, several_worlds
+
+    console.print(several_worlds(tasks) if len(tasks) > 1 else one_world(chosen, tasks[0], console))
+
+
+def _table(tasks: Sequence[Task]) -> list[str]:
+    from runners.analysis.columns import aligned
+
+    rows = [_measures(task) for task in tasks]
+    return aligned(
+        [list(rows[0]), *([row[name] for name in rows[0]] for row in rows)], right=range(len(rows[0]))
+    )
+
+
+def _measures(task: Task) -> dict[str, str]:
+    measures = {name: f"{value:.4g}" for name, value in task.measures.items()}
+    return {"world": str(task.number), "optimal_time_s": f"{task.optimal_time:.3f}", **measures}
+
+
+def _saved(chosen: Chosen, tasks: Sequence[Task], output: Path | None) -> Path | None:
+    """Draw the worlds named into a file; its path, or None where none or too many are named.
+
+    Raises InputError where the file cannot be written, and for too many where it is asked for.
+    """
+    if not chosen.worlds:
+        return None
+    from runners.figures.kinds.maps import COLUMNS, PANELS, panels_of, sheet
+    from runners.figures.parts.style import FORMATS, save
+
+    if output is None and len(tasks) > PANELS:
+        return None
+    path = output or _default_output(tasks)
+    ending = path.suffix.removeprefix(".") or "png"
+    if ending not in FORMATS:
+        raise InputError(f"--output {path}: must end in .{', .'.join(FORMATS)}")
+    figure = sheet(panels_of(chosen), COLUMNS)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        return save(figure, path.with_suffix(""), [ending])[0]
+    except OSError as error:
+        raise InputError(f"--output {path}: cannot be written ({error.strerror})") from error
+
+
+def _default_output(tasks: Sequence[Task]) -> Path:
+    from runners.records.run_directories import ROOT
+
+    numbers = [str(task.number) for task in tasks]
+    if len(numbers) > NAMED:
+        numbers = [numbers[0], "to", numbers[-1]]
+    name = re.sub(r"[^\w.-]+", "_", tasks[0].map_name)
+    return ROOT / "maps" / f"{'-'.join([name, *numbers])}.png"
+
+
+def _import(arguments: argparse.Namespace) -> None:
+    from lme.worlds.barn.importing import import_worlds
+
+    report = import_worlds(arguments.source.expanduser(), arguments.destination.expanduser())
+    different = [world for world in report if "different" in (world.cylinders, world.path)]
+    for world in different:
+        print(f"world {world.number}: cylinders {world.cylinders}, path {world.path}")
+    print(
+        f"{len(report)} worlds in {arguments.destination}, {len(report) - len(different)} equal to the "
+        f"regenerated ones. Run them: lme eval map=barn map.subset=all map.source={arguments.destination}"
+    )

@@ -1,0 +1,103 @@
+"""Open MLflow's page on the runs booked so far."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import signal
+import socket
+import subprocess
+import sys
+
+EXAMPLES = (
+    "lme ui",
+    "lme ui --port 5001 --uri sqlite:///elsewhere/mlflow.db",
+)
+
+
+def main(argv: list[str]) -> int:
+    """Serve until Ctrl-C. Raises InputError where there is no store, or the port is taken."""
+    from runners.tracking.store import DEFAULTS
+
+    arguments = _parser().parse_args(argv)
+    _check_store(arguments.uri)
+    _check_address(arguments.host, arguments.port)
+    print(
+        f"MLflow on http://{arguments.host}:{arguments.port} shows {arguments.uri}; Ctrl-C ends it",
+        flush=True,
+    )
+    # Jobs are a part of MLflow's server that nobody here uses; they would start five more processes.
+    environment = {
+        **DEFAULTS,
+        "MLFLOW_SERVER_ENABLE_JOB_EXECUTION": "false",
+        "PYTHONWARNINGS": "ignore",
+        **os.environ,
+    }
+    return _serve(_server(arguments.uri, arguments.host, arguments.port), environment)
+
+
+def _parser() -> argparse.ArgumentParser:
+    from runners.tracking.store import DEFAULT_URI
+
+    parser = argparse.ArgumentParser(
+        prog="lme ui",
+        description=__doc__,
+        epilog="examples:\n  " + "\n  ".join(EXAMPLES),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--port", type=int, default=5000, help="default: 5000")
+    parser.add_argument("--host", default="127.0.0.1", help="default: 127.0.0.1, this machine alone")
+    parser.add_argument("--uri", default=DEFAULT_URI, help=f"where runs are booked; default: {DEFAULT_URI}")
+    return parser
+
+
+def _server(uri: str, host: str, port: int) -> list[str]:
+    """Command of MLflow's server. One worker answers one person."""
+    options = {"backend-store-uri": uri, "host": host, "port": str(port), "workers": "1"}
+    options["uvicorn-opts"] = "--log-level warning"
+    flags = [word for name, value in options.items() for word in (f"--{name}", value)]
+    return [sys.executable, "-m", "mlflow", "server", *flags]
+
+
+def _serve(command: list[str], environment: dict[str, str]) -> int:
+    """Run until it ends or someone ends this process."""
+    for name in ("SIGTERM", "SIGHUP"):
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), signal.default_int_handler)
+    # In a session of its own: a Ctrl-C that reached it would be answered with a traceback.
+    server = subprocess.Popen(command, env=environment, start_new_session=True)
+    try:
+        return server.wait()
+    except KeyboardInterrupt:
+        return 0
+    finally:
+        server.terminate()
+        server.wait()
+
+
+def _check_store(uri: str) -> None:
+    from lme.errors import InputError
+    from runners.tracking.store import check_uri, sqlite_path
+
+    check_uri("--uri", uri)
+    if uri.startswith("http"):
+        raise InputError(f"--uri is {uri}, a server already: open it in a browser")
+    path = sqlite_path(uri)
+    if path is not None and not path.is_file():
+        raise InputError(f"no store at {path}: run `lme eval` here first, or name another with --uri")
+
+
+def _check_address(host: str, port: int) -> None:
+    """Bind and let go: the server itself would say it in forty lines."""
+    from lme.errors import InputError
+
+    if not 0 < port < 65536:
+        raise InputError(f"--port is {port}: must be 1 to 65535")
+    try:
+        with socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET) as probe:
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            probe.bind((host, port))
+    except OSError as error:
+        raise InputError(
+            f"--host {host} --port {port} cannot be used ({error.strerror}): choose another port"
+        ) from None

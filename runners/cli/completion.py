@@ -1,0 +1,144 @@
+"""Tab completion: what may follow the words typed so far, and the shell scripts that ask for it.
+
+Reads `conf/` as plain YAML, so that a key press is answered at once.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+from itertools import pairwise
+from pathlib import Path
+
+from runners.cli.arguments import CFG, INFO
+from runners.config import catalogue
+
+_FLAGS = (
+    "--help",
+    "--multirun",
+    "-m",
+    "--cfg",
+    "--resolve",
+    "--package",
+    "--info",
+    "--config-dir",
+    "--hydra-help",
+)
+_PATH_KEYS = ("weights", "resume", "run", "bag", "map.source", "hydra.run.dir", "hydra.sweep.dir")
+_AFTER_FLAG = {"--cfg": CFG, "-c": CFG, "--info": INFO, "-i": INFO}
+
+BASH = """\
+_lme() {
+    local word IFS=$'\\n'
+    COMPREPLY=()
+    while read -r word; do COMPREPLY+=("$word"); done < <(
+        lme completion words --breaks "$COMP_WORDBREAKS" -- "${COMP_LINE:0:COMP_POINT}" 2>/dev/null)
+    if [[ ${#COMPREPLY[@]} -eq 1 && ${COMPREPLY[0]} == *[=./] ]]; then compopt -o nospace; fi
+}
+complete -o bashdefault -o default -F _lme lme
+"""
+
+ZSH = """\
+_lme() {
+    local -a found
+    found=(${(f)"$(lme completion words -- "${(j: :)words[1,CURRENT]}" 2>/dev/null)"})
+    compadd -Q -S '' -- ${(M)found:#*[=./]}
+    compadd -Q -- ${found:#*[=./]}
+}
+(( $+functions[compdef] )) || { autoload -Uz compinit && compinit; }
+compdef _lme lme
+"""
+
+SCRIPTS = {"bash": BASH, "zsh": ZSH}
+
+
+def candidates(line: str, commands: Iterable[str]) -> list[str]:
+    """Whole words that may stand where the last word of `line` is."""
+    words = line.split(" ")
+    *before, word = [text for text in words[:-1] if text] + words[-1:]
+    if len(before) <= 1:
+        return _starting(word, (*commands, "--help", "--version"))
+    folders = [Path(value) for flag, value in pairwise(before) if _is_config_dir(flag)]
+    configs = catalogue.shipped(*folders)
+    if _is_config_dir(before[-1]):
+        return _paths(word, folders_only=True)
+    if before[-1] in _AFTER_FLAG:
+        return _starting(word, _AFTER_FLAG[before[-1]])
+    try:
+        groups = configs.groups(before[1])
+    except FileNotFoundError:  # a command without a config
+        return _paths(word)
+    if word.startswith("-"):
+        return _starting(word, _FLAGS)
+    return _override(word, before[1], groups, before, configs)
+
+
+def unbroken(found: Sequence[str], line: str, breaks: str) -> list[str]:
+    """The candidates without what the shell holds for an earlier word: bash breaks words at = and :."""
+    word = line.rpartition(" ")[2]
+    cut = max((word.rfind(letter) for letter in "=:" if letter in breaks), default=-1) + 1
+    return [candidate[cut:] for candidate in found]
+
+
+def _override(
+    word: str,
+    command: str,
+    groups: dict[str, str | None],
+    before: Sequence[str],
+    configs: catalogue.Catalogue,
+) -> list[str]:
+    plus = re.match(r"\+*", word)[0]  # type: ignore[index]
+    key, equals, value = word[len(plus) :].partition("=")
+    if not equals:
+        names = [*(f"{group}=" for group in groups), *(f"{item.name}=" for item in configs.keys(command))]
+        head = key.partition(".")[0]
+        if "." in key and head in groups:
+            names = [f"{head}.{name}=" for name in _keys(head, groups[head], before, configs)]
+        if not plus and len(before) == len(("lme", command)):
+            names = [*configs.options(command), *names]  # lme figure KIND
+        return [plus + name for name in _starting(key, names)]
+    done, last = re.match(r"(.*[,\[])?(.*)", value).groups("")  # type: ignore[union-attr]
+    found = _values(key, last, groups, command, configs)
+    return [f"{plus}{key}={done}{text}" for text in found]
+
+
+def _keys(group: str, default: str | None, before: Sequence[str], configs: catalogue.Catalogue) -> list[str]:
+    """Keys of the option that the line chooses, or of the default one."""
+    chosen = [text.partition("=")[2] for text in before if text.lstrip("+").startswith(f"{group}=")]
+    if before[1] == group and len(before) > 2 and before[2] in configs.options(group):
+        chosen.insert(0, before[2])  # lme figure KIND
+    option = (chosen or [default])[-1]
+    try:
+        return [key.name for key in configs.keys(f"{group}/{option}") if key.name != "_target_"]
+    except FileNotFoundError:
+        return []
+
+
+def _values(
+    key: str, last: str, groups: dict[str, str | None], command: str, configs: catalogue.Catalogue
+) -> list[str]:
+    if key in groups:
+        return _starting(last, configs.choices(key, command))
+    named = {"weights": configs.options("weight_set"), "resume": ["true", "false"]}.get(key, [])
+    return _starting(last, named) + (_paths(last) if key in _PATH_KEYS else [])
+
+
+def _is_config_dir(flag: str) -> bool:
+    return flag in ("--config-dir", "-cd")
+
+
+def _starting(word: str, names: Iterable[str]) -> list[str]:
+    return [name for name in names if name.startswith(word)]
+
+
+def _paths(word: str, folders_only: bool = False) -> list[str]:
+    """Files and folders that begin with `word`; folders end in a slash."""
+    folder, slash, start = word.rpartition("/")
+    place = Path(f"{folder}{slash}" or ".").expanduser()
+    try:
+        entries = sorted(entry for entry in place.iterdir() if entry.name.startswith(start))
+    except OSError:
+        return []
+    visible = [entry for entry in entries if start.startswith(".") or not entry.name.startswith(".")]
+    wanted = [entry for entry in visible if entry.is_dir() or not folders_only]
+    return [f"{folder}{slash}{entry.name}{'/' if entry.is_dir() else ''}" for entry in wanted]

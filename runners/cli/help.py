@@ -1,0 +1,118 @@
+"""What `lme`, `lme --help` and `lme COMMAND --help` print. Imports nothing heavy: it must answer at once."""
+
+from __future__ import annotations
+
+import shutil
+import textwrap
+from collections.abc import Iterable, Mapping, Sequence
+from importlib.metadata import PackageNotFoundError, version
+
+from runners.config import catalogue
+
+_COLUMN = 24  # where descriptions start
+
+_EXAMPLES = (
+    "lme eval map=barn",
+    "lme eval --help",
+)
+
+_HOW_TO = (
+    ("-m, --multirun", "sweep: run every combination of comma-separated values, e.g. -m seed=0,1,2"),
+    ("resume=true", "finish the newest run with this config: records that exist are kept"),
+    ("resume=DIR", "finish the run in that directory, with the overrides that it was started with"),
+    ("hydra.run.dir=DIR", "write to that directory instead of outputs/{command}/… (hydra.sweep.dir with -m)"),
+    ("--config-dir DIR", "add your own options: DIR/robot/mine.yaml makes robot=mine"),
+    ("--cfg job", "print the composed config with every key that can be set, and run nothing"),
+    ("--info defaults", "print which files the config is composed from"),
+    ("--hydra-help", "print Hydra's own help"),
+)
+
+
+def installed_version() -> str:
+    """Version of the installed package."""
+    try:
+        return version("lme")
+    except PackageNotFoundError:
+        return "not installed"
+
+
+def overview(commands: Mapping[str, str]) -> str:
+    """Help of `lme` itself. commands: name to one line."""
+    return "\n".join(
+        [
+            "Local-Minimum Escaper: mapless robot navigation, from a config to the paper's table.",
+            "",
+            "usage: lme COMMAND [ARGUMENTS]",
+            "",
+            "commands:",
+            *_table(commands.items()),
+            "",
+            "examples:",
+            *(f"  {example}" for example in _EXAMPLES),
+            "",
+            "Every command explains itself: lme COMMAND --help.",
+            'Completion by tab: eval "$(lme completion bash)", or zsh.',
+        ]
+    )
+
+
+def command(name: str, title: str, examples: Sequence[str], words: Sequence[str] = ()) -> str:
+    """Help of a command that is configured by `conf/NAME.yaml`.
+
+    words: of the command line. Of a command that takes a kind, `lme NAME KIND`, they choose whose keys are told.
+    """
+    configs = catalogue.shipped()
+    kinds = configs.options(name)
+    usage = "[KIND] [GROUP=OPTION ...]" if kinds else "[GROUP=OPTION ...]"
+    kind = next((word for word in words if word in kinds), configs.groups(name).get(name))
+    return "\n".join(
+        [
+            title,
+            "",
+            f"usage: lme {name} {usage} [KEY=VALUE ...] [-m] [--config-dir DIR] [--cfg job]",
+            "",
+            "examples:",
+            *(f"  {example}" for example in examples),
+            "",
+            "groups, each with its options (* is the default):",
+            *_groups(configs, name),
+            "",
+            "keys:",
+            *_table((f"{key.name}={key.value}", key.comment) for key in configs.keys(name)),
+            *(_keys(configs, name, str(kind)) if kinds else ()),
+            *_table([("robot.v_max=1.0, ...", "any key of the options chosen; --cfg job prints them all")]),
+            "",
+            "how to:",
+            *_table((how, what.format(command=name)) for how, what in _HOW_TO),
+        ]
+    )
+
+
+def _keys(configs: catalogue.Catalogue, group: str, option: str) -> list[str]:
+    """Keys of one option."""
+    found = [key for key in configs.keys(f"{group}/{option}") if key.name != "_target_"]
+    return _table((f"{group}.{key.name}={key.value}", key.comment) for key in found)
+
+
+def _groups(configs: catalogue.Catalogue, command_name: str) -> list[str]:
+    lines = []
+    for group, default in configs.groups(command_name).items():
+        options = configs.choices(group, command_name)
+        lines.append(f"  {group}" if options else f"  {group}: none yet; add DIR/{group}/NAME.yaml")
+        rows = (
+            (("* " if name == default else "  ") + name, configs.title(file))
+            for name, file in options.items()
+        )
+        lines += _table(rows)
+    return lines
+
+
+def _table(rows: Iterable[tuple[str, str]]) -> list[str]:
+    """Two columns, the second wrapped to the terminal."""
+    width = max(shutil.get_terminal_size().columns, 60)
+    lines = []
+    for left, right in rows:
+        label = f"  {left}".ljust(_COLUMN - 1) + " "
+        wrapped = textwrap.wrap(right, width, initial_indent=label, subsequent_indent=" " * _COLUMN)
+        lines += wrapped or [label.rstrip()]
+    return lines

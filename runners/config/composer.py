@@ -1,0 +1,100 @@
+"""Hydra's compose API for one command: what overrides mean, and the config that they come to."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+import yaml
+from hydra import compose, initialize_config_dir
+from hydra.core.global_hydra import GlobalHydra
+from hydra.core.override_parser.overrides_parser import OverridesParser
+from hydra.core.override_parser.types import Override, Quote, QuotedString
+from hydra.errors import OverrideParseException
+from omegaconf import DictConfig, open_dict, read_write
+
+from lme.errors import InputError
+from lme.resources import resource_dir
+from runners.config import catalogue
+
+
+class Composer:
+    """Composes configs while it is entered; Hydra is left as it was found."""
+
+    def __init__(self, config_name: str, config_dir: Path | None = None) -> None:
+        """config_dir: the user's own options, beside the shipped ones. Raises InputError without a config."""
+        self.config_name = config_name
+        self.catalogue = catalogue.shipped(*([config_dir] if config_dir else []))
+        self._config_dir = config_dir
+        try:
+            self.slots = self.catalogue.groups(config_name)
+        except (FileNotFoundError, KeyError, TypeError, AttributeError, yaml.YAMLError) as error:
+            places = ", ".join(str(folder) for folder in self.catalogue.folders)
+            raise InputError(
+                f"config {config_name}: no {config_name}.yaml with defaults in {places}"
+            ) from error
+
+    def __enter__(self) -> Self:
+        self._hydra = initialize_config_dir(
+            version_base="1.3", config_dir=str(resource_dir("conf")), job_name=self.config_name
+        )
+        self._hydra.__enter__()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self._hydra.__exit__(kind, error, traceback)
+
+    def parse(self, overrides: Sequence[str]) -> list[Override]:
+        """Raises InputError for one that is no `key=value`."""
+        parser = OverridesParser.create(config_loader=GlobalHydra.instance().config_loader())
+        return [_parse(parser, override) for override in overrides]
+
+    def compose(self, overrides: Sequence[str]) -> DictConfig:
+        """The whole config, Hydra's own part included. Raises what Hydra and OmegaConf raise."""
+        return compose(self.config_name, self._with_search_path(overrides), return_hydra_config=True)
+
+    def _with_search_path(self, overrides: Sequence[str]) -> list[str]:
+        """Hydra's compose has no --config-dir; its search path does the same."""
+        if self._config_dir is None:
+            return list(overrides)
+        given = [o for o in overrides if o.startswith("hydra.searchpath=")]
+        others = [o for o in overrides if o not in given]
+        more = [place for o in self.parse(given) for place in o.value()]
+        places = ",".join(quoted(place) for place in (f"file://{self._config_dir}", *more))
+        return [f"hydra.searchpath=[{places}]", *others]
+
+
+def quoted(text: str) -> str:
+    """`text` as a string in Hydra's override grammar, whatever it holds."""
+    return QuotedString(text, Quote.single).with_quotes()
+
+
+def without_hydra(config: DictConfig) -> DictConfig:
+    """A copy of a composed config without Hydra's own part: what a command sees."""
+    own = copy.deepcopy(config)
+    with read_write(own), open_dict(own):
+        own.pop("hydra", None)
+    return own
+
+
+def _parse(parser: OverridesParser, override: str) -> Override:
+    key, equals, value = override.partition("=")
+    if not equals and not override.startswith("~"):
+        raise InputError(f"{override}: must be key=value, e.g. {key or 'seed'}=...")
+    if equals and not key.strip("+"):
+        raise InputError(f"{override}: must be key=value; the key is missing")
+    try:
+        return parser.parse_overrides([override])[0]
+    except OverrideParseException as error:
+        raise InputError(
+            f"{override}: the value {value} cannot be read: close every bracket and quote, "
+            f"and quote special characters, e.g. \"{key}='...'\""
+        ) from error

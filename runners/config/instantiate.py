@@ -1,0 +1,105 @@
+"""A config node with a `_target_` to the object that it describes.
+
+The class that `_target_` names has an attribute `Config`, a dataclass: the node's other keys are checked
+against its fields, and the class is called with an instance of it.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import importlib
+import typing
+from collections.abc import Mapping
+from typing import Any
+
+from omegaconf import DictConfig, OmegaConf
+from omegaconf.errors import OmegaConfBaseException
+
+from lme.errors import InputError
+from runners.config.hydra_errors import describe, nearest, translated, unknown_key
+
+
+def build(node: DictConfig | Mapping[str, Any], key: str, *args: Any) -> Any:
+    """The object that `node` describes: its class called with its Config and `args`.
+
+    key: where the node stands in the config ("planner"), for messages. Raises InputError naming key, value
+    and what would be right.
+    """
+    cls, config = configured(node, key)
+    return cls(config, *args)
+
+
+def configured(node: DictConfig | Mapping[str, Any], key: str) -> tuple[Any, Any]:
+    """The class and the checked Config instance of `node`, without making the object itself."""
+    given = _plain(node, key)
+    cls = _class(given.pop("_target_", None), key)
+    return cls, filled(cls.Config, given, key)
+
+
+def filled(schema: Any, given: DictConfig | Mapping[str, Any], key: str) -> Any:
+    """An instance of the dataclass `schema` with the values `given`.
+
+    Raises InputError for a key that it lacks, a value of the wrong type, or a value that is missing.
+    """
+    node = OmegaConf.structured(schema)
+    _fill(node, schema, _plain(given, key), key)
+    try:
+        return OmegaConf.to_object(node)
+    except OmegaConfBaseException as error:
+        raise _at(key, translated(error, schema)) from error
+
+
+def _fill(node: DictConfig, schema: Any, given: Mapping[str, Any], key: str) -> None:
+    annotations = typing.get_type_hints(schema)
+    names = [field.name for field in dataclasses.fields(schema)]
+    for name, value in given.items():
+        if name not in names:
+            raise unknown_key(f"{key}.{name}", names)
+        if dataclasses.is_dataclass(annotations[name]) and isinstance(value, Mapping):
+            if OmegaConf.is_missing(node, name):
+                node[name] = OmegaConf.structured(annotations[name])
+            _fill(node[name], annotations[name], value, f"{key}.{name}")
+            continue
+        try:
+            node[name] = value
+        except OmegaConfBaseException as error:
+            wanted = describe(annotations[name])
+            raise InputError(f"{key}.{name} is {value!r}: must be {wanted}") from error
+
+
+def _plain(node: DictConfig | Mapping[str, Any], key: str) -> dict[str, Any]:
+    if not OmegaConf.is_config(node):
+        given: Any = node
+    else:
+        try:
+            given = OmegaConf.to_container(node, resolve=True)
+        except OmegaConfBaseException as error:
+            raise translated(error) from error
+    if not isinstance(given, Mapping):
+        raise InputError(f"{key} is {given!r}: must be a mapping")
+    return {str(name): value for name, value in given.items()}
+
+
+def _class(target: Any, key: str) -> Any:
+    if not isinstance(target, str) or "." not in target:
+        raise InputError(
+            f"{key}._target_ is {target!r}: must be the dotted path of a class, package.module.Name"
+        )
+    module_name, _, name = target.rpartition(".")
+    try:
+        module = importlib.import_module(module_name)
+    except ImportError as error:
+        raise InputError(f"{key}._target_ is {target}: cannot be imported ({error})") from error
+    cls = getattr(module, name, None)
+    if cls is None:
+        raise InputError(
+            f"{key}._target_ is {target}: {nearest(name, vars(module))}{module_name} has no {name}"
+        )
+    if not dataclasses.is_dataclass(getattr(cls, "Config", None)):
+        raise InputError(f"{key}._target_ is {target}: the class needs an attribute Config, a dataclass")
+    return cls
+
+
+def _at(key: str, error: InputError) -> InputError:
+    message = str(error)
+    return error if message.startswith(f"{key}.") else InputError(f"{key}.{message}")

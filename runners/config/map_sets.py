@@ -1,0 +1,82 @@
+"""Map sets by name, with settings and world numbers: what `lme maps` and `lme figure maps` are told."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from typing import Any, NamedTuple, cast
+
+import numpy as np
+
+from lme.errors import InputError
+from lme.types import Floats
+from lme.worlds.world import MapSet, Task
+from runners.config import catalogue
+from runners.config.hydra_errors import nearest
+
+GRAMMAR = "NAME [NUMBER…] [key=value…]"
+CHOICES = ("subset", "kind", "difficulty")  # settings that say which of a set's worlds there are
+
+
+class Chosen(NamedTuple):
+    """A map set. worlds: the numbers named, or none. choice: which of its worlds, where it comes in kinds."""
+
+    name: str
+    maps: MapSet
+    worlds: tuple[int, ...]
+    choice: str
+
+
+def choose(words: Sequence[str]) -> Chosen:
+    """Build the map set of these words: its name, and in any order world numbers and settings.
+
+    `map.key=value` is the same as `key=value`. Raises InputError for a name, a number or a setting that is not
+    there, or not right.
+    """
+    from runners.config.instantiate import build
+
+    name, *what = words or [""]
+    known = catalogue.shipped().titles("map")
+    if name not in known:
+        raise InputError(f"map set {name!r} is unknown: {nearest(name, known)}There are {', '.join(known)}")
+    settings = [word for word in what if "=" in word]
+    numbers = list(dict.fromkeys(_number(word) for word in what if "=" not in word))
+    node = _node(name, [setting.removeprefix("map.") for setting in settings])
+    if numbers:
+        node["worlds"] = numbers
+    maps = cast(MapSet, build(node, "map"))
+    choice = next((f"{key} {node[key]}" for key in CHOICES if key in node), "")
+    return Chosen(name, maps, tuple(numbers), choice)
+
+
+def known_path(maps: MapSet, task: Task) -> Floats | None:
+    """(P, 2) the way from start to goal that the optimal time counts [m]; None where only its length is known.
+
+    BARN's leads through the middles of its cells; the scripts that score measure it (−0.15, −0.10) m beside them.
+    """
+    from lme.worlds.barn.generator import CELL_M, ORIGIN_X_M, ORIGIN_Y_M
+    from lme.worlds.barn.map_set import Barn
+
+    if not isinstance(maps, Barn):
+        return None
+    cells = maps.layout(task.number).path * CELL_M + np.array([ORIGIN_X_M, ORIGIN_Y_M])
+    return np.vstack([[task.start.x, task.start.y], cells, task.goal])
+
+
+def _number(word: str) -> int:
+    if not re.fullmatch(r"-?[0-9]{1,9}", word):
+        raise InputError(f"{word!r} is neither a world number nor key=value")
+    return int(word)
+
+
+def _node(name: str, settings: Sequence[str]) -> Any:
+    """The set's config with its settings."""
+    from omegaconf import OmegaConf
+    from omegaconf.errors import OmegaConfBaseException
+    from yaml import YAMLError
+
+    try:
+        given = OmegaConf.from_dotlist(list(settings))
+        return OmegaConf.merge(OmegaConf.load(catalogue.shipped().file(f"map/{name}")), given)
+    except (OmegaConfBaseException, YAMLError, ValueError) as error:
+        raise InputError(f"{' '.join(settings)}: must be key=value, as in YAML") from error

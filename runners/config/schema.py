@@ -1,0 +1,137 @@
+"""The shape of every command's config, and the resolver that names parameters."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import StrEnum, auto
+from typing import Any
+
+from hydra.core.config_store import ConfigStore
+from omegaconf import OmegaConf
+
+from lme.robots import Robot
+
+
+class Record(StrEnum):
+    """What becomes of an episode besides its record. Hydra knows the members by name, hence the small letters."""
+
+    none = auto()
+    mcap = auto()
+
+
+class Explain(StrEnum):
+    """Which episodes get an explainer page."""
+
+    none = auto()
+    failures = auto()
+    all = auto()
+
+
+@dataclass(slots=True, kw_only=True)
+class SystemConfig:
+    """A guide and a planner on a robot. Groups that hold a `_target_` are checked against that class's Config."""
+
+    seed: int
+    weights: str
+    robot: Robot
+    guide: dict[str, Any]
+    planner: dict[str, Any]
+    ablation: dict[str, float]
+    system: dict[str, Any] = field(default_factory=dict)
+
+
+@dataclass(slots=True, kw_only=True)
+class DriveConfig(SystemConfig):
+    """A system and where it drives."""
+
+    runs: int
+    resume: Any
+    map: dict[str, Any]
+    sim: dict[str, Any]
+    executor: dict[str, Any]
+
+
+@dataclass(slots=True, kw_only=True)
+class ReportConfig(DriveConfig):
+    """A map set driven and reported on."""
+
+    tracking: dict[str, Any]
+    table: list[str] = field(default_factory=list)
+    record: Record = Record.none
+    explain: Explain = Explain.none
+
+
+@dataclass(slots=True, kw_only=True)
+class EvalConfig(ReportConfig):
+    """`lme eval`. scale: factors on the guide's parameters, by name."""
+
+    scale: dict[str, float] = field(default_factory=dict)
+
+
+@dataclass(slots=True)
+class Reward:
+    """What a failed episode is worth (paper eq. 1), and how long one may take."""
+
+    crash: float
+    timeout: float
+    max_steps: int | None
+
+
+@dataclass(slots=True, kw_only=True)
+class TrainConfig(ReportConfig):
+    """`lme train`. held_out: map sets by name; space: nested as the config that it searches."""
+
+    trials: int
+    configurations: int
+    training_numbers: list[int]
+    start_from_config: bool
+    reward: Reward
+    name: str | None
+    storage: str | None
+    study: str | None
+    search: dict[str, Any]
+    space: dict[str, Any]
+    held_out: dict[str, Any] = field(default_factory=dict)
+
+
+@dataclass(slots=True, kw_only=True)
+class ReplayConfig(SystemConfig):
+    """`lme replay`. goal: a point [x, y], a topic, or nothing; topics, frames, scan: see runners.replay."""
+
+    bag: str | None
+    list: bool
+    goal: Any
+    as_recorded: bool
+    start: float
+    end: float | None
+    clock: str
+    stale: float
+    topics: dict[str, Any]
+    frames: dict[str, Any]
+    scan: dict[str, Any]
+    ahead: float
+    horizon: float
+    rerun: bool
+    tracking: dict[str, Any]
+
+
+@dataclass(slots=True, kw_only=True)
+class FigureConfig(DriveConfig):
+    """`lme figure`. figure: the kind and its settings; run: whose records are drawn, or none."""
+
+    figure: dict[str, Any]
+    run: str | None
+    world: Any
+    formats: list[str]
+    scale: dict[str, float] = field(default_factory=dict)
+
+
+def register() -> None:
+    """Make the schemas and the `parameters` resolver known to Hydra; safe to call again."""
+    from runners.config.weights import parameters
+
+    ConfigStore.instance().store(name="eval_schema", node=EvalConfig)
+    ConfigStore.instance().store(name="train_schema", node=TrainConfig)
+    ConfigStore.instance().store(name="replay_schema", node=ReplayConfig)
+    ConfigStore.instance().store(name="figure_schema", node=FigureConfig)
+    OmegaConf.register_new_resolver("parameters", parameters, replace=True)

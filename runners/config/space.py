@@ -1,0 +1,95 @@
+"""What a search may change: config keys, each with its range, nested in `space` as they are in the config."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from lme.errors import InputError
+from lme.robots import require
+from runners.config.flatten import flatten
+from runners.config.hydra_errors import nearest
+from runners.config.instantiate import filled
+
+PARAMETERS = "guide.parameters."
+
+
+@dataclass(slots=True)
+class Range:
+    """Lowest and highest value. log: uniform in the logarithm."""
+
+    low: float
+    high: float
+    log: bool = False
+
+
+Space = dict[str, Range]  # by dotted config key
+
+
+def read_space(config: Mapping[str, Any]) -> Space:
+    """The ranges of a composed config's `space`; a parameter that an ablation fixes is left out.
+
+    Raises InputError where there is none, for a key that the config has not or that holds no number, and for a
+    range that is empty or, if logarithmic, not positive.
+    """
+    fixed = {f"{PARAMETERS}{name}" for name in config["ablation"]}
+    space = {key: found for key, found in _ranges(config["space"], "") if key not in fixed}
+    if not space:
+        raise InputError(
+            "space is empty: must hold a range {low, high, log} for at least one key of the config"
+        )
+    known = dict(flatten(config))
+    for key, found in space.items():
+        _check_key(key, known)
+        _check_range(f"space.{key}", found)
+    return space
+
+
+def own_values(config: Mapping[str, Any], space: Space) -> dict[str, float]:
+    """What a plain config has for the keys of the space, as far as that lies in their ranges."""
+    known = dict(flatten(config))
+    return {
+        key: float(known[key])
+        for key, found in space.items()
+        if known[key] is not None and found.low <= known[key] <= found.high
+    }
+
+
+def with_values(config: Mapping[str, Any], values: Mapping[str, float]) -> dict[str, Any]:
+    """A copy of a plain config with other values under these dotted keys."""
+    changed = copy.deepcopy(dict(config))
+    for key, value in values.items():
+        *path, name = key.split(".")
+        node = changed
+        for part in path:
+            node = node[part]
+        node[name] = value
+    return changed
+
+
+def _ranges(node: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, Range]]:
+    for name, child in node.items():
+        key = f"{prefix}{name}"
+        if not isinstance(child, Mapping):
+            raise InputError(f"space.{key} is {child!r}: must be a range {{low, high, log}}")
+        if isinstance(child.get("low", {}), Mapping) and isinstance(child.get("high", {}), Mapping):
+            yield from _ranges(child, f"{key}.")
+        else:
+            yield key, filled(Range, child, f"space.{key}")
+
+
+def _check_key(key: str, known: Mapping[str, Any]) -> None:
+    if key not in known:
+        raise InputError(
+            f"space.{key}: the config has no {key}; {nearest(key, known)}choose the space of what is trained, "
+            "space=NAME"
+        )
+    if isinstance(known[key], bool) or not isinstance(known[key], int | float | None):
+        raise InputError(f"space.{key}: {key} is {known[key]!r}: only numbers can be searched")
+
+
+def _check_range(key: str, found: Range) -> None:
+    require(f"{key}.low", found.low, **({"above": 0.0} if found.log else {"at_least": 0.0}))
+    require(f"{key}.high", found.high, above=found.low)

@@ -1,0 +1,97 @@
+"""The learned parameters: by name, from a training run, or from a file."""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from lme.errors import InputError
+from lme.policy.score import CRITERIA
+from lme.policy.weights import read_parameters
+from lme.resources import resource_dir
+from runners.config.hydra_errors import unknown_key
+
+WEIGHTS = "weights.yaml"  # in the directory of a training run
+REGISTERED = Path("outputs") / "weights"
+TIMES = "\u00d7"  # a typographic sign that is easily taken for a letter
+
+
+def parameters(
+    weights: str,
+    ablation: Mapping[str, float],
+    criteria: Iterable[str] = (),
+    scale: Mapping[str, float] | None = None,
+) -> dict[str, float]:
+    """The parameters of a weight set, multiplied by `scale`, with those of the ablation in their place.
+
+    weights: a name in `conf/weight_set/` or `outputs/weights/`, the directory of a training run, or the path of
+    a YAML with a mapping `parameters`. criteria: names of criteria beside the paper's six. scale: factors by
+    name; an ablation comes after them and has the last word.
+    Raises InputError naming the file where it is missing or malformed, and for a scale of no parameter or a
+    factor that is negative or not finite.
+    """
+    learned = read_parameters(find(weights), (*CRITERIA, *criteria))
+    return {**learned, **_scaled(learned, scale or {}), **ablation}
+
+
+def check_scale(scale: Mapping[str, float], guide: Mapping[str, Any]) -> None:
+    """Raise InputError for factors beside a guide's config that has no parameters to multiply."""
+    if scale and "parameters" not in guide:
+        raise InputError(
+            f"scale is {dict(scale)}: {guide['_target_']} has no parameters to multiply; must be {{}}"
+        )
+
+
+def in_words(scale: Mapping[str, float]) -> str:
+    """A scale as a table shows it: "a_close × 0.5", several with commas between; empty where it changes nothing."""
+    return ", ".join(f"{name} {TIMES} {float(factor):.12g}" for name, factor in scale.items() if factor != 1)
+
+
+def from_words(text: str) -> dict[str, float]:
+    """The scale that `in_words` put so."""
+    pairs = [part.split(f" {TIMES} ") for part in text.split(", ") if part]
+    return {name: float(factor) for name, factor in pairs}
+
+
+def find(weights: str) -> Path:
+    """The weight file that `weights` names. Raises InputError where there is none."""
+    shipped = {path.stem: path for path in sorted((resource_dir("conf") / "weight_set").glob("*.yaml"))}
+    if weights in shipped:
+        return shipped[weights]
+    path = Path(weights)
+    if path.is_file():
+        return path
+    if path.is_dir():
+        return _of_run(path)
+    registered = {path.stem: path for path in sorted(REGISTERED.glob("*.yaml"))}
+    if weights in registered:
+        return registered[weights]
+    known = [*shipped, *registered]
+    close = difflib.get_close_matches(weights, known, 1)
+    hint = f"did you mean {close[0]}? " if close else ""
+    raise InputError(
+        f"weights is {weights!r}: {hint}must be one of {', '.join(known)}, the directory of a training run, "
+        "or the path of a weight file"
+    )
+
+
+def _scaled(learned: Mapping[str, float], scale: Mapping[str, float]) -> dict[str, float]:
+    """Those parameters that have a factor, times it."""
+    for name, factor in scale.items():
+        if name not in learned:
+            raise unknown_key(f"scale.{name}", learned)
+        if not (math.isfinite(factor) and factor >= 0):
+            raise InputError(f"scale.{name} is {factor:g}: must be a number, at least 0 and finite")
+    return {name: learned[name] * factor for name, factor in scale.items()}
+
+
+def _of_run(directory: Path) -> Path:
+    if not (directory / WEIGHTS).is_file():
+        raise InputError(
+            f"weights is {directory}: holds no {WEIGHTS}; must be the directory of a finished lme train "
+            f"(finish it with lme train resume={directory})"
+        )
+    return directory / WEIGHTS

@@ -1,0 +1,99 @@
+"""What a sweep comes to: one table, one chart, and the results in the sweep's own tracked run."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+from omegaconf import DictConfig
+
+from runners.analysis.summary import Row, numbers, summarise
+from runners.config.instantiate import build as build_target
+from runners.records import run_directories
+from runners.records.records import find_runs, read_episodes
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+_NO_METRIC_NAME = re.compile(r"[^\w\-. /]")  # MLflow refuses the rest
+
+
+class Report(NamedTuple):
+    """What was written, and what is to be said below the table."""
+
+    files: list[Path]
+    words: list[str]
+
+
+def finish(config: DictConfig, sweep_dir: Path, run_dirs: Sequence[Path]) -> None:
+    """Tabulate, draw, print and book all runs of a sweep. config: of its first job."""
+    from runners.analysis.tables import print_table
+
+    run_dirs = find_runs(run_dirs)
+    frame = read_episodes(run_dirs)
+    order = list(config.table)
+    artifacts, words = report(frame, order, run_dirs, sweep_dir)
+    print_table(frame, order)
+    for line in words:
+        print(line)
+    print(f"The sweep's table and pictures: {sweep_dir}")
+    _book(config, frame, artifacts, sweep_dir, run_dirs)
+
+
+def report(frame: pd.DataFrame, order: Sequence[str], run_dirs: Sequence[Path], place: Path) -> Report:
+    """Write table and pictures of several runs into `place`, and what their ablations and scales come to."""
+    from runners.analysis.tables import write_tables
+    from runners.figures.kinds.trajectories import side_by_side_figure
+    from runners.figures.reports.comparison import comparison_figure
+
+    files = [
+        *write_tables(frame, place, order),
+        *comparison_figure(frame, order, place),
+        *side_by_side_figure(frame, run_dirs, place),
+    ]
+    told = _studied(frame, place)
+    return Report(files + told.files, told.words)
+
+
+def _studied(frame: pd.DataFrame, place: Path) -> Report:
+    """What ablations and scales come to, where the records have any."""
+    from runners.analysis import ablation, sensitivity
+    from runners.figures.reports.ablation import ablation_figure
+    from runners.figures.reports.sensitivity import sensitivity_figure
+
+    files: list[Path] = []
+    words: list[str] = []
+    for study, figure in ((ablation, ablation_figure), (sensitivity, sensitivity_figure)):
+        found = study.studies(frame)
+        if found:
+            files += [*study.write(found, place), *figure(found, place)]
+            words += study.words(found)
+    return Report(files, words)
+
+
+def _book(
+    config: DictConfig,
+    frame: pd.DataFrame,
+    artifacts: Sequence[Path],
+    sweep_dir: Path,
+    run_dirs: Sequence[Path],
+) -> None:
+    """The sweep's run holds what its jobs have in common, and every row's figures by the row's name."""
+    launches = [record for record in map(run_directories.read_launch, run_dirs) if record is not None]
+    tracking = build_target(config.tracking, "tracking")
+    shared = run_directories.common([record.configs[0] for record in launches])
+    tracking.start(shared, sweep_dir, {"command": "sweep"})
+    rows = [row for row in summarise(frame, systems={}) if row.episodes]
+    tracking.finish(
+        {f"{_name(row)}/{key}": value for row in rows for key, value in numbers(row).items()}, artifacts
+    )
+
+
+def _name(row: Row) -> str:
+    parts = [
+        row.label.removesuffix(" (ours)"),
+        *(f"{key} {value}" for key, value in row.keys.items() if value),
+    ]
+    return _NO_METRIC_NAME.sub("_", " ".join(parts))

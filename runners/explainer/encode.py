@@ -1,0 +1,195 @@
+"""What the explainer page knows of an episode.
+
+Features, and all else that a decision turns on, are exact: the page weighs them anew and must choose as LME does.
+What is only drawn is rounded to the millimetre or to single precision.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from lme.geometry.frames import to_world
+from lme.policy.escaper import PAPER_CRITERIA, Explanation
+from lme.policy.maintenance import Choice
+from lme.sensing.scan_points import obstacle_points
+from lme.types import Floats
+from runners.explainer.packer import Packer
+from runners.workers.trace import Tale
+
+CELL_M = 0.05  # side of a cell of the world as seen so far
+CHOICES = tuple(Choice)
+NONE = np.full(2, np.nan)
+
+
+def encode(tale: Tale, sentences: Sequence[str], system: str = "") -> str:
+    """An episode, and the sentence of each of its decisions, as base64 text. system: what tables call it."""
+    packer = Packer()
+    _drive(packer, tale)
+    _scans(packer, tale)
+    _world(packer, tale)
+    reasons = [moment.explanation for moment in tale.moments if moment.explanation is not None]
+    _plans(packer, tale)
+    if reasons:
+        _decisions(packer, reasons)
+        _candidates(packer, reasons)
+        _obstacles(packer, reasons)
+    header = _header(tale, system) | (_policy(reasons[0], sentences) if reasons else {"explained": False})
+    return packer.text(header)
+
+
+def title(tale: Tale) -> str:
+    """What the episode is called."""
+    return f"{tale.task.map_name} {tale.world}, run {tale.run}"
+
+
+def _header(tale: Tale, system: str) -> dict[str, Any]:
+    robot, task, episode = tale.robot, tale.task, tale.episode
+    return {
+        "title": title(tale),
+        "system": system,
+        "ablation": ", ".join(f"{name}={value:g}" for name, value in _ablation(tale).items()),
+        "robot": robot.name,
+        "outcome": str(episode.outcome),
+        "time": episode.time,
+        "steps": len(tale.moments),
+        "planned": _plans_paths(tale),
+        "dt": robot.dt,
+        "box": robot.footprint.box,
+        "goal": task.goal.tolist(),
+        "goal_tolerance": task.goal_tolerance,
+        "start": list(task.start),
+        "cell": CELL_M,
+    }
+
+
+def _ablation(tale: Tale) -> dict[str, float]:
+    return {name: float(value) for name, value in tale.config.get("ablation", {}).items()}
+
+
+def _policy(first: Explanation, sentences: Sequence[str]) -> dict[str, Any]:
+    """What the page must know to decide. Infinity is a word, for JSON has none."""
+    weights = dict(zip(first.names, first.parameters.weights.tolist(), strict=True))
+    given = {**weights, "d1": first.parameters.d1, "d2": first.parameters.d2}
+    return {
+        "explained": True,
+        "names": first.names,
+        "about": {name: _first_line(name) for name in first.names},
+        "parameters": {name: value if math.isfinite(value) else "inf" for name, value in given.items()},
+        "choices": CHOICES,
+        "sentences": list(sentences),
+    }
+
+
+def _first_line(name: str) -> str:
+    criterion = PAPER_CRITERIA.get(name)
+    return (criterion.__doc__ or "").partition("\n")[0] if criterion else "A criterion of your own."
+
+
+def _drive(packer: Packer, tale: Tale) -> None:
+    """Where the robot was, what it was told, how near it came; one row more for the end."""
+    moments, track = tale.moments, tale.episode.trajectory
+    packer.drawn("time", track[:, 0])
+    packer.drawn("pose", track[:, 1:4])
+    packer.drawn("twist", track[:, 4:6])
+    packer.drawn("clearance", track[:, 9])
+    packer.drawn("command", np.array([moment.command for moment in moments]))
+    packer.drawn("subgoal", np.array([moment.guidance.subgoal for moment in moments]))
+    packer.whole("switched", [moment.guidance.switched for moment in moments])
+    packer.drawn("target", np.array([told.observation.target for told in tale.frames]))
+
+
+def _scans(packer: Packer, tale: Tale) -> None:
+    """Scan points in the robot frame, and the cells of the world that they touch for the first time."""
+    told = tale.frames
+    points = [obstacle_points(one.observation.scan, tale.robot.lidar.mount) for one in told]
+    _ragged_mm(packer, "scan", points, differences=True)
+    steps = np.repeat(np.arange(len(told)), [len(some) for some in points])
+    placed = np.concatenate([to_world(some, one.pose) for some, one in zip(points, told, strict=True)])
+    cells, first = np.unique(np.floor(placed / CELL_M).astype(np.int64), axis=0, return_index=True)
+    seen_at = steps[first]
+    order = np.argsort(seen_at, kind="stable")
+    packer.whole("seen.count", np.bincount(seen_at, minlength=len(told)))
+    packer.whole("seen.x", cells[order, 0], differences=True)
+    packer.whole("seen.y", cells[order, 1], differences=True)
+
+
+def _world(packer: Packer, tale: Tale) -> None:
+    """The world as it is, which the robot does not know; what moves in it, at every step."""
+    world = tale.task.world
+    packer.drawn("world.circles", world.circles)
+    packer.drawn("world.segments", world.segments)
+    packer.counts("polygons", world.polygons)
+    packer.drawn("polygons", np.concatenate([np.empty((0, 2)), *world.polygons]))
+    moving_parts = zip(*map(tale.moving, tale.frames), strict=True)
+    for name, moving in zip(("discs", "edges"), moving_parts, strict=True):
+        packer.counts(name, moving)
+        packer.drawn(name, np.concatenate(moving))
+
+
+def _plans_paths(tale: Tale) -> bool:
+    """Whether the guide plans paths."""
+    return any(moment.guidance.path is not None for moment in tale.moments)
+
+
+def _plans(packer: Packer, tale: Tale) -> None:
+    """The path that the guide has planned at every step, where it plans any."""
+    if _plans_paths(tale):
+        paths = [moment.guidance.path for moment in tale.moments]
+        _ragged_mm(packer, "plan", [np.empty((0, 2)) if path is None else path for path in paths])
+
+
+def _decisions(packer: Packer, reasons: Sequence[Explanation]) -> None:
+    """What was chosen, and the old subgoal that it was held against."""
+    old = np.array([NONE if why.old is None else why.old for why in reasons])
+    num_criteria = len(reasons[0].names)
+    nothing = np.full(num_criteria, np.nan)
+    packer.whole("new", [why.new for why in reasons])
+    packer.whole("choice", [CHOICES.index(why.decision.choice) for why in reasons])
+    packer.whole("blocked", [why.decision.blocked for why in reasons])
+    packer.drawn("old", old)
+    packer.exact("old_distance", [math.hypot(x, y) for x, y in old])
+    features = [nothing if why.old_features is None else why.old_features for why in reasons]
+    packer.exact("old_features", np.array(features))
+
+
+def _candidates(packer: Packer, reasons: Sequence[Explanation]) -> None:
+    _ragged_mm(packer, "candidates", [why.candidates for why in reasons])
+    for row, name in enumerate(reasons[0].names):
+        packer.exact(f"feature.{name}", np.concatenate([why.features[row] for why in reasons]))
+
+
+def _obstacles(packer: Packer, reasons: Sequence[Explanation]) -> None:
+    """Sectors of the scan, the one that blocks, and the recent positions."""
+    sectors = [why.sectors for why in reasons]
+    packer.counts("sectors", sectors)
+    packer.whole("sectors", np.concatenate(sectors))
+    packer.whole("blocking", [_blocking_sector(why) for why in reasons])
+    blockages = [why.view.blockage for why in reasons]
+    ends_at_first = [0 if way is None else np.array_equal(way.A, way.E1) for way in blockages]
+    packer.whole("a_is_e1", ends_at_first)
+    packer.drawn("b", np.array([NONE if way is None else way.B for way in blockages]))
+    history = [why.view.history for why in reasons]
+    packer.counts("history", history)
+    packer.drawn("history", np.concatenate(history))
+
+
+def _blocking_sector(why: Explanation) -> int:
+    """Which sector it is whose ends are E1 and E2; −1 where none blocks."""
+    way, points = why.view.blockage, why.view.points
+    if way is None:
+        return -1
+    ends = points[why.sectors]
+    matches = (ends[:, 0] == way.E1).all(axis=1) & (ends[:, 1] == way.E2).all(axis=1)
+    return int(np.argmax(matches))
+
+
+def _ragged_mm(packer: Packer, name: str, rows: Sequence[Floats], differences: bool = False) -> None:
+    """(N, 2) points [m] of every step, to the millimetre."""
+    packer.counts(name, rows)
+    millimetres = np.rint(np.concatenate(rows) * 1000.0)
+    packer.whole(f"{name}.x", millimetres[:, 0], differences)
+    packer.whole(f"{name}.y", millimetres[:, 1], differences)

@@ -1,0 +1,53 @@
+"""The index of a run's explainer pages: its results, and a link to each page, failures first."""
+
+from __future__ import annotations
+
+import html
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+from urllib.parse import quote
+
+from runners.analysis.failures import FOLDER, HEADER, INDEX, cells, episodes_told, item_of, page_path
+from runners.analysis.summary import summarise, title
+from runners.analysis.tables import to_html
+from runners.explainer.write import fill, write_whole
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+def write_index(frame: pd.DataFrame, run_dir: Path) -> Path:
+    """Write the index of the pages of one run; its path. frame: its records.
+
+    Raises InputError where it cannot be written.
+    """
+    place = run_dir / FOLDER
+    worst_first = frame.sort_values(["outcome", "world", "run"], key=_worst_first)
+    lines = [
+        f"<tr><td>{_anchor(episode, run_dir, place)}</td>"
+        + "".join(f"<td>{html.escape(cell)}</td>" for cell in cells(episode)[2:])
+        + f"<td>{episode['switches']}</td></tr>"
+        for _, episode in episodes_told(worst_first)
+        if page_path(run_dir, item_of(episode)).is_file()
+    ]
+    header = "".join(f"<th>{name}</th>" for name in ("Episode", *HEADER[2:], "Switches"))
+    parts = {
+        "TITLE": html.escape(title(frame)),
+        "RUN": html.escape("/".join(run_dir.resolve().parts[-2:])),  # as MLflow names it
+        "RESULTS": to_html(summarise(frame)),
+        "PAGES": f"<table>\n<tr>{header}</tr>\n" + "\n".join(lines) + "\n</table>",
+    }
+    write_whole(place / INDEX, fill("index.html", parts))
+    return place / INDEX
+
+
+def _anchor(episode: Mapping[str, Any], run_dir: Path, place: Path) -> str:
+    path = page_path(run_dir, item_of(episode))
+    name = f"world {episode['world']}, run {episode['run']}"
+    return f'<a href="{quote(os.path.relpath(path, place))}">{name}</a>'
+
+
+def _worst_first(column: pd.Series) -> pd.Series:
+    return column == "success" if column.name == "outcome" else column

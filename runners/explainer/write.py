@@ -1,0 +1,112 @@
+"""An episode told again, as one HTML file: no server, no network, nothing beside it."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import html
+import os
+import re
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from lme.errors import InputError
+from lme.policy.reasons import reason
+from runners.explainer.encode import encode, title
+from runners.workers.trace import Tale
+
+ASSETS = Path(__file__).parent / "assets"
+STYLES = ("uplot/uPlot.min.css", "style.css")
+SCRIPTS = (  # in this order: each may use those before it
+    "data.js",
+    "score.js",
+    "colours.js",
+    "theme.js",
+    "format.js",
+    "camera.js",
+    "marks.js",
+    "ground.js",
+    "scene.js",
+    "pointer.js",
+    "bars.js",
+    "timeline.js",
+    "parameters.js",
+    "legend.js",
+    "words.js",
+    "playback.js",
+    "keyboard.js",
+    "main.js",
+)
+STALE_S = 60.0  # a draft is written in far less
+LIBRARY, LICENCE = "uplot/uPlot.iife.min.js", "uplot/LICENSE"
+
+
+def write_page(tale: Tale, path: Path, system: str = "", ending: str = "") -> None:
+    """Write the explainer page of an episode. Raises InputError where the file cannot be written.
+
+    system: what tables call it. ending: a line after the page.
+    """
+    write_whole(path, page(tale, sentences(tale), system) + ending)
+
+
+def write_whole(path: Path, text: str) -> None:
+    """Write a file that is there as a whole or not at all. Raises InputError where it cannot be written."""
+    draft = path.with_name(f".{path.name}.{os.getpid()}.new")  # others may write the same page meanwhile
+    try:
+        _remove_stale(path)
+        draft.write_text(text, encoding="utf-8")
+        draft.replace(path)
+    except OSError as error:
+        draft.unlink(missing_ok=True)
+        raise InputError(f"{path}: cannot be written ({error.strerror}): choose another place") from error
+
+
+def sentences(tale: Tale) -> list[str]:
+    """Why LME went on or switched, at every decision; none for other guides."""
+    reasons = [moment.explanation for moment in tale.moments]
+    pairs = zip([None, *reasons], reasons, strict=False)
+    return [reason(now, before) for before, now in pairs if now is not None]
+
+
+def page(tale: Tale, told: Sequence[str], system: str = "") -> str:
+    """The whole file. told: a sentence for each decision."""
+    style = "\n".join(_asset(name) for name in STYLES)
+    own = "\n".join(_asset(name) for name in SCRIPTS)
+    script = f'/*\n{_asset(LICENCE)}*/\n{_asset(LIBRARY)}\n(() => {{\n"use strict";\n{own}\n}})();'
+    parts = {
+        "TITLE": html.escape(title(tale)),
+        "POLICY": _policy(style, script),
+        "STYLE": style,
+        "DATA": encode(tale, told, system),
+        "SCRIPT": script,
+    }
+    return fill("page.html", parts)
+
+
+def fill(name: str, parts: Mapping[str, str]) -> str:
+    """An asset with its parts put in wherever it has their names in double braces."""
+    return re.sub(r"{{([A-Z]+)}}", lambda found: parts[found[1]], _asset(name))
+
+
+def _remove_stale(path: Path) -> None:
+    """Remove what processes that were killed left of their drafts."""
+    for draft in path.parent.glob(f".{path.name}.*.new"):
+        if time.time() - draft.stat().st_mtime > STALE_S:
+            draft.unlink(missing_ok=True)
+
+
+def _policy(style: str, script: str) -> str:
+    """Content security: this style, this script, and no connection to anywhere."""
+    return (
+        f"default-src 'none'; style-src {_hash(style)}; script-src {_hash(script)}; img-src data:; "
+        "base-uri 'none'; form-action 'none'"
+    )
+
+
+def _hash(text: str) -> str:
+    return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode('utf-8')).digest()).decode('ascii')}'"
+
+
+def _asset(name: str) -> str:
+    return (ASSETS / name).read_text(encoding="utf-8")

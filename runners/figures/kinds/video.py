@@ -1,0 +1,111 @@
+"""A film of an episode, several systems side by side."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from lme.errors import InputError
+from lme.robots import require
+from runners.figures.parts.animation import Pace, Screen
+from runners.figures.parts.film import GIF, MP4, Picture, find_ffmpeg, write_film
+from runners.figures.parts.jobs import Job, chosen_world
+from runners.workers.trace import Tale
+
+PANELS = 6  # at most: more cannot be seen at once
+ENOUGH_S = 20.0  # a film whose speed is not given lasts no longer
+
+
+@dataclass(slots=True)
+class VideoConfig:
+    """How the film looks."""
+
+    format: str = GIF
+    speed: float | None = None  # simulated to shown time
+    fps: float = 10.0  # [1/s]
+    width: int = 800  # [px]
+    candidates: bool = False
+
+    def __post_init__(self) -> None:
+        if self.format not in (GIF, MP4):
+            raise InputError(f"figure.format is {self.format!r}: must be {GIF} or {MP4}")
+        if self.format == MP4:
+            find_ffmpeg()
+        if self.speed is not None:
+            require("figure.speed", self.speed, above=0.0)
+        require("figure.fps", self.fps, above=0.0, at_most=50.0)
+        require("figure.width", self.width, at_least=200, at_most=4000)
+
+
+class Video:
+    """The kind `video` of `lme figure`."""
+
+    Config = VideoConfig
+    name = "video"
+    drives = True
+
+    def __init__(self, config: VideoConfig) -> None:
+        self._config = config
+
+    def draw(
+        self, jobs: Sequence[Job], worlds: Sequence[int], stem: Path, formats: Sequence[str]
+    ) -> list[Path]:
+        """Save the film of the jobs as `stem`.gif or `stem`.mp4; the path. formats: of pictures, not heeded.
+
+        Raises InputError where there are too many panels, or an episode that cannot be told again.
+        """
+        config = self._config
+        shown = _shown(jobs, worlds)
+        tales = [job.tale(world, run) for job, world, run in shown]
+        pace, speed = _pace(tales, config)
+        note = "" if speed == 1.0 else f"{speed:.3g}× real time"
+        screen = Screen(tales, _labels(shown), config.width, candidates=config.candidates, note=note)
+        path = stem.with_name(f"{stem.name}.{config.format}")
+        pictures = _counted(screen.pictures(pace.held), len(pace.held))
+        write_film(pictures, path, pace.fps, screen.sample(pace.times))
+        return [path]
+
+
+def _counted(pictures: Iterator[Picture], total: int) -> Iterator[Picture]:
+    """The pictures, with a progress bar on standard error."""
+    from rich.console import Console
+    from rich.progress import track
+
+    yield from track(pictures, "Drawing", total, console=Console(stderr=True))
+
+
+def _shown(jobs: Sequence[Job], worlds: Sequence[int]) -> list[tuple[Job, int, int]]:
+    """(job, world, run) of each panel: every job in the worlds asked for, or where the first in its map drove."""
+    shown = []
+    for job in jobs:
+        first = next(other for other in jobs if other.place == job.place)
+        for world in worlds or [chosen_world(first, [])[0]]:
+            shown.append((job, *chosen_world(job, [world])))
+    if len(shown) > PANELS:
+        raise InputError(
+            f"{len(jobs)} jobs make {len(shown)} panels, and {PANELS} can be seen at once: choose fewer systems, or "
+            "one world"
+        )
+    return shown
+
+
+def _pace(tales: Sequence[Tale], config: VideoConfig) -> tuple[Pace, float]:
+    """When each frame is, and how much faster than real time that is."""
+    last = max(tale.end.time for tale in tales)
+    speed = config.speed if config.speed is not None else max(1.0, last / ENOUGH_S)
+    times = np.arange(0.0, last - 1e-9, speed / config.fps)
+    return Pace(np.append(times, last), config.fps), speed
+
+
+def _labels(shown: Sequence[tuple[Job, int, int]]) -> list[str]:
+    """Above each panel: the system, the map and its world, as far as they differ."""
+    systems = [job.label for job, _, _ in shown]
+    where = [f"{job.frame['map'].iloc[0]}, world {world}" for job, world, _ in shown]
+    if len(set(where)) == 1:
+        return systems
+    if len(set(systems)) == 1:
+        return where
+    return [f"{system}: {place}" for system, place in zip(systems, where, strict=True)]

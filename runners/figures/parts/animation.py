@@ -1,0 +1,158 @@
+"""Episodes as a moving picture, side by side, at the same moment of simulated time each."""
+
+from __future__ import annotations
+
+import math
+import textwrap
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from lme.types import Floats, Outcome
+from runners.figures.parts.film import Picture, write_film
+from runners.figures.parts.layout import Around, aspect_of, best_columns, lay_out, panel_width, wrapped
+from runners.figures.parts.scene import Box, common_box, draw_task, same_size
+from runners.figures.parts.stage import Stage, index_at
+from runners.figures.parts.style import BLUE, END, INK, STYLES, new_figure
+from runners.workers.trace import Tale, retell
+
+if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
+
+DPI = 100
+WIDTH_PX = 560
+TALL = 0.75  # height to width of a film, at most
+MOST_FRAMES = 150  # of a longer episode every second, third, … decision is shown
+LAST_S = 1.0  # the end stays so long
+LINE_IN, LETTER_IN, SIZE_PT = 0.16, 0.058, 8
+SAMPLE = 5  # frames that the colours of a GIF are chosen from
+KEY = "orange: laser scan · star: subgoal · line: the way so far"
+CANDIDATES_KEY = "dots: candidates, the brighter the higher their score S"
+
+
+class Pace(NamedTuple):
+    """times: simulated time of each frame [s]. fps: of the film [1/s]."""
+
+    times: Floats
+    fps: float
+
+    @property
+    def held(self) -> Floats:
+        """The times, the last one as often as the end is shown."""
+        return np.append(self.times, np.full(math.ceil(LAST_S * self.fps), self.times[-1]))
+
+
+def animate(config: Mapping[str, Any], world: int, run: int, path: Path) -> Outcome:
+    """Drive one episode of a plain config as `lme eval` does, and save it as GIF; how it ended."""
+    tale = retell(config, world, run)
+    all_times = np.array([frame.time for frame in tale.frames])
+    every = math.ceil(len(all_times) / MOST_FRAMES)
+    pace = Pace(np.append(all_times[:-1:every], all_times[-1]), tale.robot.control_rate / every)
+    screen = Screen([tale], [""], WIDTH_PX)
+    write_film(screen.pictures(pace.held), path, pace.fps, screen.sample(pace.times))
+    return tale.episode.outcome
+
+
+class Screen:
+    """Panels of one size, one for each episode, drawn for one moment after the other.
+
+    What does not move is drawn once, and the rest on top of it for every picture.
+    """
+
+    def __init__(
+        self,
+        tales: Sequence[Tale],
+        labels: Sequence[str],
+        width_px: int,
+        *,
+        candidates: bool = False,
+        note: str = "",
+    ) -> None:
+        """labels: above the panels, empty for none. width_px: at most; of it, TALL high. note: before the key."""
+        boxes = same_size([_box(tale, tales) for tale in tales])
+        page = (width_px / DPI, TALL * width_px / DPI)
+        around = Around(title=LINE_IN * (1 + any(labels)) + 0.08, footer=2 * LINE_IN, header=0.04)
+        columns = best_columns(len(tales), aspect_of(boxes[0]), page, around)
+        width = panel_width(columns, len(tales), aspect_of(boxes[0]), page, around)
+        self._figure = new_figure(*page, DPI, layout=None)
+        rows = lay_out(self._figure, wrapped(boxes, columns), width, around)
+        all_axes = [axes for row in rows for axes in row]
+        self._panels = [
+            _Panel(axes, tale, label, candidates)
+            for axes, tale, label in zip(all_axes, tales, labels, strict=True)
+        ]
+        text = " · ".join(filter(None, [note, KEY, CANDIDATES_KEY if candidates else ""]))
+        lines = textwrap.fill(text, int(self._figure.get_figwidth() / LETTER_IN))
+        top = (around.footer + 0.06) / self._figure.get_figheight()
+        self._figure.text(0.5, top, lines, ha="center", va="top", fontsize=7, color=INK)
+        self._still: Any = None
+
+    def pictures(self, times: Sequence[float] | Floats) -> Iterator[Picture]:
+        """One picture for each of the times [s]."""
+        return (self.at(time) for time in times)
+
+    def sample(self, times: Floats) -> list[Picture]:
+        """Some of them, spread over the times."""
+        chosen = np.linspace(0, len(times) - 1, SAMPLE).round().astype(int)
+        return list(self.pictures(times[chosen]))
+
+    def at(self, time_s: float) -> Picture:
+        """(height, width, 3) what is to be seen then."""
+        canvas: Any = self._figure.canvas
+        if self._still is None:
+            canvas.draw()
+            self._still = canvas.copy_from_bbox(self._figure.bbox)
+        canvas.restore_region(self._still)
+        for panel in self._panels:
+            panel.show(time_s)
+        return np.array(canvas.buffer_rgba())[..., :3]
+
+
+class _Panel:
+    """One episode."""
+
+    def __init__(self, axes: Axes, tale: Tale, label: str, candidates: bool) -> None:
+        self._axes, self._tale = axes, tale
+        self._way = np.array([frame.pose[:2] for frame in tale.frames])
+        draw_task(axes, tale.task)
+        text: dict[str, Any] = {
+            "fontsize": SIZE_PT,
+            "color": INK,
+            "ha": "center",
+            "textcoords": "offset points",
+        }
+        above: dict[str, Any] = {"xy": (0.5, 1.0), "xycoords": "axes fraction", "annotation_clip": False}
+        axes.annotate(label, xytext=(0, 3 + 72 * LINE_IN), weight="bold", **above, **text)
+        self._clock = axes.annotate("", xytext=(0, 4), **above, **text)
+        (self._trail,) = axes.plot([], [], color=BLUE, linewidth=1.2, zorder=3)
+        self._stage = Stage(axes, tale, candidates=candidates)
+        style = STYLES[tale.episode.outcome]
+        (self._end,) = axes.plot(
+            [], [], marker=style.marker, color=style.colour, linestyle="", zorder=8, **END
+        )
+        self._moving: list[Artist] = [self._trail, *self._stage.artists, self._end, self._clock]
+        for artist in self._moving:
+            artist.set_animated(True)
+
+    def show(self, time_s: float) -> None:
+        """The moment then, or the end where it is over."""
+        index = index_at(self._tale, time_s)
+        self._stage.show(index)
+        self._trail.set_data(*self._way[: index + 1].T)
+        outcome, over = self._tale.episode.outcome, index == len(self._tale.moments)
+        self._end.set_data(*(self._way[-1:].T if over else ([], [])))
+        clock = f"{self._tale.frames[index].time:.1f} s"
+        self._clock.set_text(f"{outcome}, {clock}" if over else clock)
+        self._clock.set_color(STYLES[outcome].colour if over else INK)
+        for artist in self._moving:
+            self._axes.draw_artist(artist)
+
+
+def _box(tale: Tale, tales: Sequence[Tale]) -> Box:
+    """What is shown of a world: the same for all who drove in it."""
+    here = [each for each in tales if (each.config["map"], each.world) == (tale.config["map"], tale.world)]
+    ways = [np.array([frame.pose[:2] for frame in each.frames]) for each in here]
+    return common_box([tale.task], np.vstack(ways))

@@ -1,0 +1,87 @@
+"""Panels of a figure, all of one width, in rows; sizes in inches, so that letters keep clear of one another."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple, TypeVar
+
+from runners.figures.parts.scene import Box, frame_panel
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Item = TypeVar("Item")
+
+
+class Around(NamedTuple):
+    """What is left free [in]: above and below each panel, between panels, and at the edges of the page."""
+
+    title: float = 0.22
+    foot: float = 0.0
+    gap: float = 0.12
+    left: float = 0.12
+    header: float = 0.0
+    footer: float = 0.0
+
+    @property
+    def per_row(self) -> float:
+        """Height of a row beside its panels."""
+        return self.title + self.foot + self.gap
+
+
+def panel_width(columns: int, count: int, aspect: float, page: tuple[float, float], around: Around) -> float:
+    """The most that `count` panels in so many columns can be wide on a page [in]. aspect: height to width."""
+    rows = math.ceil(count / columns)
+    across = (page[0] - around.left) / columns - around.gap
+    down = (page[1] - around.header - around.footer) / rows - around.per_row
+    return min(across, down / aspect)
+
+
+def best_columns(count: int, aspect: float, page: tuple[float, float], around: Around) -> int:
+    """The number of columns that leaves panels widest."""
+    return max(range(1, count + 1), key=lambda columns: panel_width(columns, count, aspect, page, around))
+
+
+def wrapped(items: Sequence[Item], columns: int) -> list[list[Item]]:
+    """Rows of at most so many items."""
+    return [list(items[first : first + columns]) for first in range(0, len(items), columns)]
+
+
+def lay_out(
+    figure: Figure, rows: Sequence[Sequence[Box]], width_in: float, around: Around, least_in: float = 0.0
+) -> list[list[Axes]]:
+    """One framed panel for each box, at one scale within a row; sets the figure's size, at least so wide.
+
+    A row is as high as its highest box.
+    """
+    tall = [width_in * max(map(aspect_of, row)) for row in rows]
+    grid = max(map(len, rows)) * (width_in + around.gap) + around.left
+    page = max(grid, least_in)
+    height = around.header + around.footer + sum(tall) + len(rows) * around.per_row
+    figure.set_size_inches(page, height)
+    left, top = (page - grid) / 2 + around.left, height - around.header
+    panels = []
+    for row, row_in in zip(rows, tall, strict=True):
+        bottom = top - around.title - row_in
+        places = [(left + column * (width_in + around.gap), bottom) for column in range(len(row))]
+        panels.append(
+            [
+                _panel(figure, box, (x / page, y / height, width_in / page, row_in / height))
+                for box, (x, y) in zip(row, places, strict=True)
+            ]
+        )
+        top -= row_in + around.per_row
+    return panels
+
+
+def aspect_of(box: Box) -> float:
+    """Height to width."""
+    return (box.y1 - box.y0) / (box.x1 - box.x0)
+
+
+def _panel(figure: Figure, box: Box, rectangle: tuple[float, float, float, float]) -> Axes:
+    axes = figure.add_axes(rectangle)
+    frame_panel(axes, box)
+    return axes

@@ -1,0 +1,158 @@
+"""What changes from moment to moment in a world: the robot, what it sees, where it heads, what else moves."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from lme.geometry.frames import to_world
+from lme.robots import Robot
+from lme.sensing.scan_points import obstacle_points
+from lme.types import Floats
+from runners.figures.parts.scene import outline
+from runners.figures.parts.style import BLUE, INK, ORANGE, SKY, YELLOW
+from runners.workers.trace import End, Moment, Tale
+
+if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
+    from matplotlib.lines import Line2D
+
+MOVER = "#444444"
+BEAMS = 180  # drawn at most: more flow into one surface
+CLIPPED = (5, 95)  # [percentile] scores beyond do not stretch the colours, as in the paper's maps of S
+TRACE_S = 0.5  # a mover's trace shows it so often
+NOSE = np.array([[0.8, 0.0], [0.0, 0.55], [0.0, -0.55]])  # of half the robot: a triangle that points ahead
+SUBGOAL: dict[str, Any] = {"markersize": 10, "color": YELLOW, "markeredgecolor": INK, "markeredgewidth": 0.6}
+SCAN: dict[str, Any] = {"color": ORANGE, "markersize": 1.5}
+BEAM: dict[str, Any] = {"color": SKY, "linewidth": 0.5, "alpha": 0.55}
+
+
+def index_at(tale: Tale, time_s: float) -> int:
+    """The last of the frames that is no later; the first where none is."""
+    times = np.array([frame.time for frame in tale.frames])
+    return max(int(np.searchsorted(times, time_s + 1e-9, side="right")) - 1, 0)
+
+
+class Stage:
+    """The moving things of one panel, drawn for one moment after the other."""
+
+    def __init__(
+        self, axes: Axes, tale: Tale, colour: str = BLUE, *, beams: bool = False, candidates: bool = False
+    ) -> None:
+        """colour: of the robot. beams: lines from the lidar to what it sees, instead of dots there."""
+        from matplotlib.collections import LineCollection, PatchCollection
+
+        self._tale, self._frames = tale, tale.frames
+        self._outline = outline(tale.robot.footprint)
+        self._beams = LineCollection([], zorder=1.5, **BEAM) if beams else None
+        (self._scan,) = axes.plot([], [], ".", zorder=4, **SCAN)
+        self._candidates = _candidates(axes) if candidates else None
+        (self._subgoal,) = axes.plot([], [], "*", zorder=6, **SUBGOAL)
+        (self._robot,) = axes.fill([], [], facecolor=colour, edgecolor="white", linewidth=0.5, zorder=6)
+        (self._nose,) = axes.fill([], [], facecolor="white", linewidth=0, zorder=6.5)
+        self._discs = PatchCollection([], facecolor=MOVER, zorder=4)
+        self._sides = LineCollection([], colors=MOVER, linewidths=1.5, zorder=4)
+        for collection in (self._beams, self._discs, self._sides):
+            if collection is not None:
+                axes.add_collection(collection)
+
+    @property
+    def artists(self) -> list[Artist]:
+        """All of them, in the order of drawing."""
+        shown = [self._beams, self._candidates, self._scan, self._discs, self._sides]
+        shown += [self._subgoal, self._robot, self._nose]
+        return [artist for artist in shown if artist is not None]
+
+    def show(self, index: int) -> None:
+        """The moment with this place among the frames."""
+        frame = self._frames[index]
+        self._robot.set_xy(to_world(self._outline, frame.pose))
+        self._nose.set_xy(to_world(NOSE * self._outline.max(axis=0), frame.pose))
+        self._see(frame)
+        self._move(frame)
+        subgoal = frame.subgoal if isinstance(frame, Moment) else np.full(2, math.nan)
+        shown = not np.allclose(subgoal, self._tale.task.goal)  # the goal has a mark of its own
+        self._subgoal.set_data(subgoal[:1] if shown else [], subgoal[1:] if shown else [])
+        if self._candidates is not None:
+            self._consider(frame)
+
+    def keep(self, *, scan: bool, subgoal: bool) -> None:
+        """Hide what a picture does without."""
+        self._subgoal.set_visible(subgoal)
+        for artist in (self._scan, self._beams):
+            if artist is not None:
+                artist.set_visible(scan)
+
+    def _see(self, frame: Moment | End) -> None:
+        points = seen(frame, self._tale.robot)
+        if self._beams is None:
+            self._scan.set_data(*points.T)
+            return
+        mount = self._tale.robot.lidar.mount
+        lidar = to_world(np.array([mount.x, mount.y]), frame.pose)
+        hits = points[:: math.ceil(max(len(points), 1) / BEAMS)]
+        self._beams.set_segments([np.vstack([lidar, hit]) for hit in hits])
+
+    def _move(self, frame: Moment | End) -> None:
+        from matplotlib.patches import Circle
+
+        circles, edges = self._tale.moving(frame)
+        self._discs.set_paths([Circle((x, y), radius) for x, y, radius in circles])
+        self._sides.set_segments(list(edges.reshape(-1, 2, 2)))
+
+    def _consider(self, frame: Moment | End) -> None:
+        """Candidates in the colours of their scores, from the lowest to the highest that is drawn."""
+        why = frame.explanation if isinstance(frame, Moment) else None
+        assert self._candidates is not None
+        if why is None:
+            self._candidates.set_offsets(np.empty((0, 2)))
+            return
+        low, high = np.percentile(why.scores, CLIPPED)
+        self._candidates.set_offsets(to_world(why.candidates, frame.pose))
+        self._candidates.set_array(np.clip((why.scores - low) / max(high - low, 1e-9), 0.0, 1.0))
+
+
+def draw_traces(axes: Axes, tale: Tale, last: int) -> None:
+    """Where the movers were before the moment with the place `last` among the frames: outlines, half a second apart."""
+    from matplotlib.collections import LineCollection, PatchCollection
+    from matplotlib.patches import Circle
+
+    times = np.arange(0.0, tale.frames[last].time, TRACE_S)
+    before = [tale.moving(tale.frames[index_at(tale, time)]) for time in times]
+    if not before:
+        return
+    circles = np.unique(np.vstack([each for each, _ in before]).round(6), axis=0)
+    edges = np.unique(np.vstack([each for _, each in before]).round(6), axis=0)
+    discs = [Circle((x, y), radius) for x, y, radius in circles]
+    axes.add_collection(
+        PatchCollection(discs, facecolor="none", edgecolor=MOVER, linewidth=0.5, alpha=0.6, zorder=3.5)
+    )
+    axes.add_collection(
+        LineCollection(list(edges.reshape(-1, 2, 2)), colors=MOVER, linewidths=0.5, alpha=0.6, zorder=3.5)
+    )
+
+
+def stage_keys(when: str, colour: str, *, scan: bool, movers: bool) -> list[Line2D]:
+    """What the things of a still `Stage` stand for. when: "at 12.5 s". colour: of a robot."""
+    from matplotlib.lines import Line2D
+
+    keys = [Line2D([], [], marker="o", linestyle="", markersize=6, color=colour, label=f"robot {when}")]
+    if scan:
+        keys.append(Line2D([], [], **BEAM, label="laser beams"))
+    if movers:
+        label = "moving, rings: before"
+        keys.append(Line2D([], [], marker="o", linestyle="", color=MOVER, label=label))
+    return keys
+
+
+def seen(frame: Moment | End, robot: Robot) -> Floats:
+    """(M, 2) where the beams hit, in the world [m]."""
+    return to_world(obstacle_points(frame.observation.scan, robot.lidar.mount), frame.pose)
+
+
+def _candidates(axes: Axes) -> Any:
+    """Dots without a place yet."""
+    return axes.scatter([], [], s=7, c=[], cmap="viridis", vmin=0.0, vmax=1.0, linewidths=0, zorder=3.5)

@@ -1,0 +1,146 @@
+"""How the method fares without each of its parts, and whether the difference exceeds the noise."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from runners.analysis.ablation import COMPLETE, JOIN, NAME, Study, Variant
+from runners.analysis.paired import SUCCESS, Difference, signed
+from runners.figures.parts.style import GRID, INK, STYLES, new_figure, save, symbol
+from runners.figures.reports.comparison import HATCHES, OUTCOMES
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+WIDTH_IN, STUDY_IN, AROUND_IN = 7.2, 4.0, 0.75
+VARIANT_IN = 0.8  # at least, where there are more variants than that width holds
+STUDIES = 4  # at most: more cannot be read on a page
+BAR = 0.72
+GAP = 0.08  # between panels, in panels
+NOTES = (
+    "Whiskers above: one standard deviation over runs. Below: difference in success to the complete method, paired "
+    "by world and run,\n95 % bootstrap over worlds; filled where beyond the noise (Holm-adjusted sign-flip p < 0.05)."
+)
+
+
+def ablation_figure(studies: Sequence[Study], place: Path) -> list[Path]:
+    """Draw outcomes and paired differences of every variant; save them below `place` as PNG and PDF; the paths."""
+    shown = studies[:STUDIES]
+    width = max(WIDTH_IN, VARIANT_IN * (1 + max(len(study.variants) for study in shown)))
+    figure = new_figure(width, AROUND_IN + STUDY_IN * len(shown))
+    panels = figure.subplots(
+        2 * len(shown), 1, squeeze=False, height_ratios=[1.6, 1.0] * len(shown), gridspec_kw={"hspace": GAP}
+    )[:, 0]
+    for number, study in enumerate(shown):
+        above, below = panels[2 * number : 2 * number + 2]
+        _outcomes(above, study.variants)
+        _changes(below, study.variants)
+        above.set_title(f"{study.heading} · {study.place}", fontsize=9, color=INK, loc="left")
+    figure.legend(
+        handles=_keys(), loc="outside upper right", ncols=3, frameon=False, fontsize=8, labelcolor=INK
+    )
+    more = f" {len(studies) - STUDIES} more in {NAME}.md." if len(studies) > STUDIES else ""
+    figure.supxlabel(NOTES + more, fontsize=7, color=INK, x=0.01, ha="left")
+    return save(figure, place / NAME, ("png", "pdf"))
+
+
+def _outcomes(axes: Axes, variants: Sequence[Variant]) -> None:
+    """Shares of the outcomes, one on the other, with the spread of the success rate over runs."""
+    for column, variant in enumerate(variants):
+        bottom = 0.0
+        for outcome in OUTCOMES:
+            share, std = variant.row.stats.get(outcome, (0.0, math.nan))
+            axes.bar(column, share, BAR, bottom, hatch=HATCHES.get(outcome), **_filled(outcome))
+            bottom += share
+            if outcome == SUCCESS:
+                _rate(axes, column, share, std)
+    complete = variants[0].row.stats[SUCCESS][0]
+    axes.axhline(complete, color=INK, linewidth=0.8, linestyle=(0, (4, 3)), zorder=4)
+    axes.set(ylim=(0.0, 1.0), xticks=[])
+    axes.set_ylabel("share of episodes", fontsize=8.5, color=INK)
+    _plain(axes, variants)
+
+
+def _rate(axes: Axes, column: int, mean: float, std: float) -> None:
+    """The number at the foot of its bar, a whisker at its top."""
+    axes.annotate(
+        f"{mean:.3f}",
+        (column, 0.0),
+        (0, 5),
+        textcoords="offset points",
+        ha="center",
+        fontsize=8,
+        color=INK,
+        bbox={"facecolor": "white", "edgecolor": "none", "boxstyle": "round", "pad": 0.15},
+        zorder=6,
+    )
+    if not math.isnan(std):
+        axes.errorbar(column, mean, yerr=std, color=INK, elinewidth=0.9, capsize=2.5, capthick=0.9, zorder=5)
+
+
+def _changes(axes: Axes, variants: Sequence[Variant]) -> None:
+    """Paired difference in success and its interval; the marker is filled where it exceeds the noise."""
+    axes.axhline(0.0, color=INK, linewidth=0.8, linestyle=(0, (4, 3)))
+    for column, variant in enumerate(variants):
+        change = variant.change.get(SUCCESS)
+        if change is None:
+            continue
+        face = INK if change.beyond_noise else "white"
+        axes.plot(column, change.mean, "o", color=INK, markerfacecolor=face, markersize=4.5, zorder=4)
+        if not math.isnan(change.low):
+            reach = [[change.mean - change.low], [change.high - change.mean]]
+            axes.errorbar(
+                column, change.mean, yerr=reach, color=INK, elinewidth=0.9, capsize=3.5, capthick=0.9
+            )
+        _difference(axes, column, change)
+    axes.set_xticks(range(len(variants)), [_label(each.ablation) for each in variants], fontsize=8, color=INK)
+    axes.margins(y=0.25)
+    axes.set_ylabel("difference\nin success", fontsize=8.5, color=INK)
+    _plain(axes, variants)
+
+
+def _difference(axes: Axes, column: int, change: Difference) -> None:
+    """The number beyond the end of its interval that is farther from zero."""
+    gain = change.mean > 0
+    end = change.high if gain else change.low
+    axes.annotate(
+        signed(change.mean),
+        (column, change.mean if math.isnan(end) else end),
+        (0, 5 if gain else -5),
+        textcoords="offset points",
+        ha="center",
+        va="bottom" if gain else "top",
+        fontsize=7.5,
+        color=INK,
+        bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.5},
+    )
+
+
+def _label(ablation: str) -> str:
+    """The name on two lines, the feature as the paper writes it."""
+    if ablation == COMPLETE:
+        return "Complete"
+    parts = [part.removeprefix("no_") for part in ablation.split(JOIN)]
+    return "\n".join(["No", *(symbol(part) for part in parts)])
+
+
+def _keys() -> list[Any]:
+    from matplotlib.patches import Patch
+
+    return [Patch(label=kind, hatch=HATCHES.get(kind), **_filled(kind)) for kind in OUTCOMES]
+
+
+def _filled(kind: str) -> dict[str, Any]:
+    return {"facecolor": STYLES[kind].colour, "edgecolor": "white", "linewidth": 0.4}
+
+
+def _plain(axes: Axes, variants: Sequence[Variant]) -> None:
+    axes.set_xlim(-0.6, len(variants) - 0.4)
+    axes.spines[["top", "right", "bottom"]].set_visible(False)
+    axes.tick_params(axis="x", length=0)
+    axes.tick_params(axis="y", labelsize=8, colors=INK)
+    axes.grid(axis="y", color=GRID, linewidth=0.5)
+    axes.set_axisbelow(True)

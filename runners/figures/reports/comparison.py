@@ -1,0 +1,148 @@
+"""A chart of several systems: how their episodes ended, and the BARN metric, beside what was published."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from runners.analysis import published
+from runners.analysis.summary import DASH, Row, summarise, title
+from runners.figures.parts.style import GRID, INK, SKY, STYLES, new_figure, save
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+NAME = "comparison"
+OUTCOMES = ("success", "timeout", "collision")  # from left to right
+HATCHES = {"collision": "////", "timeout": "...."}
+METRIC = "barn_metric"
+WIDTH_IN, ROW_IN, AROUND_IN = 9.0, 0.3, 1.75
+THICK, THIN = 0.8, 0.42  # of a line: our bars, published bars
+FADED = 0.45  # opacity of published bars
+
+
+def comparison_figure(frame: pd.DataFrame, order: Sequence[str], place: Path) -> list[Path]:
+    """Draw one line per row of the table, and save it below `place` as PNG and PDF; the paths.
+
+    frame: one line per episode. order: as in `runners.analysis.summary.summarise`.
+    """
+    rows = summarise(frame, order)
+    scored = any(METRIC in row.stats for row in rows)
+    figure = new_figure(WIDTH_IN, AROUND_IN + ROW_IN * len(rows))
+    widths = [3.0, 1.4] if scored else [1.0]
+    panels = figure.subplots(1, len(widths), sharey=True, squeeze=False, width_ratios=widths)[0]
+    _outcomes(panels[0], rows)
+    if scored:
+        _metric(panels[1], rows)
+    _label(figure, panels[0], rows, title(frame))
+    return save(figure, place / NAME, ("png", "pdf"))
+
+
+def _outcomes(axes: Axes, rows: Sequence[Row]) -> None:
+    """Shares of the outcomes, end to end, with the spread of the success rate over runs."""
+    for line, row in enumerate(rows):
+        left = 0.0
+        for outcome in OUTCOMES:
+            share, std = row.stats.get(outcome, (0.0, math.nan))
+            axes.barh(
+                line,
+                share,
+                left=left,
+                height=_height(row),
+                color=STYLES[outcome].colour,
+                alpha=_opacity(row),
+                hatch=HATCHES.get(outcome),
+                edgecolor="white",
+                linewidth=0.4,
+            )
+            if outcome == "success":
+                _value(axes, line, share, std, 3)
+            left += share
+    axes.set(xlim=(0.0, 1.0))
+    axes.set_xlabel("share of episodes", fontsize=8.5, color=INK)
+    _plain(axes)
+
+
+def _metric(axes: Axes, rows: Sequence[Row]) -> None:
+    for line, row in enumerate(rows):
+        mean, std = row.stats.get(METRIC, (math.nan, math.nan))
+        if not math.isnan(mean):
+            axes.barh(line, mean, height=_height(row), color=SKY, alpha=_opacity(row))
+            _value(axes, line, mean, std, 3)
+    axes.set(xlim=(0.0, 0.52))
+    axes.set_xlabel("BARN metric (at most 0.5)", fontsize=8.5, color=INK)
+    _plain(axes)
+
+
+def _value(axes: Axes, line: int, mean: float, std: float, digits: int) -> None:
+    """The number at the foot of its bar, and a whisker of one standard deviation where there is one."""
+    from matplotlib.patheffects import withStroke
+
+    axes.annotate(
+        f"{mean:.{digits}f}",
+        (0.0, line),
+        (3, 0),
+        textcoords="offset points",
+        va="center",
+        fontsize=7.5,
+        color=INK,
+        path_effects=[withStroke(linewidth=2.0, foreground="white", alpha=0.6)],
+    )
+    if not math.isnan(std):
+        axes.errorbar(mean, line, xerr=std, color=INK, elinewidth=0.9, capsize=2.0, capthick=0.9, zorder=5)
+
+
+def _label(figure: Figure, axes: Axes, rows: Sequence[Row], heading: str) -> None:
+    """Names of the rows, the key to the colours above, and what a reader must know below."""
+    from matplotlib.patches import Patch
+
+    axes.set_yticks(range(len(rows)), [_name(row) for row in rows], fontsize=8, color=INK)
+    axes.set_ylim(len(rows) - 0.4, -0.6)
+    keys = [
+        Patch(
+            facecolor=STYLES[kind].colour,
+            hatch=HATCHES.get(kind),
+            edgecolor="white",
+            linewidth=0.4,
+            label=kind,
+        )
+        for kind in OUTCOMES
+    ]
+    figure.legend(handles=keys, loc="outside upper right", ncols=3, frameon=False, fontsize=8, labelcolor=INK)
+    figure.suptitle(heading, fontsize=10.5, color=INK, x=0.01, ha="left")
+    figure.supxlabel("\n".join(_notes(rows)), fontsize=7, color=INK, x=0.01, ha="left")
+
+
+def _notes(rows: Sequence[Row]) -> list[str]:
+    """What a reader must know."""
+    lines = []
+    if any(row.global_planner != "no" for row in rows):
+        lines.append("* with a global planner.")
+    if any(row.runs is not None and row.runs > 1 for row in rows):
+        lines.append("Whiskers: one standard deviation over runs.")
+    return lines + published.notes({row.published_map for row in rows if row.published_map})
+
+
+def _name(row: Row) -> str:
+    parts = [row.label, *(f"{key} {value}" for key, value in row.keys.items() if value)]
+    return f" {DASH} ".join(parts) + ("" if row.global_planner == "no" else " *")
+
+
+def _height(row: Row) -> float:
+    return THIN if row.published_map else THICK
+
+
+def _opacity(row: Row) -> float:
+    return FADED if row.published_map else 1.0
+
+
+def _plain(axes: Axes) -> None:
+    axes.spines[["top", "right", "left"]].set_visible(False)
+    axes.tick_params(axis="y", length=0)
+    axes.tick_params(axis="x", labelsize=8, colors=INK)
+    axes.grid(axis="x", color=GRID, linewidth=0.5)
+    axes.set_axisbelow(True)

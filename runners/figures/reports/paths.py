@@ -1,0 +1,106 @@
+"""The paths of a run in a sample of its worlds."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lme.worlds.world import Task
+from runners.figures.parts.layout import Around, aspect_of, best_columns, lay_out, panel_width, wrapped
+from runners.figures.parts.scene import Box, common_box, draw_paths, draw_task, legend_keys
+from runners.figures.parts.style import INK, LEGEND_ORDER, STYLES, new_figure, save
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+PANELS = 12  # at most: more cannot be read on a page
+FAILURES = 2 / 3  # of the panels at most, when there are as many worlds without a failure
+PAGE_IN = (10.0, 8.0)  # at most
+LEGEND_IN = 6.6  # the least width that holds the key
+AROUND = Around(header=0.55, footer=0.42)
+
+
+def trajectories_figure(
+    frame: pd.DataFrame, trajectories: pd.DataFrame, worlds: Mapping[int, Task], path: Path
+) -> None:
+    """Draw the paths of a run, in a sample of its worlds, all at one scale, and save them as PNG.
+
+    frame, trajectories: as `read_episodes` and `read_trajectories` give them. worlds: tasks by number; those
+    that `sample_worlds` names are enough.
+    """
+    numbers = [number for number in sample_worlds(frame) if number in worlds]
+    shown = trajectories[trajectories["world"].isin(numbers)]
+    paths = dict(list(shown.groupby(["world", "run"])))
+    box = common_box([worlds[number] for number in numbers], shown[["x_m", "y_m"]].to_numpy())
+    figure = new_figure(*PAGE_IN, layout=None)
+    for number, axes in zip(numbers, _panels(figure, len(numbers), box), strict=True):
+        episodes = frame[frame["world"] == number]
+        draw_task(axes, worlds[number])
+        draw_paths(axes, episodes, paths)
+        axes.set_title(f"world {number}", fontsize=8, color=INK, pad=3)
+    _label(figure, frame, len(numbers), box)
+    save(figure, path.with_suffix(""))
+
+
+def sample_worlds(frame: pd.DataFrame, limit: int = PANELS) -> list[int]:
+    """At most `limit` worlds, spread over outcomes and over the numbers: failures first seen, never alone."""
+    worst = _worst_outcomes(frame)
+    kinds = {kind: sorted(w for w, outcome in worst.items() if outcome == kind) for kind in STYLES}
+    good = len(kinds["success"])
+    failures = max(limit - good, math.ceil(limit * FAILURES))
+    # Timeouts are rare and say most; then collisions; worlds without a failure fill the rest.
+    timeouts = min(len(kinds["timeout"]), max(failures - len(kinds["collision"]), failures // 2))
+    collisions = min(len(kinds["collision"]), failures - timeouts)
+    shares = {"timeout": timeouts, "collision": collisions, "success": limit - timeouts - collisions}
+    return sorted(number for kind, share in shares.items() for number in _spread(kinds[kind], share))
+
+
+def _worst_outcomes(frame: pd.DataFrame) -> dict[int, str]:
+    """Of each world, the worst outcome that any of its runs had."""
+    by_world = frame.groupby("world")["outcome"].agg(set)
+    return {
+        int(str(world)): next(kind for kind in STYLES if kind in outcomes)
+        for world, outcomes in by_world.items()
+    }
+
+
+def _spread(numbers: Sequence[int], count: int) -> list[int]:
+    """`count` of `numbers`, evenly spaced in their order."""
+    chosen = np.linspace(0, len(numbers) - 1, min(count, len(numbers))).round().astype(int)
+    return [numbers[index] for index in chosen]
+
+
+def _panels(figure: Figure, count: int, box: Box) -> list[Axes]:
+    """`count` equal panels at one scale, as large as the page allows; sets the figure's size."""
+    columns = best_columns(count, aspect_of(box), PAGE_IN, AROUND)
+    width = panel_width(columns, count, aspect_of(box), PAGE_IN, AROUND)
+    rows = lay_out(figure, wrapped([box] * count, columns), width, AROUND, LEGEND_IN)
+    return [axes for row in rows for axes in row]
+
+
+def _label(figure: Figure, frame: pd.DataFrame, shown: int, box: Box) -> None:
+    """Heading and counts of outcomes above; the key to lines and markers below."""
+    counts = frame["outcome"].value_counts()
+    outcomes = ", ".join(f"{counts[kind]} {kind}" for kind in LEGEND_ORDER if counts.get(kind, 0))
+    worlds = frame["world"].nunique()
+    sample = f" · {shown} of {worlds} worlds, failures first" if shown < worlds else ""
+    summary = f"{len(frame)} episodes: {outcomes}{sample} · panel width {box.x1 - box.x0:.1f} m"
+    for text, from_top_in, size in ((" · ".join(_names(frame)), 0.18, 11), (summary, 0.39, 8.5)):
+        y = 1 - from_top_in / figure.get_figheight()
+        figure.text(0.5, y, text, ha="center", va="center", fontsize=size, color=INK)
+    keys = legend_keys()
+    figure.legend(
+        handles=keys, loc="lower center", ncols=len(keys), frameon=False, fontsize=8.5, labelcolor=INK
+    )
+
+
+def _names(frame: pd.DataFrame) -> list[str]:
+    columns = [column for column in ("system", "ablation", "map", "subset", "robot") if column in frame]
+    values = [", ".join(map(str, frame[column].unique())) for column in columns]
+    return [value for value in values if value not in ("", "none")]

@@ -1,0 +1,120 @@
+"""A world as a small picture of Braille characters, 2 × 4 dots each, for a terminal."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from rich.style import Style
+from rich.text import Text
+
+from lme.types import Bools, Floats
+from lme.worlds.floor_plan import FloorPlan
+from lme.worlds.movers import Mover
+from lme.worlds.sampling import clearance_field
+from lme.worlds.world import Task, World
+from runners.figures.parts.extent import extent, mover_outline
+from runners.figures.parts.scene import Box
+from runners.figures.parts.style import BLUE, GREEN, VERMILION
+
+GOAL, START = "★", "→↗↑↖←↙↓↘"  # the start by its heading, in eighths of a turn from the x axis on
+_ACROSS, _DOWN = 2, 4  # dots of a character
+_BITS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]])  # of Unicode, from the top
+_FINE = 3  # samples across a dot: a line then fills a third of every dot that it crosses
+_FILLED = 0.3  # share of a dot's samples that sets it
+
+
+class _Lattice(NamedTuple):
+    """Where the dots are. corner: lower left of the picture [m]. step: from dot to dot [m]."""
+
+    corner: Floats
+    step: float
+    columns: int  # characters
+    lines: int
+
+
+def picture(task: Task, columns: int, lines: int, path: Floats | None = None) -> Text:
+    """The world, y up, at one scale for both axes and at most `columns` × `lines` characters large.
+
+    Obstacles are filled, movers hollow where they stand at first; an arrow is the start, a star the goal. path:
+    (P, 2) a way to draw too [m].
+    """
+    lattice = _laid(extent(task), columns, lines)
+    layers = [(_dots(task.world, lattice), "")]
+    if path is not None:
+        layers.append((_dots(World(segments=np.hstack([path[:-1], path[1:]])), lattice), BLUE))
+    if task.world.movers:
+        layers.append((_dots(_outlines(task.world.movers), lattice), VERMILION))
+    characters, styles = _painted(layers, lattice)
+    for glyph, colour, place in ((heading(task), GREEN, task.start[:2]), (GOAL, VERMILION, task.goal)):
+        line, column = _character(np.array(place), lattice)
+        characters[line][column], styles[line][column] = glyph, colour
+    return _text(characters, styles)
+
+
+def heading(task: Task) -> str:
+    """The arrow nearest to where the robot looks at the start."""
+    return START[round(task.start.yaw / (math.pi / 4)) % len(START)]
+
+
+def _outlines(movers: Sequence[Mover]) -> World:
+    corners = [mover_outline(mover) for mover in movers]
+    return World(segments=np.vstack([np.hstack([each, np.roll(each, -1, axis=0)]) for each in corners]))
+
+
+def _laid(box: Box, columns: int, lines: int) -> _Lattice:
+    """The finest dots with which the box fits; its outermost lines run through the middles of dots."""
+    size = np.array([box.x1 - box.x0, box.y1 - box.y0])
+    most = np.array([columns * _ACROSS, lines * _DOWN])
+    step = float((size / (most - 1)).max())
+    needed = np.floor(size / step + 1.0 + 1e-9)
+    across, down = math.ceil(needed[0] / _ACROSS), math.ceil(needed[1] / _DOWN)
+    spare = np.array([across * _ACROSS, down * _DOWN]) * step - size
+    return _Lattice(np.array([box.x0, box.y0]) - spare / 2, step, across, down)
+
+
+def _dots(world: World, lattice: _Lattice) -> Bools:
+    """(dots down, dots across) which dots the obstacles fill; the first row is the top."""
+    fine = lattice.step / _FINE
+    across, down = lattice.columns * _ACROSS, lattice.lines * _DOWN
+    x = lattice.corner[0] + (np.arange(across * _FINE) + 0.5) * fine
+    y = lattice.corner[1] + (np.arange(down * _FINE) + 0.5) * fine
+    outline = np.array([[x[0], y[0]], [x[-1], y[0]], [x[-1], y[-1]], [x[0], y[-1]]]) + fine * np.array(
+        [[-1, -1], [1, -1], [1, 1], [-1, 1]]
+    )
+    covered = clearance_field(FloorPlan(world, outline), x, y, fine) <= fine / 2 * (1 + 1e-9)
+    shares = covered.reshape(down, _FINE, across, _FINE).mean(axis=(1, 3))
+    return np.asarray(shares[::-1] >= _FILLED)
+
+
+def _painted(
+    layers: Sequence[tuple[Bools, str]], lattice: _Lattice
+) -> tuple[list[list[str]], list[list[str]]]:
+    """Characters and their colours, line by line; the last layer that has a dot in a character colours it."""
+    shape = (lattice.lines, _DOWN, lattice.columns, _ACROSS)
+    codes = np.zeros((lattice.lines, lattice.columns), dtype=np.int64)
+    colours = np.full(codes.shape, "", dtype=object)
+    for dots, colour in layers:
+        bits = (dots.reshape(shape).transpose(0, 2, 1, 3) * _BITS).sum(axis=(2, 3))
+        codes |= bits
+        colours[bits > 0] = colour
+    # A space for the empty character: some fonts draw it as eight small rings.
+    return [[chr(0x2800 + code) if code else " " for code in row] for row in codes.tolist()], colours.tolist()
+
+
+def _character(place: Floats, lattice: _Lattice) -> tuple[int, int]:
+    """Line and column of the character that a point (2,) [m] lies in."""
+    column, row = np.floor((place - lattice.corner) / lattice.step).astype(int).tolist()
+    return lattice.lines - 1 - row // _DOWN, column // _ACROSS
+
+
+def _text(characters: Sequence[Sequence[str]], styles: Sequence[Sequence[str]]) -> Text:
+    text = Text(no_wrap=True)
+    for number, (line, colours) in enumerate(zip(characters, styles, strict=True)):
+        if number:
+            text.append("\n")
+        for character, colour in zip(line, colours, strict=True):
+            text.append(character, Style(color=colour, bold=colour != "") if colour else None)
+    return text

@@ -1,0 +1,89 @@
+"""The result of training as a YAML that `lme eval weights=…` and the library load."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from lme.errors import InputError
+from lme.resources import resource_dir
+from runners.config.space import PARAMETERS
+from runners.config.weights import REGISTERED, WEIGHTS
+from runners.records.versions import versions
+
+_PACKAGES = ("lme", "numpy", "numba", "optuna")
+
+
+def write_weights(
+    config: Mapping[str, Any],
+    values: Mapping[str, float],
+    about: Mapping[str, Any],
+    run_dir: Path,
+    name: str,
+    use: str,
+) -> Path:
+    """Write `weights.yaml` into `run_dir`, and as outputs/weights/NAME.yaml where a guide can load it.
+
+    config: plain. values: the best trial's, by dotted config key. about: what else is to be told. use: the
+    command that drives with them. Returns the path of the first.
+    """
+    parameters = best_parameters(config, values)
+    content = {
+        "name": name,
+        "parameters": parameters,
+        **_elsewhere(values),
+        "robot": config["robot"]["name"],
+        **about,
+        "seed": config["seed"],
+        "versions": versions(*_PACKAGES),
+    }
+    text = f"# Written by lme train; use with: {use}\n{yaml.safe_dump(content, sort_keys=False, allow_unicode=True)}"
+    for path in (run_dir / WEIGHTS, *([REGISTERED / f"{name}.yaml"] if parameters else [])):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        draft = path.with_name(f".{path.name}.new")
+        draft.write_text(text, encoding="utf-8")
+        draft.replace(path)
+    return run_dir / WEIGHTS
+
+
+def usage(config: Mapping[str, Any], values: Mapping[str, float], pair: Mapping[str, str], name: str) -> str:
+    """The command that drives with what was found. pair: the options of guide and planner."""
+    words = [f"weights={name}"] if best_parameters(config, values) else []
+    others = _elsewhere(values).get("settings", {})
+    if others:
+        words += [f"{group}={option}" for group, option in pair.items()]
+        words += [f"{key}={value!r}" for key, value in others.items()]
+    return " ".join(["lme eval", *words])
+
+
+def best_parameters(config: Mapping[str, Any], values: Mapping[str, float]) -> dict[str, float]:
+    """The guide's parameters with those found in their place; {} for a guide without parameters."""
+    found = {
+        key.removeprefix(PARAMETERS): value for key, value in values.items() if key.startswith(PARAMETERS)
+    }
+    given = {name: float(value) for name, value in config["guide"].get("parameters", {}).items()}
+    return given | found
+
+
+def check_name(name: str, study: str) -> None:
+    """Raise InputError unless weights of the study with this fingerprint may be registered under `name`."""
+    if not name or Path(name).name != name or name.startswith("."):
+        raise InputError(f"name is {name!r}: must be a plain file name without .yaml")
+    if (resource_dir("conf") / "weight_set" / f"{name}.yaml").is_file():
+        raise InputError(f"name is {name!r}: weights of that name ship with lme; choose another name")
+    path = REGISTERED / f"{name}.yaml"
+    taken: Any = None
+    with suppress(OSError, UnicodeDecodeError, yaml.YAMLError):
+        taken = yaml.safe_load(path.read_text(encoding="utf-8"))
+    if path.exists() and not (isinstance(taken, dict) and taken.get("study") == study):
+        raise InputError(f"name is {name!r}: {path} holds the weights of another study; choose another name")
+
+
+def _elsewhere(values: Mapping[str, float]) -> dict[str, Any]:
+    """Values found for keys that are no parameters of the guide."""
+    others = {key: value for key, value in values.items() if not key.startswith(PARAMETERS)}
+    return {"settings": others} if others else {}

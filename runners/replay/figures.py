@@ -1,0 +1,146 @@
+"""Pictures of a replay: where the robot drove and what was proposed, and which way a scan looks."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from lme.geometry.frames import to_robot, to_world
+from lme.sensing.scan_points import obstacle_points
+from runners.figures.parts.style import INK, OBSTACLE, new_figure, save
+from runners.replay.driver import Log
+from runners.replay.recording import Recording
+from runners.replay.scan_source import Eyes
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+
+PROPOSED, RECORDED, GOAL = "#D55E00", "#0072B2", "#009E73"
+_FADED: dict[str, Any] = {"linewidth": 0.8, "alpha": 0.6}
+_SEEN_M = 8.0  # at most shown around the robot in a picture of one scan
+
+
+def write(frame: pd.DataFrame, log: Log, eyes: Eyes, recording: Recording, run_dir: Path) -> list[Path]:
+    """`replay.png` and `orientation.png` in `run_dir`; their paths."""
+    replay, orientation = run_dir / "replay.png", run_dir / "orientation.png"
+    replay_figure(frame, log, recording.bag.path.name, eyes.robot.dt, replay)
+    orientation_figure(eyes, recording, orientation)
+    return [replay, orientation]
+
+
+def replay_figure(frame: pd.DataFrame, log: Log, name: str, period_s: float, path: Path) -> None:
+    """The way driven with what was seen and the subgoals; speeds, clearances and decision times over time."""
+    figure = new_figure(11.0, 6.6, layout=None)
+    grid = figure.add_gridspec(
+        4, 2, width_ratios=(1.2, 1), hspace=0.4, wspace=0.16, left=0.06, right=0.98, bottom=0.08, top=0.9
+    )
+    _draw_way(figure.add_subplot(grid[:, 0]), frame, log)
+    time = frame["time_s"].to_numpy()
+    axes = [figure.add_subplot(grid[row, 1]) for row in range(4)]
+    for axis, key, label in ((axes[0], "v_mps", "v [m/s]"), (axes[1], "omega_radps", "ω [rad/s]")):
+        axis.plot(time, frame[key], color=RECORDED, linewidth=1.0, label="robot")
+        axis.plot(time, frame[f"command_{key}"], color=PROPOSED, linewidth=0.8, label="proposed")
+        axis.set_ylabel(label, fontsize=8)
+    axes[2].plot(time, frame["recorded_clearance_m"], color=RECORDED, linewidth=1.0)
+    axes[2].plot(time, frame["command_clearance_m"], color=PROPOSED, linewidth=0.8)
+    axes[2].set_ylabel("clearance [m]", fontsize=8)
+    axes[3].semilogy(time, frame["decision_us"] / 1e3, ".", color=INK, markersize=2)
+    axes[3].axhline(period_s * 1e3, color=PROPOSED, linewidth=0.8, linestyle="--")
+    axes[3].set_ylabel("decision [ms]", fontsize=8)
+    axes[3].set_xlabel("time since the recording began [s]", fontsize=8)
+    axes[3].text(time[0], period_s * 1e3, "control period", fontsize=7, color=PROPOSED, va="bottom")
+    axes[0].legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), fontsize=7, frameon=False, ncols=2)
+    for axis in axes:
+        axis.tick_params(labelsize=7)
+        axis.spines[["top", "right"]].set_visible(False)
+    figure.suptitle(name, fontsize=11, color=INK)
+    save(figure, path.with_suffix(""))
+
+
+def orientation_figure(eyes: Eyes, recording: Recording, path: Path) -> None:
+    """The first scan as the policy takes it, seen from above, ahead up: a user sees at once if left is right."""
+    lidar = eyes.robot.lidar
+    scan = eyes.see(recording.first_scan.content)
+    points = obstacle_points(scan, lidar.mount)
+    figure = new_figure(6.0, 6.4, layout=None)
+    axes = figure.add_axes((0.08, 0.06, 0.84, 0.82))
+    order = _beam_shares(points, eyes)
+    shown = axes.scatter(-points[:, 1], points[:, 0], c=order, s=4, cmap="viridis", vmin=0, vmax=1)
+    reach = min(_SEEN_M, 1.1 * float(np.abs(points).max(initial=1.0)))
+    _draw_blind_arc(axes, eyes, reach)
+    _draw_robot(axes, eyes)
+    for x, y, text in ((0, 0.93, "FRONT"), (0, -0.96, "BACK"), (-0.88, 0, "LEFT"), (0.88, 0, "RIGHT")):
+        axes.text(x * reach, y * reach, text, ha="center", va="center", fontsize=10, color=INK, weight="bold")
+    axes.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal", xlabel="−y [m]", ylabel="x [m]")
+    bar = figure.colorbar(shown, ax=axes, orientation="horizontal", fraction=0.03, pad=0.08)
+    bar.set_label("beam, first to last", fontsize=8)
+    down = ", upside down" if eyes.upside_down else ""
+    figure.suptitle(
+        f"First scan in the base frame, from above{down}\n{len(points)} returns of {lidar.num_beams} beams, "
+        f"{math.degrees(lidar.fov):.0f}°; mount: {eyes.mounted_by}",
+        fontsize=9,
+        color=INK,
+    )
+    save(figure, path.with_suffix(""))
+
+
+def _draw_way(axes: Axes, frame: pd.DataFrame, log: Log) -> None:
+    """The odometry frame."""
+    clouds = [to_world(one.points, one.motion.pose) for one in log.sample]
+    seen = np.concatenate(clouds) if clouds else np.empty((0, 2))
+    axes.plot(seen[:, 0], seen[:, 1], ".", color=OBSTACLE, markersize=0.8, alpha=0.5, zorder=1)
+    for one in log.sample:
+        subgoal = to_world(one.subgoal, one.motion.pose)
+        axes.plot(*zip(one.motion.pose[:2], subgoal, strict=True), color=PROPOSED, zorder=2, **_FADED)
+        axes.plot(*subgoal, ".", color=PROPOSED, markersize=3, zorder=2)
+    axes.plot(frame["x_m"], frame["y_m"], color=RECORDED, linewidth=1.6, zorder=3, label="robot")
+    x, y, yaw = frame[["x_m", "y_m", "yaw_rad"]].iloc[0]
+    axes.plot(x, y, marker=(3, 0, math.degrees(yaw) - 90), markersize=9, color=RECORDED, zorder=4)
+    last = log.sample[-1]
+    axes.plot(
+        *to_world(last.target, last.motion.pose), "*", color=GOAL, markersize=12, zorder=5, label="goal"
+    )
+    axes.plot([], [], color=PROPOSED, marker=".", label="to the subgoal", **_FADED)
+    low, high = seen.min(axis=0, initial=math.inf), seen.max(axis=0, initial=-math.inf)
+    if len(seen):
+        axes.set(xlim=(low[0] - 0.3, high[0] + 0.3), ylim=(low[1] - 0.3, high[1] + 0.3))
+    axes.set(aspect="equal", xlabel="x in the odometry frame [m]", ylabel="y [m]")
+    axes.legend(fontsize=8, frameon=False, loc="upper left", bbox_to_anchor=(0.0, 1.08), ncols=3)
+
+
+def _beam_shares(points: np.ndarray, eyes: Eyes) -> np.ndarray:
+    """Where in the sweep each point was seen, 0 at the first beam and 1 at the last."""
+    lidar = eyes.robot.lidar
+    at_lidar = to_robot(points, lidar.mount)
+    bearings = np.arctan2(at_lidar[:, 1], at_lidar[:, 0]) - lidar.angle_min
+    return np.asarray(np.mod(bearings + 1e-6, math.tau) / lidar.fov)
+
+
+def _draw_blind_arc(axes: Axes, eyes: Eyes, reach: float) -> None:
+    from matplotlib.patches import Wedge
+
+    lidar = eyes.robot.lidar
+    if lidar.full_circle:
+        return
+    middle = math.degrees(lidar.yaw) + 90.0  # ahead is up
+    half = math.degrees(lidar.fov) / 2
+    centre = (-lidar.y, lidar.x)
+    blind = Wedge(centre, 2 * reach, middle + half, middle - half + 360, facecolor="#EEEEEE", zorder=0)
+    axes.add_patch(blind)
+
+
+def _draw_robot(axes: Axes, eyes: Eyes) -> None:
+    from matplotlib.patches import FancyBboxPatch
+
+    half_length, half_width, rounding = eyes.robot.footprint.box
+    style = f"round,pad={rounding},rounding_size={max(rounding, 1e-6)}" if rounding else "square,pad=0"
+    corner = (-half_width, -half_length)
+    size = (max(2 * half_width, 1e-6), max(2 * half_length, 1e-6))
+    axes.add_patch(FancyBboxPatch(corner, *size, boxstyle=style, facecolor="none", edgecolor=INK))
+    length = max(2 * eyes.robot.footprint.r_max, 0.3)
+    axes.annotate("", xy=(0, length), xytext=(0, 0), arrowprops={"arrowstyle": "->", "color": INK})
+    axes.plot(-eyes.robot.lidar.y, eyes.robot.lidar.x, "+", color=PROPOSED, markersize=6)

@@ -1,0 +1,150 @@
+"""What the replayed robot sees: scans and clouds of a recording as those of its lidar."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from lme.errors import InputError
+from lme.robots import Lidar, Robot, require
+from lme.sensing.point_cloud import Projection, cloud_points, rigid_transform, to_scan
+from lme.sensing.resampling import own_lidar, resampled, same_lidar, tidied
+from lme.types import Floats, LaserScan, Pose
+from runners.replay import messages
+from runners.replay.messages import planar_matrix, scan_of
+from runners.replay.recording import Recording
+
+LIDARS = ("recorded", "robot")
+
+
+@dataclass(slots=True)
+class CloudConfig:
+    """How a 3D cloud becomes a scan; heights in the base frame."""
+
+    min_height: float = 0.05  # [m]
+    max_height: float = 0.5  # [m]
+    angle_increment: float = 0.0087  # [rad]
+    range_max: float = 10.0  # [m]
+
+
+@dataclass(slots=True)
+class ScanConfig:
+    """How scans are read. mount: [x, y, z [m], roll, pitch, yaw [rad]] of the lidar on the base."""
+
+    lidar: str = "recorded"
+    mount: list[float] | None = None
+    range_min: float | None = None  # [m]
+    range_max: float | None = None  # [m]
+    cloud: CloudConfig = field(default_factory=CloudConfig)
+
+    def __post_init__(self) -> None:
+        if self.lidar not in LIDARS:
+            raise InputError(f"scan.lidar is {self.lidar!r}: must be one of {', '.join(LIDARS)}")
+        if self.mount is not None:
+            _matrix(self.mount)
+        if self.range_min is not None:
+            require("scan.range_min", self.range_min, at_least=0.0)
+        if self.range_max is not None:
+            require("scan.range_max", self.range_max, above=self.range_min or 0.0)
+        require("scan.cloud.max_height", self.cloud.max_height, above=self.cloud.min_height)
+        require("scan.cloud.angle_increment", self.cloud.angle_increment, above=0.0, at_most=0.5)
+        require("scan.cloud.range_max", self.cloud.range_max, above=0.0)
+
+
+class Eyes:
+    """Turns messages into scans of one lidar, which is that of `robot`.
+
+    lidar "recorded": the robot has the lidar that the first scan came from; "robot": it keeps its own. A scan
+    that is the lidar's own is passed on bit by bit.
+    """
+
+    def __init__(self, config: ScanConfig, recording: Recording, robot: Robot) -> None:
+        self._config = config
+        self._cloud = recording.topics.scan.type == messages.POINT_CLOUD
+        self._spare_range = robot.lidar.range_max
+        self.mounted_by, matrix = _mount(config, recording, robot)
+        self._matrix = matrix
+        self._pose, self.upside_down = (Pose(0.0, 0.0, 0.0), False) if self._cloud else planar_matrix(matrix)
+        raw = self.raw(recording.first_scan.content)
+        seen, _ = own_lidar(tidied(raw, self.upside_down), self._pose)
+        if config.lidar == "recorded" and not same_lidar(seen, robot.lidar):
+            robot = replace(robot, lidar=replace(seen, noise_std=robot.lidar.noise_std))
+        self.robot = robot
+        self._geometry: tuple[float, ...] = ()
+        self._own = self._untouched = False
+
+    def see(self, message: Any) -> LaserScan:
+        """The scan of a LaserScan or PointCloud2 message, as the robot's lidar would give it."""
+        raw, lidar = self.raw(message), self.robot.lidar
+        geometry = (len(raw.ranges), *raw[1:])
+        if geometry != self._geometry:
+            self._geometry = geometry
+            self._own = same_lidar(own_lidar(tidied(raw, self.upside_down), self._pose)[0], lidar)
+            self._untouched = self._own and self._reads_alike(raw)
+        if self._untouched:
+            return _of(lidar, raw.ranges)
+        scan = tidied(raw, self.upside_down)
+        return _of(lidar, scan.ranges) if self._own else resampled(scan, self._pose, lidar)
+
+    def raw(self, message: Any) -> LaserScan:
+        """The scan as the message has it, limits of range set right."""
+        if self._cloud:
+            return self._flattened(message)
+        scan, config = scan_of(message), self._config
+        low = scan.range_min if config.range_min is None else config.range_min
+        high = scan.range_max if config.range_max is None else config.range_max
+        low = max(low, 0.0) if math.isfinite(low) else 0.0
+        return scan._replace(range_min=low, range_max=high if low < high < math.inf else self._spare_range)
+
+    def _reads_alike(self, raw: LaserScan) -> bool:
+        """Whether the message can be passed on: upright, from the same beam on, 0 no range."""
+        lidar = self.robot.lidar
+        first = math.isclose(raw.angle_min, lidar.angle_min, abs_tol=1e-5)
+        upright = raw.angle_increment > 0.0 and not self.upside_down
+        return first and upright and len(raw.ranges) == lidar.num_beams and lidar.range_min > 0.0
+
+    def _flattened(self, message: Any) -> LaserScan:
+        cloud = self._config.cloud
+        projection = Projection(
+            min_height=cloud.min_height,
+            max_height=cloud.max_height,
+            angle_increment=cloud.angle_increment,
+            range_min=self._config.range_min or 0.0,
+            range_max=self._config.range_max or cloud.range_max,
+        )
+        scan = to_scan(cloud_points(message), projection, self._matrix)
+        middle = (
+            scan.angle_min + scan.angle_increment / 2.0
+        )  # a bin stands for the bearings from its start on
+        return scan._replace(ranges=np.asarray(scan.ranges, np.float32), angle_min=middle)
+
+
+def _mount(config: ScanConfig, recording: Recording, robot: Robot) -> tuple[str, Floats]:
+    """Who says where the lidar sits, and where: (4, 4) from its frame to the base."""
+    if config.mount is not None:
+        return "scan.mount", _matrix(config.mount)
+    if recording.mount is not None:
+        return "tf", recording.mount
+    pose = robot.lidar.mount
+    return f"robot={robot.name}", rigid_transform((pose.x, pose.y, 0.0, 0.0, 0.0, pose.yaw))
+
+
+def _matrix(mount: Sequence[float]) -> Floats:
+    try:
+        return rigid_transform(mount)
+    except InputError as error:
+        raise InputError(f"scan.{error}") from error
+
+
+def _of(lidar: Lidar, ranges: Any) -> LaserScan:
+    return LaserScan(
+        np.ascontiguousarray(ranges, np.float32),
+        lidar.angle_min,
+        lidar.angle_increment,
+        lidar.range_min,
+        lidar.range_max,
+    )

@@ -1,0 +1,55 @@
+"""Recordings that `lme eval record=mcap` wrote: they say who drove, and how the dice fell."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from lme.errors import InputError
+from lme.navigator import MapReader, Navigator
+from runners.config import build
+from runners.replay.bags import Bag
+from runners.workers.episodes import episode_rng
+
+TOPIC, TYPE = "/lme", "std_msgs/msg/String"
+GOAL = "/goal"
+GROUPS = ("robot", "guide", "planner")
+
+
+class Episode(NamedTuple):
+    """The episode that was recorded. config: of the evaluation, plain."""
+
+    seed: int
+    world: int
+    run: int
+    config: Mapping[str, Any]
+
+    def rng(self) -> np.random.Generator:
+        """The navigator's stream, as the episode spawned it."""
+        return episode_rng(self.seed, self.world, self.run).spawn(2)[0]
+
+    def read_map(self, navigator: Navigator) -> None:
+        """Give the true map to a guide that had it."""
+        if isinstance(navigator.guide, MapReader):
+            task = build.map_set(self.config).task(self.world)
+            navigator.read_map(task.world, task.start)
+
+
+def episode_of(bag: Bag) -> Episode | None:
+    """Which episode the recording is of; None for one of a real robot. Raises InputError where it is garbled."""
+    if not any(topic.name == TOPIC and TYPE in topic.types for topic in bag.topics()):
+        return None
+    text = next((message.content.data for message in bag.messages([TOPIC])), "")
+    try:
+        told = json.loads(text)
+        episode = Episode(int(told["seed"]), int(told["world"]), int(told["run"]), told["config"])
+        if not all(isinstance(episode.config[group], dict) for group in GROUPS):
+            raise TypeError
+    except (ValueError, TypeError, KeyError) as error:
+        raise InputError(
+            f"bag {bag.path}: {TOPIC} does not say which episode this is: set as_recorded=false"
+        ) from error
+    return episode

@@ -1,0 +1,224 @@
+"""Where a run is booked: MLflow, or nowhere.
+
+MLflow takes seconds to import and to open its store, so that happens in a thread while worker processes
+drive. Tracking never stops a run: what cannot be booked is warned of in one line, and results stay on disk.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import platform
+import subprocess
+import threading
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol
+
+from lme.errors import InputError
+from runners.records.versions import versions
+from runners.tracking.store import (
+    DEFAULT_URI,
+    KEY_LENGTH,
+    RUN_ID_FILE,
+    check_uri,
+    experiment_id,
+    log_params,
+    log_series,
+    open_client,
+    run_of,
+    set_defaults,
+    sqlite_path,
+)
+
+if TYPE_CHECKING:
+    from mlflow import MlflowClient
+
+Series = Mapping[str, Sequence[float]]
+
+
+class Tracking(Protocol):
+    """Books one run. `start` returns at once; `finish` is called once, at the end."""
+
+    def start(
+        self,
+        config: Mapping[str, Any],
+        run_dir: Path,
+        tags: Mapping[str, Any],
+        sweep_dir: Path | None = None,
+    ) -> None:
+        """Open a run with these parameters, below the run of `sweep_dir` where it is part of a sweep."""
+
+    def finish(
+        self, metrics: Mapping[str, float], artifacts: Sequence[Path], series: Series | None = None
+    ) -> None:
+        """Book results and close the run. artifacts: files, and folders with all that is in them. series: by name,
+        one value per step from 0 on.
+        """
+
+    def add(self, run_dir: Path, artifacts: Sequence[Path], folder: str) -> None:
+        """Book files below `folder` of the run that `run_dir` was booked as, and change nothing else of it."""
+
+
+@dataclass(slots=True)
+class NoTrackingConfig:
+    """Nothing to choose."""
+
+
+class NoTracking:
+    """Books nothing: results are on disk anyway."""
+
+    Config = NoTrackingConfig
+
+    def __init__(self, config: NoTrackingConfig) -> None:
+        self._config = config
+
+    def start(
+        self,
+        config: Mapping[str, Any],
+        run_dir: Path,
+        tags: Mapping[str, Any],
+        sweep_dir: Path | None = None,
+    ) -> None:
+        """Nothing."""
+
+    def finish(
+        self, metrics: Mapping[str, float], artifacts: Sequence[Path], series: Series | None = None
+    ) -> None:
+        """Nothing."""
+
+    def add(self, run_dir: Path, artifacts: Sequence[Path], folder: str) -> None:
+        """Nothing."""
+
+
+@dataclass(slots=True)
+class MlflowConfig:
+    """uri: of the store, a database or a server; experiment: the name that runs are grouped by."""
+
+    uri: str = DEFAULT_URI
+    experiment: str = "lme"
+
+    def __post_init__(self) -> None:
+        check_uri("tracking.uri", self.uri)
+        if not self.experiment:
+            raise InputError("tracking.experiment is empty: must be a name")
+
+
+class MlflowTracking:
+    """Books a run in MLflow: parameters, metrics, files, commit and versions. Resuming continues its run."""
+
+    Config = MlflowConfig
+
+    def __init__(self, config: MlflowConfig) -> None:
+        self._config = config
+        self._opening: threading.Thread | None = None
+        self._client: MlflowClient | None = None
+        self._run_id = ""
+        self._error: Exception | None = None
+
+    def start(
+        self,
+        config: Mapping[str, Any],
+        run_dir: Path,
+        tags: Mapping[str, Any],
+        sweep_dir: Path | None = None,
+    ) -> None:
+        set_defaults()
+
+        def open_run() -> None:
+            try:
+                self._open(config, run_dir, tags, sweep_dir)
+            except Exception as error:
+                self._error = error
+
+        # A daemon: an interrupted run need not wait for a server that does not answer.
+        self._opening = threading.Thread(target=open_run, name="mlflow", daemon=True)
+        self._opening.start()
+
+    def finish(
+        self, metrics: Mapping[str, float], artifacts: Sequence[Path], series: Series | None = None
+    ) -> None:
+        if self._opening is not None:
+            self._opening.join()
+        try:
+            if self._error is not None:
+                raise self._error
+            self._log_results(metrics, artifacts, series or {})
+        except Exception as error:
+            self._warn(error)
+
+    def add(self, run_dir: Path, artifacts: Sequence[Path], folder: str) -> None:
+        set_defaults()
+        store = sqlite_path(self._config.uri)
+        try:
+            note = run_dir / RUN_ID_FILE
+            if not note.is_file():  # it was never booked
+                return
+            run_id = str(json.loads(note.read_text())["run"])
+            if store is not None and not store.is_file():
+                raise FileNotFoundError(f"there is none in {Path.cwd()}, where its path begins")
+            client = open_client(self._config.uri)
+            for path in artifacts:
+                client.log_artifact(run_id, str(path), folder)
+        except Exception as error:
+            self._warn(error)
+
+    def _warn(self, error: Exception) -> None:
+        reason = (str(error).splitlines() or [type(error).__name__])[0]
+        warnings.warn(
+            f"not booked in MLflow at {self._config.uri}; the results are on disk ({reason[:300]})",
+            stacklevel=3,
+        )
+
+    def _open(
+        self,
+        config: Mapping[str, Any],
+        run_dir: Path,
+        tags: Mapping[str, Any],
+        sweep_dir: Path | None,
+    ) -> None:
+        client = open_client(self._config.uri)
+        experiment = experiment_id(client, self._config.uri, self._config.experiment)
+        tags = {**environment_tags(), **tags, "run_dir": run_dir.resolve()}
+        if sweep_dir is not None:
+            parent = run_of(sweep_dir, client, experiment, {"run_dir": sweep_dir.resolve()})
+            client.set_terminated(parent)
+            tags["mlflow.parentRunId"] = parent
+        self._run_id = run_of(run_dir, client, experiment, tags)
+        log_params(client, self._run_id, config)
+        self._client = client
+
+    def _log_results(self, metrics: Mapping[str, float], artifacts: Sequence[Path], series: Series) -> None:
+        if self._client is None:
+            return
+        for name, value in metrics.items():
+            if math.isfinite(value):
+                self._client.log_metric(self._run_id, name[:KEY_LENGTH], float(value))
+        log_series(self._client, self._run_id, series)
+        for path in artifacts:
+            self._client.log_artifact(self._run_id, str(path))
+        self._client.set_terminated(self._run_id)
+
+
+def environment_tags() -> dict[str, str]:
+    """What the results may depend on besides the config: commit, versions, platform."""
+    return {"platform": platform.platform(), **versions("lme", "numpy", "numba"), **_git_tags()}
+
+
+def _git_tags() -> dict[str, str]:
+    """Commit of the checkout that this file is part of, and whether it was changed since; {} in a wheel."""
+    root = Path(__file__).resolve().parents[2]
+
+    def git(*arguments: str) -> str:
+        command = ["git", "-C", str(root), *arguments]
+        return subprocess.run(command, capture_output=True, text=True, check=True, timeout=10).stdout.strip()
+
+    try:
+        if Path(git("rev-parse", "--show-toplevel")).resolve() != root:
+            return {}
+        changed = bool(git("status", "--porcelain", "--untracked-files=no"))
+        return {"mlflow.source.git.commit": git("rev-parse", "HEAD"), "git_changed": str(changed).lower()}
+    except (OSError, subprocess.SubprocessError):
+        return {}

@@ -1,0 +1,169 @@
+"""An MLflow store: where it is, how it is made, and how runs and parameters get into it."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import logging
+import math
+import os
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from lme.errors import InputError
+from runners.config.flatten import flatten
+
+if TYPE_CHECKING:
+    from mlflow import MlflowClient
+
+DEFAULT_URI = "sqlite:///outputs/mlflow.db"
+SQLITE = "sqlite:///"
+SCHEMES = ("sqlite", "http", "https", "postgresql", "mysql", "mssql", "databricks")
+RUN_ID_FILE = "mlflow_run.json"
+
+# MLflow's limits.
+KEY_LENGTH = 250
+PARAM_LENGTH = 6000
+TAG_LENGTH = 5000
+BATCH = 100
+METRICS_BATCH = 1000
+
+# Unless the user has set them: give up on a dead server in seconds, keep quiet, and report to nobody.
+DEFAULTS = {
+    "MLFLOW_HTTP_REQUEST_MAX_RETRIES": "2",
+    "MLFLOW_HTTP_REQUEST_TIMEOUT": "10",
+    "MLFLOW_HTTP_REQUEST_BACKOFF_FACTOR": "1",
+    "MLFLOW_LOGGING_LEVEL": "WARNING",
+    "MLFLOW_SUPPRESS_PRINTING_URL_TO_STDOUT": "true",
+    "MLFLOW_DISABLE_TELEMETRY": "true",
+}
+
+
+def set_defaults() -> None:
+    """Give MLflow's environment variables our defaults; before it is imported."""
+    for name, value in DEFAULTS.items():
+        os.environ.setdefault(name, value)
+
+
+def check_uri(key: str, uri: str) -> None:
+    """Raise InputError, naming `key`, unless `uri` is one that MLflow can keep runs at."""
+    scheme, found, _ = uri.partition(":")
+    if not found or scheme.partition("+")[0] not in SCHEMES:
+        raise InputError(
+            f"{key} is {uri}: must be a database or a server, such as {DEFAULT_URI} or http://host:5000"
+        )
+
+
+def sqlite_path(uri: str) -> Path | None:
+    """The file of an SQLite store; None for any other store."""
+    return Path(uri.removeprefix(SQLITE)) if uri.startswith(SQLITE) else None
+
+
+def open_client(uri: str) -> MlflowClient:
+    """A client of the store at `uri`, which is made if it is a file that is not there yet."""
+    _quieten()
+    from mlflow import MlflowClient
+
+    _quieten()  # its import sets levels of its own
+    path = sqlite_path(uri)
+    if path is not None and not path.exists():
+        _create_store(path)
+    return MlflowClient(tracking_uri=uri, registry_uri=uri)
+
+
+def _create_store(path: Path) -> None:
+    """Make the database beside its place and move it there when it is whole.
+
+    MLflow builds its tables in seconds of migrations; one killed half-way would be refused ever after.
+    """
+    from mlflow import MlflowClient
+
+    path.parent.mkdir(parents=True, exist_ok=True)
+    unfinished = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        MlflowClient(tracking_uri=f"{SQLITE}{unfinished}").search_experiments(max_results=1)
+        # A link, not a move: whoever was first with it keeps what is in it already.
+        with contextlib.suppress(FileExistsError):
+            os.link(unfinished, path)
+    finally:
+        unfinished.unlink(missing_ok=True)
+
+
+def experiment_id(client: MlflowClient, uri: str, name: str) -> str:
+    """Id of the experiment, made if need be, with its files beside the database or in a server's care."""
+    found = client.get_experiment_by_name(name)
+    if found is not None:
+        return str(found.experiment_id)
+    location = None
+    if not uri.startswith(("http", "databricks")):
+        store = sqlite_path(uri) or Path("outputs") / "mlflow.db"
+        location = (store.parent / "mlartifacts").resolve().as_uri()
+    return str(client.create_experiment(name, artifact_location=location))
+
+
+def run_of(directory: Path, client: MlflowClient, experiment: str, tags: Mapping[str, Any]) -> str:
+    """Id of the run that `directory` belongs to: the one noted there, if it still exists, else a new one."""
+    note = directory / RUN_ID_FILE
+    with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
+        known = json.loads(note.read_text())
+        if known["experiment"] == experiment and _exists(client, known["run"]):
+            return str(known["run"])
+    texts = {name: str(value)[:TAG_LENGTH] for name, value in tags.items()}
+    run_id = str(client.create_run(experiment, tags=texts, run_name=_run_name(directory)).info.run_id)
+    directory.mkdir(parents=True, exist_ok=True)
+    note.write_text(json.dumps({"experiment": experiment, "run": run_id}) + "\n")
+    return run_id
+
+
+def _exists(client: MlflowClient, run_id: str) -> bool:
+    from mlflow.exceptions import MlflowException
+
+    try:
+        return str(client.get_run(run_id).info.lifecycle_stage) == "active"
+    except MlflowException as error:
+        if error.error_code == "RESOURCE_DOES_NOT_EXIST":
+            return False
+        raise
+
+
+def _run_name(directory: Path) -> str:
+    """The last two folders: date and time, or sweep and number."""
+    return "/".join(directory.resolve().parts[-2:])
+
+
+def log_params(client: MlflowClient, run_id: str, config: Mapping[str, Any]) -> None:
+    """Log what is not logged yet: a parameter cannot change, and a resumed run differs in `resume` alone."""
+    from mlflow.entities import Param
+
+    known = client.get_run(run_id).data.params
+    params = [
+        Param(key[:KEY_LENGTH], str(value)[:PARAM_LENGTH])
+        for key, value in flatten(config)
+        if key[:KEY_LENGTH] not in known
+    ]
+    for start in range(0, len(params), BATCH):
+        client.log_batch(run_id, params=params[start : start + BATCH])
+
+
+def log_series(client: MlflowClient, run_id: str, series: Mapping[str, Sequence[float]]) -> None:
+    """Log metrics that change from step to step; those logged before, by a run now resumed, are left out."""
+    from mlflow.entities import Metric
+
+    now = int(time.time() * 1000)
+    for name, values in series.items():
+        known = {metric.step for metric in client.get_metric_history(run_id, name)}
+        points = [
+            Metric(name, float(value), now, step)
+            for step, value in enumerate(values)
+            if step not in known and math.isfinite(value)
+        ]
+        for start in range(0, len(points), METRICS_BATCH):
+            client.log_batch(run_id, metrics=points[start : start + METRICS_BATCH])
+
+
+def _quieten() -> None:
+    """MLflow, its migrations and its retries speak through logging; what fails is raised anyway."""
+    for name in ("mlflow", "alembic", "urllib3"):
+        logging.getLogger(name).setLevel(logging.ERROR)

@@ -1,0 +1,251 @@
+"""A simulated episode as a ROS 2 recording: an MCAP file that Foxglove, RViz and `lme replay` open.
+
+The messages are encoded by rosbags (extra `replay`). What a message cannot hold exactly, such as the bearings
+of the beams, which ROS keeps in float32, stands in the JSON text on /lme.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import shutil
+from collections.abc import Mapping
+from functools import cache
+from itertools import product
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Final, Self
+
+import numpy as np
+
+from lme.errors import InputError
+from lme.robots import Robot
+from lme.sim.simulator import State
+from lme.types import Guidance, LaserScan, Observation, Pose, Twist
+from runners.records.versions import versions
+
+FOLDER = "recordings"  # within a run's directory
+TOPICS = {  # their message types, in the order of writing within a control period
+    "/lme": "std_msgs/msg/String",
+    "/tf_static": "tf2_msgs/msg/TFMessage",
+    "/tf": "tf2_msgs/msg/TFMessage",
+    "/odom": "nav_msgs/msg/Odometry",
+    "/goal": "geometry_msgs/msg/PoseStamped",
+    "/scan": "sensor_msgs/msg/LaserScan",
+    "/subgoal": "geometry_msgs/msg/PointStamped",
+    "/cmd_vel": "geometry_msgs/msg/Twist",
+}
+LATCHED = ("/lme", "/tf_static")  # written once, and kept for whoever listens later
+ODOM, BASE, LASER = "odom", "base_link", "laser"
+
+_ROSBAG2_VERSION: Final = 8  # 9 has QoS profiles in words, which Humble cannot read (ros2/rosbag2#1476)
+_SECOND = 1_000_000_000
+
+
+def check_installed() -> None:
+    """Raise InputError where rosbags, which writes the files, is missing."""
+    try:
+        import rosbags.rosbag2
+        import rosbags.typesys  # noqa: F401
+    except ImportError as error:
+        raise InputError("record=mcap needs the package rosbags: pip install 'lme[replay]'") from error
+
+
+def recording_path(folder: Path, world: int, run: int) -> Path:
+    """The file of one episode."""
+    return folder / f"world-{world}-run-{run}.mcap"
+
+
+class Recorder:
+    """Writes what the policy saw and did, while it drives; an `lme.episode.Observer`.
+
+    Use as a context manager around one episode. The file takes its name once it is whole, in place of an older
+    one; of an episode that failed, nothing stays. about: what /lme holds besides the beams' bearings, fit for
+    JSON. Raises InputError where the file cannot be written.
+    """
+
+    def __init__(self, path: Path, about: Mapping[str, Any], robot: Robot) -> None:
+        self._path = path
+        self._partial = path.with_suffix(".partial")
+        self._bag = self._partial / path.stem  # rosbags writes a folder, with a file of the same name in it
+        self._about = about
+        self._robot = robot
+
+    def __enter__(self) -> Self:
+        check_installed()
+        from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
+
+        self._messages = _Messages()
+        self._begun = False
+        try:
+            shutil.rmtree(self._partial, ignore_errors=True)  # of a run that was killed
+            self._writer = Writer(self._bag, version=_ROSBAG2_VERSION, storage_plugin=StoragePlugin.MCAP)
+            self._writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
+            self._writer.open()
+        except OSError as error:
+            raise self._unwritable(error) from error
+        self._connections = {topic: self._connect(topic) for topic in TOPICS}
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        try:
+            self._writer.__exit__(kind, error, trace)
+            if kind is None:
+                (self._bag / self._path.name).replace(self._path)
+        except OSError as failure:
+            raise self._unwritable(failure) from failure
+        finally:
+            shutil.rmtree(self._partial, ignore_errors=True)
+
+    def decided(self, observation: Observation, guidance: Guidance, command: Twist, state: State) -> None:
+        """Write a control period: what was seen, and what came of it."""
+        now = self._now(state)
+        if not self._begun:
+            self._begin(observation.scan, now)
+        self._write_pose(observation, now)
+        make = self._messages
+        target, subgoal = observation.target, guidance.subgoal
+        self._write("/goal", make.pose_stamped(now, BASE, Pose(float(target[0]), float(target[1]), 0.0)), now)
+        self._write("/scan", make.scan(now, observation.scan, self._robot.dt), now)
+        self._write("/subgoal", make.point(now, BASE, float(subgoal[0]), float(subgoal[1])), now)
+        self._write("/cmd_vel", make.twist(command), now)
+
+    def ended(self, observation: Observation, state: State) -> None:
+        """Write where the robot came to rest; no decision follows, hence no scan."""
+        self._write_pose(observation, self._now(state))
+
+    def _begin(self, scan: LaserScan, now: int) -> None:
+        self._begun = True
+        beams = {name: float(value) for name, value in scan._asdict().items() if name != "ranges"}
+        text = json.dumps({**self._about, "version": versions("lme").get("lme"), "scan": beams})
+        self._write("/lme", self._messages.text(text), now)
+        self._write("/tf_static", self._messages.transform(now, BASE, LASER, self._robot.lidar.mount), now)
+
+    def _write_pose(self, observation: Observation, now: int) -> None:
+        make, pose = self._messages, observation.odometry
+        self._write("/tf", make.transform(now, ODOM, BASE, pose), now)
+        self._write("/odom", make.odometry(now, ODOM, BASE, pose, observation.twist), now)
+
+    def _connect(self, topic: str) -> Any:
+        store = self._messages.store
+        qos = [_latched()] if topic in LATCHED else []
+        return self._writer.add_connection(topic, TOPICS[topic], typestore=store, offered_qos_profiles=qos)
+
+    def _write(self, topic: str, message: Any, now: int) -> None:
+        data = self._messages.store.serialize_cdr(message, TOPICS[topic])
+        try:
+            self._writer.write(self._connections[topic], now, data)
+        except OSError as error:
+            raise self._unwritable(error) from error
+
+    def _now(self, state: State) -> int:
+        return round(state.time * _SECOND)
+
+    def _unwritable(self, error: OSError) -> InputError:
+        return InputError(
+            f"{self._path}: cannot be written ({error.strerror or error}): make room there and add resume=true, "
+            "or choose another directory with hydra.run.dir=PATH"
+        )
+
+
+class _Messages:
+    """Makes ROS messages. Stamps are in nanoseconds; names are those of the message definitions."""
+
+    def __init__(self) -> None:
+        self.store = _store()
+
+    def text(self, data: str) -> Any:
+        return self._make("std_msgs/msg/String", data)
+
+    def scan(self, now: int, scan: LaserScan, period: float) -> Any:
+        ranges = np.ascontiguousarray(scan.ranges, dtype=np.float32)
+        angle_max = scan.angle_min + (len(ranges) - 1) * scan.angle_increment
+        times = 0.0, period  # all beams at once, one sweep a control period
+        return self._make(
+            TOPICS["/scan"],
+            self._header(now, LASER),
+            *(scan.angle_min, angle_max, scan.angle_increment),
+            *times,
+            *(scan.range_min, scan.range_max),
+            ranges,
+            np.empty(0, dtype=np.float32),
+        )
+
+    def odometry(self, now: int, frame: str, child: str, pose: Pose, twist: Twist) -> Any:
+        exact = np.zeros(36)
+        known = self._make("geometry_msgs/msg/PoseWithCovariance", self._pose(pose), exact)
+        moving = self._make("geometry_msgs/msg/TwistWithCovariance", self.twist(twist), exact)
+        return self._make(TOPICS["/odom"], self._header(now, frame), child, known, moving)
+
+    def transform(self, now: int, frame: str, child: str, pose: Pose) -> Any:
+        shift = self._make("geometry_msgs/msg/Vector3", pose.x, pose.y, 0.0)
+        moved = self._make("geometry_msgs/msg/Transform", shift, self._quaternion(pose.yaw))
+        stamped = self._make("geometry_msgs/msg/TransformStamped", self._header(now, frame), child, moved)
+        return self._make(TOPICS["/tf"], [stamped])
+
+    def pose_stamped(self, now: int, frame: str, pose: Pose) -> Any:
+        return self._make(TOPICS["/goal"], self._header(now, frame), self._pose(pose))
+
+    def point(self, now: int, frame: str, x: float, y: float) -> Any:
+        point = self._make("geometry_msgs/msg/Point", x, y, 0.0)
+        return self._make(TOPICS["/subgoal"], self._header(now, frame), point)
+
+    def twist(self, twist: Twist) -> Any:
+        linear = self._make("geometry_msgs/msg/Vector3", float(twist.v), 0.0, 0.0)
+        angular = self._make("geometry_msgs/msg/Vector3", 0.0, 0.0, float(twist.omega))
+        return self._make(TOPICS["/cmd_vel"], linear, angular)
+
+    def _pose(self, pose: Pose) -> Any:
+        point = self._make("geometry_msgs/msg/Point", pose.x, pose.y, 0.0)
+        return self._make("geometry_msgs/msg/Pose", point, self._quaternion(pose.yaw))
+
+    def _quaternion(self, yaw: float) -> Any:
+        return self._make("geometry_msgs/msg/Quaternion", 0.0, 0.0, *half_angle(yaw))
+
+    def _header(self, now: int, frame: str) -> Any:
+        stamp = self._make("builtin_interfaces/msg/Time", *divmod(now, _SECOND))
+        return self._make("std_msgs/msg/Header", stamp, frame)
+
+    def _make(self, name: str, *fields: Any) -> Any:
+        return self.store.types[name](*fields)
+
+
+@cache
+def _store() -> Any:
+    """Message types of ROS 2 Humble. One per process: it compiles an encoder for every type that it meets."""
+    from rosbags.typesys import Stores, get_typestore
+
+    return get_typestore(Stores.ROS2_HUMBLE)
+
+
+def half_angle(yaw: float) -> tuple[float, float]:
+    """(z, w) of the quaternion for a yaw in [−π, π] [rad], such that 2·atan2(z, w) is that very number.
+
+    Sine and cosine, each rounded up or down where rounding to nearest would cost the last bit.
+    """
+    z, w = math.sin(yaw / 2), math.cos(yaw / 2)
+    near = product(_and_neighbours(z), _and_neighbours(w))
+    return next((pair for pair in near if 2.0 * math.atan2(*pair) == yaw), (z, w))
+
+
+def _and_neighbours(value: float) -> tuple[float, float, float]:
+    return value, math.nextafter(value, math.inf), math.nextafter(value, -math.inf)
+
+
+def _latched() -> Any:
+    from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
+
+    unset = QosTime(0, 0)
+    return Qos(
+        QosHistory.KEEP_LAST,
+        1,
+        QosReliability.RELIABLE,
+        QosDurability.TRANSIENT_LOCAL,
+        deadline=unset,
+        lifespan=unset,
+        liveliness=QosLiveliness.SYSTEM_DEFAULT,
+        liveliness_lease_duration=unset,
+        avoid_ros_namespace_conventions=False,
+    )

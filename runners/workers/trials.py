@@ -1,0 +1,69 @@
+"""The episodes of a trial: what worker processes do while a search runs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from lme import metrics
+from lme.episode import run_episode
+from lme.navigator import Navigator
+from lme.worlds.check import check_task
+from lme.worlds.world import Task
+from runners.config import build
+from runners.config.space import with_values
+
+
+class Attempt(NamedTuple):
+    """One episode of a trial. world: number of the configuration. values: by dotted config key."""
+
+    trial: int
+    world: int
+    values: tuple[tuple[str, float], ...]
+
+    def __str__(self) -> str:
+        return f"trial {self.trial}, configuration {self.world}"
+
+
+class Score(NamedTuple):
+    """How an attempt ended. reward: paper eq. 1."""
+
+    trial: int
+    world: int
+    outcome: str
+    steps: int
+    reward: float
+
+
+def initialise(config: Mapping[str, Any]) -> Callable[[Attempt], Score]:
+    """Build everything once per process. config: plain, with `map` holding the training configurations."""
+    robot = build.robot(config)
+    maps = build.map_set(config)
+    simulator = build.simulator(config, robot)
+    tasks = {number: maps.task(number) for number in maps.numbers}
+    for task in tasks.values():
+        check_task(task, robot)
+
+    @lru_cache(maxsize=2)  # a trial's episodes follow one another
+    def navigator(values: tuple[tuple[str, float], ...]) -> Navigator:
+        return build.navigator(with_values(config, dict(values)), robot)
+
+    def run(attempt: Attempt) -> Score:
+        task = tasks[attempt.world]
+        # The same draws for every trial: what differs between two rewards is the parameters.
+        rng = np.random.default_rng(np.random.SeedSequence([config["seed"], attempt.world, 0]))
+        episode = run_episode(task, navigator(attempt.values), simulator, rng)
+        reward = episode_reward(config, task, str(episode.outcome), episode.steps)
+        return Score(attempt.trial, attempt.world, str(episode.outcome), episode.steps, reward)
+
+    return run
+
+
+def episode_reward(config: Mapping[str, Any], task: Task, outcome: str, steps: int) -> float:
+    """Reward of an episode of `steps` control periods under a plain training config."""
+    terms = config["reward"]
+    max_steps = terms["max_steps"] or round(task.time_limit * config["robot"]["control_rate"])
+    return metrics.reward(outcome, steps, max_steps, terms["crash"], terms["timeout"])

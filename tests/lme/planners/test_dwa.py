@@ -1,0 +1,244 @@
+"""Dynamic Window Approach: it takes the best velocity in reach, and never one from which it cannot stop."""
+
+import math
+
+import numpy as np
+import pytest
+import yaml
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from lme.episode import run_episode
+from lme.errors import InputError
+from lme.guides.target import Target, TargetConfig
+from lme.navigator import Navigator
+from lme.planners.dwa import Dwa, DwaConfig
+from lme.resources import resource_dir
+from lme.sim.fast import FastConfig, FastSimulator
+from lme.types import Guidance, Outcome, Pose, Twist
+from lme.worlds.barn.map_set import Barn, BarnConfig
+from lme.worlds.world import World
+from tests.builders import SHIPPED, observation, room, shipped, stage, task
+from tests.tolerances import KERNEL
+
+STILL = Twist(0.0, 0.0)
+SIGNED = st.floats(-1.0, 1.0)
+EAGER = {"clearance": 1.0, "velocity": 1.0}  # gains that make it drive where the textbook's stand still
+
+
+def plan(target=(4.0, 0.0), ranges=None, twist=STILL, robot=None, **config):
+    robot = robot or stage()
+    view = observation(target, ranges, twist, robot)
+    return Dwa(DwaConfig(**config), robot).plan(view, Guidance(view.target))
+
+
+def drive(world, robot=None, goal=(4.0, 0.0), time_limit=20.0, start=Pose(0.0, 0.0, 0.0), **config):  # noqa: B008
+    robot = robot or stage()
+    navigator = Navigator(Target(TargetConfig(), robot), Dwa(DwaConfig(**config), robot))
+    job = task(world, goal=goal, time_limit=time_limit, start=start)
+    return run_episode(job, navigator, FastSimulator(FastConfig(), robot), np.random.default_rng(0))
+
+
+def cluttered(seed, robot):
+    """Ranges of a room that nobody built: a few blobs at random distances."""
+    rng = np.random.default_rng(seed)
+    beams = robot.lidar.num_beams
+    ranges = np.full(beams, robot.lidar.range_max)
+    for _ in range(6):
+        first = rng.integers(0, beams)
+        ranges[first : first + rng.integers(5, 60)] = rng.uniform(0.3, 3.0)
+    return (ranges + rng.uniform(0.0, 0.01, beams)).astype(np.float32)
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+@pytest.mark.parametrize("seed", range(20))
+def test_mirrored_view_mirrored_command(name, seed):
+    robot = shipped(name)
+    rng = np.random.default_rng(seed + 100)
+    ranges, (x, y), (v, omega) = cluttered(seed, robot), rng.uniform(-4, 4, 2), rng.uniform([0, -1], 1)
+    twist = Twist(v * robot.v_max, omega * robot.omega_max)
+    mirrored = ranges[::-1]
+    if robot.lidar.full_circle:  # its first beam, straight behind, is its own mirror image
+        mirrored = np.roll(mirrored, 1)
+    one = plan((x, y), ranges, twist, robot, **EAGER)
+    other = plan((x, -y), mirrored, Twist(twist.v, -twist.omega), robot, **EAGER)
+    assert other == pytest.approx((one.v, -one.omega), abs=KERNEL)
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 50), SIGNED, SIGNED, st.floats(-6, 6), st.floats(-6, 6))
+def test_commands_keep_to_the_limits(seed, v, omega, x, y):
+    robot = stage()
+    twist = Twist(v * robot.v_max, omega * robot.omega_max)
+    command = plan((x, y), cluttered(seed, robot), twist, robot)
+    assert abs(command.v) <= robot.v_max + KERNEL
+    assert abs(command.omega) <= robot.omega_max + KERNEL
+    assert abs(command.v - twist.v) <= robot.alpha_v * robot.dt + KERNEL
+    assert abs(command.omega - twist.omega) <= robot.alpha_omega * robot.dt + KERNEL
+
+
+@pytest.mark.parametrize("value", [0.0, math.nan, math.inf, 0.05, 0.3, 100.0])
+@pytest.mark.parametrize("target", [(4.0, 1.0), (-3.0, 0.0), (0.0, 0.0)])
+@pytest.mark.parametrize("twist", [STILL, Twist(0.5, 1.5)])
+def test_no_scan_and_no_target_is_too_strange(value, target, twist):
+    command = plan(target, np.full(540, value, np.float32), twist)
+    assert math.isfinite(command.v)
+    assert math.isfinite(command.omega)
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+@pytest.mark.parametrize("config", [{}, EAGER])
+def test_an_empty_world_is_crossed_straight_and_the_goal_is_where_it_rests(name, config):
+    robot = shipped(name)
+    simulator, planner = FastSimulator(FastConfig(), robot), Dwa(DwaConfig(**config), robot)
+    job = task(goal=(10.0, 0.0), goal_tolerance=0.0, start=Pose(0.0, 0.0, 1.0))
+    view = simulator.reset(job, np.random.default_rng(0))
+    ends = []
+    for _ in range(round((10.0 / robot.v_max + 8.0) / robot.dt)):
+        view = simulator.step(planner.plan(view, Guidance(view.target)))
+        ends.append((*simulator.state.pose, view.twist.v))
+    ends = np.array(ends)
+    resting = ends[-round(2.0 / robot.dt) :]
+    assert np.abs(ends[:, 1]).max() < 0.5
+    assert np.hypot(resting[:, 0] - 10.0, resting[:, 1]).max() < 0.05
+    assert np.abs(resting[:, 3]).max() < 0.05
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_it_brakes_before_a_wall_at_full_speed(name):
+    # From 5 m and at rest, towards a target behind it; noise and blind arcs included.
+    wall = World(segments=np.array([[5.0, -30.0, 5.0, 30.0]]))
+    episode = drive(wall, shipped(name), goal=(9.0, 0.0), time_limit=20.0, velocity=10.0, clearance=0.0)
+    assert episode.outcome is Outcome.TIMEOUT
+    assert episode.trajectory[:, 4].max() == pytest.approx(shipped(name).v_max, abs=1e-6)
+    assert episode.min_clearance < 0.5
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_a_disc_that_sees_all_round_touches_nothing(seed):
+    rng = np.random.default_rng(seed)
+    at = rng.uniform(-4, 4, (25, 2))
+    circles = np.column_stack((at, rng.uniform(0.05, 0.3, 25)))[np.hypot(*at.T) > 0.7]
+    world = World(circles=circles, segments=room(9.0).segments)
+    episode = drive(world, goal=tuple(rng.uniform(-4, 4, 2)), time_limit=30.0, **EAGER)
+    assert episode.outcome is not Outcome.COLLISION
+
+
+@pytest.mark.parametrize("gap", [0.45, 0.5, 0.6])
+@pytest.mark.parametrize(("config", "aside"), [({}, 0.1), (EAGER, 0.3)])
+def test_jackal_passes_a_gap_little_wider_than_itself(gap, config, aside):
+    posts = np.array([[2.0, side * (gap / 2 + 0.075), 0.075] for side in (-1, 1)])
+    episode = drive(World(circles=posts), shipped("jackal"), start=Pose(0.0, aside, 0.0), **config)
+    assert episode.outcome is Outcome.SUCCESS
+
+
+def test_a_gap_narrower_than_itself_is_not_tried():
+    posts = np.array([[2.0, y, 0.075] for y in np.arange(-33.0, 33.1, 0.44)])  # gaps of .29 m; jackal: .31 m
+    episode = drive(World(circles=posts), shipped("jackal"), time_limit=10.0, **EAGER)
+    assert episode.outcome is Outcome.TIMEOUT
+
+
+def test_a_faster_robot_keeps_further_from_walls():
+    # 10 cm to each side of a rectangle .31 wide: full speed takes 0.02 + 2 · 0.05 = 12 cm.
+    walls = World(segments=np.array([[1.0, y, 9.0, y] for y in (-0.255, 0.255)]))
+    careful = drive(walls, shipped("jackal"), goal=(6.0, 0.0))
+    bold = drive(walls, shipped("jackal"), goal=(6.0, 0.0), margin_time=0.0)
+    assert careful.outcome is bold.outcome is Outcome.SUCCESS
+    inside = careful.trajectory[(careful.trajectory[:, 1] > 1.5) & (careful.trajectory[:, 1] < 5.0)]
+    assert inside[:, 4].max() < 2.0 == pytest.approx(bold.trajectory[:, 4].max())
+
+
+@pytest.mark.parametrize("config", [{}, EAGER])
+def test_a_dead_end_holds_it(config):
+    # 2 × 2 m, open to the start, the target behind its bottom: a local minimum of the objective.
+    dead_end = World(segments=np.array([[1, -1, 3, -1], [3, -1, 3, 1], [3, 1, 1, 1]], dtype=float))
+    for robot in (stage(), shipped("jackal")):
+        episode = drive(dead_end, robot, goal=(6.0, 0.0), time_limit=40.0, **config)
+        assert episode.outcome is Outcome.TIMEOUT
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+@pytest.mark.parametrize("config", [{}, EAGER])
+def test_a_sealed_box_is_no_reason_to_crash(name, config):
+    robot = shipped(name)
+    episode = drive(room(4.0 * robot.footprint.r_max), robot, goal=(6.0, 0.3), **config)
+    assert episode.outcome is Outcome.TIMEOUT
+
+
+def test_where_no_arc_is_free_it_turns_away_from_what_is_nearest():
+    # A half ring 1 cm before a disc: no way ahead. The nearer part is on its right, so it turns left; and goes on.
+    robot = stage()
+    ranges = np.full(540, 0.215, np.float32)
+    ranges[: 540 // 2] = 0.212  # bearings below 0 are on the right
+    assert plan((4.0, 0.0), ranges, robot=robot).omega > 0.0
+    assert plan((4.0, 0.0), ranges[::-1].copy(), robot=robot).omega < 0.0
+    assert plan((4.0, 0.0), ranges, Twist(0.0, -0.3), robot).omega < -0.3
+    assert plan((4.0, 0.0), ranges, robot=robot).v == 0.0
+
+
+def test_hemmed_in_by_its_corners_it_stands_still():
+    robot = shipped("jackal")
+    ranges = np.full(720, 0.16, np.float32)  # within the corners' 0.26 m wherever it turns, outside its sides
+    command = plan((4.0, 0.0), ranges, robot=robot)
+    assert command == (0.0, 0.0)
+
+
+def test_ranges_inside_the_footprint_stop_it():
+    assert plan(ranges=np.full(540, 0.1, np.float32), twist=Twist(0.3, 0.0)) == (0.0, 0.0)
+
+
+def test_the_subgoal_is_followed_not_the_target():
+    robot = stage()
+    view = observation((4.0, 0.0), robot=robot)
+    planner = Dwa(DwaConfig(), robot)
+    assert planner.plan(view, Guidance(np.array([0.0, 2.0]))).omega > 0.0
+    assert planner.plan(view, Guidance(np.array([0.0, -2.0]))).omega < 0.0
+
+
+def test_heading_looks_as_far_ahead_as_it_is_told():
+    # A target 0.5 rad to the left: after one period at most a full turn rate is right, after a second half of it.
+    robot = shipped("jackal")
+    target = (4.0 * math.cos(0.5), 4.0 * math.sin(0.5))
+    soon = plan(target, robot=robot, velocity=0.0, clearance=0.0)
+    late = plan(target, robot=robot, velocity=0.0, clearance=0.0, heading_time=1.0)
+    assert soon.omega > 2.0 > 0.6 > late.omega > 0.2
+
+
+@pytest.mark.parametrize("number", [1000, 1002])
+def test_it_drives_through_a_world_of_barn(number):
+    robot = shipped("jackal")
+    job = Barn(BarnConfig(subset="fresh", count=10)).task(number)
+    navigator = Navigator(Target(TargetConfig(), robot), Dwa(DwaConfig(**EAGER), robot))
+    episode = run_episode(job, navigator, FastSimulator(FastConfig(), robot), np.random.default_rng(0))
+    assert episode.outcome is Outcome.SUCCESS
+
+
+def test_what_ships_is_the_default():
+    shipped_config = yaml.safe_load((resource_dir("conf") / "planner" / "dwa.yaml").read_text("utf-8"))
+    shipped_config.pop("_target_")
+    assert DwaConfig(**shipped_config) == DwaConfig()
+
+
+@pytest.mark.parametrize("key", ["heading", "clearance", "velocity", "margin", "margin_time"])
+def test_negative_gains_and_margins_are_named(key):
+    with pytest.raises(InputError, match=rf"planner\.{key} is -0\.1: must be at least 0 and finite"):
+        DwaConfig(**{key: -0.1})
+
+
+@pytest.mark.parametrize("key", ["clear_way", "heading_time"])
+def test_lengths_and_times_of_nothing_are_named(key):
+    with pytest.raises(InputError, match=rf"planner\.{key} is 0: must be greater than 0"):
+        DwaConfig(**{key: 0.0})
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "say"),
+    [
+        ("v_samples", 1, "at least 2"),
+        ("omega_samples", 1, "at least 3"),
+        ("omega_samples", 20, "must be odd"),
+    ],
+)
+def test_too_few_or_lopsided_samples_are_named(key, value, say):
+    with pytest.raises(InputError, match=rf"planner\.{key} is {value}: .*{say}"):
+        DwaConfig(**{key: value})

@@ -1,0 +1,116 @@
+"""The map set: subsets, bad input, tasks, and its YAML."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+import yaml
+
+from lme.errors import InputError
+from lme.resources import resource_dir
+from lme.worlds.barn.map_set import Barn, BarnConfig
+
+
+def barn(**keys):
+    return Barn(BarnConfig(**keys))
+
+
+def test_subsets():
+    assert barn().numbers == tuple(range(200, 300))
+    assert barn(subset="all").numbers == tuple(range(300))
+    assert barn(subset="official50").numbers == tuple(range(0, 300, 6))
+    assert barn(subset="fresh", count=3).numbers == (1000, 1001, 1002)
+    assert barn(worlds=[7, 3]).numbers == (7, 3)
+    assert barn(subset="fresh", worlds=[1500]).numbers == (1500,)
+
+
+def test_yaml_has_every_key_with_its_default_and_a_comment():
+    text = (resource_dir("conf") / "map" / "barn.yaml").read_text(encoding="utf-8")
+    values = yaml.safe_load(text)
+    assert values.pop("_target_") == "lme.worlds.barn.Barn"
+    assert BarnConfig(**values) == BarnConfig()
+    assert list(values) == [field.name for field in dataclasses.fields(BarnConfig)]
+    assert all("  # " in line for line in text.splitlines() if line.split(":")[0] in values)
+
+
+def test_schema_composes_with_omegaconf():
+    omegaconf = pytest.importorskip("omegaconf")
+    config = omegaconf.OmegaConf.merge(omegaconf.OmegaConf.structured(BarnConfig), {"worlds": [1, 2]})
+    assert omegaconf.OmegaConf.to_object(config) == BarnConfig(worlds=[1, 2])
+
+
+@pytest.mark.parametrize(
+    ("keys", "message"),
+    [
+        ({"subset": "hard10"}, r"map\.subset is 'hard10': must be one of all, .*; did you mean 'hard100'\?"),
+        ({"subset": "xyz"}, r"map\.subset is 'xyz': must be one of all, official50, hard100, fresh$"),
+        ({"subset": "fresh", "source": "here"}, r"map\.source is here: must be null"),
+        ({"count": 0}, r"map\.count is 0"),
+        ({"fresh_seed": -1}, r"map\.fresh_seed is -1"),
+        ({"goal_tolerance": 0.0}, r"map\.goal_tolerance is 0"),
+        ({"time_limit": math.inf}, r"map\.time_limit is inf"),
+        ({"clock_distance": -0.1}, r"map\.clock_distance is -0\.1"),
+        ({"start": [0.0, 0.0]}, r"map\.start is \[0\.0, 0\.0\]: must be three"),
+        ({"goal": [0.0, math.nan]}, r"map\.goal is \[0\.0, nan\]: must be two"),
+        ({"worlds": []}, r"map\.worlds is \[\]"),
+        ({"worlds": [1, 1]}, r"map\.worlds is \[1, 1\]"),
+        ({"worlds": [300, -1]}, r"map\.worlds asks for 300, -1: must be 0 to 299"),
+        ({"worlds": [5], "subset": "fresh"}, r"map\.worlds asks for 5: must be from 1000 on"),
+        ({"source": "/nowhere"}, r"map\.source /nowhere does not exist"),
+    ],
+)
+def test_bad_configs(keys, message):
+    with pytest.raises(InputError, match=message):
+        barn(**keys)
+
+
+def test_absent_numbers_of_a_source_are_named(tmp_path):
+    for number in range(205, 300):
+        (tmp_path / f"world_{number}.world").touch()
+    with pytest.raises(
+        InputError, match=r"'hard100' asks for worlds that .* does not hold: 200, 201, 202, 203, 204$"
+    ):
+        barn(source=str(tmp_path))
+    with pytest.raises(InputError, match=r"does not hold: 0, 6, 12, 18, 24 and 30 more$"):
+        barn(source=str(tmp_path), subset="official50")
+    assert len(barn(source=str(tmp_path), subset="all").numbers) == 95
+
+
+def test_task_has_the_protocol_of_the_benchmark():
+    task = barn(worlds=[0]).task(0)
+    assert (task.map_name, task.number) == ("barn", 0)
+    assert task.start == (-2.25, 3.0, math.pi / 2)
+    np.testing.assert_array_equal(task.goal, [-2.25, 13.0])
+    assert (task.goal_tolerance, task.time_limit, task.clock_distance) == (1.0, 100.0, 0.1)
+    assert task.world.circles.shape == (209, 3)
+    assert task.shortest_path_length == 2 * task.optimal_time
+    assert round(task.optimal_time, 4) == 6.7961
+    assert list(task.measures) == [
+        "cylinders",
+        "fill",
+        "smoothings",
+        "closest_wall",
+        "avg_visibility",
+        "dispersion",
+        "characteristic_dimension",
+        "tortuosity",
+    ]
+
+
+def test_a_world_that_was_not_chosen_is_an_error():
+    with pytest.raises(InputError, match="world 0 is not among"):
+        barn().task(0)
+
+
+def test_worlds_get_harder_with_their_number():
+    """Correlation of the authors' order with three of the measures: −.52, −.57, −.54."""
+    every = barn(subset="all")
+    measures = [every.task(number).measures for number in every.numbers]
+    for name, expected in {
+        "closest_wall": -0.52,
+        "avg_visibility": -0.57,
+        "characteristic_dimension": -0.54,
+    }.items():
+        values = [world[name] for world in measures]
+        assert round(float(np.corrcoef(range(300), values)[0, 1]), 2) == expected

@@ -1,0 +1,237 @@
+"""Maps as pictures: cells to outlines, plain bitmaps, ROS maps."""
+
+import contextlib
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import array_shapes, arrays
+from PIL import Image
+from scipy import ndimage
+
+from lme.errors import InputError
+from lme.types import Pose
+from lme.worlds.bitmap import _floor_plan, brightness, read_bitmap, read_ros_map
+from lme.worlds.contours import outlines
+from lme.worlds.room import read_floor_plan
+from lme.worlds.sampling import clearance_field
+from tests.places import SHARED
+from tests.tolerances import KERNEL
+
+ORIGINALS = SHARED / "maps"
+ROS = {
+    "image": "map.pgm",
+    "resolution": 0.5,
+    "origin": [0, 0, 0],
+    "negate": 0,
+    "occupied_thresh": 0.65,
+    "free_thresh": 0.196,
+}
+
+masks = arrays(bool, array_shapes(min_dims=2, max_dims=2, max_side=12), elements=st.booleans())
+
+
+def picture(path, rows, mode="L"):
+    """Rows as one sees them, the top one first."""
+    Image.fromarray(np.array(rows, dtype=np.uint8)).convert(mode).save(path)
+    return path
+
+
+def ros_map(tmp_path, rows, **changes):
+    picture(tmp_path / "map.pgm", rows)
+    text = "".join(f"{key}: {value}\n" for key, value in {**ROS, **changes}.items() if value is not None)
+    (tmp_path / "map.yaml").write_text(text)
+    return tmp_path / "map.yaml"
+
+
+def cells_inside(polygon, shape):
+    """Cells whose centre lies in a rectilinear polygon: an odd number of its upright sides to the left."""
+    inside = np.zeros(shape, dtype=int)
+    for (x0, y0), (x1, y1) in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
+        if x0 == x1:
+            inside[int(min(y0, y1)) : int(max(y0, y1)), int(x0) :] += 1
+    return inside % 2 == 1
+
+
+@given(masks)
+def test_outlines_cover_the_occupied_cells_exactly_and_once(occupied):
+    covered = sum(
+        (cells_inside(polygon, occupied.shape) for polygon in outlines(occupied)), np.zeros(occupied.shape)
+    )
+    assert (covered == occupied).all()
+
+
+@given(masks)
+def test_outlines_have_no_more_corners_than_they_need_and_run_counter_clockwise(occupied):
+    for polygon in outlines(occupied):
+        steps = np.roll(polygon, -1, axis=0) - polygon
+        assert (np.abs(steps).min(axis=1) == 0).all()
+        assert ((steps * np.roll(steps, -1, axis=0)).sum(axis=1) == 0).all()  # every corner is a right angle
+        (x0, y0), (x1, y1) = polygon.T, np.roll(polygon, -1, axis=0).T
+        assert (x0 * y1 - x1 * y0).sum() > 0
+
+
+def test_a_ring_is_two_pieces_and_its_inside_stays_free():
+    ring = np.ones((5, 6), dtype=bool)
+    ring[1:4, 1:5] = False
+    assert len(outlines(ring)) == 2
+
+
+def test_a_plain_block_has_four_sides():
+    block = np.zeros((40, 50), dtype=bool)
+    block[3:30, 7:41] = True
+    (polygon,) = outlines(block)
+    assert {tuple(corner) for corner in polygon} == {(7, 3), (41, 3), (41, 30), (7, 30)}
+
+
+@given(masks)
+def test_lattice_and_outlines_agree_on_what_is_solid(occupied):
+    """Cell centres are free or solid as the picture says, wherever the polygons came from."""
+    rows, columns = occupied.shape
+    plan = floor_plan_of(occupied)
+    field = clearance_field(plan, np.arange(columns) + 0.5, np.arange(rows) + 0.5, reach=0.6)
+    assert ((field == 0.0) == occupied).all()
+
+
+def floor_plan_of(occupied):
+    """One metre for each cell."""
+    return _floor_plan(occupied, np.array([1.0, 1.0]), Pose(0.0, 0.0, 0.0))
+
+
+def test_a_bitmap_lies_with_its_lower_left_corner_at_the_origin(tmp_path):
+    path = picture(tmp_path / "map.png", [[255, 255, 255], [0, 255, 255]])
+    plan = read_bitmap(path, (6.0, 2.0))
+    (polygon,) = plan.world.polygons
+    assert {tuple(corner) for corner in polygon} == {(0, 0), (2, 0), (2, 1), (0, 1)}
+    assert plan.outline.tolist() == [[0, 0], [6, 0], [6, 2], [0, 2]]
+
+
+@pytest.mark.parametrize("mode", ["L", "RGB", "RGBA", "1", "P", "LA"])
+def test_modes_of_pictures_make_no_difference(tmp_path, mode):
+    path = picture(tmp_path / "map.png", [[255, 0], [0, 255]], mode)
+    assert brightness(path).tolist() == [[0, 1], [1, 0]]
+
+
+def test_transparent_pixels_are_white(tmp_path):
+    Image.fromarray(np.zeros((2, 2, 4), dtype=np.uint8), "RGBA").save(tmp_path / "map.png")
+    assert brightness(tmp_path / "map.png").tolist() == [[1, 1], [1, 1]]
+
+
+def test_the_ringing_of_jpeg_leaves_no_specks(tmp_path):
+    grey = np.full((120, 120), 255, dtype=np.uint8)
+    grey[20:40, 30:90] = 0
+    grey[60:100, 50:55] = 0
+    Image.fromarray(grey).save(tmp_path / "map.jpg", quality=40)
+    assert ndimage.label(brightness(tmp_path / "map.jpg") < 0.5)[1] == 2
+
+
+def test_a_ros_map_is_placed_by_resolution_and_origin(tmp_path):
+    white = [[255, 255], [0, 255]]
+    plan = read_ros_map(ros_map(tmp_path, white, origin=[1, 2, math.pi / 2]), unknown_is_obstacle=True)
+    (polygon,) = plan.world.polygons
+    expected = {(1.0, 2.0), (1.0, 2.5), (0.5, 2.5), (0.5, 2.0)}
+    assert {(x, y) for x, y in polygon.round(9)} == expected
+    assert plan.outline[2] == pytest.approx([0.0, 3.0], abs=KERNEL)
+
+
+def cells(plan):
+    return len(plan.world.polygons)
+
+
+def test_unknown_cells_are_obstacles_unless_told(tmp_path):
+    path = ros_map(tmp_path, [[254, 205, 254, 0, 254]])
+    assert cells(read_ros_map(path, unknown_is_obstacle=True)) == 2
+    assert cells(read_ros_map(path, unknown_is_obstacle=False)) == 1
+
+
+def test_negate_swaps_black_and_white(tmp_path):
+    rows = [[255, 255, 255, 0, 255]]
+    assert cells(read_ros_map(ros_map(tmp_path, rows), unknown_is_obstacle=True)) == 1
+    assert cells(read_ros_map(ros_map(tmp_path, rows, negate="true"), unknown_is_obstacle=True)) == 2
+
+
+@pytest.mark.parametrize(
+    ("changes", "right"),
+    [
+        ({"image": "gone.pgm"}, "gone.pgm: no such picture"),
+        ({"image": 3}, "image is 3: must be the name of a picture"),
+        ({"image": "''"}, "must be the name of a picture"),
+        ({"resolution": 0}, "resolution is 0: must be a finite number greater than 0"),
+        ({"resolution": None}, "resolution is missing"),
+        ({"resolutoin": 1}, "unknown key 'resolutoin': did you mean 'resolution'"),
+        ({"origin": [0, 0]}, "origin is [0, 0]: must be [x, y, yaw], 3 finite numbers"),
+        ({"negate": 2}, "negate is 2: must be 0 or 1"),
+        ({"mode": "raw"}, "mode is 'raw': must be trinary"),
+        ({"free_thresh": -1}, "free_thresh is -1: must be from 0 to 1"),
+        ({"free_thresh": 0.9}, "occupied_thresh is 0.65: must be from free_thresh, 0.9, to 1"),
+        ({"occupied_thresh": "high"}, "occupied_thresh is 'high': must be a finite number"),
+    ],
+)
+def test_a_mistake_in_a_ros_map_is_one_line(tmp_path, changes, right):
+    path = ros_map(tmp_path, [[255, 0]], **changes)
+    with pytest.raises(InputError) as error:
+        read_ros_map(path, unknown_is_obstacle=True)
+    assert right in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def broken_pictures(tmp_path):
+    whole = picture(tmp_path / "whole.png", np.random.default_rng(0).integers(0, 255, (64, 64))).read_bytes()
+    yield "truncated.png", whole[: len(whole) // 2]
+    yield "header.png", whole[:20]
+    yield "text.png", b"no picture"
+    yield "empty.png", b""
+    yield "short.pgm", b"P5 100 100 255\n123"
+    yield "letters.pgm", b"P2 2 2 255\na b c d"
+    yield "endless.pgm", b"P5 1000000 1000000 255\n"
+    yield "large.pgm", b"P5 5000 5000 255\n"
+    yield "deep.pgm", b"P5 2 1 65535\n\x00\x00\xff\xff"
+
+
+def test_broken_and_enormous_pictures_are_one_line(tmp_path):
+    for name, content in broken_pictures(tmp_path):
+        (tmp_path / name).write_bytes(content)
+        with pytest.raises(InputError) as error:
+            read_bitmap(tmp_path / name, (10.0, 10.0))
+        assert str(tmp_path / name) in str(error.value)
+        assert "must" in str(error.value)
+        assert "\n" not in str(error.value)
+
+
+@given(st.data())
+def test_a_picture_with_damaged_bytes_is_read_or_refused(tmp_path_factory, data):
+    path = tmp_path_factory.mktemp("damaged") / "map.png"
+    content = bytearray(picture(path, np.eye(9) * 255).read_bytes())
+    for _ in range(3):
+        content[data.draw(st.integers(0, len(content) - 1))] = data.draw(st.integers(0, 255))
+    path.write_bytes(content)
+    with contextlib.suppress(InputError):
+        read_bitmap(path, (1.0, 1.0))
+
+
+def test_the_kind_of_file_is_told_by_name_and_content(tmp_path):
+    image = picture(tmp_path / "map.png", [[255, 0]])
+    assert len(read_floor_plan(image, (2.0, 1.0)).world.polygons) == 1
+    with pytest.raises(InputError, match=r"map\.size is null: must be \[width, height\]"):
+        read_floor_plan(image)
+    path = ros_map(tmp_path, [[255, 0]])
+    assert read_floor_plan(path).outline[2].tolist() == [1.0, 0.5]
+    with pytest.raises(InputError, match=r"map\.size .* must be null"):
+        read_floor_plan(path, (2.0, 1.0))
+
+
+@pytest.mark.skipif(not ORIGINALS.is_dir(), reason="the original maps are not here")
+@pytest.mark.parametrize(
+    ("name", "obstacles", "fill"),
+    [("d6.jpg", 41, 0.042), ("d1.jpg", 53, 0.055), ("pfeiffer_3.png", 10, None)],
+)
+def test_originals_are_read_as_they_look(name, obstacles, fill):
+    dark = brightness(ORIGINALS / name) < 0.5
+    labels, count = ndimage.label(dark, structure=np.ones((3, 3)))
+    frame = labels == labels[0, 0]
+    assert abs(count - 1 - obstacles) <= 1
+    if fill is not None:
+        assert (dark & ~frame).mean() == pytest.approx(fill, abs=0.004)
+    assert len(read_bitmap(ORIGINALS / name, (10.0, 10.0)).world.edges) < 1200

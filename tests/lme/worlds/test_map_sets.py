@@ -1,0 +1,155 @@
+"""Rooms as map sets: configurations under their numbers."""
+
+import dataclasses
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+import yaml
+from PIL import Image
+
+from lme.errors import InputError
+from lme.resources import resource_dir
+from lme.robots import Robot
+from lme.worlds.check import check_task
+from lme.worlds.room import Room, RoomConfig, read_floor_plan
+from lme.worlds.sampling import clearance_field
+from runners.config.instantiate import build, filled
+from tests.places import SHARED
+
+CONF = resource_dir("conf")
+ORIGINALS = SHARED / "maps"
+
+
+def room(**keys):
+    return Room(RoomConfig(**{"name": "env1", "configurations": 5, **keys}))
+
+
+def pairs(chosen):
+    return {
+        number: (task.start, tuple(task.goal)) for number in chosen.numbers for task in [chosen.task(number)]
+    }
+
+
+@pytest.mark.parametrize("name", ["env1", "env2"])
+def test_shipped_maps_offer_fifty_tasks_that_the_stage_robot_can_begin(name):
+    robot = filled(Robot, yaml.safe_load((CONF / "robot" / "stage.yaml").read_text()), "robot")
+    chosen = build(yaml.safe_load((CONF / "map" / f"{name}.yaml").read_text()), "map")
+    assert chosen.numbers == tuple(range(50))
+    for number in chosen.numbers:
+        task = chosen.task(number)
+        check_task(task, robot)
+        assert (task.map_name, task.number) == (name, number)
+        assert (task.goal_tolerance, task.time_limit, task.clock_distance) == (0.2, 40.0, 0.0)
+        assert task.optimal_time == task.shortest_path_length / 0.5
+        assert task.measures["straight_m"] >= 3.0 - 1e-9
+        assert 1.0 <= task.measures["detour"] < 4.0
+    assert len(set(pairs(chosen).values())) == 50
+
+
+def test_walls_make_detours():
+    """What the two maps are for: hardly any way around in env1, long ones in env2."""
+    longest = {
+        name: max(chosen.task(number).measures["detour"] for number in chosen.numbers)
+        for name in ("env1", "env2")
+        for chosen in [room(name=name, configurations=50)]
+    }
+    assert longest["env1"] < 1.2
+    assert longest["env2"] > 2.0
+
+
+def test_a_number_means_the_same_whatever_else_is_chosen():
+    five, some = pairs(room()), pairs(room(worlds=[3, 900, 1]))
+    assert list(some) == [3, 900, 1]
+    assert [some[3], some[1]] == [five[3], five[1]]
+    assert pairs(room(sample_seed=1))[3] != five[3]
+
+
+def test_another_process_draws_the_same():
+    code = (
+        "import json; from lme.worlds.room import Room, RoomConfig; "
+        "r = Room(RoomConfig(name='env2', configurations=3)); "
+        "print(json.dumps([[*r.task(n).start, *r.task(n).goal, r.task(n).shortest_path_length] for n in r.numbers]))"
+    )
+    there = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=120
+    )
+    here = room(name="env2", configurations=3)
+    tasks = [here.task(number) for number in here.numbers]
+    assert json.loads(there.stdout) == [
+        [*task.start, *task.goal, task.shortest_path_length] for task in tasks
+    ]
+
+
+def test_a_map_is_surveyed_once_and_again_when_its_file_changes(tmp_path):
+    path = tmp_path / "hall.yaml"
+    path.write_text("bounds: [0, 0, 8, 8]\n")
+    first, second = (room(name=None, path=str(path)) for _ in range(2))
+    assert first.task(0).world is second.task(1).world
+    assert first.task(0).map_name == "hall"
+    path.write_text("bounds: [0, 0, 8, 8]\ncircles: [{centre: [4, 4], radius: 1}]\n")
+    assert len(room(name=None, path=str(path)).task(0).world.circles) == 1
+
+
+def test_a_picture_is_a_map_set_too(tmp_path):
+    Image.fromarray(np.pad(np.full((98, 98), 255, dtype=np.uint8), 1)).save(tmp_path / "hall.png")
+    chosen = build({**yaml.safe_load((CONF / "map" / "file.yaml").read_text()),
+                    "path": str(tmp_path / "hall.png"), "size": [10, 10]}, "map")  # fmt: skip
+    assert chosen.task(49).map_name == "hall"
+
+
+@pytest.mark.parametrize("name", ["env1", "env2", "file"])
+def test_every_key_stands_in_the_yaml_with_a_comment(name):
+    text = (CONF / "map" / f"{name}.yaml").read_text(encoding="utf-8")
+    fields = [field.name for field in dataclasses.fields(RoomConfig)]
+    assert list(yaml.safe_load(text)) == ["_target_", *fields]
+    assert all("  # " in line for line in text.splitlines()[2:])
+
+
+@pytest.mark.parametrize(
+    ("keys", "right"),
+    [
+        ({"name": None}, "map.path is null: must be a shape file"),
+        ({"name": "env3"}, "map.name is 'env3': must be one of env1, env2, or give map.path"),
+        ({"path": "gone.yaml"}, "map.path is gone.yaml: no such file"),
+        ({"path": "."}, "map.path is .: no such file"),
+        ({"size": [10.0, 10.0]}, "map.size is [10.0, 10.0]: must be null"),
+        ({"size": [10.0]}, "map.size is [10.0]: must be [width, height]"),
+        ({"size": [10.0, 0.0]}, "map.size is 0: must be greater than 0"),
+        ({"unknown": "maybe"}, "map.unknown is 'maybe': must be obstacle or free"),
+        ({"configurations": 0}, "map.configurations is 0: must be at least 1"),
+        ({"worlds": []}, "map.worlds is []: must be different numbers"),
+        ({"worlds": [1, 1]}, "map.worlds is [1, 1]: must be different numbers"),
+        ({"worlds": [-1]}, "map.worlds is [-1]: must be different numbers from 0 on"),
+        ({"sample_seed": -1}, "map.sample_seed is -1: must be at least 0"),
+        ({"min_distance": -1.0}, "map.min_distance is -1: must be at least 0"),
+        ({"min_distance": 50.0}, "map.min_distance is 50 m: must be a distance"),
+        ({"radius": 0.0}, "map.radius is 0: must be greater than 0"),
+        ({"margin": float("nan")}, "map.margin is nan: must be"),
+        ({"grid": 1e-5}, "map.grid is 1e-05 m for a map of 10 by 10 m: must give"),
+        ({"time_limit": 0.0}, "map.time_limit is 0"),
+        ({"speed": 0.0}, "map.speed is 0"),
+    ],
+)
+def test_a_mistake_is_one_line(keys, right):
+    with pytest.raises(InputError) as error:
+        room(**keys)
+    assert right in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_a_number_that_was_not_chosen_is_refused():
+    with pytest.raises(InputError, match="configuration 5 is not among the chosen ones of map env1"):
+        room().task(5)
+
+
+@pytest.mark.skipif(not ORIGINALS.is_dir(), reason="the original maps are not here")
+@pytest.mark.parametrize(("ours", "original"), [("env1", "d6.jpg"), ("env2", "pfeiffer_3.png")])
+def test_ours_leave_as_much_room_as_the_originals(ours, original):
+    files = [(resource_dir("maps") / ours / "shapes.yaml", None), (ORIGINALS / original, (10.0, 10.0))]
+    points = np.arange(0.05, 10.0, 0.1)
+    fields = [clearance_field(read_floor_plan(*file), points, points, reach=3.0) for file in files]
+    quartiles = [np.percentile(field[field > 0], [25, 50, 75]) for field in fields]
+    assert quartiles[0] == pytest.approx(quartiles[1], abs=0.08)

@@ -1,0 +1,142 @@
+"""The traps as a map set, and that they are traps."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+import yaml
+
+from lme.episode import run_episode
+from lme.errors import InputError
+from lme.guides.tangent_bug import TangentBug, TangentBugConfig
+from lme.navigator import Navigator
+from lme.planners.simple import Simple, SimpleConfig
+from lme.resources import resource_dir
+from lme.sim.fast import FastConfig, FastSimulator
+from lme.types import Outcome
+from lme.worlds.check import check_task
+from lme.worlds.traps import DRAWINGS, Traps, TrapsConfig
+from runners.config.instantiate import build
+from tests.builders import SHIPPED, navigator, shipped, stage
+
+ON_THE_WAY = 1.02  # of the straight line: nothing to go around
+PUBLISHED_SHARE = 0.9  # of the starts that LME and TangentBug must get out from
+
+
+def traps(**keys):
+    return Traps(TrapsConfig(**keys))
+
+
+def outcomes(chosen, numbers, make):
+    robot = stage()
+    return [
+        run_episode(
+            chosen.task(number),
+            make(robot),
+            FastSimulator(FastConfig(), robot),
+            np.random.default_rng(number),
+        ).outcome
+        for number in numbers
+    ]
+
+
+def bug(robot):
+    return Navigator(TangentBug(TangentBugConfig(), robot), Simple(SimpleConfig(), robot))
+
+
+@pytest.mark.parametrize("kind", DRAWINGS)
+@pytest.mark.parametrize("name", SHIPPED)
+def test_every_robot_can_begin_and_a_way_exists(kind, name):
+    robot = shipped(name)
+    chosen = traps(kind=kind, radius=robot.footprint.r_max)
+    assert chosen.numbers == tuple(range(20))
+    for number in (0, 7, 19):
+        task = chosen.task(number)
+        check_task(task, robot)
+        assert ON_THE_WAY < task.measures["detour"] < 4.0
+        assert task.measures["straight_m"] == pytest.approx(7.0, abs=0.1)
+        assert task.optimal_time == task.shortest_path_length / 0.5
+
+
+def test_starts_differ_and_look_ahead():
+    chosen = traps()
+    starts = [chosen.task(number).start for number in chosen.numbers]
+    assert len(set(starts)) == 20
+    assert max(abs(start.y - 5.0) for start in starts) <= 0.3
+    assert max(abs(start.yaw) for start in starts) <= 0.3
+    assert np.std([start.y for start in starts]) > 0.1
+    assert np.std([start.yaw for start in starts]) > 0.1
+
+
+def test_a_number_means_the_same_whatever_else_is_chosen():
+    assert traps(worlds=[3, 900]).task(3).start == traps().task(3).start
+    assert traps(start_seed=1).task(3).start != traps().task(3).start
+
+
+def test_a_door_is_as_wide_as_the_robot_and_the_margin():
+    for radius, margin in ((0.2, 0.3), (0.35, 0.1)):
+        world = traps(kind="door", radius=radius, door_margin=margin).task(0).world
+        below, above = world.segments[-2], world.segments[-1]
+        assert above[1] - below[3] == pytest.approx(2 * radius + margin)
+        assert min(below[3], above[1]) > 6.5  # aside of the way at y = 5
+
+
+def test_the_names_on_record_tell_the_traps_apart():
+    assert {traps(kind=kind).task(0).map_name for kind in DRAWINGS} == {
+        "trap_u", "trap_wall", "trap_door", "trap_zigzag"
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", DRAWINGS)
+def test_heading_straight_for_the_goal_does_not_get_there(kind):
+    assert Outcome.SUCCESS not in outcomes(
+        traps(kind=kind), range(5), lambda robot: navigator(robot, "target")
+    )
+
+
+@pytest.mark.parametrize("kind", ["u", "wall"])
+def test_lme_escapes(kind):
+    ended = outcomes(traps(kind=kind), range(10), navigator)
+    assert ended.count(Outcome.SUCCESS) >= PUBLISHED_SHARE * len(ended)
+
+
+@pytest.mark.parametrize("kind", DRAWINGS)
+def test_tangent_bug_escapes_from_every_trap(kind):
+    assert set(outcomes(traps(kind=kind), range(5), bug)) == {Outcome.SUCCESS}
+
+
+def test_every_key_stands_in_the_yaml_with_a_comment():
+    text = (resource_dir("conf") / "map" / "traps.yaml").read_text(encoding="utf-8")
+    written = yaml.safe_load(text)
+    assert set(written) == {"_target_", *(field.name for field in dataclasses.fields(TrapsConfig))}
+    assert all("  # " in line for line in text.splitlines()[2:])
+    assert build(written, "map").config == TrapsConfig()
+
+
+@pytest.mark.parametrize(
+    ("keys", "right"),
+    [
+        ({"kind": "maze"}, "map.kind is 'maze': must be one of u, wall, door, zigzag"),
+        ({"starts": 0}, "map.starts is 0: must be at least 1"),
+        ({"worlds": [1, 1]}, "map.worlds is [1, 1]: must be different numbers"),
+        ({"worlds": []}, "map.worlds is []: must be different numbers"),
+        ({"start_seed": -1}, "map.start_seed is -1: must be at least 0"),
+        ({"lateral": 0.6}, "map.lateral is 0.6: must be at least 0 and at most 0.5"),
+        ({"turn": math.nan}, "map.turn is nan: must be"),
+        ({"radius": 0.7}, "map.radius is 0.7: must be greater than 0 and at most 0.5"),
+        ({"door_margin": 0.05}, "map.door_margin is 0.05: must be at least 0.1"),
+        ({"grid": 0.0}, "map.grid is 0: must be greater than 0"),
+        ({"time_limit": -1.0}, "map.time_limit is -1"),
+    ],
+)
+def test_a_mistake_is_one_line(keys, right):
+    with pytest.raises(InputError) as error:
+        traps(**keys)
+    assert right in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_a_number_that_was_not_chosen_is_refused():
+    with pytest.raises(InputError, match="start 20 is not among the chosen ones of map trap_u"):
+        traps().task(20)

@@ -1,0 +1,6 @@
+"""Where tests find the checkout, and the material beside it that not every machine has."""
+
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+SHARED = ROOT.parent / "shared"

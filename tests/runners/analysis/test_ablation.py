@@ -1,0 +1,182 @@
+"""What the paper says of its ablations, against records made to agree with it and not to."""
+
+import csv
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from lme.metrics import wilson_interval
+from lme.resources import resource_dir
+from runners.analysis import ablation
+from runners.config import schema
+from runners.config.composer import Composer
+from runners.config.overrides import plan
+from tests.runners.analysis.test_paired import episodes
+
+AS_THE_PAPER_SAYS = {
+    "none": 0.9, "no_a_close": 0.75, "no_a_dev": 0.9, "no_c_o": 0.1, "no_c_t": 0.6, "no_a_mount": 0.6,
+    "no_c_h": 0.75, "no_maintenance": 0.7,
+}  # fmt: skip
+
+
+def sweep(rates, runs=2, worlds=100, **columns):
+    """The easiest share of the worlds succeeds in every run."""
+    about = {"robot": "jackal", "map": "barn", "subset": "hard100", **columns}
+    parts = [
+        episodes(np.arange(worlds) < rate * worlds, runs, ablation=name, run_dir=name, **about)
+        for name, rate in rates.items()
+    ]
+    return pd.concat(parts, ignore_index=True)
+
+
+def agreement(rates, **columns):
+    """By ablation, where the paper says something."""
+    (study,) = ablation.studies(sweep(rates, **columns))
+    return {variant.ablation: variant.agrees for variant in study.variants if variant.agrees}
+
+
+def test_all_that_is_said_has_a_file_and_every_file_is_spoken_of():
+    files = {path.stem for path in (resource_dir("conf") / "ablation").glob("*.yaml")}
+    assert files - {"none"} == set(ablation.CLAIMS)
+
+
+def test_the_experiment_is_the_figures():
+    schema.register()
+    with Composer("eval") as composer:
+        found = plan(composer, ["experiment=ablation"], multirun=False)
+    assert found.multirun
+    assert [job.hydra.runtime.choices.ablation for job in found.configs] == ["none", *ablation.CLAIMS]
+    assert {(job.map.subset, job.runs, job.robot.name) for job in found.configs} == {("hard100", 3, "jackal")}
+
+
+def test_records_that_are_as_the_paper_says_agree_with_it():
+    assert agreement(AS_THE_PAPER_SAYS) == dict.fromkeys(ablation.CLAIMS, "yes")
+
+
+@pytest.mark.parametrize(
+    ("name", "rate", "agrees", "why"),
+    [
+        ("no_c_t", 1.0, "no", "on the contrary, a gain beyond the noise"),
+        ("no_c_h", 0.89, "no", "no loss beyond the noise"),
+        ("no_a_dev", 0.7, "no", "a loss beyond the noise"),
+        ("no_a_dev", 1.0, "no", "a gain beyond the noise"),
+        ("no_a_close", 0.3, "in part", "larger than that of No c_t and No a_mount"),
+        ("no_maintenance", 0.9, "no", "no loss beyond the noise"),
+        ("no_c_o", 0.9, "no", "no loss beyond the noise"),
+        ("no_c_o", 0.5, "yes", "the largest loss of all"),
+    ],
+)
+def test_what_is_otherwise_does_not_agree(name, rate, agrees, why):
+    (study,) = ablation.studies(sweep({**AS_THE_PAPER_SAYS, name: rate}))
+    variant = next(each for each in study.variants if each.ablation == name)
+    assert variant.agrees == agrees
+    assert why in variant.words
+
+
+def test_the_most_significant_is_not_so_where_another_loses_more():
+    found = agreement({**AS_THE_PAPER_SAYS, "no_c_o": 0.4, "no_maintenance": 0.1})
+    assert (found["no_c_o"], found["no_maintenance"]) == ("in part", "yes")
+
+
+@pytest.mark.parametrize(
+    "columns", [{"map": "env1"}, {"robot": "go2"}, {"system": "LME-DWA"}, {"scale": "c_t × 2"}]
+)
+def test_the_paper_speaks_of_its_own_method_on_barn_alone(columns):
+    frame = sweep(AS_THE_PAPER_SAYS).assign(**columns)
+    (study,) = ablation.studies(frame)
+    assert [variant.agrees for variant in study.variants] == [""] * 8
+    assert ablation.words([study]) == []
+    assert "the LME paper" not in ablation.to_markdown([study])
+
+
+def test_a_factor_tells_studies_apart():
+    rates = {"none": 0.9, "no_c_o": 0.1}
+    scaled = sweep(rates, scale="a_close × 0.5").assign(run_dir=lambda frame: frame["run_dir"] + " scaled")
+    found = ablation.studies(pd.concat([sweep(rates, scale=""), scaled]))
+    assert [study.heading for study in found] == ["LME", "LME, scale a_close × 0.5"]
+    assert [study.variants[1].agrees for study in found] == ["yes", ""]
+
+
+def test_a_part_of_the_sweep_is_enough():
+    frame = sweep({"no_c_o": 0.1, "none": 0.9})
+    part = frame[(frame["ablation"] == "none") | (frame["world"] < 20)]
+    (study,) = ablation.studies(part)
+    assert [variant.ablation for variant in study.variants] == ["none", "no_c_o"]
+    assert study.variants[1].change["success"].pairs == 40
+    assert ablation.studies(sweep({"no_c_o": 0.1, "no_c_t": 0.9})) == []
+    assert ablation.studies(sweep({"none": 0.9})) == []
+
+
+def test_too_little_to_tell_is_said_so():
+    """Two worlds prove nothing; nor do forty whose interval has room for a noticeable loss."""
+    (few,) = ablation.studies(sweep(AS_THE_PAPER_SAYS, worlds=2))
+    assert {variant.agrees for variant in few.variants[1:]} == {"open"}
+    noisy = sweep({"none": 0.9}, worlds=40, runs=1)
+    flipped = noisy.assign(ablation="no_c_t", run_dir="x", outcome="success")
+    flipped.loc[noisy.index[:5], "outcome"] = "collision"
+    (study,) = ablation.studies(pd.concat([noisy, flipped]))
+    change = study.variants[1].change["success"]
+    assert change.low < -ablation.MARGIN < 0 < change.high
+    assert study.variants[1].words.endswith("Open: too noisy to tell.")
+
+
+def test_one_world_has_no_interval_and_says_so():
+    (study,) = ablation.studies(sweep({"none": 0.9, "no_c_o": 0.1}, worlds=1))
+    assert "| 0.000 | – | – | – |" in ablation.to_markdown([study])
+    assert study.variants[1].words.endswith("; ours 0.000. Open: too noisy to tell.")
+    assert study.place.endswith("1 world × 2 runs")
+
+
+def test_where_nothing_succeeds_there_is_nothing_to_lose():
+    (study,) = ablation.studies(sweep({"none": 0.0, "no_c_o": 0.0}))
+    assert [variant.agrees for variant in study.variants] == ["", ""]
+
+
+def test_a_variant_that_drove_other_worlds_is_shown_and_not_compared():
+    frame = sweep({"none": 0.9, "no_c_o": 0.1, "no_c_t": 0.5})
+    (study,) = ablation.studies(frame[(frame["ablation"] == "no_c_o") != (frame["world"] < 50)])
+    found = {variant.ablation: (variant.change == {}, variant.agrees) for variant in study.variants}
+    assert found == {"none": (True, ""), "no_c_o": (True, ""), "no_c_t": (False, "no")}
+
+
+def test_two_at_once_are_shown_last_and_nothing_is_said_of_them():
+    (study,) = ablation.studies(sweep({"no_c_o+no_c_t": 0.1, "none": 0.9, "no_c_h": 0.8}))
+    assert [ablation.in_text(variant.ablation) for variant in study.variants] == [
+        "Complete",
+        "No c_h",
+        "No c_o, c_t",
+    ]
+    assert study.variants[-1].agrees == ""
+    assert study.variants[-1].change["success"].mean == pytest.approx(-0.8)
+
+
+def test_the_words_follow_from_the_figures():
+    lines = ablation.words(ablation.studies(sweep({"none": 0.9, "no_c_t": 1.0})))
+    assert lines[0].endswith("the paper's ablation and ours.")
+    assert lines[1].startswith("No c_t: the paper says noticeable degradation; ours +0.100 (+0.0")
+    assert len(lines) == 2
+
+
+def test_files(tmp_path):
+    markdown, table = ablation.write(ablation.studies(sweep(AS_THE_PAPER_SAYS)), tmp_path)
+    text = markdown.read_text(encoding="utf-8")
+    rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in text.splitlines() if line[:1] == "|"]
+    assert len({len(row) for row in rows}) == 1
+    assert dict(zip(rows[0][:6], rows[5][:6], strict=True)) == {
+        "Variant": "No c_o", "Success": "0.100 ± 0.000", "Difference": "\u22120.800",
+        "95 %": rows[5][3], "p (Holm)": "< 0.001", "Beyond the noise": "yes",
+    }  # fmt: skip
+    assert "not Gazebo" in text
+    lines = list(csv.DictReader(table.open(encoding="utf-8")))
+    assert [line["ablation"] for line in lines] == ["none", *ablation.CLAIMS]
+    assert float(lines[3]["success_difference"]) == pytest.approx(-0.8)
+    assert float(lines[3]["success_low"]) == pytest.approx(wilson_interval(20, 200)[0])
+    assert float(lines[3]["success_difference_low"]) < -0.8 < float(lines[3]["success_difference_high"])
+    assert (lines[0]["success_difference"], lines[3]["agrees"]) == ("", "yes")
+
+
+def test_the_order_of_records_does_not_matter():
+    frame = sweep(AS_THE_PAPER_SAYS)
+    shuffled = frame.sample(frac=1.0, random_state=2)
+    assert ablation.to_markdown(ablation.studies(shuffled)) == ablation.to_markdown(ablation.studies(frame))

@@ -1,0 +1,282 @@
+"""Tables against figures counted by hand."""
+
+import csv
+import io
+
+import numpy as np
+import pandas as pd
+import pytest
+import yaml
+
+from lme.resources import resource_dir
+from runners.analysis import tables
+from runners.analysis.summary import DASH, metrics, notes, summarise, title
+from runners.config.systems import systems as named_systems
+
+SYSTEMS = {
+    "lme": {
+        "label": "LME",
+        "published": {
+            "barn": {"robot": "jackal", "success": [0.883, 0.0094], "barn_metric": [0.419, 0.0084]},
+            "env1": {"robot": "stage", "success": [0.95, 0.01]},
+        },
+    },
+    "other": {"label": "Other", "published": None},
+}
+
+
+def records(outcomes=("success",) * 9 + ("collision",), runs=2, **columns):
+    """`outcomes` in worlds 200…; in every run after the first, world 200 times out."""
+    rows = []
+    for run in range(runs):
+        for index, outcome in enumerate(outcomes):
+            outcome = "timeout" if run and not index else outcome
+            success = outcome == "success"
+            rows.append(
+                {
+                    "system": "LME",
+                    "ablation": "none",
+                    "weights": "published",
+                    "robot": "jackal",
+                    "map": "barn",
+                    "subset": "hard100",
+                    "seed": 0,
+                    "world": 200 + index,
+                    "run": run,
+                    "outcome": outcome,
+                    "time_s": 10.0 + index if success else 99.0,
+                    "barn_metric": 0.5 if success else 0.0,
+                    "path_length_m": 11.0 if success else 55.0,
+                    "spl": 0.8 if success else 0.0,
+                    "world_visibility": index / 10,
+                    "run_dir": "one",
+                    **columns,
+                }
+            )
+    return pd.DataFrame(rows)
+
+
+def test_figures_by_hand():
+    """Ten worlds, two runs: 9 + 8 successes, a collision in each, a time-out in the second."""
+    ours = summarise(records(), systems=SYSTEMS)[0]
+    assert (ours.label, ours.episodes, ours.worlds, ours.runs) == ("LME (ours)", 20, 10, 2)
+    expected = {
+        "success": (0.85, 0.05),
+        "collision": (0.1, 0.0),
+        "timeout": (0.05, 0.05),
+        "barn_metric": (0.425, 0.025),
+        "time_s": (14.25, 0.25),  # successes only: mean of 10…18, and of 11…18
+        "path_length_m": (11.0, 0.0),
+        "spl": (0.68, 0.04),
+    }
+    assert ours.stats == {name: pytest.approx(values) for name, values in expected.items()}
+    assert ours.interval == pytest.approx((0.6396, 0.9476), abs=5e-5)
+
+
+def test_one_run_has_no_deviation():
+    row = summarise(records(runs=1), systems=SYSTEMS)[0]
+    assert np.isnan(row.stats["success"][1])
+    assert "±" not in "".join(notes([row]))
+    assert metrics(records(runs=1))["success"] == 0.9
+    assert "success_std" not in metrics(records(runs=1))
+
+
+@pytest.mark.parametrize(
+    ("columns", "published"),
+    [
+        ({}, True),
+        ({"map": "env1", "subset": "", "robot": "stage"}, True),
+        ({"robot": "go2"}, False),
+        ({"subset": "official50"}, False),
+        ({"ablation": "no_c_o"}, False),
+        ({"weights": "mine"}, True),
+        ({"map": "elsewhere"}, False),
+        ({"system": "Other"}, False),
+        ({"system": "target+simple"}, False),
+    ],
+)
+def test_published_figures_stand_beside_what_they_compare_with(columns, published):
+    rows = summarise(records(**columns), systems=SYSTEMS)
+    assert [row.published_map is not None for row in rows] == [False, True][: 1 + published]
+    text = "\n".join(notes(rows))
+    assert ("2D simulator" in text) == published
+    assert ("does not list its hundred worlds" in text) == (published and "map" not in columns)
+
+
+def test_the_projects_own_published_figures():
+    rows = summarise(records())
+    assert [row.label for row in rows] == ["LME (ours)", "LME (published)"]
+    assert rows[1].stats["success"] == (0.883, 0.0094)
+    assert rows[1].stats["barn_metric"] == (0.419, 0.0084)
+
+
+def test_what_varies_becomes_a_column_and_what_follows_from_it_does_not():
+    ablations = {"none": "1.0", "no_c_o": "0.0", "no_c_t": "1.0"}
+    frames = [
+        records(ablation=name, run_dir=name, subset=subset, **{"guide.c_o": weight})
+        for name, weight in ablations.items()
+        for subset in ("hard100", "official50")
+    ]
+    rows = summarise(pd.concat(frames), systems=SYSTEMS)
+    assert {tuple(row.keys) for row in rows} == {("ablation", "subset")}
+    assert [tuple(row.keys.values()) for row in rows if row.published_map is None] == [
+        (name, subset) for name in ablations for subset in ("hard100", "official50")
+    ]
+    assert [row.keys for row in rows if row.published_map] == [{"ablation": "", "subset": "hard100"}]
+
+
+def test_a_swept_key_that_no_record_holds_is_a_column():
+    frames = [records(run_dir=value, **{"guide.d1": value}) for value in ("0.3", "0.51")]
+    rows = summarise(pd.concat(frames), systems=SYSTEMS)
+    assert [row.keys for row in rows[:2]] == [{"guide.d1": "0.3"}, {"guide.d1": "0.51"}]
+    assert [row.label for row in rows] == ["LME (ours)", "LME (ours)", "LME (published)"]
+
+
+def test_two_runs_of_one_config_are_not_added_up():
+    rows = summarise(pd.concat([records(), records(run_dir="two")]), systems=SYSTEMS)
+    assert [(row.keys, row.episodes) for row in rows[:2]] == [
+        ({"run_dir": "one"}, 20),
+        ({"run_dir": "two"}, 20),
+    ]
+
+
+def test_an_ablation_alone_is_still_named():
+    rows = summarise(records(ablation="no_c_o"), systems=SYSTEMS)
+    assert rows[0].keys == {"ablation": "no_c_o"}
+
+
+def test_an_unfinished_run_says_so():
+    frame = records()
+    assert not any("Not finished" in note for note in notes(summarise(frame, systems=SYSTEMS)))
+    assert "Not finished, some worlds lack runs: LME (ours)." in notes(
+        summarise(frame.iloc[:-1], systems=SYSTEMS)
+    )
+
+
+def test_order_of_records_does_not_matter():
+    frame = records()
+    shuffled = frame.sample(frac=1.0, random_state=1)
+    assert tables.to_csv(summarise(frame, systems=SYSTEMS)) == tables.to_csv(
+        summarise(shuffled, systems=SYSTEMS)
+    )
+
+
+def test_markdown():
+    text = tables.to_markdown(summarise(records(), systems=SYSTEMS))
+    lines = [[cell.strip() for cell in line.split("|")[1:-1]] for line in text.splitlines()[:4]]
+    table = dict(zip(lines[0], zip(*lines[2:], strict=True), strict=True))
+    assert table["System"] == ("LME (ours)", "LME (published)")
+    assert table["Success"] == ("0.850 ± 0.050", "0.883 ± 0.009")
+    assert table["95 % CI"] == (f"0.640{DASH}0.948", DASH)
+    assert table["Time [s]"] == ("14.2", DASH)
+    assert table["n"] == ("20", DASH)
+    assert len({len(line) for line in lines}) == 1
+
+
+def test_csv_holds_unrounded_numbers():
+    rows = list(csv.DictReader(io.StringIO(tables.to_csv(summarise(records(), systems=SYSTEMS)))))
+    assert float(rows[0]["success"]) == pytest.approx(0.85)
+    assert float(rows[0]["success_low"]) == pytest.approx(0.6396, abs=5e-5)
+    assert (rows[1]["label"], rows[1]["success_std"], rows[1]["spl"]) == ("LME (published)", "0.0094", "")
+
+
+def test_latex_escapes_what_latex_would_read():
+    rows = summarise(records(ablation="no_c_o"), systems=SYSTEMS)
+    text = tables.to_latex(rows)
+    assert r"no\_c\_o" in text
+    assert r"0.850 $\pm$ 0.050" in text
+    assert "95 \\% CI" in text
+    assert text.count("&") == 2 * (len(text.split(r"\toprule")[1].splitlines()[1].split("&")) - 1)
+
+
+def test_html_is_the_same_table_with_nothing_left_to_read_as_markup():
+    rows = summarise(records(weights="<b>&"), systems=SYSTEMS)
+    text = tables.to_html(rows)
+    assert "<td>0.850 ± 0.050</td>" in text
+    assert "<td>&lt;b&gt;&amp;</td>" in text
+    cells = [line.count("<td>") + line.count("<th>") for line in text.splitlines() if line.startswith("<tr>")]
+    assert cells == [len(tables._cells(rows, " ± ")[0])] * (1 + len(rows))
+
+
+@pytest.mark.parametrize("width", [80, 100, 160])
+@pytest.mark.parametrize("ablations", [["none"], ["none", "no_c_o"]])
+def test_terminals_of_any_usual_width_show_every_cell_whole(width, ablations):
+    from rich.console import Console
+
+    frame = pd.concat([records(ablation=ablation, run_dir=ablation) for ablation in ablations])
+    console = Console(width=width, record=True, file=io.StringIO())
+    console.print(tables.to_rich(summarise(frame, systems=SYSTEMS), title(frame), width))
+    text = console.export_text()
+    assert "…" not in text
+    for word in (
+        "LME",
+        "(published)",
+        "±0.050",
+        "0.419",
+        "Time",
+        "[s]",
+        "metric",
+        "Collision",
+        "20",
+        *ablations[1:],
+    ):
+        assert word in text.split()
+    assert "barn · hard100 · jackal · 10 worlds" in text
+    assert max(map(len, text.splitlines())) <= width
+
+
+def test_files(tmp_path):
+    paths = tables.write_tables(records(), tmp_path)
+    assert [path.name for path in paths] == ["table.md", "table.csv", "table.tex"]
+    assert paths[0].read_text(encoding="utf-8").startswith("**barn · hard100 · jackal · 10 worlds")
+    assert all(path.read_text(encoding="utf-8") for path in paths)
+
+
+# Several systems
+
+
+def test_rows_stand_in_the_order_asked_for_and_systems_not_driven_show_what_was_published():
+    systems = {
+        **SYSTEMS,
+        "mapper": {
+            "label": "Mapper",
+            "global_planner": True,
+            "published": {"barn": {"robot": "jackal", "success": [0.653], "barn_metric": [0.288]}},
+        },
+    }
+    frame = pd.concat([records(), records(system="Other", global_map="known", run_dir="two")])
+    rows = summarise(frame, ["other", "mapper", "lme"], systems)
+    assert [row.label for row in rows] == [
+        "Other (ours)", "Mapper (published)", "LME (ours)", "LME (published)",
+    ]  # fmt: skip
+    assert [row.global_planner for row in rows] == ["yes, true map", "yes", "no", "no"]
+    assert rows[1].stats["success"][0] == 0.653
+    assert np.isnan(rows[1].stats["success"][1])
+    assert "| Mapper (published) | 0.653 | – |" in tables.to_markdown(rows)
+
+
+def test_published_figures_of_systems_not_driven_need_the_same_worlds():
+    rows = summarise(records(subset="official50"), ["lme"], SYSTEMS)
+    assert [row.label for row in rows] == ["LME (ours)"]
+
+
+def test_the_last_column_says_who_used_a_global_planner_once_systems_are_compared():
+    frame = pd.concat([records(), records(system="Other", global_map="observed", run_dir="two")])
+    header, _, *lines = tables.to_markdown(summarise(frame, systems=SYSTEMS)).splitlines()
+    assert header.endswith("| n | Global planner |")
+    assert [line.rpartition("| ")[2] for line in lines[:3]] == ["no |", "no |", "yes |"]
+    assert "Global planner" not in tables.to_markdown(summarise(records(), systems=SYSTEMS))
+
+
+def test_paper_table_2_is_whole():
+    """Every row of the paper, in its order; the swept systems are those that have a planner."""
+    experiment = yaml.safe_load((resource_dir("conf") / "experiment" / "table2.yaml").read_text())
+    known = named_systems()
+    assert [known[name]["label"] for name in experiment["table"]] == [
+        "DWA", "DRL-DCLP", "S3-FISVFH", "E-Band", "KUL+FM", "DRL-VO", "DRL-DCLP", "LME-DWA", "LME-DRL", "LME",
+    ]  # fmt: skip
+    swept = experiment["hydra"]["sweeper"]["params"]["system"].split(",")
+    assert swept == [name for name in experiment["table"] if known[name]["planner"]]
+    shares = [known[name]["published"]["barn"] for name in experiment["table"]]
+    for each in shares:  # rounded to three digits in the paper
+        assert sum(each[key][0] for key in ("success", "collision", "timeout")) == pytest.approx(1, abs=0.002)

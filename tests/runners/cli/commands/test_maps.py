@@ -1,0 +1,208 @@
+"""`lme maps`: plain lines for scripts, pictures for people."""
+
+import logging
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from PIL import Image
+from rich.cells import cell_len
+
+from lme.errors import InputError
+from lme.resources import resource_dir
+from runners.cli.commands import maps
+from tests.places import ROOT
+
+SETS = sorted(path.stem for path in (resource_dir("conf") / "map").glob("*.yaml"))
+
+
+@pytest.fixture(autouse=True)
+def own_folder(tmp_path, monkeypatch):
+    """Pictures are written below the folder that one is in, and no log handler of another test speaks up."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(logging.root, "handlers", [])
+
+
+@pytest.fixture
+def terminal(monkeypatch):
+    """Standard output is a terminal of 80 × 40 characters."""
+
+    def show(*words):
+        monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
+        monkeypatch.setenv("COLUMNS", "80")
+        monkeypatch.setenv("LINES", "40")
+        monkeypatch.setenv("NO_COLOR", "1")
+        monkeypatch.setenv("TERM", "dumb")
+        return maps.main(list(words))
+
+    return show
+
+
+def has_braille(text):
+    return any(0x2800 < ord(character) < 0x2900 for character in text)
+
+
+@pytest.mark.parametrize("words", [[], ["--plain"]])
+def test_without_a_terminal_every_set_is_one_plain_line(capsys, words):
+    assert maps.main(words) == 0
+    out = capsys.readouterr().out
+    lines = out.splitlines()
+    assert [line.split()[0] for line in lines[: len(SETS)]] == SETS
+    assert all(len(line.split()) > 3 for line in lines[: len(SETS)])
+    assert lines[len(SETS) :] == ["", "One set's worlds: lme maps show NAME"]
+    assert not has_braille(out)
+
+
+def test_plain_holds_in_a_terminal_too(capsys, terminal):
+    terminal("--plain")
+    assert not has_braille(capsys.readouterr().out)
+
+
+def test_in_a_terminal_every_set_has_a_picture_that_fits_80_columns(capsys, terminal):
+    terminal()
+    out = capsys.readouterr().out
+    assert max(cell_len(line) for line in out.splitlines()) <= 80
+    entries = [entry for entry in out.split("\n\n") if "lme maps show" not in entry]
+    assert len(entries) == len(SETS)
+    for name, entry in zip(SETS, entries, strict=True):
+        assert f"  {name} " in entry.splitlines()[0]
+        if name == "file":
+            assert "no picture: map.path is null" in entry
+            assert not has_braille(entry)
+        else:
+            assert has_braille(entry)
+            assert "★" in entry
+            assert "worlds" in entry
+            assert 6 <= len(entry.splitlines()) <= 9
+
+
+def test_a_terminal_that_knows_no_braille_gets_plain_lines(capsys, terminal, monkeypatch):
+    monkeypatch.setattr(type(sys.stdout), "encoding", "iso8859-1")
+    terminal()
+    assert not has_braille(capsys.readouterr().out)
+
+
+def test_thumbnails_need_nothing_heavy():
+    """They must be there at once."""
+    script = """
+import sys
+from runners.figures.terminal.maps import set_entry
+set_entry("env1", "")
+sys.exit(", ".join({"matplotlib", "pandas", "mlflow", "torch", "optuna", "hydra"} & set(sys.modules)) or 0)
+"""
+    result = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True)
+    assert result.returncode == 0, result.stderr
+
+
+def test_a_world_beside_the_subset_has_its_line_and_its_picture(capsys):
+    maps.main(["show", "barn", "42"])
+    out, err = capsys.readouterr()
+    header, row = out.splitlines()
+    assert header.split()[:3] == ["world", "optimal_time_s", "cylinders"]
+    assert row.split()[:3] == ["42", "5.672", "202"]
+    assert err.strip() == str(Path("outputs/maps/barn-42.png"))
+    picture = Image.open("outputs/maps/barn-42.png")
+    assert picture.height > picture.width > 500
+
+
+def test_in_a_terminal_a_world_stands_beside_its_measures(capsys, terminal):
+    terminal("show", "barn", "42")
+    out = capsys.readouterr().out
+    assert max(cell_len(line) for line in out.splitlines()) <= 80
+    first = next(line for line in out.splitlines() if "optimal time" in line)
+    assert "5.672 s" in first
+    assert "tortuosity" in out
+    assert sum(has_braille(line) for line in out.splitlines()) > 25
+    assert "optimal path" in out
+
+
+def test_a_wide_world_stands_above_its_measures(capsys, terminal):
+    terminal("show", "real1_dynamic", "3")
+    lines = capsys.readouterr().out.splitlines()
+    title = lines.index("real1_dynamic 3")
+    assert max(map(cell_len, lines)) == 80
+    assert all(has_braille(line) or "★" in line for line in lines[: title - 1])
+    assert "moves" in lines[-1]
+    assert "optimal path" not in lines[-1]
+
+
+def test_several_worlds_are_one_sheet_and_one_table(capsys, terminal):
+    terminal("show", "traps", "0", "7", "kind=door", "--output", "sheets/two.pdf")
+    out, err = capsys.readouterr()
+    assert [line.split()[0] for line in out.splitlines()[-2:]] == ["0", "7"]
+    assert out.count("★") == 2
+    assert err.strip() == str(Path("sheets/two.pdf"))
+    assert Path("sheets/two.pdf").read_bytes().startswith(b"%PDF")
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["map.subset=all", "--output", "a.png", "42", "7"],
+        ["--output", "a.png", "42", "7", "subset=all"],
+        ["42", "7", "42", "subset=all", "--output", "a.png"],
+    ],
+)
+def test_worlds_settings_and_options_come_in_any_order(capsys, words):
+    maps.main(["show", "barn", *words])
+    assert [line.split()[0] for line in capsys.readouterr().out.splitlines()[1:]] == ["42", "7"]
+    assert Path("a.png").is_file()
+
+
+def test_the_worlds_of_a_set_are_a_table_and_no_picture(capsys):
+    maps.main(["show", "barn", "subset=official50"])
+    out, err = capsys.readouterr()
+    assert [int(line.split()[0]) for line in out.splitlines()[1:]] == list(range(0, 300, 6))
+    assert err == ""
+    assert not list(Path().iterdir())
+
+
+def test_more_worlds_than_a_sheet_holds_are_still_a_table(capsys):
+    numbers = [str(number) for number in range(61)]
+    maps.main(["show", "dynabarn", *numbers])
+    out, err = capsys.readouterr()
+    assert len(out.splitlines()) == 62
+    assert err == ""
+    with pytest.raises(InputError, match="61 worlds on one sheet: must be at most 60"):
+        maps.main(["show", "dynabarn", *numbers, "--output", "all.png"])
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["barn", "300"], "300: must be 0 to 299"),
+        (["barn", "-1"], "-1: must be 0 to 299"),
+        (["barn", "3", "subset=fresh"], "from 1000 on"),
+        (["env1", "-1"], "from 0 on"),
+        (["barn", "4a"], "'4a' is neither a world number nor key=value"),
+        (["bran"], "did you mean barn"),
+        (["barn", "subst=all"], "did you mean subset"),
+        (["barn", "subset=["], "subset=.: must be key=value"),
+        (["file"], "map.path is null"),
+        (["barn", "--output", "a.png"], "name the worlds"),
+        (["barn", "42", "--output", "a.gif"], "must end in .png, .pdf, .svg"),
+        (["barn", "42", "--output", "/dev/null/a.png"], "/dev/null/a.png: cannot be written"),
+    ],
+)
+def test_mistakes_say_what_would_be_right(words, said):
+    with pytest.raises(InputError, match=said):
+        maps.main(["show", *words])
+
+
+@pytest.mark.parametrize(
+    "words", [["show", "barn", "42", "--big"], ["show"], ["shwo"], ["import", "a", "b", "c"]]
+)
+def test_words_that_mean_nothing_are_refused(capsys, words):
+    with pytest.raises(SystemExit) as stop:
+        maps.main(words)
+    assert stop.value.code == 2
+    assert "error:" in capsys.readouterr().err
+
+
+def test_help_shows_how(capsys):
+    with pytest.raises(SystemExit):
+        maps.main(["show", "-h"])
+    out = capsys.readouterr().out
+    assert "lme maps show barn 42" in out
+    assert "outputs/maps/" in out

@@ -1,0 +1,105 @@
+"""`lme table` rebuilds from records what a run wrote, without simulating."""
+
+import pytest
+
+from lme.errors import InputError
+from runners.cli.commands import table
+from runners.records.records import RecordWriter
+from runners.records.run_directories import Launch
+from tests.runners.figures.test_paths import run_of
+
+
+def write_run(run_dir, subset="hard100", worlds=(200, 201), config=None, **columns):
+    """Records of a run whose world 201 was a collision."""
+    _, steps = run_of(["success"])
+    trajectory = {name: steps[name].to_numpy() for name in ("x_m", "y_m")}
+    with RecordWriter(run_dir) as writer:
+        for world in worlds:
+            outcome = "collision" if world == 201 else "success"
+            record = {
+                "system": "LME",
+                "map": "barn",
+                "robot": "jackal",
+                "subset": subset,
+                "world": world,
+                "run": 0,
+                **columns,
+            }
+            writer.append({**record, "outcome": outcome, "time_s": 9.0, "spl": 0.7}, trajectory)
+        writer.merge()
+    if config is not None:
+        Launch("eval", "0", False, [], [config]).write(run_dir)
+
+
+def test_one_run_is_printed_and_its_files_written_anew(tmp_path, capsys):
+    write_run(tmp_path, config={"map": {"_target_": "lme.worlds.barn.Barn", "subset": "hard100"}})
+    assert table.main([str(tmp_path), "--format", "md"]) == 0
+    text = capsys.readouterr().out
+    assert "| LME (ours) | 0.500 |" in text
+    assert "| LME (published) | 0.883 ± 0.009 |" in text
+    assert text in (tmp_path / "table.md").read_text(encoding="utf-8")
+    assert {"table.csv", "table.tex", "trajectories.png"} <= {path.name for path in tmp_path.iterdir()}
+
+
+@pytest.mark.parametrize("style", ["rich", "csv", "tex"])
+def test_every_format_of_an_unfinished_run_without_a_config(tmp_path, capsys, style):
+    with RecordWriter(tmp_path) as writer:
+        writer.append({"system": "LME", "world": 200, "run": 0, "outcome": "success"}, {})
+    assert table.main([str(tmp_path), "--format", style]) == 0
+    assert "LME (ours)" in capsys.readouterr().out
+    assert not (tmp_path / "trajectories.png").exists()
+
+
+def test_a_sweep_gives_one_table(tmp_path, capsys):
+    for number, subset in enumerate(("hard100", "official50")):
+        write_run(tmp_path / str(number), subset, worlds=(200 - 200 * number, 201))
+    table.main([str(tmp_path), "--format", "csv"])
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split(",")[:2] for line in lines] == [
+        ["label", "subset"],
+        ["LME (ours)", "hard100"],
+        ["LME (published)", "hard100"],
+        ["LME (ours)", "official50"],
+    ]
+    assert (tmp_path / "table.md").exists()
+
+
+def test_a_sweeps_own_files_are_written_anew_and_not_its_jobs(tmp_path, capsys):
+    """One of a single job too; the job's own when it is named."""
+    config = {
+        "map": {"_target_": "lme.worlds.barn.Barn", "subset": "hard100"},
+        "robot": {"footprint": {"radius": 0.2}},
+        "table": ["drl_vo"],
+    }
+    write_run(tmp_path / "0", config=config)
+    assert table.main([str(tmp_path), "--format", "md"]) == 0
+    assert "DRL-VO (published)" in capsys.readouterr().out
+    names = {path.name for path in tmp_path.iterdir()}
+    assert {"table.md", "comparison.png"} <= names
+    assert not {"table.md", "trajectories.png"} & {path.name for path in (tmp_path / "0").iterdir()}
+    table.main([str(tmp_path / "0"), "--format", "md"])
+    assert "DRL-VO" not in capsys.readouterr().out
+    assert {"table.md", "trajectories.png"} <= {path.name for path in (tmp_path / "0").iterdir()}
+
+
+def test_a_sweep_of_ablations_is_compared_in_words_and_in_a_picture(tmp_path, capsys):
+    for number, ablation in enumerate(("none", "no_c_o")):
+        write_run(tmp_path / str(number), ablation=ablation)
+    table.main([str(tmp_path)])
+    assert "No c_o: the paper says the most significant" in capsys.readouterr().out
+    names = {f"ablation.{ending}" for ending in ("md", "csv", "png", "pdf")}
+    assert names <= {path.name for path in tmp_path.iterdir()}
+
+
+def test_several_runs_are_printed_and_nothing_is_written(tmp_path, capsys):
+    for name in ("a", "b"):
+        write_run(tmp_path / name)
+    before = sorted(tmp_path.rglob("*"))
+    table.main([str(tmp_path / "a"), str(tmp_path / "b")])
+    assert capsys.readouterr().out.count("(ours)") == 2
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+def test_a_folder_without_records(tmp_path):
+    with pytest.raises(InputError, match="holds no records: give a run directory"):
+        table.main([str(tmp_path)])

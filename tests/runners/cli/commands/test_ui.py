@@ -1,0 +1,104 @@
+"""`lme ui` serves the store on loopback, and says plainly when it cannot."""
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+import urllib.error
+import urllib.request
+from pathlib import Path
+
+import pytest
+
+from lme.errors import InputError
+from runners.cli.commands import ui
+from runners.tracking.store import open_client
+from tests.places import ROOT
+
+SCRIPT = "import sys; from runners.cli.commands import ui; sys.exit(ui.main(sys.argv[1:]))"
+
+
+@pytest.fixture
+def port():
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+def fetch(port, limit_s=60.0):
+    """The page, once it is there."""
+    deadline = time.monotonic() + limit_s
+    while time.monotonic() < deadline:
+        try:
+            with urllib.request.urlopen(f"http://127.0.0.1:{port}/", timeout=5) as answer:
+                return answer.status, answer.read().decode()
+        except (urllib.error.URLError, ConnectionError):
+            time.sleep(0.2)
+    raise TimeoutError(f"nothing on port {port}")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("ending", [signal.SIGINT, signal.SIGTERM])
+def test_it_serves_on_loopback_until_it_is_ended(tmp_path, port, ending):
+    uri = f"sqlite:///{tmp_path}/mlflow.db"
+    open_client(uri)
+    process = subprocess.Popen(
+        [sys.executable, "-c", SCRIPT, "--uri", uri, "--port", str(port)],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    )
+    try:
+        status, page = fetch(port)
+        assert (status, "MLflow" in page) == (200, True)
+        addresses = Path("/proc/net/tcp")
+        if addresses.exists():
+            listening = [line.split()[1:4] for line in addresses.read_text().splitlines()[1:]]
+            own = [local for local, _, state in listening if state == "0A" and local.endswith(f":{port:04X}")]
+            assert own == [f"0100007F:{port:04X}"]  # 127.0.0.1 and nothing else
+    finally:
+        process.send_signal(ending)
+        output, _ = process.communicate(timeout=30)
+    assert process.returncode == 0
+    assert f"http://127.0.0.1:{port}" in output
+    assert "Traceback" not in output
+    assert [path.name for path in tmp_path.iterdir()] == ["mlflow.db"]
+    with socket.socket() as probe:
+        assert probe.connect_ex(("127.0.0.1", port)) != 0
+
+
+def test_without_a_store(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(InputError, match=r"no store at outputs/mlflow\.db: run `lme eval` here first"):
+        ui.main([])
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--port", "0"], "--port is 0: must be 1 to 65535"),
+        (["--host", "203.0.113.1"], "--host 203.0.113.1 --port 5000 cannot be used"),
+        (["--uri", "http://127.0.0.1:5000"], "a server already: open it in a browser"),
+        (["--uri", "outputs"], "--uri is outputs: must be a database or a server"),
+    ],
+)
+def test_what_cannot_be_served_is_said_in_one_line(tmp_path, arguments, message):
+    (tmp_path / "mlflow.db").touch()
+    with pytest.raises(InputError, match=message) as caught:
+        ui.main(["--uri", f"sqlite:///{tmp_path}/mlflow.db", *arguments])
+    assert "\n" not in str(caught.value)
+
+
+def test_a_port_that_is_taken(tmp_path):
+    (tmp_path / "mlflow.db").touch()
+    with socket.socket() as other:
+        other.bind(("127.0.0.1", 0))
+        other.listen()
+        taken = other.getsockname()[1]
+        with pytest.raises(InputError, match=f"--port {taken} cannot be used .*choose another port"):
+            ui.main(["--uri", f"sqlite:///{tmp_path}/mlflow.db", "--port", str(taken)])

@@ -1,0 +1,392 @@
+"""From a command line to a run directory: composing, sweeping, resuming, ending."""
+
+import errno
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from lme.errors import InputError
+from runners.cli import launch
+from runners.config import overrides
+from runners.records import run_directories
+from tests.places import ROOT
+
+
+class Probe:
+    """A command that notes what it was given, and leaves records as a real one does."""
+
+    def __init__(self):
+        self.runs, self.finished, self.failure = [], [], None
+
+    def launch(self, *argv):
+        return launch.launch(
+            "eval", self.run, argv, validate=lambda config: None, finish_sweep=self.finish_sweep
+        )  # fmt: skip
+
+    def run(self, config, run_dir):
+        self.runs.append((config, run_dir))
+        (run_dir / "parts").mkdir(exist_ok=True)
+        (run_dir / "parts" / "episodes.jsonl").write_text("{}\n")
+        if self.failure is not None:
+            raise self.failure
+
+    def finish_sweep(self, config, sweep_dir, run_dirs):
+        self.finished.append((sweep_dir, run_dirs))
+
+    @property
+    def directory(self):
+        return self.runs[-1][1]
+
+
+@pytest.fixture
+def probe(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return Probe()
+
+
+def everything(folder="."):
+    return sorted(str(path) for path in Path(folder).rglob("*"))
+
+
+def test_a_run_has_its_own_named_directory(probe):
+    assert probe.launch("seed=3") == 0
+    (config, run_dir) = probe.runs[0]
+    assert config.seed == 3
+    assert "hydra" not in config
+    assert run_dir.parent == Path("outputs/eval")
+    record = run_directories.read_launch(run_dir)
+    assert run_dir.name.endswith(f"-{record.fingerprint[:8]}")
+    assert record.configs[0]["seed"] == 3
+    assert (run_dir / ".hydra" / "config.yaml").is_file()
+    assert not list(Path().rglob("*.log"))
+
+
+def test_runs_of_the_same_second_do_not_share_a_directory(probe):
+    for _ in range(3):
+        probe.launch("seed=3")
+    assert len({run_dir for _, run_dir in probe.runs}) == 3
+
+
+def test_nothing_is_printed_by_hydra(probe, capfd):
+    probe.launch()
+    shown = capfd.readouterr()
+    assert shown.out + shown.err == ""
+
+
+@pytest.mark.parametrize("plus", ["", "+", "++"])
+def test_a_plus_never_matters(probe, plus):
+    assert probe.launch(f"{plus}robot=go2", f"{plus}runs=2", f"{plus}robot.lidar.num_beams=99") == 0
+    config, _ = probe.runs[0]
+    assert (config.robot.name, config.runs, config.robot.lidar.num_beams) == ("go2", 2, 99)
+
+
+@pytest.mark.parametrize("at", [0, 1, 2])
+def test_multirun_may_stand_anywhere(probe, at):
+    words = ["seed=0,1", "runs=1"]
+    words.insert(at, "-m")
+    assert probe.launch(*words) == 0
+    assert [config.seed for config, _ in probe.runs] == [0, 1]
+
+
+def test_a_sweep_runs_every_combination_and_finishes_once(probe, capsys):
+    assert probe.launch("-m", "ablation=none,no_c_o,[no_c_o,no_c_t]", "seed=0,1") == 0
+    seen = [(dict(config.ablation), config.seed) for config, _ in probe.runs]
+    ablations = [{}, {"c_o": 0.0}, {"c_o": 0.0, "c_t": 0.0}]
+    assert seen == [(ablation, seed) for ablation in ablations for seed in (0, 1)]
+    ((sweep_dir, run_dirs),) = probe.finished
+    assert (
+        run_dirs == [run_dir for _, run_dir in probe.runs] == [sweep_dir / str(number) for number in range(6)]
+    )
+    assert "-sweep-" in sweep_dir.name
+    assert "[6/6] ablation=[no_c_o,no_c_t] seed=1" in capsys.readouterr().err
+
+
+def test_multirun_without_a_sweep_is_one_job(probe):
+    assert probe.launch("-m", "seed=4") == 0
+    assert len(probe.runs) == 1
+
+
+def test_ablations_combine_and_take_new_keys(probe):
+    assert probe.launch("ablation=[no_c_o,no_c_t]", "ablation.a_dev=0.5", "ablation.c_t=3") == 0
+    assert dict(probe.runs[0][0].ablation) == {"c_o": 0.0, "c_t": 3.0, "a_dev": 0.5}
+
+
+PUBLISHED = (ROOT / "conf" / "weight_set" / "published.yaml").read_text()
+
+
+def test_weights_may_be_a_path_with_anything_in_it(probe, tmp_path):
+    path = tmp_path / "my best, of [3].yaml"
+    path.write_text(PUBLISHED.replace("a_close: 1.51", "a_close: 2.5"))
+    assert probe.launch(f"weights='{path}'") == 0
+    assert probe.runs[0][0].guide.parameters["a_close"] == 2.5
+
+
+def test_the_weights_contents_are_part_of_the_fingerprint(probe, tmp_path):
+    path = tmp_path / "mine.yaml"
+    path.write_text(PUBLISHED.replace("a_close: 1.51", "a_close: 2.5"))
+    probe.launch(f"weights={path}", "hydra.run.dir=out")
+    path.write_text(PUBLISHED.replace("a_close: 1.51", "a_close: 2.6"))
+    with pytest.raises(InputError, match=r"guide\.parameters\.a_close: 2\.5 there, 2\.6 now"):
+        probe.launch(f"weights={path}", "hydra.run.dir=out", "resume=true")
+
+
+def test_a_system_is_its_pair(probe):
+    probe.launch("system=lme")
+    config, with_system = probe.runs[0]
+    assert config.system.label == "LME"
+    probe.launch("guide=lme", "planner=simple")
+    assert (
+        run_directories.read_launch(with_system).fingerprint
+        == run_directories.read_launch(probe.directory).fingerprint
+    )
+
+
+@pytest.mark.parametrize("word", ["experiment=quick", "+experiment=quick"])
+def test_an_own_config_folder_adds_options_and_experiments(probe, tmp_path, word):
+    own = tmp_path / "own" / "experiment"
+    own.mkdir(parents=True)
+    (own / "quick.yaml").write_text(
+        "# @package _global_\ndefaults:\n  - override /robot: mine\nruns: 1\nseed: 9\n"
+    )
+    robot = (ROOT / "conf" / "robot" / "jackal.yaml").read_text().replace("name: jackal", "name: mine")
+    (tmp_path / "own" / "robot").mkdir()
+    (tmp_path / "own" / "robot" / "mine.yaml").write_text(robot)
+    assert probe.launch(word, "--config-dir", "own", "seed=8") == 0
+    config, _ = probe.runs[0]
+    assert (config.robot.name, config.runs, config.seed) == ("mine", 1, 8)
+
+
+def test_an_experiment_may_sweep(probe, tmp_path):
+    own = tmp_path / "experiment"
+    own.mkdir()
+    (own / "seeds.yaml").write_text(
+        "# @package _global_\nhydra:\n  mode: MULTIRUN\n  sweeper:\n    params:\n      seed: 5,6\n"
+    )
+    assert probe.launch("experiment=seeds", "-cd", str(tmp_path)) == 0
+    assert [config.seed for config, _ in probe.runs] == [5, 6]
+
+
+# Directories
+
+
+def test_a_given_directory_is_honoured(probe):
+    assert probe.launch("hydra.run.dir=here/it is-${seed}", "seed=2") == 0
+    assert probe.directory == Path("here/it is-2")
+
+
+def test_with_multirun_a_given_run_directory_holds_the_sweep(probe):
+    assert probe.launch("-m", "seed=0,1", "hydra.run.dir=here") == 0
+    assert probe.finished == [(Path("here"), [Path("here/0"), Path("here/1")])]
+
+
+@pytest.mark.parametrize("words", [("hydra.run.dir=here",), ("-m", "seed=0,1", "hydra.sweep.dir=here")])
+def test_a_directory_that_holds_a_run_is_not_overwritten(probe, words):
+    probe.launch(*words)
+    before = {path: Path(path).stat().st_mtime_ns for path in everything()}
+    with pytest.raises(InputError, match="already holds a run: add resume=true or choose another"):
+        probe.launch(*words)
+    assert {path: Path(path).stat().st_mtime_ns for path in everything()} == before
+
+
+@pytest.mark.parametrize("place", ["a_file", "a_file/below", "/proc/nowhere"])
+def test_a_directory_that_cannot_be_made(probe, place):
+    Path("a_file").write_text("")
+    with pytest.raises(InputError, match=r"output directory .*cannot be written .*hydra\.run\.dir=PATH"):
+        probe.launch(f"hydra.run.dir={place}")
+    assert everything() == ["a_file"]
+    assert not probe.runs
+
+
+# Resuming
+
+
+def test_resume_finds_the_newest_run_with_this_config(probe, monkeypatch):
+    for seed in (1, 2, 1):
+        probe.launch(f"seed={seed}")
+    newest = probe.directory
+    assert probe.launch("seed=1", "resume=true", "executor=serial", "tracking=none") == 0
+    assert probe.directory == newest
+
+
+def test_resume_without_such_a_run_says_what_was_looked_for(probe):
+    probe.launch("seed=1")
+    with pytest.raises(InputError, match=r"resume=true: no run with this config, outputs/eval/\*-\w{8}\*"):
+        probe.launch("seed=2", "resume=true")
+
+
+def test_resume_by_path_replays_the_overrides(probe):
+    probe.launch("seed=5", "+robot=go2", "ablation=no_c_o", "ablation.a_dev=0.5")
+    first, run_dir = probe.runs[0]
+    record = (run_dir / "launch.json").read_text()
+    assert probe.launch(f"resume={run_dir}") == 0
+    again, directory = probe.runs[1]
+    assert directory == run_dir
+    assert again.resume == str(run_dir)
+    assert {**again, "resume": False} == dict(first)
+    assert (run_dir / "launch.json").read_text() == record
+
+
+def test_resume_by_path_refuses_another_config_and_names_it(probe):
+    probe.launch("seed=5")
+    with pytest.raises(InputError, match=r"another config \(runs: 3 there, 4 now; seed: 5 there, 6 now\)"):
+        probe.launch(f"resume={probe.directory}", "seed=6", "runs=4")
+
+
+@pytest.mark.parametrize("place", ["nowhere", "."])
+def test_resume_of_what_is_no_run(probe, place):
+    with pytest.raises(InputError, match=f"resume={place}: "):
+        probe.launch(f"resume={place}")
+
+
+def test_resume_by_path_and_another_directory_contradict(probe):
+    probe.launch()
+    with pytest.raises(InputError, match=r"leave hydra\.run\.dir away"):
+        probe.launch(f"resume={probe.directory}", "hydra.run.dir=other")
+
+
+def test_resume_in_a_given_directory_checks_the_config(probe):
+    probe.launch("hydra.run.dir=here", "seed=1")
+    assert probe.launch("hydra.run.dir=here", "seed=1", "resume=true") == 0
+    with pytest.raises(InputError, match="seed: 1 there, 2 now"):
+        probe.launch("hydra.run.dir=here", "seed=2", "resume=true")
+
+
+def test_resume_in_an_empty_given_directory_starts_afresh(probe, capsys):
+    """Killed before the first record: the same command with resume=true goes on from nothing."""
+    assert probe.launch("hydra.run.dir=here", "resume=true") == 0
+    assert "nothing in here yet" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("by_path", [False, True])
+def test_a_sweep_resumes(probe, by_path):
+    probe.launch("-m", "seed=0,1")
+    sweep_dir, run_dirs = probe.finished[0]
+    words = [f"resume={sweep_dir}"] if by_path else ["-m", "seed=0,1", "resume=true"]
+    assert probe.launch(*words) == 0
+    assert probe.finished == [(sweep_dir, run_dirs)] * 2
+
+
+def test_one_job_of_a_sweep_resumes_and_still_belongs_to_it(probe):
+    probe.launch("-m", "seed=0,1")
+    sweep_dir, run_dirs = probe.finished[0]
+    assert probe.launch(f"resume={run_dirs[1]}") == 0
+    assert (probe.runs[-1][0].seed, probe.directory) == (1, run_dirs[1])
+    probe.launch(f"resume={sweep_dir}")
+    assert probe.finished[-1] == (sweep_dir, run_dirs)
+
+
+def test_a_sweep_of_other_jobs_is_not_the_same(probe):
+    probe.launch("-m", "seed=0,1", "hydra.sweep.dir=here")
+    for seeds in ("1,0", "0,1,2"):
+        with pytest.raises(InputError, match="here: holds"):
+            probe.launch("-m", f"seed={seeds}", "hydra.sweep.dir=here", "resume=true")
+
+
+# Looking before running
+
+
+def test_the_composed_config_is_shown_and_nothing_written(probe, capsys):
+    assert probe.launch("seed=7", "--cfg", "job", "robot=go2") == 0
+    shown = capsys.readouterr().out
+    assert "seed: 7" in shown
+    assert "name: go2" in shown
+    assert probe.launch("-m", "seed=7,8", "--cfg", "job", "--package", "seed") == 0
+    assert probe.launch("--info", "defaults") == 0
+    assert probe.launch("--hydra-help") == 0
+    assert everything() == []
+
+
+def test_every_job_of_a_sweep_is_validated_before_anything_is_written(probe):
+    def validate(config):
+        if config.seed == 2:
+            raise InputError("seed is 2: must be another")
+
+    with pytest.raises(InputError, match="seed is 2"):
+        launch.launch("eval", probe.run, ["-m", "seed=0,1,2"], validate=validate)
+    assert everything() == []
+
+
+def test_of_a_very_large_sweep_every_value_is_checked(probe, monkeypatch):
+    monkeypatch.setattr(overrides, "MAX_JOBS_CHECKED", 4)
+    seen = set()
+    with pytest.raises(InputError, match="seed is x"):
+        probe.launch("-m", "seed=0,1,x", "runs=1,2")
+    probe.finish_sweep = None
+    assert launch.launch(
+        "eval", probe.run, ["-m", "seed=0,1,2", "runs=1,2"],
+        validate=lambda config: seen.add((config.seed, config.runs)),
+    ) == 0  # fmt: skip
+    assert {seed for seed, _ in seen} == {0, 1, 2}
+    assert {runs for _, runs in seen} == {1, 2}
+    assert len(probe.runs) == 6
+
+
+# Ends
+
+
+def test_an_input_error_in_the_run_is_one_line(probe, capsys):
+    probe.failure = InputError("map.source is x: must be a folder")
+    assert probe.launch() == 2
+    assert capsys.readouterr().err == "lme eval: map.source is x: must be a folder\n"
+
+
+def test_a_full_disk_is_one_line(probe, capsys):
+    probe.failure = OSError(errno.ENOSPC, "No space left on device")
+    assert probe.launch() == 1
+    assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_a_bug_keeps_its_traceback(probe, capsys):
+    probe.failure = ZeroDivisionError("a bug")
+    assert probe.launch() == 1
+    shown = capsys.readouterr().err
+    assert "Traceback" in shown
+    assert "ZeroDivisionError: a bug" in shown
+
+
+def test_an_interrupt_is_130_and_says_how_to_go_on(probe, capsys):
+    probe.failure = KeyboardInterrupt()
+    assert probe.launch("-m", "seed=0,1") == 130
+    assert f"resume={probe.directory.parent}" in capsys.readouterr().err
+    assert len(probe.runs) == 1
+    assert not probe.finished
+
+
+def test_the_process_itself_is_interrupted(tmp_path):
+    """Ctrl-C while a job runs, in a real process."""
+    code = (
+        "import sys, time, pathlib\n"
+        "from runners import app\n"
+        "def run(config, run_dir):\n"
+        "    pathlib.Path('started').touch()\n"
+        "    time.sleep(60)\n"
+        "sys.exit(launch.launch('eval', run, sys.argv[1:], validate=lambda config: None))\n"
+    )
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    process = subprocess.Popen(
+        [sys.executable, "-c", code, "seed=1"],
+        cwd=tmp_path,
+        env=environment,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    deadline = time.monotonic() + 60
+    while not (tmp_path / "started").exists() and time.monotonic() < deadline:
+        time.sleep(0.05)
+    process.send_signal(signal.SIGINT)
+    _, shown = process.communicate(timeout=30)
+    assert process.returncode == 130
+    assert "Traceback" not in shown
+
+
+def test_the_launch_record_is_plain_json(probe):
+    probe.launch("ablation=no_maintenance")
+    text = (probe.directory / "launch.json").read_text()
+    assert json.loads(text)["configs"][0]["ablation"] == {"d1": "inf"}
+    assert "Infinity" not in text

@@ -1,0 +1,174 @@
+"""`lme` itself: finding commands, help, errors, exit statuses, and answering at once."""
+
+import os
+import subprocess
+import sys
+import time
+
+import pytest
+
+from runners.cli import commands, main
+from tests.places import ROOT
+
+HEAVY = {"hydra", "omegaconf", "numba", "numpy", "pandas", "scipy", "mlflow", "matplotlib", "optuna", "rich"}
+PRIVATE = '''
+"""Greet.
+
+More about it.
+"""
+from lme.errors import InputError
+
+EXAMPLES = ("lme greet",)
+
+
+def main(argv):
+    if argv == ["wrong"]:
+        raise InputError("greet.who is wrong: must be a name")
+    if argv == ["stop"]:
+        raise KeyboardInterrupt
+    if argv == ["warn"]:
+        import warnings
+        warnings.warn("mind the gap")
+    return 7
+'''
+
+
+@pytest.fixture
+def greet(tmp_path, monkeypatch):
+    """One more command: one more file in a commands folder."""
+    folder = tmp_path / "commands"
+    folder.mkdir()
+    (folder / "greet.py").write_text(PRIVATE)
+    monkeypatch.setattr(commands, "__path__", [*commands.__path__, str(folder)])
+    yield
+    sys.modules.pop("runners.cli.commands.greet", None)
+
+
+def lme(*words, cwd=None):
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    return subprocess.run(
+        [sys.executable, "-m", "runners.cli.main", *words],
+        capture_output=True, text=True, env=environment, cwd=cwd, timeout=120,
+    )  # fmt: skip
+
+
+def test_a_command_is_one_file(greet, capsys):
+    assert main.main(["greet"]) == 7
+    assert main.main([]) == 0
+    overview = capsys.readouterr().out
+    assert "Greet." in overview
+    assert "More about it" not in overview
+
+
+def test_every_command_has_a_line_and_two_examples():
+    for name, path in main.command_files().items():
+        assert main.title(path), name
+        module = __import__(f"runners.cli.commands.{path.stem}", fromlist=["EXAMPLES"])
+        assert len(module.EXAMPLES) >= 2, name
+        assert all(example.split()[0] in ("lme", "eval") for example in module.EXAMPLES), name
+
+
+@pytest.mark.parametrize("words", [[], ["--help"], ["-h"]])
+def test_the_overview_names_every_command_and_examples(words, capsys):
+    assert main.main(words) == 0
+    shown = capsys.readouterr().out
+    for name in main.command_files():
+        assert f"\n  {name}" in shown
+    assert shown.count("  lme ") >= 2
+
+
+def test_an_unknown_command_names_the_nearest(capsys):
+    assert main.main(["evl"]) == 2
+    shown = capsys.readouterr()
+    assert shown.err.count("\n") == 1
+    assert "evl" in shown.err
+    assert "did you mean eval?" in shown.err
+    assert shown.out == ""
+
+
+def test_an_input_error_is_one_line_and_status_2(greet, capsys):
+    assert main.main(["greet", "wrong"]) == 2
+    assert capsys.readouterr().err == "lme greet: greet.who is wrong: must be a name\n"
+
+
+def test_an_interrupt_is_status_130(greet):
+    assert main.main(["greet", "stop"]) == 130
+
+
+def test_a_warning_is_one_line(greet, capsys):
+    with pytest.warns(UserWarning, match="mind the gap"):
+        main.main(["greet", "warn"])
+    assert (
+        main._warning(UserWarning("mind the gap"), UserWarning, "file.py", 3)
+        == "lme: warning: mind the gap\n"
+    )
+    assert "file.py:3" in main._warning(RuntimeWarning("x"), RuntimeWarning, "file.py", 3)
+
+
+def test_another_error_keeps_its_traceback(greet, monkeypatch):
+    def broken(*_):
+        raise ZeroDivisionError
+
+    monkeypatch.setattr(main, "_run", broken)
+    with pytest.raises(ZeroDivisionError):
+        main.main(["greet"])
+
+
+def test_version():
+    done = lme("--version")
+    assert done.returncode == 0
+    assert done.stdout.startswith("lme ")
+
+
+@pytest.mark.parametrize(
+    "words",
+    [[], ["--help"], ["eval", "--help"], ["--version"], ["evl"], ["completion", "bash"],
+     ["completion", "words", "--", "lme eval robot="]],
+)  # fmt: skip
+def test_quick_answers_import_nothing_heavy(words):
+    code = (
+        "import sys, runners.cli.main as cli\n"
+        "try: status = main.main(sys.argv[1:])\n"
+        "finally: print('LOADED', *{name.partition('.')[0] for name in sys.modules})"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code, *words],
+        capture_output=True, text=True, cwd=ROOT, timeout=60,
+    )  # fmt: skip
+    loaded = set(done.stdout.rpartition("LOADED")[2].split())
+    assert "runners" in loaded
+    assert not loaded & HEAVY
+
+
+def test_help_is_cheap_beside_hydra():
+    """A ratio in one run, since machines differ: help costs less than importing Hydra alone."""
+
+    def best(*command):
+        times = []
+        for _ in range(3):
+            start = time.perf_counter()
+            subprocess.run([sys.executable, *command], cwd=ROOT, capture_output=True, check=True, timeout=60)
+            times.append(time.perf_counter() - start)
+        return min(times)
+
+    assert best("-m", "runners.cli.main", "eval", "--help") < best("-c", "import hydra, numpy")
+
+
+def test_eval_help_teaches(capsys):
+    assert main.main(["eval", "--help"]) == 0
+    shown = capsys.readouterr().out
+    for expected in (
+        "usage: lme eval", "examples:", "* jackal", "turtlebot2", "no_maintenance", "* barn",
+        "seed=0", "of every random draw", "runs=3", "weights=published",
+        "-m", "resume=true", "--config-dir", "--cfg job",
+    ):  # fmt: skip
+        assert expected in shown
+    examples = shown[shown.index("examples:") : shown.index("groups")]
+    assert examples.count("  lme eval") >= 2
+
+
+def test_help_fits_the_terminal(monkeypatch, capsys):
+    monkeypatch.setenv("COLUMNS", "80")
+    main.main(["eval", "--help"])
+    table = capsys.readouterr().out.partition("groups")[2]
+    assert max(map(len, table.splitlines())) <= 80

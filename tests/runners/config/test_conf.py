@@ -1,0 +1,172 @@
+"""Every YAML of `conf/`: it composes, its keys are those of the class it configures, and they are explained."""
+
+import dataclasses
+import importlib
+
+import pytest
+from omegaconf import OmegaConf
+
+from lme.resources import resource_dir
+from lme.robots import Robot
+from runners.cli.main import main
+from runners.config import catalogue, schema
+from runners.config.composer import Composer, without_hydra
+from runners.config.instantiate import configured
+from runners.records import run_directories
+
+CONF = resource_dir("conf")
+CATALOGUE = catalogue.shipped()
+GROUPS = CATALOGUE.groups("eval")
+CUSTOM = "custom"  # takes a class of the user's own
+OPTIONS = [(group, option) for group in GROUPS for option in CATALOGUE.options(group) if option != CUSTOM]
+COMMENTED = 0.8  # share of the keys of a file that have a comment
+PARAMETERS = {"a_close", "a_dev", "c_o", "c_t", "a_mount", "c_h", "d1", "d2"}
+SIX = {"a_close", "a_dev", "c_o", "c_t", "a_mount", "c_h"}
+
+
+@pytest.fixture(scope="module")
+def composer():
+    schema.register()
+    with Composer("eval") as composer:
+        yield composer
+
+
+def _fields(config_class, prefix=""):
+    for field in dataclasses.fields(config_class):
+        default = field.default_factory if field.default is dataclasses.MISSING else type(field.default)
+        if dataclasses.is_dataclass(default):
+            yield from _fields(default, f"{prefix}{field.name}.")
+        else:
+            yield f"{prefix}{field.name}"
+
+
+@pytest.mark.parametrize(("group", "option"), OPTIONS)
+def test_every_option_composes(composer, group, option):
+    config = without_hydra(composer.compose([f"{group}={option}"]))
+    assert not OmegaConf.missing_keys(config)
+    assert run_directories.identity(config)
+
+
+@pytest.mark.parametrize(
+    ("group", "option"),
+    [pair for pair in OPTIONS if "_target_" in CATALOGUE.file("/".join(pair)).read_text()],
+)
+def test_keys_are_those_of_the_config_class(composer, group, option):
+    config = without_hydra(composer.compose([f"{group}={option}"]))
+    cls, _ = configured(config[group], group)
+    written = {key.name for key in CATALOGUE.keys(f"{group}/{option}")} - {"_target_"}
+    assert written == set(_fields(cls.Config))
+    module, _, name = str(config[group]._target_).rpartition(".")
+    assert getattr(importlib.import_module(module), name) is cls
+
+
+@pytest.mark.parametrize("option", CATALOGUE.options("robot"))
+def test_robot_keys_are_those_of_the_robot(composer, option):
+    given = OmegaConf.to_container(composer.compose([f"robot={option}"]).robot)
+    assert set(given) == {field.name for field in dataclasses.fields(Robot)}
+    written = {key.name.partition(".")[0] for key in CATALOGUE.keys(f"robot/{option}")}
+    assert written == set(given)
+    assert given["name"] == option
+
+
+@pytest.mark.parametrize("path", sorted(CONF.rglob("*.yaml")), ids=lambda path: str(path.relative_to(CONF)))
+def test_every_file_is_explained(path):
+    name = str(path.relative_to(CONF).with_suffix(""))
+    assert len(CATALOGUE.title(name)) > 10
+    keys = [key for key in CATALOGUE.keys(name) if key.name not in ("_target_", "name")]
+    if name.startswith("system/") and name != "system/lme":
+        return  # they have the keys of lme.yaml, which explains them
+    numbers = [key for key in keys if ".published." not in key.name]
+    if numbers:
+        assert sum(bool(key.comment) for key in numbers) / len(numbers) >= COMMENTED
+
+
+def test_there_is_no_yaml_that_no_command_reaches():
+    commands = {path.stem for path in CONF.glob("*.yaml")}
+    assert commands <= set(main.command_files())
+    groups = {
+        "weight_set",
+        "space/planner",
+        *(group for name in commands for group in CATALOGUE.groups(name)),
+    }
+    groups |= {f"experiment/{name}" for name in commands}
+    reached = {f"{group}/{option}" for group in groups for option in CATALOGUE.options(group)} | commands
+    assert {str(path.relative_to(CONF).with_suffix("")) for path in CONF.rglob("*.yaml")} == reached
+
+
+def test_the_defaults_are_the_papers_main_experiment(composer):
+    config = composer.compose([])
+    choices = {group: config.hydra.runtime.choices.get(group) for group in GROUPS}
+    assert choices | {"system": None, "experiment": None} == choices
+    assert [choices[group] for group in ("robot", "map", "guide", "planner")] == [
+        "jackal",
+        "barn",
+        "lme",
+        "simple",
+    ]
+    assert (config.seed, config.runs, config.weights, config.resume) == (0, 3, "published", False)
+
+
+def test_no_group_bears_the_name_of_a_plain_key():
+    """Hydra takes `key=value` for a choice of group wherever a folder of that name exists."""
+    plain = {key.name for name in ("eval", "train") for key in CATALOGUE.keys(name)}
+    assert not plain & {path.name for path in CONF.iterdir() if path.is_dir()}
+
+
+# Ablations
+
+
+def test_the_papers_seven_ablations_and_none(composer):
+    assert set(CATALOGUE.options("ablation")) == {"none", "no_maintenance", *(f"no_{name}" for name in SIX)}
+
+
+@pytest.mark.parametrize("name", sorted(SIX))
+def test_an_ablation_sets_one_weight_to_zero(composer, name):
+    config = composer.compose([f"ablation=no_{name}"])
+    assert OmegaConf.to_container(config.ablation) == {name: 0.0}
+    intact = composer.compose([]).guide.parameters
+    assert dict(config.guide.parameters) == {**intact, name: 0.0}
+
+
+def test_no_maintenance_never_keeps_a_subgoal(composer):
+    assert OmegaConf.to_container(composer.compose(["ablation=no_maintenance"]).ablation) == {
+        "d1": float("inf")
+    }
+    assert OmegaConf.to_container(composer.compose(["ablation=none"]).ablation) == {}
+
+
+def test_ablations_add_up(composer):
+    config = composer.compose(["ablation=[no_c_o,no_c_t]"])
+    assert OmegaConf.to_container(config.ablation) == {"c_o": 0.0, "c_t": 0.0}
+
+
+# Published values
+
+
+def test_the_published_weights(composer):
+    published = dict(composer.compose([]).guide.parameters)
+    assert published == {
+        "a_close": 1.51, "a_dev": 1.56, "c_o": 999.8, "c_t": 205.84, "a_mount": 88.7, "c_h": 134.9,
+        "d1": 0.51, "d2": 200.0,
+    }  # fmt: skip
+    assert set(published) == PARAMETERS
+
+
+@pytest.mark.parametrize("option", CATALOGUE.options("system"))
+def test_a_system_file_is_what_it_says(composer, option):
+    """Read as data, and chosen on the command line, it names the same pair."""
+    config = composer.compose([f"system={option}"])
+    system = config.system
+    if system.planner is not None:
+        assert system.guide == config.hydra.runtime.choices["guide"]
+        assert system.planner == config.hydra.runtime.choices["planner"]
+        assert system.global_planner == ("global_map" in config.guide)
+    assert isinstance(system.label, str)
+    assert isinstance(system.global_planner, bool)
+    for figures in (system.published or {}).values():
+        assert (CONF / "robot" / f"{figures.robot}.yaml").is_file()
+        rates = sum(figures[outcome][0] for outcome in ("success", "collision", "timeout"))
+        assert rates == pytest.approx(1.0, abs=0.0101)  # rounded to two digits
+        assert all(
+            0 <= deviation < 0.05 for key in figures if key != "robot" for deviation in figures[key][1:]
+        )

@@ -1,0 +1,63 @@
+"""The README's own planner, run as a user would: from a file outside the package."""
+
+import json
+import re
+import subprocess
+import sys
+
+import pandas as pd
+import pytest
+
+from lme.resources import resource_dir
+
+README = (resource_dir("conf").parent / "README.md").read_text(encoding="utf-8")
+MODULE = re.search(r"```python\n(# my_module\.py.*?)```", README, re.DOTALL)[1]
+COMMANDS = re.search(r"```sh\n(lme eval planner\._target_.*?)```", README, re.DOTALL)[1].splitlines()
+SHORT = ["map.worlds=[0,6]", "runs=1", "tracking=none", "executor.workers=2"]
+
+
+def lme(folder, *words):
+    """The command as it stands on the path of an installed package."""
+    program = "import sys; from runners.cli.main import main; sys.exit(main())"
+    return subprocess.run(
+        [sys.executable, "-c", program, *words], cwd=folder, capture_output=True, text=True, timeout=300
+    )
+
+
+@pytest.fixture
+def folder(tmp_path):
+    (tmp_path / "my_module.py").write_text(MODULE, encoding="utf-8")
+    return tmp_path
+
+
+def test_it_is_about_twenty_lines():
+    code = [line for line in MODULE.splitlines() if line.strip() and not line.startswith("#")]
+    assert len(code) <= 20
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_the_readmes_commands(folder, command):
+    words = command.partition("#")[0].split()[1:]
+    done = lme(folder, *words, *SHORT)
+    assert done.returncode == 0, done.stderr
+    (records,) = folder.glob("outputs/eval/*/episodes.parquet")
+    frame = pd.read_parquet(records)
+    assert set(frame["planner"]) == {"MyPlanner"}
+    assert set(frame["world"]) == {0, 6}
+    launch = json.loads((records.parent / "launch.json").read_text())
+    assert launch["configs"][0]["planner"] == {
+        "_target_": "my_module.MyPlanner",
+        **({"speed": 0.8} if "speed" in command else {}),
+    }
+
+
+def test_mistakes_are_told(folder):
+    assert "did you mean speed?" in lme(folder, "eval", *COMMANDS[0].split()[2:3], "+planner.sped=1").stderr
+    (folder / "bad.py").write_text(MODULE.replace("2.0 * np", "np.nan * np"), encoding="utf-8")
+    done = lme(folder, "eval", "planner._target_=bad.MyPlanner", *SHORT)
+    assert done.returncode == 2
+    assert "MyPlanner.plan returned" in done.stderr
+    assert "Traceback" not in done.stderr
+    done = lme(folder, "eval", "planner._target_=my_module.MyPlaner")
+    assert done.returncode == 2
+    assert "did you mean MyPlanner?" in done.stderr

@@ -1,0 +1,118 @@
+"""`conf/train.yaml`, the searches and the space: they compose, and they are the paper's."""
+
+import dataclasses
+import math
+
+import pytest
+from omegaconf import OmegaConf
+
+from lme.errors import InputError
+from runners.config import catalogue, schema
+from runners.config.composer import Composer, without_hydra
+from runners.config.instantiate import configured
+from runners.config.space import Range, read_space, with_values
+from tests.builders import PUBLISHED
+
+CATALOGUE = catalogue.shipped()
+
+
+@pytest.fixture(scope="module")
+def composer():
+    schema.register()
+    with Composer("train") as composer:
+        yield composer
+
+
+@pytest.mark.parametrize("option", CATALOGUE.options("search"))
+def test_a_search_has_the_keys_of_its_config_class(composer, option):
+    if option == "gp":
+        pytest.importorskip("torch")
+    config = without_hydra(composer.compose([f"search={option}"]))
+    assert not OmegaConf.missing_keys(config)
+    cls, _ = configured(config.search, "search")
+    written = {key.name for key in CATALOGUE.keys(f"search/{option}")} - {"_target_"}
+    assert written == {field.name for field in dataclasses.fields(cls.Config)}
+    given = OmegaConf.to_container(config.search)
+    assert given == {"_target_": given["_target_"], **dataclasses.asdict(cls.Config())}
+
+
+def test_the_defaults_are_the_papers(composer):
+    config = composer.compose([])
+    assert (config.trials, config.configurations) == (150, 4)
+    assert (config.robot.name, config.map.name) == ("stage", "env1")
+    assert (config.reward.crash, config.reward.timeout) == (-0.2, -0.2)
+    assert config.map.time_limit * config.robot.control_rate == 200
+
+
+def test_the_space_holds_the_papers_eight_and_its_optimum(composer):
+    space = read_space(OmegaConf.to_container(without_hydra(composer.compose([])), resolve=True))
+    assert set(space) == {f"guide.parameters.{name}" for name in PUBLISHED}
+    for name, value in PUBLISHED.items():
+        found = space[f"guide.parameters.{name}"]
+        assert 0 < found.low <= value <= found.high
+
+
+def test_the_table1_experiment_is_one_study_and_two_maps(composer):
+    config = composer.compose(["experiment=train/table1"])
+    assert list(config.held_out) == ["env1", "env2"]
+    assert config.held_out.env2.name == "env2"
+    assert (config.map.name, config.runs, config.held_out.env2.configurations) == ("env1", 3, 50)
+
+
+# The space
+
+
+def config(space, ablation=None):
+    return {
+        "guide": {"parameters": {"a": 1.0, "b": 2.0}},
+        "planner": {"gain": 4.0, "name": "x", "on": True},
+        "ablation": ablation or {},
+        "space": space,
+    }
+
+
+def test_a_space_mirrors_the_config():
+    space = {
+        "guide": {"parameters": {"a": {"low": 1, "high": 2, "log": True}}},
+        "planner": {"gain": {"low": 0, "high": 1}},
+    }
+    found = read_space(config(space))
+    assert found == {"guide.parameters.a": Range(1, 2, True), "planner.gain": Range(0, 1, False)}
+
+
+def test_what_an_ablation_fixes_is_not_searched():
+    space = {"guide": {"parameters": {name: {"low": 1, "high": 2} for name in "ab"}}}
+    assert list(read_space(config(space, {"b": 0.0}))) == ["guide.parameters.a"]
+
+
+def test_values_go_where_they_belong_and_the_config_stays_as_it_was():
+    before = config({})
+    after = with_values(before, {"guide.parameters.a": 9.0, "planner.gain": 8.0})
+    assert (after["guide"]["parameters"]["a"], after["planner"]["gain"]) == (9.0, 8.0)
+    assert before == config({})
+
+
+@pytest.mark.parametrize(
+    ("space", "message"),
+    [
+        ({}, "space is empty"),
+        ({"planner": {}}, "space is empty"),
+        ({"planner": 3}, "space.planner is 3: must be a range"),
+        ({"planner": {"gain": 3}}, "space.planner.gain is 3: must be a range"),
+        ({"planner": {"gain": {"low": 1}}}, "space.planner.gain.high has no value"),
+        ({"planner": {"gain": {"low": 1, "high": "x"}}}, "space.planner.gain.high is 'x': must be a number"),
+        ({"planner": {"gain": {"low": 1, "high": 2, "lg": 1}}}, "planner.gain.lg: no such key; did you mean log?"),
+        ({"planner": {"gain": {"low": 2, "high": 2}}}, "space.planner.gain.high is 2: must be greater than 2"),
+        ({"planner": {"gain": {"low": -1, "high": 2}}}, "space.planner.gain.low is -1: must be at least 0"),
+        ({"planner": {"gain": {"low": 0, "high": 2, "log": True}}}, "low is 0: must be greater than 0"),
+        ({"planner": {"gain": {"low": 1, "high": math.inf}}}, "high is inf: must be greater than 1 and finite"),
+        ({"planner": {"gian": {"low": 1, "high": 2}}}, "the config has no planner.gian; did you mean planner.gain?"),
+        ({"planner": {"name": {"low": 1, "high": 2}}}, "planner.name is 'x': only numbers can be searched"),
+        ({"planner": {"on": {"low": 0, "high": 1}}}, "planner.on is True: only numbers can be searched"),
+    ],
+)  # fmt: skip
+def test_a_space_that_is_not_right(space, message):
+    with pytest.raises(InputError) as caught:
+        read_space(config(space))
+    assert message in str(caught.value)
+    assert "\n" not in str(caught.value)

@@ -1,0 +1,131 @@
+"""`lme figure`: the word for the kind, what may stand beside run=, and episodes where none are given."""
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from lme.errors import InputError
+from runners.cli.main import main
+from runners.figures.parts.jobs import chosen_world, read_jobs
+
+WORDS = ["runs=1", "executor=serial", "map.time_limit=1", "formats=[png]"]
+
+
+@pytest.fixture(scope="module")
+def sweep(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("figure")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        words = ["trajectories", "-m", "system=simple,lme", "map.world=206", "hydra.sweep.dir=out"]
+        assert main(["figure", *words, *WORDS]) == 0
+    return folder / "out"
+
+
+def test_the_systems_of_a_sweep_are_driven_in_the_world_asked_for(sweep):
+    jobs = read_jobs([sweep])
+    assert [job.label for job in jobs] == ["Simple", "LME"]
+    assert [chosen_world(job, [206]) for job in jobs] == [(206, 0)] * 2
+    assert all(job.frame["world"].tolist() == [206] for job in jobs)
+
+
+def test_one_figure_of_all_of_them(sweep):
+    assert (sweep / "trajectories.png").read_bytes().startswith(b"\x89PNG")
+    assert not list(sweep.glob("?/*.png"))
+
+
+def test_records_are_drawn_without_driving(sweep, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    words = ["trajectories", f"run={sweep}", "formats=[svg]", "hydra.run.dir=again"]
+    assert main(["figure", *words]) == 0
+    assert Path("again/trajectories.svg").read_text().startswith("<?xml")
+    assert not list(Path("again").glob("*.parquet"))
+    assert capsys.readouterr().out.split() == ["again/trajectories.svg"]
+
+
+def test_nobody_asked_for_a_world_so_the_first_is_driven(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert main(["figure", "trajectories", "map=env1", "robot=stage", "hydra.run.dir=out", *WORDS]) == 0
+    (job,) = read_jobs([Path("out")])
+    assert job.frame["world"].tolist() == [0]
+
+
+@pytest.mark.parametrize(
+    ("words", "parts"),
+    [
+        (["trajectorys"], ["figure=trajectorys: no such option", "did you mean trajectories?"]),
+        (["run=nowhere"], ["nowhere is not a directory"]),
+        (["run=nowhere", "map=env1"], ["map=env1: the episodes of run= are driven already"]),
+        (["world=a"], ["world is 'a': must be a number, or a list of numbers"]),
+        (["world=300"], ["300", "0 to 299"]),
+        (["run=nowhere", "stpe=3"], ["stpe"]),
+        (["features", "step=-1"], ["figure.step is -1"]),
+        (["-m", "world=3,4"], ["world=3,4: one figure is drawn of all jobs", "world=[3,4]"]),
+        (["-m", "run=a,b"], ["run=a,b: one figure is drawn of all jobs"]),
+        (["features", "-m", "step=3,4"], ["figure.step=3,4: one figure is drawn of all jobs"]),
+        (["formats=jpg"], ["formats is ['jpg']: must be some of png, pdf, svg"]),
+        (["formats=[jpg]"], ["formats is ['jpg']: must be some of png, pdf, svg"]),
+        (["formats=[]"], ["formats is []"]),
+        (["experiment=table2"], ["experiment=table2: no such option"]),
+    ],
+)
+def test_mistakes_are_told_in_one_line(words, parts, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(["figure", *words]) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert all(part in error for part in parts)
+    assert not Path("outputs").exists()
+
+
+def test_a_world_that_was_not_driven_is_named(sweep):
+    with pytest.raises(InputError, match=r"world is 7: .* has only 206"):
+        chosen_world(read_jobs([sweep])[0], [7])
+
+
+def test_a_world_that_the_map_set_does_not_choose_is_driven_and_told_again(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    words = ["trajectories", "world=3", "moment=2", "hydra.run.dir=out", *WORDS]
+    assert main(["figure", *words]) == 0  # hard100 begins at 200
+    assert main(["figure", "features", "run=out", "step=2", "formats=png", "hydra.run.dir=again"]) == 0
+    assert Path("out/trajectories.png").is_file()
+    assert Path("again/features.png").is_file()
+
+
+@pytest.mark.parametrize(
+    ("words", "part"), [(["world=7"], "world is 7"), (["moment=900"], "figure.moment is 900")]
+)
+def test_a_figure_that_cannot_be_drawn_leaves_no_directory(sweep, tmp_path, monkeypatch, capsys, words, part):
+    monkeypatch.chdir(tmp_path)
+    assert main(["figure", "trajectories", f"run={sweep}", "hydra.run.dir=out", *words]) == 2
+    assert part in capsys.readouterr().err
+    assert not [path for path in tmp_path.rglob("*") if path.is_file()]
+    assert not Path("out").exists()
+
+
+def test_records_without_a_config_cannot_be_drawn(sweep, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    shutil.copytree(sweep / "1", "bare")
+    Path("bare/launch.json").unlink()
+    assert main(["figure", "trajectories", "run=bare"]) == 2
+    assert "run is bare: no launch.json there tells of the config" in capsys.readouterr().err
+
+
+def test_help_tells_the_keys_of_the_kind(capsys):
+    assert main(["figure", "features", "--help"]) == 0
+    told = capsys.readouterr().out
+    assert "lme figure [KIND]" in told
+    assert "figure.percentiles=[5, 95]" in told
+    assert "figure.layout" not in told
+    assert main(["figure", "--help"]) == 0
+    assert "figure.layout=side_by_side" in capsys.readouterr().out
+
+
+def test_keys_of_the_kind_are_completed(capsys):
+    assert main(["completion", "words", "--", "lme figure video figure."]) == 0
+    assert "figure.fps=" in capsys.readouterr().out.split()
+
+
+def test_the_kinds_are_completed(capsys):
+    assert main(["completion", "words", "--", "lme figure tra"]) == 0
+    assert "trajectories" in capsys.readouterr().out.split()

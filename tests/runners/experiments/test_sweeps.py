@@ -1,0 +1,101 @@
+"""A sweep over systems: one table, one chart, one tracked run above its jobs'."""
+
+import json
+from pathlib import Path
+
+import pytest
+from mlflow import MlflowClient
+
+from runners.cli.main import main
+from runners.config import systems
+from runners.figures.parts.jobs import jobs_of
+from runners.figures.parts.places import places
+from runners.records.records import find_runs, read_episodes
+from runners.tracking.store import RUN_ID_FILE
+from tests.runners.tracking.test_tracking import booked
+
+WORDS = ["map.worlds=[0,6]", "map.subset=hard100", "runs=1", "executor=serial"]
+
+
+@pytest.fixture(scope="module")
+def sweep(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("sweep")
+    uri = f"sqlite:///{folder}/store.db"
+    words = ["-m", "guide=target,lme", "table=[lme,drl_vo]", f"hydra.sweep.dir={folder}/out"]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        assert main(["eval", *words, *WORDS, f"tracking.uri={uri}"]) == 0
+    return folder / "out", uri
+
+
+def test_rows_in_the_order_of_the_config(sweep):
+    lines = (sweep[0] / "table.csv").read_text().splitlines()
+    assert [line.split(",")[0] for line in lines] == ["label", "LME (ours)", "Simple (ours)"]
+
+
+def test_the_chart_is_there_and_table_draws_it_anew(sweep, capsys):
+    chart = sweep[0] / "comparison.png"
+    assert chart.read_bytes().startswith(b"\x89PNG")
+    assert (sweep[0] / "comparison.pdf").read_bytes().startswith(b"%PDF")
+    before, table = chart.read_bytes(), (sweep[0] / "table.md").read_text()
+    chart.unlink()
+    assert main(["table", str(sweep[0])]) == 0
+    assert chart.read_bytes() == before
+    assert (sweep[0] / "table.md").read_text() == table
+
+
+def test_the_paths_stand_side_by_side(sweep):
+    assert (sweep[0] / "side_by_side.png").read_bytes().startswith(b"\x89PNG")
+    assert (sweep[0] / "side_by_side.pdf").read_bytes().startswith(b"%PDF")
+    frame = read_episodes([sweep[0] / "0", sweep[0] / "1"])
+    jobs = jobs_of(frame, [sweep[0] / number for number in "01"])
+    assert [job.label for job in jobs] == ["Simple", "LME"]
+    assert [place.name for place in places(jobs)] == ["barn, world 0", "barn, world 6"]
+
+
+def test_starts_in_the_same_world_share_a_panel(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    words = ["-m", "map=traps", "robot=stage", "map.kind=u,wall", "map.starts=2"]
+    quick = ["map.time_limit=1", "runs=1", "executor=serial", "tracking=none", "hydra.sweep.dir=out"]
+    assert main(["eval", *words, *quick]) == 0
+    runs = find_runs([Path("out")])
+    frame = read_episodes(runs)
+    found = places(jobs_of(frame, runs))
+    assert [(place.name, place.numbers) for place in found] == [
+        ("traps: u", (0, 1)),
+        ("traps: wall", (0, 1)),
+    ]
+
+
+def test_one_run_above_those_of_the_jobs_holds_it_all(sweep):
+    out, uri = sweep
+    parent = booked(uri, out)
+    assert parent.data.metrics["LME/success"] == 1.0
+    assert "Simple/success" in parent.data.metrics
+    assert parent.data.params["robot.name"] == "jackal"
+    assert "guide._target_" not in parent.data.params  # the jobs differ in it
+    files = {file.path for file in MlflowClient(uri).list_artifacts(parent.info.run_id)}
+    assert {"table.md", "table.csv", "table.tex", "comparison.png", "side_by_side.png"} <= files
+    for number in "01":
+        run_id = json.loads((out / number / RUN_ID_FILE).read_text())["run"]
+        tags = MlflowClient(uri).get_run(run_id).data.tags
+        assert tags["mlflow.parentRunId"] == parent.info.run_id
+
+
+def test_a_system_without_a_planner_cannot_be_driven(capsys):
+    assert main(["eval", "system=drl_vo"]) == 2
+    error = capsys.readouterr().err
+    assert "system is DRL-VO: published figures are all there is of it" in error
+    assert "lme_dwa" in error
+    assert all(name not in error.partition("must be one of")[2] for name in ("drl_vo", "lme_drl"))
+
+
+def test_a_row_that_is_no_system_is_named(capsys):
+    assert main(["eval", "table=[drl_v]"]) == 2
+    assert "table: drl_v: did you mean drl_vo?" in capsys.readouterr().err
+
+
+def test_labels_are_unique_among_the_pairs_that_run():
+    pairs = [each for each in systems.systems().values() if each["planner"]]
+    assert len({each["label"] for each in pairs}) == len(pairs)
+    assert len({(each["guide"], each["planner"]) for each in pairs}) == len(pairs)

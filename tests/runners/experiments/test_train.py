@@ -1,0 +1,362 @@
+"""`lme train` from the command line to the weight file, and what it refuses."""
+
+import csv
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import yaml
+
+from lme.errors import InputError
+from lme.policy.escaper import LocalMinimumEscaper
+from runners.cli.main import main
+from runners.config.weights import parameters
+from runners.search import study
+from tests.builders import PUBLISHED, stage
+from tests.places import ROOT
+
+SMALL = (
+    "trials=7",
+    "configurations=2",
+    "runs=1",
+    "map.configurations=2",
+    "search.startup=2",
+    "tracking=none",
+)
+IN_PROCESS = (*SMALL, "executor=serial")
+
+
+@pytest.fixture(autouse=True)
+def _elsewhere(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+
+def train(*words):
+    """Directory of a training run in this process."""
+    before = set(Path("outputs/train").glob("*"))
+    assert main(["train", *IN_PROCESS, *words]) == 0
+    (made,) = set(Path("outputs/train").glob("*")) - before or before
+    return made
+
+
+def trials(run_dir):
+    return (run_dir / "trials.csv").read_text()
+
+
+@pytest.fixture(scope="module")
+def trained(tmp_path_factory):
+    """A finished run, with what it said."""
+    folder = tmp_path_factory.mktemp("trained")
+    done = subprocess.run(
+        [sys.executable, "-m", "runners.cli.main", "train", *SMALL, "executor.workers=2", "hydra.run.dir=run"],
+        cwd=folder, env={**os.environ, "PYTHONPATH": str(ROOT)}, capture_output=True, text=True, timeout=300,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    return folder / "run", done.stdout
+
+
+def test_a_run_leaves_its_study_weights_pictures_and_evaluation(trained):
+    run_dir, said = trained
+    names = {path.name for path in run_dir.iterdir()}
+    assert names >= {
+        "study.journal",
+        "weights.yaml",
+        "trials.csv",
+        "convergence.png",
+        "parallel_coordinates.png",
+    }
+    assert names >= {"env1", "table.md", "launch.json"}
+    assert "2 worlds of env1 that training never saw" in said
+    assert "Best of 7 trials" in said
+
+
+def test_the_weights_are_the_best_trials(trained):
+    run_dir, _ = trained
+    weights = yaml.safe_load((run_dir / "weights.yaml").read_text())
+    rows = list(csv.DictReader((run_dir / "trials.csv").open()))
+    best = max(rows, key=lambda row: float(row["reward"]))
+    assert [int(row["trial"]) for row in rows] == list(range(7))
+    assert weights["trial"] == int(best["trial"])
+    assert weights["reward"] == float(best["reward"])
+    found = {key.rpartition(".")[2]: float(value) for key, value in best.items() if key.startswith("guide.")}
+    assert weights["parameters"] == found
+    assert set(found) == set(PUBLISHED)
+    expected = {"robot": "stage", "map": "env1", "seed": 0, "trials": 7, "search": "tpe"}
+    assert {key: weights[key] for key in expected} == expected
+    assert set(weights["versions"]) == {"python", "lme", "numpy", "numba", "optuna"}
+
+
+def test_the_reward_is_the_papers(trained):
+    for row in csv.DictReader((trained[0] / "trials.csv").open()):
+        worlds = [key.removeprefix("outcome_") for key in row if key.startswith("outcome_")]
+        rewards = [
+            1 - int(row[f"steps_{world}"]) / 200 if row[f"outcome_{world}"] == "success" else -0.2
+            for world in worlds
+        ]
+        assert len(worlds) == 2
+        assert float(row["reward"]) == pytest.approx(np.mean(rewards), abs=1e-12)
+
+
+def test_what_was_evaluated_was_never_trained_on(trained):
+    run_dir, _ = trained
+    episodes = pd.read_parquet(run_dir / "env1" / "episodes.parquet")
+    weights = yaml.safe_load((run_dir / "weights.yaml").read_text())
+    assert set(episodes["world"]) == {0, 1}
+    assert not set(episodes["world"]) & set(weights["configurations"])
+    entries = map(json.loads, (run_dir / "study.journal").read_text().splitlines())
+    attributes = [entry["user_attr"] for entry in entries if "configurations" in entry.get("user_attr", {})]
+    trained_on = {tuple(place["start"]) for place in attributes[0]["configurations"]}
+    assert len(trained_on) == 2
+    held_out = set(zip(episodes["start_x_m"], episodes["start_y_m"], episodes["start_yaw_rad"], strict=True))
+    assert not trained_on & held_out
+    assert set(episodes["weights"]) == {weights["name"]}
+
+
+def test_the_weights_are_found_by_path_run_and_name(trained, monkeypatch):
+    run_dir, _ = trained
+    monkeypatch.chdir(run_dir.parent)
+    weights = yaml.safe_load((run_dir / "weights.yaml").read_text())
+    for name in ("run", "run/weights.yaml", weights["name"], f"outputs/weights/{weights['name']}.yaml"):
+        assert parameters(name, {}) == weights["parameters"]
+    escaper = LocalMinimumEscaper.from_file(run_dir / "weights.yaml", stage())
+    assert escaper._parameters.d2 == weights["parameters"]["d2"]
+
+
+def test_an_evaluation_with_the_weights_repeats_the_one_that_training_ended_with(trained, monkeypatch):
+    run_dir, _ = trained
+    monkeypatch.chdir(run_dir.parent)
+    words = ["robot=stage", "map=env1", "map.configurations=2", "runs=1", "tracking=none", "executor=serial"]
+    assert main(["eval", *words, "weights=run", "hydra.run.dir=again"]) == 0
+    columns = ["world", "outcome", "steps", "path_length_m"]
+    again = pd.read_parquet("again/episodes.parquet")[columns]
+    pd.testing.assert_frame_equal(again, pd.read_parquet("run/env1/episodes.parquet")[columns])
+
+
+def test_any_number_of_workers_finds_the_same(trained):
+    run_dir = train()
+    assert trials(run_dir) == trials(trained[0])
+    ours, theirs = (yaml.safe_load((path / "weights.yaml").read_text()) for path in (run_dir, trained[0]))
+    assert ours == theirs
+
+
+def test_killed_and_resumed_it_ends_as_the_uninterrupted_one(trained):
+    command = [sys.executable, "-m", "runners.cli.main", "train"]
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    words = [*SMALL, "executor.workers=2", "hydra.run.dir=killed"]
+    process = subprocess.Popen(
+        [*command, *words], env=environment, stderr=subprocess.DEVNULL, start_new_session=True
+    )
+    journal, deadline = Path("killed/study.journal"), time.monotonic() + 120
+    while time.monotonic() < deadline and not (journal.is_file() and b'"scores"' in journal.read_bytes()):
+        time.sleep(0.005)
+    os.killpg(process.pid, signal.SIGKILL)
+    assert process.wait() == -signal.SIGKILL
+    left = journal.read_bytes()
+    assert not Path("killed/weights.yaml").exists()
+    resumed = [*command, "resume=killed", "executor.workers=1"]
+    done = subprocess.run(resumed, env=environment, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stderr
+    assert trials(Path("killed")) == trials(trained[0])
+    assert journal.read_bytes().startswith(left[: left.rfind(b'"lme:entries"')])
+    weights = [yaml.safe_load((path / "weights.yaml").read_text()) for path in (Path("killed"), trained[0])]
+    assert weights[0] == weights[1]
+
+
+def test_a_finished_run_resumed_adds_nothing(trained, monkeypatch):
+    run_dir, _ = trained
+    monkeypatch.chdir(run_dir.parent)
+    before = (run_dir / "study.journal").read_bytes()
+    assert main(["train", "resume=run", "executor.workers=1"]) == 0
+    assert (run_dir / "study.journal").read_bytes() == before
+
+
+def test_a_sweep_is_one_table_over_its_studies(capsys):
+    assert main(["train", "-m", *IN_PROCESS, "trials=2", "seed=0,1", "hydra.sweep.dir=sweep"]) == 0
+    assert Path("sweep/table.md").read_text().count("LME (ours)") == 2
+    rows = [(Path("sweep") / str(job) / "trials.csv").read_text().splitlines()[0] for job in (0, 1)]
+    assert rows[0] != rows[1], "another seed trains on other configurations"
+
+
+def test_table1_trains_once_and_evaluates_both_maps():
+    words = ["trials=1", "held_out.env1.configurations=2", "held_out.env2.configurations=1"]
+    run_dir = train("+experiment=table1", *words)
+    assert [len(pd.read_parquet(run_dir / name / "episodes.parquet")) for name in ("env1", "env2")] == [2, 1]
+    text = (run_dir / "table.md").read_text()
+    assert text.count("LME (published)") == 2
+
+
+def test_a_planner_is_tuned_by_its_own_space(capsys):
+    """What is trained is a matter of the space alone."""
+    Path("own/space").mkdir(parents=True)
+    Path("own/space/gains.yaml").write_text("# Gains\nplanner:\n  kp: {low: 0.5, high: 8.0}\n")
+    run_dir = train("guide=target", "space=gains", "--config-dir", "own", "trials=2")
+    weights = yaml.safe_load((run_dir / "weights.yaml").read_text())
+    assert weights["parameters"] == {}
+    gain = weights["settings"]["planner.kp"]
+    assert 0.5 <= gain <= 8.0
+    assert f"lme eval guide=target planner=simple planner.kp={gain}" in capsys.readouterr().out
+    assert not list(Path("outputs/weights").glob("*"))
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["trials=0"], "trials is 0: must be at least 1"),
+        (["trials=x"], "trials is x: must be a whole number"),
+        (["configurations=0"], "configurations is 0: must be at least 1"),
+        (["runs=0"], "runs is 0: must be at least 1"),
+        (["reward.crash=0.5"], "reward.crash is 0.5: must be at most 0"),
+        (["reward.crsh=0.5"], "reward.crsh: no such key; did you mean reward.crash?"),
+        (["reward.max_steps=0"], "reward.max_steps is 0: must be at least 1"),
+        (["search=tpee"], "search=tpee: no such option; did you mean tpe?"),
+        (["search.batch=0"], "search.batch is 0: must be at least 1"),
+        (
+            ["space.guide.parameters.d1.high=0.001"],
+            "space.guide.parameters.d1.high is 0.001: must be greater than",
+        ),
+        (["space.guide.parameters.d3={low: 1, high: 2}"], "the config has no guide.parameters.d3"),
+        (["guide=target", "space=lme"], "the config has no guide.parameters.a_close"),
+        (["training_numbers=[5]"], "training_numbers is [5]: must be [first, last]"),
+        (["training_numbers=[0,2]"], "must leave 2 worlds beside those held out, and leaves 1"),
+        (["name=a/b"], "name is 'a/b': must be a plain file name"),
+        (["name=published"], "name is 'published': weights of that name ship with lme"),
+        (["name=taken"], "holds the weights of another study; choose another name"),
+        (["storage=nonsense"], "storage is nonsense: cannot be used"),
+        (["weights=broken.yaml"], "weights file broken.yaml"),
+        (["resume=nowhere"], "resume=nowhere: no such directory"),
+        (["robot=jakal"], "robot=jakal: no such option; did you mean jackal?"),
+        (["sead=1"], "sead: no such key; did you mean seed?"),
+    ],
+)
+def test_one_mistake_is_one_line_and_nothing_is_written(words, said, capsys):
+    Path("outputs/weights").mkdir(parents=True)
+    Path("outputs/weights/taken.yaml").write_text("study: another\n")
+    Path("broken.yaml").write_text("parameters: {a_close: 1}")
+    before = sorted(Path().rglob("*"))
+    assert main(["train", *IN_PROCESS, *words]) == 2
+    shown = capsys.readouterr().err
+    assert said in shown
+    assert shown.count("\n") == 1
+    assert sorted(Path().rglob("*")) == before
+
+
+def test_training_numbers_that_the_map_has_not(capsys):
+    assert main(["train", "robot=jackal", "map=barn", "executor=serial", "tracking=none"]) == 2
+    assert "must be worlds that the map has, such as [0,199]" in capsys.readouterr().err
+
+
+def test_a_search_without_its_package_says_what_to_install(monkeypatch, capsys):
+    from runners.search import samplers
+
+    monkeypatch.setattr(samplers, "find_spec", lambda package: None)
+    assert main(["train", *SMALL[:4], "search=gp"]) == 2
+    assert "search=gp needs torch: pip install 'lme[gp]'" in capsys.readouterr().err
+
+
+def test_another_robot_map_or_space_is_no_resumption(trained, monkeypatch, capsys):
+    run_dir, _ = trained
+    monkeypatch.chdir(run_dir.parent)
+    for word, said in (
+        ("robot=jackal", "robot.alpha_omega"),
+        ("map.name=env2", "map.name: env1 there, env2 now"),
+        ("space.guide.parameters.d1.low=0.2", "space.guide.parameters.d1.low: 0.01 there, 0.2 now"),
+        ("search.batch=2", "search.batch: 4 there, 2 now"),
+    ):
+        assert main(["train", "resume=run", word]) == 2
+        assert said in capsys.readouterr().err
+
+
+def test_a_corrupt_journal_is_one_line(trained, capsys):
+    run_dir = train("trials=2")
+    journal = run_dir / study.JOURNAL
+    lines = journal.read_text().splitlines()
+    journal.write_text("\n".join([*lines[:3], "not json", *lines[3:]]) + "\n")
+    assert main(["train", f"resume={run_dir}"]) == 2
+    shown = capsys.readouterr().err.splitlines()[-1]
+    assert "study.journal line 4: no entry of an Optuna journal" in shown
+
+
+def test_a_map_that_has_changed_is_refused(capsys):
+    drawing = (ROOT / "maps" / "env1" / "shapes.yaml").read_text()
+    Path("mine.yaml").write_text(drawing)
+    run_dir = train("trials=1", "map=file", "map.path=mine.yaml")
+    Path("mine.yaml").write_text("bounds: [0, 0, 10, 10]\n")
+    assert main(["train", f"resume={run_dir}"]) == 2
+    assert "which has changed since: start another study" in capsys.readouterr().err
+
+
+def test_two_processes_do_not_share_a_run(trained, monkeypatch, capsys):
+    import fcntl
+
+    run_dir, _ = trained
+    monkeypatch.chdir(run_dir.parent)
+    with (run_dir / "launch.json").open("rb") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        assert main(["train", "resume=run"]) == 2
+    assert "run is being written by another process" in capsys.readouterr().err
+
+
+def test_go2_trains_where_it_fits():
+    run_dir = train("+robot=go2", "trials=1")
+    assert yaml.safe_load((run_dir / "weights.yaml").read_text())["robot"] == "go2"
+
+
+# Weight files
+
+GOOD = yaml.safe_dump({"parameters": PUBLISHED})
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("d2: 200.0", "", "parameter d2 is missing"),
+        ("d2: 200.0", "d2: 200.0\n  d3: 1.0", "parameter 'd3' is unknown: The parameters are a_close"),
+        ("d2: 200.0", "d2: -1.0", "parameter d2 is -1: must be at least 0"),
+        ("d2: 200.0", "d2: .nan", "parameter d2 is nan: must be at least 0"),
+        ("d2: 200.0", "d2: much", "parameters.d2 is 'much': must be a number"),
+        ("d2: 200.0", "d2: true", "parameters.d2 is True: must be a number"),
+        ("d2: 200.0", "d2: 1.0\n  d2: 2.0", "not valid YAML"),
+        ("parameters:", "parametres:", "must hold a mapping `parameters`"),
+        ("parameters:", "parameters: [", "not valid YAML"),
+    ],
+)
+def test_a_weight_file_that_is_not_right(old, new, said):
+    assert old in GOOD
+    Path("mine.yaml").write_text(GOOD.replace(old, new))
+    for read in (
+        lambda: parameters("mine.yaml", {}),
+        lambda: LocalMinimumEscaper.from_file("mine.yaml", stage()),
+    ):
+        with pytest.raises(InputError) as caught:
+            read()
+        message = str(caught.value)
+        assert "mine.yaml" in message
+        assert said in message
+        assert "\n" not in message
+
+
+def test_weights_that_are_nowhere(capsys):
+    Path("empty").mkdir()
+    with pytest.raises(
+        InputError, match=r"holds no weights\.yaml; must be the directory of a finished lme train"
+    ):
+        parameters("empty", {})
+    Path("outputs/weights").mkdir(parents=True)
+    Path("outputs/weights/mine.yaml").write_text(GOOD)
+    with pytest.raises(InputError, match="did you mean mine"):
+        parameters("mnie", {})
+    assert parameters("mine", {"c_o": 0.0}) == {**PUBLISHED, "c_o": 0.0}
+
+
+def test_a_further_criterion_has_a_weight_too():
+    Path("mine.yaml").write_text(yaml.safe_dump({"parameters": {**PUBLISHED, "a_left": 1.0}}))
+    assert parameters("mine.yaml", {}, ["a_left"])["a_left"] == 1.0
+    with pytest.raises(InputError, match="'a_left' is unknown"):
+        parameters("mine.yaml", {})

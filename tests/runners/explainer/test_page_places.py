@@ -1,0 +1,170 @@
+"""The explainer page elsewhere: on a phone, in a frame, and of other episodes."""
+
+import dataclasses
+import re
+
+import numpy as np
+import pytest
+
+from lme.errors import InputError
+from lme.policy.maintenance import Choice
+from runners.explainer.write import write_page
+from tests.runners.explainer.conftest import press, settle, step_of, told, until
+
+FIT = "document.documentElement.scrollWidth <= document.documentElement.clientWidth"
+
+
+@pytest.mark.parametrize(("width", "height"), [(360, 740), (820, 1180), (1280, 720)])
+def test_nothing_is_wider_than_the_window(page, width, height):
+    page.set_viewport_size({"width": width, "height": height})
+    settle(page)
+    assert page.evaluate(FIT)
+    box = page.locator("#scene").bounding_box()
+    assert box["width"] > 0.6 * width
+    assert box["height"] > 0.35 * height
+
+
+def test_a_tap_shows_a_candidates_terms(open_page, page_file):
+    phone = open_page(page_file, "#step=20", 390, 844, has_touch=True, is_mobile=True)
+    x, y = phone.evaluate(
+        """() => {
+            const box = document.getElementById("scene").getBoundingClientRect();
+            const { spots, camera } = explainer.app.scene;
+            const spot = spots.find(([x, y]) => x > 20 && y > 60 && x < camera.width - 20 && y < camera.height - 20);
+            return [box.x + spot[0], box.y + spot[1]];
+        }"""
+    )
+    phone.touchscreen.tap(x, y)
+    settle(phone)
+    assert re.match(r"Candidate \d+: rank", phone.inner_text("#candidate"))
+    assert phone.evaluate(FIT)
+    assert phone.watch.said == []
+
+
+def test_it_works_in_a_sandboxed_frame(browser, page_file, tmp_path):
+    frame = page_file.read_text("utf-8").replace("&", "&amp;").replace('"', "&quot;")
+    outer = tmp_path / "outer.html"
+    outer.write_text(f'<iframe sandbox="allow-scripts" width="900" height="600" srcdoc="{frame}"></iframe>')
+    page = browser.new_page()
+    said = []
+    page.on("console", lambda message: said.append(message.text))
+    page.on("pageerror", lambda error: said.append(str(error)))
+    page.goto(outer.as_uri())
+    inner = page.frames[1]
+    inner.wait_for_selector("body.ready")
+    inner.click("#forward")
+    inner.click("#theme")
+    until(inner, "explainer.app.playback.step === 1")
+    page.wait_for_timeout(250)  # until the address would follow
+    assert said == []
+    page.close()
+
+
+def test_a_guide_without_reasons_has_its_drive_shown(open_page, tmp_path):
+    path = tmp_path / "bare.html"
+    bare = told(0, "map=traps", "robot=turtlebot2", "guide=target", "planner=dwa", "map.time_limit=6")
+    write_page(bare, path)
+    page = open_page(path, "#step=4")
+    assert "This guide gives no reasons" in page.inner_text("#decision")
+    assert page.inner_text("#sentence").startswith("Heads for a subgoal")
+    assert page.locator("#reasons").is_hidden()
+    assert page.locator("#others").is_hidden()
+    press(page, "ArrowRight", "ArrowDown", "n", "End")
+    assert step_of(page) == len(bare.moments)
+    assert page.watch.said == []
+
+
+def test_a_planned_path_is_drawn_and_the_end_tells_the_tasks_clock(open_page, tmp_path):
+    path = tmp_path / "planned.html"
+    planned = told(230, "map.worlds=[230]", "guide=global_path", "planner=eband", "map.time_limit=4")
+    write_page(planned, path, "E-Band")
+    page = open_page(path, "#step=5")
+    shown = page.evaluate(
+        """() => {
+            const { arrays, starts } = explainer.tale;
+            const [from, to] = starts.plan.subarray(5, 7);
+            const metres = (name) => Array.from(arrays[name].subarray(from, to), (value) => value / 1000);
+            return [metres("plan.x"), metres("plan.y")];
+        }"""
+    )
+    np.testing.assert_allclose(shown, planned.moments[5].guidance.path.T, atol=0.00051)
+    assert page.get_by_text("planned", exact=True).is_visible()
+    assert page.inner_text("#subtitle") == "E-Band · jackal · timeout after 4.0 s"
+    press(page, "End")
+    late = planned.episode.trajectory[-1, 0] - planned.episode.time
+    assert late > 0.05  # or there is nothing to tell
+    assert page.inner_text("#sentence") == (
+        f"The end: timeout after 4.0 s by the clock of its task, which started {late:.1f} s into the drive. "
+        "No decision follows."
+    )
+    assert page.watch.said == []
+
+
+def test_without_a_plan_there_is_no_key_to_one(page):
+    assert page.get_by_text("planned", exact=True).is_hidden()
+
+
+def test_a_long_name_breaks(open_page, tale, tmp_path):
+    long = tale._replace(task=dataclasses.replace(tale.task, map_name="map_" * 50))
+    write_page(long, tmp_path / "long.html", "system_" * 50)
+    assert open_page(tmp_path / "long.html", "", 360, 740).evaluate(FIT)
+
+
+def test_a_browser_that_is_too_old_is_told_so(browser, page_file):
+    page = browser.new_page()
+    page.add_init_script("CSS.supports = () => false")
+    page.goto(page_file.as_uri())
+    until(page, "document.getElementById('title').textContent === 'This page cannot be shown'")
+    assert "May 2024" in page.inner_text("#subtitle")
+    page.close()
+
+
+def test_what_moves_is_drawn_where_it_is(open_page, tmp_path):
+    path = tmp_path / "moving.html"
+    moving = told(0, "map=real1_dynamic", "robot=turtlebot2", "map.time_limit=12", "ablation=no_maintenance")
+    write_page(moving, path)
+    page = open_page(path)
+    still = len(moving.task.world.circles), len(moving.task.world.edges)
+    shown = page.evaluate(
+        "[0, 50].map((step) => ['discs', 'edges'].map((name, i) => Array.from(explainer.tale.arrays[name]"
+        ".subarray(...explainer.tale.span(name, step).map((row) => row * (3 + i))))))"
+    )
+    for step, parts in zip((0, 50), shown, strict=True):
+        for part, obstacles, first in zip(parts, moving.moments[step].obstacles, still, strict=True):
+            np.testing.assert_allclose(part, obstacles[first:].ravel(), rtol=1e-6)
+    assert shown[0] != shown[1]
+    assert page.input_value("#n-d1") == "∞"  # no maintenance
+    assert not any(page.evaluate("explainer.app.changed"))
+    choices = {moment.explanation.decision.choice for moment in moving.moments}
+    assert choices == {Choice.FIRST, Choice.REACHED}
+    page.check("#truth")
+    settle(page)
+    assert page.watch.said == []
+
+
+def test_less_motion_is_heeded(open_page, page_file):
+    calm = open_page(page_file, reduced_motion="reduce")
+    assert calm.evaluate("explainer.app.playback.speed") == 0.25
+    assert calm.evaluate("getComputedStyle(document.getElementById('play')).transitionDuration") == "0s"
+
+
+@pytest.mark.parametrize("kept", [0, 1])
+def test_an_episode_that_ends_at_once_in_an_empty_world(open_page, tale, tmp_path, kept):
+    nothing = np.full_like(tale.end.observation.scan.ranges, np.inf)
+    unseen = tale.end.observation._replace(scan=tale.end.observation.scan._replace(ranges=nothing))
+    track = tale.episode.trajectory
+    short = dataclasses.replace(tale.episode, trajectory=np.vstack([track[:kept], track[-1:]]))
+    moments = tuple(moment._replace(observation=unseen) for moment in tale.moments[:kept])
+    write_page(
+        tale._replace(moments=moments, episode=short, end=tale.end._replace(observation=unseen)),
+        tmp_path / "short.html",
+    )
+    page = open_page(tmp_path / "short.html")
+    press(page, "End", "ArrowLeft", "f", "m", "0", "n")
+    assert page.watch.said == []
+    assert page.get_by_text("The episode ended before the first decision.").is_visible() is (kept == 0)
+
+
+def test_a_place_that_takes_no_file_is_named(tale, tmp_path):
+    with pytest.raises(InputError, match="cannot be written"):
+        write_page(tale, tmp_path / "missing" / "page.html")

@@ -1,0 +1,174 @@
+"""The page weighs what Python weighed, and comes to the same: scores, candidates, choices, at every step."""
+
+import math
+
+import numpy as np
+import pytest
+
+from lme.policy.maintenance import Choice, choose
+from lme.policy.score import Parameters, score
+from tests.builders import PUBLISHED
+from tests.runners.explainer.conftest import settle
+
+RELATIVE = 1e-6
+SETTINGS = {
+    "published": PUBLISHED,
+    "no_maintenance": {**PUBLISHED, "d1": math.inf},
+    "never_better": {**PUBLISHED, "d1": 0.0, "d2": math.inf},
+    "near_only": {**dict.fromkeys(PUBLISHED, 0.0), "a_close": 1.0},
+    "ties": {**dict.fromkeys(PUBLISHED, 0.0), "c_o": 1.0},
+    "nothing": dict.fromkeys(PUBLISHED, 0.0),
+    **{
+        f"random_{seed}": dict(
+            zip(
+                PUBLISHED,
+                np.random.default_rng(seed).uniform(0.01, [9, 9, 999, 999, 999, 999, 1, 200]).tolist(),
+                strict=True,
+            )
+        )
+        for seed in range(3)
+    },
+}
+
+
+def decided(why, parameters):
+    """Algorithm 1 in the situation of an explanation, with other parameters: scores, best, choice."""
+    scores = score(why.features, parameters.weights)
+    best = int(np.argmax(scores))
+    if why.old is None:
+        return scores, best, Choice.FIRST
+    old = float(parameters.weights @ why.old_features)
+    choice = choose(math.hypot(*why.old), old, scores[best], parameters.d1, parameters.d2)
+    return scores, best, choice
+
+
+def in_page(page, values):
+    """The same of the page, at every step."""
+    words = {name: "inf" if value == math.inf else value for name, value in values.items()}
+    return page.evaluate(
+        """(words) => {
+            const { app, tale } = explainer;
+            for (const name in words) if (words[name] === "inf") words[name] = Infinity;
+            app.panel.set(words);
+            const { weights } = app.panel.parameters;
+            return app.verdicts.map((verdict, step) => ({ ...verdict, changed: app.changed[step],
+                scores: Array.from(explainer.scoresOf(tale, step, weights)) }));
+        }""",
+        words,
+    )
+
+
+@pytest.mark.parametrize("values", SETTINGS.values(), ids=SETTINGS)
+def test_scores_candidates_and_choices_are_pythons_at_every_step(page, tale, values):
+    reasons = [moment.explanation for moment in tale.moments]
+    parameters = Parameters.from_mapping(values, reasons[0].names)
+    verdicts = in_page(page, values)
+    assert len(verdicts) == len(reasons)
+    for why, verdict in zip(reasons, verdicts, strict=True):
+        scores, best, choice = decided(why, parameters)
+        np.testing.assert_allclose(verdict["scores"], scores, rtol=RELATIVE)
+        assert (verdict["best"], verdict["choice"]) == (best, str(choice))
+        recorded = why.decision.choice is Choice.KEPT
+        same = recorded == (choice is Choice.KEPT) and (recorded or best == why.new)
+        assert verdict["changed"] is not same
+
+
+def test_with_its_own_parameters_nothing_changes(page, tale):
+    assert not any(page.evaluate("explainer.app.changed"))
+    choices = [str(moment.explanation.decision.choice) for moment in tale.moments]
+    assert page.evaluate("explainer.app.verdicts.map((verdict) => verdict.choice)") == choices
+    assert {"first", "reached", "better", "kept"} == set(choices)  # or the episode tests too little
+
+
+def test_old_scores_are_pythons(page, tale):
+    olds = page.evaluate("explainer.app.verdicts.map((verdict) => verdict.oldScore)")
+    expected = [moment.explanation.old_score for moment in tale.moments]
+    assert math.isnan(olds[0])
+    assert expected[0] is None
+    np.testing.assert_allclose(olds[1:], expected[1:], rtol=RELATIVE)
+
+
+@pytest.mark.parametrize(
+    ("case", "expected"),
+    [
+        ("false, NaN, NaN, 5, Infinity, 1", "first"),
+        ("true, 0.5, 9, 1, 0.51, 200", "reached"),
+        ("true, 0.51, 9, 1, 0.51, 200", "kept"),  # nearer than d1, not as near
+        ("true, 1000, 9, 1, Infinity, 200", "reached"),
+        ("true, 1, 1, 3, 0, 2", "kept"),  # more than d2, not as much
+        ("true, 1, 1, 3.1, 0, 2", "better"),
+        ("true, 0, 1, 1e9, 0, Infinity", "kept"),
+    ],
+)
+def test_the_choice_at_its_limits(page, case, expected):
+    assert page.evaluate(f"explainer.choose({case})") == expected
+
+
+def test_moving_a_slider_leads_to_pythons_other_candidate(page, tale):
+    values = {**PUBLISHED, "d2": 0.0}
+    parameters = Parameters.from_mapping(values, tale.moments[0].explanation.names)
+    others = [decided(moment.explanation, parameters)[1:] for moment in tale.moments]
+    step = next(
+        i
+        for i, ((_, choice), moment) in enumerate(zip(others, tale.moments, strict=True))
+        if choice is Choice.BETTER and moment.explanation.decision.choice is Choice.KEPT
+    )
+    page.evaluate(f"explainer.app.playback.go({step})")
+    settle(page)
+    before = page.inner_text("#what-if")
+    page.focus("#p-d2")
+    page.keyboard.press("Home")
+    settle(page)
+    assert page.input_value("#n-d2") == "0"
+    text = page.inner_text("#what-if")
+    assert "parameters of the record" in before
+    assert f"would choose candidate {others[step][0]} " in text
+    count = sum(page.evaluate("explainer.app.changed"))
+    assert f"{count} of {len(tale.moments)} decisions" in text
+    page.click("#p-d2 ~ .reset")
+    settle(page)
+    assert page.inner_text("#what-if") == before
+
+
+def test_the_bars_show_pythons_terms(page, tale):
+    step = next(i for i, m in enumerate(tale.moments) if m.explanation.decision.choice is Choice.BETTER)
+    why = tale.moments[step].explanation
+    page.evaluate(f"explainer.app.playback.go({step})")
+    settle(page)
+    x, y, index = page.evaluate(
+        """() => {
+            const { spots, camera } = explainer.app.scene;
+            const apart = (one) => Math.min(...spots.filter((other) => other !== one)
+                .map((other) => Math.hypot(other[0] - one[0], other[1] - one[1])));
+            const inside = ([x, y]) => x > 20 && y > 60 && x < camera.width - 20 && y < camera.height - 20;
+            const at = spots.findIndex((spot) => inside(spot) && apart(spot) > 15);
+            const box = document.getElementById("scene").getBoundingClientRect();
+            return [box.x + spots[at][0], box.y + spots[at][1], at];
+        }"""
+    )
+    page.mouse.move(x + 1, y)
+    settle(page)
+    weights = why.parameters.weights
+    assert page.inner_text("#candidate").startswith(f"Candidate {index}: ")
+    for side, features in (
+        ("picked", why.features[:, index]),
+        ("chosen", why.features[:, why.new]),
+        ("old", why.old_features),
+    ):
+        shown = page.eval_on_selector_all(
+            f"#terms tbody td.{side}", "(cells) => cells.map((cell) => Number(cell.dataset.value))"
+        )
+        np.testing.assert_allclose(shown[:-1], weights * features, rtol=RELATIVE)
+        assert shown[-1] == pytest.approx(weights @ features, rel=RELATIVE)
+
+
+def test_what_is_typed_counts_and_nonsense_is_refused(page):
+    for text, shown, value in (("inf", "∞", math.inf), ("0,25", "0.25", 0.25)):
+        page.fill("#n-d1", text)
+        page.press("#n-d1", "Enter")
+        assert page.input_value("#n-d1") == shown
+        assert page.evaluate("explainer.app.panel.values.d1") == value
+    page.fill("#n-a_close", "inf")  # of a weight
+    page.press("#n-a_close", "Enter")
+    assert page.get_attribute("#n-a_close", "aria-invalid") == "true"
+    assert page.evaluate("explainer.app.panel.values.a_close") == PUBLISHED["a_close"]

@@ -1,0 +1,309 @@
+"""Pages of a run's episodes: which, where, linked from where; and what `lme explain` says."""
+
+import re
+import shutil
+
+import pytest
+
+from lme.errors import InputError
+from lme.policy.reasons import reason
+from runners.analysis.failures import failed_section, folder
+from runners.cli.main import main
+from runners.config.schema import Explain
+from runners.explainer import pages, write
+from runners.records import run_directories
+from runners.records.records import RecordWriter, read_episodes, read_trajectories
+from runners.workers.executor import SerialConfig, SerialExecutor
+from runners.workers.trace import retell
+
+# In eight seconds world 230 is driven and world 218 is not.
+WORDS = ["eval", "map.worlds=[218,230]", "map.time_limit=8", "runs=1", "executor=serial", "tracking=none"]
+FAILED, ARRIVED = (218, 0), (230, 0)
+
+
+@pytest.fixture(scope="module")
+def driven(tmp_path_factory):
+    """A run with the pages that explain=failures makes."""
+    run_dir = tmp_path_factory.mktemp("explained") / "run"
+    assert main([*WORDS, "explain=failures", f"hydra.run.dir={run_dir}"]) == 0
+    return run_dir
+
+
+@pytest.fixture
+def run(driven, tmp_path):
+    """A copy of it to do as one likes with."""
+    return shutil.copytree(driven, tmp_path / "run")
+
+
+@pytest.fixture
+def drawn(monkeypatch):
+    """Episodes of which a page is made, and no pages worth the name."""
+    made = []
+
+    def write_page(tale, path, system, ending):
+        made.append((tale.world, tale.run))
+        path.write_text(f"<!doctype html>{system}\n{ending}")
+
+    monkeypatch.setattr(write, "write_page", write_page)
+    return made
+
+
+def files(run_dir):
+    return sorted(path.name for path in (run_dir / "explain").iterdir())
+
+
+def links(text):
+    return re.findall(r'\]\(([^)]+)\)|href="([^"]+)"', text)
+
+
+# --- lme eval explain=… ----------------------------------------------------------------------------------
+
+
+def test_failures_have_a_page_and_the_table_leads_to_it(driven):
+    assert files(driven) == ["218-0.html", "index.html"]
+    table = (driven / "table.md").read_text()
+    assert re.search(
+        r"\| 218 \| 0 \| timeout \| 8\.0 \| \d+\.\d\d \| \[\S+\]\(explain/218-0\.html\) \|", table
+    )
+    assert "| 230 |" not in table
+    targets = [one or other for one, other in links(table)]
+    assert targets == ["explain/218-0.html", "explain/index.html"]
+    assert all((driven / target).is_file() for target in targets)
+
+
+def test_the_closest_approach_is_that_of_the_path(driven):
+    steps = read_trajectories([driven])
+    path = steps[steps["world"] == 218]
+    episode = read_episodes([driven]).set_index("world").loc[218]
+    closest = (
+        (path["x_m"] - episode["goal_x_m"]) ** 2 + (path["y_m"] - episode["goal_y_m"]) ** 2
+    ).min() ** 0.5
+    assert f"| {closest:.2f} |" in (driven / "table.md").read_text()
+
+
+def test_the_page_is_of_the_episode_and_needs_nothing_beside_it(driven):
+    page = (driven / "explain" / "218-0.html").read_text(encoding="utf-8")
+    assert "<title>" in page
+    assert not re.search(r'(src|href)="(https?:)?//', page)
+    index = (driven / "explain" / "index.html").read_text(encoding="utf-8")
+    assert [other for _, other in links(index)] == ["218-0.html"]
+    assert "<td>LME (ours)</td><td>0.500</td>" in index
+    assert not re.search(r"https?:|<script", index)
+
+
+def test_explaining_more_goes_on_with_the_same_run_and_keeps_what_is_there(run, drawn):
+    before = (run / "explain" / "218-0.html").read_bytes()
+    assert main([*WORDS, "explain=all", f"hydra.run.dir={run}", "resume=true"]) == 0
+    assert drawn == [ARRIVED]
+    assert (run / "explain" / "218-0.html").read_bytes() == before
+    index = (run / "explain" / "index.html").read_text(encoding="utf-8")
+    assert [other for _, other in links(index)] == ["218-0.html", "230-0.html"]  # failures first
+
+
+@pytest.mark.parametrize(
+    "spoil_page", [lambda page: page[:-30], lambda page: page.replace(b"<!-- ", b"<!-- not ")]
+)
+def test_a_page_that_is_torn_or_of_another_episode_is_made_anew(run, drawn, spoil_page):
+    page = run / "explain" / "218-0.html"
+    page.write_bytes(spoil_page(page.read_bytes()))
+    pages.as_asked(Explain.failures, run, SerialExecutor(SerialConfig()))
+    assert drawn == [FAILED]
+
+
+def test_none_makes_nothing(run, drawn):
+    shutil.rmtree(run / "explain")
+    pages.as_asked(Explain.none, run, SerialExecutor(SerialConfig()))
+    assert drawn == []
+    assert folder(run) == []
+
+
+def test_where_nothing_failed_there_is_nothing_to_see(tmp_path, capsys):
+    assert main([*WORDS, "map.worlds=[230]", "explain=failures", f"hydra.run.dir={tmp_path}"]) == 0
+    out = capsys.readouterr().out
+    assert "explain=failures: no episode failed, so there is no page" in out
+    assert "Why the robot went there" not in out
+    assert not (tmp_path / "explain").exists()
+
+
+def test_a_page_calls_the_system_what_the_table_calls_it(tmp_path, drawn):
+    words = ["guide=target", "planner=dwa_tuned", "map.worlds=[218]", f"hydra.run.dir={tmp_path}"]
+    assert main([*WORDS, *words, "explain=all"]) == 0
+    system = read_episodes([tmp_path]).loc[0, "system"]
+    assert (tmp_path / "explain" / "218-0.html").read_text().startswith(f"<!doctype html>{system}\n")
+
+
+def test_pages_that_cannot_be_made_are_one_warning_of_a_finished_run(run, drawn):
+    shutil.rmtree(run / "explain")
+    spoil(run)
+    with pytest.warns(UserWarning, match="1 of 2 pages were not made: .* goes another way") as caught:
+        pages.as_asked(Explain.all, run, SerialExecutor(SerialConfig()))
+    assert len(caught) == 1
+    assert files(run) == ["230-0.html", "index.html"]
+
+
+def spoil(run_dir):
+    """Let world 218 have gone another way."""
+    import pyarrow.parquet as pq
+
+    path = run_dir / "trajectories.parquet"
+    steps = pq.ParquetFile(path).read().to_pandas()
+    steps.loc[steps["world"] == 218, "x_m"] += 0.5
+    steps.to_parquet(path, index=False)
+
+
+def test_table_rebuilds_the_links_of_the_pages_that_are_there(run, capsys):
+    before = (run / "table.md").read_text()
+    assert main(["table", str(run)]) == 0
+    assert (run / "table.md").read_text() == before
+    (run / "explain" / "218-0.html").unlink()
+    assert main(["table", str(run)]) == 0
+    assert (run / "table.md").read_text() == before.partition("\n## Failed")[0]
+
+
+def test_a_sweeps_table_leads_into_its_jobs(driven, tmp_path):
+    for number in "01":
+        job = shutil.copytree(driven, tmp_path / number)
+        launch = run_directories.read_launch(job)
+        launch.overrides = ["runs=1", f"ablation={'none' if number == '0' else 'no_c_o'}"]
+        launch.write(job)
+    (tmp_path / "1" / "explain" / "218-0.html").unlink()
+    section = failed_section(read_episodes([tmp_path / "0", tmp_path / "1"]), tmp_path)
+    rows = [line.split(" | ") for line in section.splitlines() if "218" in line]
+    assert [row[0] for row in rows] == ["| 0 ablation=none", "| 1 ablation=no_c_o"]
+    assert [row[-1] for row in rows] == ["[0/explain/218-0.html](0/explain/218-0.html) |", "– |"]
+    assert "All pages: [0/explain/index.html]" in section
+
+
+# --- lme explain -----------------------------------------------------------------------------------------
+
+
+def test_without_an_episode_they_are_listed_failures_first(driven, capsys):
+    assert main(["explain", str(driven)]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[:2] for line in lines[:3]] == [
+        ["episode", "outcome"],
+        ["218/0", "timeout"],
+        ["230/0", "success"],
+    ]
+    assert any(line.endswith(f"lme explain {driven} 218/0 --text") for line in lines)
+
+
+def test_pages_lie_with_the_run_and_in_its_index(run, drawn, capsys):
+    assert main(["explain", str(run), "230"]) == 0
+    assert capsys.readouterr().out.split() == [str(run / "explain" / "230-0.html")]
+    assert drawn == [ARRIVED]
+    assert "230-0.html" in (run / "explain" / "index.html").read_text()
+    assert main(["explain", str(run), "failures", "218/0"]) == 0  # the same one
+    assert drawn == [ARRIVED, FAILED]
+
+
+@pytest.mark.parametrize(
+    ("output", "page"), [("why.html", "why.html"), ("new/folder", "new/folder/218-0.html")]
+)
+def test_a_page_elsewhere(run, drawn, tmp_path, output, page, capsys):
+    assert main(["explain", str(run), "218", "--output", str(tmp_path / output)]) == 0
+    assert capsys.readouterr().out.split() == [str(tmp_path / page)]
+    assert (tmp_path / page).is_file()
+    assert files(run) == ["218-0.html", "index.html"]
+
+
+def test_two_pages_are_made_by_processes(run, tmp_path, capsys):
+    assert main(["explain", str(run), "230", "218", "--output", str(tmp_path)]) == 0
+    assert capsys.readouterr().out.split() == [str(tmp_path / f"{world}-0.html") for world in (218, 230)]
+    assert (tmp_path / "218-0.html").read_bytes() == (run / "explain" / "218-0.html").read_bytes()
+
+
+def test_text_tells_every_decision(driven, capsys):
+    assert main(["explain", str(driven), "218", "--text"]) == 0
+    title, header, *lines = capsys.readouterr().out.splitlines()
+    steps = int(read_episodes([driven]).set_index("world").loc[218, "steps"])
+    assert title == f"World 218, run 0: timeout after 8.0 s, {steps} decisions"
+    assert header.split() == ["step", "time", "[s]", "why"]
+    spans = [[int(step) for step in line.split()[0].split("–")] for line in lines]
+    told = [step for span in spans for step in range(span[0], span[-1] + 1)]
+    assert told == list(range(steps))
+    assert "first subgoal: the best of" in lines[0]
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["219"], "world 219 was not driven in this run: those nearest to it are 218, 230"),
+        (["218/3"], "world 218 has no run 3: it has 0"),
+        (["218.0"], "'218.0' is no episode: give WORLD, WORLD/RUN or failures, such as 218/0"),
+        (["218", "230", "--output", "one.html"], "one file cannot hold 2 pages; give a folder"),
+    ],
+)
+def test_mistakes_are_named(driven, words, message, capsys):
+    assert main(["explain", str(driven), *words]) == 2
+    error = capsys.readouterr().err
+    assert message in error
+    assert "Traceback" not in error
+
+
+def test_a_run_without_failures_says_so(driven):
+    episodes = read_episodes([driven])
+    with pytest.raises(InputError, match="no episode of this run failed"):
+        pages.chosen(episodes[episodes["outcome"] == "success"], ["failures"])
+
+
+def test_a_directory_of_several_runs_names_them(driven, capsys):
+    shutil.copytree(driven, driven.parent / "sweep" / "0")
+    shutil.copytree(driven, driven.parent / "sweep" / "1")
+    assert main(["explain", str(driven.parent / "sweep"), "218"]) == 2
+    error = capsys.readouterr().err
+    assert "sweep holds 2 runs: give one of them" in error
+    assert f"{driven.parent / 'sweep' / '1'} (map.worlds=[218,230]" in error
+
+
+def test_a_run_of_another_version_is_refused_by_the_command(run, drawn, capsys):
+    spoil(run)
+    assert main(["explain", str(run), "218"]) == 2
+    assert "goes another way when it is driven again" in capsys.readouterr().err
+    assert files(run) == ["218-0.html", "index.html"]  # the old page, and no draft
+
+
+def test_an_unfinished_run(driven, tmp_path, drawn):
+    record = read_episodes([driven]).drop(columns="run_dir").iloc[0].to_dict()
+    steps = read_trajectories([driven])
+    steps = steps[steps["world"] == 218].drop(columns=["run_dir", "world", "run", "step"])
+    with RecordWriter(tmp_path) as writer:
+        writer.append(record, {name: column.to_numpy() for name, column in steps.items()})
+    run_directories.read_launch(driven).write(tmp_path)
+    assert main(["explain", str(tmp_path), "failures"]) == 0
+    assert drawn == [FAILED]
+
+
+def test_a_guide_without_reasons_has_pages_but_no_sentences(tmp_path, capsys):
+    words = ["guide=target", "explain=failures", f"hydra.run.dir={tmp_path}"]
+    assert main([*WORDS, *words]) == 0
+    world, run = re.search(r"\| (\d+) \| (\d+) \|", (tmp_path / "table.md").read_text()).groups()
+    assert f"{world}-{run}.html" in files(tmp_path)
+    capsys.readouterr()
+    assert main(["explain", str(tmp_path), world, "--text"]) == 2
+    out, error = capsys.readouterr()
+    assert out == ""
+    assert "only guide=lme has reasons to tell" in error
+
+
+# --- the sentences of real drives ------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("world", [218, 230])
+def test_every_decision_of_a_real_drive_has_its_own_reason(driven, world):
+    tale = retell(run_directories.read_launch(driven).configs[0], world, 0)
+    before, texts = None, []
+    for moment in tale.moments:
+        texts.append(reason(moment.explanation, before))
+        verdict = "switched: " if moment.guidance.switched else "kept: "
+        assert texts[-1].startswith(verdict if before else "first subgoal: ")
+        before = moment.explanation
+    assert len(set(texts)) > len(texts) / 2
+    assert sum(text.startswith("switched") for text in texts) == tale.episode.switches
+
+
+def test_episodes_of_a_figure_are_explained_though_nothing_is_booked(run, drawn):
+    note = run / ".hydra" / "config.yaml"
+    note.write_text("seed: 0\n")
+    assert main(["explain", str(run), "230"]) == 0
+    assert drawn == [ARRIVED]

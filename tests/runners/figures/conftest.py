@@ -1,0 +1,65 @@
+"""A short run of LME to draw decisions of, told again."""
+
+import numpy as np
+import pytest
+
+from runners.cli.main import main
+from runners.figures.parts.jobs import read_jobs
+from runners.figures.parts.moment import Shot, telling_step
+
+WORDS = ["eval", "map=env2", "robot=stage", "map.worlds=[4]", "runs=1", "executor=serial", "tracking=none"]
+
+
+@pytest.fixture(scope="session")
+def lme_run(tmp_path_factory):
+    """The directory of a run of LME: world 4 of env2, cut off after twenty steps."""
+    return _driven(tmp_path_factory, "lme")
+
+
+@pytest.fixture(scope="session")
+def target_run(tmp_path_factory):
+    """The same without a guide."""
+    return _driven(tmp_path_factory, "target")
+
+
+@pytest.fixture(scope="session")
+def tale(lme_run):
+    (job,) = read_jobs([lme_run])
+    return job.tale(4, 0)
+
+
+@pytest.fixture
+def shot(tale):
+    """The most telling decision."""
+    return shot_of(tale, telling_step(tale))
+
+
+def shot_of(tale, step):
+    return Shot("LME", tale, step, tale.moments[step].explanation)
+
+
+def with_criteria(shot, **values):
+    """The same decision with further criteria, of weight 1 and with these (N,) values of the candidates."""
+    moments = list(shot.tale.moments)
+    for step in (shot.step - 1, shot.step):
+        moments[step] = moments[step]._replace(explanation=_with(moments[step].explanation, values))
+    return shot_of(shot.tale._replace(moments=tuple(moments)), shot.step)
+
+
+def _with(why, values):
+    weights = np.concatenate([why.parameters.weights, np.ones(len(values))])
+    return why._replace(
+        names=(*why.names, *values),
+        features=np.vstack([why.features, *values.values()]),
+        old_features=np.concatenate([why.old_features, np.zeros(len(values))]),
+        parameters=type(why.parameters)(weights, why.parameters.d1, why.parameters.d2),
+    )
+
+
+def _driven(factory, guide):
+    folder = factory.mktemp(guide)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        words = [*WORDS, f"guide={guide}", "map.time_limit=4", f"hydra.run.dir={folder / 'out'}"]
+        assert main(words) == 0
+    return folder / "out"

@@ -1,0 +1,268 @@
+"""Records survive kills, full disks and resumption, and come back exactly as they went in."""
+
+import math
+import subprocess
+import sys
+import textwrap
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from lme.errors import InputError
+from runners.records.records import (
+    COLUMNS,
+    EPISODES,
+    TIMING_COLUMNS,
+    TRAJECTORIES,
+    TRAJECTORY_COLUMNS,
+    RecordsWriteError,
+    RecordWriter,
+    find_runs,
+    read_episodes,
+    read_trajectories,
+)
+from runners.records.run_directories import Launch
+from tests.places import ROOT
+
+KEYS = [(world, run) for world in (200, 3, 77) for run in (1, 0)]
+
+
+def episode(key, **changes):
+    """A record and a trajectory that depend on the key alone."""
+    rng = np.random.default_rng(key)
+    steps = int(rng.integers(1, 9))
+    record = {
+        "system": "LME",
+        "world": key[0],
+        "run": key[1],
+        "outcome": "success",
+        "time_s": rng.normal(),
+        "min_clearance_m": math.nan if key[1] else rng.normal(),
+        "wall_s": rng.normal(),
+        "reward": None if key[0] == 3 else 1,
+        **changes,
+    }
+    trajectory = {"time_s": rng.normal(size=steps), "x_m": rng.normal(size=steps)}
+    trajectory["switched"] = rng.random(steps) < 0.5
+    return record, trajectory
+
+
+def write(run_dir, keys, merge=True):
+    with RecordWriter(run_dir) as writer:
+        for key in keys:
+            writer.append(*episode(key))
+        if merge:
+            writer.merge()
+
+
+def contents(run_dir):
+    return [(run_dir / name).read_bytes() for name in (EPISODES, TRAJECTORIES)]
+
+
+@pytest.mark.parametrize("merge", [False, True])
+def test_what_goes_in_comes_out_exactly(tmp_path, merge):
+    write(tmp_path, KEYS, merge)
+    frame, steps = read_episodes([tmp_path]), read_trajectories([tmp_path])
+    assert list(zip(frame["world"], frame["run"], strict=True)) == sorted(KEYS)
+    for key in KEYS:
+        record, trajectory = episode(key)
+        row = frame[(frame["world"] == key[0]) & (frame["run"] == key[1])].iloc[0]
+        assert row["time_s"] == record["time_s"]
+        assert math.isnan(row["min_clearance_m"]) == math.isnan(record["min_clearance_m"])
+        assert math.isnan(row["reward"]) == (record["reward"] is None)
+        path = steps[(steps["world"] == key[0]) & (steps["run"] == key[1])]
+        assert path["step"].tolist() == list(range(len(path)))
+        for name, values in trajectory.items():
+            assert path[name].to_numpy().dtype == values.dtype
+            assert (path[name].to_numpy() == values).all()
+
+
+def test_an_appended_episode_is_on_disk_before_the_file_is_closed(tmp_path):
+    with RecordWriter(tmp_path) as writer:
+        writer.append(*episode((5, 0)))
+        assert len(read_episodes([tmp_path])) == 1
+
+
+def test_merge_leaves_two_files_and_resuming_a_complete_run_changes_nothing(tmp_path):
+    write(tmp_path, KEYS)
+    before = contents(tmp_path), [(tmp_path / name).stat().st_mtime_ns for name in (EPISODES, TRAJECTORIES)]
+    with RecordWriter(tmp_path) as writer:
+        assert writer.done() == set(KEYS)
+        writer.append(*episode(KEYS[0], outcome="collision"))
+        writer.merge()
+    after = contents(tmp_path), [(tmp_path / name).stat().st_mtime_ns for name in (EPISODES, TRAJECTORIES)]
+    assert before == after
+    assert sorted(path.name for path in tmp_path.iterdir()) == [EPISODES, TRAJECTORIES]
+
+
+@settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.permutations(KEYS), st.integers(0, 6), st.booleans(), st.binary(min_size=1, max_size=40))
+def test_a_killed_and_resumed_run_gives_the_identical_files(tmp_path_factory, order, cut, merged, torn):
+    straight, resumed = tmp_path_factory.mktemp("straight"), tmp_path_factory.mktemp("resumed")
+    write(straight, KEYS)
+    write(resumed, order[:cut], merge=merged)
+    parts = resumed / "parts" / "episodes.jsonl"
+    if parts.is_file():
+        with parts.open("ab") as file:
+            file.write(torn.replace(b"\n", b"{"))  # the beginning of a line
+    with RecordWriter(resumed) as writer:
+        assert writer.done() == set(order[:cut])
+        for key in order[cut:]:
+            writer.append(*episode(key))
+        writer.merge()
+    assert contents(straight) == contents(resumed)
+
+
+def test_killed_between_the_two_files_of_a_merge(tmp_path):
+    """Whichever of the two Parquet files was replaced, parts still hold everything."""
+    straight, killed = tmp_path / "straight", tmp_path / "killed"
+    write(straight, KEYS)
+    write(killed, KEYS, merge=False)
+    for name in (TRAJECTORIES, EPISODES):
+        (killed / name).write_bytes((straight / name).read_bytes())
+        assert len(read_episodes([killed])) == len(KEYS)
+        assert len(read_trajectories([killed])) == len(read_trajectories([straight]))
+    write(killed, [])
+    assert contents(killed) == contents(straight)
+
+
+def test_the_first_record_of_an_episode_wins(tmp_path):
+    with RecordWriter(tmp_path) as writer:
+        writer.append(*episode((1, 0)))
+        writer.append(*episode((1, 0), outcome="collision"))
+        writer.merge()
+    assert read_episodes([tmp_path])["outcome"].tolist() == ["success"]
+
+
+def test_numpy_scalars_and_new_columns_are_welcome(tmp_path):
+    with RecordWriter(tmp_path) as writer:
+        record, trajectory = episode((1, 0), world_visibility=np.float64(0.5), steps=np.int64(7))
+        writer.append(record, {**trajectory, "score": np.ones(len(trajectory["x_m"]), dtype=np.float32)})
+        writer.merge()
+    frame = read_episodes([tmp_path])
+    assert (frame["world_visibility"][0], frame["steps"][0]) == (0.5, 7)
+    assert list(frame.columns).index("steps") < list(frame.columns).index("world_visibility")
+    assert read_trajectories([tmp_path])["score"].dtype == np.float32
+
+
+SMALL_DISK = """
+    import resource, sys
+    from runners.records.records import RecordWriter, RecordsWriteError
+    from tests.runners.records.test_records import KEYS, episode
+    with RecordWriter(sys.argv[1]) as writer:
+        writer.append(*episode(KEYS[0]))
+        size = (writer._run_dir / "parts/episodes.jsonl").stat().st_size
+        resource.setrlimit(resource.RLIMIT_FSIZE, (size + 100, resource.RLIM_INFINITY))
+        try:
+            writer.ACTION
+        except RecordsWriteError as error:
+            print(error)
+"""
+
+
+@pytest.mark.parametrize("action", ["append(*episode(KEYS[1]))", "merge()"])
+def test_a_full_disk_keeps_what_was_there(tmp_path, action):
+    script = textwrap.dedent(SMALL_DISK).replace("ACTION", action)
+    process = subprocess.run(
+        [sys.executable, "-c", script, str(tmp_path)], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    assert process.stdout.startswith("disk full while writing ")
+    assert process.stdout.endswith(": 1 episodes are kept; free some space and add resume=true\n")
+    assert len(process.stdout.splitlines()) == 1
+    frame = read_episodes([tmp_path])
+    assert list(zip(frame["world"], frame["run"], strict=True)) == KEYS[:1]
+    assert not list(tmp_path.glob(".*"))
+    write(tmp_path, KEYS)
+    write(tmp_path / "straight", KEYS)
+    assert contents(tmp_path) == contents(tmp_path / "straight")
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full here")
+def test_a_device_without_space(tmp_path):
+    (tmp_path / "parts").mkdir()
+    (tmp_path / "parts" / "episodes.jsonl").symlink_to("/dev/full")
+    with RecordWriter(tmp_path) as writer, pytest.raises(RecordsWriteError, match="0 episodes are kept"):
+        writer.append(*episode((1, 0)))
+
+
+def test_a_run_directory_has_one_writer(tmp_path):
+    pytest.importorskip("fcntl")
+    with RecordWriter(tmp_path), pytest.raises(InputError, match="being written by another process"):
+        RecordWriter(tmp_path).__enter__()
+    write(tmp_path, KEYS)
+
+
+def test_an_output_directory_that_cannot_be_made(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match=r"cannot write .*file/run .*choose another with hydra\.run\.dir"):
+        RecordWriter(tmp_path / "file" / "run").__enter__()
+
+
+def test_runs_are_found_in_a_sweep_in_their_order(tmp_path):
+    for number in (10, 9, 0):
+        write(tmp_path / str(number), KEYS[:1])
+    (tmp_path / "multirun.yaml").write_text("")
+    assert [path.name for path in find_runs([tmp_path])] == ["0", "9", "10"]
+    assert find_runs([tmp_path / "9", tmp_path]) == [tmp_path / name for name in ("9", "0", "10")]
+    frame = read_episodes(find_runs([tmp_path]))
+    assert frame["run_dir"].tolist() == [str(tmp_path / name) for name in ("0", "9", "10")]
+
+
+def test_config_keys_that_differ_become_columns(tmp_path):
+    for name, d1, subset in (("a", 0.51, "all"), ("b", 0.3, "hard100")):
+        write(tmp_path / name, KEYS[:1])
+        config = {"seed": 0, "guide": {"d1": d1, "d2": 200}, "map": {"subset": subset}}
+        launch = Launch("eval", "0", False, [], [config])
+        launch.write(tmp_path / name)
+    write(tmp_path / "c", KEYS[:1])
+    frame = read_episodes([tmp_path / name for name in "abc"])
+    assert frame["guide.d1"].tolist() == ["0.51", "0.3", ""]
+    assert "map.subset" not in frame  # recorded, as `subset`
+    frame = read_episodes([tmp_path / "a"])
+    assert not [column for column in frame.columns if "." in column]
+
+
+def test_missing_and_garbage_files_are_named(tmp_path):
+    with pytest.raises(InputError, match="nowhere is not a directory"):
+        find_runs([tmp_path / "nowhere"])
+    with pytest.raises(InputError, match="holds no records"):
+        find_runs([tmp_path])
+    with (
+        RecordWriter(tmp_path),
+        pytest.warns(UserWarning, match="left out"),
+        pytest.raises(InputError, match="no finished episode"),
+    ):
+        read_episodes([tmp_path])
+    parts = tmp_path / "parts" / "episodes.jsonl"
+    write(tmp_path, KEYS[:1], merge=False)
+    parts.write_bytes(b'{"record": []}\n' + parts.read_bytes())
+    with pytest.raises(InputError, match=r"episodes\.jsonl line 1 is not an episode record"):
+        read_episodes([tmp_path])
+    parts.unlink()
+    (tmp_path / EPISODES).write_bytes(b"PAR1 but nothing else")
+    with pytest.raises(InputError, match=r"episodes\.parquet is not a readable Parquet file"):
+        read_episodes([tmp_path])
+
+
+def test_a_parquet_file_of_something_else_is_refused(tmp_path):
+    import pandas as pd
+
+    pd.DataFrame({"a": [1]}).to_parquet(tmp_path / EPISODES)
+    with pytest.raises(InputError, match="lacks the columns run, world"):
+        read_episodes([tmp_path])
+    pd.DataFrame({"world": [1], "run": [0]}).to_parquet(tmp_path / EPISODES)
+    with pytest.raises(InputError, match="lack the columns outcome, system"):
+        read_episodes([tmp_path])
+
+
+def test_timing_columns_hold_no_result():
+    assert set(TIMING_COLUMNS) == {"decision_us_p50", "decision_us_p99", "wall_s"}
+
+
+def test_every_column_is_documented():
+    text = (ROOT / "docs" / "records.md").read_text(encoding="utf-8")
+    undocumented = [name for name in (*COLUMNS, *TRAJECTORY_COLUMNS) if f"`{name}`" not in text]
+    assert undocumented == []

@@ -1,0 +1,200 @@
+"""Reading recordings: every format, topics by type, and one clear line for whatever is wrong with a file."""
+
+from contextlib import suppress
+
+import pytest
+
+pytest.importorskip("rosbags")
+
+from lme.errors import InputError
+from lme.types import Pose
+from runners.cli.commands.replay import main
+from runners.replay.bags import Bag
+from runners.replay.topics import TopicsConfig, choose, table
+from tests.runners.replay.made_bags import BEGAN, SECOND, BagMaker, drive
+
+FORMATS = (".bag", ".db3", ".mcap")
+
+
+@pytest.fixture(params=FORMATS)
+def path(request, tmp_path):
+    return drive(request.param, steps=12).write(tmp_path)
+
+
+def one_line(error):
+    text = str(error.value)
+    assert "\n" not in text
+    return text
+
+
+def test_every_format_reads_alike(path):
+    with Bag(path) as bag:
+        topics = {topic.name: topic for topic in bag.topics()}
+        assert topics["/scan"].number == topics["/odom"].number == 12
+        assert topics["/scan"].types == ("sensor_msgs/msg/LaserScan",)
+        assert bag.duration_s == pytest.approx(1.1, abs=1e-6)
+        messages = list(bag.messages(["/odom", "/cmd_vel"], start=BEGAN + SECOND // 2))
+    assert len(messages) == 14
+    assert [m.recorded for m in messages] == sorted(m.recorded for m in messages)
+    assert {m.topic for m in messages} == {"/odom", "/cmd_vel"}
+
+
+def test_the_folder_of_a_ros2_recording_will_do(tmp_path):
+    path = drive(".mcap", steps=3).write(tmp_path)
+    with Bag(path.parent) as bag:
+        assert len(list(bag.messages(["/scan"]))) == 3
+
+
+def test_messages_are_read_one_at_a_time(path, monkeypatch):
+    """A recording larger than memory is never held: only what is asked for is decoded."""
+    with Bag(path) as bag:
+        decoded = []
+        deserialize = bag._reader.deserialize
+        monkeypatch.setattr(bag._reader, "deserialize", lambda *a: decoded.append(a) or deserialize(*a))
+        stream = bag.messages(["/scan"])
+        next(stream)
+        next(stream)
+        assert len(decoded) == 2
+
+
+@pytest.mark.parametrize("keep", [0.3, 0.6, 0.9])
+def test_a_file_that_was_cut_off(path, tmp_path, keep):
+    content = path.read_bytes()
+    cut = tmp_path / f"short{path.suffix}"
+    cut.write_bytes(content[: int(keep * len(content))])
+    with pytest.raises(InputError, match=r"cut off|damaged") as error, Bag(cut) as bag:
+        for _ in bag.messages(["/scan", "/odom", "/cmd_vel"]):
+            pass
+    one_line(error)
+
+
+def test_damaged_bytes_within(path, tmp_path):
+    content = bytearray(path.read_bytes())
+    third = len(content) // 3
+    content[third : third + 2000] = bytes(range(250)) * 8
+    bad = tmp_path / f"bad{path.suffix}"
+    bad.write_bytes(content)
+    with suppress(InputError), Bag(bad) as bag:  # and nothing else may come out
+        for _ in bag.messages(["/scan", "/odom", "/cmd_vel"]):
+            pass
+
+
+@pytest.mark.parametrize("suffix", FORMATS)
+@pytest.mark.parametrize(
+    ("content", "message"), [(b"", "is empty"), (b"no recording at all" * 9, "not one, or damaged")]
+)
+def test_what_is_no_recording(tmp_path, suffix, content, message):
+    path = tmp_path / f"drive{suffix}"
+    path.write_bytes(content)
+    with pytest.raises(InputError, match=message) as error:
+        Bag(path)
+    one_line(error)
+
+
+def test_other_paths_that_are_no_recording(tmp_path):
+    for path, message in (
+        (tmp_path / "absent.bag", "no such file"),
+        (tmp_path, "metadata.yaml"),
+        (tmp_path / "picture.png", "must be a ROS recording"),
+    ):
+        if path.suffix == ".png":
+            path.write_bytes(b"x")
+        with pytest.raises(InputError, match=message) as error:
+            Bag(path)
+        one_line(error)
+
+
+def test_a_recording_without_messages(tmp_path):
+    with pytest.raises(InputError, match="holds no messages"):
+        Bag(BagMaker(".bag").write(tmp_path))
+
+
+def test_an_assertion_within_rosbags_is_a_line_for_the_user(path, monkeypatch):
+    from rosbags.highlevel import AnyReader
+
+    def fails(self):
+        raise AssertionError
+
+    monkeypatch.setattr(AnyReader, "open", fails)
+    with pytest.raises(InputError, match="structure is not what the format says") as error:
+        Bag(path)
+    one_line(error)
+
+
+# Topics
+
+
+def chosen(maker, tmp_path, goal=None, **names):
+    with Bag(maker.write(tmp_path)) as bag:
+        return choose(bag, TopicsConfig(**names), goal)
+
+
+def test_topics_are_found_by_type(tmp_path):
+    topics = chosen(drive(steps=2), tmp_path)
+    assert (topics.scan.name, topics.pose.name, topics.command.name) == ("/scan", "/odom", "/cmd_vel")
+    assert topics.tf == ("/tf_static",)
+
+
+def test_a_second_scanner_needs_no_choice_beside_one_called_scan(tmp_path):
+    maker = drive(steps=2)
+    maker.add("/rear_scan", "sensor_msgs/msg/LaserScan", BEGAN, maker.scan(BEGAN, [1.0, 1.0], 0.0, 0.1))
+    assert chosen(maker, tmp_path).scan.name == "/scan"
+    assert chosen(maker, tmp_path / "other", scan="rear_scan").scan.name == "/rear_scan"
+
+
+def test_two_scanners_of_other_names_ask_for_a_choice(tmp_path):
+    maker = drive(steps=2, scans="none")
+    for name in ("/front", "/rear"):
+        maker.add(name, "sensor_msgs/msg/LaserScan", BEGAN, maker.scan(BEGAN, [1.0, 1.0], 0.0, 0.1))
+    with pytest.raises(
+        InputError, match=r"topics.scan is null: there are several .*: choose one of /front, /rear"
+    ):
+        chosen(maker, tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("names", "message"),
+    [
+        (
+            {"scan": "/odom"},
+            "topics.scan is /odom, of type nav_msgs/Odometry: must be of type sensor_msgs/LaserScan",
+        ),
+        ({"scan": "/skan"}, "topics.scan is /skan: no such topic; did you mean /scan?"),
+        ({"command": "/scan"}, "must be of type geometry_msgs/Twist"),
+        ({"goal": "/odom"}, "goal is /odom, of type nav_msgs/Odometry"),
+    ],
+)
+def test_a_topic_that_does_not_fit(tmp_path, names, message):
+    with pytest.raises(InputError) as error:
+        chosen(drive(steps=2), tmp_path, **names)
+    assert message in one_line(error)
+
+
+def test_a_recording_without_scans_or_poses(tmp_path):
+    with pytest.raises(InputError, match=r"no scans: no topic of type .*; it holds /cmd_vel"):
+        chosen(drive(steps=2, scans="none"), tmp_path / "a")
+    maker = BagMaker()
+    maker.add("/scan", "sensor_msgs/msg/LaserScan", BEGAN, maker.scan(BEGAN, [1.0, 1.0], 0.0, 0.1))
+    with pytest.raises(InputError, match="no poses"):
+        chosen(maker, tmp_path / "b")
+
+
+def test_a_goal_is_not_taken_for_the_robots_pose(tmp_path):
+    maker = drive(steps=2, poses="motion capture")
+    message = maker.pose_stamped(BEGAN, "world", Pose(1.0, 2.0, 0.0))
+    maker.add("/target", "geometry_msgs/msg/PoseStamped", BEGAN, message)
+    maker._messages = [m for m in maker._messages if m[1] != "/tf_static"]
+    assert chosen(maker, tmp_path, goal="/target").pose.name == "/vrpn/robot/pose"
+
+
+def test_the_list_says_what_a_topic_can_be(tmp_path, capsys):
+    path = drive(steps=12).write(tmp_path)
+    with Bag(path) as bag:
+        rows = {line.split()[0]: line for line in table(bag)}
+    assert rows["/scan"].endswith("scan")
+    assert rows["/odom"].endswith("pose")
+    assert "12" in rows["/cmd_vel"]
+    assert main([f"bag={path}", "list=true"]) == 0
+    assert "/scan" in capsys.readouterr().out
+    with pytest.raises(InputError, match="bag is null"):
+        main(["list=true"])

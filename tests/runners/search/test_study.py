@@ -1,0 +1,287 @@
+"""A study: killed at any byte it ends as if nothing had happened, and damage is told in one line."""
+
+import json
+import math
+import shutil
+import tempfile
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from lme.errors import InputError
+from runners.config.space import Range, own_values
+from runners.experiments.train import run_trials
+from runners.search.journal import Journal
+from runners.search.samplers import (
+    Cmaes,
+    CmaesConfig,
+    Gp,
+    GpConfig,
+    Random,
+    RandomConfig,
+    Tpe,
+    TpeConfig,
+    trial_seed,
+)
+from runners.search.study import JOURNAL, masked, open_study
+from runners.workers.trials import Score
+
+SPACE = {
+    "guide.parameters.a": Range(0.01, 10.0, True),
+    "planner.b": Range(0.0, 1.0),
+    "planner.c": Range(1.0, 9.0),
+}
+WORLDS = [7, 3]
+TRIALS = 22  # three generations and the beginning of another, for the evolution strategy
+SEARCHES = {
+    "tpe": lambda: Tpe(TpeConfig(startup=5)),
+    "cmaes": lambda: Cmaes(CmaesConfig(batch=6)),
+    "random": lambda: Random(RandomConfig()),
+    "gp": lambda: Gp(GpConfig(startup=5)),
+}
+
+
+def identity(seed=0, **changes):
+    return {"seed": seed, "robot": {"name": "stage", "v_max": 0.5}, "trials": 9, **changes}
+
+
+def opened(folder, search="tpe", storage=None, name=None, first=None, **changes):
+    return open_study(
+        storage, name, Path(folder), identity(**changes), SPACE, SEARCHES[search](), first or {}
+    )
+
+
+def score(attempt):
+    """A smooth reward with its peak inside the space."""
+    a, b, c = (value for _, value in attempt.values)
+    reward = 1 - (math.log(a) - 0.3) ** 2 / 20 - (b - 0.4) ** 2 - abs(c - 5) / 10 - attempt.world / 100
+    return Score(attempt.trial, attempt.world, "success", 1, reward)
+
+
+def run(study, search="tpe", total=TRIALS, order=iter):
+    batch = SEARCHES[search]().batch
+    run_trials(
+        study, total, batch, WORLDS, lambda attempts: map(score, order(list(attempts))), lambda best: None
+    )
+    return [(trial.number, trial.reward, trial.values, trial.scores) for trial in study.told]
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """Of each search: what the uninterrupted study came to, and its journal."""
+    found = {}
+
+    def of(search):
+        if search not in found:
+            folder = tmp_path_factory.mktemp(search)
+            found[search] = run(opened(folder, search), search), (folder / JOURNAL).read_bytes()
+        return found[search]
+
+    return of
+
+
+def test_a_study_has_its_trials_and_no_more(whole, tmp_path):
+    trials, journal = whole("tpe")
+    assert [number for number, *_ in trials] == list(range(TRIALS))
+    (tmp_path / JOURNAL).write_bytes(journal)
+    assert run(opened(tmp_path)) == trials
+    assert (tmp_path / JOURNAL).read_bytes() == journal
+
+
+def test_the_reward_of_a_trial_is_the_mean_of_its_configurations(whole):
+    for _, reward, values, scores in whole("tpe")[0]:
+        assert [found.world for found in scores] == WORLDS
+        assert reward == (scores[0].reward + scores[1].reward) / 2
+        assert set(values) == set(SPACE)
+        assert all(SPACE[key].low <= value <= SPACE[key].high for key, value in values.items())
+
+
+@settings(max_examples=25)
+@given(share=st.floats(0, 1))
+def test_killed_at_any_byte_it_ends_as_the_uninterrupted_one(whole, share):
+    trials, journal = whole("tpe")
+    with tempfile.TemporaryDirectory() as folder:
+        Path(folder, JOURNAL).write_bytes(journal[: round(share * len(journal))])
+        assert run(opened(folder)) == trials
+
+
+@pytest.mark.parametrize("search", ["cmaes", "random"])
+@pytest.mark.parametrize("share", [0.1, 0.35, 0.62, 0.9])
+def test_so_do_the_other_searches(whole, search, share, tmp_path):
+    trials, journal = whole(search)
+    (tmp_path / JOURNAL).write_bytes(journal[: round(share * len(journal))])
+    assert run(opened(tmp_path, search), search) == trials
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("share", [0.1, 0.35, 0.62, 0.9])
+def test_so_does_the_gaussian_process(whole, share, tmp_path):
+    pytest.importorskip("torch")
+    test_so_do_the_other_searches(whole, "gp", share, tmp_path)
+
+
+def test_a_trial_that_was_run_is_not_run_again(whole, tmp_path):
+    """Killed when the first trial of a batch was over and the others were not."""
+    study = opened(tmp_path)
+    proposals = study.ask(4)
+    study.keep(1, [Score(1, world, "success", 1, 0.5) for world in WORLDS])
+    again, seen = opened(tmp_path), []
+    assert again.unfinished() == proposals
+
+    def note(attempts):
+        seen.extend(attempt.trial for attempt in attempts)
+        return map(score, attempts)
+
+    run_trials(again, 4, 4, WORLDS, note, lambda best: None)
+    assert set(seen) == {0, 2, 3}
+    assert again.told[1].reward == 0.5
+
+
+def test_the_order_in_which_episodes_end_changes_nothing(whole, tmp_path):
+    assert run(opened(tmp_path), order=reversed) == whole("tpe")[0]
+
+
+def test_another_seed_is_another_search(whole, tmp_path):
+    assert run(opened(tmp_path, seed=1))[0][2] != whole("tpe")[0][0][2]
+    assert len({trial_seed(seed, number) for seed in range(20) for number in range(20)}) == 400
+
+
+@pytest.mark.parametrize("search", ["tpe", "cmaes"])
+def test_the_search_finds_more_than_chance(whole, search):
+    best = {name: max(reward for _, reward, *_ in whole(name)[0][-8:]) for name in (search, "random")}
+    assert best[search] > best["random"] - 0.05
+
+
+def test_the_journal_is_optunas_own(whole, tmp_path):
+    import optuna
+    from optuna.storages import JournalStorage
+    from optuna.storages.journal import JournalFileBackend
+
+    trials, journal = whole("tpe")
+    (tmp_path / JOURNAL).write_bytes(journal)
+    storage = JournalStorage(JournalFileBackend(str(tmp_path / JOURNAL)))
+    (summary,) = optuna.get_all_study_summaries(storage)
+    study = optuna.load_study(study_name=summary.study_name, storage=storage)
+    assert [trial.value for trial in study.trials] == [reward for _, reward, *_ in trials]
+
+
+def test_importances_need_trials_that_differ(tmp_path, whole):
+    assert opened(tmp_path).importances() == {}
+    (tmp_path / JOURNAL).write_bytes(whole("tpe")[1])
+    shares = opened(tmp_path).importances()
+    assert set(shares) == set(SPACE)
+    assert sum(shares.values()) == pytest.approx(1)
+
+
+# What is refused
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"seed": 1}, "seed: 0 there, 1 now"),
+        ({"robot": {"name": "go2", "v_max": 0.5}}, "robot.name: stage there, go2 now"),
+        ({"space": {"planner": {"b": {"high": 2}}}}, "space.planner.b.high: absent there, 2 now"),
+    ],
+)
+def test_a_study_of_something_else_is_refused(tmp_path, changes, said):
+    url = f"sqlite:///{tmp_path}/shared.db"
+    opened(tmp_path, storage=url, name="mine")
+    with pytest.raises(InputError, match="study mine in sqlite") as caught:
+        opened(tmp_path, storage=url, name="mine", **changes)
+    assert said in str(caught.value)
+    opened(tmp_path, storage=url, name="mine", trials=500, runs=9)
+
+
+def test_a_damaged_journal_names_its_line(whole, tmp_path):
+    lines = whole("random")[1].splitlines(keepends=True)
+    path = tmp_path / JOURNAL
+    for damage in (b"{torn\n", b"17\n", b'{"op_code": 4}\n'):
+        path.write_bytes(b"".join([*lines[:5], damage, *lines[5:]]))
+        with pytest.raises(InputError, match=rf"{JOURNAL} line 6: no entry of an Optuna journal"):
+            opened(tmp_path, "random")
+    path.write_bytes(b"".join(lines[:5] + lines[9:]))
+    with pytest.raises(InputError, match=r"line \d+: should be line \d+, so lines are missing") as caught:
+        opened(tmp_path, "random")
+    assert "\n" not in str(caught.value)
+
+
+def test_every_entry_of_the_journal_is_a_line_of_json(whole):
+    assert all(json.loads(line)["op_code"] >= 0 for line in whole("cmaes")[1].splitlines())
+
+
+@pytest.mark.parametrize(
+    ("url", "said"),
+    [
+        ("nonsense", "storage is nonsense: cannot be used"),
+        ("sqlite:////proc/nowhere/x.db", "storage is sqlite:////proc/nowhere/x.db: cannot be used"),
+        (
+            "postgresql+nodriver://me:secret@127.0.0.1:1/x",
+            "storage is postgresql+nodriver://me:***@127.0.0.1:1/x",
+        ),
+        ("redis://127.0.0.1:1/0", "storage is redis://127.0.0.1:1/0: cannot be used"),
+    ],
+)
+def test_a_storage_that_cannot_be_reached(tmp_path, url, said):
+    with pytest.raises(InputError) as caught:
+        opened(tmp_path, storage=url)
+    assert said in str(caught.value)
+    assert "secret" not in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_password_is_masked():
+    assert masked("mysql://me:a@b@host/db") == "mysql://me:***@host/db"
+    assert masked("sqlite:///x.db") == "sqlite:///x.db"
+
+
+# A storage that several runs share
+
+
+def test_a_database_holds_the_same_study(whole, tmp_path):
+    study = opened(tmp_path, storage=f"sqlite:///{tmp_path}/shared.db")
+    assert run(study, total=8) == [*whole("tpe")[0][:8]]
+
+
+def test_two_runs_share_a_study(tmp_path):
+    """One was killed with trials in flight; the other leaves them to it and does not wait for them."""
+    url, here, there = f"sqlite:///{tmp_path}/shared.db", tmp_path / "here", tmp_path / "there"
+    first = opened(here, "random", storage=url)
+    killed = first.ask(3)
+    second = opened(there, "random", storage=url)
+    assert second.num_elsewhere == 3
+    assert second.unfinished() == []
+    assert [number for number, *_ in run(second, "random", total=10)] == list(range(3, 10))
+    again = opened(here, "random", storage=url)
+    assert [(p.number, p.values) for p in again.unfinished()] == [(p.number, p.values) for p in killed]
+    assert len(run(again, "random", total=10)) == 10
+    shutil.rmtree(here, ignore_errors=True)
+
+
+def test_a_file_that_is_no_journal_is_left_as_it_is(tmp_path):
+    path = tmp_path / JOURNAL
+    path.write_bytes(b"somebody's notes")
+    with pytest.raises(InputError, match="line 1: no entry of an Optuna journal"):
+        Journal(path)
+    assert path.read_bytes() == b"somebody's notes"
+
+
+@pytest.mark.parametrize("search", SEARCHES)
+def test_the_first_trial_may_be_what_the_config_has(tmp_path, search):
+    if search == "gp":
+        pytest.importorskip("torch")
+    first = {"guide.parameters.a": 0.25, "planner.c": 3.5}  # b is left to the search
+    study = opened(tmp_path, search, first=first)
+    again = opened(tmp_path, search, first=first)  # killed before it asked: still one such trial
+    batch = again.ask(3)
+    assert first.items() <= batch[0].values.items()
+    assert 0.0 <= batch[0].values["planner.b"] <= 1.0
+    assert not any(first.items() <= proposal.values.items() for proposal in batch[1:])
+    assert study.best is None
+
+
+def test_own_values_are_those_within_the_ranges():
+    config = {"planner": {"b": 0.5, "c": None}, "guide": {"parameters": {"a": 11.0}}}
+    assert own_values(config, SPACE) == {"planner.b": 0.5}

@@ -1,0 +1,210 @@
+"""Tracking books what it is given, goes on after a resumption, and never stops a run."""
+
+import json
+import os
+import socket
+import subprocess
+import sys
+import threading
+import time
+import warnings
+from pathlib import Path
+
+import pytest
+
+from lme.errors import InputError
+from runners.tracking.mlflow import (
+    MlflowConfig,
+    MlflowTracking,
+    NoTracking,
+    NoTrackingConfig,
+    environment_tags,
+)
+from runners.tracking.store import DEFAULTS, RUN_ID_FILE
+from tests.places import ROOT
+
+CONFIG = {"seed": 3, "robot": {"name": "jackal", "lidar": {"num_beams": 720}}, "text": "x" * 9000}
+
+
+@pytest.fixture(autouse=True)
+def no_settings_of_the_user(monkeypatch):
+    for name in DEFAULTS:
+        monkeypatch.setenv(name, DEFAULTS[name])
+
+
+@pytest.fixture(scope="module")
+def store(tmp_path_factory):
+    """An MLflow store in a folder that is not there before: making one takes seconds, so it is shared."""
+    return f"sqlite:///{tmp_path_factory.mktemp('store')}/outputs/mlflow.db"
+
+
+def book(uri, run_dir, config=CONFIG, metrics=None, artifacts=(), sweep_dir=None):
+    tracking = MlflowTracking(MlflowConfig(uri=uri, experiment="lme"))
+    began = time.monotonic()
+    tracking.start(config, run_dir, {"system": "LME"}, sweep_dir)
+    returned_s = time.monotonic() - began
+    tracking.finish(metrics or {"success": 0.9}, artifacts)
+    return returned_s
+
+
+def test_a_series_is_booked_step_by_step_and_continued(store, tmp_path):
+    for values in ([0.1, 0.2], [0.1, 0.2, float("nan"), 0.4]):
+        tracking = MlflowTracking(MlflowConfig(uri=store))
+        tracking.start(CONFIG, tmp_path / "series", {})
+        tracking.finish({"success": 1.0}, [], {"reward": values})
+    from mlflow import MlflowClient
+
+    run = booked(store, tmp_path / "series").info.run_id
+    history = MlflowClient(tracking_uri=store).get_metric_history(run, "reward")
+    assert sorted((metric.step, metric.value) for metric in history) == [(0, 0.1), (1, 0.2), (3, 0.4)]
+
+
+def booked(uri, run_dir):
+    from mlflow import MlflowClient
+
+    client = MlflowClient(tracking_uri=uri)
+    return client.get_run(json.loads((run_dir / RUN_ID_FILE).read_text())["run"])
+
+
+def test_a_run_is_booked_with_everything(store, tmp_path, capfd, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    run_dir, table = tmp_path / "day" / "run", tmp_path / "table.md"
+    table.write_text("| a |")
+    assert book(store, run_dir, metrics={"success": 0.9, "time_s": float("nan")}, artifacts=[table]) < 1.0
+    run = booked(store, run_dir)
+    assert run.data.params == {
+        "seed": "3",
+        "robot.name": "jackal",
+        "robot.lidar.num_beams": "720",
+        "text": "x" * 6000,
+    }
+    assert run.data.metrics == {"success": 0.9}
+    assert (run.info.status, run.info.run_name) == ("FINISHED", "day/run")
+    assert {"system": "LME", **environment_tags()}.items() <= run.data.tags.items()
+    outputs = Path(store.removeprefix("sqlite:///")).parent
+    assert [path.read_text() for path in (outputs / "mlartifacts").rglob("table.md")] == ["| a |"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["day", "table.md"]  # no ./mlruns
+    assert sorted(path.name for path in outputs.iterdir()) == ["mlartifacts", "mlflow.db"]
+    assert capfd.readouterr() == ("", "")
+
+
+def test_a_folder_is_booked_as_a_folder_and_more_can_be_added_later(store, tmp_path):
+    pages = tmp_path / "explain"
+    pages.mkdir()
+    (pages / "200-0.html").write_text("one")
+    book(store, tmp_path, artifacts=[pages])
+    before = booked(store, tmp_path)
+    (pages / "201-0.html").write_text("two")
+    MlflowTracking(MlflowConfig(uri=store)).add(tmp_path, [pages / "201-0.html"], "explain")
+    from mlflow import MlflowClient
+
+    found = MlflowClient(tracking_uri=store).list_artifacts(before.info.run_id, "explain")
+    assert [file.path for file in found] == ["explain/200-0.html", "explain/201-0.html"]
+    assert booked(store, tmp_path).info.end_time == before.info.end_time
+
+
+def test_nothing_is_added_to_what_was_never_booked_or_lies_elsewhere(store, tmp_path):
+    page = tmp_path / "page.html"
+    page.write_text("one")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        MlflowTracking(MlflowConfig(uri=store)).add(tmp_path, [page], "explain")
+    (tmp_path / RUN_ID_FILE).write_text(json.dumps({"experiment": "1", "run": "0" * 32}))
+    with pytest.warns(UserWarning, match=r"not booked in MLflow at sqlite:///\S+/none\.db.*there is none"):
+        MlflowTracking(MlflowConfig(uri=f"sqlite:///{tmp_path}/none.db")).add(tmp_path, [page], "explain")
+    assert not (tmp_path / "none.db").exists()
+    with pytest.warns(UserWarning, match="not booked in MLflow"):
+        MlflowTracking(MlflowConfig(uri=store)).add(tmp_path, [page], "explain")  # no such run
+
+
+def test_a_resumed_run_is_the_same_run(store, tmp_path):
+    book(store, tmp_path, metrics={"success": 0.1})
+    first = booked(store, tmp_path)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        book(store, tmp_path, config={**CONFIG, "resume": True, "seed": 4}, metrics={"success": 0.8})
+    second = booked(store, tmp_path)
+    assert first.info.run_id == second.info.run_id
+    assert second.data.metrics == {"success": 0.8}
+    assert second.data.params["seed"] == "3"
+
+
+def test_a_run_that_the_store_does_not_know_is_booked_anew(store, tmp_path):
+    (tmp_path / RUN_ID_FILE).write_text(json.dumps({"experiment": "1", "run": "0" * 32}))
+    book(store, tmp_path)
+    assert booked(store, tmp_path).info.run_id != "0" * 32
+
+
+def test_runs_of_a_sweep_lie_below_one(store, tmp_path):
+    for number in ("0", "1"):
+        book(store, tmp_path / number, sweep_dir=tmp_path)
+    parent = booked(store, tmp_path)
+    children = [booked(store, tmp_path / number) for number in ("0", "1")]
+    assert {child.data.tags["mlflow.parentRunId"] for child in children} == {parent.info.run_id}
+    assert parent.info.status == "FINISHED"
+
+
+@pytest.mark.parametrize("broken", ["refused", "not a database"])
+def test_a_store_that_cannot_be_used_is_one_warning_that_names_it(tmp_path, broken, capfd):
+    if broken == "refused":
+        with socket.socket() as free:
+            free.bind(("127.0.0.1", 0))
+            uri = f"http://127.0.0.1:{free.getsockname()[1]}"
+    else:
+        (tmp_path / "mlflow.db").write_text("no database " * 500)
+        uri = f"sqlite:///{tmp_path}/mlflow.db"
+    began = time.monotonic()
+    with pytest.warns(UserWarning, match="not booked in MLflow") as caught:
+        book(uri, tmp_path / "run")
+    assert len(caught) == 1
+    message = str(caught[0].message)
+    assert uri in message
+    assert "\n" not in message
+    assert time.monotonic() - began < 30
+    assert capfd.readouterr().err == ""
+
+
+def test_a_server_that_never_answers_is_given_up_on(tmp_path, monkeypatch):
+    monkeypatch.setenv("MLFLOW_HTTP_REQUEST_TIMEOUT", "1")
+    with socket.socket() as silent:
+        silent.bind(("127.0.0.1", 0))
+        silent.listen()
+        with pytest.warns(UserWarning, match="not booked"):
+            book(f"http://127.0.0.1:{silent.getsockname()[1]}", tmp_path)
+
+
+def test_a_store_whose_making_was_interrupted_is_made_again(tmp_path):
+    """What is at the store's place is whole at any moment, or is not there."""
+    uri = f"sqlite:///{tmp_path}/mlflow.db"
+    script = f"from runners.tracking.store import open_client; open_client({uri!r})"
+    process = subprocess.Popen([sys.executable, "-c", script], cwd=ROOT, env={**os.environ, **DEFAULTS})
+    while not list(tmp_path.glob(".mlflow.db.*")):
+        assert process.poll() is None
+        time.sleep(0.01)
+    process.kill()
+    process.wait()
+    assert not (tmp_path / "mlflow.db").exists()
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", UserWarning)
+        book(uri, tmp_path / "run")
+    assert booked(uri, tmp_path / "run").info.status == "FINISHED"
+
+
+@pytest.mark.parametrize("uri", ["file:outputs/mlruns", "outputs/mlflow.db", ""])
+def test_a_uri_that_mlflow_cannot_use_is_refused(uri):
+    with pytest.raises(InputError, match=r"^tracking\.uri is .*such as sqlite:///outputs/mlflow\.db"):
+        MlflowConfig(uri=uri)
+
+
+def test_no_tracking_does_nothing(tmp_path):
+    tracking = NoTracking(NoTrackingConfig())
+    threads = threading.active_count()
+    tracking.start(CONFIG, tmp_path, {})
+    tracking.finish({"success": 1.0}, [])
+    assert threading.active_count() == threads
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_importing_the_module_does_not_import_mlflow():
+    script = "import sys, runners.tracking.mlflow; sys.exit('mlflow' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", script], cwd=ROOT).returncode == 0

@@ -1,0 +1,226 @@
+"""Executors: the same results from any of them, and what happens when something goes wrong."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from lme.errors import InputError
+from runners.workers.executor import (
+    EpisodeError,
+    ProcessConfig,
+    ProcessExecutor,
+    SerialConfig,
+    SerialExecutor,
+    WorkerDiedError,
+    available_cores,
+)
+from tests.places import ROOT
+
+ITEMS = [(world, run) for run in range(3) for world in range(7)]
+
+
+def multiply(payload):
+    built_in = os.getpid()
+
+    def run(item):
+        return item, payload["factor"] * item[0] + item[1], built_in == os.getpid()
+
+    return run
+
+
+def fail_in_world_3(error):
+    def run(item):
+        if item[0] == 3:
+            raise error
+        return item
+
+    return run
+
+
+def die_in_world_3(payload):
+    def run(item):
+        if item[0] == 3:
+            os.kill(os.getpid(), signal.SIGKILL)
+        return item
+
+    return run
+
+
+def refuse_to_build(payload):
+    raise InputError("robot.v_max is -1: must be greater than 0")
+
+
+def worker_environment(payload):
+    return lambda item: (os.environ["NUMBA_NUM_THREADS"], os.environ["OMP_NUM_THREADS"], os.getpid())
+
+
+def sleep_long(payload):
+    def run(item):
+        os.write(1, b"started\n")  # in one piece: the workers share the pipe
+        time.sleep(60)
+
+    return run
+
+
+def processes(workers=2):
+    return ProcessExecutor(ProcessConfig(workers=workers))
+
+
+@pytest.mark.parametrize("executor", [SerialExecutor(SerialConfig()), processes(1), processes(3)])
+def test_every_executor_gives_the_same_results(executor):
+    results = sorted(executor.map(multiply, {"factor": 10}, iter(ITEMS)))
+    assert results == sorted((item, 10 * item[0] + item[1], True) for item in ITEMS)
+
+
+def test_no_items_need_no_workers():
+    assert list(processes().map(multiply, {"factor": 1}, [])) == []
+
+
+@pytest.mark.parametrize("executor", [SerialExecutor(SerialConfig()), processes()])
+def test_an_input_error_stays_one_and_names_its_episode(executor):
+    with pytest.raises(InputError, match=r"^world 3, run 0: the start is inside an obstacle$"):
+        list(executor.map(fail_in_world_3, InputError("the start is inside an obstacle"), ITEMS))
+
+
+@pytest.mark.parametrize("executor", [SerialExecutor(SerialConfig()), processes()])
+def test_any_other_error_names_its_episode_and_brings_the_workers_traceback(executor):
+    with pytest.raises(EpisodeError, match=r"world 3, run 0: ZeroDivisionError: oops(.|\n)*raise error"):
+        list(executor.map(fail_in_world_3, ZeroDivisionError("oops"), ITEMS))
+
+
+@pytest.mark.parametrize("executor", [SerialExecutor(SerialConfig()), processes()])
+def test_a_config_that_cannot_be_built_is_reported_as_it_is(executor):
+    with pytest.raises(InputError, match=r"^robot\.v_max is -1: must be greater than 0$"):
+        list(executor.map(refuse_to_build, None, ITEMS))
+
+
+def test_a_killed_worker_is_named_with_its_episode_and_earlier_results_are_out():
+    iterator = processes(1).map(die_in_world_3, None, ITEMS)
+    assert [next(iterator) for _ in range(3)] == [(0, 0), (1, 0), (2, 0)]
+    with pytest.raises(WorkerDiedError, match=r"world 3, run 0 died \(SIGKILL\).*resume=true"):
+        next(iterator)
+
+
+def test_workers_run_one_thread_each_and_this_process_keeps_its_environment(monkeypatch):
+    monkeypatch.delenv("OMP_NUM_THREADS", raising=False)
+    before = dict(os.environ)
+    results = list(processes(2).map(worker_environment, None, ITEMS))
+    assert {result[:2] for result in results} == {("1", "1")}
+    assert os.getpid() not in {result[2] for result in results}
+    assert dict(os.environ) == before
+
+
+def test_leaving_early_stops_the_workers():
+    iterator = processes(2).map(worker_environment, None, ITEMS)
+    _, _, worker = next(iterator)
+    iterator.close()
+    with pytest.raises(ProcessLookupError):
+        _wait_until_gone(worker)
+
+
+def _wait_until_gone(pid, limit_s=10.0):
+    deadline = time.monotonic() + limit_s
+    while time.monotonic() < deadline:
+        os.kill(pid, 0)
+        time.sleep(0.02)
+
+
+def test_number_of_workers():
+    assert processes(5).workers == 5
+    assert processes(None).workers == available_cores() >= 1
+    with pytest.raises(InputError, match=r"executor\.workers is 0: must be at least 1"):
+        ProcessConfig(workers=0)
+
+
+COORDINATOR = """
+import time
+from runners.workers.executor import ProcessConfig, ProcessExecutor
+from tests.runners.workers.test_executor import sleep_long, worker_environment
+
+if __name__ == "__main__":
+    iterator = ProcessExecutor(ProcessConfig(workers=2)).map(JOB, None, [(0, 0), (1, 0)])
+    try:
+        print(next(iterator)[-1], flush=True)
+        time.sleep(60)
+    except KeyboardInterrupt:
+        print("stopped", flush=True)
+"""
+
+
+@pytest.fixture
+def coordinate(tmp_path):
+    """Start a process of its own group that runs a job on two workers."""
+    started = []
+
+    def start(job):
+        script = tmp_path / "coordinator.py"
+        script.write_text(COORDINATOR.replace("JOB", job))
+        process = subprocess.Popen(
+            [sys.executable, str(script)],
+            cwd=ROOT,
+            env={**os.environ, "PYTHONPATH": str(ROOT)},
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            start_new_session=True,
+        )
+        started.append(process)
+        return process
+
+    yield start
+    for process in started:
+        process.kill()
+        process.communicate()
+
+
+def test_ctrl_c_stops_everything_at_once_and_workers_print_nothing(coordinate):
+    process = coordinate("sleep_long")
+    assert [process.stdout.readline() for _ in range(2)] == ["started\n"] * 2
+    began = time.monotonic()
+    os.killpg(process.pid, signal.SIGINT)  # as a terminal does: to every process of the group
+    assert process.communicate(timeout=20) == ("stopped\n", "")
+    assert time.monotonic() - began < 10
+
+
+def test_workers_of_a_killed_coordinator_end_by_themselves(coordinate):
+    process = coordinate("worker_environment")
+    worker = int(process.stdout.readline())
+    os.kill(worker, 0)
+    process.kill()
+    with pytest.raises(ProcessLookupError):
+        _wait_until_gone(worker)
+
+
+@pytest.mark.parametrize(
+    "executor", [SerialExecutor(SerialConfig()), ProcessExecutor(ProcessConfig(workers=2))]
+)
+def test_an_open_executor_serves_list_after_list(executor):
+    """By the same processes: what they hold is built once."""
+    with executor.open(name_process, None) as run_all:
+        lists = [sorted(run_all(range(count))) for count in (5, 0, 3)]
+    assert [[item for item, _ in found] for found in lists] == [[0, 1, 2, 3, 4], [], [0, 1, 2]]
+    assert {process for _, process in lists[2]} <= {process for _, process in lists[0]}
+
+
+def test_an_item_may_say_itself_what_it_is():
+    class Attempt(tuple):
+        def __str__(self):
+            return "trial 4, configuration 2"
+
+    with pytest.raises(InputError, match="trial 4, configuration 2: bad"):
+        list(SerialExecutor(SerialConfig()).map(fail, None, [Attempt()]))
+
+
+def name_process(payload):
+    return lambda item: (item, os.getpid())
+
+
+def fail(payload):
+    def run(item):
+        raise InputError("bad")
+
+    return run

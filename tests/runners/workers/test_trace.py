@@ -1,0 +1,83 @@
+"""An episode told again: the same to the last bit, with the reasons of whatever asks LME for a subgoal."""
+
+import numpy as np
+import pytest
+
+from lme.episode import run_episode
+from lme.guides.lme import Lme
+from runners.config import build, schema
+from runners.config.composer import Composer, without_hydra
+from runners.workers.episodes import episode_rng
+from runners.workers.trace import retell
+
+CLUTTERED = ["robot=turtlebot2", "map=real1_dynamic", "map.time_limit=3"]
+
+
+class Mapped(Lme):
+    """A guide made from LME that takes the map, too, and heeds only every other subgoal."""
+
+    Config = Lme.Config
+
+    def reset(self, rng):
+        super().reset(rng)
+        self.step = 0
+
+    def read_map(self, world, start):
+        self.known = len(world.edges)
+
+    def guide(self, observation):
+        assert self.known > 0
+        self.step += 1
+        if self.step % 2:
+            self.last = super().guide(observation)
+        return self.last
+
+
+@pytest.fixture(scope="module")
+def composed():
+    schema.register()
+    with Composer("eval") as composer:
+        yield lambda words: build.plain(without_hydra(composer.compose([*CLUTTERED, *words])))
+
+
+def driven(config, world):
+    """The episode without a witness."""
+    robot = build.robot(config)
+    navigator, simulator = build.navigator(config, robot), build.simulator(config, robot)
+    return run_episode(build.map_set(config).task(world), navigator, simulator, episode_rng(0, world, 0))
+
+
+NOISE = ["sim.scan_noise=0.02", "sim.goal_noise=0.1", "sim.slip=0.1", "sim.latency=0.2"]
+
+
+@pytest.mark.parametrize("guide", [Lme, Mapped])
+@pytest.mark.parametrize("words", [[], ["sim=physics"], NOISE])
+def test_the_told_episode_is_the_driven_one(composed, words, guide):
+    config = composed(words)
+    config["guide"]["_target_"] = f"{guide.__module__}.{guide.__name__}"
+    tale = retell(config, 0, 0)
+    np.testing.assert_array_equal(tale.episode.trajectory, driven(config, 0).trajectory)
+    assert len(tale.moments) == tale.episode.steps > 10
+    for moment in tale.moments:
+        if moment.explanation is not None:
+            np.testing.assert_array_equal(moment.explanation.decision.subgoal, moment.guidance.subgoal)
+            assert moment.explanation.decision.choice.switched == moment.guidance.switched
+
+
+def test_a_guide_made_from_lme_is_explained_where_it_asks(composed):
+    config = composed([])
+    config["guide"]["_target_"] = f"{__name__}.Mapped"
+    asked = [moment.explanation is not None for moment in retell(config, 0, 0).moments]
+    assert asked == [step % 2 == 0 for step in range(len(asked))]
+
+
+def test_another_guide_has_no_reasons(composed):
+    tale = retell(composed(["guide=target"]), 0, 0)
+    assert all(moment.explanation is None for moment in tale.moments)
+
+
+def test_movers_stand_in_each_moment_as_they_did_then(composed):
+    tale = retell(composed(["map=dynabarn", "map.time_limit=1"]), 0, 0)
+    still = len(tale.task.world.circles)
+    places = {tuple(moment.obstacles[0][still:].ravel()) for moment in tale.moments}
+    assert len(places) == len(tale.moments)

@@ -1,0 +1,46 @@
+"""The wheel carries all it needs: configs and maps, found from anywhere."""
+
+import os
+import subprocess
+import sys
+import zipfile
+
+import pytest
+
+from tests.places import ROOT
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory):
+    out = tmp_path_factory.mktemp("dist")
+    command = [sys.executable, "-m", "build", "--wheel", "--outdir", str(out), str(ROOT)]
+    subprocess.run(command, check=True, capture_output=True, timeout=600)
+    return next(out.glob("*.whl"))
+
+
+@pytest.mark.slow
+def test_every_config_and_map_is_in_the_wheel(wheel):
+    packed = set(zipfile.ZipFile(wheel).namelist())
+    for folder in ("conf", "maps"):
+        for path in (ROOT / folder).rglob("*"):
+            if path.is_file() and "__pycache__" not in path.parts:
+                assert f"lme/_data/{path.relative_to(ROOT)}" in packed
+    for path in (ROOT / "runners" / "page" / "assets").rglob("*.*"):
+        assert str(path.relative_to(ROOT)) in packed
+
+
+@pytest.mark.slow
+def test_an_installed_wheel_runs_from_another_directory(wheel, tmp_path):
+    environment = tmp_path / "env"
+    clean = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    subprocess.run([sys.executable, "-m", "venv", environment], check=True, timeout=300)
+    install = [environment / "bin" / "pip", "install", "--quiet", wheel]
+    subprocess.run(install, check=True, timeout=1200, env=clean)
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    command = [environment / "bin" / "lme", "eval", "map=barn", "runs=1"]
+    done = subprocess.run(command, cwd=elsewhere, capture_output=True, text=True, timeout=600, env=clean)
+    assert done.returncode == 0, done.stderr
+    (table,) = elsewhere.glob("outputs/eval/*/table.md")
+    assert "| LME (ours) |" in table.read_text()
+    assert "| LME (published) |" in table.read_text()
