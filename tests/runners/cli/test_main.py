@@ -127,7 +127,7 @@ def test_version():
 )  # fmt: skip
 def test_quick_answers_import_nothing_heavy(words):
     code = (
-        "import sys, runners.cli.main as cli\n"
+        "import sys, runners.cli.main as main\n"
         "try: status = main.main(sys.argv[1:])\n"
         "finally: print('LOADED', *{name.partition('.')[0] for name in sys.modules})"
     )
