@@ -16,22 +16,23 @@ CFG = ("job", "hydra", "all")
 
 @dataclass(slots=True)
 class Arguments:
-    """A command line, taken apart. `shows`: flags that make Hydra print something instead of running."""
+    """A command line, taken apart.
+
+    cfg, package, resolve: which config to print instead of running. info: flags that make Hydra print something.
+    """
 
     overrides: list[str] = field(default_factory=list)
     multirun: bool = False
     config_dir: Path | None = None  # absolute
     config_name: str | None = None
-    shows: list[str] = field(default_factory=list)
+    cfg: str | None = None
+    package: str | None = None
+    resolve: bool = False
+    info: list[str] = field(default_factory=list)
 
-    def hydra_argv(self) -> list[str]:
-        """The same for Hydra, which wants its flags before the overrides."""
-        flags = list(self.shows)
-        if self.multirun and not self.shows:
-            flags.append("--multirun")
-        if self.config_dir is not None:
-            flags += ["--config-dir", str(self.config_dir)]
-        return flags + self.overrides
+    def config_dir_flag(self) -> list[str]:
+        """The user's config folder as Hydra takes it."""
+        return [] if self.config_dir is None else ["--config-dir", str(self.config_dir)]
 
 
 def parse(argv: Sequence[str]) -> Arguments:
@@ -39,28 +40,26 @@ def parse(argv: Sequence[str]) -> Arguments:
     flags = _parser().parse_intermixed_args(list(argv))
     if flags.config_dir is not None and not flags.config_dir.is_dir():
         raise InputError(f"--config-dir {flags.config_dir}: no such directory")
+    if flags.resolve and flags.cfg is None:
+        raise InputError("--resolve goes with --cfg: --cfg job --resolve")
+    info = [] if flags.info is None else ["--info", flags.info]
     return Arguments(
-        overrides=flags.overrides,
+        overrides=[_from_home(word) for word in flags.overrides],
         multirun=flags.multirun,
         config_dir=flags.config_dir and flags.config_dir.resolve(),
         config_name=flags.config_name,
-        shows=_shows(flags),
+        cfg=flags.cfg,
+        package=flags.package,
+        resolve=flags.resolve,
+        info=["--hydra-help"] if flags.hydra_help else info,
     )
 
 
-def _shows(flags: argparse.Namespace) -> list[str]:
-    shows = []
-    if flags.cfg is not None:
-        shows += ["--cfg", flags.cfg]
-        shows += ["--resolve"] if flags.resolve else []
-        shows += ["--package", flags.package] if flags.package else []
-    if flags.info is not None:
-        shows += ["--info", flags.info]
-    if flags.hydra_help:
-        shows.append("--hydra-help")
-    if flags.resolve and flags.cfg is None:
-        raise InputError("--resolve goes with --cfg: --cfg job --resolve")
-    return shows
+def _from_home(word: str) -> str:
+    """`key=~/path` with the home directory in it, which a shell does only at the beginning of a word."""
+    key, equals, value = word.partition("=")
+    home = value == "~" or value.startswith("~/")
+    return f"{key}={Path(value).expanduser()}" if equals and home else word
 
 
 class _Parser(argparse.ArgumentParser):

@@ -1,4 +1,4 @@
-"""Launch a command with its composed config: check everything, choose the run directory, start Hydra."""
+"""Launch a command: compose and check every job, choose the run directory, let Hydra run the jobs."""
 
 from __future__ import annotations
 
@@ -9,79 +9,70 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import hydra
 from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig, OmegaConf
 
 from lme.errors import InputError
-from lme.resources import resource_dir
-from runners.cli import arguments
+from runners.cli import arguments, hydra_jobs, show
 from runners.config import overrides, schema
-from runners.config.composer import Composer, quoted
+from runners.config.catalogue import Catalogue
+from runners.config.composer import Composer
+from runners.config.job import Job
 from runners.records import run_directories
-
-Run = Callable[[DictConfig, Path], Any]
-FinishSweep = Callable[[DictConfig, Path, list[Path]], None]
 
 _DIRECTORY_KEYS = ("hydra.run.dir", "hydra.sweep.dir")
 _DISK_FULL = (errno.ENOSPC, errno.EDQUOT)
-# What Hydra itself says, where nobody asked for another directory.
-_HYDRAS_OWN = ("outputs/${now:", "multirun/${now:")
+_FAILED = 3  # never an exit status: a failed episode ends its job alone
+_HYDRAS_OWN = ("outputs/${now:", "multirun/${now:")  # where Hydra writes unless it is told otherwise
 
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """What a command gives to be launched."""
+    """What a command does.
+
+    validate: called with every job before anything is written, to raise InputError. run: called with every job.
+    finish_sweep: called after a sweep with its first job and the directories of all.
+    """
 
     name: str
-    run: Run
+    run: Callable[[Job[Any]], Any]
     validate: overrides.Validate
-    finish_sweep: FinishSweep | None
+    finish_sweep: Callable[[Job[Any], list[Path]], None] | None = None
 
 
-def launch(
-    config_name: str,
-    run: Run,
-    argv: Sequence[str],
-    *,
-    validate: overrides.Validate,
-    finish_sweep: FinishSweep | None = None,
-) -> int:
-    """Run a command on what `argv` composes from `conf/<config_name>.yaml`; returns the exit status.
+class _JobFailedError(Exception):
+    """An episode of a job failed, which is already printed; the other jobs of a sweep still run."""
 
-    run: called with the config and the run directory, once per job. validate: called with every job's config
-    before anything is written, to raise InputError. finish_sweep: called after a `-m` sweep with its first job's
-    config, its directory and those of its jobs. Raises InputError for what the user can put right.
+
+def launch(command: Command, argv: Sequence[str]) -> int:
+    """Run a command on what `argv` composes from its config; returns the exit status.
+
+    Raises InputError for what the user can put right.
     """
-    return _launch(Command(config_name, run, validate, finish_sweep), arguments.parse(argv))
-
-
-def _launch(command: Command, given: arguments.Arguments) -> int:
     schema.register()
-    given, resumed = _replayed(given)
-    with Composer(given.config_name or command.name, given.config_dir) as composer:
+    given, resumed = _with_resumed(arguments.parse(argv))
+    config_name = given.config_name or command.name
+    if given.info:
+        return show.hydras_own(command.name, config_name, given)
+    with Composer(config_name, given.config_dir) as composer:
         plan = overrides.plan(composer, given.overrides, given.multirun)
-        given = replace(given, multirun=plan.multirun, overrides=plan.overrides)
-        if not given.shows:
-            overrides.validate_all(plan, composer, command.validate)
-    if given.shows:
-        return _hydra(command, replace(given, overrides=plan.jobs[0]), print)
-    run_dir = _directory(command, given, plan, resumed)
-    return _start(command, given, run_dir, plan)
+        if given.cfg:
+            show.config(next(iter(plan.configs.values())), given.cfg, given.package, given.resolve)
+            return 0
+        jobs = overrides.validated(plan, composer, command.validate)
+        directory = _directory(command, given, plan, jobs, resumed)
+        return _start(command, given.config_name, plan, composer, jobs, directory)
 
 
-def _replayed(given: arguments.Arguments) -> tuple[arguments.Arguments, Path | None]:
+def _with_resumed(given: arguments.Arguments) -> tuple[arguments.Arguments, Path | None]:
     """With `resume=PATH`, the overrides of that run under those given now; and the PATH."""
     directory = _resume_path(given.overrides)
     if directory is None:
         return given, None
     saved = run_directories.read_launch(directory)
     if saved is None:
-        what = (
-            f"holds no {run_directories.LAUNCH}, so it is no run"
-            if directory.is_dir()
-            else "no such directory"
-        )
+        missing = f"holds no {run_directories.LAUNCH}, so it is no run"
+        what = missing if directory.is_dir() else "no such directory"
         raise InputError(f"resume={directory}: {what}; give true, or the directory of a run")
     keys = {_key(override) for override in given.overrides}
     if keys & {*_DIRECTORY_KEYS}:
@@ -100,19 +91,26 @@ def _key(override: str) -> str:
     return override.partition("=")[0].lstrip("+")
 
 
-def _resume_path(overrides: Sequence[str]) -> Path | None:
-    values = [o.partition("=")[2].strip("'\"") for o in overrides if _key(o) == "resume"]
+def _resume_path(words: Sequence[str]) -> Path | None:
+    values = [word.partition("=")[2].strip("'\"") for word in words if _key(word) == "resume"]
     if not values or values[-1].lower() in ("", "true", "false"):
         return None
     return Path(values[-1])
 
 
 def _directory(
-    command: Command, given: arguments.Arguments, plan: overrides.Plan, resumed: Path | None
+    command: Command,
+    given: arguments.Arguments,
+    plan: overrides.Plan,
+    jobs: Sequence[Job[Any]],
+    resumed: Path | None,
 ) -> Path:
     """Where to write; made, with its launch record in it, unless it is resumed."""
-    record, asked = _record(command, given, plan), _asked_directory(plan)
-    if resumed is None and OmegaConf.select(plan.configs[0], "resume") is not True:
+    words = [word for word in plan.overrides if _key(word) not in (*_DIRECTORY_KEYS, "resume")]
+    record = run_directories.launch_of(command.name, jobs, words, plan.multirun, given.config_name)
+    config = next(iter(plan.configs.values()))
+    asked = _asked_directory(config, plan.multirun)
+    if resumed is None and OmegaConf.select(config, "resume") is not True:
         return run_directories.make_fresh(record, asked)
     if resumed is None and asked is not None and not run_directories.holds_run(asked):
         print(f"resume=true: nothing in {asked} yet, starting afresh", file=sys.stderr)
@@ -122,125 +120,104 @@ def _directory(
     return directory
 
 
-def _record(command: Command, given: arguments.Arguments, plan: overrides.Plan) -> run_directories.Launch:
-    configs = [run_directories.identity(config) for config in plan.configs]
-    return run_directories.Launch(
-        command=command.name,
-        fingerprint=run_directories.fingerprint(configs, plan.multirun),
-        multirun=plan.multirun,
-        overrides=[o for o in plan.overrides if _key(o) not in (*_DIRECTORY_KEYS, "resume")],
-        configs=configs,
-        config_dir=str(given.config_dir) if given.config_dir else None,
-        config_name=given.config_name,
-    )
-
-
-def _asked_directory(plan: overrides.Plan) -> Path | None:
+def _asked_directory(config: DictConfig, multirun: bool) -> Path | None:
     """The directory that the command line or a config file names; None where it is left to us."""
-    config = plan.configs[0]
-    names = ("sweep", "run") if plan.multirun else ("run",)
     before = HydraConfig.instance().cfg
     HydraConfig.instance().set_config(config)  # for ${hydra:...}
     try:
-        for name in names:
-            written = OmegaConf.to_container(config.hydra[name], resolve=False)["dir"]
-            if not str(written).startswith(_HYDRAS_OWN):
+        for name in ("sweep", "run") if multirun else ("run",):
+            written = OmegaConf.to_container(config.hydra[name], resolve=False)
+            assert isinstance(written, dict)
+            if not str(written["dir"]).startswith(_HYDRAS_OWN):
                 return Path(str(config.hydra[name].dir))
     finally:
         HydraConfig.instance().cfg = before
     return None
 
 
-def _start(command: Command, given: arguments.Arguments, run_dir: Path, plan: overrides.Plan) -> int:
-    kind = "sweep" if given.multirun else "run"
-    own = [f"hydra.job.name={command.name}", f"hydra.{kind}.dir={quoted(str(run_dir))}"]
-    others = [o for o in given.overrides if _key(o) not in (*_DIRECTORY_KEYS, "hydra.job.name")]
-    task = _task(command, given, plan.num_jobs)
+def _start(
+    command: Command,
+    config_name: str | None,
+    plan: overrides.Plan,
+    composer: Composer,
+    jobs: Sequence[Job[Any]],
+    directory: Path,
+) -> int:
+    """Run all jobs in or below `directory`; the exit status."""
+    folders = composer.catalogue.folders
+    task = _Task(command, config_name, folders, plan.num_jobs if plan.multirun else None)
     try:
-        status = _hydra(command, replace(given, overrides=others + own), task)
-    except KeyboardInterrupt:
-        if given.multirun:
-            print(f"The whole sweep: lme {command.name} resume={run_dir}", file=sys.stderr)
-        return 130
-    if status == 0 and given.multirun and command.finish_sweep is not None:
-        command.finish_sweep(plan.configs[0], run_dir, _job_dirs(run_dir))
-    return status
-
-
-def _hydra(command: Command, given: arguments.Arguments, task: Callable[..., Any]) -> int:
-    """`hydra.main` on these arguments; returns its exit status."""
-    before = sys.argv
-    sys.argv = [f"lme {command.name}", *given.hydra_argv()]
-    try:
-        hydra.main(
-            version_base="1.3",
-            config_path=str(resource_dir("conf")),
-            config_name=given.config_name or command.name,
-        )(task)()
+        hydra_jobs.run(composer, plan, command.name, directory, task)
+    except _JobFailedError:
+        return 1
     except SystemExit as end:
-        return end.code if isinstance(end.code, int) else int(bool(end.code))
-    finally:
-        sys.argv = before
+        return end.code if isinstance(end.code, int) else 1
+    except KeyboardInterrupt:
+        if plan.multirun:
+            print(f"The whole sweep: lme {command.name} resume={directory}", file=sys.stderr)
+        return 130
+    if plan.multirun and command.finish_sweep is not None:
+        first = replace(jobs[0], sweep_dir=directory)
+        command.finish_sweep(first, run_directories.jobs_of_sweep(directory))
     return 0
 
 
-def _task(command: Command, given: arguments.Arguments, num_jobs: int) -> Callable[[DictConfig], None]:
-    """What Hydra calls for every job, in this process or in one of a launcher plugin's."""
+@dataclass(frozen=True, slots=True)
+class _Task:
+    """What Hydra calls for every job, in this process or in one of a launcher plugin's.
 
-    def task(config: DictConfig) -> None:
+    num_jobs: of the sweep; None where the job is part of none.
+    """
+
+    command: Command
+    config_name: str | None
+    folders: tuple[Path, ...]
+    num_jobs: int | None
+
+    def __call__(self, config: DictConfig) -> None:
+        """Run the command on a composed config, whose own part of Hydra's is in HydraConfig."""
         schema.register()
         try:
-            command.run(config, _job_directory(command, given, config, num_jobs))
-        except InputError as error:
-            print(f"lme {command.name}: {error}", file=sys.stderr)
-            raise SystemExit(2) from error
-        except (OSError, RuntimeError) as error:
-            if not _broken_off(error):
+            self.command.run(self._job(config))
+        except (InputError, OSError, RuntimeError) as error:
+            status = _status(error)
+            if status is None:
                 raise
-            print(f"lme {command.name}: {error}", file=sys.stderr)
-            raise SystemExit(1) from error
+            print(f"lme {self.command.name}: {error}", file=sys.stderr)
+            if status == _FAILED:
+                raise _JobFailedError from error
+            raise SystemExit(status) from error
 
-    return task
-
-
-def _job_directory(command: Command, given: arguments.Arguments, config: DictConfig, num_jobs: int) -> Path:
-    """This job's directory; a job of a sweep gets its own launch record there."""
-    hydra_config = HydraConfig.get()
-    run_dir = Path(hydra_config.runtime.output_dir)
-    if run_dir.is_relative_to(Path.cwd()):
-        run_dir = run_dir.relative_to(Path.cwd())
-    if given.multirun:
-        own = run_directories.identity(config)
-        number, overrides = int(hydra_config.job.num), list(hydra_config.overrides.task)
-        overrides = [override for override in overrides if _key(override) != "resume"]
-        print(f"[{number + 1}/{num_jobs}] {' '.join(overrides)}", file=sys.stderr)
-        run_directories.Launch(
-            command=command.name,
-            fingerprint=run_directories.fingerprint([own], multirun=False),
-            multirun=False,
-            overrides=overrides,
-            configs=[own],
-            config_dir=str(given.config_dir) if given.config_dir else None,
-            config_name=given.config_name,
-            job=number,
-        ).write(run_dir)
-    return run_dir
+    def _job(self, config: DictConfig) -> Job[Any]:
+        """The job, and its place; a job of a sweep gets its own launch record there."""
+        hydra = HydraConfig.get()
+        job: Job[Any] = Job.composed(config, hydra, Catalogue(self.folders))
+        run_dir = _relative(Path(hydra.runtime.output_dir))
+        if self.num_jobs is None:
+            return replace(job, run_dir=run_dir)
+        words = [word for word in job.overrides if _key(word) != "resume"]
+        number = int(hydra.job.num)
+        print(f"[{number + 1}/{self.num_jobs}] {' '.join(words)}", file=sys.stderr)
+        record = run_directories.launch_of(self.command.name, [job], words, False, self.config_name)
+        replace(record, job=number).write(run_dir)
+        return replace(job, run_dir=run_dir, sweep_dir=_relative(Path(hydra.sweep.dir)))
 
 
-def _job_dirs(sweep_dir: Path) -> list[Path]:
-    """The directories of a sweep's jobs in the order of the jobs."""
-    found = [
-        (run_directories.read_launch(path.parent), path.parent)
-        for path in sweep_dir.rglob(run_directories.LAUNCH)
-    ]
-    jobs = {record.job: path for record, path in found if record is not None and record.job is not None}
-    return [jobs[number] for number in sorted(jobs)]
+def _relative(path: Path) -> Path:
+    """Seen from the working directory, where the path lies below it."""
+    return path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path
 
 
-def _broken_off(error: OSError | RuntimeError) -> bool:
-    """Whether the run ended for a reason outside the program: a full disk, a killed worker process."""
+def _status(error: Exception) -> int | None:
+    """The exit status of a run that ended so: for a user's mistake, a failed episode, or a reason outside the
+    program, such as a full disk or a killed worker; None for an error of the program.
+    """
     from runners.records.records import RecordsWriteError
-    from runners.workers.executor import WorkerDiedError
+    from runners.workers.executor import EpisodeError, WorkerDiedError
 
+    if isinstance(error, InputError):
+        return 2
+    if isinstance(error, EpisodeError):
+        return _FAILED
     disk_full = isinstance(error, OSError) and error.errno in _DISK_FULL
-    return disk_full or isinstance(error, RecordsWriteError | WorkerDiedError)
+    return 1 if disk_full or isinstance(error, RecordsWriteError | WorkerDiedError) else None

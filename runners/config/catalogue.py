@@ -59,6 +59,16 @@ class Catalogue:
                 return folder / f"{name}.yaml"
         raise FileNotFoundError(name)
 
+    def values(self, name: str) -> dict[str, Any]:
+        """What the YAML `name` and those that it inherits hold, its own values last."""
+        content = yaml.load(self.file(name).read_text(encoding="utf-8"), _Loader) or {}
+        folder = name.rpartition("/")[0]
+        merged: dict[str, Any] = {}
+        for base in content.pop("defaults", []):
+            if isinstance(base, str) and base != "_self_":
+                merged |= self.values(f"{folder}/{base}")
+        return merged | content
+
     def title(self, name: str) -> str:
         """The first comment line of the YAML `name`."""
         lines = self.file(name).read_text(encoding="utf-8").splitlines()

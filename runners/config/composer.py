@@ -9,11 +9,13 @@ from types import TracebackType
 from typing import Self
 
 import yaml
-from hydra import compose, initialize_config_dir
+from hydra import initialize_config_dir
+from hydra.core.config_loader import ConfigLoader
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.override_parser.types import Override, Quote, QuotedString
 from hydra.errors import OverrideParseException
+from hydra.types import RunMode
 from omegaconf import DictConfig, open_dict, read_write
 
 from lme.errors import InputError
@@ -52,14 +54,28 @@ class Composer:
     ) -> None:
         self._hydra.__exit__(kind, error, traceback)
 
+    @property
+    def loader(self) -> ConfigLoader:
+        """Hydra's config loader."""
+        return GlobalHydra.instance().config_loader()
+
     def parse(self, overrides: Sequence[str]) -> list[Override]:
         """Raises InputError for one that is no `key=value`."""
-        parser = OverridesParser.create(config_loader=GlobalHydra.instance().config_loader())
+        parser = OverridesParser.create(config_loader=self.loader)
         return [_parse(parser, override) for override in overrides]
 
-    def compose(self, overrides: Sequence[str]) -> DictConfig:
-        """The whole config, Hydra's own part included. Raises what Hydra and OmegaConf raise."""
-        return compose(self.config_name, self._with_search_path(overrides), return_hydra_config=True)
+    def canonical(self, overrides: Sequence[str]) -> frozenset[tuple[str, str]]:
+        """What overrides of a job say, whatever their order and spelling; those of Hydra's own part are left out."""
+        own = [override for override in self.parse(overrides) if not override.is_hydra_override()]
+        return frozenset((each.get_key_element(), each.get_value_element_as_str()) for each in own)
+
+    def compose(self, overrides: Sequence[str], mode: RunMode = RunMode.RUN) -> DictConfig:
+        """The whole config, Hydra's own part included; in MULTIRUN without what is swept.
+
+        Raises what Hydra and OmegaConf raise.
+        """
+        words = self._with_search_path(overrides)
+        return self.loader.load_configuration(self.config_name, words, mode, from_shell=False)
 
     def _with_search_path(self, overrides: Sequence[str]) -> list[str]:
         """Hydra's compose has no --config-dir; its search path does the same."""

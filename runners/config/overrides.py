@@ -7,6 +7,7 @@ import math
 import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import yaml
 from hydra.core.override_parser.types import Override
@@ -27,27 +28,27 @@ from runners.config.hydra_errors import (
     translated,
     unknown_key,
 )
+from runners.config.job import Job
 
 MAX_JOBS_CHECKED = 64  # of a sweep; of larger ones every value is checked once
 CUSTOM = "custom"  # the option of a group that takes a class of the user's own
 OPEN_MAPPINGS = ("ablation", "scale", "guide.criteria", "space", "held_out")  # may be given new keys
 
-Validate = Callable[[DictConfig], None]
+Validate = Callable[[Job[Any]], None]
 
 
 @dataclass(slots=True)
 class Plan:
-    """A command line that is right.
+    """A command line that composes.
 
-    overrides: as Hydra wants them. jobs: the overrides of each checked job, configs: what they come to,
-    Hydra's own part included. num_jobs: of the whole sweep.
+    overrides: as Hydra wants them. configs: by the overrides of each checked job, Hydra's own part included.
+    num_jobs: of the whole sweep.
     """
 
     overrides: list[str]
     multirun: bool
     num_jobs: int
-    jobs: list[list[str]]
-    configs: list[DictConfig]
+    configs: dict[tuple[str, ...], DictConfig]
 
 
 def plan(composer: Composer, overrides: Sequence[str], multirun: bool) -> Plan:
@@ -59,27 +60,32 @@ def plan(composer: Composer, overrides: Sequence[str], multirun: bool) -> Plan:
     )
     for override in parsed:
         _check_options(override, composer)
-    first = _composed(composer, next(_jobs(parsed)))
+    job = next(_jobs(parsed))
+    first = _composed(composer, job)
     multirun = multirun or str(first.hydra.mode or "").endswith("MULTIRUN")
     if not multirun:
         _refuse_sweep(parsed)
-        return Plan([o.input_line for o in parsed], False, 1, [next(_jobs(parsed))], [first])
+        return Plan([str(o.input_line) for o in parsed], False, 1, {job: first})
     swept = composer.parse(_sweeper_params(first)) + parsed
-    jobs = _checked_jobs(swept)
-    configs = [_composed(composer, job) for job in jobs]
-    return Plan([o.input_line for o in parsed], True, math.prod(map(len, _choices(swept))), jobs, configs)
+    configs = {job: _composed(composer, job) for job in _checked_jobs(swept)}
+    return Plan([str(o.input_line) for o in parsed], True, math.prod(map(len, _choices(swept))), configs)
 
 
-def validate_all(plan: Plan, composer: Composer, validate: Validate) -> None:
-    """Let the command look at every job's config; name the user's file where a bad value came from one."""
-    for job, config in zip(plan.jobs, plan.configs, strict=True):
-        try:
-            validate(without_hydra(config))
-        except InputError as error:
-            raise _located(error, config, job, composer) from error
-        except OmegaConfBaseException as error:
-            mistake = translated(error, OmegaConf.get_type(config))
-            raise _located(mistake, config, job, composer) from error
+def validated(plan: Plan, composer: Composer, validate: Validate) -> list[Job[Any]]:
+    """The checked jobs, each looked at by its command; names the user's file where a bad value came from one."""
+    return [_validated(config, words, composer, validate) for words, config in plan.configs.items()]
+
+
+def _validated(config: DictConfig, words: Sequence[str], composer: Composer, validate: Validate) -> Job[Any]:
+    try:
+        job: Job[Any] = Job.composed(without_hydra(config), config.hydra, composer.catalogue)
+        validate(job)
+    except InputError as error:
+        raise _located(error, config, words, composer) from error
+    except OmegaConfBaseException as error:
+        mistake = translated(error, OmegaConf.get_type(config))
+        raise _located(mistake, config, words, composer) from error
+    return job
 
 
 def _implied(parsed: Sequence[Override], composer: Composer) -> list[str]:
@@ -168,19 +174,19 @@ def _sweeper_params(config: DictConfig) -> list[str]:
     return [f"{key}={value}" for key, value in params.items()]
 
 
-def _checked_jobs(parsed: Sequence[Override]) -> list[list[str]]:
+def _checked_jobs(parsed: Sequence[Override]) -> list[tuple[str, ...]]:
     """All jobs of the sweep in Hydra's order; of a very large one, each value once."""
     jobs = list(itertools.islice(_jobs(parsed), MAX_JOBS_CHECKED + 1))
     if len(jobs) <= MAX_JOBS_CHECKED:
         return jobs
     choices = _choices(parsed)
     firsts = [texts[0] for texts in choices]
-    once = [[*firsts[:i], text, *firsts[i + 1 :]] for i, texts in enumerate(choices) for text in texts[1:]]
-    return [firsts, *once]
+    once = [(*firsts[:i], text, *firsts[i + 1 :]) for i, texts in enumerate(choices) for text in texts[1:]]
+    return [tuple(firsts), *once]
 
 
-def _jobs(parsed: Sequence[Override]) -> Iterator[list[str]]:
-    return (list(job) for job in itertools.product(*_choices(parsed)))
+def _jobs(parsed: Sequence[Override]) -> Iterator[tuple[str, ...]]:
+    return itertools.product(*_choices(parsed))
 
 
 def _choices(parsed: Sequence[Override]) -> list[list[str]]:

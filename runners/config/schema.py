@@ -42,18 +42,32 @@ class SystemConfig:
 
 @dataclass(slots=True, kw_only=True)
 class DriveConfig(SystemConfig):
-    """A system and where it drives."""
+    """A system and where it drives: all that an episode depends on, beside its world and run."""
 
     runs: int
-    resume: Any
     map: dict[str, Any]
     sim: dict[str, Any]
+
+
+@dataclass(slots=True, kw_only=True)
+class RecordedConfig(DriveConfig):
+    """What `launch.json` tells of the drives of a run. table: rows of a sweep's table."""
+
+    scale: dict[str, float] = field(default_factory=dict)
+    table: list[str] = field(default_factory=list)
+
+
+@dataclass(slots=True, kw_only=True)
+class EpisodesConfig(DriveConfig):
+    """Episodes that a command drives. executor: who drives them. resume: false, true or a directory."""
+
+    resume: Any
     executor: dict[str, Any]
 
 
 @dataclass(slots=True, kw_only=True)
-class ReportConfig(DriveConfig):
-    """A map set driven and reported on."""
+class ReportConfig(EpisodesConfig):
+    """Episodes that are driven and reported on."""
 
     tracking: dict[str, Any]
     table: list[str] = field(default_factory=list)
@@ -116,7 +130,7 @@ class ReplayConfig(SystemConfig):
 
 
 @dataclass(slots=True, kw_only=True)
-class FigureConfig(DriveConfig):
+class FigureConfig(EpisodesConfig):
     """`lme figure`. figure: the kind and its settings; run: whose records are drawn, or none."""
 
     figure: dict[str, Any]
@@ -126,12 +140,18 @@ class FigureConfig(DriveConfig):
     scale: dict[str, float] = field(default_factory=dict)
 
 
+COMMANDS: dict[str, type[SystemConfig]] = {
+    "eval": EvalConfig,
+    "train": TrainConfig,
+    "replay": ReplayConfig,
+    "figure": FigureConfig,
+}
+
+
 def register() -> None:
     """Make the schemas and the `parameters` resolver known to Hydra; safe to call again."""
     from runners.config.weights import parameters
 
-    ConfigStore.instance().store(name="eval_schema", node=EvalConfig)
-    ConfigStore.instance().store(name="train_schema", node=TrainConfig)
-    ConfigStore.instance().store(name="replay_schema", node=ReplayConfig)
-    ConfigStore.instance().store(name="figure_schema", node=FigureConfig)
+    for command, schema in COMMANDS.items():
+        ConfigStore.instance().store(name=f"{command}_schema", node=schema)
     OmegaConf.register_new_resolver("parameters", parameters, replace=True)

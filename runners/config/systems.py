@@ -1,48 +1,83 @@
-"""Named pairs of guide and planner, with their published figures: `conf/system/*.yaml`."""
+"""Named pairs of guide and planner, with their published figures: `conf/system/*.yaml`, and a user's own."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 from functools import cache
+from pathlib import Path
 from typing import Any
-
-import yaml
 
 from lme.errors import InputError
 from lme.resources import resource_dir
+from runners.config.catalogue import Catalogue
 from runners.config.hydra_errors import nearest
+from runners.config.instantiate import filled
+
+SHIPPED = (resource_dir("conf"),)
+
+
+@dataclass(slots=True)
+class System:
+    """A named pair. label: its name in tables. planner: None where only published figures exist.
+
+    global_planner: whether it plans on a map. published: by map, the robot and [mean, deviation] of each metric.
+    """
+
+    label: str
+    guide: str
+    planner: str | None
+    global_planner: bool = False
+    published: dict[str, Any] | None = field(default=None)
 
 
 @cache
-def systems() -> Mapping[str, Mapping[str, Any]]:
-    """Every named pair by its file's name: {guide, planner, label, global_planner, published}; read once.
+def systems(folders: tuple[Path, ...] = SHIPPED) -> Mapping[str, System]:
+    """Every named pair of the config folders by the name of its file; read once.
 
-    One without a planner is not implemented: there are its published figures, and no more.
+    Raises InputError for a file that does not describe a pair.
     """
-    files = sorted((resource_dir("conf") / "system").glob("*.yaml"))
-    return {path.stem: yaml.safe_load(path.read_text(encoding="utf-8"))["system"] for path in files}
+    catalogue = Catalogue(folders)
+    return {name: _read(catalogue, name) for name in catalogue.options("system")}
 
 
-def label(guide: str, planner: str) -> str:
-    """The pair's own name, or "guide+planner" where it has none."""
-    for system in systems().values():
-        if (system["guide"], system["planner"]) == (guide, planner):
-            return str(system["label"])
+def label(guide: str, planner: str, known: Iterable[System], changed: bool = False) -> str:
+    """What tables call a pair: the label of the first of the `known` that is this pair, or "guide+planner".
+
+    changed: whether its settings are not those of its files. A label that names them, such as
+    "DWA (textbook)", then says "(changed)".
+    """
+    for system in known:
+        if (system.guide, system.planner) == (guide, planner):
+            name, bracket, _ = system.label.partition(" (")
+            return f"{name} (changed)" if bracket and changed else system.label
     return f"{guide}+{planner}"
 
 
-def check_names(names: Iterable[str]) -> None:
+def check_names(names: Iterable[str], folders: tuple[Path, ...]) -> None:
     """Raise InputError for a row of a table that is no named pair."""
-    known = systems()
+    known = systems(folders)
     for name in names:
         if name not in known:
             raise InputError(f"table: {name}: {nearest(name, known)}must be one of {', '.join(known)}")
 
 
 def check_implemented(system: Mapping[str, Any]) -> None:
-    """Raise InputError for the `system` node of a pair of which there are published figures only."""
+    """Raise InputError for the `system` node of a pair of which only published figures exist."""
     if system and system["planner"] is None:
         raise InputError(
-            f"system is {system['label']}: published figures are all there is of it, for tables; "
-            f"must be one of {', '.join(name for name, each in systems().items() if each['planner'])}"
+            f"system is {system['label']}: only its published figures exist, for tables; "
+            f"must be one of {', '.join(name for name, each in systems().items() if each.planner)}"
         )
+
+
+def _read(catalogue: Catalogue, name: str) -> System:
+    file = catalogue.file(f"system/{name}")
+    node = catalogue.values(f"system/{name}").get("system")
+    if not isinstance(node, dict):
+        raise InputError(f"{file}: must hold a mapping `system` with label, guide and planner")
+    try:
+        system: System = filled(System, node, "system")
+    except InputError as error:
+        raise InputError(f"{error} (in {file})") from error
+    return system

@@ -18,13 +18,12 @@ from itertools import count
 from pathlib import Path
 from typing import Any
 
-from omegaconf import DictConfig, OmegaConf
-from omegaconf.errors import OmegaConfBaseException
-
 from lme.errors import InputError
-from runners.config.composer import without_hydra
+from runners.config import catalogue
 from runners.config.flatten import flatten
-from runners.config.hydra_errors import translated
+from runners.config.instantiate import filled
+from runners.config.job import Job
+from runners.config.schema import RecordedConfig, SystemConfig
 
 LAUNCH = "launch.json"
 NO_RESULTS = ("resume", "executor", "tracking", "system", "record", "explain")  # they cannot change a result
@@ -35,16 +34,36 @@ _SHOWN = 3  # differing keys that a message names
 
 @dataclass(slots=True)
 class Launch:
-    """How a run was started. configs: one of a run, one per job of a sweep, as far as they decide results."""
+    """How a run was started.
+
+    configs: as far as they decide results, one of a run, one per job of a sweep. choices: the option of every
+    config group, changes: keys that have other values than their options' files, both in the same order.
+    folders: of the user's own configs. job: its number within a sweep.
+    """
 
     command: str
     fingerprint: str
     multirun: bool
     overrides: list[str]
     configs: list[dict[str, Any]]
+    choices: list[dict[str, str]] = field(default_factory=list)
+    changes: list[dict[str, Any]] = field(default_factory=list)
     config_dir: str | None = None
     config_name: str | None = None
-    job: int | None = field(default=None)  # number within a sweep
+    job: int | None = None
+
+    @property
+    def config(self) -> RecordedConfig:
+        """The config of the run, or of the first job. Raises InputError where it is not complete."""
+        names = [field.name for field in dataclasses.fields(RecordedConfig)]
+        values = {name: self.configs[0][name] for name in names if name in self.configs[0]}
+        config: RecordedConfig = filled(RecordedConfig, values, LAUNCH)
+        return config
+
+    @property
+    def folders(self) -> tuple[Path, ...]:
+        """The config folders, the shipped one first."""
+        return catalogue.shipped(*([Path(self.config_dir)] if self.config_dir else [])).folders
 
     def write(self, directory: Path) -> None:
         """Write `launch.json`, whole or not at all. Raises InputError where the directory takes no file."""
@@ -65,16 +84,42 @@ def read_launch(directory: Path) -> Launch | None:
         return None
 
 
-def identity(config: DictConfig) -> dict[str, Any]:
-    """What decides the results of a composed config, resolved, as plain JSON values."""
-    try:
-        plain = OmegaConf.to_container(
-            without_hydra(config), resolve=True, throw_on_missing=True, enum_to_str=True
-        )
-    except OmegaConfBaseException as error:
-        raise translated(error, OmegaConf.get_type(config)) from error
-    assert isinstance(plain, dict)
-    return {str(key): _canonical(value) for key, value in plain.items() if key not in NO_RESULTS}
+def launch_of(
+    command: str,
+    jobs: Sequence[Job[SystemConfig]],
+    overrides: list[str],
+    multirun: bool,
+    config_name: str | None,
+) -> Launch:
+    """The launch of a run, or of a sweep's jobs. overrides: those that decide results."""
+    configs = [identity(job.config) for job in jobs]
+    own = jobs[0].folders[1:]
+    return Launch(
+        command=command,
+        fingerprint=fingerprint(configs, multirun),
+        multirun=multirun,
+        overrides=overrides,
+        configs=configs,
+        choices=[dict(job.choices) for job in jobs],
+        changes=[_canonical(dict(job.changes)) for job in jobs],
+        config_dir=str(own[0]) if own else None,
+        config_name=config_name,
+    )
+
+
+def jobs_of_sweep(sweep_dir: Path) -> list[Path]:
+    """The directories of a sweep's jobs in the order of the jobs."""
+    places = [path.parent for path in sweep_dir.rglob(LAUNCH)]
+    found = [(read_launch(place), place) for place in places]
+    jobs = {record.job: path for record, path in found if record is not None and record.job is not None}
+    return [jobs[number] for number in sorted(jobs)]
+
+
+def identity(config: SystemConfig) -> dict[str, Any]:
+    """What decides the results of a config, as plain JSON values."""
+    return {
+        key: _canonical(value) for key, value in dataclasses.asdict(config).items() if key not in NO_RESULTS
+    }
 
 
 def fingerprint(configs: Sequence[Mapping[str, Any]], multirun: bool) -> str:

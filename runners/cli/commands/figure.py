@@ -2,12 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from omegaconf import DictConfig
-
 EXAMPLES = (
     "lme figure trajectories -m system=dwa,lme_dwa,lme world=250",
     "lme figure features world=250 step=40",
@@ -20,29 +14,13 @@ _SHORT = {"map.world": "world", "step": "figure.step", "moment": "figure.moment"
 
 def main(argv: list[str]) -> int:
     """Compose the config, drive what must be driven, and draw. `lme figure KIND` stands for `figure=KIND`."""
-    from runners.cli import launch
-    from runners.experiments.figure import validate
+    from runners.cli.launch import Command, launch
+    from runners.experiments.figure import draw_sweep, figure, validate
 
     words = _translated(argv)
     _check_beside_run(words)
     _check_swept(words)
-    return launch.launch(
-        config_name="figure", run=run, argv=words, validate=validate, finish_sweep=finish_sweep
-    )
-
-
-def run(config: DictConfig, run_dir: Path) -> None:
-    """One job: its episodes, and the figure where it is the only one."""
-    from runners.experiments.figure import prepare
-
-    prepare(config, run_dir)
-
-
-def finish_sweep(config: DictConfig, sweep_dir: Path, run_dirs: list[Path]) -> None:
-    """One figure of all jobs."""
-    from runners.experiments.figure import draw
-
-    draw(config, run_dirs, sweep_dir)
+    return launch(Command("figure", figure, validate, draw_sweep), words)
 
 
 def _translated(argv: list[str]) -> list[str]:

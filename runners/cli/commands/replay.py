@@ -3,34 +3,30 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from omegaconf import DictConfig
 
 EXAMPLES = (
-    "lme replay bag=drive.mcap",
-    "lme replay bag=drive.bag list=true",
-    "lme replay bag=drive.bag robot=go2 guide=lme planner=dwa goal=[6.0,-1.5]",
+    "lme replay drive.mcap",
+    "lme replay drive.bag list=true",
+    "lme replay drive.bag robot=go2 guide=lme planner=dwa goal=[6.0,-1.5]",
 )
 
 
 def main(argv: list[str]) -> int:
-    """Compose the config and run; with list=true, print the recording's topics and nothing else."""
-    given = dict(word.partition("=")[::2] for word in argv)
+    """Compose the config and replay; with list=true, print the recording's topics and nothing else.
+
+    A first word without "=" is the recording: `lme replay drive.bag` stands for `bag=drive.bag`.
+    """
+    from runners.cli.launch import Command, launch
+    from runners.config.composer import quoted
+    from runners.replay.run import replay, validate
+
+    words = list(argv)
+    if words and "=" not in words[0] and not words[0].startswith("-"):
+        words[0] = f"bag={quoted(str(Path(words[0]).expanduser()))}"
+    given = dict(word.partition("=")[::2] for word in words)
     if given.get("list", "false").lower() in ("true", "1", "yes", "on"):
-        return _list(given.get("bag", ""))
-    from runners.cli import launch
-    from runners.replay.run import validate
-
-    return launch.launch(config_name="replay", run=run, argv=argv, validate=validate)
-
-
-def run(config: DictConfig, run_dir: Path) -> None:
-    """One replay."""
-    from runners.replay.run import replay
-
-    replay(config, run_dir)
+        return _list(given.get("bag", "").strip("'\""))
+    return launch(Command("replay", replay, validate), words)
 
 
 def _list(path: str) -> int:
@@ -38,9 +34,9 @@ def _list(path: str) -> int:
     from runners.replay.bags import Bag
     from runners.replay.topics import table
 
-    if not path.strip("'\""):
-        raise InputError("bag is null: give the recording, e.g. lme replay bag=drive.mcap list=true")
-    with Bag(Path(path.strip("'\""))) as bag:
+    if not path:
+        raise InputError("bag is null: give the recording, e.g. lme replay drive.mcap list=true")
+    with Bag(Path(path).expanduser()) as bag:
         print(f"{bag.path}: {bag.duration_s:.1f} s")
         print("\n".join(table(bag)))
     return 0

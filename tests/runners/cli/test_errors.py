@@ -8,8 +8,9 @@ from hypothesis import strategies as st
 
 from lme.errors import InputError
 from lme.resources import resource_dir
+from runners.cli.launch import Command
 from runners.cli.launch import launch as run_launch
-from runners.config import build, schema
+from runners.config import schema
 from runners.config.composer import Composer, quoted
 
 ROBOT = (resource_dir("conf") / "robot" / "jackal.yaml").read_text()
@@ -23,7 +24,7 @@ def launch(tmp_path, monkeypatch):
         """The message of the InputError that this must raise, with nothing written."""
         before = sorted(Path().rglob("*"))
         with pytest.raises(InputError) as caught:
-            run_launch(command, _never, argv, validate=build.robot)
+            run_launch(Command(command, _never, lambda job: None), argv)
         assert sorted(Path().rglob("*")) == before
         message = str(caught.value)
         assert "\n" not in message
@@ -32,7 +33,7 @@ def launch(tmp_path, monkeypatch):
     return launch
 
 
-def _never(config, run_dir):
+def _never(job):
     pytest.fail("ran")
 
 

@@ -1,0 +1,85 @@
+"""Run composed jobs as Hydra does, with its folders, sweepers, launchers and callbacks, but compose none anew."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from hydra._internal.callbacks import Callbacks
+from hydra._internal.config_loader_impl import ConfigLoaderImpl
+from hydra.core.plugins import Plugins
+from hydra.core.utils import run_job
+from hydra.types import HydraContext, RunMode, TaskFunction
+from omegaconf import DictConfig, OmegaConf, open_dict
+
+from runners.config.composer import Composer
+from runners.config.overrides import Plan
+
+
+def run(composer: Composer, plan: Plan, name: str, directory: Path, task: TaskFunction) -> None:
+    """Call `task` on every job of the plan, which writes to `directory`, or to a folder of its own below it.
+
+    name: of the job, for Hydra. Raises what the task raises.
+    """
+    if plan.multirun:
+        _sweep(composer, plan, name, directory, task)
+        return
+    (config,) = plan.configs.values()
+    _set(config, {"job.name": name, "run.dir": str(directory), "mode": RunMode.RUN})
+    callbacks = Callbacks(config)
+    callbacks.on_run_start(config=config, config_name=composer.config_name)
+    context = HydraContext(config_loader=composer.loader, callbacks=callbacks)
+    result = run_job(
+        hydra_context=context,
+        task_function=task,
+        config=config,
+        job_dir_key="hydra.run.dir",
+        job_subdir_key=None,
+    )
+    callbacks.on_run_end(config=config, config_name=composer.config_name, job_return=result)
+    _ = result.return_value  # raises what the task raised
+
+
+def _sweep(composer: Composer, plan: Plan, name: str, directory: Path, task: TaskFunction) -> None:
+    """Hydra's sweeper and launcher over the jobs of a plan."""
+    config = composer.compose(plan.overrides, RunMode.MULTIRUN)
+    own = {"job.name": name, "sweep.dir": str(directory), "mode": RunMode.MULTIRUN}
+    _set(config, own)
+    callbacks = Callbacks(config)
+    callbacks.on_multirun_start(config=config, config_name=composer.config_name)
+    loader = _Planned(composer, plan, own)
+    sweeper = Plugins.instance().instantiate_sweeper(
+        config=config,
+        hydra_context=HydraContext(config_loader=loader, callbacks=callbacks),
+        task_function=task,
+    )
+    sweeper.sweep(arguments=list(config.hydra.overrides.task))
+    callbacks.on_multirun_end(config=config, config_name=composer.config_name)
+
+
+class _Planned(ConfigLoaderImpl):
+    """Hydra's config loader, but with the jobs that were composed when they were checked."""
+
+    def __init__(self, composer: Composer, plan: Plan, own: Mapping[str, Any]) -> None:
+        """own: keys of Hydra's own part that every job has."""
+        super().__init__(composer.loader.get_search_path())
+        self._configs = {composer.canonical(words): config for words, config in plan.configs.items()}
+        self._composer = composer
+        self._own = own
+
+    def load_sweep_config(self, master_config: DictConfig, sweep_overrides: list[str]) -> DictConfig:
+        """The config of one job. A very large sweep has jobs that nobody has composed yet."""
+        config = self._configs.get(self._composer.canonical(sweep_overrides))
+        if config is None:
+            config = super().load_sweep_config(master_config, sweep_overrides)
+        _set(config, self._own)
+        return config
+
+
+def _set(config: DictConfig, values: Mapping[str, Any]) -> None:
+    """Set keys of Hydra's own part."""
+    OmegaConf.set_readonly(config.hydra, None)  # HydraConfig sets it; Hydra's launchers write the job's number
+    with open_dict(config.hydra):
+        for key, value in values.items():
+            OmegaConf.update(config.hydra, key, value)

@@ -1,0 +1,50 @@
+"""One composed and validated run of a command: what travels from the command line to everything below it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Generic, TypeVar, cast
+
+from omegaconf import DictConfig, OmegaConf
+
+from runners.config.catalogue import Catalogue
+from runners.config.changes import changed_keys
+from runners.config.schema import SystemConfig
+
+C = TypeVar("C", bound=SystemConfig, covariant=True)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Job(Generic[C]):
+    """A run of a command.
+
+    config: validated. choices: the option of every config group. overrides: as given for this job. changes: keys
+    of the chosen options that have other values than the options' files, by dotted name. folders: of the configs,
+    the shipped one first. run_dir: where the job writes. sweep_dir: of the sweep that the job is part of, if any.
+    """
+
+    config: C
+    choices: Mapping[str, str]
+    overrides: tuple[str, ...] = ()
+    changes: Mapping[str, Any]
+    folders: tuple[Path, ...]
+    run_dir: Path = Path()
+    sweep_dir: Path | None = None
+
+    @classmethod
+    def composed(cls, config: DictConfig, hydra: Any, catalogue: Catalogue) -> Job[C]:
+        """The job of a composed config and of Hydra's own part of it.
+
+        Raises what OmegaConf raises, and InputError.
+        """
+        runtime = hydra.runtime.choices
+        choices = {str(group): str(option) for group, option in runtime.items() if isinstance(option, str)}
+        return cls(
+            config=cast(C, OmegaConf.to_object(config)),
+            choices=choices,
+            overrides=tuple(hydra.overrides.task),
+            changes=changed_keys(config, choices, catalogue),
+            folders=catalogue.folders,
+        )
