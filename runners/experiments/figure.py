@@ -68,7 +68,7 @@ def draw(config: DictConfig, driven: Sequence[Path], folder: Path) -> list[Path]
 
 def _drive(plain: dict[str, Any], run_dir: Path) -> None:
     try:
-        evaluate.drive(plain, evaluate.record_names(plain), build.map_set(plain), run_dir)
+        evaluate.drive(plain, evaluate.run_labels(plain), build.map_set(plain), run_dir)
     except KeyboardInterrupt:
         print(f"\nStopped. Go on with: lme figure resume={run_dir}", file=sys.stderr)
         raise

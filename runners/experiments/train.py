@@ -58,7 +58,8 @@ def train(config: DictConfig, run_dir: Path) -> None:
     """Search until the study has its trials, evaluate the best, and write everything below `run_dir`."""
     plain = build.plain(config)
     tracking = build_target(plain["tracking"], "tracking")
-    tags = {**evaluate.record_names(plain), "weights": _name(config), "command": "train"}
+    labels = dataclasses.replace(evaluate.run_labels(plain), weights=_name(config))
+    tags = {**dataclasses.asdict(labels), "command": "train"}
     tracking.start(_without_password(plain), run_dir, tags, evaluate.sweep_directory())
     try:
         with _held(run_dir):
@@ -242,13 +243,13 @@ def _evaluate_on(
     own = run_directories.identity(DictConfig(config))
     fingerprint = run_directories.fingerprint([own], multirun=False)
     run_directories.Launch("eval", fingerprint, False, [], [own]).write(directory)
-    names = {**evaluate.record_names(config), "map": place}
+    labels = dataclasses.replace(evaluate.run_labels(config), map=place)
     if not all(
         key.startswith(PARAMETERS) for key in best.values
     ):  # a named pair no more: its planner has changed
-        names["system"] = f"{names['guide']}+{names['planner']}"
+        labels = dataclasses.replace(labels, system=f"{labels.guide}+{labels.planner}")
     map_set = build.map_set(config)
-    evaluate.drive(config, names, map_set, directory)
+    evaluate.drive(config, labels, map_set, directory)
     evaluate.report(map_set, directory)
 
 
