@@ -1,7 +1,7 @@
-"""Where a run writes, how it is known again, and what `resume=` finds.
+"""The directories of runs: where a run writes, and which directory `resume=` continues.
 
-Every run directory and every sweep directory holds a `launch.json`: how it was started and what its config
-came to. Two runs whose configs differ in nothing that can change a result have the same fingerprint.
+Every run directory and every sweep directory holds a `launch.json`: how the run was started, and its composed config.
+Two runs have the same fingerprint if their configs differ only in keys that cannot change a result.
 """
 
 from __future__ import annotations
@@ -25,17 +25,28 @@ from lme.errors import InputError
 from runners.config.composer import without_hydra
 from runners.config.flatten import flatten
 from runners.config.hydra_errors import translated
+from runners.records.whole_file import write_whole
 
 LAUNCH = "launch.json"
-NO_RESULTS = ("resume", "executor", "tracking", "system", "record", "explain")  # they cannot change a result
+NO_RESULTS = (
+    "resume",
+    "executor",
+    "tracking",
+    "system",
+    "record",
+    "explain",
+)  # keys that cannot change a result
 ROOT = Path("outputs")
 _RESULTS = ("episodes.parquet", "study.journal")
-_SHOWN = 3  # differing keys that a message names
+_SHOWN = 3  # differing keys that a message names at most
 
 
 @dataclass(slots=True)
 class Launch:
-    """How a run was started. configs: one of a run, one per job of a sweep, as far as they decide results."""
+    """How a run was started.
+
+    configs: the part of the config that decides results; one for a run, one per job for a sweep.
+    """
 
     command: str
     fingerprint: str
@@ -47,18 +58,16 @@ class Launch:
     job: int | None = field(default=None)  # number within a sweep
 
     def write(self, directory: Path) -> None:
-        """Write `launch.json`, whole or not at all. Raises InputError where the directory takes no file."""
+        """Write `launch.json` whole. Raises InputError where the directory cannot be written."""
         text = json.dumps(dataclasses.asdict(self), indent=1, sort_keys=True)
-        draft = directory / f"{LAUNCH}.new"
         try:
-            draft.write_text(text + "\n", encoding="utf-8")
-            draft.replace(directory / LAUNCH)
+            write_whole(directory / LAUNCH, text + "\n")
         except OSError as error:
             raise _unwritable(directory, error) from error
 
 
 def read_launch(directory: Path) -> Launch | None:
-    """The launch of a run directory; None where there is none."""
+    """The launch of a run directory; None where it holds no readable one."""
     try:
         return Launch(**json.loads((directory / LAUNCH).read_text(encoding="utf-8")))
     except (OSError, ValueError, TypeError):
@@ -66,7 +75,7 @@ def read_launch(directory: Path) -> Launch | None:
 
 
 def identity(config: DictConfig) -> dict[str, Any]:
-    """What decides the results of a composed config, resolved, as plain JSON values."""
+    """The part of a composed config that decides results, resolved, as plain JSON values."""
     try:
         plain = OmegaConf.to_container(
             without_hydra(config), resolve=True, throw_on_missing=True, enum_to_str=True
@@ -78,14 +87,14 @@ def identity(config: DictConfig) -> dict[str, Any]:
 
 
 def fingerprint(configs: Sequence[Mapping[str, Any]], multirun: bool) -> str:
-    """SHA-256 of one identity, or of those of a sweep's jobs in order; its first eight digits name it."""
+    """SHA-256 of the identity of a run, or of the identities of a sweep's jobs in order."""
     value = list(configs) if multirun else configs[0]
     return hashlib.sha256(json.dumps(value, sort_keys=True).encode()).hexdigest()
 
 
 def resumable(launch: Launch, root: Path = ROOT) -> Path:
     """The newest directory with the launch's fingerprint. Raises InputError where there is none."""
-    pattern = f"*-{_tail(launch)}*"
+    pattern = f"*-{_fingerprint_suffix(launch)}*"
     folder = root / launch.command
     for directory in sorted(folder.glob(pattern), reverse=True):
         saved = read_launch(directory)
@@ -93,16 +102,16 @@ def resumable(launch: Launch, root: Path = ROOT) -> Path:
             return directory
     raise InputError(
         f"resume=true: no run with this config, {folder / pattern} does not exist: "
-        "leave resume away to start one, or name the directory with resume=PATH"
+        "omit resume to start one, or name the directory with resume=PATH"
     )
 
 
 def check_same(launch: Launch, directory: Path) -> None:
-    """Raise InputError naming the first differing keys, unless `directory` was started with this config."""
+    """Raise InputError, naming the first keys that differ, unless `directory` was started with this config."""
     saved = read_launch(directory)
     if saved is None:
         raise InputError(
-            f"{directory}: holds no {LAUNCH}, so it is no run to resume; choose another directory"
+            f"{directory}: holds no {LAUNCH}, so there is no run to resume; choose another directory"
         )
     if saved.fingerprint == launch.fingerprint:
         return
@@ -120,7 +129,7 @@ def check_same(launch: Launch, directory: Path) -> None:
 
 
 def shortened(found: Sequence[str]) -> str:
-    """The first few changes, and how many more there are."""
+    """The first changes, and the number of the others."""
     more = f" and {len(found) - _SHOWN} more" if len(found) > _SHOWN else ""
     return f"{'; '.join(found[:_SHOWN])}{more}"
 
@@ -136,27 +145,27 @@ def holds_run(directory: Path) -> bool:
 
 
 def make_fresh(launch: Launch, given: Path | None, root: Path = ROOT) -> Path:
-    """Make the directory of a new run and write its `launch.json`: `given`, or one of its own under `root`.
+    """Make the directory of a new run and write its `launch.json`. Returns `given`, or a new one under `root`.
 
     Raises InputError where it cannot be written or holds a run already.
     """
     if given is not None and holds_run(given):
         raise InputError(f"{given}: already holds a run: add resume=true or choose another directory")
-    directory = _own(launch, root) if given is None else _made(given, exist_ok=True)
+    directory = _new_directory(launch, root) if given is None else _made(given, exist_ok=True)
     launch.write(directory)
     return directory
 
 
-def _own(launch: Launch, root: Path) -> Path:
-    """A directory that no other run has, not even one that starts in the same second."""
-    name = f"{datetime.now():%Y-%m-%d_%H-%M-%S}-{_tail(launch)}"
+def _new_directory(launch: Launch, root: Path) -> Path:
+    """A new directory, named by date, time and fingerprint. A number follows if another run has that name."""
+    name = f"{datetime.now():%Y-%m-%d_%H-%M-%S}-{_fingerprint_suffix(launch)}"
     for candidate in _numbered(root / launch.command / name):
         with contextlib.suppress(FileExistsError):
             return _made(candidate, exist_ok=False)
     raise AssertionError("an endless sequence ended")
 
 
-def _tail(launch: Launch) -> str:
+def _fingerprint_suffix(launch: Launch) -> str:
     return f"{'sweep-' if launch.multirun else ''}{launch.fingerprint[:8]}"
 
 
@@ -193,13 +202,13 @@ def changes(old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterator[str]:
 
 
 def common(configs: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """Dotted keys and values that all of these identities have in common."""
+    """Dotted keys and values that all identities have in common."""
     first, *others = (dict(flatten(config)) for config in configs)
     return {key: value for key, value in first.items() if all(other.get(key) == value for other in others)}
 
 
 def _canonical(value: Any) -> Any:
-    """One way to write a value: 4.0 is 4, and infinity is a word."""
+    """Equal values in the same form, fit for JSON: 4.0 becomes 4, and infinity becomes text."""
     if isinstance(value, dict):
         return {str(key): _canonical(child) for key, child in value.items()}
     if isinstance(value, list | tuple):
