@@ -17,7 +17,7 @@ def replacing(path: Path) -> Iterator[Path]:
     """Give the path of a draft to write. When the `with` ends, the draft takes the place of `path`.
 
     The draft has the suffix of `path` and lies beside it. If an exception ends the `with`, the draft is removed
-    and `path` stays as it was. An OSError names `path`, not the draft.
+    and `path` stays as it was. An OSError that concerns the draft names `path` instead.
     """
     # The process id is part of the name because two processes may write the same file at the same time.
     draft = path.with_name(f".{path.name}.{os.getpid()}.new{path.suffix}")
@@ -26,7 +26,8 @@ def replacing(path: Path) -> Iterator[Path]:
         yield draft
         draft.replace(path)
     except OSError as error:
-        error.filename, error.filename2 = str(path), None
+        if str(error.filename or draft) == str(draft):
+            error.filename, error.filename2 = str(path), None
         raise
     finally:
         with contextlib.suppress(OSError):
