@@ -19,7 +19,7 @@ from benchmarks.speed import machine
 from runners.config import schema
 from runners.config.composer import Composer
 from runners.explainer.write import write_page
-from runners.records.run_directories import identity
+from runners.records.launch_record import identity
 from runners.workers.trace import Tale, retell
 
 WANTED_PER_S, WANTED_MB = 30, 5.0

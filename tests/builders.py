@@ -18,6 +18,7 @@ from lme.robots import Footprint, Lidar, Robot
 from lme.sim.fast import FastConfig, FastSimulator
 from lme.types import LaserScan, Observation, Pose, Twist
 from lme.worlds.world import Task, World
+from runners.records.episode_record import COLUMNS, EpisodeRecord
 
 PUBLISHED = {  # paper §IV.D
     "a_close": 1.51,
@@ -172,3 +173,11 @@ def assert_same(one, two):
             assert_same(a, b)
     else:
         np.testing.assert_array_equal(one, two)
+
+
+def episode_record(world, run=0, **columns):
+    """A successful episode of LME. columns: what is not as usual; `world_measures` among them."""
+    texts = dict.fromkeys(("global_map", "subset"), "") | {"ablation": "none", "weights": "published"}
+    texts |= {"system": "LME", "guide": "lme", "planner": "simple", "robot": "jackal", "map": "barn"}
+    usual = dict.fromkeys(COLUMNS, 0) | texts | {"outcome": "success", "time_s": 9.0, "spl": 0.7}
+    return EpisodeRecord(**{**usual, "world": world, "run": run, **columns})

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from runners.analysis import paired
 from runners.analysis.paired import METRIC, SUCCESS, Block, Difference, interval, signed
 from runners.analysis.summary import DASH, Row, title
+from runners.records.whole_file import write_whole
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -111,7 +112,7 @@ def words(found: list[Study]) -> list[str]:
 def write(found: list[Study], place: Path) -> list[Path]:
     """`ablation.md` and `ablation.csv` below `place`; the paths."""
     markdown, table = place / f"{NAME}.md", place / f"{NAME}.csv"
-    markdown.write_text(to_markdown(found), encoding="utf-8")
+    write_whole(markdown, to_markdown(found))
     paired.write_csv([_numbers(study, variant) for study in found for variant in study.variants], table)
     return [markdown, table]
 

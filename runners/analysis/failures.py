@@ -12,7 +12,8 @@ import numpy as np
 
 from lme.types import Outcome
 from runners.analysis.summary import DASH
-from runners.records import run_directories
+from runners.records import launch_record
+from runners.records.episode_record import KEY_COLUMNS, EpisodeKey
 from runners.records.records import read_trajectories
 
 if TYPE_CHECKING:
@@ -20,14 +21,14 @@ if TYPE_CHECKING:
 
 FOLDER, INDEX = "explain", "index.html"
 HEADER = ("World", "Run", "Outcome", "Time [s]", "Closest to goal [m]")  # what `cells` gives
-Item = tuple[int, int]  # (world, run)
+_EPISODE = ["run_dir", *KEY_COLUMNS]
 _TEXT = ("Outcome", "Page", "Job")  # columns that stand at the left
 _MOST_TOLD = 3  # settings of a job that its name tells
 
 
-def page_path(run_dir: Path, item: Item) -> Path:
+def page_path(run_dir: Path, key: EpisodeKey) -> Path:
     """Where the page of an episode lies unless it is wanted elsewhere."""
-    return run_dir / FOLDER / f"{item[0]}-{item[1]}.html"
+    return run_dir / FOLDER / f"{key.world}-{key.run}.html"
 
 
 def folder(run_dir: Path) -> list[Path]:
@@ -64,7 +65,7 @@ def episodes_told(frame: pd.DataFrame) -> Iterator[tuple[Path, dict[str, Any]]]:
     """Rows in their order with the run that each is of, and how near its goal each episode came [m]."""
     closest = _closest_m(frame)
     for episode in frame.to_dict("records"):
-        key = (episode["run_dir"], *item_of(episode))
+        key = tuple(episode[name] for name in _EPISODE)
         yield Path(episode["run_dir"]), {**episode, "closest_m": closest.get(key, np.nan)}
 
 
@@ -80,24 +81,18 @@ def cells(episode: Mapping[str, Any]) -> list[str]:
     ]
 
 
-def item_of(episode: Mapping[str, Any]) -> Item:
-    """Which episode a row is of."""
-    return int(episode["world"]), int(episode["run"])
-
-
 def _closest_m(frame: pd.DataFrame) -> Mapping[Any, float]:
     """Smallest distance to the goal [m] by (run_dir, world, run); none where records do not tell the goal."""
     if frame.empty or not {"goal_x_m", "goal_y_m"} <= set(frame.columns):
         return {}
-    key = ["run_dir", "world", "run"]
     steps = read_trajectories([Path(run_dir) for run_dir in frame["run_dir"].unique()])
-    steps = steps.merge(frame[[*key, "goal_x_m", "goal_y_m"]], on=key)
+    steps = steps.merge(frame[[*_EPISODE, "goal_x_m", "goal_y_m"]], on=_EPISODE)
     steps["distance_m"] = np.hypot(steps["x_m"] - steps["goal_x_m"], steps["y_m"] - steps["goal_y_m"])
-    return dict(steps.groupby(key)["distance_m"].min())
+    return dict(steps.groupby(_EPISODE)["distance_m"].min())
 
 
 def _page_link(episode: Mapping[str, Any], run_dir: Path, place: Path) -> str:
-    path = page_path(run_dir, item_of(episode))
+    path = page_path(run_dir, EpisodeKey.of(episode))
     return _link(path, place) if path.is_file() else DASH
 
 
@@ -109,15 +104,14 @@ def _link(path: Path, place: Path) -> str:
 
 def _has_pages(frame: pd.DataFrame, run_dir: Path) -> bool:
     episodes = frame[frame["run_dir"] == str(run_dir)]
-    return any(
-        page_path(run_dir, item).is_file() for item in zip(episodes["world"], episodes["run"], strict=True)
-    )
+    keys = map(EpisodeKey.of, episodes[list(KEY_COLUMNS)].to_dict("records"))
+    return any(page_path(run_dir, key).is_file() for key in keys)
 
 
 def _job_names(frame: pd.DataFrame) -> dict[Path, str]:
     """What tells the runs of a sweep apart, by directory: its folder, and settings that are not those of all."""
     runs = [Path(run_dir) for run_dir in frame["run_dir"].unique()]
-    launches = {run_dir: run_directories.read_launch(run_dir) for run_dir in runs}
+    launches = {run_dir: launch_record.read_launch(run_dir) for run_dir in runs}
     settings = {run: launch.overrides if launch is not None else [] for run, launch in launches.items()}
     own = {
         run: [one for one in given if not all(one in others for others in settings.values())]

@@ -18,6 +18,7 @@ import numpy as np
 
 from lme.types import Floats, Ints
 from runners.analysis.summary import Row, as_text, measure, numbers, row_keys
+from runners.records.whole_file import replacing
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -157,7 +158,7 @@ def to_mapping(figures: Row, found: Mapping[str, Difference]) -> dict[str, float
 def write_csv(lines: Sequence[Mapping[str, object]], path: Path) -> None:
     """All columns that any line has, in the order in which they come up."""
     names = list(dict.fromkeys(name for line in lines for name in line))
-    with path.open("w", encoding="utf-8", newline="") as file:
+    with replacing(path) as draft, draft.open("w", encoding="utf-8", newline="") as file:
         writer = csv.DictWriter(file, names, lineterminator="\n")
         writer.writeheader()
         writer.writerows(lines)

@@ -11,6 +11,7 @@ from runners.analysis import paired
 from runners.analysis.paired import METRIC, SUCCESS, Block, Difference, signed
 from runners.analysis.summary import DASH, TIMES, Row, title
 from runners.config.weights import from_words
+from runners.records.whole_file import write_whole
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -94,7 +95,7 @@ def words(found: list[Study]) -> list[str]:
 def write(found: list[Study], place: Path) -> list[Path]:
     """`sensitivity.md` and `sensitivity.csv` below `place`; the paths."""
     markdown, table = place / f"{NAME}.md", place / f"{NAME}.csv"
-    markdown.write_text(to_markdown(found), encoding="utf-8")
+    write_whole(markdown, to_markdown(found))
     points = [(study, curve, point) for study in found for curve in study.curves for point in curve.points]
     paired.write_csv([_numbers(*point) for point in points], table)
     return [markdown, table]

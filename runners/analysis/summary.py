@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from lme.metrics import mean_std_over_runs, wilson_interval
 from runners.analysis import published
 from runners.config.systems import systems as named_systems
-from runners.records.records import COLUMNS
+from runners.records.episode_record import COLUMNS
 
 if TYPE_CHECKING:
     import pandas as pd

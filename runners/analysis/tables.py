@@ -24,6 +24,7 @@ from runners.analysis.summary import (
     summarise,
     title,
 )
+from runners.records.whole_file import write_whole
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -125,7 +126,7 @@ def write_tables(frame: pd.DataFrame, run_dir: Path, order: Sequence[str] = ()) 
         "table.tex": to_latex(rows),
     }
     for name, text in texts.items():
-        (run_dir / name).write_text(text, encoding="utf-8")
+        write_whole(run_dir / name, text)
     return [run_dir / name for name in texts]
 
 

@@ -79,7 +79,9 @@ class _Planned(ConfigLoaderImpl):
 
 def _set(config: DictConfig, values: Mapping[str, Any]) -> None:
     """Set keys of Hydra's own part."""
-    OmegaConf.set_readonly(config.hydra, None)  # HydraConfig sets it; Hydra's launchers write the job's number
+    OmegaConf.set_readonly(
+        config.hydra, None
+    )  # HydraConfig sets it; Hydra's launchers write the job's number
     with open_dict(config.hydra):
         for key, value in values.items():
             OmegaConf.update(config.hydra, key, value)

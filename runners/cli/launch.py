@@ -18,7 +18,7 @@ from runners.config import overrides, schema
 from runners.config.catalogue import Catalogue
 from runners.config.composer import Composer
 from runners.config.job import Job
-from runners.records import run_directories
+from runners.records import launch_record, run_directories
 
 _DIRECTORY_KEYS = ("hydra.run.dir", "hydra.sweep.dir")
 _DISK_FULL = (errno.ENOSPC, errno.EDQUOT)
@@ -69,9 +69,9 @@ def _with_resumed(given: arguments.Arguments) -> tuple[arguments.Arguments, Path
     directory = _resume_path(given.overrides)
     if directory is None:
         return given, None
-    saved = run_directories.read_launch(directory)
+    saved = launch_record.read_launch(directory)
     if saved is None:
-        missing = f"holds no {run_directories.LAUNCH}, so it is no run"
+        missing = f"holds no {launch_record.LAUNCH}, so it is no run"
         what = missing if directory.is_dir() else "no such directory"
         raise InputError(f"resume={directory}: {what}; give true, or the directory of a run")
     keys = {_key(override) for override in given.overrides}
@@ -107,7 +107,7 @@ def _directory(
 ) -> Path:
     """Where to write; made, with its launch record in it, unless it is resumed."""
     words = [word for word in plan.overrides if _key(word) not in (*_DIRECTORY_KEYS, "resume")]
-    record = run_directories.launch_of(command.name, jobs, words, plan.multirun, given.config_name)
+    record = launch_record.launch_of(command.name, jobs, words, plan.multirun, given.config_name)
     config = next(iter(plan.configs.values()))
     asked = _asked_directory(config, plan.multirun)
     if resumed is None and OmegaConf.select(config, "resume") is not True:
@@ -158,7 +158,7 @@ def _start(
         return 130
     if plan.multirun and command.finish_sweep is not None:
         first = replace(jobs[0], sweep_dir=directory)
-        command.finish_sweep(first, run_directories.jobs_of_sweep(directory))
+        command.finish_sweep(first, launch_record.jobs_of_sweep(directory))
     return 0
 
 
@@ -198,7 +198,7 @@ class _Task:
         words = [word for word in job.overrides if _key(word) != "resume"]
         number = int(hydra.job.num)
         print(f"[{number + 1}/{self.num_jobs}] {' '.join(words)}", file=sys.stderr)
-        record = run_directories.launch_of(self.command.name, [job], words, False, self.config_name)
+        record = launch_record.launch_of(self.command.name, [job], words, False, self.config_name)
         replace(record, job=number).write(run_dir)
         return replace(job, run_dir=run_dir, sweep_dir=_relative(Path(hydra.sweep.dir)))
 

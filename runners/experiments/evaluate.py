@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
-from itertools import product
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,10 +18,12 @@ from runners.config.instantiate import build as build_target
 from runners.config.overrides import CUSTOM
 from runners.config.schema import Explain, Record
 from runners.explainer import pages
-from runners.records import run_directories
-from runners.records.records import EPISODES, RecordWriter, read_episodes, read_trajectories
+from runners.records import launch_record
+from runners.records.episode_record import EpisodeKey, RunLabels
+from runners.records.parquet import EPISODES
+from runners.records.records import RecordWriter, read_episodes, read_trajectories
 from runners.workers import recorder
-from runners.workers.episodes import Item, initialise
+from runners.workers.episodes import EpisodePayload, Recordings, initialise
 from runners.workers.progress import EpisodeProgress
 
 if TYPE_CHECKING:
@@ -36,11 +37,11 @@ def evaluate(config: DictConfig, run_dir: Path) -> pd.DataFrame:
 
     plain = build.plain(config)
     maps = build.map_set(plain)
-    names = record_names(plain)
+    labels = run_labels(plain)
     tracking = build_target(plain["tracking"], "tracking")
-    tracking.start(plain, run_dir, {**names, "command": "eval"}, sweep_directory())
+    tracking.start(plain, run_dir, {**asdict(labels), "command": "eval"}, sweep_directory())
     try:
-        drive(plain, names, maps, run_dir)
+        drive(plain, labels, maps, run_dir)
     except KeyboardInterrupt:
         print(f"\nStopped. Go on with: lme eval resume={run_dir}", file=sys.stderr)
         raise
@@ -54,21 +55,18 @@ def evaluate(config: DictConfig, run_dir: Path) -> pd.DataFrame:
     return frame
 
 
-def drive(plain: dict[str, Any], names: dict[str, Any], maps: MapSet, run_dir: Path) -> None:
-    """Run what is missing of map set × runs into the records of `run_dir`, and explain what is to be explained.
-
-    names: columns of every record.
-    """
-    items = list(product(maps.numbers, range(plain["runs"])))
+def drive(plain: dict[str, Any], labels: RunLabels, maps: MapSet, run_dir: Path) -> None:
+    """Run what is missing of map set × runs into the records of `run_dir`, and explain what is to be explained."""
+    keys = [EpisodeKey(world, run) for world in maps.numbers for run in range(plain["runs"])]
     executor = build_target(plain["executor"], "executor")
-    payload = {"config": plain, "names": names, "recordings": _recordings(plain, run_dir)}
-    with RecordWriter(run_dir) as writer, EpisodeProgress(names["system"], len(items)) as progress:
+    payload = EpisodePayload(plain, labels, _recordings(plain, run_dir))
+    with RecordWriter(run_dir) as writer, EpisodeProgress(labels.system, len(keys)) as progress:
         done = writer.done()
         progress.skip(len(done))
-        todo = [item for item in _by_run(items) if item not in done]
-        for record, trajectory in executor.map(initialise, payload, todo):
-            writer.append(record, trajectory)
-            progress.add(record["outcome"])
+        todo = [key for key in _by_run(keys) if key not in done]
+        for result in executor.map(initialise, payload, todo):
+            writer.append(result)
+            progress.add(result.record.outcome)
         writer.merge()
     pages.as_asked(Explain(plain.get("explain", Explain.none)), run_dir, executor)
 
@@ -85,33 +83,33 @@ def _film(plain: dict[str, Any], maps: MapSet, run_dir: Path) -> list[Path]:
     return [path]
 
 
-def _recordings(plain: dict[str, Any], run_dir: Path) -> dict[str, Any] | None:
+def _recordings(plain: dict[str, Any], run_dir: Path) -> Recordings | None:
     """Where recordings go, and the config that they carry; None where none are made."""
     if plain.get("record") != Record.mcap:
         return None
-    return {"folder": str(run_dir / recorder.FOLDER), "config": run_directories.identity(DictConfig(plain))}
+    return Recordings(run_dir / recorder.FOLDER, launch_record.identity(DictConfig(plain)))
 
 
-def _by_run(items: list[Item]) -> Iterator[Item]:
+def _by_run(keys: list[EpisodeKey]) -> list[EpisodeKey]:
     """All worlds once before any a second time, so that a partial run covers the map set."""
-    return iter(sorted(items, key=lambda item: (item[1], item[0])))
+    return sorted(keys, key=lambda key: (key.run, key.world))
 
 
-def record_names(plain: dict[str, Any]) -> dict[str, Any]:
+def run_labels(plain: dict[str, Any]) -> RunLabels:
     """The columns that say what was run."""
     choices = HydraConfig.get().runtime.choices
     guide, planner = (_chosen(group, plain) for group in ("guide", "planner"))
-    return {
-        "system": systems.label(guide, planner),
-        "guide": guide,
-        "planner": planner,
-        "global_map": str(plain["guide"].get("global_map", "")),
-        "ablation": _ablation(plain),
-        "robot": plain["robot"]["name"],
-        "map": str(choices["map"]),
-        "subset": "custom" if plain["map"].get("worlds") else str(plain["map"].get("subset", "")),
-        "weights": plain["weights"],
-    }
+    return RunLabels(
+        system=systems.label(guide, planner),
+        guide=guide,
+        planner=planner,
+        global_map=str(plain["guide"].get("global_map", "")),
+        ablation=_ablation(plain),
+        weights=plain["weights"],
+        robot=plain["robot"]["name"],
+        map=str(choices["map"]),
+        subset="custom" if plain["map"].get("worlds") else str(plain["map"].get("subset", "")),
+    )
 
 
 def _chosen(group: str, plain: dict[str, Any]) -> str:

@@ -17,8 +17,8 @@ from runners.config.instantiate import build as build_target
 from runners.experiments import evaluate
 from runners.figures.parts.jobs import Kind, read_jobs
 from runners.figures.parts.style import FORMATS
+from runners.records.launch_record import LAUNCH
 from runners.records.records import find_runs
-from runners.records.run_directories import LAUNCH
 
 
 def validate(config: DictConfig) -> None:
@@ -68,7 +68,7 @@ def draw(config: DictConfig, driven: Sequence[Path], folder: Path) -> list[Path]
 
 def _drive(plain: dict[str, Any], run_dir: Path) -> None:
     try:
-        evaluate.drive(plain, evaluate.record_names(plain), build.map_set(plain), run_dir)
+        evaluate.drive(plain, evaluate.run_labels(plain), build.map_set(plain), run_dir)
     except KeyboardInterrupt:
         print(f"\nStopped. Go on with: lme figure resume={run_dir}", file=sys.stderr)
         raise

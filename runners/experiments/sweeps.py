@@ -11,7 +11,7 @@ from omegaconf import DictConfig
 
 from runners.analysis.summary import Row, numbers, summarise
 from runners.config.instantiate import build as build_target
-from runners.records import run_directories
+from runners.records import launch_record
 from runners.records.records import find_runs, read_episodes
 
 if TYPE_CHECKING:
@@ -81,9 +81,9 @@ def _book(
     run_dirs: Sequence[Path],
 ) -> None:
     """The sweep's run holds what its jobs have in common, and every row's figures by the row's name."""
-    launches = [record for record in map(run_directories.read_launch, run_dirs) if record is not None]
+    launches = [record for record in map(launch_record.read_launch, run_dirs) if record is not None]
     tracking = build_target(config.tracking, "tracking")
-    shared = run_directories.common([record.configs[0] for record in launches])
+    shared = launch_record.common([record.configs[0] for record in launches])
     tracking.start(shared, sweep_dir, {"command": "sweep"})
     rows = [row for row in summarise(frame, systems={}) if row.episodes]
     tracking.finish(

@@ -22,7 +22,7 @@ from runners.config.instantiate import build as build_target
 from runners.config.schema import EvalConfig
 from runners.config.space import PARAMETERS, Space, own_values, read_space, with_values
 from runners.experiments import evaluate
-from runners.records import run_directories, weight_file
+from runners.records import launch_record, weight_file
 from runners.records.append_log import lock
 from runners.search import study
 from runners.search.study import Proposal, Study, Trial
@@ -58,7 +58,8 @@ def train(config: DictConfig, run_dir: Path) -> None:
     """Search until the study has its trials, evaluate the best, and write everything below `run_dir`."""
     plain = build.plain(config)
     tracking = build_target(plain["tracking"], "tracking")
-    tags = {**evaluate.record_names(plain), "weights": _name(config), "command": "train"}
+    labels = dataclasses.replace(evaluate.run_labels(plain), weights=_name(config))
+    tags = {**dataclasses.asdict(labels), "command": "train"}
     tracking.start(_without_password(plain), run_dir, tags, evaluate.sweep_directory())
     try:
         with _held(run_dir):
@@ -112,7 +113,7 @@ def training_maps(plain: Mapping[str, Any], worlds: list[int]) -> MapSet:
 
 def _search(config: DictConfig, plain: dict[str, Any], run_dir: Path) -> Study:
     """All trials of the study, those of an earlier run included."""
-    identity = run_directories.identity(config)
+    identity = launch_record.identity(config)
     search = build_target(plain["search"], "search")
     space = read_space(plain)
     first = own_values(plain, space) if plain["start_from_config"] else {}
@@ -239,16 +240,16 @@ def _evaluate_on(
     config = {**base, "map": maps, "weights": name, "resume": False}
     directory = run_dir / place
     directory.mkdir(exist_ok=True)
-    own = run_directories.identity(DictConfig(config))
-    fingerprint = run_directories.fingerprint([own], multirun=False)
-    run_directories.Launch("eval", fingerprint, False, [], [own]).write(directory)
-    names = {**evaluate.record_names(config), "map": place}
+    own = launch_record.identity(DictConfig(config))
+    fingerprint = launch_record.fingerprint([own], multirun=False)
+    launch_record.Launch("eval", fingerprint, False, [], [own]).write(directory)
+    labels = dataclasses.replace(evaluate.run_labels(config), map=place)
     if not all(
         key.startswith(PARAMETERS) for key in best.values
     ):  # a named pair no more: its planner has changed
-        names["system"] = f"{names['guide']}+{names['planner']}"
+        labels = dataclasses.replace(labels, system=f"{labels.guide}+{labels.planner}")
     map_set = build.map_set(config)
-    evaluate.drive(config, names, map_set, directory)
+    evaluate.drive(config, labels, map_set, directory)
     evaluate.report(map_set, directory)
 
 
@@ -269,7 +270,7 @@ def _book(tracking: Any, told: list[Trial], best: Trial, frame: pd.DataFrame, fi
 
 
 def _fingerprint(config: DictConfig) -> str:
-    return run_directories.fingerprint([run_directories.identity(config)], multirun=False)
+    return launch_record.fingerprint([launch_record.identity(config)], multirun=False)
 
 
 def _name(config: DictConfig) -> str:
@@ -298,6 +299,6 @@ def _without_password(plain: dict[str, Any]) -> dict[str, Any]:
 @contextlib.contextmanager
 def _held(run_dir: Path) -> Iterator[None]:
     """Keep other processes out. Raises InputError where one is in."""
-    with (run_dir / run_directories.LAUNCH).open("rb") as file:
+    with (run_dir / launch_record.LAUNCH).open("rb") as file:
         lock(file, run_dir)
         yield

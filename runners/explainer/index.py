@@ -9,10 +9,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
-from runners.analysis.failures import FOLDER, HEADER, INDEX, cells, episodes_told, item_of, page_path
+from runners.analysis.failures import FOLDER, HEADER, INDEX, cells, episodes_told, page_path
 from runners.analysis.summary import summarise, title
 from runners.analysis.tables import to_html
-from runners.explainer.write import fill, write_whole
+from runners.explainer.write import fill, write_html
+from runners.records.episode_record import EpisodeKey
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -30,7 +31,7 @@ def write_index(frame: pd.DataFrame, run_dir: Path) -> Path:
         + "".join(f"<td>{html.escape(cell)}</td>" for cell in cells(episode)[2:])
         + f"<td>{episode['switches']}</td></tr>"
         for _, episode in episodes_told(worst_first)
-        if page_path(run_dir, item_of(episode)).is_file()
+        if page_path(run_dir, EpisodeKey.of(episode)).is_file()
     ]
     header = "".join(f"<th>{name}</th>" for name in ("Episode", *HEADER[2:], "Switches"))
     parts = {
@@ -39,14 +40,14 @@ def write_index(frame: pd.DataFrame, run_dir: Path) -> Path:
         "RESULTS": to_html(summarise(frame)),
         "PAGES": f"<table>\n<tr>{header}</tr>\n" + "\n".join(lines) + "\n</table>",
     }
-    write_whole(place / INDEX, fill("index.html", parts))
+    write_html(place / INDEX, fill("index.html", parts))
     return place / INDEX
 
 
 def _anchor(episode: Mapping[str, Any], run_dir: Path, place: Path) -> str:
-    path = page_path(run_dir, item_of(episode))
-    name = f"world {episode['world']}, run {episode['run']}"
-    return f'<a href="{quote(os.path.relpath(path, place))}">{name}</a>'
+    key = EpisodeKey.of(episode)
+    path = page_path(run_dir, key)
+    return f'<a href="{quote(os.path.relpath(path, place))}">{key}</a>'
 
 
 def _worst_first(column: pd.Series) -> pd.Series:

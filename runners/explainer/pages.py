@@ -6,14 +6,16 @@ import hashlib
 import json
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from lme.errors import InputError
-from runners.analysis.failures import Item, folder, is_failure, page_path
+from runners.analysis.failures import folder, is_failure, page_path
 from runners.config.schema import Explain
-from runners.records import run_directories
+from runners.records import launch_record
+from runners.records.episode_record import EpisodeKey
 from runners.records.records import read_episodes, read_trajectories
 from runners.workers.executor import SerialConfig, SerialExecutor
 from runners.workers.progress import EpisodeProgress
@@ -28,9 +30,22 @@ _MARK = "<!-- episode {} -->\n"
 class Page(NamedTuple):
     """What became of a page. problem: why there is none; empty where there is one."""
 
-    item: Item
+    key: EpisodeKey
     path: Path
     problem: str
+
+
+@dataclass(frozen=True, slots=True)
+class PagePayload:
+    """What a worker needs to make pages of a run.
+
+    places: where each page goes. marks: what identifies the episode of each page. systems: as tables name them.
+    """
+
+    run_dir: Path
+    places: Mapping[EpisodeKey, Path]
+    marks: Mapping[EpisodeKey, str]
+    systems: Mapping[EpisodeKey, str]
 
 
 def as_asked(which: Explain, run_dir: Path, executor: Any) -> None:
@@ -43,7 +58,7 @@ def as_asked(which: Explain, run_dir: Path, executor: Any) -> None:
     episodes = read_episodes([run_dir])
     if which is Explain.failures:
         episodes = episodes[is_failure(episodes)]
-    places = {item: page_path(run_dir, item) for item in items(episodes)}
+    places = {key: page_path(run_dir, key) for key in keys_of(episodes)}
     pages = list(make_pages(run_dir, episodes, places, executor, keep=True))
     if any(not page.problem for page in pages) or folder(run_dir):
         index(run_dir)
@@ -56,9 +71,12 @@ def as_asked(which: Explain, run_dir: Path, executor: Any) -> None:
         )
 
 
-def items(episodes: pd.DataFrame) -> list[Item]:
-    """(world, run) of every row."""
-    return [(int(world), int(run)) for world, run in zip(episodes["world"], episodes["run"], strict=True)]
+def keys_of(episodes: pd.DataFrame) -> list[EpisodeKey]:
+    """The key of every row."""
+    return [
+        EpisodeKey(int(world), int(run))
+        for world, run in zip(episodes["world"], episodes["run"], strict=True)
+    ]
 
 
 def chosen(episodes: pd.DataFrame, words: Sequence[str]) -> pd.DataFrame:
@@ -66,19 +84,19 @@ def chosen(episodes: pd.DataFrame, words: Sequence[str]) -> pd.DataFrame:
 
     Raises InputError where there is none, and names those nearest to it.
     """
-    there, wanted = items(episodes), []
+    there, wanted = keys_of(episodes), []
     for word in words:
-        wanted += items(episodes[is_failure(episodes)]) if word == "failures" else [_item(word, there)]
+        wanted += keys_of(episodes[is_failure(episodes)]) if word == "failures" else [_key(word, there)]
     if not wanted:
         raise InputError("failures: no episode of this run failed; name one by its world")
-    by_item = episodes.set_index(["world", "run"], drop=False)
-    return by_item.loc[list(dict.fromkeys(wanted))].reset_index(drop=True)
+    by_key = episodes.set_index(["world", "run"], drop=False)
+    return by_key.loc[[(key.world, key.run) for key in dict.fromkeys(wanted)]].reset_index(drop=True)
 
 
 def make_pages(
     run_dir: Path,
     episodes: pd.DataFrame,
-    places: Mapping[Item, Path],
+    places: Mapping[EpisodeKey, Path],
     executor: Any,
     keep: bool = False,
 ) -> Iterator[Page]:
@@ -87,44 +105,40 @@ def make_pages(
     keep: leave a page of the same episode alone. More than one are made by `executor`, with a progress bar.
     """
     marks = _marks(run_dir, episodes)
-    outcomes = dict(zip(items(episodes), episodes["outcome"], strict=True))
-    kept = [item for item in places if keep and _bears(places[item], marks[item])]
-    yield from (Page(item, places[item], "") for item in kept)
-    todo = [item for item in places if item not in kept]
-    for path in {places[item].parent for item in todo}:
+    outcomes = dict(zip(keys_of(episodes), episodes["outcome"], strict=True))
+    kept = [key for key in places if keep and _bears(places[key], marks[key])]
+    yield from (Page(key, places[key], "") for key in kept)
+    todo = [key for key in places if key not in kept]
+    for path in {places[key].parent for key in todo}:
         _make_folder(path)
-    names = dict(zip(items(episodes), episodes["system"], strict=True))
-    payload = {"run_dir": run_dir, "places": dict(places), "marks": marks, "systems": names}
+    systems = dict(zip(keys_of(episodes), episodes["system"], strict=True))
+    payload = PagePayload(run_dir, dict(places), marks, systems)
     if len(todo) <= 1:
         yield from SerialExecutor(SerialConfig()).map(initialise, payload, todo)
         return
     with EpisodeProgress("Pages", len(todo)) as progress:
         for page in executor.map(initialise, payload, todo):
-            progress.add(outcomes[page.item])
+            progress.add(outcomes[page.key])
             yield page
 
 
-def initialise(payload: Mapping[str, Any]) -> Callable[[Item], Page]:
-    """What makes pages in a process.
-
-    payload: {"run_dir": the run, "places": paths by episode, "marks": what each page is known again by,
-    "systems": what tables call them}.
-    """
+def initialise(payload: PagePayload) -> Callable[[EpisodeKey], Page]:
+    """The function that makes one page, for a worker process."""
     from runners.explainer.write import write_page
     from runners.workers.trace import retell_recorded
 
-    run_dir = payload["run_dir"]
+    run_dir = payload.run_dir
     trajectories = cache(lambda: read_trajectories([run_dir]))  # once a process, when the first page asks
 
-    def make(item: Item) -> Page:
-        path = payload["places"][item]
+    def make(key: EpisodeKey) -> Page:
+        path = payload.places[key]
         try:
-            mark = _MARK.format(payload["marks"][item])
-            tale = retell_recorded(run_dir, *item, trajectories())
-            write_page(tale, path, payload["systems"][item], mark)
+            mark = _MARK.format(payload.marks[key])
+            tale = retell_recorded(run_dir, key.world, key.run, trajectories())
+            write_page(tale, path, payload.systems[key], mark)
         except (InputError, OSError) as error:
-            return Page(item, path, str(error))
-        return Page(item, path, "")
+            return Page(key, path, str(error))
+        return Page(key, path, "")
 
     return make
 
@@ -136,36 +150,34 @@ def index(run_dir: Path) -> Path:
     return write_index(read_episodes([run_dir]), run_dir)
 
 
-def _item(word: str, there: Sequence[Item]) -> Item:
+def _key(word: str, there: Sequence[EpisodeKey]) -> EpisodeKey:
     world_word, _, run_word = word.partition("/")
     if not world_word.isdigit() or not (run_word or "0").isdigit():
         raise InputError(
-            f"{word!r} is no episode: give WORLD, WORLD/RUN or failures, such as {_name(there[0])}"
+            f"{word!r} is no episode: give WORLD, WORLD/RUN or failures, such as {there[0].world}/{there[0].run}"
         )
     world, run = int(world_word), int(run_word or 0)
-    runs = sorted(number for other, number in there if other == world)
+    runs = sorted(key.run for key in there if key.world == world)
     if not runs:
-        worlds = sorted({other for other, _ in there}, key=lambda other: (abs(other - world), other))
+        worlds = sorted({key.world for key in there}, key=lambda other: (abs(other - world), other))
         nearest = ", ".join(map(str, sorted(worlds[:_NEAREST])))
         raise InputError(f"world {world} was not driven in this run: those nearest to it are {nearest}")
     if run not in runs:
         raise InputError(f"world {world} has no run {run}: it has {', '.join(map(str, runs))}")
-    return world, run
+    return EpisodeKey(world, run)
 
 
-def _name(item: Item) -> str:
-    return f"{item[0]}/{item[1]}"
-
-
-def _marks(run_dir: Path, episodes: pd.DataFrame) -> dict[Item, str]:
+def _marks(run_dir: Path, episodes: pd.DataFrame) -> dict[EpisodeKey, str]:
     """By episode, what tells it from any other: the run's config and how it ended, as a hash."""
-    launch = run_directories.read_launch(run_dir)
+    launch = launch_record.read_launch(run_dir)
     config = launch.fingerprint if launch is not None else ""
     columns = [name for name in ("steps", "path_length_m", "final_distance_m") if name in episodes]
     ends = episodes[["outcome", *columns]].itertuples(index=False)
     return {
-        item: hashlib.sha256(json.dumps([config, *item, *end], default=str).encode()).hexdigest()[:16]
-        for item, end in zip(items(episodes), ends, strict=True)
+        key: hashlib.sha256(json.dumps([config, key.world, key.run, *end], default=str).encode()).hexdigest()[
+            :16
+        ]
+        for key, end in zip(keys_of(episodes), ends, strict=True)
     }
 
 

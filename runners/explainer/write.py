@@ -5,15 +5,14 @@ from __future__ import annotations
 import base64
 import hashlib
 import html
-import os
 import re
-import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from lme.errors import InputError
 from lme.policy.reasons import reason
 from runners.explainer.encode import encode, title
+from runners.records.whole_file import write_whole
 from runners.workers.trace import Tale
 
 ASSETS = Path(__file__).parent / "assets"
@@ -38,7 +37,6 @@ SCRIPTS = (  # in this order: each may use those before it
     "keyboard.js",
     "main.js",
 )
-STALE_S = 60.0  # a draft is written in far less
 LIBRARY, LICENCE = "uplot/uPlot.iife.min.js", "uplot/LICENSE"
 
 
@@ -47,18 +45,14 @@ def write_page(tale: Tale, path: Path, system: str = "", ending: str = "") -> No
 
     system: what tables call it. ending: a line after the page.
     """
-    write_whole(path, page(tale, sentences(tale), system) + ending)
+    write_html(path, page(tale, sentences(tale), system) + ending)
 
 
-def write_whole(path: Path, text: str) -> None:
-    """Write a file that is there as a whole or not at all. Raises InputError where it cannot be written."""
-    draft = path.with_name(f".{path.name}.{os.getpid()}.new")  # others may write the same page meanwhile
+def write_html(path: Path, text: str) -> None:
+    """Write a page or an index whole. Raises InputError where the file cannot be written."""
     try:
-        _remove_stale(path)
-        draft.write_text(text, encoding="utf-8")
-        draft.replace(path)
+        write_whole(path, text)
     except OSError as error:
-        draft.unlink(missing_ok=True)
         raise InputError(f"{path}: cannot be written ({error.strerror}): choose another place") from error
 
 
@@ -87,13 +81,6 @@ def page(tale: Tale, told: Sequence[str], system: str = "") -> str:
 def fill(name: str, parts: Mapping[str, str]) -> str:
     """An asset with its parts put in wherever it has their names in double braces."""
     return re.sub(r"{{([A-Z]+)}}", lambda found: parts[found[1]], _asset(name))
-
-
-def _remove_stale(path: Path) -> None:
-    """Remove what processes that were killed left of their drafts."""
-    for draft in path.parent.glob(f".{path.name}.*.new"):
-        if time.time() - draft.stat().st_mtime > STALE_S:
-            draft.unlink(missing_ok=True)
 
 
 def _policy(style: str, script: str) -> str:

@@ -1,6 +1,6 @@
-"""The parts file: one line per finished episode, appended as it finishes.
+"""The append log of a run: one line of JSON per finished episode, appended when the episode ends.
 
-A line is complete once its end is there. Arrays are stored byte for byte, so that an episode read back is
+A line counts once its newline is on disk. Arrays are stored byte for byte, so an episode that is read back equals
 the episode that was written.
 """
 
@@ -9,73 +9,81 @@ from __future__ import annotations
 import base64
 import json
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lme.errors import InputError
+from runners.records.episode_record import EpisodeKey, EpisodeResult
 
-PARTS = "parts/episodes.jsonl"
-
-Record = Mapping[str, Any]
-Trajectory = Mapping[str, np.ndarray]
-Key = tuple[int, int]  # (world, run)
+APPEND_LOG = "parts/episodes.jsonl"
 
 
-class Episode(NamedTuple):
-    """What a worker hands back: scalars by name, and equal-length arrays by name."""
+class Entry(NamedTuple):
+    """One line, by column name. Another version of the program may have written it, with other columns.
 
-    record: dict[str, Any]
-    trajectory: dict[str, np.ndarray]
+    row: of `episodes.parquet`. trajectory: 1-D arrays of equal length.
+    """
+
+    row: dict[str, Any]
+    trajectory: dict[str, NDArray[Any]]
 
     @property
-    def key(self) -> Key:
-        return self.record["world"], self.record["run"]
+    def key(self) -> EpisodeKey:
+        """Which episode this is."""
+        return EpisodeKey.of(self.row)
 
 
-def encode(record: Record, trajectory: Trajectory) -> bytes:
-    """One line. Arrays go as [dtype, base64 of their bytes]: exact, and smaller than digits."""
+def encode(result: EpisodeResult) -> bytes:
+    """The line of an episode. An array is [dtype, base64 of its bytes]: exact, and shorter than decimal digits."""
+    from lme.episode import TRAJECTORY_COLUMNS
+
+    columns = zip(TRAJECTORY_COLUMNS, result.trajectory.T, strict=True)
     arrays = {
         name: [array.dtype.str, base64.b64encode(np.ascontiguousarray(array).tobytes()).decode()]
-        for name, array in trajectory.items()
+        for name, array in columns
     }
-    line = json.dumps({"record": dict(record), "trajectory": arrays}, default=lambda scalar: scalar.item())
-    return line.encode() + b"\n"
+    entry = {"record": result.record.columns(), "trajectory": arrays}
+    return json.dumps(entry, default=lambda scalar: scalar.item()).encode() + b"\n"
 
 
-def read_parts(path: Path) -> Iterator[Episode]:
-    """Episodes of a parts file, the first of each key; a last line without its end is not there yet."""
+def read_log(path: Path) -> Iterator[Entry]:
+    """Entries of an append log, the first of each key. A last line without a newline is left out.
+
+    Raises InputError for a line that is not an episode.
+    """
     if not path.is_file():
         return
-    seen: set[Key] = set()
+    seen: set[EpisodeKey] = set()
     with path.open("rb") as lines:
         for number, line in enumerate(lines, start=1):
             if not line.endswith(b"\n"):
                 return
-            episode = _decode(line, path, number)
-            if episode.key not in seen:
-                seen.add(episode.key)
-                yield episode
+            entry = _decode(line, path, number)
+            if entry.key not in seen:
+                seen.add(entry.key)
+                yield entry
 
 
-def _decode(line: bytes, path: Path, number: int) -> Episode:
+def _decode(line: bytes, path: Path, number: int) -> Entry:
     try:
         fields = json.loads(line)
         arrays = {
             name: np.frombuffer(base64.b64decode(data), dtype=np.dtype(kind))
             for name, (kind, data) in fields["trajectory"].items()
         }
-        episode = Episode(fields["record"], arrays)
-        _ = episode.key
+        entry = Entry(fields["record"], arrays)
+        _ = entry.key
     except (ValueError, TypeError, KeyError, AttributeError):
         raise InputError(f"{path} line {number} is not an episode record: remove that line") from None
-    return episode
+    return entry
 
 
 def cut_torn_line(path: Path) -> None:
-    """A run killed in the middle of a line left its beginning; what comes next must not be glued to it."""
+    """Remove a last line without a newline, which a killed run left; the next line would be joined to it."""
     if path.is_file():
         content = path.read_bytes()
         whole = content.rfind(b"\n") + 1
@@ -84,10 +92,13 @@ def cut_torn_line(path: Path) -> None:
 
 
 def lock(file: Any, run_dir: Path) -> None:
-    """Two processes that resume the same run would cut each other's lines. The lock dies with its process."""
+    """Lock an open file, so that only one process writes the run. The lock ends with the process.
+
+    Raises InputError, naming `run_dir`, where another process holds the lock.
+    """
     try:
         import fcntl
-    except ImportError:  # no such locks on Windows
+    except ImportError:  # Windows has no such locks
         return
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -1,4 +1,4 @@
-"""Versions that a result may depend on."""
+"""Versions of Python and of packages, on which a result may depend."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from importlib.metadata import PackageNotFoundError, version
 
 
 def versions(*packages: str) -> dict[str, str]:
-    """Python's version, and of each of the packages that is installed, by name."""
+    """The version of Python and of each package that is installed, by name."""
     found = {"python": platform.python_version()}
     for package in packages:
         with suppress(PackageNotFoundError):

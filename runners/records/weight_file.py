@@ -1,4 +1,4 @@
-"""The result of training as a YAML that `lme eval weights=…` and the library load."""
+"""The weight file of a training: a YAML file that `lme eval weights=…` and the library load."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from lme.resources import resource_dir
 from runners.config.space import PARAMETERS
 from runners.config.weights import REGISTERED, WEIGHTS
 from runners.records.versions import versions
+from runners.records.whole_file import write_whole
 
 _PACKAGES = ("lme", "numpy", "numba", "optuna")
 
@@ -28,14 +29,14 @@ def write_weights(
 ) -> Path:
     """Write `weights.yaml` into `run_dir`, and as outputs/weights/NAME.yaml where a guide can load it.
 
-    config: plain. values: the best trial's, by dotted config key. about: what else is to be told. use: the
-    command that drives with them. Returns the path of the first.
+    config: plain. values: those of the best trial, by dotted config key. about: further entries of the file.
+    use: the command that drives with the weights. Returns the path of the first file. Raises OSError.
     """
     parameters = best_parameters(config, values)
     content = {
         "name": name,
         "parameters": parameters,
-        **_elsewhere(values),
+        **_settings(values),
         "robot": config["robot"]["name"],
         **about,
         "seed": config["seed"],
@@ -44,16 +45,14 @@ def write_weights(
     text = f"# Written by lme train; use with: {use}\n{yaml.safe_dump(content, sort_keys=False, allow_unicode=True)}"
     for path in (run_dir / WEIGHTS, *([REGISTERED / f"{name}.yaml"] if parameters else [])):
         path.parent.mkdir(parents=True, exist_ok=True)
-        draft = path.with_name(f".{path.name}.new")
-        draft.write_text(text, encoding="utf-8")
-        draft.replace(path)
+        write_whole(path, text)
     return run_dir / WEIGHTS
 
 
 def usage(config: Mapping[str, Any], values: Mapping[str, float], pair: Mapping[str, str], name: str) -> str:
-    """The command that drives with what was found. pair: the options of guide and planner."""
+    """The command that drives with the values found. pair: the options of guide and planner."""
     words = [f"weights={name}"] if best_parameters(config, values) else []
-    others = _elsewhere(values).get("settings", {})
+    others = _settings(values).get("settings", {})
     if others:
         words += [f"{group}={option}" for group, option in pair.items()]
         words += [f"{key}={value!r}" for key, value in others.items()]
@@ -61,7 +60,7 @@ def usage(config: Mapping[str, Any], values: Mapping[str, float], pair: Mapping[
 
 
 def best_parameters(config: Mapping[str, Any], values: Mapping[str, float]) -> dict[str, float]:
-    """The guide's parameters with those found in their place; {} for a guide without parameters."""
+    """The guide's parameters, replaced by the values found; {} for a guide without parameters."""
     found = {
         key.removeprefix(PARAMETERS): value for key, value in values.items() if key.startswith(PARAMETERS)
     }
@@ -70,7 +69,7 @@ def best_parameters(config: Mapping[str, Any], values: Mapping[str, float]) -> d
 
 
 def check_name(name: str, study: str) -> None:
-    """Raise InputError unless weights of the study with this fingerprint may be registered under `name`."""
+    """Raise InputError unless `name` is free, or holds weights of the same study. study: a fingerprint."""
     if not name or Path(name).name != name or name.startswith("."):
         raise InputError(f"name is {name!r}: must be a plain file name without .yaml")
     if (resource_dir("conf") / "weight_set" / f"{name}.yaml").is_file():
@@ -83,7 +82,7 @@ def check_name(name: str, study: str) -> None:
         raise InputError(f"name is {name!r}: {path} holds the weights of another study; choose another name")
 
 
-def _elsewhere(values: Mapping[str, float]) -> dict[str, Any]:
-    """Values found for keys that are no parameters of the guide."""
+def _settings(values: Mapping[str, float]) -> dict[str, Any]:
+    """The entry `settings`: values found for keys that are not parameters of the guide."""
     others = {key: value for key, value in values.items() if not key.startswith(PARAMETERS)}
     return {"settings": others} if others else {}

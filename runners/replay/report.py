@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lme.types import Floats
+from runners.records.whole_file import replacing, write_whole
 from runners.replay.driver import Log
 from runners.replay.recording import SECOND
 
@@ -109,10 +110,10 @@ def write(frame: pd.DataFrame, found: Mapping[str, float], run_dir: Path) -> lis
     import json
 
     table, numbers = run_dir / TABLE, run_dir / FIGURES
-    frame.to_parquet(table, index=False)
-    numbers.write_text(
-        json.dumps({k: v if math.isfinite(v) else None for k, v in found.items()}, indent=1) + "\n"
-    )
+    with replacing(table) as draft:
+        frame.to_parquet(draft, index=False)
+    finite = {key: value if math.isfinite(value) else None for key, value in found.items()}
+    write_whole(numbers, json.dumps(finite, indent=1) + "\n")
     return [table, numbers]
 
 

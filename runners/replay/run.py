@@ -79,7 +79,11 @@ def replay(config: DictConfig, run_dir: Path) -> None:
 
 
 def _replay(
-    bag: Bag, plain: Mapping[str, Any], episode: simulated.Episode | None, run_dir: Path, stack: ExitStack
+    bag: Bag,
+    plain: Mapping[str, Any],
+    episode: simulated.SimulatedEpisode | None,
+    run_dir: Path,
+    stack: ExitStack,
 ) -> tuple[dict[str, float], list[Path]]:
     """Figures and files."""
     from runners.replay import figures
@@ -120,7 +124,7 @@ def _replay(
 
 
 def _recording(
-    bag: Bag, plain: Mapping[str, Any], episode: simulated.Episode | None
+    bag: Bag, plain: Mapping[str, Any], episode: simulated.SimulatedEpisode | None
 ) -> tuple[Recording, _Part]:
     asked = simulated.GOAL if episode is not None and plain["goal"] is None else topic_of(plain["goal"])
     topics = choose(bag, filled(TopicsConfig, plain["topics"], "topics"), asked)
@@ -146,7 +150,7 @@ def _warm_up(driver: Driver, recording: Recording, part: _Part) -> None:
             return
 
 
-def _as_recorded(plain: dict[str, Any], episode: simulated.Episode | None) -> dict[str, Any]:
+def _as_recorded(plain: dict[str, Any], episode: simulated.SimulatedEpisode | None) -> dict[str, Any]:
     """The config with the system that drove in the recording, where it says so."""
     if episode is None:
         return plain
@@ -165,7 +169,7 @@ def _as_recorded(plain: dict[str, Any], episode: simulated.Episode | None) -> di
 def _tell(
     recording: Recording,
     eyes: Eyes,
-    episode: simulated.Episode | None,
+    episode: simulated.SimulatedEpisode | None,
     found: Mapping[str, float],
     run_dir: Path,
 ) -> None:

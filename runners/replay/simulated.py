@@ -1,4 +1,4 @@
-"""Recordings that `lme eval record=mcap` wrote: they say who drove, and how the dice fell."""
+"""Recordings that `lme eval record=mcap` wrote. They name the system that drove and the seed."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ GOAL = "/goal"
 GROUPS = ("robot", "guide", "planner")
 
 
-class Episode(NamedTuple):
-    """The episode that was recorded. config: of the evaluation, plain."""
+class SimulatedEpisode(NamedTuple):
+    """The simulated episode that a recording holds. config: of the evaluation, plain."""
 
     seed: int
     world: int
@@ -38,14 +38,15 @@ class Episode(NamedTuple):
             navigator.read_map(task.world, task.start)
 
 
-def episode_of(bag: Bag) -> Episode | None:
+def episode_of(bag: Bag) -> SimulatedEpisode | None:
     """Which episode the recording is of; None for one of a real robot. Raises InputError where it is garbled."""
     if not any(topic.name == TOPIC and TYPE in topic.types for topic in bag.topics()):
         return None
     text = next((message.content.data for message in bag.messages([TOPIC])), "")
     try:
         told = json.loads(text)
-        episode = Episode(int(told["seed"]), int(told["world"]), int(told["run"]), told["config"])
+        seed, world, run = (int(told[name]) for name in ("seed", "world", "run"))
+        episode = SimulatedEpisode(seed, world, run, told["config"])
         if not all(isinstance(episode.config[group], dict) for group in GROUPS):
             raise TypeError
     except (ValueError, TypeError, KeyError) as error:

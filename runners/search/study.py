@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from lme.errors import InputError
 from runners.config.space import Space
-from runners.records import run_directories
+from runners.records import launch_record
 from runners.search.samplers import Search, per_trial
 from runners.workers.trials import Score
 
@@ -166,17 +166,17 @@ def open_study(
     optuna.logging.set_verbosity(optuna.logging.ERROR)
     searched = {key: value for key, value in identity.items() if key not in _NOT_SEARCHED}
     backend, flush = _journal(run_dir / JOURNAL) if storage is None else (open_storage(storage), _nothing)
-    name = name or f"lme-{run_directories.fingerprint([searched], multirun=False)[:8]}"
+    name = name or f"lme-{launch_record.fingerprint([searched], multirun=False)[:8]}"
     study = _created(backend, name, per_trial(search.sampler, identity["seed"]), storage)
     owner = "" if storage is None else f"{socket.gethostname()}:{run_dir.resolve()}"
     if first and not study.get_trials(deepcopy=False):
         study.enqueue_trial(dict(first))
     opened = Study(study, space, owner, flush)
-    found = list(run_directories.changes(opened.settle(IDENTITY, searched), searched))
+    found = list(launch_record.differences(opened.settle(IDENTITY, searched), searched))
     if found:
         place = run_dir / JOURNAL if storage is None else f"study {name} in {masked(storage)}"
         raise InputError(
-            f"{place}: is of another search ({run_directories.shortened(found)}): "
+            f"{place}: is of another search ({launch_record.shortened(found)}): "
             "choose another study=NAME or directory"
         )
     return opened

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from lme.errors import InputError
 from runners.config.flatten import flatten
+from runners.records.whole_file import write_whole
 
 if TYPE_CHECKING:
     from mlflow import MlflowClient
@@ -113,7 +114,7 @@ def run_of(directory: Path, client: MlflowClient, experiment: str, tags: Mapping
     texts = {name: str(value)[:TAG_LENGTH] for name, value in tags.items()}
     run_id = str(client.create_run(experiment, tags=texts, run_name=_run_name(directory)).info.run_id)
     directory.mkdir(parents=True, exist_ok=True)
-    note.write_text(json.dumps({"experiment": experiment, "run": run_id}) + "\n")
+    write_whole(note, json.dumps({"experiment": experiment, "run": run_id}) + "\n")
     return run_id
 
 

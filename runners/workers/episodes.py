@@ -1,19 +1,18 @@
-"""One episode from a config, as a record: what worker processes do."""
+"""Drive one episode of a config and make its record. Worker processes run this."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from time import perf_counter
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lme import metrics
-from lme.episode import TRAJECTORY_COLUMNS, Episode, Observer, run_episode
+from lme.episode import Episode, Observer, run_episode
 from lme.navigator import Navigator
 from lme.robots import Robot
 from lme.sim.simulator import Simulator
@@ -21,18 +20,30 @@ from lme.types import Outcome
 from lme.worlds.check import check_task
 from lme.worlds.world import Task
 from runners.config import build
+from runners.records.episode_record import EpisodeKey, EpisodeRecord, EpisodeResult, RunLabels
 from runners.workers.recorder import Recorder, recording_path
 
-Item = tuple[int, int]  # (world, run)
-Result = tuple[dict[str, Any], dict[str, NDArray[Any]]]
+
+@dataclass(frozen=True, slots=True)
+class Recordings:
+    """Where recordings are written. config: what decides the results of the run; it is stored in each recording."""
+
+    folder: Path
+    config: Mapping[str, Any]
 
 
-def initialise(payload: Mapping[str, Any]) -> Callable[[Item], Result]:
-    """Build everything once per process.
+@dataclass(frozen=True, slots=True)
+class EpisodePayload:
+    """What a worker needs to drive the episodes of a run. config: plain. recordings: None to write none."""
 
-    payload: {"config": plain config, "names": record columns, "recordings": None, or as _recorder takes it}.
-    """
-    config, names = payload["config"], payload["names"]
+    config: Mapping[str, Any]
+    labels: RunLabels
+    recordings: Recordings | None
+
+
+def initialise(payload: EpisodePayload) -> Callable[[EpisodeKey], EpisodeResult]:
+    """Build everything once per process; the function that drives one episode. Raises InputError."""
+    config, seed = payload.config, payload.config["seed"]
     robot = build.robot(config)
     maps = build.map_set(config)
     navigator = build.navigator(config, robot)
@@ -40,69 +51,71 @@ def initialise(payload: Mapping[str, Any]) -> Callable[[Item], Result]:
 
     _warm_up(replace(maps.task(maps.numbers[0]), time_limit=2 * robot.dt), navigator, simulator)
 
-    def run(item: Item) -> Result:
-        world, run_number = item
+    def run(key: EpisodeKey) -> EpisodeResult:
         began = perf_counter()
-        task = maps.task(world)
+        task = maps.task(key.world)
         check_task(task, robot)
-        rng = episode_rng(config["seed"], world, run_number)
-        with _recorder(payload["recordings"], config["seed"], item, robot) as observer:
+        rng = episode_rng(seed, key.world, key.run)
+        with _recorder(payload.recordings, seed, key, robot) as observer:
             episode = run_episode(task, navigator, simulator, rng, observer)
-        record = {**names, "world": world, "run": run_number, "seed": config["seed"]}
-        record |= _measure(task, episode)
-        record["wall_s"] = perf_counter() - began
-        columns = zip(TRAJECTORY_COLUMNS, episode.trajectory.T, strict=True)
-        return record, {name: np.ascontiguousarray(values) for name, values in columns}
+        record = _record(payload.labels, key, seed, task, episode, perf_counter() - began)
+        return EpisodeResult(record, episode.trajectory)
 
     return run
 
 
 def episode_rng(seed: int, world: int, run: int) -> np.random.Generator:
-    """The one source of an episode's randomness; `run_episode` spawns the navigator's stream from it first."""
+    """The only source of randomness of an episode. `run_episode` spawns the navigator's stream from it first."""
     return np.random.default_rng(np.random.SeedSequence([seed, world, run]))
 
 
 def _recorder(
-    recordings: Mapping[str, Any] | None, seed: int, item: Item, robot: Robot
+    recordings: Recordings | None, seed: int, key: EpisodeKey, robot: Robot
 ) -> AbstractContextManager[Observer | None]:
-    """Who writes the episode's recording: nobody, or into {"folder": path, "config": what /lme tells of it}."""
+    """What records the episode, if recordings are written."""
     if recordings is None:
         return nullcontext()
-    world, run = item
-    about = {"seed": seed, "world": world, "run": run, "config": recordings["config"]}
-    return Recorder(recording_path(Path(recordings["folder"]), world, run), about, robot)
+    about = {"seed": seed, "world": key.world, "run": key.run, "config": recordings.config}
+    return Recorder(recording_path(recordings.folder, key), about, robot)
 
 
 def _warm_up(task: Task, navigator: Navigator, simulator: Simulator) -> None:
-    """A short episode that nobody counts: first decisions load compiled code, and would spoil the timings."""
+    """Drive a short episode that is not recorded: the first decisions load compiled code, which takes time."""
     run_episode(task, navigator, simulator, np.random.default_rng(0))
 
 
-def _measure(task: Task, episode: Episode) -> dict[str, Any]:
-    """The figures of one episode; units in the names."""
-    decision_us = episode.decision_us if episode.steps else np.array([np.nan])  # it began at its end
+def _record(
+    labels: RunLabels, key: EpisodeKey, seed: int, task: Task, episode: Episode, wall_s: float
+) -> EpisodeRecord:
+    # An episode that starts at the goal has no decisions.
+    decision_us = episode.decision_us if episode.steps else np.array([np.nan])
     success = episode.outcome is Outcome.SUCCESS
     shortest = task.shortest_path_length
-    measures = {
-        "outcome": str(episode.outcome),
-        "time_s": episode.time,
-        "optimal_time_s": task.optimal_time,
-        "barn_metric": metrics.barn_metric(success, episode.time, task.optimal_time),
-        "path_length_m": episode.path_length,
-        "shortest_path_length_m": shortest,
-        "spl": metrics.spl(success, shortest, episode.path_length),
-        "steps": episode.steps,
-        "switches": episode.switches,
-        "no_free_candidate": episode.no_free_candidate,
-        "min_clearance_m": episode.min_clearance,
-        "final_distance_m": episode.final_distance,
-        "goal_tolerance_m": task.goal_tolerance,
-        "start_x_m": task.start.x,
-        "start_y_m": task.start.y,
-        "start_yaw_rad": task.start.yaw,
-        "goal_x_m": float(task.goal[0]),
-        "goal_y_m": float(task.goal[1]),
-        "decision_us_p50": float(np.percentile(decision_us, 50)),
-        "decision_us_p99": float(np.percentile(decision_us, 99)),
-    }
-    return measures | {f"world_{name}": value for name, value in task.measures.items()}
+    return EpisodeRecord(
+        **asdict(labels),
+        world=key.world,
+        run=key.run,
+        seed=seed,
+        outcome=str(episode.outcome),
+        time_s=episode.time,
+        optimal_time_s=task.optimal_time,
+        barn_metric=metrics.barn_metric(success, episode.time, task.optimal_time),
+        path_length_m=episode.path_length,
+        shortest_path_length_m=shortest,
+        spl=metrics.spl(success, shortest, episode.path_length),
+        steps=episode.steps,
+        switches=episode.switches,
+        no_free_candidate=episode.no_free_candidate,
+        min_clearance_m=episode.min_clearance,
+        final_distance_m=episode.final_distance,
+        start_x_m=task.start.x,
+        start_y_m=task.start.y,
+        start_yaw_rad=task.start.yaw,
+        goal_x_m=float(task.goal[0]),
+        goal_y_m=float(task.goal[1]),
+        goal_tolerance_m=task.goal_tolerance,
+        decision_us_p50=float(np.percentile(decision_us, 50)),
+        decision_us_p99=float(np.percentile(decision_us, 99)),
+        wall_s=wall_s,
+        world_measures=task.measures,
+    )

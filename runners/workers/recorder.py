@@ -1,7 +1,7 @@
-"""A simulated episode as a ROS 2 recording: an MCAP file that Foxglove, RViz and `lme replay` open.
+"""Records a simulated episode as ROS 2 messages in an MCAP file, which Foxglove, RViz and `lme replay` open.
 
-The messages are encoded by rosbags (extra `replay`). What a message cannot hold exactly, such as the bearings
-of the beams, which ROS keeps in float32, stands in the JSON text on /lme.
+The package rosbags (extra `replay`) encodes the messages. The topic /lme carries, as JSON text, the values that no
+other message holds exactly; for example, ROS stores the bearings of the beams as float32.
 """
 
 from __future__ import annotations
@@ -22,10 +22,11 @@ from lme.errors import InputError
 from lme.robots import Robot
 from lme.sim.simulator import State
 from lme.types import Guidance, LaserScan, Observation, Pose, Twist
+from runners.records.episode_record import EpisodeKey
 from runners.records.versions import versions
 
 FOLDER = "recordings"  # within a run's directory
-TOPICS = {  # their message types, in the order of writing within a control period
+TOPICS = {  # message types; the topics stand in the order in which a control period writes them
     "/lme": "std_msgs/msg/String",
     "/tf_static": "tf2_msgs/msg/TFMessage",
     "/tf": "tf2_msgs/msg/TFMessage",
@@ -35,15 +36,15 @@ TOPICS = {  # their message types, in the order of writing within a control peri
     "/subgoal": "geometry_msgs/msg/PointStamped",
     "/cmd_vel": "geometry_msgs/msg/Twist",
 }
-LATCHED = ("/lme", "/tf_static")  # written once, and kept for whoever listens later
+LATCHED = ("/lme", "/tf_static")  # written once; late subscribers receive them as well
 ODOM, BASE, LASER = "odom", "base_link", "laser"
 
-_ROSBAG2_VERSION: Final = 8  # 9 has QoS profiles in words, which Humble cannot read (ros2/rosbag2#1476)
+_ROSBAG2_VERSION: Final = 8  # 9 stores QoS profiles as words, which Humble cannot read (ros2/rosbag2#1476)
 _SECOND = 1_000_000_000
 
 
 def check_installed() -> None:
-    """Raise InputError where rosbags, which writes the files, is missing."""
+    """Raise InputError unless rosbags is installed, which writes the files."""
     try:
         import rosbags.rosbag2
         import rosbags.typesys  # noqa: F401
@@ -51,17 +52,17 @@ def check_installed() -> None:
         raise InputError("record=mcap needs the package rosbags: pip install 'lme[replay]'") from error
 
 
-def recording_path(folder: Path, world: int, run: int) -> Path:
+def recording_path(folder: Path, key: EpisodeKey) -> Path:
     """The file of one episode."""
-    return folder / f"world-{world}-run-{run}.mcap"
+    return folder / f"world-{key.world}-run-{key.run}.mcap"
 
 
 class Recorder:
-    """Writes what the policy saw and did, while it drives; an `lme.episode.Observer`.
+    """Writes what the policy receives and decides while it drives; an `lme.episode.Observer`.
 
-    Use as a context manager around one episode. The file takes its name once it is whole, in place of an older
-    one; of an episode that failed, nothing stays. about: what /lme holds besides the beams' bearings, fit for
-    JSON. Raises InputError where the file cannot be written.
+    Use as a context manager around one episode. The file gets its name, and replaces an older one, when it is
+    complete. If an exception ends the episode, no file is left. about: JSON values that /lme holds besides the
+    bearings of the beams. Raises InputError where the file cannot be written.
     """
 
     def __init__(self, path: Path, about: Mapping[str, Any], robot: Robot) -> None:
@@ -78,7 +79,7 @@ class Recorder:
         self._messages = _Messages()
         self._begun = False
         try:
-            shutil.rmtree(self._partial, ignore_errors=True)  # of a run that was killed
+            shutil.rmtree(self._partial, ignore_errors=True)  # a killed run may have left it
             self._writer = Writer(self._bag, version=_ROSBAG2_VERSION, storage_plugin=StoragePlugin.MCAP)
             self._writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
             self._writer.open()
@@ -100,7 +101,7 @@ class Recorder:
             shutil.rmtree(self._partial, ignore_errors=True)
 
     def decided(self, observation: Observation, guidance: Guidance, command: Twist, state: State) -> None:
-        """Write a control period: what was seen, and what came of it."""
+        """Write a control period: the observation, the subgoal and the command."""
         now = self._now(state)
         if not self._begun:
             self._begin(observation.scan, now)
@@ -113,7 +114,7 @@ class Recorder:
         self._write("/cmd_vel", make.twist(command), now)
 
     def ended(self, observation: Observation, state: State) -> None:
-        """Write where the robot came to rest; no decision follows, hence no scan."""
+        """Write the final pose. No decision follows it, so there is no scan."""
         self._write_pose(observation, self._now(state))
 
     def _begin(self, scan: LaserScan, now: int) -> None:
@@ -162,7 +163,7 @@ class _Messages:
     def scan(self, now: int, scan: LaserScan, period: float) -> Any:
         ranges = np.ascontiguousarray(scan.ranges, dtype=np.float32)
         angle_max = scan.angle_min + (len(ranges) - 1) * scan.angle_increment
-        times = 0.0, period  # all beams at once, one sweep a control period
+        times = 0.0, period  # no time between beams; one sweep per control period
         return self._make(
             TOPICS["/scan"],
             self._header(now, LASER),
@@ -214,16 +215,16 @@ class _Messages:
 
 @cache
 def _store() -> Any:
-    """Message types of ROS 2 Humble. One per process: it compiles an encoder for every type that it meets."""
+    """Message types of ROS 2 Humble. One store per process, because it compiles an encoder for every type used."""
     from rosbags.typesys import Stores, get_typestore
 
     return get_typestore(Stores.ROS2_HUMBLE)
 
 
 def half_angle(yaw: float) -> tuple[float, float]:
-    """(z, w) of the quaternion for a yaw in [−π, π] [rad], such that 2·atan2(z, w) is that very number.
+    """(z, w) of the quaternion of a yaw in [−π, π] [rad], such that 2·atan2(z, w) equals the yaw exactly.
 
-    Sine and cosine, each rounded up or down where rounding to nearest would cost the last bit.
+    z and w are sine and cosine of half the yaw, rounded up or down where rounding to nearest loses the last bit.
     """
     z, w = math.sin(yaw / 2), math.cos(yaw / 2)
     near = product(_and_neighbours(z), _and_neighbours(w))

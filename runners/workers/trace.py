@@ -22,7 +22,7 @@ from lme.sim.simulator import Simulator, State
 from lme.types import Floats, Guidance, Guide, Observation, Pose, Twist
 from lme.worlds.world import Task
 from runners.config import build
-from runners.records import run_directories
+from runners.records import launch_record
 from runners.workers.episodes import episode_rng
 
 if TYPE_CHECKING:
@@ -99,11 +99,9 @@ def retell_recorded(run_dir: Path, world: int, run: int, trajectories: pd.DataFr
     Raises InputError where the run has no such episode, no config, or where another version of the program
     drove it otherwise.
     """
-    launch = run_directories.read_launch(run_dir)
+    launch = launch_record.read_launch(run_dir)
     if launch is None:
-        raise InputError(
-            f"{run_dir}: holds no {run_directories.LAUNCH}, so its episodes cannot be told again"
-        )
+        raise InputError(f"{run_dir}: holds no {launch_record.LAUNCH}, so its episodes cannot be told again")
     steps = trajectories[(trajectories["world"] == world) & (trajectories["run"] == run)]
     if steps.empty:
         raise InputError(

@@ -1,4 +1,4 @@
-"""The episodes of a trial: what worker processes do while a search runs."""
+"""Drive the episodes of a trial and score them. Worker processes run this during a search."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Attempt(NamedTuple):
 
 
 class Score(NamedTuple):
-    """How an attempt ended. reward: paper eq. 1."""
+    """The result of an attempt. reward: paper eq. 1."""
 
     trial: int
     world: int
@@ -39,7 +39,10 @@ class Score(NamedTuple):
 
 
 def initialise(config: Mapping[str, Any]) -> Callable[[Attempt], Score]:
-    """Build everything once per process. config: plain, with `map` holding the training configurations."""
+    """Build everything once per process; the function that runs one attempt.
+
+    config: plain; its `map` holds the training configurations. Raises InputError.
+    """
     robot = build.robot(config)
     maps = build.map_set(config)
     simulator = build.simulator(config, robot)
@@ -47,13 +50,13 @@ def initialise(config: Mapping[str, Any]) -> Callable[[Attempt], Score]:
     for task in tasks.values():
         check_task(task, robot)
 
-    @lru_cache(maxsize=2)  # a trial's episodes follow one another
+    @lru_cache(maxsize=2)  # the episodes of a trial come one after the other
     def navigator(values: tuple[tuple[str, float], ...]) -> Navigator:
         return build.navigator(with_values(config, dict(values)), robot)
 
     def run(attempt: Attempt) -> Score:
         task = tasks[attempt.world]
-        # The same draws for every trial: what differs between two rewards is the parameters.
+        # Every trial gets the same random numbers, so two rewards differ by the parameters alone.
         rng = np.random.default_rng(np.random.SeedSequence([config["seed"], attempt.world, 0]))
         episode = run_episode(task, navigator(attempt.values), simulator, rng)
         reward = episode_reward(config, task, str(episode.outcome), episode.steps)
@@ -63,7 +66,7 @@ def initialise(config: Mapping[str, Any]) -> Callable[[Attempt], Score]:
 
 
 def episode_reward(config: Mapping[str, Any], task: Task, outcome: str, steps: int) -> float:
-    """Reward of an episode of `steps` control periods under a plain training config."""
+    """Reward of an episode that took `steps` control periods. config: plain, of a training."""
     terms = config["reward"]
     max_steps = terms["max_steps"] or round(task.time_limit * config["robot"]["control_rate"])
     return metrics.reward(outcome, steps, max_steps, terms["crash"], terms["timeout"])

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     import pandas as pd
 
+    from runners.records.episode_record import EpisodeKey
     from runners.workers.trace import Moment
 
 EXAMPLES = (
@@ -63,8 +64,8 @@ def _parser() -> argparse.ArgumentParser:
 def _one_run(path: Path) -> Path:
     """The run directory. Raises InputError for one that holds several, and names them."""
     from lme.errors import InputError
+    from runners.records.launch_record import read_launch
     from runners.records.records import find_runs
-    from runners.records.run_directories import read_launch
 
     runs = find_runs([path])
     if runs == [path]:
@@ -113,7 +114,7 @@ def _draw(run_dir: Path, words: Sequence[str], output: Path | None) -> None:
     from runners.workers.executor import ProcessConfig, ProcessExecutor, WorkerDiedError
 
     episodes = pages.chosen(read_episodes([run_dir]), words)
-    places = _places(run_dir, pages.items(episodes), output)
+    places = _places(run_dir, pages.keys_of(episodes), output)
     executor = ProcessExecutor(ProcessConfig())
     try:
         results = sorted(pages.make_pages(run_dir, episodes, places, executor))
@@ -129,20 +130,18 @@ def _draw(run_dir: Path, words: Sequence[str], output: Path | None) -> None:
         raise InputError(problems[0])
 
 
-def _places(
-    run_dir: Path, items: Sequence[tuple[int, int]], output: Path | None
-) -> dict[tuple[int, int], Path]:
+def _places(run_dir: Path, keys: Sequence[EpisodeKey], output: Path | None) -> dict[EpisodeKey, Path]:
     """Where the page of each episode goes. Raises InputError where one file is to hold several."""
     from lme.errors import InputError
     from runners.analysis.failures import page_path
 
     if output is None:
-        return {item: page_path(run_dir, item) for item in items}
+        return {key: page_path(run_dir, key) for key in keys}
     if output.suffix != ".html" or output.is_dir():
-        return {item: output / page_path(run_dir, item).name for item in items}
-    if len(items) > 1:
-        raise InputError(f"--output {output}: one file cannot hold {len(items)} pages; give a folder")
-    return dict.fromkeys(items, output)
+        return {key: output / page_path(run_dir, key).name for key in keys}
+    if len(keys) > 1:
+        raise InputError(f"--output {output}: one file cannot hold {len(keys)} pages; give a folder")
+    return dict.fromkeys(keys, output)
 
 
 def _book(run_dir: Path, files: Sequence[Path]) -> None:
@@ -160,16 +159,16 @@ def _book(run_dir: Path, files: Sequence[Path]) -> None:
 
 def _tell(run_dir: Path, words: Sequence[str]) -> None:
     """Print the reason of every decision, those alike in one line."""
-    from runners.explainer.pages import chosen, items
+    from runners.explainer.pages import chosen, keys_of
     from runners.records.records import read_episodes, read_trajectories
     from runners.workers.trace import retell_recorded
 
     trajectories = read_trajectories([run_dir])
 
-    for number, (world, run) in enumerate(items(chosen(read_episodes([run_dir]), words))):
-        tale = retell_recorded(run_dir, world, run, trajectories)
+    for number, key in enumerate(keys_of(chosen(read_episodes([run_dir]), words))):
+        tale = retell_recorded(run_dir, key.world, key.run, trajectories)
         end = f"{tale.episode.outcome} after {tale.episode.time:.1f} s"
-        lines = [f"World {world}, run {run}: {end}, {len(tale.moments)} decisions", *_sentences(tale.moments)]
+        lines = [f"{str(key).capitalize()}: {end}, {len(tale.moments)} decisions", *_sentences(tale.moments)]
         print("\n" * (number > 0) + "\n".join(lines))
 
 

@@ -48,7 +48,7 @@ def _parser() -> argparse.ArgumentParser:
 
 def _order(runs: list[Path]) -> list[str]:
     """The rows that a sweep's config asks for."""
-    from runners.records.run_directories import read_launch
+    from runners.records.launch_record import read_launch
 
     launch = read_launch(runs[0])
     return list(launch.configs[0].get("table", [])) if launch is not None else []
@@ -85,8 +85,8 @@ def _draw(frame: pd.DataFrame, run: Path) -> None:
     """The picture needs the worlds, which the run's config describes; a folder without one gets none."""
     from runners.config import build
     from runners.figures.reports.paths import sample_worlds, trajectories_figure
+    from runners.records.launch_record import read_launch
     from runners.records.records import read_trajectories
-    from runners.records.run_directories import read_launch
 
     launch = read_launch(run)
     if launch is not None:

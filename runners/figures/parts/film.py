@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lme.errors import InputError
+from runners.records.whole_file import replacing
 
 if TYPE_CHECKING:
     from PIL import Image
@@ -30,15 +31,11 @@ def write_film(pictures: Iterable[Picture], path: Path, fps: float, sample: Sequ
 
     sample: some of them, that a GIF's colours are chosen from. Raises InputError where ffmpeg is missing or fails.
     """
-    draft = path.with_name(f"unfinished_{path.name}")
-    try:
+    with replacing(path) as draft:
         if path.suffix == f".{GIF}":
             _write_gif(pictures, draft, fps, sample)
         else:
             _write_mp4(pictures, draft, fps)
-        draft.replace(path)
-    finally:
-        draft.unlink(missing_ok=True)
 
 
 def find_ffmpeg() -> str:

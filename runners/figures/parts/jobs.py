@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 from lme.errors import InputError
 from lme.worlds.world import MapSet
 from runners.config import build
-from runners.records import run_directories
+from runners.records import launch_record
 from runners.records.records import find_runs, read_episodes, read_trajectories
 from runners.workers.trace import Tale, retell_recorded
 
@@ -79,7 +79,7 @@ def read_jobs(runs: Sequence[Path]) -> list[Job]:
 
 def jobs_of(frame: pd.DataFrame, run_dirs: Sequence[Path]) -> list[Job]:
     """The jobs among records that are read already; a folder that tells of no config is left out."""
-    launches = [(run_dir, run_directories.read_launch(run_dir)) for run_dir in run_dirs]
+    launches = [(run_dir, launch_record.read_launch(run_dir)) for run_dir in run_dirs]
     records = {run_dir: frame[frame["run_dir"] == str(run_dir)] for run_dir in run_dirs}
     return [
         Job(run_dir, launch.configs[0], records[run_dir])

@@ -10,6 +10,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from runners.records.whole_file import replacing
+
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
@@ -61,7 +63,8 @@ def save(figure: Figure, stem: Path, formats: Sequence[str] = ("png",)) -> list[
     paths = [stem.with_name(f"{stem.name}.{ending}") for ending in formats]
     with rc_context(_PRINT):
         for path, ending in zip(paths, formats, strict=True):
-            figure.savefig(path, metadata=_NO_DATES[ending])
+            with replacing(path) as draft:
+                figure.savefig(draft, metadata=_NO_DATES[ending])
     return paths
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from lme.types import Floats
 from runners.config.space import Space
 from runners.figures.parts.style import INK, new_figure, save
+from runners.records.whole_file import replacing
 from runners.search.study import Trial
 
 if TYPE_CHECKING:
@@ -29,7 +30,7 @@ WIDTH_IN = 7.0
 def write_trials(told: Sequence[Trial], run_dir: Path) -> Path:
     """`trials.csv`: one row per trial: reward, values, and outcome and steps on each configuration."""
     path = run_dir / TRIALS
-    with path.open("w", encoding="utf-8", newline="") as file:
+    with replacing(path) as draft, draft.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         worlds = [score.world for score in told[0].scores]
         ends = [f"{name}_{world}" for world in worlds for name in ("outcome", "steps", "reward")]

@@ -15,7 +15,7 @@ import pytest
 from lme.errors import InputError
 from runners.cli.launch import Command, launch
 from runners.config import overrides
-from runners.records import run_directories
+from runners.records import launch_record
 from tests.places import ROOT
 
 
@@ -60,7 +60,7 @@ def test_a_run_has_its_own_named_directory(probe):
     (config, run_dir) = probe.runs[0]
     assert config.seed == 3
     assert run_dir.parent == Path("outputs/eval")
-    record = run_directories.read_launch(run_dir)
+    record = launch_record.read_launch(run_dir)
     assert run_dir.name.endswith(f"-{record.fingerprint[:8]}")
     assert record.configs[0]["seed"] == 3
     assert (run_dir / ".hydra" / "config.yaml").is_file()
@@ -142,8 +142,8 @@ def test_a_system_is_its_pair(probe):
     assert config.system["label"] == "LME"
     probe.launch("guide=lme", "planner=simple")
     assert (
-        run_directories.read_launch(with_system).fingerprint
-        == run_directories.read_launch(probe.directory).fingerprint
+        launch_record.read_launch(with_system).fingerprint
+        == launch_record.read_launch(probe.directory).fingerprint
     )
 
 

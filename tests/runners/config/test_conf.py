@@ -12,7 +12,7 @@ from runners.cli.main import command_files
 from runners.config import catalogue, schema
 from runners.config.composer import Composer, without_hydra
 from runners.config.instantiate import configured
-from runners.records import run_directories
+from runners.records import launch_record
 
 CONF = resource_dir("conf")
 CATALOGUE = catalogue.shipped()
@@ -44,7 +44,7 @@ def _fields(config_class, prefix=""):
 def test_every_option_composes(composer, group, option):
     config = without_hydra(composer.compose([f"{group}={option}"]))
     assert not OmegaConf.missing_keys(config)
-    assert run_directories.identity(config)
+    assert launch_record.identity(config)
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ import pytest
 from runners.config import schema
 from runners.config.composer import Composer
 from runners.explainer.write import write_page
-from runners.records.run_directories import identity
+from runners.records.launch_record import identity
 from runners.workers.trace import retell
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")

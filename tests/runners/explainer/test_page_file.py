@@ -6,7 +6,6 @@ import dataclasses
 import gzip
 import html
 import json
-import os
 
 import numpy as np
 import pytest
@@ -95,16 +94,9 @@ def test_names_are_text_and_nothing_else(tale):
     assert text.count("<script") == 2
 
 
-def test_a_file_is_there_as_a_whole_and_leftovers_go(tmp_path):
-    old, young = tmp_path / ".page.html.1.new", tmp_path / ".page.html.2.new"
-    for draft in (old, young):
-        draft.write_text("torn")
-    os.utime(old, (0.0, 0.0))  # its writer was killed; the other one may be at work
-    write.write_whole(tmp_path / "page.html", "whole")
-    assert (tmp_path / "page.html").read_text() == "whole"
-    assert sorted(tmp_path.iterdir()) == [young, tmp_path / "page.html"]
+def test_a_page_that_cannot_be_written_is_named(tmp_path):
     with pytest.raises(InputError, match=r"new/page\.html: cannot be written"):  # not the draft's name
-        write.write_whole(tmp_path / "new" / "page.html", "whole")
+        write.write_html(tmp_path / "new" / "page.html", "whole")
 
 
 def test_the_episode_lasts_as_its_record_says(tale):

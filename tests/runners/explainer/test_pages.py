@@ -5,20 +5,22 @@ import shutil
 
 import pytest
 
+from lme.episode import TRAJECTORY_COLUMNS
 from lme.errors import InputError
 from lme.policy.reasons import reason
 from runners.analysis.failures import failed_section, folder
 from runners.cli.main import main
 from runners.config.schema import Explain
 from runners.explainer import pages, write
-from runners.records import run_directories
+from runners.records import launch_record
+from runners.records.episode_record import COLUMNS, EpisodeKey, EpisodeRecord, EpisodeResult
 from runners.records.records import RecordWriter, read_episodes, read_trajectories
 from runners.workers.executor import SerialConfig, SerialExecutor
 from runners.workers.trace import retell
 
 # In eight seconds world 230 is driven and world 218 is not.
 WORDS = ["eval", "map.worlds=[218,230]", "map.time_limit=8", "runs=1", "executor=serial", "tracking=none"]
-FAILED, ARRIVED = (218, 0), (230, 0)
+FAILED, ARRIVED = EpisodeKey(218, 0), EpisodeKey(230, 0)
 
 
 @pytest.fixture(scope="module")
@@ -41,7 +43,7 @@ def drawn(monkeypatch):
     made = []
 
     def write_page(tale, path, system, ending):
-        made.append((tale.world, tale.run))
+        made.append(EpisodeKey(tale.world, tale.run))
         path.write_text(f"<!doctype html>{system}\n{ending}")
 
     monkeypatch.setattr(write, "write_page", write_page)
@@ -163,7 +165,7 @@ def test_table_rebuilds_the_links_of_the_pages_that_are_there(run, capsys):
 def test_a_sweeps_table_leads_into_its_jobs(driven, tmp_path):
     for number in "01":
         job = shutil.copytree(driven, tmp_path / number)
-        launch = run_directories.read_launch(job)
+        launch = launch_record.read_launch(job)
         launch.overrides = ["runs=1", f"ablation={'none' if number == '0' else 'no_c_o'}"]
         launch.write(job)
     (tmp_path / "1" / "explain" / "218-0.html").unlink()
@@ -264,12 +266,13 @@ def test_a_run_of_another_version_is_refused_by_the_command(run, drawn, capsys):
 
 
 def test_an_unfinished_run(driven, tmp_path, drawn):
-    record = read_episodes([driven]).drop(columns="run_dir").iloc[0].to_dict()
+    row = read_episodes([driven]).iloc[0]
     steps = read_trajectories([driven])
-    steps = steps[steps["world"] == 218].drop(columns=["run_dir", "world", "run", "step"])
+    trajectory = steps[steps["world"] == row["world"]][list(TRAJECTORY_COLUMNS)].to_numpy()
+    record = EpisodeRecord(**row[list(COLUMNS)])
     with RecordWriter(tmp_path) as writer:
-        writer.append(record, {name: column.to_numpy() for name, column in steps.items()})
-    run_directories.read_launch(driven).write(tmp_path)
+        writer.append(EpisodeResult(record, trajectory))
+    launch_record.read_launch(driven).write(tmp_path)
     assert main(["explain", str(tmp_path), "failures"]) == 0
     assert drawn == [FAILED]
 
@@ -291,7 +294,7 @@ def test_a_guide_without_reasons_has_pages_but_no_sentences(tmp_path, capsys):
 
 @pytest.mark.parametrize("world", [218, 230])
 def test_every_decision_of_a_real_drive_has_its_own_reason(driven, world):
-    tale = retell(run_directories.read_launch(driven).configs[0], world, 0)
+    tale = retell(launch_record.read_launch(driven).configs[0], world, 0)
     before, texts = None, []
     for moment in tale.moments:
         texts.append(reason(moment.explanation, before))

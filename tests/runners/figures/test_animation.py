@@ -8,8 +8,8 @@ from PIL import Image
 from runners.cli.main import main
 from runners.figures.parts import animation
 from runners.figures.parts.animation import animate
+from runners.records.launch_record import read_launch
 from runners.records.records import read_episodes, read_trajectories
-from runners.records.run_directories import read_launch
 
 WORDS = ["robot=turtlebot2", "runs=1", "executor=serial", "tracking=none", "map.time_limit=4"]
 

@@ -4,6 +4,7 @@ import json
 import math
 import re
 import sys
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
@@ -22,8 +23,9 @@ from runners.config import build, schema
 from runners.config.composer import Composer, without_hydra
 from runners.config.schema import Record
 from runners.experiments import evaluate
-from runners.records import run_directories
-from runners.workers.episodes import episode_rng, initialise
+from runners.records import launch_record, run_directories
+from runners.records.episode_record import EpisodeKey, RunLabels
+from runners.workers.episodes import EpisodePayload, Recordings, episode_rng, initialise
 from runners.workers.recorder import TOPICS, Recorder, half_angle, recording_path
 from tests.builders import CLUTTER, navigator, stage, task
 from tests.places import ROOT
@@ -34,6 +36,7 @@ pytest.importorskip("rosbags")
 WORLD, RUN, SEED = 3, 1, 7
 SMALL = ("map=traps", f"map.worlds=[{WORLD}]", f"seed={SEED}", "record=mcap")
 MOUNTED = ("robot.lidar.x=0.1", "robot.lidar.y=-0.05", "robot.lidar.yaw=0.3", "robot.lidar.noise_std=0.01")
+LABELS = RunLabels(**dict.fromkeys((field.name for field in fields(RunLabels)), ""))
 ROUNDED = "ignore:robot.collision_radius:UserWarning"  # go2's own
 PAIRS = {
     "lme": ("robot=stage", *MOUNTED),
@@ -65,8 +68,9 @@ def composed(*words):
 def record(folder, *words):
     """The path of a recording, the config, and what a witness of the same episode saw."""
     plain = composed(*words)
-    recordings = {"folder": str(folder), "config": run_directories.identity(DictConfig(plain))}
-    initialise({"config": plain, "names": {}, "recordings": recordings})((WORLD, RUN))
+    recordings = Recordings(folder, launch_record.identity(DictConfig(plain)))
+    key = EpisodeKey(WORLD, RUN)
+    initialise(EpisodePayload(plain, LABELS, recordings))(key)
     robot, witness = build.robot(plain), Witness()
     run_episode(
         build.map_set(plain).task(WORLD),
@@ -75,7 +79,7 @@ def record(folder, *words):
         episode_rng(SEED, WORLD, RUN),
         witness,
     )
-    return recording_path(folder, WORLD, RUN), plain, witness
+    return recording_path(folder, key), plain, witness
 
 
 def read(path):
@@ -186,7 +190,7 @@ def test_the_file_says_what_was_driven(recorded):
     about = json.loads(topics["/lme"][0][1].data)
     assert (about["seed"], about["world"], about["run"]) == (SEED, WORLD, RUN)
     assert about["scan"] == {k: v for k, v in witness.ticks[0][0].scan._asdict().items() if k != "ranges"}
-    assert about["config"] == run_directories.identity(DictConfig(plain))
+    assert about["config"] == launch_record.identity(DictConfig(plain))
     assert build.robot(about["config"]) == build.robot(plain)
     assert about["version"]
 
@@ -305,8 +309,8 @@ def test_every_episode_has_its_file_and_a_resumed_run_keeps_those_there_are(plac
     words = ("map.worlds=[0,1]", "runs=2", "record=mcap")
     append = evaluate.RecordWriter.append
 
-    def stop_after_three(self, record, trajectory):
-        append(self, record, trajectory)
+    def stop_after_three(self, result):
+        append(self, result)
         if len(self.done()) == 3:
             raise KeyboardInterrupt
 

@@ -1,31 +1,25 @@
 """`lme table` rebuilds from records what a run wrote, without simulating."""
 
+import numpy as np
 import pytest
 
+from lme.episode import TRAJECTORY_COLUMNS
 from lme.errors import InputError
 from runners.cli.commands import table
+from runners.records.episode_record import EpisodeResult
+from runners.records.launch_record import Launch
 from runners.records.records import RecordWriter
-from runners.records.run_directories import Launch
-from tests.runners.figures.test_paths import run_of
+from tests.builders import episode_record
 
 
 def write_run(run_dir, subset="hard100", worlds=(200, 201), config=None, **columns):
     """Records of a run whose world 201 was a collision."""
-    _, steps = run_of(["success"])
-    trajectory = {name: steps[name].to_numpy() for name in ("x_m", "y_m")}
+    trajectory = np.random.default_rng(0).normal(size=(20, len(TRAJECTORY_COLUMNS)))
     with RecordWriter(run_dir) as writer:
         for world in worlds:
             outcome = "collision" if world == 201 else "success"
-            record = {
-                "system": "LME",
-                "map": "barn",
-                "robot": "jackal",
-                "subset": subset,
-                "world": world,
-                "run": 0,
-                **columns,
-            }
-            writer.append({**record, "outcome": outcome, "time_s": 9.0, "spl": 0.7}, trajectory)
+            record = episode_record(world, outcome=outcome, subset=subset, **columns)
+            writer.append(EpisodeResult(record, trajectory))
         writer.merge()
     if config is not None:
         Launch("eval", "0", False, [], [config]).write(run_dir)
@@ -42,9 +36,10 @@ def test_one_run_is_printed_and_its_files_written_anew(tmp_path, capsys):
 
 
 @pytest.mark.parametrize("style", ["rich", "csv", "tex"])
-def test_every_format_of_an_unfinished_run_without_a_config(tmp_path, capsys, style):
+def test_every_format_of_an_unfinished_run_without_a_config(tmp_path, capsys, style, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "200")
     with RecordWriter(tmp_path) as writer:
-        writer.append({"system": "LME", "world": 200, "run": 0, "outcome": "success"}, {})
+        writer.append(EpisodeResult(episode_record(200), np.empty((0, len(TRAJECTORY_COLUMNS)))))
     assert table.main([str(tmp_path), "--format", style]) == 0
     assert "LME (ours)" in capsys.readouterr().out
     assert not (tmp_path / "trajectories.png").exists()

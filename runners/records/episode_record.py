@@ -1,0 +1,96 @@
+"""The record of one episode. The fields are the columns of `episodes.parquet`, in the order of the file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from typing import Any, Self
+
+from lme.types import Floats
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class EpisodeKey:
+    """An episode of a run: the number of its world, and its number among the episodes in that world."""
+
+    world: int
+    run: int
+
+    def __str__(self) -> str:
+        return f"world {self.world}, run {self.run}"
+
+    @classmethod
+    def of(cls, row: Mapping[str, Any]) -> Self:
+        """The key of a row of `episodes.parquet` or `trajectories.parquet`."""
+        return cls(int(row["world"]), int(row["run"]))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunLabels:
+    """The columns that name what was run. All episodes of a run have the same."""
+
+    system: str
+    guide: str
+    planner: str
+    global_map: str
+    ablation: str
+    weights: str
+    robot: str
+    map: str
+    subset: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EpisodeRecord(RunLabels):
+    """One row of `episodes.parquet`. `docs/records.md` explains each column.
+
+    world_measures: the map set's measures of the world; each is a column `world_NAME`.
+    """
+
+    world: int
+    run: int
+    seed: int
+    outcome: str
+    time_s: float
+    optimal_time_s: float
+    barn_metric: float
+    path_length_m: float
+    shortest_path_length_m: float
+    spl: float
+    steps: int
+    switches: int
+    no_free_candidate: int
+    min_clearance_m: float
+    final_distance_m: float
+    start_x_m: float
+    start_y_m: float
+    start_yaw_rad: float
+    goal_x_m: float
+    goal_y_m: float
+    goal_tolerance_m: float
+    decision_us_p50: float
+    decision_us_p99: float
+    wall_s: float
+    world_measures: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def key(self) -> EpisodeKey:
+        """Which episode this is."""
+        return EpisodeKey(self.world, self.run)
+
+    def columns(self) -> dict[str, Any]:
+        """The row by column name."""
+        row = {name: getattr(self, name) for name in COLUMNS}
+        return row | {f"world_{name}": value for name, value in self.world_measures.items()}
+
+
+@dataclass(frozen=True, slots=True)
+class EpisodeResult:
+    """What a worker returns for one episode. trajectory: (T, 10), see `lme.episode.Episode`."""
+
+    record: EpisodeRecord
+    trajectory: Floats
+
+
+KEY_COLUMNS = tuple(column.name for column in fields(EpisodeKey))
+COLUMNS = tuple(column.name for column in fields(EpisodeRecord) if column.name != "world_measures")

@@ -1,0 +1,162 @@
+"""How a run was started: `launch.json`, in every directory of a run or of a sweep.
+
+Two runs have the same fingerprint if their configs differ only in keys that cannot change a result.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from lme.errors import InputError
+from runners.config import catalogue
+from runners.config.flatten import flatten
+from runners.config.instantiate import filled
+from runners.config.job import Job
+from runners.config.schema import RecordedConfig, SystemConfig
+from runners.records.whole_file import write_whole
+
+LAUNCH = "launch.json"
+# Keys that cannot change a result.
+NO_RESULTS = ("resume", "executor", "tracking", "system", "record", "explain")
+_SHOWN = 3  # differing keys that a message names at most
+
+
+@dataclass(slots=True)
+class Launch:
+    """How a run was started.
+
+    configs: the part of the config that decides results; one for a run, one per job for a sweep. choices: the
+    option of every config group. changes: keys that have other values than their options' files. Both are in the
+    order of configs. config_dir: of the user's own options. job: its number within a sweep.
+    """
+
+    command: str
+    fingerprint: str
+    multirun: bool
+    overrides: list[str]
+    configs: list[dict[str, Any]]
+    choices: list[dict[str, str]] = field(default_factory=list)
+    changes: list[dict[str, Any]] = field(default_factory=list)
+    config_dir: str | None = None
+    config_name: str | None = None
+    job: int | None = None
+
+    @property
+    def config(self) -> RecordedConfig:
+        """The config of the run, or of the first job. Raises InputError where it is not complete."""
+        names = [field.name for field in dataclasses.fields(RecordedConfig)]
+        values = {name: self.configs[0][name] for name in names if name in self.configs[0]}
+        config: RecordedConfig = filled(RecordedConfig, values, LAUNCH)
+        return config
+
+    @property
+    def folders(self) -> tuple[Path, ...]:
+        """The config folders, the shipped one first."""
+        return catalogue.shipped(*([Path(self.config_dir)] if self.config_dir else [])).folders
+
+    def write(self, directory: Path) -> None:
+        """Write `launch.json` whole. Raises InputError where the directory cannot be written."""
+        text = json.dumps(dataclasses.asdict(self), indent=1, sort_keys=True)
+        try:
+            write_whole(directory / LAUNCH, text + "\n")
+        except OSError as error:
+            raise unwritable(directory, error) from error
+
+
+def read_launch(directory: Path) -> Launch | None:
+    """The launch of a run directory; None where it holds no readable one."""
+    try:
+        return Launch(**json.loads((directory / LAUNCH).read_text(encoding="utf-8")))
+    except (OSError, ValueError, TypeError):
+        return None
+
+
+def launch_of(
+    command: str,
+    jobs: Sequence[Job[SystemConfig]],
+    overrides: list[str],
+    multirun: bool,
+    config_name: str | None,
+) -> Launch:
+    """The launch of a run, or of a sweep's jobs. overrides: those that decide results."""
+    configs = [identity(job.config) for job in jobs]
+    own = jobs[0].folders[1:]
+    return Launch(
+        command=command,
+        fingerprint=fingerprint(configs, multirun),
+        multirun=multirun,
+        overrides=overrides,
+        configs=configs,
+        choices=[dict(job.choices) for job in jobs],
+        changes=[_canonical(dict(job.changes)) for job in jobs],
+        config_dir=str(own[0]) if own else None,
+        config_name=config_name,
+    )
+
+
+def jobs_of_sweep(sweep_dir: Path) -> list[Path]:
+    """The directories of a sweep's jobs in the order of the jobs."""
+    places = [path.parent for path in sweep_dir.rglob(LAUNCH)]
+    found = [(read_launch(place), place) for place in places]
+    jobs = {record.job: path for record, path in found if record is not None and record.job is not None}
+    return [jobs[number] for number in sorted(jobs)]
+
+
+def identity(config: SystemConfig) -> dict[str, Any]:
+    """What decides the results of a config, as plain JSON values."""
+    return {
+        key: _canonical(value) for key, value in dataclasses.asdict(config).items() if key not in NO_RESULTS
+    }
+
+
+def fingerprint(configs: Sequence[Mapping[str, Any]], multirun: bool) -> str:
+    """SHA-256 of the identity of a run, or of the identities of a sweep's jobs in order."""
+    value = list(configs) if multirun else configs[0]
+    return hashlib.sha256(json.dumps(value, sort_keys=True).encode()).hexdigest()
+
+
+def differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterator[str]:
+    """ "key: old there, new now" for every key in which two identities differ."""
+    before, after = dict(flatten(old)), dict(flatten(new))
+    for key in sorted(before.keys() | after.keys()):
+        if before.get(key) != after.get(key):
+            yield f"{key}: {before.get(key, 'absent')} there, {after.get(key, 'absent')} now"
+
+
+def shortened(found: Sequence[str]) -> str:
+    """The first changes, and the number of the others."""
+    more = f" and {len(found) - _SHOWN} more" if len(found) > _SHOWN else ""
+    return f"{'; '.join(found[:_SHOWN])}{more}"
+
+
+def common(configs: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Dotted keys and values that all identities have in common."""
+    first, *others = (dict(flatten(config)) for config in configs)
+    return {key: value for key, value in first.items() if all(other.get(key) == value for other in others)}
+
+
+def unwritable(directory: Path, error: OSError) -> InputError:
+    return InputError(
+        f"output directory {directory}: cannot be written ({error.strerror}): "
+        "choose another with hydra.run.dir=PATH"
+    )
+
+
+def _canonical(value: Any) -> Any:
+    """Equal values in the same form, fit for JSON: 4.0 becomes 4, and infinity becomes text."""
+    if isinstance(value, dict):
+        return {str(key): _canonical(child) for key, child in value.items()}
+    if isinstance(value, list | tuple):
+        return [_canonical(child) for child in value]
+    if isinstance(value, float):
+        if not math.isfinite(value):
+            return str(value)
+        return int(value) if value.is_integer() else value
+    return value

@@ -1,0 +1,47 @@
+"""Write a file whole: a reader finds the old file or the new one, never a part of it."""
+
+from __future__ import annotations
+
+import contextlib
+import glob
+import os
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+STALE_S = 60.0  # a draft that nobody has written to for so long belongs to a process that was killed
+
+
+@contextlib.contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """Give the path of a draft to write. When the `with` ends, the draft takes the place of `path`.
+
+    The draft has the suffix of `path` and lies beside it. If an exception ends the `with`, the draft is removed
+    and `path` stays as it was. An OSError that concerns the draft names `path` instead.
+    """
+    # The process id is part of the name because two processes may write the same file at the same time.
+    draft = path.with_name(f".{path.name}.{os.getpid()}.new{path.suffix}")
+    _remove_stale_drafts(path)
+    try:
+        yield draft
+        draft.replace(path)
+    except OSError as error:
+        if str(error.filename or draft) == str(draft):
+            error.filename, error.filename2 = str(path), None
+        raise
+    finally:
+        with contextlib.suppress(OSError):
+            draft.unlink()
+
+
+def write_whole(path: Path, text: str) -> None:
+    """Write a text file whole, in UTF-8. Raises OSError."""
+    with replacing(path) as draft:
+        draft.write_text(text, encoding="utf-8")
+
+
+def _remove_stale_drafts(path: Path) -> None:
+    for draft in path.parent.glob(f".{glob.escape(path.name)}.*.new{glob.escape(path.suffix)}"):
+        with contextlib.suppress(OSError):  # another process may have removed it
+            if time.time() - draft.stat().st_mtime > STALE_S:
+                draft.unlink()
