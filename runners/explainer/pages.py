@@ -111,7 +111,7 @@ def initialise(payload: Mapping[str, Any]) -> Callable[[Item], Page]:
     "systems": what tables call them}.
     """
     from runners.explainer.write import write_page
-    from runners.workers.trace import retell_recorded
+    from runners.workers.trace import rerun_recorded
 
     run_dir = payload["run_dir"]
     trajectories = cache(lambda: read_trajectories([run_dir]))  # once a process, when the first page asks
@@ -120,8 +120,8 @@ def initialise(payload: Mapping[str, Any]) -> Callable[[Item], Page]:
         path = payload["places"][item]
         try:
             mark = _MARK.format(payload["marks"][item])
-            tale = retell_recorded(run_dir, *item, trajectories())
-            write_page(tale, path, payload["systems"][item], mark)
+            trace = rerun_recorded(run_dir, *item, trajectories())
+            write_page(trace, path, payload["systems"][item], mark)
         except (InputError, OSError) as error:
             return Page(item, path, str(error))
         return Page(item, path, "")
