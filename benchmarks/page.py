@@ -20,7 +20,7 @@ from runners.config import schema
 from runners.config.composer import Composer
 from runners.explainer.write import write_page
 from runners.records.launch_record import identity
-from runners.workers.trace import Tale, retell
+from runners.workers.trace import Trace, rerun
 
 WANTED_PER_S, WANTED_MB = 30, 5.0
 EPISODE = ("map.worlds=[250]", "map.time_limit=30")  # of hard100; LME does not arrive within that time
@@ -63,10 +63,10 @@ def report() -> Iterator[str]:
     yield f"Wanted: {WANTED_PER_S} steps per second while scrubbing, less than {WANTED_MB:g} MB.\n"
     with tempfile.TemporaryDirectory() as folder, sync_playwright() as driver:
         path = Path(folder) / "page.html"
-        tale = _episode()
-        write_page(tale, path)
-        candidates = sum(len(m.explanation.scores) for m in tale.moments if m.explanation) / len(tale.moments)
-        yield f"{len(tale.moments)} steps, {candidates:.0f} candidates each: {path.stat().st_size / 1e6:.2f} MB.\n"
+        trace = _episode()
+        write_page(trace, path)
+        candidates = sum(len(m.explanation.scores) for m in trace.steps if m.explanation) / len(trace.steps)
+        yield f"{len(trace.steps)} steps, {candidates:.0f} candidates each: {path.stat().st_size / 1e6:.2f} MB.\n"
         browser = driver.chromium.launch(executable_path=_program(), args=ARGUMENTS)
         yield "| window | view | steps/s | frame p50 [ms] | p99 [ms] | all steps decided again [ms] |"
         yield "|---|---|---:|---:|---:|---:|"
@@ -94,10 +94,10 @@ def _rows(browser: Any, path: Path, name: str, width: int, height: int, ratio: i
     context.close()
 
 
-def _episode() -> Tale:
+def _episode() -> Trace:
     schema.register()
     with Composer("eval") as composer:
-        return retell(identity(composer.compose(list(EPISODE))), 250, 0)
+        return rerun(identity(composer.compose(list(EPISODE))), 250, 0)
 
 
 def _program() -> str:

@@ -8,6 +8,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 
 from lme.errors import InputError
+from lme.policy.explanation import Explanation
 from lme.types import Guidance, Guide, Observation, Planner, Pose, Twist
 from lme.worlds.world import World
 
@@ -18,6 +19,14 @@ class MapReader(Protocol):
 
     def read_map(self, world: World, start: Pose) -> None:
         """The world, and where the episode starts in it; called after `reset`."""
+
+
+@runtime_checkable
+class Explainable(Protocol):
+    """A guide that can explain its last decision, as LME can."""
+
+    def explanation(self) -> Explanation | None:
+        """Everything behind the last decision; None before the first. Changes nothing."""
 
 
 class Navigator:
@@ -39,6 +48,10 @@ class Navigator:
         """Give the true map to a guide that takes one."""
         if isinstance(self.guide, MapReader):
             self.guide.read_map(world, start)
+
+    def explanation(self) -> Explanation | None:
+        """Everything behind the guide's last decision; None where it has made none, or cannot explain it."""
+        return self.guide.explanation() if isinstance(self.guide, Explainable) else None
 
     def act(self, observation: Observation) -> Twist:
         """Velocity command for one control period. Raises InputError for one that is no pair of finite numbers."""

@@ -132,6 +132,12 @@ def escaper(parameters=PUBLISHED, robot=None, seed=0, **settings):
     return made
 
 
+def explained(made, view):
+    """The explanation of an escaper's decision on an observation."""
+    made.decide(view)
+    return made.explanation()
+
+
 def inject(monkeypatch, *draws):
     """Let these (N, 2) candidates be drawn one after the other."""
     left = [np.array(draw, dtype=float) for draw in draws]

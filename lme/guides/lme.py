@@ -11,6 +11,7 @@ import numpy as np
 from lme.errors import InputError
 from lme.policy.criteria import Criterion
 from lme.policy.escaper import PAPER_CRITERIA, EscaperConfig, LocalMinimumEscaper
+from lme.policy.explanation import Explanation
 from lme.robots import Robot
 from lme.types import Guidance, Observation
 
@@ -41,6 +42,10 @@ class Lme:
         """The subgoal of Algorithm 1."""
         decision = self.escaper.decide(observation)
         return Guidance(decision.subgoal, None, decision.choice.switched, decision.blocked)
+
+    def explanation(self) -> Explanation | None:
+        """Everything behind the last decision; None before the first."""
+        return self.escaper.explanation()
 
 
 def _load(paths: Mapping[str, str]) -> dict[str, Criterion]:

@@ -2,28 +2,27 @@
 
 from __future__ import annotations
 
-import copy
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import NamedTuple, Self
+from typing import Self
 
 import numpy as np
 
 from lme.errors import InputError
 from lme.kernels.fan import fan_blocked
-from lme.kernels.sectors import cluster
 from lme.policy import criteria as paper
 from lme.policy.candidates import CandidateConfig, sample
 from lme.policy.criteria import ORIGIN, Criterion, View
+from lme.policy.explanation import Decision, Explanation, Step, explain
 from lme.policy.maintenance import Choice, History, choose, update_position
 from lme.policy.score import CRITERIA, Parameters, score
 from lme.policy.surmount import RULES, find_blockage
 from lme.policy.weights import read_parameters
 from lme.robots import Robot, require
 from lme.sensing.scan_points import is_full_circle, obstacle_points
-from lme.types import Floats, Ints, Observation, Twist
+from lme.types import Floats, Observation, Twist
 
 PAPER_CRITERIA: Mapping[str, Criterion] = {name: getattr(paper, name) for name in CRITERIA}
 
@@ -42,53 +41,6 @@ class EscaperConfig:
             raise InputError(f"guide.blocking is {self.blocking!r}: must be one of {', '.join(RULES)}")
         require("guide.history_length", self.history_length, at_least=1)
         require("guide.history_min_distance", self.history_min_distance, at_least=0.0)
-
-
-class Decision(NamedTuple):
-    """One step of Algorithm 1.
-
-    subgoal: (2,) in the robot frame [m]. blocked: no candidate is reachable, the best of them stands.
-    """
-
-    subgoal: Floats
-    choice: Choice
-    blocked: bool
-
-
-class Explanation(NamedTuple):
-    """Everything behind one decision; N candidates, C criteria, M scan points, K sectors.
-
-    candidates: (N, 2). features: (C, N), rows named by `names`. scores: (N,). new: index of the best.
-    old, old_features, old_score: the old subgoal where it lies now (2,), its (C,) features and its score;
-    None at the first step. view: what the criteria saw. sectors: (K, 2) first and last scan point of each;
-    closed: one ring all round. E1, E2, A, B are in `view.blockage`. parameters: weights in the order of `names`.
-    """
-
-    decision: Decision
-    names: tuple[str, ...]
-    candidates: Floats
-    features: Floats
-    scores: Floats
-    new: int
-    old: Floats | None
-    old_features: Floats | None
-    old_score: float | None
-    view: View
-    sectors: Ints
-    closed: bool
-    parameters: Parameters
-
-
-class _Step(NamedTuple):
-    """The pool is the candidates followed, from index `old` on, by the old subgoal where there is one."""
-
-    decision: Decision
-    view: View
-    pool: Floats
-    features: Floats
-    scores: Floats
-    new: int
-    old: int | None
 
 
 class LocalMinimumEscaper:
@@ -129,38 +81,18 @@ class LocalMinimumEscaper:
         )
         self._subgoal: Floats | None = None
         self._twist: Twist | None = None
+        self._last: Step | None = None
 
     def decide(self, observation: Observation) -> Decision:
         """Advance one control period and return the subgoal."""
-        return self._step(observation).decision
+        self._last = self._step(observation)
+        return self._last.decision
 
-    def explain(self, observation: Observation) -> Explanation:
-        """What `decide` would do with this observation now, and all that leads to it. Changes nothing."""
-        before = self._rng, self._history, self._subgoal, self._twist
-        self._rng, self._history = copy.deepcopy(before[:2])
-        try:
-            step = self._step(observation)
-        finally:
-            self._rng, self._history, self._subgoal, self._twist = before
-        has_old = step.old is not None
-        sectors, closed = cluster(step.view.points, 2.0 * step.view.radius, is_full_circle(observation.scan))
-        return Explanation(
-            decision=step.decision,
-            names=self._names,
-            candidates=step.pool[: step.old],
-            features=step.features[:, : step.old],
-            scores=step.scores[: step.old],
-            new=step.new,
-            old=step.pool[-1] if has_old else None,
-            old_features=step.features[:, -1] if has_old else None,
-            old_score=float(step.scores[-1]) if has_old else None,
-            view=step.view,
-            sectors=sectors,
-            closed=closed,
-            parameters=self._parameters,
-        )
+    def explanation(self) -> Explanation | None:
+        """Everything behind the last decision; None before the first."""
+        return None if self._last is None else explain(self._last)
 
-    def _step(self, observation: Observation) -> _Step:
+    def _step(self, observation: Observation) -> Step:
         """Algorithm 1: generate, score, keep or switch."""
         self._advance(observation.twist)
         view = self._look(observation)
@@ -175,10 +107,12 @@ class LocalMinimumEscaper:
         new = int(np.argmax(scores[:old]))
         choice = self._choose(scores, new)
         if choice is not Choice.KEPT:
-            self._subgoal = pool[new]
+            self._subgoal = pool[new].copy()  # whoever is given the pool may write to it
         assert self._subgoal is not None
         blocked = not features[self._reachable, :old].any()
-        return _Step(Decision(self._subgoal.copy(), choice, blocked), view, pool, features, scores, new, old)
+        decision = Decision(self._subgoal.copy(), choice, blocked)
+        names, parameters = self._names, self._parameters
+        return Step(decision, names, parameters, observation.scan, view, pool, features, scores, new, old)
 
     def _advance(self, twist: Twist) -> None:
         """Carry history and old subgoal from the last robot frame into the present one."""

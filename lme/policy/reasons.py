@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lme.policy.escaper import Explanation
+from lme.policy.explanation import Explanation
 from lme.policy.maintenance import Choice
 from lme.types import Floats
 

@@ -13,50 +13,51 @@ from typing import Any
 import numpy as np
 
 from lme.geometry.frames import to_world
-from lme.policy.escaper import PAPER_CRITERIA, Explanation
+from lme.policy.escaper import PAPER_CRITERIA
+from lme.policy.explanation import Explanation
 from lme.policy.maintenance import Choice
 from lme.sensing.scan_points import obstacle_points
 from lme.types import Floats
 from runners.explainer.packer import Packer
-from runners.workers.trace import Tale
+from runners.workers.trace import Trace
 
 CELL_M = 0.05  # side of a cell of the world as seen so far
 CHOICES = tuple(Choice)
 NONE = np.full(2, np.nan)
 
 
-def encode(tale: Tale, sentences: Sequence[str], system: str = "") -> str:
+def encode(trace: Trace, sentences: Sequence[str], system: str = "") -> str:
     """An episode, and the sentence of each of its decisions, as base64 text. system: what tables call it."""
     packer = Packer()
-    _drive(packer, tale)
-    _scans(packer, tale)
-    _world(packer, tale)
-    reasons = [moment.explanation for moment in tale.moments if moment.explanation is not None]
-    _plans(packer, tale)
+    _drive(packer, trace)
+    _scans(packer, trace)
+    _world(packer, trace)
+    reasons = [step.explanation for step in trace.steps if step.explanation is not None]
+    _plans(packer, trace)
     if reasons:
         _decisions(packer, reasons)
         _candidates(packer, reasons)
         _obstacles(packer, reasons)
-    header = _header(tale, system) | (_policy(reasons[0], sentences) if reasons else {"explained": False})
+    header = _header(trace, system) | (_policy(reasons[0], sentences) if reasons else {"explained": False})
     return packer.text(header)
 
 
-def title(tale: Tale) -> str:
+def title(trace: Trace) -> str:
     """What the episode is called."""
-    return f"{tale.task.map_name} {tale.world}, run {tale.run}"
+    return f"{trace.task.map_name} {trace.world}, run {trace.run}"
 
 
-def _header(tale: Tale, system: str) -> dict[str, Any]:
-    robot, task, episode = tale.robot, tale.task, tale.episode
+def _header(trace: Trace, system: str) -> dict[str, Any]:
+    robot, task, episode = trace.robot, trace.task, trace.episode
     return {
-        "title": title(tale),
+        "title": title(trace),
         "system": system,
-        "ablation": ", ".join(f"{name}={value:g}" for name, value in _ablation(tale).items()),
+        "ablation": ", ".join(f"{name}={value:g}" for name, value in _ablation(trace).items()),
         "robot": robot.name,
         "outcome": str(episode.outcome),
         "time": episode.time,
-        "steps": len(tale.moments),
-        "planned": _plans_paths(tale),
+        "steps": len(trace.steps),
+        "planned": _plans_paths(trace),
         "dt": robot.dt,
         "box": robot.footprint.box,
         "goal": task.goal.tolist(),
@@ -66,8 +67,8 @@ def _header(tale: Tale, system: str) -> dict[str, Any]:
     }
 
 
-def _ablation(tale: Tale) -> dict[str, float]:
-    return {name: float(value) for name, value in tale.config.get("ablation", {}).items()}
+def _ablation(trace: Trace) -> dict[str, float]:
+    return {name: float(value) for name, value in trace.config.get("ablation", {}).items()}
 
 
 def _policy(first: Explanation, sentences: Sequence[str]) -> dict[str, Any]:
@@ -89,56 +90,56 @@ def _first_line(name: str) -> str:
     return (criterion.__doc__ or "").partition("\n")[0] if criterion else "A criterion of your own."
 
 
-def _drive(packer: Packer, tale: Tale) -> None:
-    """Where the robot was, what it was told, how near it came; one row more for the end."""
-    moments, track = tale.moments, tale.episode.trajectory
+def _drive(packer: Packer, trace: Trace) -> None:
+    """Where the robot was, what it was commanded, how near it came; one row more for the end."""
+    steps, track = trace.steps, trace.episode.trajectory
     packer.drawn("time", track[:, 0])
     packer.drawn("pose", track[:, 1:4])
     packer.drawn("twist", track[:, 4:6])
     packer.drawn("clearance", track[:, 9])
-    packer.drawn("command", np.array([moment.command for moment in moments]))
-    packer.drawn("subgoal", np.array([moment.guidance.subgoal for moment in moments]))
-    packer.whole("switched", [moment.guidance.switched for moment in moments])
-    packer.drawn("target", np.array([told.observation.target for told in tale.frames]))
+    packer.drawn("command", np.array([step.command for step in steps]))
+    packer.drawn("subgoal", np.array([step.guidance.subgoal for step in steps]))
+    packer.whole("switched", [step.guidance.switched for step in steps])
+    packer.drawn("target", np.array([frame.observation.target for frame in trace.frames]))
 
 
-def _scans(packer: Packer, tale: Tale) -> None:
+def _scans(packer: Packer, trace: Trace) -> None:
     """Scan points in the robot frame, and the cells of the world that they touch for the first time."""
-    told = tale.frames
-    points = [obstacle_points(one.observation.scan, tale.robot.lidar.mount) for one in told]
+    frames = trace.frames
+    points = [obstacle_points(frame.observation.scan, trace.robot.lidar.mount) for frame in frames]
     _ragged_mm(packer, "scan", points, differences=True)
-    steps = np.repeat(np.arange(len(told)), [len(some) for some in points])
-    placed = np.concatenate([to_world(some, one.pose) for some, one in zip(points, told, strict=True)])
+    steps = np.repeat(np.arange(len(frames)), [len(some) for some in points])
+    placed = np.concatenate([to_world(some, frame.pose) for some, frame in zip(points, frames, strict=True)])
     cells, first = np.unique(np.floor(placed / CELL_M).astype(np.int64), axis=0, return_index=True)
     seen_at = steps[first]
     order = np.argsort(seen_at, kind="stable")
-    packer.whole("seen.count", np.bincount(seen_at, minlength=len(told)))
+    packer.whole("seen.count", np.bincount(seen_at, minlength=len(frames)))
     packer.whole("seen.x", cells[order, 0], differences=True)
     packer.whole("seen.y", cells[order, 1], differences=True)
 
 
-def _world(packer: Packer, tale: Tale) -> None:
+def _world(packer: Packer, trace: Trace) -> None:
     """The world as it is, which the robot does not know; what moves in it, at every step."""
-    world = tale.task.world
+    world = trace.task.world
     packer.drawn("world.circles", world.circles)
     packer.drawn("world.segments", world.segments)
     packer.counts("polygons", world.polygons)
     packer.drawn("polygons", np.concatenate([np.empty((0, 2)), *world.polygons]))
-    moving_parts = zip(*map(tale.moving, tale.frames), strict=True)
+    moving_parts = zip(*map(trace.moving, trace.frames), strict=True)
     for name, moving in zip(("discs", "edges"), moving_parts, strict=True):
         packer.counts(name, moving)
         packer.drawn(name, np.concatenate(moving))
 
 
-def _plans_paths(tale: Tale) -> bool:
+def _plans_paths(trace: Trace) -> bool:
     """Whether the guide plans paths."""
-    return any(moment.guidance.path is not None for moment in tale.moments)
+    return any(step.guidance.path is not None for step in trace.steps)
 
 
-def _plans(packer: Packer, tale: Tale) -> None:
+def _plans(packer: Packer, trace: Trace) -> None:
     """The path that the guide has planned at every step, where it plans any."""
-    if _plans_paths(tale):
-        paths = [moment.guidance.path for moment in tale.moments]
+    if _plans_paths(trace):
+        paths = [step.guidance.path for step in trace.steps]
         _ragged_mm(packer, "plan", [np.empty((0, 2)) if path is None else path for path in paths])
 
 

@@ -125,7 +125,7 @@ def make_pages(
 def initialise(payload: PagePayload) -> Callable[[EpisodeKey], Page]:
     """The function that makes one page, for a worker process."""
     from runners.explainer.write import write_page
-    from runners.workers.trace import retell_recorded
+    from runners.workers.trace import rerun_recorded
 
     run_dir = payload.run_dir
     trajectories = cache(lambda: read_trajectories([run_dir]))  # once a process, when the first page asks
@@ -134,8 +134,8 @@ def initialise(payload: PagePayload) -> Callable[[EpisodeKey], Page]:
         path = payload.places[key]
         try:
             mark = _MARK.format(payload.marks[key])
-            tale = retell_recorded(run_dir, key.world, key.run, trajectories())
-            write_page(tale, path, payload.systems[key], mark)
+            trace = rerun_recorded(run_dir, key.world, key.run, trajectories())
+            write_page(trace, path, payload.systems[key], mark)
         except (InputError, OSError) as error:
             return Page(key, path, str(error))
         return Page(key, path, "")

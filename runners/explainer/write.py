@@ -1,4 +1,4 @@
-"""An episode told again, as one HTML file: no server, no network, nothing beside it."""
+"""The trace of an episode as one HTML file: no server, no network, nothing beside it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from lme.errors import InputError
 from lme.policy.reasons import reason
 from runners.explainer.encode import encode, title
 from runners.records.whole_file import write_whole
-from runners.workers.trace import Tale
+from runners.workers.trace import Trace
 
 ASSETS = Path(__file__).parent / "assets"
 STYLES = ("uplot/uPlot.min.css", "style.css")
@@ -40,12 +40,12 @@ SCRIPTS = (  # in this order: each may use those before it
 LIBRARY, LICENCE = "uplot/uPlot.iife.min.js", "uplot/LICENSE"
 
 
-def write_page(tale: Tale, path: Path, system: str = "", ending: str = "") -> None:
+def write_page(trace: Trace, path: Path, system: str = "", ending: str = "") -> None:
     """Write the explainer page of an episode. Raises InputError where the file cannot be written.
 
     system: what tables call it. ending: a line after the page.
     """
-    write_html(path, page(tale, sentences(tale), system) + ending)
+    write_html(path, page(trace, sentences(trace), system) + ending)
 
 
 def write_html(path: Path, text: str) -> None:
@@ -56,23 +56,23 @@ def write_html(path: Path, text: str) -> None:
         raise InputError(f"{path}: cannot be written ({error.strerror}): choose another place") from error
 
 
-def sentences(tale: Tale) -> list[str]:
+def sentences(trace: Trace) -> list[str]:
     """Why LME went on or switched, at every decision; none for other guides."""
-    reasons = [moment.explanation for moment in tale.moments]
+    reasons = [step.explanation for step in trace.steps]
     pairs = zip([None, *reasons], reasons, strict=False)
     return [reason(now, before) for before, now in pairs if now is not None]
 
 
-def page(tale: Tale, told: Sequence[str], system: str = "") -> str:
-    """The whole file. told: a sentence for each decision."""
+def page(trace: Trace, reasons: Sequence[str], system: str = "") -> str:
+    """The whole file. reasons: a sentence for each decision."""
     style = "\n".join(_asset(name) for name in STYLES)
     own = "\n".join(_asset(name) for name in SCRIPTS)
     script = f'/*\n{_asset(LICENCE)}*/\n{_asset(LIBRARY)}\n(() => {{\n"use strict";\n{own}\n}})();'
     parts = {
-        "TITLE": html.escape(title(tale)),
+        "TITLE": html.escape(title(trace)),
         "POLICY": _policy(style, script),
         "STYLE": style,
-        "DATA": encode(tale, told, system),
+        "DATA": encode(trace, reasons, system),
         "SCRIPT": script,
     }
     return fill("page.html", parts)

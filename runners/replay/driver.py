@@ -12,11 +12,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from lme.errors import InputError
-from lme.guides.lme import Lme
 from lme.kernels.collision import sweep
 from lme.kernels.motion import drive
 from lme.navigator import Navigator
-from lme.policy.escaper import Explanation
+from lme.policy.explanation import Explanation
 from lme.policy.maintenance import Choice
 from lme.robots import Robot
 from lme.sensing.scan_points import obstacle_points
@@ -25,7 +24,7 @@ from runners.replay.bags import Message
 from runners.replay.goals import Goal
 from runners.replay.messages import twist_of
 from runners.replay.recording import SECOND, Recording
-from runners.replay.scan_source import Eyes
+from runners.replay.scan_source import ScanSource
 from runners.replay.track import Motion, Order, Track
 
 _HERE = Pose(0.0, 0.0, 0.0)
@@ -34,7 +33,7 @@ _STEP = 0.02  # [m] no point of the outline moves further between two checks
 _SAMPLE = 60  # decisions at least are kept for pictures, where there are so many
 
 
-class Decision(NamedTuple):
+class ReplayStep(NamedTuple):
     """One tick: what was seen, what was decided. points (M, 2) in the robot frame [m]."""
 
     time_s: float
@@ -45,7 +44,7 @@ class Decision(NamedTuple):
     command: Twist
 
 
-Listener = Callable[[Decision], None]
+Listener = Callable[[ReplayStep], None]
 
 
 @dataclass(slots=True)
@@ -56,7 +55,7 @@ class Log:
     commands: list[tuple[int, float, float]] = field(default_factory=list)
     skipped: dict[str, int] = field(default_factory=lambda: {"no pose": 0, "no goal": 0})
     scans: int = 0
-    sample: list[Decision] = field(default_factory=list)  # spread over the recording
+    sample: list[ReplayStep] = field(default_factory=list)  # spread over the recording
 
 
 class Driver:
@@ -68,10 +67,17 @@ class Driver:
     """
 
     def __init__(
-        self, recording: Recording, eyes: Eyes, navigator: Navigator, goal: Goal, horizon: float, stale: int
+        self,
+        recording: Recording,
+        scan_source: ScanSource,
+        navigator: Navigator,
+        goal: Goal,
+        horizon: float,
+        stale: int,
     ) -> None:
-        self._recording, self._eyes, self._navigator, self._goal = recording, eyes, navigator, goal
-        self._robot: Robot = eyes.robot
+        self._recording, self._scan_source = recording, scan_source
+        self._navigator, self._goal = navigator, goal
+        self._robot: Robot = scan_source.robot
         self._horizon, self._stale = horizon, stale
         self._tree = recording.tree.copy()
         self._track = Track(recording.topics.pose_name)
@@ -83,7 +89,7 @@ class Driver:
         self.log = Log()
 
     def listen(self, listener: Listener) -> None:
-        """Call `listener(decision)` at every tick."""
+        """Call `listener(step)` at every tick."""
         self._listeners.append(listener)
 
     def take(self, message: Message) -> None:
@@ -146,26 +152,14 @@ class Driver:
             self.log.skipped["no goal"] += 1
             return
         observation = Observation(
-            self._eyes.see(message.content), target, motion.twist, self._robot.limits, motion.pose
+            self._scan_source.read(message.content), target, motion.twist, self._robot.limits, motion.pose
         )
-        explanation = self._explain(observation)
         began = perf_counter_ns()
         command = self._navigator.act(observation)
         decision_us = (perf_counter_ns() - began) / 1000.0
-        self._note(observation, motion, command, decision_us, explanation)
+        self._note(observation, motion, command, decision_us)
 
-    def _explain(self, observation: Observation) -> Explanation | None:
-        guide = self._navigator.guide
-        return guide.escaper.explain(observation) if isinstance(guide, Lme) else None
-
-    def _note(
-        self,
-        observation: Observation,
-        motion: Motion,
-        command: Twist,
-        decision_us: float,
-        explanation: Explanation | None,
-    ) -> None:
+    def _note(self, observation: Observation, motion: Motion, command: Twist, decision_us: float) -> None:
         guidance = self._navigator.guidance
         assert guidance is not None
         points = obstacle_points(observation.scan, self._robot.lidar.mount)
@@ -188,13 +182,13 @@ class Driver:
                 "scan_points": len(points),
                 **self._clearances(points, motion.twist, command),
                 "decision_us": decision_us,
-                **_features(explanation),
+                **_features(self._navigator.explanation()),
             }
         )
-        decision = Decision(time_s, motion, observation.target, points, guidance.subgoal, command)
-        self._sampler.offer(decision)
+        step = ReplayStep(time_s, motion, observation.target, points, guidance.subgoal, command)
+        self._sampler.offer(step)
         for listener in self._listeners:
-            listener(decision)
+            listener(step)
 
     def _clearances(self, points: Floats, twist: Twist, command: Twist) -> dict[str, float]:
         """Distance from the footprint to the scan points [m]: now, and the least on the way of each command."""
@@ -248,13 +242,13 @@ class _Sampler:
     """Keeps some of many, evenly spread, without knowing how many will come."""
 
     def __init__(self) -> None:
-        self.kept: list[Decision] = []
+        self.kept: list[ReplayStep] = []
         self._stride = 1
         self._seen = 0
 
-    def offer(self, decision: Decision) -> None:
+    def offer(self, step: ReplayStep) -> None:
         if self._seen % self._stride == 0:
-            self.kept.append(decision)
+            self.kept.append(step)
             if len(self.kept) == 2 * _SAMPLE:
                 del self.kept[1::2]
                 self._stride *= 2

@@ -13,7 +13,7 @@ from lme.sensing.scan_points import obstacle_points
 from runners.figures.parts.style import INK, OBSTACLE, new_figure, save
 from runners.replay.driver import Log
 from runners.replay.recording import Recording
-from runners.replay.scan_source import Eyes
+from runners.replay.scan_source import ScanSource
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -24,11 +24,13 @@ _FADED: dict[str, Any] = {"linewidth": 0.8, "alpha": 0.6}
 _SEEN_M = 8.0  # at most shown around the robot in a picture of one scan
 
 
-def write(frame: pd.DataFrame, log: Log, eyes: Eyes, recording: Recording, run_dir: Path) -> list[Path]:
+def write(
+    frame: pd.DataFrame, log: Log, scan_source: ScanSource, recording: Recording, run_dir: Path
+) -> list[Path]:
     """`replay.png` and `orientation.png` in `run_dir`; their paths."""
     replay, orientation = run_dir / "replay.png", run_dir / "orientation.png"
-    replay_figure(frame, log, recording.bag.path.name, eyes.robot.dt, replay)
-    orientation_figure(eyes, recording, orientation)
+    replay_figure(frame, log, recording.bag.path.name, scan_source.robot.dt, replay)
+    orientation_figure(scan_source, recording, orientation)
     return [replay, orientation]
 
 
@@ -61,27 +63,27 @@ def replay_figure(frame: pd.DataFrame, log: Log, name: str, period_s: float, pat
     save(figure, path.with_suffix(""))
 
 
-def orientation_figure(eyes: Eyes, recording: Recording, path: Path) -> None:
+def orientation_figure(scan_source: ScanSource, recording: Recording, path: Path) -> None:
     """The first scan as the policy takes it, seen from above, ahead up: a user sees at once if left is right."""
-    lidar = eyes.robot.lidar
-    scan = eyes.see(recording.first_scan.content)
+    lidar = scan_source.robot.lidar
+    scan = scan_source.read(recording.first_scan.content)
     points = obstacle_points(scan, lidar.mount)
     figure = new_figure(6.0, 6.4, layout=None)
     axes = figure.add_axes((0.08, 0.06, 0.84, 0.82))
-    order = _beam_shares(points, eyes)
+    order = _beam_shares(points, scan_source)
     shown = axes.scatter(-points[:, 1], points[:, 0], c=order, s=4, cmap="viridis", vmin=0, vmax=1)
     reach = min(_SEEN_M, 1.1 * float(np.abs(points).max(initial=1.0)))
-    _draw_blind_arc(axes, eyes, reach)
-    _draw_robot(axes, eyes)
+    _draw_blind_arc(axes, scan_source, reach)
+    _draw_robot(axes, scan_source)
     for x, y, text in ((0, 0.93, "FRONT"), (0, -0.96, "BACK"), (-0.88, 0, "LEFT"), (0.88, 0, "RIGHT")):
         axes.text(x * reach, y * reach, text, ha="center", va="center", fontsize=10, color=INK, weight="bold")
     axes.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal", xlabel="−y [m]", ylabel="x [m]")
     bar = figure.colorbar(shown, ax=axes, orientation="horizontal", fraction=0.03, pad=0.08)
     bar.set_label("beam, first to last", fontsize=8)
-    down = ", upside down" if eyes.upside_down else ""
+    down = ", upside down" if scan_source.upside_down else ""
     figure.suptitle(
         f"First scan in the base frame, from above{down}\n{len(points)} returns of {lidar.num_beams} beams, "
-        f"{math.degrees(lidar.fov):.0f}°; mount: {eyes.mounted_by}",
+        f"{math.degrees(lidar.fov):.0f}°; mount: {scan_source.mounted_by}",
         fontsize=9,
         color=INK,
     )
@@ -112,18 +114,18 @@ def _draw_way(axes: Axes, frame: pd.DataFrame, log: Log) -> None:
     axes.legend(fontsize=8, frameon=False, loc="upper left", bbox_to_anchor=(0.0, 1.08), ncols=3)
 
 
-def _beam_shares(points: np.ndarray, eyes: Eyes) -> np.ndarray:
+def _beam_shares(points: np.ndarray, scan_source: ScanSource) -> np.ndarray:
     """Where in the sweep each point was seen, 0 at the first beam and 1 at the last."""
-    lidar = eyes.robot.lidar
+    lidar = scan_source.robot.lidar
     at_lidar = to_robot(points, lidar.mount)
     bearings = np.arctan2(at_lidar[:, 1], at_lidar[:, 0]) - lidar.angle_min
     return np.asarray(np.mod(bearings + 1e-6, math.tau) / lidar.fov)
 
 
-def _draw_blind_arc(axes: Axes, eyes: Eyes, reach: float) -> None:
+def _draw_blind_arc(axes: Axes, scan_source: ScanSource, reach: float) -> None:
     from matplotlib.patches import Wedge
 
-    lidar = eyes.robot.lidar
+    lidar = scan_source.robot.lidar
     if lidar.full_circle:
         return
     middle = math.degrees(lidar.yaw) + 90.0  # ahead is up
@@ -133,14 +135,14 @@ def _draw_blind_arc(axes: Axes, eyes: Eyes, reach: float) -> None:
     axes.add_patch(blind)
 
 
-def _draw_robot(axes: Axes, eyes: Eyes) -> None:
+def _draw_robot(axes: Axes, scan_source: ScanSource) -> None:
     from matplotlib.patches import FancyBboxPatch
 
-    half_length, half_width, rounding = eyes.robot.footprint.box
+    half_length, half_width, rounding = scan_source.robot.footprint.box
     style = f"round,pad={rounding},rounding_size={max(rounding, 1e-6)}" if rounding else "square,pad=0"
     corner = (-half_width, -half_length)
     size = (max(2 * half_width, 1e-6), max(2 * half_length, 1e-6))
     axes.add_patch(FancyBboxPatch(corner, *size, boxstyle=style, facecolor="none", edgecolor=INK))
-    length = max(2 * eyes.robot.footprint.r_max, 0.3)
+    length = max(2 * scan_source.robot.footprint.r_max, 0.3)
     axes.annotate("", xy=(0, length), xytext=(0, 0), arrowprops={"arrowstyle": "->", "color": INK})
-    axes.plot(-eyes.robot.lidar.y, eyes.robot.lidar.x, "+", color=PROPOSED, markersize=6)
+    axes.plot(-scan_source.robot.lidar.y, scan_source.robot.lidar.x, "+", color=PROPOSED, markersize=6)

@@ -12,7 +12,7 @@ from lme.errors import InputError
 from lme.geometry.frames import to_world
 from lme.robots import Robot
 from lme.types import Floats
-from runners.replay.driver import Decision
+from runners.replay.driver import ReplayStep
 
 _BLUE, _ORANGE, _GREEN, _GREY = (0, 114, 178), (213, 94, 0), (0, 158, 115), (120, 120, 120)
 
@@ -54,23 +54,21 @@ class RerunFile:
         self._stream.flush()
         self._stream.disconnect()
 
-    def show(self, decision: Decision) -> None:
-        """Add one decision."""
-        pose = decision.motion.pose
+    def show(self, step: ReplayStep) -> None:
+        """Add one step."""
+        pose = step.motion.pose
         here = np.array(pose[:2])
-        self._stream.set_time("recording", duration=decision.time_s)
-        self._points("scan", to_world(decision.points, pose), 0.02, _GREY)
+        self._stream.set_time("recording", duration=step.time_s)
+        self._points("scan", to_world(step.points, pose), 0.02, _GREY)
         self._points("robot", here[None], self._radius, _BLUE)
-        self._points("subgoal", to_world(decision.subgoal, pose)[None], 0.06, _ORANGE)
-        self._points("goal", to_world(decision.target, pose)[None], 0.08, _GREEN)
+        self._points("subgoal", to_world(step.subgoal, pose)[None], 0.06, _ORANGE)
+        self._points("goal", to_world(step.target, pose)[None], 0.08, _GREEN)
         ahead = to_world(np.array([2 * self._radius, 0.0]), pose) - here
         arrows = self._rerun.Arrows3D(origins=_flat(here[None]), vectors=_flat(ahead[None]), colors=[_BLUE])
         self._stream.log("map/heading", arrows)
         self._way = [*self._way[-1:], (pose.x, pose.y)]
         self._stream.log("map/way", self._rerun.LineStrips3D([_flat(np.array(self._way))], colors=[_BLUE]))
-        for name, robot, proposed in zip(
-            ("v", "omega"), decision.motion.twist, decision.command, strict=True
-        ):
+        for name, robot, proposed in zip(("v", "omega"), step.motion.twist, step.command, strict=True):
             self._stream.log(f"{name}/robot", self._rerun.Scalars(robot))
             self._stream.log(f"{name}/proposed", self._rerun.Scalars(proposed))
 

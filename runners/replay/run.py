@@ -24,7 +24,7 @@ from runners.replay.bags import Bag
 from runners.replay.driver import Driver
 from runners.replay.goals import goal_of, topic_of
 from runners.replay.recording import CLOCKS, SECOND, FramesConfig, Recording, look
-from runners.replay.scan_source import Eyes, ScanConfig
+from runners.replay.scan_source import ScanConfig, ScanSource
 from runners.replay.topics import TopicsConfig, choose
 
 _SLOWER = 0.9  # scans that come at less than this share of the robot's rate set the pace
@@ -90,8 +90,8 @@ def _replay(
 
     recording, part = _recording(bag, plain, episode)
     stale = round(plain["stale"] * SECOND)
-    eyes = Eyes(filled(ScanConfig, plain["scan"], "scan"), recording, _paced(plain, recording))
-    navigator = build.navigator(plain, eyes.robot)
+    scan_source = ScanSource(filled(ScanConfig, plain["scan"], "scan"), recording, _paced(plain, recording))
+    navigator = build.navigator(plain, scan_source.robot)
 
     def driver() -> Driver:
         seed = np.random.default_rng(np.random.SeedSequence([plain["seed"]]))
@@ -99,7 +99,7 @@ def _replay(
         if episode is not None:
             episode.read_map(navigator)
         goal = goal_of(plain["goal"], recording, part.stop, stale)
-        return Driver(recording, eyes, navigator, goal, plain["horizon"], stale)
+        return Driver(recording, scan_source, navigator, goal, plain["horizon"], stale)
 
     _warm_up(driver(), recording, part)
     driving = driver()
@@ -107,7 +107,9 @@ def _replay(
     if plain["rerun"]:
         from runners.replay.rerun_file import RerunFile
 
-        file = stack.enter_context(RerunFile(run_dir / "replay.rrd", recording.bag.path.name, eyes.robot))
+        file = stack.enter_context(
+            RerunFile(run_dir / "replay.rrd", recording.bag.path.name, scan_source.robot)
+        )
         driving.listen(file.show)
         artifacts.append(file.path)
     began = perf_counter()
@@ -115,11 +117,11 @@ def _replay(
         driving.take(message)
     log = driving.finish()
     wall_s = perf_counter() - began
-    frame = report.frame_of(log, eyes.robot.dt, plain["ahead"])
-    found = report.figures(frame, log, eyes.robot.dt, wall_s)
+    frame = report.frame_of(log, scan_source.robot.dt, plain["ahead"])
+    found = report.figures(frame, log, scan_source.robot.dt, wall_s)
     artifacts += report.write(frame, found, run_dir)
-    artifacts += figures.write(frame, log, eyes, recording, run_dir)
-    _tell(recording, eyes, episode, found, run_dir)
+    artifacts += figures.write(frame, log, scan_source, recording, run_dir)
+    _tell(recording, scan_source, episode, found, run_dir)
     return found, artifacts
 
 
@@ -168,18 +170,18 @@ def _as_recorded(plain: dict[str, Any], episode: simulated.SimulatedEpisode | No
 
 def _tell(
     recording: Recording,
-    eyes: Eyes,
+    scan_source: ScanSource,
     episode: simulated.SimulatedEpisode | None,
     found: Mapping[str, float],
     run_dir: Path,
 ) -> None:
     """What was read, and what came of it."""
-    topics, lidar = recording.topics, eyes.robot.lidar
+    topics, lidar = recording.topics, scan_source.robot.lidar
     command = topics.command.name if topics.command else "none"
     poses = f"{topics.pose_name} ({recording.odom} to {recording.base})"
     print(f"topics   scans {topics.scan.name}, poses {poses}, commands {command}")
     fov = f"{np.degrees(lidar.fov):.0f}°"
-    print(f"lidar    {lidar.num_beams} beams over {fov}, mounted as {eyes.mounted_by} says")
+    print(f"lidar    {lidar.num_beams} beams over {fov}, mounted as {scan_source.mounted_by} says")
     if episode is not None:
         print(
             f"episode  world {episode.world}, run {episode.run}, seed {episode.seed} of lme eval, as it was driven; "

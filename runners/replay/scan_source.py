@@ -1,4 +1,4 @@
-"""What the replayed robot sees: scans and clouds of a recording as those of its lidar."""
+"""Where the replayed robot's scans come from: scans and clouds of a recording as those of its lidar."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class ScanConfig:
         require("scan.cloud.range_max", self.cloud.range_max, above=0.0)
 
 
-class Eyes:
+class ScanSource:
     """Turns messages into scans of one lidar, which is that of `robot`.
 
     lidar "recorded": the robot has the lidar that the first scan came from; "robot": it keeps its own. A scan
@@ -77,7 +77,7 @@ class Eyes:
         self._geometry: tuple[float, ...] = ()
         self._own = self._untouched = False
 
-    def see(self, message: Any) -> LaserScan:
+    def read(self, message: Any) -> LaserScan:
         """The scan of a LaserScan or PointCloud2 message, as the robot's lidar would give it."""
         raw, lidar = self.raw(message), self.robot.lidar
         geometry = (len(raw.ranges), *raw[1:])

@@ -30,7 +30,7 @@ class TopicsConfig:
     command: str | None = None
 
 
-class Chosen(NamedTuple):
+class ChosenTopic(NamedTuple):
     """A topic and the type of its messages that is read."""
 
     name: str
@@ -40,16 +40,16 @@ class Chosen(NamedTuple):
 class Topics(NamedTuple):
     """What is read of a recording. pose: None where poses come from tf. tf: names, maybe none."""
 
-    scan: Chosen
-    pose: Chosen | None
-    command: Chosen | None
-    goal: Chosen | None
+    scan: ChosenTopic
+    pose: ChosenTopic | None
+    command: ChosenTopic | None
+    goal: ChosenTopic | None
     tf: tuple[str, ...]
 
     @property
     def names(self) -> set[str]:
         """All of them."""
-        single = (topic.name for topic in self[:4] if isinstance(topic, Chosen))
+        single = (topic.name for topic in self[:4] if isinstance(topic, ChosenTopic))
         return {*single, *self.tf}
 
     @property
@@ -78,7 +78,7 @@ def choose(bag: Bag, config: TopicsConfig, goal: str | None) -> Topics:
     return topics._replace(pose=other_pose(bag, topics)) if pose is None and not tf else topics
 
 
-def other_pose(bag: Bag, topics: Topics) -> Chosen:
+def other_pose(bag: Bag, topics: Topics) -> ChosenTopic:
     """A topic of poses that is no odometry, as of motion capture. Raises InputError where there is none."""
     known = bag.topics()
     pose = _choose(known, "pose", None, _OTHER_POSES, taken=topics.goal.name if topics.goal else None)
@@ -107,7 +107,7 @@ def table(bag: Bag) -> list[str]:
 
 def _choose(
     known: Sequence[Topic], role: str, asked: str | None, types: Sequence[str], taken: str | None = None
-) -> Chosen | None:
+) -> ChosenTopic | None:
     """The topic asked for, or the only one of the first of these types that there is."""
     key = "goal" if role == "goal" else f"topics.{role}"
     if asked is not None:
@@ -115,7 +115,7 @@ def _choose(
     for kind in types:
         fitting = [t.name for t in known if kind in t.types and t.number and t.name != taken]
         if len(fitting) == 1 or _USUAL[role] in fitting:
-            return Chosen(_USUAL[role] if _USUAL[role] in fitting else fitting[0], kind)
+            return ChosenTopic(_USUAL[role] if _USUAL[role] in fitting else fitting[0], kind)
         if fitting:
             raise InputError(
                 f"{key} is null: there are several of type {kind}: choose one of {', '.join(fitting)}"
@@ -123,7 +123,7 @@ def _choose(
     return None
 
 
-def _asked(known: Sequence[Topic], key: str, asked: str, types: Sequence[str]) -> Chosen:
+def _asked(known: Sequence[Topic], key: str, asked: str, types: Sequence[str]) -> ChosenTopic:
     names = {topic.name: topic for topic in known}
     name = asked if asked in names else f"/{asked}"
     if name not in names:
@@ -133,7 +133,7 @@ def _asked(known: Sequence[Topic], key: str, asked: str, types: Sequence[str]) -
         raise InputError(f"{key} is {asked}, of type {_or(names[name].types)}: must be of type {_or(types)}")
     if not names[name].number:
         raise InputError(f"{key} is {asked}: the recording holds no message of it")
-    return Chosen(name, fitting[0])
+    return ChosenTopic(name, fitting[0])
 
 
 def _listed(known: Sequence[Topic]) -> str:

@@ -1,7 +1,7 @@
-"""An episode told again, decision by decision.
+"""Traces: an episode driven once more, with all that the robot saw and decided.
 
-Records say where the robot went; what it saw and why it went there would fill disks. An episode is a function of
-its config, its world and its number, so it is driven once more, and looked at while it is driven.
+Records say where the robot went. What it saw and why it went there would fill disks. But an episode is a function
+of its config, its world and its run, so it can be driven again and watched.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ import numpy as np
 from lme.episode import Episode, run_episode
 from lme.errors import InputError
 from lme.geometry.frames import to_world
-from lme.guides.lme import Lme
-from lme.policy.escaper import Decision, Explanation, LocalMinimumEscaper
+from lme.navigator import Navigator
+from lme.policy.explanation import Decision, Explanation
 from lme.robots import Robot
 from lme.sim.simulator import Simulator, State
-from lme.types import Floats, Guidance, Guide, Observation, Pose, Twist
+from lme.types import Floats, Guidance, Observation, Pose, Twist
 from lme.worlds.world import Task
 from runners.config import build
 from runners.records import launch_record
@@ -28,14 +28,14 @@ from runners.workers.episodes import episode_rng
 if TYPE_CHECKING:
     import pandas as pd
 
-SAME_M = 1e-6  # [m] an episode told again keeps to its record so closely
+SAME_M = 1e-6  # [m] a rerun keeps to its record so closely
 
 
-class Moment(NamedTuple):
+class TracedStep(NamedTuple):
     """One decision.
 
     pose: of the robot in the world. subgoal: (2,) in the world [m]. obstacles: circles (C, 3) and edges (E, 4) as
-    they stand, movers last. explanation: how LME came to it, before it was carried out; None of other guides.
+    they stand, movers last. explanation: why the guide decided so; None where it does not say.
     """
 
     time: float
@@ -48,8 +48,8 @@ class Moment(NamedTuple):
     explanation: Explanation | None
 
 
-class End(NamedTuple):
-    """The end, on which no decision follows."""
+class TraceEnd(NamedTuple):
+    """The end of the episode, on which no decision follows."""
 
     time: float
     pose: Pose
@@ -57,7 +57,7 @@ class End(NamedTuple):
     obstacles: tuple[Floats, Floats]
 
 
-class Tale(NamedTuple):
+class Trace(NamedTuple):
     """An episode with all that was seen and decided. config: the plain config that it was driven with."""
 
     config: Mapping[str, Any]
@@ -65,87 +65,83 @@ class Tale(NamedTuple):
     run: int
     robot: Robot
     task: Task
-    moments: tuple[Moment, ...]
-    end: End
+    steps: tuple[TracedStep, ...]
+    end: TraceEnd
     episode: Episode
 
     @property
-    def frames(self) -> tuple[Moment | End, ...]:
-        """Every decision, and the end."""
-        return (*self.moments, self.end)
+    def frames(self) -> tuple[TracedStep | TraceEnd, ...]:
+        """Every step, and the end."""
+        return (*self.steps, self.end)
 
-    def moving(self, frame: Moment | End) -> tuple[Floats, Floats]:
+    def moving(self, frame: TracedStep | TraceEnd) -> tuple[Floats, Floats]:
         """Circles (C, 3) and edges (E, 4) of what moves, where they stand in one of the frames."""
         circles, edges = frame.obstacles
         return circles[len(self.task.world.circles) :], edges[len(self.task.world.edges) :]
 
 
-def retell(config: Mapping[str, Any], world: int, run: int) -> Tale:
-    """Drive one episode of a plain config as `lme eval` does, and keep all of it. Raises InputError.
-
-    LME is asked for its reasons at every step, which about doubles the time of its decisions.
-    """
+def rerun(config: Mapping[str, Any], world: int, run: int) -> Trace:
+    """Drive one episode of a plain config as `lme eval` does, and keep all of it. Raises InputError."""
     robot = build.robot(config)
     task, simulator = build.map_set(config).task(world), build.simulator(config, robot)
     navigator = build.navigator(config, robot)
-    witness = _Witness(simulator, navigator.guide)
-    episode = run_episode(task, navigator, simulator, episode_rng(config["seed"], world, run), witness)
-    return Tale(config, world, run, robot, task, tuple(witness.moments), witness.end, episode)
+    tracer = _Tracer(simulator, navigator)
+    episode = run_episode(task, navigator, simulator, episode_rng(config["seed"], world, run), tracer)
+    return Trace(config, world, run, robot, task, tuple(tracer.steps), tracer.end, episode)
 
 
-def retell_recorded(run_dir: Path, world: int, run: int, trajectories: pd.DataFrame) -> Tale:
-    """Tell an episode of a run again, and hold it against its record among the run's `trajectories`.
+def rerun_recorded(run_dir: Path, world: int, run: int, trajectories: pd.DataFrame) -> Trace:
+    """Drive an episode of a run again, and compare it with its record among the run's `trajectories`.
 
-    Raises InputError where the run has no such episode, no config, or where another version of the program
-    drove it otherwise.
+    Raises InputError where the run has no such episode or no config, or where another version of the program
+    drove another way.
     """
     launch = launch_record.read_launch(run_dir)
     if launch is None:
-        raise InputError(f"{run_dir}: holds no {launch_record.LAUNCH}, so its episodes cannot be told again")
+        raise InputError(
+            f"{run_dir}: holds no {launch_record.LAUNCH}, so its episodes cannot be driven again"
+        )
     steps = trajectories[(trajectories["world"] == world) & (trajectories["run"] == run)]
     if steps.empty:
         raise InputError(
             f"{run_dir}: holds no episode of world {world}, run {run}; lme table {run_dir} lists"
         )
-    tale = retell(launch.configs[0], world, run)
+    trace = rerun(launch.configs[0], world, run)
     recorded = steps[["x_m", "y_m"]].to_numpy()
-    told = tale.episode.trajectory[:, 1:3]
-    if recorded.shape != told.shape or not np.allclose(recorded, told, rtol=0.0, atol=SAME_M):
+    driven = trace.episode.trajectory[:, 1:3]
+    if recorded.shape != driven.shape or not np.allclose(recorded, driven, rtol=0.0, atol=SAME_M):
         raise InputError(
             f"{run_dir}: world {world}, run {run} goes another way when it is driven again, so the run was made by "
             "another version of the program or of its libraries: run it anew with lme eval"
         )
-    return tale
+    return trace
 
 
-class _Witness:
-    """Looks on while an episode is driven, and asks LME for its reasons before it decides."""
+class _Tracer:
+    """Keeps each step of an episode, and why the guide decided so."""
 
-    end: End
+    end: TraceEnd
 
-    def __init__(self, simulator: Simulator, guide: Guide) -> None:
+    def __init__(self, simulator: Simulator, navigator: Navigator) -> None:
         self._simulator = simulator
-        self._why: Explanation | None = None
-        self.moments: list[Moment] = []
-        if isinstance(guide, Lme):
-            self._ask(guide.escaper)
+        self._navigator = navigator
+        self._explained: Decision | None = None
+        self.steps: list[TracedStep] = []
 
     def decided(self, observation: Observation, guidance: Guidance, command: Twist, state: State) -> None:
-        why, self._why = self._why, None
+        why = self._new_explanation()
         subgoal, obstacles = to_world(guidance.subgoal, state.pose), self._simulator.obstacles
-        self.moments.append(
-            Moment(state.time, state.pose, observation, subgoal, guidance, command, obstacles, why)
+        self.steps.append(
+            TracedStep(state.time, state.pose, observation, subgoal, guidance, command, obstacles, why)
         )
 
     def ended(self, observation: Observation, state: State) -> None:
-        self.end = End(state.time, state.pose, observation, self._simulator.obstacles)
+        self.end = TraceEnd(state.time, state.pose, observation, self._simulator.obstacles)
 
-    def _ask(self, escaper: LocalMinimumEscaper) -> None:
-        """Only `decide` is stood in for: a guide made from Lme keeps all else that it has, and what it asks is seen."""
-        decide = escaper.decide
-
-        def explained(observation: Observation) -> Decision:
-            self._why = escaper.explain(observation)
-            return decide(observation)
-
-        escaper.decide = explained  # type: ignore[method-assign]
+    def _new_explanation(self) -> Explanation | None:
+        """None where the guide's last decision is an earlier step's: one made from LME may not ask it every time."""
+        why = self._navigator.explanation()
+        if why is None or why.decision is self._explained:
+            return None
+        self._explained = why.decision
+        return why

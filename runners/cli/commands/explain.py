@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from runners.records.episode_record import EpisodeKey
-    from runners.workers.trace import Moment
+    from runners.workers.trace import TracedStep
 
 EXAMPLES = (
     "lme explain outputs/eval/RUN",
@@ -161,30 +161,30 @@ def _tell(run_dir: Path, words: Sequence[str]) -> None:
     """Print the reason of every decision, those alike in one line."""
     from runners.explainer.pages import chosen, keys_of
     from runners.records.records import read_episodes, read_trajectories
-    from runners.workers.trace import retell_recorded
+    from runners.workers.trace import rerun_recorded
 
     trajectories = read_trajectories([run_dir])
 
     for number, key in enumerate(keys_of(chosen(read_episodes([run_dir]), words))):
-        tale = retell_recorded(run_dir, key.world, key.run, trajectories)
-        end = f"{tale.episode.outcome} after {tale.episode.time:.1f} s"
-        lines = [f"{str(key).capitalize()}: {end}, {len(tale.moments)} decisions", *_sentences(tale.moments)]
+        trace = rerun_recorded(run_dir, key.world, key.run, trajectories)
+        end = f"{trace.episode.outcome} after {trace.episode.time:.1f} s"
+        lines = [f"{str(key).capitalize()}: {end}, {len(trace.steps)} decisions", *_sentences(trace.steps)]
         print("\n" * (number > 0) + "\n".join(lines))
 
 
-def _sentences(moments: Sequence[Moment]) -> Iterator[str]:
+def _sentences(steps: Sequence[TracedStep]) -> Iterator[str]:
     """Steps, times and reasons. Raises InputError where the guide gives none."""
     from lme.errors import InputError
     from lme.policy.reasons import reasons
 
-    why = [moment.explanation for moment in moments if moment.explanation is not None]
+    why = [step.explanation for step in steps if step.explanation is not None]
     if not why:
         raise InputError(
             "--text: only guide=lme has reasons to tell; without --text the page shows the drive"
         )
     yield f"{'step':>11}  {'time [s]':>13}  why"
     for first, last, text in reasons(why):
-        numbers, times = f"{first}", f"{moments[first].time:.1f}"
+        numbers, times = f"{first}", f"{steps[first].time:.1f}"
         if last > first:
-            numbers, times = f"{numbers}–{last}", f"{times}–{moments[last].time:.1f}"
+            numbers, times = f"{numbers}–{last}", f"{times}–{steps[last].time:.1f}"
         yield f"{numbers:>11}  {times:>13}  {text}"

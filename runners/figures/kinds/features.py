@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from lme.errors import InputError
-from lme.policy.escaper import Explanation
+from lme.policy.explanation import Explanation
 from lme.policy.score import CRITERIA
 from lme.robots import require
 from lme.types import Bools, Floats
@@ -145,10 +145,10 @@ def _is_two(name: str, raw: Floats) -> bool:
 def _draw_scene(axes: Axes, shot: Shot, lettered: bool) -> None:
     """All that is the same in every panel."""
     why, seen = shot.why, shot.why.view
-    view.draw_range(axes, why, candidate_reach(shot.tale))
+    view.draw_range(axes, why, candidate_reach(shot.trace))
     view.draw_scan(axes, why, 1.6)
     view.draw_history(axes, seen.history, 2.2)
-    view.draw_robot(axes, shot.tale.robot.footprint)
+    view.draw_robot(axes, shot.trace.robot.footprint)
     view.draw_target(axes, seen.target)
     if seen.blockage is not None:
         view.draw_contour(axes, seen.blockage.points, seen.radius, BLUE)

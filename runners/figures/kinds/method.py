@@ -92,7 +92,7 @@ def method_figure(shot: Shot) -> Figure:
 
 def _panels(shot: Shot) -> list[tuple[Box, Any]]:
     """(what is shown, how it is drawn) of each panel; drawing gives the caption."""
-    reach = candidate_reach(shot.tale)
+    reach = candidate_reach(shot.trace)
     whole = _square(np.array([[-reach, -reach], [reach, reach]]), view.MARGIN)
     blockage, history = shot.why.view.blockage, shot.why.view.history
     ends = None if blockage is None else np.array([np.zeros(2), blockage.E1, blockage.E2, blockage.B])
@@ -111,7 +111,7 @@ def _square(points: Floats, margin: float, beyond_m: float = 0.0) -> Box:
 
 
 def _draw_candidates(axes: Axes, shot: Shot) -> str:
-    why, reach = shot.why, candidate_reach(shot.tale)
+    why, reach = shot.why, candidate_reach(shot.trace)
     view.draw_range(axes, why, reach)
     axes.plot(
         *view.upwards(why.candidates).T,
@@ -123,7 +123,7 @@ def _draw_candidates(axes: Axes, shot: Shot) -> str:
     )
     axes.plot(*view.upwards(why.view.points).T, ".", color=VERMILION, markersize=2.2, zorder=3)
     view.draw_target(axes, why.view.target, VERMILION, written=True)
-    view.draw_robot(axes, shot.tale.robot.footprint)
+    view.draw_robot(axes, shot.trace.robot.footprint)
     star = {**view.STAR, "markersize": 12, "markeredgecolor": INK, "markeredgewidth": 0.7}
     axes.plot(*view.upwards(why.decision.subgoal), color=YELLOW, zorder=10, **star)
     away = math.hypot(*why.view.target)
@@ -143,7 +143,7 @@ def _draw_sectors(axes: Axes, shot: Shot) -> str:
         _draw_angles(axes, seen.blockage, seen.target)
         view.draw_letters(axes, view.letters(seen.blockage), 4.0, written=True)
     view.draw_target(axes, seen.target, VERMILION, written=True)
-    view.draw_robot(axes, shot.tale.robot.footprint)
+    view.draw_robot(axes, shot.trace.robot.footprint)
     away = -view.upwards(seen.target) / max(math.hypot(*seen.target), 1e-9)
     view.write(axes, view.Letter("$O$", np.zeros(2), away), 20)
     return f"Points nearer to each other than 2r join, {len(why.sectors)} sectors in all. {_about_blockage(seen)}"
@@ -187,7 +187,7 @@ def _draw_history(axes: Axes, shot: Shot) -> str:
     for which, face in ((free, SKY), (~free, "white")):
         axes.plot(*view.upwards(why.candidates[which]).T, "o", markerfacecolor=face, **look)
     axes.plot(*view.upwards(seen.points).T, ".", color=VERMILION, markersize=3, zorder=3)
-    view.draw_robot(axes, shot.tale.robot.footprint)
+    view.draw_robot(axes, shot.trace.robot.footprint)
     if len(seen.history) == 0:
         return f"None of the last {shot.history_length} positions counts: each is too near to the robot."
     view.draw_contour(axes, seen.history, seen.radius, GREEN, 0.9)

@@ -29,7 +29,7 @@ from runners.figures.parts.panels import (
     scale_drop_pt,
     steps_of,
 )
-from runners.figures.parts.places import Place, places
+from runners.figures.parts.places import DrivenPlace, places
 from runners.figures.parts.scene import Box, common_box, legend_keys, same_size, scale_bar
 from runners.figures.parts.stage import SUBGOAL, stage_keys
 from runners.figures.parts.style import INK, LEGEND_ORDER, STYLES, Style, new_figure, save
@@ -134,7 +134,7 @@ def _styles(jobs: Sequence[Job]) -> dict[str, Style]:
 
 
 def _rows(
-    jobs: Sequence[Job], shown: Sequence[Place], look: Look, width_in: float = math.inf
+    jobs: Sequence[Job], shown: Sequence[DrivenPlace], look: Look, width_in: float = math.inf
 ) -> list[list[Panel]]:
     """Panels as they stand on a page so wide. Raises InputError where there are too many."""
     labels = _labels(jobs)
@@ -274,7 +274,7 @@ def _moment_keys(panels: Sequence[Panel], look: Look, moment: float, colour: str
     return stage_keys(f"{when}{late}", colour, scan=not look.systems, movers=movers)
 
 
-def _box(place: Place) -> Box:
+def _box(place: DrivenPlace) -> Box:
     """What all panels of a place show."""
     points = [steps_of(job, place)[["x_m", "y_m"]].to_numpy() for job in place.jobs]
     return common_box([place.task], np.vstack(points))

@@ -13,7 +13,7 @@ from lme.robots import require
 from runners.figures.parts.animation import Pace, Screen
 from runners.figures.parts.film import GIF, MP4, Picture, find_ffmpeg, write_film
 from runners.figures.parts.jobs import Job, chosen_world
-from runners.workers.trace import Tale
+from runners.workers.trace import Trace
 
 PANELS = 6  # at most: more cannot be seen at once
 ENOUGH_S = 20.0  # a film whose speed is not given lasts no longer
@@ -55,14 +55,14 @@ class Video:
     ) -> list[Path]:
         """Save the film of the jobs as `stem`.gif or `stem`.mp4; the path. formats: of pictures, not heeded.
 
-        Raises InputError where there are too many panels, or an episode that cannot be told again.
+        Raises InputError where there are too many panels, or an episode that cannot be driven again.
         """
         config = self._config
         shown = _shown(jobs, worlds)
-        tales = [job.tale(world, run) for job, world, run in shown]
-        pace, speed = _pace(tales, config)
+        traces = [job.trace(world, run) for job, world, run in shown]
+        pace, speed = _pace(traces, config)
         note = "" if speed == 1.0 else f"{speed:.3g}× real time"
-        screen = Screen(tales, _labels(shown), config.width, candidates=config.candidates, note=note)
+        screen = Screen(traces, _labels(shown), config.width, candidates=config.candidates, note=note)
         path = stem.with_name(f"{stem.name}.{config.format}")
         pictures = _counted(screen.pictures(pace.held), len(pace.held))
         write_film(pictures, path, pace.fps, screen.sample(pace.times))
@@ -92,9 +92,9 @@ def _shown(jobs: Sequence[Job], worlds: Sequence[int]) -> list[tuple[Job, int, i
     return shown
 
 
-def _pace(tales: Sequence[Tale], config: VideoConfig) -> tuple[Pace, float]:
+def _pace(traces: Sequence[Trace], config: VideoConfig) -> tuple[Pace, float]:
     """When each frame is, and how much faster than real time that is."""
-    last = max(tale.end.time for tale in tales)
+    last = max(trace.end.time for trace in traces)
     speed = config.speed if config.speed is not None else max(1.0, last / ENOUGH_S)
     times = np.arange(0.0, last - 1e-9, speed / config.fps)
     return Pace(np.append(times, last), config.fps), speed

@@ -16,7 +16,7 @@ from runners.figures.parts.layout import Around, aspect_of, best_columns, lay_ou
 from runners.figures.parts.scene import Box, common_box, draw_task, same_size
 from runners.figures.parts.stage import Stage, index_at
 from runners.figures.parts.style import BLUE, END, INK, STYLES, new_figure
-from runners.workers.trace import Tale, retell
+from runners.workers.trace import Trace, rerun
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -47,13 +47,13 @@ class Pace(NamedTuple):
 
 def animate(config: Mapping[str, Any], world: int, run: int, path: Path) -> Outcome:
     """Drive one episode of a plain config as `lme eval` does, and save it as GIF; how it ended."""
-    tale = retell(config, world, run)
-    all_times = np.array([frame.time for frame in tale.frames])
+    trace = rerun(config, world, run)
+    all_times = np.array([frame.time for frame in trace.frames])
     every = math.ceil(len(all_times) / MOST_FRAMES)
-    pace = Pace(np.append(all_times[:-1:every], all_times[-1]), tale.robot.control_rate / every)
-    screen = Screen([tale], [""], WIDTH_PX)
+    pace = Pace(np.append(all_times[:-1:every], all_times[-1]), trace.robot.control_rate / every)
+    screen = Screen([trace], [""], WIDTH_PX)
     write_film(screen.pictures(pace.held), path, pace.fps, screen.sample(pace.times))
-    return tale.episode.outcome
+    return trace.episode.outcome
 
 
 class Screen:
@@ -64,7 +64,7 @@ class Screen:
 
     def __init__(
         self,
-        tales: Sequence[Tale],
+        traces: Sequence[Trace],
         labels: Sequence[str],
         width_px: int,
         *,
@@ -72,17 +72,17 @@ class Screen:
         note: str = "",
     ) -> None:
         """labels: above the panels, empty for none. width_px: at most; of it, TALL high. note: before the key."""
-        boxes = same_size([_box(tale, tales) for tale in tales])
+        boxes = same_size([_box(trace, traces) for trace in traces])
         page = (width_px / DPI, TALL * width_px / DPI)
         around = Around(title=LINE_IN * (1 + any(labels)) + 0.08, footer=2 * LINE_IN, header=0.04)
-        columns = best_columns(len(tales), aspect_of(boxes[0]), page, around)
-        width = panel_width(columns, len(tales), aspect_of(boxes[0]), page, around)
+        columns = best_columns(len(traces), aspect_of(boxes[0]), page, around)
+        width = panel_width(columns, len(traces), aspect_of(boxes[0]), page, around)
         self._figure = new_figure(*page, DPI, layout=None)
         rows = lay_out(self._figure, wrapped(boxes, columns), width, around)
         all_axes = [axes for row in rows for axes in row]
         self._panels = [
-            _Panel(axes, tale, label, candidates)
-            for axes, tale, label in zip(all_axes, tales, labels, strict=True)
+            _Panel(axes, trace, label, candidates)
+            for axes, trace, label in zip(all_axes, traces, labels, strict=True)
         ]
         text = " · ".join(filter(None, [note, KEY, CANDIDATES_KEY if candidates else ""]))
         lines = textwrap.fill(text, int(self._figure.get_figwidth() / LETTER_IN))
@@ -114,10 +114,10 @@ class Screen:
 class _Panel:
     """One episode."""
 
-    def __init__(self, axes: Axes, tale: Tale, label: str, candidates: bool) -> None:
-        self._axes, self._tale = axes, tale
-        self._way = np.array([frame.pose[:2] for frame in tale.frames])
-        draw_task(axes, tale.task)
+    def __init__(self, axes: Axes, trace: Trace, label: str, candidates: bool) -> None:
+        self._axes, self._trace = axes, trace
+        self._way = np.array([frame.pose[:2] for frame in trace.frames])
+        draw_task(axes, trace.task)
         text: dict[str, Any] = {
             "fontsize": SIZE_PT,
             "color": INK,
@@ -128,8 +128,8 @@ class _Panel:
         axes.annotate(label, xytext=(0, 3 + 72 * LINE_IN), weight="bold", **above, **text)
         self._clock = axes.annotate("", xytext=(0, 4), **above, **text)
         (self._trail,) = axes.plot([], [], color=BLUE, linewidth=1.2, zorder=3)
-        self._stage = Stage(axes, tale, candidates=candidates)
-        style = STYLES[tale.episode.outcome]
+        self._stage = Stage(axes, trace, candidates=candidates)
+        style = STYLES[trace.episode.outcome]
         (self._end,) = axes.plot(
             [], [], marker=style.marker, color=style.colour, linestyle="", zorder=8, **END
         )
@@ -139,20 +139,20 @@ class _Panel:
 
     def show(self, time_s: float) -> None:
         """The moment then, or the end where it is over."""
-        index = index_at(self._tale, time_s)
+        index = index_at(self._trace, time_s)
         self._stage.show(index)
         self._trail.set_data(*self._way[: index + 1].T)
-        outcome, over = self._tale.episode.outcome, index == len(self._tale.moments)
+        outcome, over = self._trace.episode.outcome, index == len(self._trace.steps)
         self._end.set_data(*(self._way[-1:].T if over else ([], [])))
-        clock = f"{self._tale.frames[index].time:.1f} s"
+        clock = f"{self._trace.frames[index].time:.1f} s"
         self._clock.set_text(f"{outcome}, {clock}" if over else clock)
         self._clock.set_color(STYLES[outcome].colour if over else INK)
         for artist in self._moving:
             self._axes.draw_artist(artist)
 
 
-def _box(tale: Tale, tales: Sequence[Tale]) -> Box:
+def _box(trace: Trace, traces: Sequence[Trace]) -> Box:
     """What is shown of a world: the same for all who drove in it."""
-    here = [each for each in tales if (each.config["map"], each.world) == (tale.config["map"], tale.world)]
+    here = [each for each in traces if (each.config["map"], each.world) == (trace.config["map"], trace.world)]
     ways = [np.array([frame.pose[:2] for frame in each.frames]) for each in here]
-    return common_box([tale.task], np.vstack(ways))
+    return common_box([trace.task], np.vstack(ways))

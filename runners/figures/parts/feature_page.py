@@ -33,9 +33,9 @@ class Page:
     def __init__(self, shot: Shot, panels: int) -> None:
         self._shot = shot
         self._panels, self._columns = panels, columns(panels)
-        self._box = view.reach_box(shot.why.candidates, candidate_reach(shot.tale))
+        self._box = view.reach_box(shot.why.candidates, candidate_reach(shot.trace))
         self._lines = heading(shot)
-        self._key = view.key(shot.why, candidate_reach(shot.tale), self._box)
+        self._key = view.key(shot.why, candidate_reach(shot.trace), self._box)
         inner = PAGE_IN - 2 * EDGE_IN - (self._columns - 1) * GAP_IN
         self._width = min(inner / self._columns, WIDEST_IN)
         self._tall = self._width * (self._box.y1 - self._box.y0) / (self._box.x1 - self._box.x0)

@@ -13,7 +13,7 @@ from lme.worlds.world import MapSet
 from runners.config import build
 from runners.records import launch_record
 from runners.records.records import find_runs, read_episodes, read_trajectories
-from runners.workers.trace import Tale, retell_recorded
+from runners.workers.trace import Trace, rerun_recorded
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -50,9 +50,9 @@ class Job:
         """One row per control step of all episodes."""
         return read_trajectories([self.run_dir])
 
-    def tale(self, world: int, run: int) -> Tale:
-        """One of the episodes, told again. Raises InputError where that is not possible."""
-        return retell_recorded(self.run_dir, world, run, self.trajectories)
+    def trace(self, world: int, run: int) -> Trace:
+        """One of the episodes, driven again. Raises InputError where that is not possible."""
+        return rerun_recorded(self.run_dir, world, run, self.trajectories)
 
 
 class Kind(Protocol):

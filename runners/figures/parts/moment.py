@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from lme.errors import InputError
 from lme.guides.lme import Lme
-from lme.policy.escaper import Explanation
+from lme.policy.explanation import Explanation
 from lme.policy.maintenance import Choice
 from lme.policy.reasons import reason
 from runners.config.instantiate import configured
 from runners.figures.parts.jobs import Job, chosen_world
 from runners.figures.parts.style import INK, save
-from runners.workers.trace import Tale
+from runners.workers.trace import Trace
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -28,19 +28,19 @@ class Shot(NamedTuple):
     """One decision of an episode. label: the system's. why: the decision, explained."""
 
     label: str
-    tale: Tale
+    trace: Trace
     step: int
     why: Explanation
 
     @property
     def before(self) -> Explanation | None:
         """The decision before."""
-        return None if self.step == 0 else self.tale.moments[self.step - 1].explanation
+        return None if self.step == 0 else self.trace.steps[self.step - 1].explanation
 
     @property
     def history_length(self) -> int:
         """k, how many positions are remembered."""
-        return int(_guide(self.tale.config).history_length)
+        return int(_guide(self.trace.config).history_length)
 
 
 def shots(jobs: Sequence[Job], worlds: Sequence[int], step: int | None, figure: str) -> list[Shot]:
@@ -59,29 +59,27 @@ def shots(jobs: Sequence[Job], worlds: Sequence[int], step: int | None, figure: 
     return [_shot(job, world, step) for job in guided for world in asked]
 
 
-def telling_step(tale: Tale) -> int:
+def telling_step(trace: Trace) -> int:
     """The most telling decision of an episode: the first for which most of these hold.
 
     A sector blocks the way to the target; both its ends, and B, are within the candidates' range; the subgoal is left
     for a better one; which gains by c_t; and by a_mount; recent positions count.
     """
-    reach = candidate_reach(tale)
-    held = [
-        0 if moment.explanation is None else sum(_signs(moment.explanation, reach)) for moment in tale.moments
-    ]
+    reach = candidate_reach(trace)
+    held = [0 if step.explanation is None else sum(_signs(step.explanation, reach)) for step in trace.steps]
     return held.index(max(held))
 
 
-def candidate_reach(tale: Tale) -> float:
+def candidate_reach(trace: Trace) -> float:
     """Candidates lie within this range of the robot [m]."""
-    return min(_guide(tale.config).candidates.max_range, tale.robot.lidar.range_max)
+    return min(_guide(trace.config).candidates.max_range, trace.robot.lidar.range_max)
 
 
 def heading(shot: Shot) -> list[str]:
     """Where and when, then the decision in words, in lines that fit on a page's width."""
-    tale = shot.tale
-    where = f"{shot.label} · {tale.task.map_name}, world {tale.world}, run {tale.run}"
-    when = f"step {shot.step} of 0–{len(tale.moments) - 1}, {tale.moments[shot.step].time:.1f} s"
+    trace = shot.trace
+    where = f"{shot.label} · {trace.task.map_name}, world {trace.world}, run {trace.run}"
+    when = f"step {shot.step} of 0–{len(trace.steps) - 1}, {trace.steps[shot.step].time:.1f} s"
     words = reason(shot.why, shot.before)
     return [f"{where} · {when}", *textwrap.wrap(words[0].upper() + words[1:], LINE_LETTERS)]
 
@@ -112,17 +110,17 @@ def draw_shots(
 
 def _shot(job: Job, worlds: Sequence[int], step: int | None) -> Shot:
     world, run = chosen_world(job, worlds)
-    tale = job.tale(world, run)
-    number = telling_step(tale) if step is None else step
-    if number >= len(tale.moments):
+    trace = job.trace(world, run)
+    number = telling_step(trace) if step is None else step
+    if number >= len(trace.steps):
         raise InputError(
             f"figure.step is {number}: world {world}, run {run} of {job.label} has the steps "
-            f"0 to {len(tale.moments) - 1}"
+            f"0 to {len(trace.steps) - 1}"
         )
-    why = tale.moments[number].explanation
+    why = trace.steps[number].explanation
     if why is None:
         raise InputError(f"figure.step is {number}: {_target(job.config)} did not ask LME for a subgoal then")
-    return Shot(job.label, tale, number, why)
+    return Shot(job.label, trace, number, why)
 
 
 def _signs(why: Explanation, reach: float) -> list[bool]:

@@ -12,11 +12,11 @@ from lme.errors import InputError
 from lme.types import Floats
 from lme.worlds.world import Task
 from runners.figures.parts.jobs import Job
-from runners.figures.parts.places import Place
+from runners.figures.parts.places import DrivenPlace
 from runners.figures.parts.scene import Box, draw_paths, draw_task, write
-from runners.figures.parts.stage import SUBGOAL, Stage, draw_traces, index_at
+from runners.figures.parts.stage import SUBGOAL, Stage, draw_mover_trails, index_at
 from runners.figures.parts.style import BLUE, GREEN, INK, ORANGE, PURPLE, SKY, STYLES, VERMILION, Style
-from runners.workers.trace import Tale
+from runners.workers.trace import Trace
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -43,7 +43,7 @@ class Panel(NamedTuple):
     """One panel. jobs: those drawn in it."""
 
     title: str
-    place: Place
+    place: DrivenPlace
     jobs: tuple[Job, ...]
 
 
@@ -59,12 +59,12 @@ class Look(NamedTuple):
     systems: Mapping[str, Style] = {}  # never changed
 
 
-def episodes_of(job: Job, place: Place) -> pd.DataFrame:
+def episodes_of(job: Job, place: DrivenPlace) -> pd.DataFrame:
     """The records of a job in a place."""
     return job.frame[job.frame["world"].isin(place.numbers)]
 
 
-def steps_of(job: Job, place: Place) -> pd.DataFrame:
+def steps_of(job: Job, place: DrivenPlace) -> pd.DataFrame:
     """The control steps of a job in a place."""
     return job.trajectories[job.trajectories["world"].isin(place.numbers)]
 
@@ -82,7 +82,7 @@ def draw_panel(axes: Axes, panel: Panel, look: Look, box: Box) -> None:
         axes.text(0.5, 0.5, "not driven", fontsize=9, color=INK, backgroundcolor="white", zorder=9, **middle)
 
 
-def draw_ends(axes: Axes, jobs: Sequence[Job], place: Place, look: Look) -> None:
+def draw_ends(axes: Axes, jobs: Sequence[Job], place: DrivenPlace, look: Look) -> None:
     """Below the panel, right: how the episodes ended, one line for each system."""
     for line, job in enumerate(jobs):
         style = look.systems.get(job.label)
@@ -138,7 +138,7 @@ def ends_before(panels: Sequence[Panel], moment: float) -> bool:
     return moment > min(ends, default=0.0)
 
 
-def _draw_job(axes: Axes, job: Job, place: Place, look: Look, box: Box) -> None:
+def _draw_job(axes: Axes, job: Job, place: DrivenPlace, look: Look, box: Box) -> None:
     """Paths of all episodes; subgoals, scan and what else moves of the first of them."""
     episodes, steps = episodes_of(job, place), steps_of(job, place)
     style = look.systems.get(job.label)
@@ -149,17 +149,17 @@ def _draw_job(axes: Axes, job: Job, place: Place, look: Look, box: Box) -> None:
         colour = SUBGOAL["color"] if style is None else style.colour
         _draw_subgoals(axes, subgoals_of(paths[first], place.task), colour, look.subgoals == "numbered", box)
     if look.moment is not None:
-        tale = job.tale(*first)
-        _draw_moment(axes, tale, look, (style or STYLES[tale.episode.outcome]).colour)
+        trace = job.trace(*first)
+        _draw_moment(axes, trace, look, (style or STYLES[trace.episode.outcome]).colour)
 
 
-def _draw_moment(axes: Axes, tale: Tale, look: Look, colour: str) -> None:
+def _draw_moment(axes: Axes, trace: Trace, look: Look, colour: str) -> None:
     """The robot, what it sees and what else moves, then or at an earlier end. Systems overlaid: no scans."""
     assert look.moment is not None
     is_time = isinstance(look.moment, float)
-    last = index_at(tale, look.moment) if is_time else min(int(look.moment), len(tale.moments))
-    draw_traces(axes, tale, last)
-    stage = Stage(axes, tale, colour, beams=True)
+    last = index_at(trace, look.moment) if is_time else min(int(look.moment), len(trace.steps))
+    draw_mover_trails(axes, trace, last)
+    stage = Stage(axes, trace, colour, beams=True)
     stage.show(last)
     stage.keep(scan=not look.systems, subgoal=look.subgoals == "none")
 

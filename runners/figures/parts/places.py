@@ -16,7 +16,7 @@ SAMPLED = 3  # worlds of a map set whose worlds differ
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Place:
+class DrivenPlace:
     """One place.
 
     jobs: those that drove in its map. numbers: the worlds drawn over one another, all with the obstacles of `task`.
@@ -28,7 +28,7 @@ class Place:
     numbers: tuple[int, ...]
 
 
-def places(jobs: Sequence[Job], worlds: Sequence[int] = ()) -> list[Place]:
+def places(jobs: Sequence[Job], worlds: Sequence[int] = ()) -> list[DrivenPlace]:
     """Each of `worlds` in each map; or one for a map whose worlds are all alike, some of one whose worlds differ.
 
     Raises InputError for a world that no job has driven in.
@@ -41,18 +41,20 @@ def places(jobs: Sequence[Job], worlds: Sequence[int] = ()) -> list[Place]:
     ]
 
 
-def _places_of(jobs: Sequence[Job], worlds: Sequence[int]) -> list[Place]:
+def _places_of(jobs: Sequence[Job], worlds: Sequence[int]) -> list[DrivenPlace]:
     """Those of the jobs of one map."""
     name, maps = _map_name(jobs[0]), jobs[0].maps
     numbers = sorted({int(number) for job in jobs for number in job.frame["world"]})
     if not worlds and len(numbers) > 1:
         first, second = (maps.task(number) for number in numbers[:2])
         if _same_obstacles(first, second):
-            return [Place(name, tuple(jobs), first, tuple(numbers))]
+            return [DrivenPlace(name, tuple(jobs), first, tuple(numbers))]
     chosen = [number for number in worlds if number in numbers]
     if not worlds:
         chosen = sample_worlds(jobs[0].frame, SAMPLED)
-    return [Place(f"{name}, world {number}", tuple(jobs), maps.task(number), (number,)) for number in chosen]
+    return [
+        DrivenPlace(f"{name}, world {number}", tuple(jobs), maps.task(number), (number,)) for number in chosen
+    ]
 
 
 def _check_driven(jobs: Sequence[Job], worlds: Sequence[int]) -> None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from scipy.spatial import cKDTree
 
-from lme.policy.escaper import Explanation
+from lme.policy.explanation import Explanation
 from lme.policy.surmount import Blockage, sector_points
 from lme.robots import Footprint
 from lme.types import Floats

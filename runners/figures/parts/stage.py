@@ -13,7 +13,7 @@ from lme.sensing.scan_points import obstacle_points
 from lme.types import Floats
 from runners.figures.parts.scene import outline
 from runners.figures.parts.style import BLUE, INK, ORANGE, SKY, YELLOW
-from runners.workers.trace import End, Moment, Tale
+from runners.workers.trace import Trace, TracedStep, TraceEnd
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -23,16 +23,16 @@ if TYPE_CHECKING:
 MOVER = "#444444"
 BEAMS = 180  # drawn at most: more flow into one surface
 CLIPPED = (5, 95)  # [percentile] scores beyond do not stretch the colours, as in the paper's maps of S
-TRACE_S = 0.5  # a mover's trace shows it so often
+TRAIL_S = 0.5  # a mover's trail shows it so often
 NOSE = np.array([[0.8, 0.0], [0.0, 0.55], [0.0, -0.55]])  # of half the robot: a triangle that points ahead
 SUBGOAL: dict[str, Any] = {"markersize": 10, "color": YELLOW, "markeredgecolor": INK, "markeredgewidth": 0.6}
 SCAN: dict[str, Any] = {"color": ORANGE, "markersize": 1.5}
 BEAM: dict[str, Any] = {"color": SKY, "linewidth": 0.5, "alpha": 0.55}
 
 
-def index_at(tale: Tale, time_s: float) -> int:
+def index_at(trace: Trace, time_s: float) -> int:
     """The last of the frames that is no later; the first where none is."""
-    times = np.array([frame.time for frame in tale.frames])
+    times = np.array([frame.time for frame in trace.frames])
     return max(int(np.searchsorted(times, time_s + 1e-9, side="right")) - 1, 0)
 
 
@@ -40,13 +40,13 @@ class Stage:
     """The moving things of one panel, drawn for one moment after the other."""
 
     def __init__(
-        self, axes: Axes, tale: Tale, colour: str = BLUE, *, beams: bool = False, candidates: bool = False
+        self, axes: Axes, trace: Trace, colour: str = BLUE, *, beams: bool = False, candidates: bool = False
     ) -> None:
         """colour: of the robot. beams: lines from the lidar to what it sees, instead of dots there."""
         from matplotlib.collections import LineCollection, PatchCollection
 
-        self._tale, self._frames = tale, tale.frames
-        self._outline = outline(tale.robot.footprint)
+        self._trace, self._frames = trace, trace.frames
+        self._outline = outline(trace.robot.footprint)
         self._beams = LineCollection([], zorder=1.5, **BEAM) if beams else None
         (self._scan,) = axes.plot([], [], ".", zorder=4, **SCAN)
         self._candidates = _candidates(axes) if candidates else None
@@ -73,8 +73,8 @@ class Stage:
         self._nose.set_xy(to_world(NOSE * self._outline.max(axis=0), frame.pose))
         self._see(frame)
         self._move(frame)
-        subgoal = frame.subgoal if isinstance(frame, Moment) else np.full(2, math.nan)
-        shown = not np.allclose(subgoal, self._tale.task.goal)  # the goal has a mark of its own
+        subgoal = frame.subgoal if isinstance(frame, TracedStep) else np.full(2, math.nan)
+        shown = not np.allclose(subgoal, self._trace.task.goal)  # the goal has a mark of its own
         self._subgoal.set_data(subgoal[:1] if shown else [], subgoal[1:] if shown else [])
         if self._candidates is not None:
             self._consider(frame)
@@ -86,26 +86,26 @@ class Stage:
             if artist is not None:
                 artist.set_visible(scan)
 
-    def _see(self, frame: Moment | End) -> None:
-        points = seen(frame, self._tale.robot)
+    def _see(self, frame: TracedStep | TraceEnd) -> None:
+        points = seen(frame, self._trace.robot)
         if self._beams is None:
             self._scan.set_data(*points.T)
             return
-        mount = self._tale.robot.lidar.mount
+        mount = self._trace.robot.lidar.mount
         lidar = to_world(np.array([mount.x, mount.y]), frame.pose)
         hits = points[:: math.ceil(max(len(points), 1) / BEAMS)]
         self._beams.set_segments([np.vstack([lidar, hit]) for hit in hits])
 
-    def _move(self, frame: Moment | End) -> None:
+    def _move(self, frame: TracedStep | TraceEnd) -> None:
         from matplotlib.patches import Circle
 
-        circles, edges = self._tale.moving(frame)
+        circles, edges = self._trace.moving(frame)
         self._discs.set_paths([Circle((x, y), radius) for x, y, radius in circles])
         self._sides.set_segments(list(edges.reshape(-1, 2, 2)))
 
-    def _consider(self, frame: Moment | End) -> None:
+    def _consider(self, frame: TracedStep | TraceEnd) -> None:
         """Candidates in the colours of their scores, from the lowest to the highest that is drawn."""
-        why = frame.explanation if isinstance(frame, Moment) else None
+        why = frame.explanation if isinstance(frame, TracedStep) else None
         assert self._candidates is not None
         if why is None:
             self._candidates.set_offsets(np.empty((0, 2)))
@@ -115,13 +115,13 @@ class Stage:
         self._candidates.set_array(np.clip((why.scores - low) / max(high - low, 1e-9), 0.0, 1.0))
 
 
-def draw_traces(axes: Axes, tale: Tale, last: int) -> None:
+def draw_mover_trails(axes: Axes, trace: Trace, last: int) -> None:
     """Where the movers were before the moment with the place `last` among the frames: outlines, half a second apart."""
     from matplotlib.collections import LineCollection, PatchCollection
     from matplotlib.patches import Circle
 
-    times = np.arange(0.0, tale.frames[last].time, TRACE_S)
-    before = [tale.moving(tale.frames[index_at(tale, time)]) for time in times]
+    times = np.arange(0.0, trace.frames[last].time, TRAIL_S)
+    before = [trace.moving(trace.frames[index_at(trace, time)]) for time in times]
     if not before:
         return
     circles = np.unique(np.vstack([each for each, _ in before]).round(6), axis=0)
@@ -148,7 +148,7 @@ def stage_keys(when: str, colour: str, *, scan: bool, movers: bool) -> list[Line
     return keys
 
 
-def seen(frame: Moment | End, robot: Robot) -> Floats:
+def seen(frame: TracedStep | TraceEnd, robot: Robot) -> Floats:
     """(M, 2) where the beams hit, in the world [m]."""
     return to_world(obstacle_points(frame.observation.scan, robot.lidar.mount), frame.pose)
 

@@ -11,7 +11,7 @@ from lme.errors import InputError
 from lme.policy.candidates import CandidateConfig, sample
 from lme.policy.escaper import EscaperConfig, LocalMinimumEscaper
 from lme.robots import Lidar
-from tests.builders import PUBLISHED, observation, stage
+from tests.builders import PUBLISHED, explained, observation, stage
 from tests.tolerances import KERNEL
 
 FOVS = st.one_of(st.floats(0.2, 6.2), st.just(2 * math.pi))
@@ -21,7 +21,7 @@ OFFSETS = st.floats(-0.3, 0.3)
 def explain(robot, target=(4.0, 0.0), ranges=None, seed=0, **settings):
     made = LocalMinimumEscaper(robot, PUBLISHED, EscaperConfig(candidates=CandidateConfig(**settings)))
     made.reset(np.random.default_rng(seed))
-    return made.explain(observation(target, ranges, robot=robot))
+    return explained(made, observation(target, ranges, robot=robot))
 
 
 def with_lidar(fov=2 * math.pi, num_beams=180, range_max=15.0, **mount):
@@ -133,7 +133,7 @@ def test_a_target_that_is_not_free_is_no_candidate():
 
 def test_the_target_may_be_left_out():
     config = EscaperConfig(candidates=CandidateConfig(number=10, target=False))
-    seen = LocalMinimumEscaper(stage(), PUBLISHED, config).explain(observation(target=(3.0, 0.0)))
+    seen = explained(LocalMinimumEscaper(stage(), PUBLISHED, config), observation(target=(3.0, 0.0)))
     assert len(seen.candidates) == 10
 
 

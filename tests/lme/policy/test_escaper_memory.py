@@ -18,6 +18,7 @@ from tests.builders import (
     assert_same,
     escape,
     escaper,
+    explained,
     navigator,
     observation,
     only,
@@ -33,7 +34,7 @@ SEEDS = st.integers(0, 2**32 - 1)
 def straight(made, steps, v=0.6):
     for _ in range(steps):
         made.decide(observation(twist=Twist(v, 0.0)))
-    return made.explain(observation(twist=Twist(v, 0.0))).view.history
+    return explained(made, observation(twist=Twist(v, 0.0))).view.history
 
 
 @pytest.mark.parametrize(("settings", "length"), [({}, 8), ({"history_length": 3}, 3)])
@@ -60,8 +61,7 @@ def test_history_lies_where_the_robot_was(seed):
     made, dt = escaper(history_min_distance=0.0), stage().dt
     slack = [0.0]
     for now, view in enumerate(seen):
-        history = made.explain(view).view.history
-        made.decide(view)
+        history = explained(made, view).view.history
         if now:
             pair = [seen[now - 1].twist, view.twist]
             slack.append(max(t.v for t in pair) * max(abs(t.omega) for t in pair) * dt * dt)
@@ -78,8 +78,7 @@ def test_history_stays_near_the_truth_at_full_acceleration(seed):
     seen, poses = wander(seed=seed, even=False)
     made = escaper(history_min_distance=0.0)
     for now, view in enumerate(seen):
-        history = made.explain(view).view.history
-        made.decide(view)
+        history = explained(made, view).view.history
         true = to_robot(
             np.array([pose[:2] for pose in poses[max(now - 8, 0) : now]]).reshape(-1, 2), poses[now]
         )
@@ -111,8 +110,7 @@ def test_reset_forgets_everything(seed):
     for made in (used, fresh):
         made.reset(np.random.default_rng(seed))
     for view in after:
-        assert_same(used.explain(view), fresh.explain(view))
-        assert_same(used.decide(view), fresh.decide(view))
+        assert_same(explained(used, view), explained(fresh, view))
 
 
 def test_the_first_decision_after_a_reset_is_a_first():
@@ -121,7 +119,7 @@ def test_the_first_decision_after_a_reset_is_a_first():
     choices = [made.decide(view).choice for view in views]
     assert choices[0] is Choice.FIRST
     made.reset(np.random.default_rng(0))
-    seen = made.explain(views[-1])
+    seen = explained(made, views[-1])
     assert seen.decision.choice is Choice.FIRST
     assert seen.old is None
     assert seen.old_features is None

@@ -25,6 +25,7 @@ from tests.builders import (
     assert_same,
     escape,
     escaper,
+    explained,
     inject,
     observation,
     only,
@@ -41,8 +42,7 @@ def test_features_and_scores_are_those_of_the_paper(seed):
     made = escaper(seed=seed)
     blocked_some = False
     for view in escape(seed):
-        seen = made.explain(view)
-        made.decide(view)
+        seen = explained(made, view)
         pool = seen.candidates if seen.old is None else np.vstack([seen.candidates, seen.old])
         rows, scores = seen.features, seen.scores
         if seen.old is not None:
@@ -127,7 +127,7 @@ def leftness(candidates, view):
 def test_a_criterion_of_ones_own_counts():
     config = LmeConfig(parameters=only(leftness=1.0), criteria={"leftness": f"{__name__}.leftness"})
     guide = Lme(config, stage())
-    seen = guide.escaper.explain(observation(target=(8.0, 0.0)))
+    seen = explained(guide.escaper, observation(target=(8.0, 0.0)))
     assert seen.names == (*NAMES, "leftness")
     assert seen.new == int(np.argmax(seen.candidates[:, 1]))
     with pytest.raises(InputError, match=r"guide\.criteria\.x is 'lme\.nowhere\.x': must be the dotted path"):
@@ -173,15 +173,16 @@ def test_a_mirrored_scene_is_answered_by_the_mirrored_subgoal(seed, full_circle,
     for _ in range(4):
         view, draw = random_view(rng, one), rng.uniform(-4, 4, (60, 2))
         with pytest.MonkeyPatch.context() as patch:
-            inject(patch, draw, draw)
-            seen, decision = left.explain(view), left.decide(view)
-            inject(patch, draw * FLIP, draw * FLIP)
+            inject(patch, draw)
+            seen = explained(left, view)
+            inject(patch, draw * FLIP)
             mirrored = mirror(view, full_circle)
-            seen_mirrored, decision_mirrored = right.explain(mirrored), right.decide(mirrored)
+            seen_mirrored = explained(right, mirrored)
         assert seen_mirrored.candidates == pytest.approx(seen.candidates * FLIP, abs=KERNEL)
         assert seen_mirrored.features == pytest.approx(seen.features, abs=KERNEL)
         assert seen_mirrored.scores == pytest.approx(seen.scores, abs=1e3 * KERNEL)
         assert seen_mirrored.new == seen.new
+        decision, decision_mirrored = seen.decision, seen_mirrored.decision
         assert decision_mirrored.choice is decision.choice
         assert decision_mirrored.blocked == decision.blocked
         assert decision_mirrored.subgoal == pytest.approx(decision.subgoal * FLIP, abs=KERNEL)
@@ -196,7 +197,7 @@ def turned(points, angle):
 def test_a_turned_scene_has_the_same_features_but_for_a_dev(seed, angle, rule):
     rng = np.random.default_rng(seed)
     made = escaper()
-    seen = made.explain(random_view(rng, stage()))
+    seen = explained(made, random_view(rng, stage()))
     points, target, history = seen.view.points, seen.view.target, rng.uniform(-1, 1, (8, 2))
     pool = rng.uniform(-5, 5, (100, 2))
     spun = turned(points, angle)
@@ -226,13 +227,13 @@ def test_the_order_of_the_candidates_does_not_matter(seed):
         view, draw = random_view(rng, robot), rng.uniform(-4, 4, (60, 2))
         order = rng.permutation(60)
         with pytest.MonkeyPatch.context() as patch:
-            inject(patch, draw, draw)
-            seen, decision = one.explain(view), one.decide(view)
-            inject(patch, draw[order], draw[order])
-            shuffled, decision_shuffled = two.explain(view), two.decide(view)
+            inject(patch, draw)
+            seen = explained(one, view)
+            inject(patch, draw[order])
+            shuffled = explained(two, view)
         assert shuffled.scores[:60] == pytest.approx(seen.scores[:60][order], abs=1e3 * KERNEL)
         np.testing.assert_array_equal(shuffled.features[:, :60], seen.features[:, :60][:, order])
-        assert_same(decision_shuffled, decision)
+        assert_same(shuffled.decision, seen.decision)
 
 
 @given(row=arrays(np.float64, 6, elements=st.floats(-1e3, 1e3)), count=st.integers(1, 320))

@@ -9,7 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lme.policy.criteria import View
-from lme.policy.escaper import PAPER_CRITERIA, Decision, EscaperConfig, Explanation, LocalMinimumEscaper
+from lme.policy.escaper import PAPER_CRITERIA, EscaperConfig, LocalMinimumEscaper
+from lme.policy.explanation import Decision, Explanation
 from lme.policy.maintenance import Choice, choose
 from lme.policy.reasons import LEFT_OUT, difference_terms, main_terms, reason, reasons
 from lme.policy.score import CRITERIA, Parameters, score
@@ -239,9 +240,9 @@ def test_the_verdict_is_the_decision_and_its_numbers_stand_on_their_side(now, be
 def test_every_decision_of_a_drive_has_its_reason(seed):
     made, before, texts = escaper(seed=seed), None, []
     for view in [*escape(seed), *wander(15, seed)[0]]:
-        now = made.explain(view)
+        decision, now = made.decide(view), made.explanation()
         texts.append(reason(now, before))
-        verdict = "switched: " if made.decide(view).choice.switched else "kept: "
+        verdict = "switched: " if decision.choice.switched else "kept: "
         assert texts[-1].startswith(verdict if before else "first subgoal: the best of")
         before = now
     assert len(set(texts)) > 20
@@ -251,5 +252,6 @@ def test_criteria_of_ones_own_from_the_escaper():
     """Weights stand in the order of the names, whatever that is."""
     criteria = {"ahead": lambda candidates, view: candidates[:, 0], **PAPER_CRITERIA}
     made = LocalMinimumEscaper(stage(), {**only(c_o=1.0), "ahead": 50.0}, EscaperConfig(), criteria)
-    text = reason(made.explain(escape()[0]), None)
+    made.decide(escape()[0])
+    text = reason(made.explanation(), None)
     assert "mainly ahead +" in text

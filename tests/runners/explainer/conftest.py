@@ -9,7 +9,7 @@ from runners.config import schema
 from runners.config.composer import Composer
 from runners.explainer.write import write_page
 from runners.records.launch_record import identity
-from runners.workers.trace import retell
+from runners.workers.trace import rerun
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 ARGUMENTS = [
@@ -24,22 +24,22 @@ ARGUMENTS = [
 TRAP = ("map=traps", "robot=turtlebot2", "map.worlds=[1]")  # first, kept, reached and better, all in it
 
 
-def told(world, *words):
-    """An episode told again, of the config that these words come to."""
+def traced(world, *words):
+    """The trace of an episode, of the config that these words come to."""
     schema.register()
     with Composer("eval") as composer:
-        return retell(identity(composer.compose(list(words))), world, 0)
+        return rerun(identity(composer.compose(list(words))), world, 0)
 
 
 @pytest.fixture(scope="package")
-def tale():
-    return told(1, *TRAP)
+def trace():
+    return traced(1, *TRAP)
 
 
 @pytest.fixture(scope="package")
-def page_file(tale, tmp_path_factory):
+def page_file(trace, tmp_path_factory):
     path = tmp_path_factory.mktemp("page") / "episode.html"
-    write_page(tale, path)
+    write_page(trace, path)
     return path
 
 

@@ -16,9 +16,9 @@ def sentence(page):
     return page.inner_text("#sentence")
 
 
-def expected(tale, step):
-    before = tale.moments[step - 1].explanation if step else None
-    text = reason(tale.moments[step].explanation, before)
+def expected(trace, step):
+    before = trace.steps[step - 1].explanation if step else None
+    text = reason(trace.steps[step].explanation, before)
     return text[0].upper() + text[1:]
 
 
@@ -27,11 +27,11 @@ def go(page, step):
     settle(page)
 
 
-def test_it_opens_from_the_disk_and_asks_for_nothing(page, tale):
+def test_it_opens_from_the_disk_and_asks_for_nothing(page, trace):
     assert page.inner_text("h1") == "trap_u 1, run 0"
     assert "turtlebot2 · success after" in page.inner_text("#subtitle")
     assert step_of(page) == 0
-    assert sentence(page) == expected(tale, 0)
+    assert sentence(page) == expected(trace, 0)
     assert page.watch.strangers() == []
     assert page.watch.said == []
 
@@ -42,27 +42,27 @@ def test_it_cannot_connect_to_anywhere(open_page, page_file):
     assert any("Content Security Policy" in text for text in other.watch.said)
 
 
-def test_keys_scrub(page, tale):
+def test_keys_scrub(page, trace):
     press(page, "ArrowRight", "ArrowRight", "ArrowRight")
     assert step_of(page) == 3
-    assert sentence(page) == expected(tale, 3)
+    assert sentence(page) == expected(trace, 3)
     press(page, "Shift+ArrowRight", "ArrowLeft")
     assert step_of(page) == 12
-    assert sentence(page) == expected(tale, 12)
+    assert sentence(page) == expected(trace, 12)
     press(page, "End")
-    assert step_of(page) == len(tale.moments)
+    assert step_of(page) == len(trace.steps)
     assert sentence(page).startswith("The end: success")
     press(page, "Shift+ArrowLeft")
-    assert step_of(page) == len(tale.moments) - 10
+    assert step_of(page) == len(trace.steps) - 10
     press(page, "Home")
     assert step_of(page) == 0
 
 
-def test_the_slider_scrubs_and_the_address_follows(page, tale):
+def test_the_slider_scrubs_and_the_address_follows(page, trace):
     page.focus("#step")
     press(page, "ArrowRight", "Shift+ArrowRight")
     assert step_of(page) == 11
-    assert sentence(page) == expected(tale, 11)
+    assert sentence(page) == expected(trace, 11)
     page.fill("#step", "40")
     until(page, "location.hash === '#step=40'")
     assert step_of(page) == 40
@@ -78,26 +78,26 @@ def test_the_address_leads_to_a_step_and_moves_the_page(open_page, page_file, pa
     until(page, "explainer.app.playback.step === explainer.tale.last")
 
 
-def test_the_timeline_can_be_clicked(page, tale):
+def test_the_timeline_can_be_clicked(page, trace):
     box = page.locator("#chart .u-over").bounding_box()
     page.mouse.click(box["x"] + box["width"] / 2, box["y"] + 10)
     settle(page)
-    assert abs(step_of(page) - len(tale.moments) / 2) <= 1
+    assert abs(step_of(page) - len(trace.steps) / 2) <= 1
 
 
-def test_n_and_p_go_from_switch_to_switch(page, tale):
-    switches = [i for i, m in enumerate(tale.moments) if m.explanation.decision.choice.switched]
+def test_n_and_p_go_from_switch_to_switch(page, trace):
+    switches = [i for i, m in enumerate(trace.steps) if m.explanation.decision.choice.switched]
     press(page, "n")
     assert step_of(page) == switches[0]
     press(page, "n", "n", "p")
     assert step_of(page) == switches[1]
 
 
-def test_it_plays_and_pauses_and_tells_a_screen_reader_when_it_rests(page, tale):
+def test_it_plays_and_pauses_and_tells_a_screen_reader_when_it_rests(page, trace):
     spoken = page.locator("#spoken")
     go(page, 2)
     until(page, "document.getElementById('spoken').textContent.startsWith('Step 2')")
-    assert expected(tale, 2)[1:] in spoken.inner_text()
+    assert expected(trace, 2)[1:] in spoken.inner_text()
     page.select_option("#speed", "5")
     page.evaluate(
         """() => {
@@ -121,9 +121,9 @@ def test_it_plays_and_pauses_and_tells_a_screen_reader_when_it_rests(page, tale)
     page.select_option("#speed", "1")
 
 
-def test_candidates_are_stepped_through_in_the_order_of_their_scores(page, tale):
+def test_candidates_are_stepped_through_in_the_order_of_their_scores(page, trace):
     go(page, 5)
-    scores = tale.moments[5].explanation.scores
+    scores = trace.steps[5].explanation.scores
     order = np.argsort(-scores, kind="stable")
     for place in range(3):
         press(page, "ArrowDown")
@@ -137,8 +137,8 @@ def test_candidates_are_stepped_through_in_the_order_of_their_scores(page, tale)
     assert page.inner_text("#candidate").startswith("The best candidate.")
 
 
-def test_colours_can_be_those_of_a_criterion_with_numbers(page, tale):
-    why = tale.moments[0].explanation
+def test_colours_can_be_those_of_a_criterion_with_numbers(page, trace):
+    why = trace.steps[0].explanation
     page.select_option("#colour", "a_close")
     settle(page)
     low, high = np.percentile(why.features[0], [5, 95])
@@ -151,12 +151,12 @@ def test_colours_can_be_those_of_a_criterion_with_numbers(page, tale):
     page.select_option("#colour", "S")
 
 
-def test_the_world_is_what_was_seen_up_to_the_step(page, tale):
+def test_the_world_is_what_was_seen_up_to_the_step(page, trace):
     step = 20
     seen = np.concatenate(
         [
-            to_world(obstacle_points(m.observation.scan, tale.robot.lidar.mount), m.pose)
-            for m in tale.moments[: step + 1]
+            to_world(obstacle_points(m.observation.scan, trace.robot.lidar.mount), m.pose)
+            for m in trace.steps[: step + 1]
         ]
     )
     cells = {tuple(cell) for cell in np.floor(seen / CELL_M).astype(int).tolist()}
@@ -169,9 +169,9 @@ def test_the_world_is_what_was_seen_up_to_the_step(page, tale):
     assert {tuple(cell) for cell in shown} == cells
 
 
-def test_neighbouring_sectors_differ_and_the_blocking_one_has_its_ends(page, tale):
-    step = next(i for i, m in enumerate(tale.moments) if m.explanation.view.blockage is not None)
-    way = tale.moments[step].explanation.view.blockage
+def test_neighbouring_sectors_differ_and_the_blocking_one_has_its_ends(page, trace):
+    step = next(i for i, m in enumerate(trace.steps) if m.explanation.view.blockage is not None)
+    way = trace.steps[step].explanation.view.blockage
     tale_js = "explainer.tale"
     ends = page.evaluate(
         f"""(step) => {{

@@ -15,8 +15,8 @@ from runners.explainer import write
 from runners.explainer.encode import encode
 from runners.explainer.packer import Packer
 from runners.explainer.write import page, write_page
-from runners.workers.trace import retell
-from tests.runners.explainer.conftest import told
+from runners.workers.trace import rerun
+from tests.runners.explainer.conftest import traced
 
 MOST_BYTES = 5_000_000
 OWN = "tests.runners.explainer.test_page_file.a_left"
@@ -63,16 +63,16 @@ def test_whole_numbers_come_through_whatever_their_size(differences, limit):
 
 
 def test_an_episode_of_300_steps_and_300_candidates_stays_small(tmp_path):
-    long = told(250, "map.worlds=[250]", "map.time_limit=30")
-    assert len(long.moments) >= 300
-    assert min(len(moment.explanation.scores) for moment in long.moments) >= 300
+    long = traced(250, "map.worlds=[250]", "map.time_limit=30")
+    assert len(long.steps) >= 300
+    assert min(len(step.explanation.scores) for step in long.steps) >= 300
     write_page(long, tmp_path / "long.html")
     assert (tmp_path / "long.html").stat().st_size < MOST_BYTES
 
 
-def test_the_same_episode_gives_the_same_file(tale):
-    told = write.sentences(tale)
-    assert page(tale, told) == page(tale, told)
+def test_the_same_episode_gives_the_same_file(trace):
+    sentences = write.sentences(trace)
+    assert page(trace, sentences) == page(trace, sentences)
 
 
 def test_everything_is_in_the_file_and_nothing_is_left_to_fill_in(page_file):
@@ -85,9 +85,9 @@ def test_everything_is_in_the_file_and_nothing_is_left_to_fill_in(page_file):
     assert text.count("<script") == 2
 
 
-def test_names_are_text_and_nothing_else(tale):
+def test_names_are_text_and_nothing_else(trace):
     name = '{{DATA}}</title><script>alert("1")</script>'
-    text = page(tale._replace(task=dataclasses.replace(tale.task, map_name=name)), [])
+    text = page(trace._replace(task=dataclasses.replace(trace.task, map_name=name)), [])
     said = html.escape(f"{name} 1, run 0")
     assert f"<title>{said}</title>" in text
     assert f'<h1 id="title">{said}</h1>' in text  # without a script as well
@@ -99,8 +99,8 @@ def test_a_page_that_cannot_be_written_is_named(tmp_path):
         write.write_html(tmp_path / "new" / "page.html", "whole")
 
 
-def test_the_episode_lasts_as_its_record_says(tale):
-    late = tale._replace(episode=dataclasses.replace(tale.episode, time=3.25))
+def test_the_episode_lasts_as_its_record_says(trace):
+    late = trace._replace(episode=dataclasses.replace(trace.episode, time=3.25))
     assert unpacked(encode(late, [], "LME (ours)"))[0]["time"] == 3.25
     assert unpacked(encode(late, [], "LME (ours)"))[0]["system"] == "LME (ours)"
 
@@ -110,13 +110,13 @@ def test_every_script_is_part_of_the_page():
     assert scripts == set(write.SCRIPTS)
 
 
-def test_a_criterion_of_ones_own_comes_with_the_others(tale):
-    config = copy.deepcopy(tale.config)
+def test_a_criterion_of_ones_own_comes_with_the_others(trace):
+    config = copy.deepcopy(trace.config)
     config["map"]["time_limit"] = 2.0
     config["guide"]["criteria"]["a_left"] = OWN
     config["guide"]["parameters"]["a_left"] = 3.0
-    own = retell(config, 1, 0)
-    reasons = [moment.explanation for moment in own.moments]
+    own = rerun(config, 1, 0)
+    reasons = [step.explanation for step in own.steps]
     text = encode(own, write.sentences(own))
     head, _ = unpacked(text)
     assert head["names"][-1] == "a_left"

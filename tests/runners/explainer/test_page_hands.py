@@ -6,7 +6,7 @@ from lme.policy.maintenance import Choice
 from tests.runners.explainer.conftest import press, settle, step_of, until
 
 
-def test_keys_pressed_within_a_frame_do_not_play_it_faster(page, tale):
+def test_keys_pressed_within_a_frame_do_not_play_it_faster(page, trace):
     steps, seconds = page.evaluate(
         """async () => {
             const { playback } = explainer.app;
@@ -17,10 +17,10 @@ def test_keys_pressed_within_a_frame_do_not_play_it_faster(page, tale):
             return [playback.step, (performance.now() - begun) / 1000];
         }"""
     )
-    assert 1 <= steps <= seconds / tale.robot.dt + 1
+    assert 1 <= steps <= seconds / trace.robot.dt + 1
 
 
-def test_a_page_that_was_hidden_plays_on_from_where_it_was(page, tale):
+def test_a_page_that_was_hidden_plays_on_from_where_it_was(page, trace):
     page.select_option("#speed", "5")
     page.evaluate(
         """() => {
@@ -30,7 +30,7 @@ def test_a_page_that_was_hidden_plays_on_from_where_it_was(page, tale):
         }"""
     )
     settle(page)
-    assert 0 < step_of(page) < 5 * 0.5 / tale.robot.dt
+    assert 0 < step_of(page) < 5 * 0.5 / trace.robot.dt
     page.select_option("#speed", "1")
 
 
@@ -90,8 +90,8 @@ def test_keys_without_a_use_are_left_to_the_browser(page):
     assert page.evaluate(taken) is False  # none there: the page scrolls
 
 
-def test_names_in_the_scene_do_not_cover_one_another(page, tale):
-    switches = [i for i, m in enumerate(tale.moments) if m.explanation.decision.choice is not Choice.KEPT]
+def test_names_in_the_scene_do_not_cover_one_another(page, trace):
+    switches = [i for i, m in enumerate(trace.steps) if m.explanation.decision.choice is not Choice.KEPT]
     names = page.evaluate(
         """(steps) => {
             const { app } = explainer;

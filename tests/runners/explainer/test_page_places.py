@@ -9,7 +9,7 @@ import pytest
 from lme.errors import InputError
 from lme.policy.maintenance import Choice
 from runners.explainer.write import write_page
-from tests.runners.explainer.conftest import press, settle, step_of, told, until
+from tests.runners.explainer.conftest import press, settle, step_of, traced, until
 
 FIT = "document.documentElement.scrollWidth <= document.documentElement.clientWidth"
 
@@ -62,7 +62,7 @@ def test_it_works_in_a_sandboxed_frame(browser, page_file, tmp_path):
 
 def test_a_guide_without_reasons_has_its_drive_shown(open_page, tmp_path):
     path = tmp_path / "bare.html"
-    bare = told(0, "map=traps", "robot=turtlebot2", "guide=target", "planner=dwa", "map.time_limit=6")
+    bare = traced(0, "map=traps", "robot=turtlebot2", "guide=target", "planner=dwa", "map.time_limit=6")
     write_page(bare, path)
     page = open_page(path, "#step=4")
     assert "This guide gives no reasons" in page.inner_text("#decision")
@@ -70,13 +70,13 @@ def test_a_guide_without_reasons_has_its_drive_shown(open_page, tmp_path):
     assert page.locator("#reasons").is_hidden()
     assert page.locator("#others").is_hidden()
     press(page, "ArrowRight", "ArrowDown", "n", "End")
-    assert step_of(page) == len(bare.moments)
+    assert step_of(page) == len(bare.steps)
     assert page.watch.said == []
 
 
 def test_a_planned_path_is_drawn_and_the_end_tells_the_tasks_clock(open_page, tmp_path):
     path = tmp_path / "planned.html"
-    planned = told(230, "map.worlds=[230]", "guide=global_path", "planner=eband", "map.time_limit=4")
+    planned = traced(230, "map.worlds=[230]", "guide=global_path", "planner=eband", "map.time_limit=4")
     write_page(planned, path, "E-Band")
     page = open_page(path, "#step=5")
     shown = page.evaluate(
@@ -87,7 +87,7 @@ def test_a_planned_path_is_drawn_and_the_end_tells_the_tasks_clock(open_page, tm
             return [metres("plan.x"), metres("plan.y")];
         }"""
     )
-    np.testing.assert_allclose(shown, planned.moments[5].guidance.path.T, atol=0.00051)
+    np.testing.assert_allclose(shown, planned.steps[5].guidance.path.T, atol=0.00051)
     assert page.get_by_text("planned", exact=True).is_visible()
     assert page.inner_text("#subtitle") == "E-Band · jackal · timeout after 4.0 s"
     press(page, "End")
@@ -104,8 +104,8 @@ def test_without_a_plan_there_is_no_key_to_one(page):
     assert page.get_by_text("planned", exact=True).is_hidden()
 
 
-def test_a_long_name_breaks(open_page, tale, tmp_path):
-    long = tale._replace(task=dataclasses.replace(tale.task, map_name="map_" * 50))
+def test_a_long_name_breaks(open_page, trace, tmp_path):
+    long = trace._replace(task=dataclasses.replace(trace.task, map_name="map_" * 50))
     write_page(long, tmp_path / "long.html", "system_" * 50)
     assert open_page(tmp_path / "long.html", "", 360, 740).evaluate(FIT)
 
@@ -121,7 +121,9 @@ def test_a_browser_that_is_too_old_is_told_so(browser, page_file):
 
 def test_what_moves_is_drawn_where_it_is(open_page, tmp_path):
     path = tmp_path / "moving.html"
-    moving = told(0, "map=real1_dynamic", "robot=turtlebot2", "map.time_limit=12", "ablation=no_maintenance")
+    moving = traced(
+        0, "map=real1_dynamic", "robot=turtlebot2", "map.time_limit=12", "ablation=no_maintenance"
+    )
     write_page(moving, path)
     page = open_page(path)
     still = len(moving.task.world.circles), len(moving.task.world.edges)
@@ -130,12 +132,12 @@ def test_what_moves_is_drawn_where_it_is(open_page, tmp_path):
         ".subarray(...explainer.tale.span(name, step).map((row) => row * (3 + i))))))"
     )
     for step, parts in zip((0, 50), shown, strict=True):
-        for part, obstacles, first in zip(parts, moving.moments[step].obstacles, still, strict=True):
+        for part, obstacles, first in zip(parts, moving.steps[step].obstacles, still, strict=True):
             np.testing.assert_allclose(part, obstacles[first:].ravel(), rtol=1e-6)
     assert shown[0] != shown[1]
     assert page.input_value("#n-d1") == "∞"  # no maintenance
     assert not any(page.evaluate("explainer.app.changed"))
-    choices = {moment.explanation.decision.choice for moment in moving.moments}
+    choices = {step.explanation.decision.choice for step in moving.steps}
     assert choices == {Choice.FIRST, Choice.REACHED}
     page.check("#truth")
     settle(page)
@@ -149,14 +151,14 @@ def test_less_motion_is_heeded(open_page, page_file):
 
 
 @pytest.mark.parametrize("kept", [0, 1])
-def test_an_episode_that_ends_at_once_in_an_empty_world(open_page, tale, tmp_path, kept):
-    nothing = np.full_like(tale.end.observation.scan.ranges, np.inf)
-    unseen = tale.end.observation._replace(scan=tale.end.observation.scan._replace(ranges=nothing))
-    track = tale.episode.trajectory
-    short = dataclasses.replace(tale.episode, trajectory=np.vstack([track[:kept], track[-1:]]))
-    moments = tuple(moment._replace(observation=unseen) for moment in tale.moments[:kept])
+def test_an_episode_that_ends_at_once_in_an_empty_world(open_page, trace, tmp_path, kept):
+    nothing = np.full_like(trace.end.observation.scan.ranges, np.inf)
+    unseen = trace.end.observation._replace(scan=trace.end.observation.scan._replace(ranges=nothing))
+    track = trace.episode.trajectory
+    short = dataclasses.replace(trace.episode, trajectory=np.vstack([track[:kept], track[-1:]]))
+    steps = tuple(step._replace(observation=unseen) for step in trace.steps[:kept])
     write_page(
-        tale._replace(moments=moments, episode=short, end=tale.end._replace(observation=unseen)),
+        trace._replace(steps=steps, episode=short, end=trace.end._replace(observation=unseen)),
         tmp_path / "short.html",
     )
     page = open_page(tmp_path / "short.html")
@@ -165,6 +167,6 @@ def test_an_episode_that_ends_at_once_in_an_empty_world(open_page, tale, tmp_pat
     assert page.get_by_text("The episode ended before the first decision.").is_visible() is (kept == 0)
 
 
-def test_a_place_that_takes_no_file_is_named(tale, tmp_path):
+def test_a_place_that_takes_no_file_is_named(trace, tmp_path):
     with pytest.raises(InputError, match="cannot be written"):
-        write_page(tale, tmp_path / "missing" / "page.html")
+        write_page(trace, tmp_path / "missing" / "page.html")

@@ -59,8 +59,8 @@ def in_page(page, values):
 
 
 @pytest.mark.parametrize("values", SETTINGS.values(), ids=SETTINGS)
-def test_scores_candidates_and_choices_are_pythons_at_every_step(page, tale, values):
-    reasons = [moment.explanation for moment in tale.moments]
+def test_scores_candidates_and_choices_are_pythons_at_every_step(page, trace, values):
+    reasons = [step.explanation for step in trace.steps]
     parameters = Parameters.from_mapping(values, reasons[0].names)
     verdicts = in_page(page, values)
     assert len(verdicts) == len(reasons)
@@ -73,16 +73,16 @@ def test_scores_candidates_and_choices_are_pythons_at_every_step(page, tale, val
         assert verdict["changed"] is not same
 
 
-def test_with_its_own_parameters_nothing_changes(page, tale):
+def test_with_its_own_parameters_nothing_changes(page, trace):
     assert not any(page.evaluate("explainer.app.changed"))
-    choices = [str(moment.explanation.decision.choice) for moment in tale.moments]
+    choices = [str(step.explanation.decision.choice) for step in trace.steps]
     assert page.evaluate("explainer.app.verdicts.map((verdict) => verdict.choice)") == choices
     assert {"first", "reached", "better", "kept"} == set(choices)  # or the episode tests too little
 
 
-def test_old_scores_are_pythons(page, tale):
+def test_old_scores_are_pythons(page, trace):
     olds = page.evaluate("explainer.app.verdicts.map((verdict) => verdict.oldScore)")
-    expected = [moment.explanation.old_score for moment in tale.moments]
+    expected = [step.explanation.old_score for step in trace.steps]
     assert math.isnan(olds[0])
     assert expected[0] is None
     np.testing.assert_allclose(olds[1:], expected[1:], rtol=RELATIVE)
@@ -104,14 +104,14 @@ def test_the_choice_at_its_limits(page, case, expected):
     assert page.evaluate(f"explainer.choose({case})") == expected
 
 
-def test_moving_a_slider_leads_to_pythons_other_candidate(page, tale):
+def test_moving_a_slider_leads_to_pythons_other_candidate(page, trace):
     values = {**PUBLISHED, "d2": 0.0}
-    parameters = Parameters.from_mapping(values, tale.moments[0].explanation.names)
-    others = [decided(moment.explanation, parameters)[1:] for moment in tale.moments]
+    parameters = Parameters.from_mapping(values, trace.steps[0].explanation.names)
+    others = [decided(step.explanation, parameters)[1:] for step in trace.steps]
     step = next(
         i
-        for i, ((_, choice), moment) in enumerate(zip(others, tale.moments, strict=True))
-        if choice is Choice.BETTER and moment.explanation.decision.choice is Choice.KEPT
+        for i, ((_, choice), traced) in enumerate(zip(others, trace.steps, strict=True))
+        if choice is Choice.BETTER and traced.explanation.decision.choice is Choice.KEPT
     )
     page.evaluate(f"explainer.app.playback.go({step})")
     settle(page)
@@ -124,15 +124,15 @@ def test_moving_a_slider_leads_to_pythons_other_candidate(page, tale):
     assert "parameters of the record" in before
     assert f"would choose candidate {others[step][0]} " in text
     count = sum(page.evaluate("explainer.app.changed"))
-    assert f"{count} of {len(tale.moments)} decisions" in text
+    assert f"{count} of {len(trace.steps)} decisions" in text
     page.click("#p-d2 ~ .reset")
     settle(page)
     assert page.inner_text("#what-if") == before
 
 
-def test_the_bars_show_pythons_terms(page, tale):
-    step = next(i for i, m in enumerate(tale.moments) if m.explanation.decision.choice is Choice.BETTER)
-    why = tale.moments[step].explanation
+def test_the_bars_show_pythons_terms(page, trace):
+    step = next(i for i, m in enumerate(trace.steps) if m.explanation.decision.choice is Choice.BETTER)
+    why = trace.steps[step].explanation
     page.evaluate(f"explainer.app.playback.go({step})")
     settle(page)
     x, y, index = page.evaluate(

@@ -16,7 +16,7 @@ from runners.records import launch_record
 from runners.records.episode_record import COLUMNS, EpisodeKey, EpisodeRecord, EpisodeResult
 from runners.records.records import RecordWriter, read_episodes, read_trajectories
 from runners.workers.executor import SerialConfig, SerialExecutor
-from runners.workers.trace import retell
+from runners.workers.trace import rerun
 
 # In eight seconds world 230 is driven and world 218 is not.
 WORDS = ["eval", "map.worlds=[218,230]", "map.time_limit=8", "runs=1", "executor=serial", "tracking=none"]
@@ -42,8 +42,8 @@ def drawn(monkeypatch):
     """Episodes of which a page is made, and no pages worth the name."""
     made = []
 
-    def write_page(tale, path, system, ending):
-        made.append(EpisodeKey(tale.world, tale.run))
+    def write_page(trace, path, system, ending):
+        made.append(EpisodeKey(trace.world, trace.run))
         path.write_text(f"<!doctype html>{system}\n{ending}")
 
     monkeypatch.setattr(write, "write_page", write_page)
@@ -222,8 +222,8 @@ def test_text_tells_every_decision(driven, capsys):
     assert title == f"World 218, run 0: timeout after 8.0 s, {steps} decisions"
     assert header.split() == ["step", "time", "[s]", "why"]
     spans = [[int(step) for step in line.split()[0].split("–")] for line in lines]
-    told = [step for span in spans for step in range(span[0], span[-1] + 1)]
-    assert told == list(range(steps))
+    listed = [step for span in spans for step in range(span[0], span[-1] + 1)]
+    assert listed == list(range(steps))
     assert "first subgoal: the best of" in lines[0]
 
 
@@ -294,15 +294,15 @@ def test_a_guide_without_reasons_has_pages_but_no_sentences(tmp_path, capsys):
 
 @pytest.mark.parametrize("world", [218, 230])
 def test_every_decision_of_a_real_drive_has_its_own_reason(driven, world):
-    tale = retell(launch_record.read_launch(driven).configs[0], world, 0)
+    trace = rerun(launch_record.read_launch(driven).configs[0], world, 0)
     before, texts = None, []
-    for moment in tale.moments:
-        texts.append(reason(moment.explanation, before))
-        verdict = "switched: " if moment.guidance.switched else "kept: "
+    for step in trace.steps:
+        texts.append(reason(step.explanation, before))
+        verdict = "switched: " if step.guidance.switched else "kept: "
         assert texts[-1].startswith(verdict if before else "first subgoal: ")
-        before = moment.explanation
+        before = step.explanation
     assert len(set(texts)) > len(texts) / 2
-    assert sum(text.startswith("switched") for text in texts) == tale.episode.switches
+    assert sum(text.startswith("switched") for text in texts) == trace.episode.switches
 
 
 def test_episodes_of_a_figure_are_explained_though_nothing_is_booked(run, drawn):

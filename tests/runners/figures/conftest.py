@@ -1,4 +1,4 @@
-"""A short run of LME to draw decisions of, told again."""
+"""A short run of LME to draw decisions of, and its trace."""
 
 import numpy as np
 import pytest
@@ -23,27 +23,27 @@ def target_run(tmp_path_factory):
 
 
 @pytest.fixture(scope="session")
-def tale(lme_run):
+def trace(lme_run):
     (job,) = read_jobs([lme_run])
-    return job.tale(4, 0)
+    return job.trace(4, 0)
 
 
 @pytest.fixture
-def shot(tale):
+def shot(trace):
     """The most telling decision."""
-    return shot_of(tale, telling_step(tale))
+    return shot_of(trace, telling_step(trace))
 
 
-def shot_of(tale, step):
-    return Shot("LME", tale, step, tale.moments[step].explanation)
+def shot_of(trace, step):
+    return Shot("LME", trace, step, trace.steps[step].explanation)
 
 
 def with_criteria(shot, **values):
     """The same decision with further criteria, of weight 1 and with these (N,) values of the candidates."""
-    moments = list(shot.tale.moments)
+    steps = list(shot.trace.steps)
     for step in (shot.step - 1, shot.step):
-        moments[step] = moments[step]._replace(explanation=_with(moments[step].explanation, values))
-    return shot_of(shot.tale._replace(moments=tuple(moments)), shot.step)
+        steps[step] = steps[step]._replace(explanation=_with(steps[step].explanation, values))
+    return shot_of(shot.trace._replace(steps=tuple(steps)), shot.step)
 
 
 def _with(why, values):

@@ -139,8 +139,8 @@ def _boxes(figure):
     ]
 
 
-def test_a_decision_without_a_sector_in_the_way_can_be_drawn(tale):
-    shot = shot_of(tale, 0)
+def test_a_decision_without_a_sector_in_the_way_can_be_drawn(trace):
+    shot = shot_of(trace, 0)
     open_view = shot.why.view._replace(blockage=None)
     figure = features_figure(shot._replace(why=shot.why._replace(view=open_view)), FeaturesConfig())
     assert any("No sector blocks" in text.get_text() for text in figure.texts)

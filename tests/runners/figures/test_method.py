@@ -45,8 +45,8 @@ def test_the_angles_are_those_of_the_ends_to_the_target(shot):
     assert f"∠E₁OT = {turn[0]:.0f}°, ∠E₂OT = {turn[1]:.0f}°" in text
 
 
-def test_a_decision_without_history_or_sector_in_the_way_says_so(tale):
-    shot = shot_of(tale, 0)
+def test_a_decision_without_history_or_sector_in_the_way_says_so(trace):
+    shot = shot_of(trace, 0)
     bare = shot.why.view._replace(blockage=None)
     written = captions(method_figure(shot._replace(why=shot.why._replace(view=bare))))
     assert "None of them blocks the way" in written["b"]
@@ -54,8 +54,8 @@ def test_a_decision_without_history_or_sector_in_the_way_says_so(tale):
 
 
 @pytest.mark.parametrize("step", [0, 7, 13])
-def test_nothing_overlaps_or_leaves_the_page_and_all_can_be_read(tale, step):
-    figure = method_figure(shot_of(tale, step))
+def test_nothing_overlaps_or_leaves_the_page_and_all_can_be_read(trace, step):
+    figure = method_figure(shot_of(trace, step))
     figure.draw_without_rendering()
     boxes = [
         *(axes.get_window_extent() for axes in figure.axes),
@@ -69,9 +69,9 @@ def test_nothing_overlaps_or_leaves_the_page_and_all_can_be_read(tale, step):
     assert min(text.get_fontsize() for text in letters) >= 7
 
 
-def test_the_telling_step_is_a_switch_around_an_obstacle(tale):
-    step = telling_step(tale)
-    why = tale.moments[step].explanation
+def test_the_telling_step_is_a_switch_around_an_obstacle(trace):
+    step = telling_step(trace)
+    why = trace.steps[step].explanation
     assert why.decision.choice is Choice.BETTER
     assert why.view.blockage is not None
     gain = why.features[:, why.new] - why.old_features
@@ -79,11 +79,11 @@ def test_the_telling_step_is_a_switch_around_an_obstacle(tale):
     assert gain[why.names.index("a_mount")] > 0
 
 
-def test_the_first_of_equally_telling_steps_is_taken(tale):
-    step = telling_step(tale)
-    twice = tale._replace(moments=(*tale.moments[: step + 1], *tale.moments))
+def test_the_first_of_equally_telling_steps_is_taken(trace):
+    step = telling_step(trace)
+    twice = trace._replace(steps=(*trace.steps[: step + 1], *trace.steps))
     assert telling_step(twice) == step
-    assert telling_step(tale._replace(moments=tale.moments[step:])) == 0
+    assert telling_step(trace._replace(steps=trace.steps[step:])) == 0
 
 
 def test_the_command_draws_the_telling_step(lme_run, tmp_path):
@@ -105,5 +105,5 @@ def test_a_step_that_lacks_a_sign_is_less_telling(shot, lacking):
     else:
         nothing = np.empty((0, 2)) if lacking == "history" else None
         poorer = why._replace(view=why.view._replace(**{lacking: nothing}))
-    moment = shot.tale.moments[shot.step]
-    assert telling_step(shot.tale._replace(moments=(moment._replace(explanation=poorer), moment))) == 1
+    step = shot.trace.steps[shot.step]
+    assert telling_step(shot.trace._replace(steps=(step._replace(explanation=poorer), step))) == 1

@@ -16,7 +16,7 @@ from runners.figures.parts import film
 from runners.figures.parts.animation import Screen
 from runners.figures.parts.jobs import read_jobs
 from runners.figures.parts.scene import outline
-from runners.figures.parts.stage import TRACE_S, Stage, draw_traces, index_at, seen
+from runners.figures.parts.stage import TRAIL_S, Stage, draw_mover_trails, index_at, seen
 from runners.figures.parts.style import new_figure
 
 WORDS = ["map=real1_dynamic", "robot=turtlebot2", "runs=1", "executor=serial"]
@@ -34,8 +34,8 @@ def sweep(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def tales(sweep):
-    return [job.tale(0, 0) for job in read_jobs([sweep])]
+def traces(sweep):
+    return [job.trace(0, 0) for job in read_jobs([sweep])]
 
 
 def durations(path):
@@ -48,10 +48,12 @@ def _duration(pictures, number):
     return pictures.info["duration"]
 
 
-def test_the_command_films_all_systems_at_their_own_pace(sweep, tales):
+def test_the_command_films_all_systems_at_their_own_pace(sweep, traces):
     path = sweep / "video.gif"
     seconds = sum(durations(path)) / 1000
-    assert seconds == pytest.approx(max(tale.end.time for tale in tales) + 1.0, abs=0.4)  # the end stays 1 s
+    assert seconds == pytest.approx(
+        max(trace.end.time for trace in traces) + 1.0, abs=0.4
+    )  # the end stays 1 s
     with Image.open(path) as pictures:
         assert pictures.width <= 400
 
@@ -64,11 +66,11 @@ def test_flat_colours_are_those_of_the_figure(sweep):
 
 
 @pytest.mark.parametrize("speed", [2.0, 0.5])
-def test_speed_is_in_times_real_time(sweep, tmp_path, tales, speed):
+def test_speed_is_in_times_real_time(sweep, tmp_path, traces, speed):
     (path,) = Video(VideoConfig(speed=speed, width=200, fps=4)).draw(
         read_jobs([sweep]), [0], tmp_path / "v", []
     )
-    last = max(tale.end.time for tale in tales)
+    last = max(trace.end.time for trace in traces)
     assert sum(durations(path)) / 1000 == pytest.approx(last / speed + 1.0, abs=0.5)
 
 
@@ -84,59 +86,57 @@ def test_a_film_is_the_same_twice(sweep, tmp_path):
     assert (tmp_path / "one.gif").read_bytes() == (tmp_path / "two.gif").read_bytes()
 
 
-def test_what_moves_is_drawn_anew_and_what_stands_is_not_touched(tales):
-    screen = Screen(tales, ["LME", "DWA"], 400)
+def test_what_moves_is_drawn_anew_and_what_stands_is_not_touched(traces):
+    screen = Screen(traces, ["LME", "DWA"], 400)
     first, later = screen.at(0.0), screen.at(5.0)
     changed = (first != later).any(axis=2)
     assert 0 < changed.mean() < 0.1
     np.testing.assert_array_equal(screen.at(0.0), first)  # nothing of the later picture is left
 
 
-def test_an_ended_episode_stays_as_it_ended(tales):
-    screen = Screen(tales[:1], ["LME"], 300)
-    end = tales[0].end.time
+def test_an_ended_episode_stays_as_it_ended(traces):
+    screen = Screen(traces[:1], ["LME"], 300)
+    end = traces[0].end.time
     np.testing.assert_array_equal(screen.at(end), screen.at(end + 50.0))
     assert (screen.at(end) != screen.at(end - 0.2)).any()
 
 
-def test_candidates_are_shown_where_asked(tales):
-    plain, with_them = (Screen(tales[:1], [""], 300, candidates=each).at(2.0) for each in (False, True))
+def test_candidates_are_shown_where_asked(traces):
+    plain, with_them = (Screen(traces[:1], [""], 300, candidates=each).at(2.0) for each in (False, True))
     assert (plain != with_them).any(axis=2).sum() > 300
 
 
-def test_a_moment_is_the_last_decision_before_it(tales):
-    times = [frame.time for frame in tales[0].frames]
-    assert [index_at(tales[0], time) for time in times] == list(range(len(times)))
-    assert index_at(tales[0], times[3] + 0.1) == 3
-    assert index_at(tales[0], 1e9) == len(times) - 1
-    assert index_at(tales[0], -1.0) == 0
+def test_a_moment_is_the_last_decision_before_it(traces):
+    times = [frame.time for frame in traces[0].frames]
+    assert [index_at(traces[0], time) for time in times] == list(range(len(times)))
+    assert index_at(traces[0], times[3] + 0.1) == 3
+    assert index_at(traces[0], 1e9) == len(times) - 1
+    assert index_at(traces[0], -1.0) == 0
 
 
-def test_the_robot_its_beams_and_its_subgoal_stand_where_they_were(tales):
-    tale, index = tales[0], 20
-    stage = Stage(new_figure(3, 3).add_subplot(), tale, beams=True)
+def test_the_robot_its_beams_and_its_subgoal_stand_where_they_were(traces):
+    trace, index = traces[0], 20
+    stage = Stage(new_figure(3, 3).add_subplot(), trace, beams=True)
     stage.show(index)
-    moment = tale.moments[index]
-    corners = to_world(outline(tale.robot.footprint), moment.pose)
+    step = trace.steps[index]
+    corners = to_world(outline(trace.robot.footprint), step.pose)
     np.testing.assert_allclose(stage._robot.get_xy()[: len(corners)], corners)
-    np.testing.assert_allclose(np.ravel(stage._subgoal.get_data()), moment.subgoal)
+    np.testing.assert_allclose(np.ravel(stage._subgoal.get_data()), step.subgoal)
     beams = np.array(stage._beams.get_segments())
-    hits = seen(moment, tale.robot)
+    hits = seen(step, trace.robot)
     assert 90 < len(beams) <= 180
     assert all(np.abs(hits - end).sum(axis=1).min() < 1e-12 for end in beams[:, 1])
-    np.testing.assert_allclose(
-        beams[:, 0], np.tile(moment.pose[:2], (len(beams), 1))
-    )  # mounted in the middle
+    np.testing.assert_allclose(beams[:, 0], np.tile(step.pose[:2], (len(beams), 1)))  # mounted in the middle
 
 
-def test_movers_leave_rings_where_they_were(tales):
-    tale = tales[0]
-    places = {tuple(tale.moving(frame)[0][0].round(3)) for frame in tale.frames}
+def test_movers_leave_rings_where_they_were(traces):
+    trace = traces[0]
+    places = {tuple(trace.moving(frame)[0][0].round(3)) for frame in trace.frames}
     assert len(places) > 1  # he walked
     axes = new_figure(3, 3).add_subplot()
-    draw_traces(axes, tale, len(tale.moments))
+    draw_mover_trails(axes, trace, len(trace.steps))
     rings, _ = axes.collections
-    assert 1 < len(rings.get_paths()) <= tale.end.time / TRACE_S + 1
+    assert 1 < len(rings.get_paths()) <= trace.end.time / TRAIL_S + 1
 
 
 def test_a_still_picture_of_a_moment_comes_from_the_same_run(sweep, tmp_path, monkeypatch):

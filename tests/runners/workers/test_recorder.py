@@ -46,7 +46,7 @@ PAIRS = {
 }
 
 
-class Witness:
+class ListObserver:
     """Keeps what an observer is told."""
 
     def __init__(self):
@@ -66,20 +66,20 @@ def composed(*words):
 
 
 def record(folder, *words):
-    """The path of a recording, the config, and what a witness of the same episode saw."""
+    """The path of a recording, the config, and what an observer of the same episode saw."""
     plain = composed(*words)
     recordings = Recordings(folder, launch_record.identity(DictConfig(plain)))
     key = EpisodeKey(WORLD, RUN)
     initialise(EpisodePayload(plain, LABELS, recordings))(key)
-    robot, witness = build.robot(plain), Witness()
+    robot, observed = build.robot(plain), ListObserver()
     run_episode(
         build.map_set(plain).task(WORLD),
         build.navigator(plain, robot),
         build.simulator(plain, robot),
         episode_rng(SEED, WORLD, RUN),
-        witness,
+        observed,
     )
-    return recording_path(folder, key), plain, witness
+    return recording_path(folder, key), plain, observed
 
 
 def read(path):
@@ -104,13 +104,13 @@ def snippet():
 
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory):
-    path, plain, witness = record(tmp_path_factory.mktemp("recordings"), *PAIRS["lme"])
-    return read(path), plain, witness
+    path, plain, observed = record(tmp_path_factory.mktemp("recordings"), *PAIRS["lme"])
+    return read(path), plain, observed
 
 
 def test_a_decision_is_one_message_of_each_kind_and_the_end_a_pose(recorded):
-    topics, _, witness = recorded
-    steps = len(witness.ticks)
+    topics, _, observed = recorded
+    steps = len(observed.ticks)
     assert steps > 20
     counts = dict.fromkeys(("/goal", "/scan", "/subgoal", "/cmd_vel"), steps)
     counts |= {"/lme": 1, "/tf_static": 1, "/tf": steps + 1, "/odom": steps + 1}
@@ -118,9 +118,9 @@ def test_a_decision_is_one_message_of_each_kind_and_the_end_a_pose(recorded):
 
 
 def test_scans_are_those_that_the_policy_saw_to_the_bit(recorded):
-    topics, plain, witness = recorded
+    topics, plain, observed = recorded
     lidar = plain["robot"]["lidar"]
-    for (_, message), (seen, *_) in zip(topics["/scan"], witness.ticks, strict=True):
+    for (_, message), (seen, *_) in zip(topics["/scan"], observed.ticks, strict=True):
         assert message.ranges.dtype == np.float32
         np.testing.assert_array_equal(message.ranges.view(np.int32), seen.scan.ranges.view(np.int32))
         assert message.header.frame_id == "laser"
@@ -131,10 +131,10 @@ def test_scans_are_those_that_the_policy_saw_to_the_bit(recorded):
 
 
 def test_twist_pose_goal_subgoal_and_command_are_exact(recorded):
-    topics, _, witness = recorded
+    topics, _, observed = recorded
     each = zip(*(topics[name] for name in ("/odom", "/goal", "/subgoal", "/cmd_vel")), strict=False)
     for ((_, odom), (_, goal), (_, subgoal), (_, command)), (seen, guidance, told, _) in zip(
-        each, witness.ticks, strict=True
+        each, observed.ticks, strict=True
     ):
         twist, pose = odom.twist.twist, odom.pose.pose
         assert (twist.linear.x, twist.angular.z) == seen.twist
@@ -146,14 +146,14 @@ def test_twist_pose_goal_subgoal_and_command_are_exact(recorded):
 
 
 def test_frames_hang_together_and_the_goal_stands_still_in_odom(recorded):
-    topics, plain, witness = recorded
+    topics, plain, observed = recorded
     lidar = plain["robot"]["lidar"]
     mount = topics["/tf_static"][0][1].transforms[0]
     assert (mount.header.frame_id, mount.child_frame_id) == ("base_link", "laser")
     assert (mount.transform.translation.x, mount.transform.translation.y) == (lidar["x"], lidar["y"])
     assert 2 * math.atan2(mount.transform.rotation.z, mount.transform.rotation.w) == lidar["yaw"]
     start, goal = build.map_set(plain).task(WORLD).start, build.map_set(plain).task(WORLD).goal
-    poses = [seen.odometry for seen, *_ in witness.ticks]
+    poses = [seen.odometry for seen, *_ in observed.ticks]
     for (_, message), (_, moved), pose in zip(topics["/goal"], topics["/tf"], poses, strict=False):
         assert message.header.frame_id == moved.transforms[0].child_frame_id == "base_link"
         assert moved.transforms[0].header.frame_id == "odom"
@@ -164,15 +164,15 @@ def test_frames_hang_together_and_the_goal_stands_still_in_odom(recorded):
 
 
 def test_the_last_pose_is_where_the_robot_came_to_rest(recorded):
-    topics, _, witness = recorded
-    observation, state = witness.last
+    topics, _, observed = recorded
+    observation, state = observed.last
     time, message = topics["/odom"][-1]
     assert (message.pose.pose.position.x, message.pose.pose.position.y) == observation.odometry[:2]
     assert time == round(state.time * 1e9) > topics["/scan"][-1][0]
 
 
 def test_time_is_the_simulations_and_never_stands_still(recorded):
-    topics, plain, witness = recorded
+    topics, plain, observed = recorded
     period = round(1e9 / plain["robot"]["control_rate"])
     times = [time for time, _ in topics["/scan"]]
     assert times == [period * number for number in range(len(times))]
@@ -182,14 +182,14 @@ def test_time_is_the_simulations_and_never_stands_still(recorded):
             if hasattr(message, "header"):
                 stamp = message.header.stamp
                 assert stamp.sec * 1_000_000_000 + stamp.nanosec == time
-    assert [time for time, _ in topics["/cmd_vel"]] == [round(s.time * 1e9) for *_, s in witness.ticks]
+    assert [time for time, _ in topics["/cmd_vel"]] == [round(s.time * 1e9) for *_, s in observed.ticks]
 
 
 def test_the_file_says_what_was_driven(recorded):
-    topics, plain, witness = recorded
+    topics, plain, observed = recorded
     about = json.loads(topics["/lme"][0][1].data)
     assert (about["seed"], about["world"], about["run"]) == (SEED, WORLD, RUN)
-    assert about["scan"] == {k: v for k, v in witness.ticks[0][0].scan._asdict().items() if k != "ranges"}
+    assert about["scan"] == {k: v for k, v in observed.ticks[0][0].scan._asdict().items() if k != "ranges"}
     assert about["config"] == launch_record.identity(DictConfig(plain))
     assert build.robot(about["config"]) == build.robot(plain)
     assert about["version"]
@@ -199,10 +199,10 @@ def test_the_file_says_what_was_driven(recorded):
 @pytest.mark.parametrize("pair", PAIRS)
 def test_from_the_file_alone_every_decision_is_the_same_again(tmp_path, pair):
     """By the code that the documentation gives."""
-    path, _, witness = record(tmp_path, *PAIRS[pair])
+    path, _, observed = record(tmp_path, *PAIRS[pair])
     again = list(snippet()["decisions"](path))
     assert len(again) > 10
-    assert [(s.tolist(), c) for s, c in again] == [(g.subgoal.tolist(), c) for _, g, c, _ in witness.ticks]
+    assert [(s.tolist(), c) for s, c in again] == [(g.subgoal.tolist(), c) for _, g, c, _ in observed.ticks]
 
 
 @given(st.floats(-math.pi, math.pi).filter(lambda yaw: yaw == 0.0 or abs(yaw) > 1e-300))
@@ -220,9 +220,9 @@ def test_looking_on_changes_nothing():
             navigator(robot),
             FastSimulator(FastConfig(), robot),
             np.random.default_rng(4),
-            witness,
+            observed,
         )
-        for witness in (None, Witness())
+        for observed in (None, ListObserver())
     ]
     np.testing.assert_array_equal(made[0].trajectory, made[1].trajectory)
 

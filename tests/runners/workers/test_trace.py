@@ -8,7 +8,7 @@ from lme.guides.lme import Lme
 from runners.config import build, schema
 from runners.config.composer import Composer, without_hydra
 from runners.workers.episodes import episode_rng
-from runners.workers.trace import retell
+from runners.workers.trace import rerun
 
 CLUTTERED = ["robot=turtlebot2", "map=real1_dynamic", "map.time_limit=3"]
 
@@ -55,29 +55,29 @@ NOISE = ["sim.scan_noise=0.02", "sim.goal_noise=0.1", "sim.slip=0.1", "sim.laten
 def test_the_told_episode_is_the_driven_one(composed, words, guide):
     config = composed(words)
     config["guide"]["_target_"] = f"{guide.__module__}.{guide.__name__}"
-    tale = retell(config, 0, 0)
-    np.testing.assert_array_equal(tale.episode.trajectory, driven(config, 0).trajectory)
-    assert len(tale.moments) == tale.episode.steps > 10
-    for moment in tale.moments:
-        if moment.explanation is not None:
-            np.testing.assert_array_equal(moment.explanation.decision.subgoal, moment.guidance.subgoal)
-            assert moment.explanation.decision.choice.switched == moment.guidance.switched
+    trace = rerun(config, 0, 0)
+    np.testing.assert_array_equal(trace.episode.trajectory, driven(config, 0).trajectory)
+    assert len(trace.steps) == trace.episode.steps > 10
+    for step in trace.steps:
+        if step.explanation is not None:
+            np.testing.assert_array_equal(step.explanation.decision.subgoal, step.guidance.subgoal)
+            assert step.explanation.decision.choice.switched == step.guidance.switched
 
 
 def test_a_guide_made_from_lme_is_explained_where_it_asks(composed):
     config = composed([])
     config["guide"]["_target_"] = f"{__name__}.Mapped"
-    asked = [moment.explanation is not None for moment in retell(config, 0, 0).moments]
+    asked = [step.explanation is not None for step in rerun(config, 0, 0).steps]
     assert asked == [step % 2 == 0 for step in range(len(asked))]
 
 
 def test_another_guide_has_no_reasons(composed):
-    tale = retell(composed(["guide=target"]), 0, 0)
-    assert all(moment.explanation is None for moment in tale.moments)
+    trace = rerun(composed(["guide=target"]), 0, 0)
+    assert all(step.explanation is None for step in trace.steps)
 
 
 def test_movers_stand_in_each_moment_as_they_did_then(composed):
-    tale = retell(composed(["map=dynabarn", "map.time_limit=1"]), 0, 0)
-    still = len(tale.task.world.circles)
-    places = {tuple(moment.obstacles[0][still:].ravel()) for moment in tale.moments}
-    assert len(places) == len(tale.moments)
+    trace = rerun(composed(["map=dynabarn", "map.time_limit=1"]), 0, 0)
+    still = len(trace.task.world.circles)
+    places = {tuple(step.obstacles[0][still:].ravel()) for step in trace.steps}
+    assert len(places) == len(trace.steps)
