@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
+
+from runners.config.systems import System
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -26,14 +28,12 @@ class Figures(NamedTuple):
     stats: dict[str, tuple[float, float]]
 
 
-def figures(systems: Mapping[str, Mapping[str, Any]]) -> dict[tuple[str, Place], Figures]:
+def figures(systems: Mapping[str, System]) -> dict[tuple[str, Place], Figures]:
     """Published figures by the system's name in `conf/system/` and by place."""
     return {
-        (name, Place(place, given["robot"])): Figures(
-            system["label"], bool(system.get("global_planner")), _stats(given)
-        )
+        (name, Place(place, given["robot"])): Figures(system.label, system.global_planner, _stats(given))
         for name, system in systems.items()
-        for place, given in (system.get("published") or {}).items()
+        for place, given in (system.published or {}).items()
     }
 
 

@@ -9,10 +9,11 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from lme.metrics import mean_std_over_runs, wilson_interval
 from runners.analysis import published
+from runners.config.systems import System
 from runners.config.systems import systems as named_systems
 from runners.records.episode_record import COLUMNS
 
@@ -74,7 +75,7 @@ class Row:
 def summarise(
     frame: pd.DataFrame,
     order: Sequence[str] = (),
-    systems: Mapping[str, Mapping[str, Any]] | None = None,
+    systems: Mapping[str, System] | None = None,
 ) -> list[Row]:
     """Rows of the table for `frame` (one line per episode), each system's own and then its published ones.
 
@@ -82,7 +83,7 @@ def summarise(
     figures are shown all the same. systems: named pairs by name; the project's own unless given.
     """
     systems = named_systems() if systems is None else systems
-    names = {system["label"]: name for name, system in systems.items()}
+    names = {system.label: name for name, system in systems.items()}
     keys = row_keys(frame)
     grouping = ["system", *keys]
     texts = frame.assign(**{key: as_text(frame[key]) for key in grouping})

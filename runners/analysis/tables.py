@@ -21,7 +21,6 @@ from runners.analysis.summary import (
     Row,
     notes,
     numbers,
-    summarise,
     title,
 )
 from runners.records.whole_file import write_whole
@@ -106,20 +105,19 @@ def to_rich(rows: Sequence[Row], heading: str, width: int) -> rich.table.Table:
     return table
 
 
-def print_table(frame: pd.DataFrame, order: Sequence[str] = ()) -> None:
-    """Print the table for `frame` on the terminal; order: as in `summarise`."""
+def print_table(frame: pd.DataFrame, rows: Sequence[Row]) -> None:
+    """Print the rows of the table for `frame` on the terminal."""
     from rich.console import Console
 
     console = Console()
-    console.print(to_rich(summarise(frame, order), title(frame), console.width))
+    console.print(to_rich(rows, title(frame), console.width))
 
 
-def write_tables(frame: pd.DataFrame, run_dir: Path, order: Sequence[str] = ()) -> list[Path]:
-    """Write `table.md`, `table.csv` and `table.tex` for `frame` into `run_dir`; their paths.
+def write_tables(frame: pd.DataFrame, rows: Sequence[Row], run_dir: Path) -> list[Path]:
+    """Write the rows of the table for `frame` into `run_dir`, as Markdown, CSV and LaTeX; their paths.
 
     Where episodes have explainer pages, `table.md` links those that failed.
     """
-    rows = summarise(frame, order)
     texts = {
         "table.md": f"**{title(frame)}**\n\n{to_markdown(rows)}{failed_section(frame, run_dir)}",
         "table.csv": to_csv(rows),

@@ -10,7 +10,7 @@ from typing import Any, Generic, TypeVar, cast
 from omegaconf import DictConfig, OmegaConf
 
 from runners.config.catalogue import Catalogue
-from runners.config.changes import changed_keys
+from runners.config.changes import changed_keys, in_words
 from runners.config.schema import SystemConfig
 
 C = TypeVar("C", bound=SystemConfig, covariant=True)
@@ -32,6 +32,11 @@ class Job(Generic[C]):
     folders: tuple[Path, ...]
     run_dir: Path = Path()
     sweep_dir: Path | None = None
+
+    @property
+    def changes_text(self) -> str:
+        """The changes in words: "robot.v_max=1, sim.latency=0.1"; empty where there are none."""
+        return in_words(self.changes)
 
     @classmethod
     def composed(cls, config: DictConfig, hydra: Any, catalogue: Catalogue) -> Job[C]:

@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import asdict, dataclass
+from typing import Any, TypeVar
 
 from lme.errors import InputError
 from lme.robots import require
 from runners.config.flatten import flatten
 from runners.config.hydra_errors import nearest
 from runners.config.instantiate import filled
+from runners.config.schema import SystemConfig, TrainConfig
 
 PARAMETERS = "guide.parameters."
+
+C = TypeVar("C", bound=SystemConfig)
 
 
 @dataclass(slots=True)
@@ -28,28 +31,28 @@ class Range:
 Space = dict[str, Range]  # by dotted config key
 
 
-def read_space(config: Mapping[str, Any]) -> Space:
+def read_space(config: TrainConfig) -> Space:
     """The ranges of a composed config's `space`; a parameter that an ablation fixes is left out.
 
     Raises InputError where there is none, for a key that the config has not or that holds no number, and for a
     range that is empty or, if logarithmic, not positive.
     """
-    fixed = {f"{PARAMETERS}{name}" for name in config["ablation"]}
-    space = {key: found for key, found in _ranges(config["space"], "") if key not in fixed}
+    fixed = {f"{PARAMETERS}{name}" for name in config.ablation}
+    space = {key: found for key, found in _ranges(config.space, "") if key not in fixed}
     if not space:
         raise InputError(
             "space is empty: must hold a range {low, high, log} for at least one key of the config"
         )
-    known = dict(flatten(config))
+    known = dict(flatten(asdict(config)))
     for key, found in space.items():
         _check_key(key, known)
         _check_range(f"space.{key}", found)
     return space
 
 
-def own_values(config: Mapping[str, Any], space: Space) -> dict[str, float]:
-    """What a plain config has for the keys of the space, as far as that lies in their ranges."""
-    known = dict(flatten(config))
+def own_values(config: TrainConfig, space: Space) -> dict[str, float]:
+    """What a config has for the keys of the space, as far as that lies in their ranges."""
+    known = dict(flatten(asdict(config)))
     return {
         key: float(known[key])
         for key, found in space.items()
@@ -57,15 +60,18 @@ def own_values(config: Mapping[str, Any], space: Space) -> dict[str, float]:
     }
 
 
-def with_values(config: Mapping[str, Any], values: Mapping[str, float]) -> dict[str, Any]:
-    """A copy of a plain config with other values under these dotted keys."""
-    changed = copy.deepcopy(dict(config))
+def with_values(config: C, values: Mapping[str, Any]) -> C:
+    """A copy of a config with other values under these dotted keys."""
+    changed = copy.deepcopy(config)
     for key, value in values.items():
         *path, name = key.split(".")
-        node = changed
+        node: Any = changed
         for part in path:
-            node = node[part]
-        node[name] = value
+            node = node[part] if isinstance(node, dict) else getattr(node, part)
+        if isinstance(node, dict):
+            node[name] = value
+        else:
+            setattr(node, name, value)
     return changed
 
 

@@ -1,25 +1,23 @@
-"""Evaluate one composed config: episodes to records, records to tables, a figure and a tracked run."""
+"""Evaluate one job: episodes to records, records to tables, a figure and a tracked run."""
 
 from __future__ import annotations
 
 import sys
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
-
-from hydra.core.hydra_config import HydraConfig
-from hydra.types import RunMode
-from omegaconf import DictConfig
+from typing import TYPE_CHECKING
 
 from lme.worlds.world import MapSet
 from runners.analysis import failures
-from runners.config import build, systems
+from runners.config import build, systems, weights
 from runners.config.instantiate import build as build_target
-from runners.config.overrides import CUSTOM
-from runners.config.schema import Explain, Record
+from runners.config.instantiate import configured
+from runners.config.job import Job
+from runners.config.schema import EpisodesConfig, EvalConfig, Record, ReportConfig
+from runners.experiments.labels import run_labels
 from runners.explainer import pages
-from runners.records import launch_record
 from runners.records.episode_record import EpisodeKey, RunLabels
+from runners.records.launch_record import identity
 from runners.records.parquet import EPISODES
 from runners.records.records import RecordWriter, read_episodes, read_trajectories
 from runners.workers import recorder
@@ -29,37 +27,55 @@ from runners.workers.progress import EpisodeProgress
 if TYPE_CHECKING:
     import pandas as pd
 
+    from runners.analysis.summary import Row
 
-def evaluate(config: DictConfig, run_dir: Path) -> pd.DataFrame:
-    """Run what is missing of map set × runs, write everything below `run_dir`, and return the records."""
+
+def validate(job: Job[EvalConfig]) -> None:
+    """Build what is cheap to build and check the rest, so that mistakes show before anything runs."""
+    weights.check_scale(job.config.scale, job.config.guide)
+    check_report(job)
+
+
+def check_report(job: Job[ReportConfig]) -> None:
+    """Raise InputError where a job cannot drive, record or report as its config says."""
+    config = job.config
+    systems.check_names(config.table, job.folders)
+    if config.record is Record.mcap:
+        recorder.check_installed()
+    configured(config.tracking, "tracking")
+    build.check_drive(config)
+
+
+def evaluate(job: Job[EvalConfig]) -> None:
+    """Run what is missing of map set × runs, and write everything below the job's run directory."""
     from runners.analysis.summary import metrics
     from runners.analysis.tables import print_table
 
-    plain = build.plain(config)
-    maps = build.map_set(plain)
-    labels = run_labels(plain)
-    tracking = build_target(plain["tracking"], "tracking")
-    tracking.start(plain, run_dir, {**asdict(labels), "command": "eval"}, sweep_directory())
+    maps, run_dir = build.map_set(job.config), job.run_dir
+    labels = run_labels(job)
+    tracking = build_target(job.config.tracking, "tracking")
+    tags = {**asdict(labels), "changes": job.changes_text, "command": "eval"}
+    tracking.start(asdict(job.config), run_dir, tags, job.sweep_dir)
     try:
-        drive(plain, labels, maps, run_dir)
+        drive(job.config, labels, maps, run_dir)
+        pages.as_asked(job.config.explain, run_dir, build_target(job.config.executor, "executor"))
     except KeyboardInterrupt:
         print(f"\nStopped. Go on with: lme eval resume={run_dir}", file=sys.stderr)
         raise
-    frame, artifacts = report(maps, run_dir)
-    artifacts += [*_film(plain, maps, run_dir), *failures.folder(run_dir)]
-    print_table(frame)
+    frame, rows, artifacts = report(maps, job)
+    artifacts += [*_film(job.config, maps, run_dir), *failures.folder(run_dir)]
+    print_table(frame, rows)
     print(f"Records, tables and pictures: {run_dir}")
     for place in failures.folder(run_dir):
         print(f"Why the robot went there: {place / failures.INDEX}")
     tracking.finish(metrics(frame), artifacts)
-    return frame
 
 
-def drive(plain: dict[str, Any], labels: RunLabels, maps: MapSet, run_dir: Path) -> None:
-    """Run what is missing of map set × runs into the records of `run_dir`, and explain what is to be explained."""
-    keys = [EpisodeKey(world, run) for world in maps.numbers for run in range(plain["runs"])]
-    executor = build_target(plain["executor"], "executor")
-    payload = EpisodePayload(plain, labels, _recordings(plain, run_dir))
+def drive(config: EpisodesConfig, labels: RunLabels, maps: MapSet, run_dir: Path) -> None:
+    """Run what is missing of map set × runs into the records of `run_dir`."""
+    keys = [EpisodeKey(world, run) for world in maps.numbers for run in range(config.runs)]
+    executor = build_target(config.executor, "executor")
+    payload = EpisodePayload(config, labels, _recordings(config, run_dir))
     with RecordWriter(run_dir) as writer, EpisodeProgress(labels.system, len(keys)) as progress:
         done = writer.done()
         progress.skip(len(done))
@@ -68,10 +84,25 @@ def drive(plain: dict[str, Any], labels: RunLabels, maps: MapSet, run_dir: Path)
             writer.append(result)
             progress.add(result.record.outcome)
         writer.merge()
-    pages.as_asked(Explain(plain.get("explain", Explain.none)), run_dir, executor)
 
 
-def _film(plain: dict[str, Any], maps: MapSet, run_dir: Path) -> list[Path]:
+def report(maps: MapSet, job: Job[EvalConfig]) -> tuple[pd.DataFrame, list[Row], list[Path]]:
+    """Write tables and picture, from the records alone; the records, the rows of the table, and all files."""
+    from runners.analysis.summary import summarise
+    from runners.analysis.tables import write_tables
+    from runners.figures.reports.paths import sample_worlds, trajectories_figure
+
+    run_dir = job.run_dir
+    frame = read_episodes([run_dir])
+    rows = summarise(frame, systems=systems.systems(job.folders))
+    tables = write_tables(frame, rows, run_dir)
+    picture = run_dir / "trajectories.png"
+    tasks = {number: maps.task(number) for number in sample_worlds(frame)}
+    trajectories_figure(frame, read_trajectories([run_dir]), tasks, picture)
+    return frame, rows, [*tables, picture, run_dir / EPISODES]
+
+
+def _film(config: EvalConfig, maps: MapSet, run_dir: Path) -> list[Path]:
     """A moving picture of the first episode, where something moves in its world."""
     world = maps.numbers[0]
     if not maps.task(world).world.movers:
@@ -79,72 +110,17 @@ def _film(plain: dict[str, Any], maps: MapSet, run_dir: Path) -> list[Path]:
     from runners.figures.parts.animation import animate
 
     path = run_dir / "episode.gif"
-    animate(plain, world, 0, path)
+    animate(config, world, 0, path)
     return [path]
 
 
-def _recordings(plain: dict[str, Any], run_dir: Path) -> Recordings | None:
+def _recordings(config: EpisodesConfig, run_dir: Path) -> Recordings | None:
     """Where recordings go, and the config that they carry; None where none are made."""
-    if plain.get("record") != Record.mcap:
+    if not isinstance(config, ReportConfig) or config.record is Record.none:
         return None
-    return Recordings(run_dir / recorder.FOLDER, launch_record.identity(DictConfig(plain)))
+    return Recordings(run_dir / recorder.FOLDER, identity(config))
 
 
 def _by_run(keys: list[EpisodeKey]) -> list[EpisodeKey]:
     """All worlds once before any a second time, so that a partial run covers the map set."""
     return sorted(keys, key=lambda key: (key.run, key.world))
-
-
-def run_labels(plain: dict[str, Any]) -> RunLabels:
-    """The columns that say what was run."""
-    choices = HydraConfig.get().runtime.choices
-    guide, planner = (_chosen(group, plain) for group in ("guide", "planner"))
-    return RunLabels(
-        system=systems.label(guide, planner),
-        guide=guide,
-        planner=planner,
-        global_map=str(plain["guide"].get("global_map", "")),
-        ablation=_ablation(plain),
-        weights=plain["weights"],
-        robot=plain["robot"]["name"],
-        map=str(choices["map"]),
-        subset="custom" if plain["map"].get("worlds") else str(plain["map"].get("subset", "")),
-    )
-
-
-def _chosen(group: str, plain: dict[str, Any]) -> str:
-    """The option of a group; of a user's own class, its name."""
-    option = str(HydraConfig.get().runtime.choices[group])
-    return str(plain[group]["_target_"]).rpartition(".")[2] if option == CUSTOM else option
-
-
-def _ablation(plain: dict[str, Any]) -> str:
-    """The option; of several at once their names with + between them.
-
-    Hydra notes no choice of several, so they are read from the command line; where they stand in a file, the
-    parameters are named that they set.
-    """
-    hydra = HydraConfig.get()
-    option = hydra.runtime.choices.get("ablation")
-    given = [text.partition("=")[2] for text in hydra.overrides.task if text.startswith("ablation=[")]
-    several = given[-1].strip("[]").split(",") if given else plain["ablation"]
-    return "+".join(name.strip() for name in several) if option is None else str(option)
-
-
-def sweep_directory() -> Path | None:
-    """The directory of the sweep that this job is part of, None where it is part of none."""
-    hydra = HydraConfig.get()
-    return Path(hydra.sweep.dir) if hydra.mode is RunMode.MULTIRUN else None
-
-
-def report(maps: MapSet, run_dir: Path) -> tuple[pd.DataFrame, list[Path]]:
-    """Write tables and picture, from the records alone; the records and all files."""
-    from runners.analysis.tables import write_tables
-    from runners.figures.reports.paths import sample_worlds, trajectories_figure
-
-    frame = read_episodes([run_dir])
-    tables = write_tables(frame, run_dir)
-    picture = run_dir / "trajectories.png"
-    tasks = {number: maps.task(number) for number in sample_worlds(frame)}
-    trajectories_figure(frame, read_trajectories([run_dir]), tasks, picture)
-    return frame, [*tables, picture, run_dir / EPISODES]

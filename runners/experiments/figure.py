@@ -1,96 +1,104 @@
-"""One figure from one composed config: episodes where none are given, then the picture."""
+"""Draw the figure of one job: drive episodes where none are given, then draw the picture."""
 
 from __future__ import annotations
 
 import shutil
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from omegaconf import DictConfig
-
 from lme.errors import InputError
-from runners.config import build
-from runners.config.composer import without_hydra
+from runners.config import build, weights
 from runners.config.instantiate import build as build_target
+from runners.config.job import Job
+from runners.config.schema import FigureConfig
 from runners.experiments import evaluate
-from runners.figures.parts.jobs import Kind, read_jobs
+from runners.experiments.labels import run_labels
+from runners.figures.parts.driven_runs import Kind, read_runs
 from runners.figures.parts.style import FORMATS
 from runners.records.launch_record import LAUNCH
 from runners.records.records import find_runs
 
 
-def validate(config: DictConfig) -> None:
+def validate(job: Job[FigureConfig]) -> None:
     """Build what is cheap to build, so that mistakes show before anything runs. Raises InputError."""
-    plain = build.plain(config)
-    kind = _kind(plain)
-    _worlds(plain)
-    if not plain["formats"] or not set(plain["formats"]) <= set(FORMATS):
-        raise InputError(f"formats is {plain['formats']}: must be some of {', '.join(FORMATS)}")
-    if plain["run"] is not None:
-        find_runs([Path(plain["run"])])
+    config = job.config
+    kind = _kind(config)
+    worlds_of(config.world)
+    if not config.formats or not set(config.formats) <= set(FORMATS):
+        raise InputError(f"formats is {config.formats}: must be some of {', '.join(FORMATS)}")
+    if config.run is not None:
+        find_runs([Path(config.run)])
     elif kind.drives:
-        build.check_drive(_with_worlds(plain))
+        weights.check_scale(config.scale, config.guide)
+        build.check_drive(_with_worlds(config), num_tasks=None)
 
 
-def prepare(config: DictConfig, run_dir: Path) -> None:
-    """Drive the episodes that the figure shows; of a figure that is no sweep, draw it too."""
-    plain = build.plain(config)
-    drives = plain["run"] is None and _kind(plain).drives
+def figure(job: Job[FigureConfig]) -> None:
+    """Drive the episodes that the figure shows; draw the figure too, unless the job is part of a sweep."""
+    drives = job.config.run is None and _kind(job.config).drives
     if drives:
-        _drive(_with_worlds(plain), run_dir)
-    if evaluate.sweep_directory() is not None:
+        _drive(job)
+    if job.sweep_dir is not None:
         return
     try:
-        draw(config, [run_dir], run_dir)
+        _draw(job.config, [job.run_dir], job.run_dir)
     except (InputError, KeyboardInterrupt):
         if not drives:
-            _leave(run_dir)
+            _leave(job.run_dir)
         raise
 
 
-def draw(config: DictConfig, driven: Sequence[Path], folder: Path) -> list[Path]:
-    """Draw the runs that the config names, or else those just driven, and print where; the files."""
-    plain = build.plain(without_hydra(config))
-    runs = driven if plain["run"] is None else [Path(plain["run"])]
-    kind = _kind(plain)
-    jobs = read_jobs(runs) if kind.drives else []
-    if kind.drives and not jobs:
-        raise InputError(
-            f"run is {plain['run']}: no {LAUNCH} there tells of the config, so it cannot be drawn"
-        )
-    stem = folder / kind.name
-    paths = kind.draw(jobs, _worlds(plain), stem, plain["formats"])
+def draw_sweep(job: Job[FigureConfig], driven: Sequence[Path]) -> None:
+    """Draw one figure of all jobs of a sweep. job: its first."""
+    assert job.sweep_dir is not None
+    _draw(job.config, driven, job.sweep_dir)
+
+
+def worlds_of(world: Any) -> list[int]:
+    """The worlds that are asked for: a number or a list of numbers; none for null. Raises InputError."""
+    if world is None:
+        return []
+    worlds = world if isinstance(world, list) else [world]
+    if not worlds or any(isinstance(number, bool) or not isinstance(number, int) for number in worlds):
+        raise InputError(f"world is {world!r}: must be a number, or a list of numbers")
+    return worlds
+
+
+def _draw(config: FigureConfig, driven: Sequence[Path], folder: Path) -> None:
+    """Draw the runs that the config names, or else those just driven, and print the paths of the files."""
+    runs = driven if config.run is None else [Path(config.run)]
+    kind = _kind(config)
+    driven_runs = read_runs(runs) if kind.drives else []
+    if kind.drives and not driven_runs:
+        raise InputError(f"run is {config.run}: no {LAUNCH} there tells of the config, so it cannot be drawn")
+    paths = kind.draw(driven_runs, worlds_of(config.world), folder / kind.name, config.formats)
     print("\n".join(map(str, paths)))
-    return paths
 
 
-def _drive(plain: dict[str, Any], run_dir: Path) -> None:
+def _drive(job: Job[FigureConfig]) -> None:
+    config = _with_worlds(job.config)
     try:
-        evaluate.drive(plain, evaluate.run_labels(plain), build.map_set(plain), run_dir)
+        evaluate.drive(config, run_labels(job), build.map_set(config), job.run_dir)
     except KeyboardInterrupt:
-        print(f"\nStopped. Go on with: lme figure resume={run_dir}", file=sys.stderr)
+        print(f"\nStopped. Go on with: lme figure resume={job.run_dir}", file=sys.stderr)
         raise
 
 
 def _leave(run_dir: Path) -> None:
-    """Take back the directory of a figure that came to nothing, unless it holds more than how it was started."""
+    """Remove the directory of a figure that was not drawn, unless it holds more than how it was started."""
     if {path.name for path in run_dir.iterdir()} <= {LAUNCH, ".hydra"}:
         shutil.rmtree(run_dir)
 
 
-def _kind(plain: dict[str, Any]) -> Kind:
-    kind: Kind = build_target(plain["figure"], "figure")
+def _kind(config: FigureConfig) -> Kind:
+    kind: Kind = build_target(config.figure, "figure")
     return kind
 
 
-def _worlds(plain: dict[str, Any]) -> list[int]:
-    """The worlds asked for; none where that is left to the figure."""
-    return [] if plain["world"] is None else build.worlds_of(plain["world"])
-
-
-def _with_worlds(plain: dict[str, Any]) -> dict[str, Any]:
+def _with_worlds(config: FigureConfig) -> FigureConfig:
     """The config with the worlds to be driven: those asked for, those that the map set names, or its first."""
-    worlds = _worlds(plain) or plain["map"]["worlds"] or [build.map_set(plain).numbers[0]]
-    return {**plain, "map": {**plain["map"], "worlds": worlds}}
+    worlds = worlds_of(config.world) or config.map["worlds"] or [build.map_set(config).numbers[0]]
+    return replace(config, map={**config.map, "worlds": worlds})

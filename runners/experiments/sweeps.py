@@ -7,10 +7,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from omegaconf import DictConfig
-
 from runners.analysis.summary import Row, numbers, summarise
 from runners.config.instantiate import build as build_target
+from runners.config.job import Job
+from runners.config.schema import ReportConfig
+from runners.config.systems import systems
 from runners.records import launch_record
 from runners.records.records import find_runs, read_episodes
 
@@ -27,30 +28,35 @@ class Report(NamedTuple):
     words: list[str]
 
 
-def finish(config: DictConfig, sweep_dir: Path, run_dirs: Sequence[Path]) -> None:
-    """Tabulate, draw, print and book all runs of a sweep. config: of its first job."""
+def finish(job: Job[ReportConfig], run_dirs: Sequence[Path]) -> None:
+    """Tabulate, draw, print and book all runs of a sweep. job: its first."""
     from runners.analysis.tables import print_table
 
     run_dirs = find_runs(run_dirs)
     frame = read_episodes(run_dirs)
-    order = list(config.table)
-    artifacts, words = report(frame, order, run_dirs, sweep_dir)
-    print_table(frame, order)
+    sweep_dir = job.sweep_dir
+    assert sweep_dir is not None
+    rows = summarise(frame, job.config.table, systems(job.folders))
+    artifacts, words = report(frame, rows, run_dirs, sweep_dir)
+    print_table(frame, rows)
     for line in words:
         print(line)
     print(f"The sweep's table and pictures: {sweep_dir}")
-    _book(config, frame, artifacts, sweep_dir, run_dirs)
+    _book(job.config, frame, artifacts, sweep_dir, run_dirs)
 
 
-def report(frame: pd.DataFrame, order: Sequence[str], run_dirs: Sequence[Path], place: Path) -> Report:
-    """Write table and pictures of several runs into `place`, and what their ablations and scales come to."""
+def report(frame: pd.DataFrame, rows: Sequence[Row], run_dirs: Sequence[Path], place: Path) -> Report:
+    """Write table and pictures of several runs into `place`, and what their ablations and scales come to.
+
+    frame: their records. rows: of their table.
+    """
     from runners.analysis.tables import write_tables
     from runners.figures.kinds.trajectories import side_by_side_figure
     from runners.figures.reports.comparison import comparison_figure
 
     files = [
-        *write_tables(frame, place, order),
-        *comparison_figure(frame, order, place),
+        *write_tables(frame, rows, place),
+        *comparison_figure(frame, rows, place),
         *side_by_side_figure(frame, run_dirs, place),
     ]
     told = _studied(frame, place)
@@ -74,7 +80,7 @@ def _studied(frame: pd.DataFrame, place: Path) -> Report:
 
 
 def _book(
-    config: DictConfig,
+    config: ReportConfig,
     frame: pd.DataFrame,
     artifacts: Sequence[Path],
     sweep_dir: Path,

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import contextlib
-import dataclasses
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from hydra.core.hydra_config import HydraConfig
-from omegaconf import DictConfig
 
 from lme.errors import InputError
 from lme.robots import require
@@ -19,15 +17,19 @@ from lme.worlds.world import MapSet
 from runners.analysis import failures
 from runners.config import build
 from runners.config.instantiate import build as build_target
-from runners.config.schema import EvalConfig
+from runners.config.job import Job
+from runners.config.schema import TrainConfig
 from runners.config.space import PARAMETERS, Space, own_values, read_space, with_values
 from runners.experiments import evaluate
-from runners.records import launch_record, weight_file
+from runners.experiments.held_out import evaluate_held_out
+from runners.experiments.labels import run_labels
+from runners.records import weight_file
 from runners.records.append_log import lock
+from runners.records.launch_record import LAUNCH, fingerprint, identity
 from runners.search import study
-from runners.search.study import Proposal, Study, Trial
+from runners.search.loop import run_trials
+from runners.search.study import Study, Trial
 from runners.workers import trials
-from runners.workers.executor import Map
 from runners.workers.progress import TrialProgress
 
 if TYPE_CHECKING:
@@ -36,38 +38,38 @@ if TYPE_CHECKING:
 _TRAINING = 0x7472  # keeps the stream that configurations are drawn from apart from those of the episodes
 
 
-def validate(config: DictConfig) -> None:
+def validate(job: Job[TrainConfig]) -> None:
     """Build what is cheap to build and check the rest, so that mistakes show before anything runs."""
-    build.validate(config)
-    plain = build.plain(config)
-    for key in ("trials", "configurations"):
-        require(key, plain[key], at_least=1)
-    for key in ("crash", "timeout"):
-        require(f"reward.{key}", plain["reward"][key], at_most=0.0)
-    if plain["reward"]["max_steps"] is not None:
-        require("reward.max_steps", plain["reward"]["max_steps"], at_least=1)
-    read_space(plain)
-    build_target(plain["search"], "search")
-    training_maps(plain, training_worlds(plain))
-    weight_file.check_name(_name(config), _fingerprint(config))
-    if plain["storage"] is not None:
-        study.open_storage(plain["storage"])
+    config = job.config
+    evaluate.check_report(job)
+    for key, count in (("trials", config.trials), ("configurations", config.configurations)):
+        require(key, count, at_least=1)
+    for key, penalty in (("crash", config.reward.crash), ("timeout", config.reward.timeout)):
+        require(f"reward.{key}", penalty, at_most=0.0)
+    if config.reward.max_steps is not None:
+        require("reward.max_steps", config.reward.max_steps, at_least=1)
+    read_space(config)
+    build_target(config.search, "search")
+    training_maps(config, training_worlds(config))
+    weight_file.check_name(weights_name(config), _fingerprint(config))
+    if config.storage is not None:
+        study.open_storage(config.storage)
 
 
-def train(config: DictConfig, run_dir: Path) -> None:
-    """Search until the study has its trials, evaluate the best, and write everything below `run_dir`."""
-    plain = build.plain(config)
-    tracking = build_target(plain["tracking"], "tracking")
-    labels = dataclasses.replace(evaluate.run_labels(plain), weights=_name(config))
-    tags = {**dataclasses.asdict(labels), "command": "train"}
-    tracking.start(_without_password(plain), run_dir, tags, evaluate.sweep_directory())
+def train(job: Job[TrainConfig]) -> None:
+    """Search until the study has its trials, evaluate the best, and write everything below the run directory."""
+    config, run_dir = job.config, job.run_dir
+    tracking = build_target(config.tracking, "tracking")
+    labels = replace(run_labels(job), weights=weights_name(config))
+    tags = {**asdict(labels), "changes": job.changes_text, "command": "train"}
+    tracking.start(asdict(_without_password(config)), run_dir, tags, job.sweep_dir)
     try:
         with _held(run_dir):
-            found = _search(config, plain, run_dir)
+            found = _search(config, run_dir)
             best = max(found.told, key=lambda trial: (trial.reward, -trial.number))
-            weights = _write_weights(config, plain, found, best, run_dir)
-            pictures = _pictures(found, read_space(plain), run_dir)
-            frame = _held_out(plain, best, run_dir, _name(config))
+            weights = _write_weights(job, found, best)
+            pictures = _pictures(found, read_space(config), run_dir)
+            frame = evaluate_held_out(job, best, weights_name(config))
     except KeyboardInterrupt:
         print(f"\nStopped. Go on with: lme train resume={run_dir}", file=sys.stderr)
         raise
@@ -75,23 +77,23 @@ def train(config: DictConfig, run_dir: Path) -> None:
     _book(tracking, found.told, best, frame, [weights, *pictures, *pages])
 
 
-def training_worlds(plain: Mapping[str, Any]) -> list[int]:
+def training_worlds(config: TrainConfig) -> list[int]:
     """Numbers of the configurations to train on: drawn once per seed, and none that is held out.
 
     Raises InputError where there are too few to draw from.
     """
-    numbers, count = list(plain["training_numbers"]), plain["configurations"]
+    numbers, count = config.training_numbers, config.configurations
     if len(numbers) != 2 or not 0 <= numbers[0] <= numbers[1]:
         raise InputError(f"training_numbers is {numbers}: must be [first, last], from 0 on")
     first, last = numbers
-    nodes = list(plain["held_out"].values()) or [plain["map"]]
-    kept = {number for node in nodes for number in build.map_set({**plain, "map": node}).numbers}
+    nodes = list(config.held_out.values()) or [config.map]
+    kept = {number for node in nodes for number in build.map_set(replace(config, map=node)).numbers}
     left = last - first + 1 - sum(first <= number <= last for number in kept)
     if left < count:
         raise InputError(
             f"training_numbers is {numbers}: must leave {count} worlds beside those held out, and leaves {left}"
         )
-    rng = np.random.default_rng(np.random.SeedSequence([plain["seed"], _TRAINING]))
+    rng = np.random.default_rng(np.random.SeedSequence([config.seed, _TRAINING]))
     drawn: list[int] = []
     while len(drawn) < count:
         number = int(rng.integers(first, last + 1))
@@ -100,75 +102,38 @@ def training_worlds(plain: Mapping[str, Any]) -> list[int]:
     return drawn
 
 
-def training_maps(plain: Mapping[str, Any], worlds: list[int]) -> MapSet:
+def training_maps(config: TrainConfig, worlds: list[int]) -> MapSet:
     """The map set with these worlds. Raises InputError where it does not have them."""
     try:
-        return build.map_set(with_values(plain, {"map.worlds": worlds}))
+        return build.map_set(config, worlds)
     except InputError as error:
         raise InputError(
-            f"training_numbers is {list(plain['training_numbers'])}: must be worlds that the map has, such as "
+            f"training_numbers is {config.training_numbers}: must be worlds that the map has, such as "
             f"[0,199] beside map=barn's hard100 ({error})"
         ) from error
 
 
-def _search(config: DictConfig, plain: dict[str, Any], run_dir: Path) -> Study:
+def _search(config: TrainConfig, run_dir: Path) -> Study:
     """All trials of the study, those of an earlier run included."""
-    identity = launch_record.identity(config)
-    search = build_target(plain["search"], "search")
-    space = read_space(plain)
-    first = own_values(plain, space) if plain["start_from_config"] else {}
-    opened = study.open_study(plain["storage"], plain["study"], run_dir, identity, space, search, first)
-    worlds = _settled_worlds(opened, plain, run_dir)
-    training = with_values(plain, {"map.worlds": worlds})
-    with TrialProgress(f"train {plain['robot']['name']}", plain["trials"]) as progress:
+    search = build_target(config.search, "search")
+    space = read_space(config)
+    first = own_values(config, space) if config.start_from_config else {}
+    opened = study.open_study(config.storage, config.study, run_dir, identity(config), space, search, first)
+    worlds = _settled_worlds(opened, config, run_dir)
+    training = with_values(config, {"map.worlds": worlds})
+    with TrialProgress(f"train {config.robot.name}", config.trials) as progress:
         progress.skip(len(opened.told), opened.best)
-        if opened.room(plain["trials"], search.batch):
-            executor = build_target(plain["executor"], "executor")
+        if opened.room(config.trials, search.batch):
+            executor = build_target(config.executor, "executor")
             with executor.open(trials.initialise, training, len(worlds) * search.batch) as run_all:
-                run_trials(opened, plain["trials"], search.batch, worlds, run_all, progress.add)
+                run_trials(opened, config.trials, search.batch, worlds, run_all, progress.add)
     return opened
 
 
-def run_trials(
-    opened: Study,
-    total: int,
-    batch: int,
-    worlds: list[int],
-    run_all: Map,
-    note: Callable[[float | None], None],
-) -> None:
-    """Bring a study to `total` trials, beginning with those that a killed run left.
-
-    run_all: attempts to scores, in any order. note: called after each trial with the best reward so far.
-    """
-    while count := opened.room(total, batch):
-        proposals = opened.unfinished() or opened.ask(count)
-        _run_batch(opened, proposals, worlds, run_all)
-        for proposal in proposals:
-            opened.tell(proposal.number)
-            note(opened.best)
-
-
-def _run_batch(opened: Study, batch: list[Proposal], worlds: list[int], run_all: Map) -> None:
-    """Every episode of a batch; a trial is kept as soon as its last one ends."""
-    todo = [proposal for proposal in batch if not opened.scored(proposal.number)]
-    attempts = [
-        trials.Attempt(proposal.number, world, tuple(proposal.values.items()))
-        for proposal in todo
-        for world in worlds
-    ]
-    scores: dict[int, list[trials.Score]] = {proposal.number: [] for proposal in todo}
-    for score in run_all(attempts):
-        of_trial = scores[score.trial]
-        of_trial.append(score)
-        if len(of_trial) == len(worlds):
-            opened.keep(score.trial, sorted(of_trial, key=lambda score: worlds.index(score.world)))
-
-
-def _settled_worlds(opened: Study, plain: dict[str, Any], run_dir: Path) -> list[int]:
+def _settled_worlds(opened: Study, config: TrainConfig, run_dir: Path) -> list[int]:
     """The study's own configurations. Raises InputError where the map has changed since they were drawn."""
-    worlds = training_worlds(plain)
-    maps = training_maps(plain, worlds)
+    worlds = training_worlds(config)
+    maps = training_maps(config, worlds)
     drawn = []
     for task in map(maps.task, worlds):
         drawn.append({"world": task.number, "start": list(task.start), "goal": task.goal.tolist()})
@@ -181,23 +146,20 @@ def _settled_worlds(opened: Study, plain: dict[str, Any], run_dir: Path) -> list
     return worlds
 
 
-def _write_weights(
-    config: DictConfig, plain: dict[str, Any], found: Study, best: Trial, run_dir: Path
-) -> Path:
-    told, name = found.told, _name(config)
+def _write_weights(job: Job[TrainConfig], found: Study, best: Trial) -> Path:
+    config, told, name = job.config, found.told, weights_name(job.config)
     about = {
-        "map": _choice("map"),
-        "configurations": training_worlds(plain),
-        "search": _choice("search"),
+        "map": job.choices["map"],
+        "configurations": training_worlds(config),
+        "search": job.choices["search"],
         "trials": len(told),
         "trial": best.number,
         "reward": best.reward,
         "study": _fingerprint(config),
     }
-    use = weight_file.usage(
-        plain, best.values, {group: _choice(group) for group in ("guide", "planner")}, name
-    )
-    path = weight_file.write_weights(plain, best.values, about, run_dir, name, use)
+    pair = {group: job.choices[group] for group in ("guide", "planner")}
+    use = weight_file.usage(config, best.values, pair, name)
+    path = weight_file.write_weights(config, best.values, about, job.run_dir, name, use)
     print(f"Best of {len(told)} trials: reward {best.reward:.3f} (trial {best.number})")
     for key, value in best.values.items():
         print(f"  {key.removeprefix(PARAMETERS)} = {value:.4g}")
@@ -212,45 +174,6 @@ def _pictures(found: Study, space: Space, run_dir: Path) -> list[Path]:
 
     told = found.told
     return [write_trials(told, run_dir), *training_figures(told, space, found.importances(), run_dir)]
-
-
-def _held_out(plain: dict[str, Any], best: Trial, run_dir: Path, name: str) -> pd.DataFrame:
-    """Evaluate on worlds that training never saw, and print how it went."""
-    from runners.analysis.tables import print_table, write_tables
-    from runners.records.records import read_episodes
-
-    places = plain["held_out"] or {_choice("map"): plain["map"]}
-    for place, maps in places.items():
-        worlds = build.map_set({**plain, "map": maps}).numbers
-        print(f"Now {len(worlds)} worlds of {place} that training never saw, {plain['runs']} runs each")
-        _evaluate_on(plain, best, place, maps, run_dir, name)
-    frame = read_episodes([run_dir / place for place in places])
-    write_tables(frame, run_dir)
-    print_table(frame)
-    print(f"Study, weights, pictures, records and tables: {run_dir}")
-    return frame
-
-
-def _evaluate_on(
-    plain: dict[str, Any], best: Trial, place: str, maps: dict[str, Any], run_dir: Path, name: str
-) -> None:
-    """An evaluation's directory below the training run's."""
-    fields = {field.name for field in dataclasses.fields(EvalConfig)}
-    base = {key: value for key, value in with_values(plain, best.values).items() if key in fields}
-    config = {**base, "map": maps, "weights": name, "resume": False}
-    directory = run_dir / place
-    directory.mkdir(exist_ok=True)
-    own = launch_record.identity(DictConfig(config))
-    fingerprint = launch_record.fingerprint([own], multirun=False)
-    launch_record.Launch("eval", fingerprint, False, [], [own]).write(directory)
-    labels = dataclasses.replace(evaluate.run_labels(config), map=place)
-    if not all(
-        key.startswith(PARAMETERS) for key in best.values
-    ):  # a named pair no more: its planner has changed
-        labels = dataclasses.replace(labels, system=f"{labels.guide}+{labels.planner}")
-    map_set = build.map_set(config)
-    evaluate.drive(config, labels, map_set, directory)
-    evaluate.report(map_set, directory)
 
 
 def _book(tracking: Any, told: list[Trial], best: Trial, frame: pd.DataFrame, files: list[Path]) -> None:
@@ -269,36 +192,30 @@ def _book(tracking: Any, told: list[Trial], best: Trial, frame: pd.DataFrame, fi
     tracking.finish(numbers, files, series)
 
 
-def _fingerprint(config: DictConfig) -> str:
-    return launch_record.fingerprint([launch_record.identity(config)], multirun=False)
+def _fingerprint(config: TrainConfig) -> str:
+    return fingerprint([identity(config)], multirun=False)
 
 
-def _name(config: DictConfig) -> str:
-    """What the weights are registered as."""
+def weights_name(config: TrainConfig) -> str:
+    """The name that the weights are registered under."""
     if config.name is not None:
-        return str(config.name)
+        return config.name
     place = config.map.get("name") or _class_name(config.map)
     parts = (config.robot.name, place, _class_name(config.search), config.seed, _fingerprint(config)[:8])
     return "-".join(map(str, parts))
 
 
-def _class_name(node: DictConfig) -> str:
+def _class_name(node: Mapping[str, Any]) -> str:
     return str(node["_target_"]).rpartition(".")[2].lower()
 
 
-def _choice(group: str) -> str:
-    """The option chosen in a config group."""
-    return str(HydraConfig.get().runtime.choices[group])
-
-
-def _without_password(plain: dict[str, Any]) -> dict[str, Any]:
-    storage = plain["storage"]
-    return plain if storage is None else {**plain, "storage": study.masked(storage)}
+def _without_password(config: TrainConfig) -> TrainConfig:
+    return config if config.storage is None else replace(config, storage=study.masked(config.storage))
 
 
 @contextlib.contextmanager
 def _held(run_dir: Path) -> Iterator[None]:
     """Keep other processes out. Raises InputError where one is in."""
-    with (run_dir / launch_record.LAUNCH).open("rb") as file:
+    with (run_dir / LAUNCH).open("rb") as file:
         lock(file, run_dir)
         yield

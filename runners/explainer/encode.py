@@ -68,7 +68,7 @@ def _header(trace: Trace, system: str) -> dict[str, Any]:
 
 
 def _ablation(trace: Trace) -> dict[str, float]:
-    return {name: float(value) for name, value in trace.config.get("ablation", {}).items()}
+    return {name: float(value) for name, value in trace.config.ablation.items()}
 
 
 def _policy(first: Explanation, sentences: Sequence[str]) -> dict[str, Any]:

@@ -51,10 +51,7 @@ class Launch:
     @property
     def config(self) -> RecordedConfig:
         """The config of the run, or of the first job. Raises InputError where it is not complete."""
-        names = [field.name for field in dataclasses.fields(RecordedConfig)]
-        values = {name: self.configs[0][name] for name in names if name in self.configs[0]}
-        config: RecordedConfig = filled(RecordedConfig, values, LAUNCH)
-        return config
+        return recorded_config(self.configs[0])
 
     @property
     def folders(self) -> tuple[Path, ...]:
@@ -76,6 +73,15 @@ def read_launch(directory: Path) -> Launch | None:
         return Launch(**json.loads((directory / LAUNCH).read_text(encoding="utf-8")))
     except (OSError, ValueError, TypeError):
         return None
+
+
+def recorded_config(values: Mapping[str, Any]) -> RecordedConfig:
+    """The typed config of what `identity` gave. Raises InputError where it is not complete."""
+    names = [field.name for field in dataclasses.fields(RecordedConfig)]
+    config: RecordedConfig = filled(
+        RecordedConfig, {name: values[name] for name in names if name in values}, "config"
+    )
+    return config
 
 
 def launch_of(

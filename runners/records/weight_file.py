@@ -11,6 +11,7 @@ import yaml
 
 from lme.errors import InputError
 from lme.resources import resource_dir
+from runners.config.schema import TrainConfig
 from runners.config.space import PARAMETERS
 from runners.config.weights import REGISTERED, WEIGHTS
 from runners.records.versions import versions
@@ -20,7 +21,7 @@ _PACKAGES = ("lme", "numpy", "numba", "optuna")
 
 
 def write_weights(
-    config: Mapping[str, Any],
+    config: TrainConfig,
     values: Mapping[str, float],
     about: Mapping[str, Any],
     run_dir: Path,
@@ -29,7 +30,7 @@ def write_weights(
 ) -> Path:
     """Write `weights.yaml` into `run_dir`, and as outputs/weights/NAME.yaml where a guide can load it.
 
-    config: plain. values: those of the best trial, by dotted config key. about: further entries of the file.
+    values: those of the best trial, by dotted config key. about: further entries of the file.
     use: the command that drives with the weights. Returns the path of the first file. Raises OSError.
     """
     parameters = best_parameters(config, values)
@@ -37,9 +38,9 @@ def write_weights(
         "name": name,
         "parameters": parameters,
         **_settings(values),
-        "robot": config["robot"]["name"],
+        "robot": config.robot.name,
         **about,
-        "seed": config["seed"],
+        "seed": config.seed,
         "versions": versions(*_PACKAGES),
     }
     text = f"# Written by lme train; use with: {use}\n{yaml.safe_dump(content, sort_keys=False, allow_unicode=True)}"
@@ -49,7 +50,7 @@ def write_weights(
     return run_dir / WEIGHTS
 
 
-def usage(config: Mapping[str, Any], values: Mapping[str, float], pair: Mapping[str, str], name: str) -> str:
+def usage(config: TrainConfig, values: Mapping[str, float], pair: Mapping[str, str], name: str) -> str:
     """The command that drives with the values found. pair: the options of guide and planner."""
     words = [f"weights={name}"] if best_parameters(config, values) else []
     others = _settings(values).get("settings", {})
@@ -59,12 +60,12 @@ def usage(config: Mapping[str, Any], values: Mapping[str, float], pair: Mapping[
     return " ".join(["lme eval", *words])
 
 
-def best_parameters(config: Mapping[str, Any], values: Mapping[str, float]) -> dict[str, float]:
+def best_parameters(config: TrainConfig, values: Mapping[str, float]) -> dict[str, float]:
     """The guide's parameters, replaced by the values found; {} for a guide without parameters."""
     found = {
         key.removeprefix(PARAMETERS): value for key, value in values.items() if key.startswith(PARAMETERS)
     }
-    given = {name: float(value) for name, value in config["guide"].get("parameters", {}).items()}
+    given = {name: float(value) for name, value in config.guide.get("parameters", {}).items()}
     return given | found
 
 

@@ -4,21 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from time import perf_counter
-from typing import Any
 
 import numpy as np
-from hydra.core.hydra_config import HydraConfig
-from omegaconf import DictConfig
 
 from lme.errors import InputError
 from lme.robots import Robot, require
 from runners.config import build, systems
 from runners.config.instantiate import build as build_target
 from runners.config.instantiate import configured, filled
-from runners.experiments.evaluate import sweep_directory
+from runners.config.job import Job
+from runners.config.schema import ReplayConfig
 from runners.replay import report, simulated
 from runners.replay.bags import Bag
 from runners.replay.driver import Driver
@@ -38,49 +36,54 @@ class _Part:
     stop: int | None
 
 
-def validate(config: DictConfig) -> None:
+def validate(job: Job[ReplayConfig]) -> None:
     """Raise InputError for what can be known to be wrong before anything runs: the recording is opened, too."""
-    if not config.bag:
-        raise InputError("bag is null: give the recording, e.g. lme replay bag=drive.mcap")
-    systems.check_implemented(config.system or {})
+    config = job.config
+    path = _path(config)
+    systems.check_implemented(config.system)
     if config.clock not in CLOCKS:
         raise InputError(f"clock is {config.clock}: must be one of {', '.join(CLOCKS)}")
     for key in ("seed", "start"):
-        require(key, config[key], at_least=0)
+        require(key, getattr(config, key), at_least=0)
     if config.end is not None:
         require("end", config.end, above=config.start)
     for key in ("stale", "ahead", "horizon"):
-        require(key, config[key], above=0.0)
+        require(key, getattr(config, key), above=0.0)
     configured(config.tracking, "tracking")
     if config.rerun:
         from runners.replay.rerun_file import check_installed
 
         check_installed()
-    plain = build.plain(config)
-    filled(ScanConfig, plain["scan"], "scan")
-    build.navigator(plain, build.robot(plain))
-    with Bag(Path(config.bag)) as bag:
-        choose(bag, filled(TopicsConfig, plain["topics"], "topics"), topic_of(plain["goal"]))
+    filled(ScanConfig, config.scan, "scan")
+    build.navigator(config)
+    with Bag(path) as bag:
+        choose(bag, filled(TopicsConfig, config.topics, "topics"), topic_of(config.goal))
 
 
-def replay(config: DictConfig, run_dir: Path) -> None:
-    """Replay the recording and write everything below `run_dir`."""
-    plain = build.plain(config)
+def replay(job: Job[ReplayConfig]) -> None:
+    """Replay the recording and write everything below the run directory."""
+    run_dir = job.run_dir
     if (run_dir / report.TABLE).exists():
         raise InputError(f"{run_dir}: already holds a replay: choose another directory")
     with ExitStack() as stack:
-        bag = stack.enter_context(Bag(Path(plain["bag"])))
-        episode = simulated.episode_of(bag) if plain["as_recorded"] else None
-        plain = _as_recorded(plain, episode)
-        tracking = build_target(plain["tracking"], "tracking")
-        tracking.start(plain, run_dir, {"command": "replay", "bag": bag.path.name}, sweep_directory())
-        found, artifacts = _replay(bag, plain, episode, run_dir, stack)
+        bag = stack.enter_context(Bag(_path(job.config)))
+        episode = simulated.episode_of(bag) if job.config.as_recorded else None
+        config = _as_recorded(job, episode)
+        tracking = build_target(config.tracking, "tracking")
+        tracking.start(asdict(config), run_dir, {"command": "replay", "bag": bag.path.name}, job.sweep_dir)
+        found, artifacts = _replay(bag, config, episode, run_dir, stack)
     tracking.finish(found, artifacts)
+
+
+def _path(config: ReplayConfig) -> Path:
+    if not config.bag:
+        raise InputError("bag is null: give the recording, e.g. lme replay drive.mcap")
+    return Path(config.bag)
 
 
 def _replay(
     bag: Bag,
-    plain: Mapping[str, Any],
+    config: ReplayConfig,
     episode: simulated.SimulatedEpisode | None,
     run_dir: Path,
     stack: ExitStack,
@@ -88,23 +91,23 @@ def _replay(
     """Figures and files."""
     from runners.replay import figures
 
-    recording, part = _recording(bag, plain, episode)
-    stale = round(plain["stale"] * SECOND)
-    scan_source = ScanSource(filled(ScanConfig, plain["scan"], "scan"), recording, _paced(plain, recording))
-    navigator = build.navigator(plain, scan_source.robot)
+    recording, part = _recording(bag, config, episode)
+    stale = round(config.stale * SECOND)
+    scan_source = ScanSource(filled(ScanConfig, config.scan, "scan"), recording, _paced(config, recording))
+    navigator = build.navigator(config, scan_source.robot)
 
     def driver() -> Driver:
-        seed = np.random.default_rng(np.random.SeedSequence([plain["seed"]]))
+        seed = np.random.default_rng(np.random.SeedSequence([config.seed]))
         navigator.reset(seed if episode is None else episode.rng())
         if episode is not None:
             episode.read_map(navigator)
-        goal = goal_of(plain["goal"], recording, part.stop, stale)
-        return Driver(recording, scan_source, navigator, goal, plain["horizon"], stale)
+        goal = goal_of(config.goal, recording, part.stop, stale)
+        return Driver(recording, scan_source, navigator, goal, config.horizon, stale)
 
     _warm_up(driver(), recording, part)
     driving = driver()
     artifacts = []
-    if plain["rerun"]:
+    if config.rerun:
         from runners.replay.rerun_file import RerunFile
 
         file = stack.enter_context(
@@ -117,7 +120,7 @@ def _replay(
         driving.take(message)
     log = driving.finish()
     wall_s = perf_counter() - began
-    frame = report.frame_of(log, scan_source.robot.dt, plain["ahead"])
+    frame = report.frame_of(log, scan_source.robot.dt, config.ahead)
     found = report.figures(frame, log, scan_source.robot.dt, wall_s)
     artifacts += report.write(frame, found, run_dir)
     artifacts += figures.write(frame, log, scan_source, recording, run_dir)
@@ -126,22 +129,21 @@ def _replay(
 
 
 def _recording(
-    bag: Bag, plain: Mapping[str, Any], episode: simulated.SimulatedEpisode | None
+    bag: Bag, config: ReplayConfig, episode: simulated.SimulatedEpisode | None
 ) -> tuple[Recording, _Part]:
-    asked = simulated.GOAL if episode is not None and plain["goal"] is None else topic_of(plain["goal"])
-    topics = choose(bag, filled(TopicsConfig, plain["topics"], "topics"), asked)
-    recording = look(bag, topics, filled(FramesConfig, plain["frames"], "frames"), plain["clock"])
-    start = bag.start + round(plain["start"] * SECOND) if plain["start"] else None
-    stop = None if plain["end"] is None else bag.start + round(plain["end"] * SECOND)
+    asked = simulated.GOAL if episode is not None and config.goal is None else topic_of(config.goal)
+    topics = choose(bag, filled(TopicsConfig, config.topics, "topics"), asked)
+    recording = look(bag, topics, filled(FramesConfig, config.frames, "frames"), config.clock)
+    start = bag.start + round(config.start * SECOND) if config.start else None
+    stop = None if config.end is None else bag.start + round(config.end * SECOND)
     return recording, _Part(start, stop)
 
 
-def _paced(plain: Mapping[str, Any], recording: Recording) -> Robot:
+def _paced(config: ReplayConfig, recording: Recording) -> Robot:
     """The robot; where scans come more slowly than it decides, at their pace, for without one there is no decision."""
-    robot = build.robot(plain)
-    if 0.0 < recording.scan_rate < _SLOWER * robot.control_rate:
-        robot.control_rate = recording.scan_rate
-    return robot
+    if 0.0 < recording.scan_rate < _SLOWER * config.robot.control_rate:
+        return replace(config.robot, control_rate=recording.scan_rate)
+    return config.robot
 
 
 def _warm_up(driver: Driver, recording: Recording, part: _Part) -> None:
@@ -152,11 +154,11 @@ def _warm_up(driver: Driver, recording: Recording, part: _Part) -> None:
             return
 
 
-def _as_recorded(plain: dict[str, Any], episode: simulated.SimulatedEpisode | None) -> dict[str, Any]:
+def _as_recorded(job: Job[ReplayConfig], episode: simulated.SimulatedEpisode | None) -> ReplayConfig:
     """The config with the system that drove in the recording, where it says so."""
     if episode is None:
-        return plain
-    chosen = {o.lstrip("+").partition("=")[0] for o in HydraConfig.get().overrides.task}
+        return job.config
+    chosen = {override.lstrip("+").partition("=")[0] for override in job.overrides}
     asked = sorted(
         key for key in chosen if key.partition(".")[0] in (*simulated.GROUPS, "weights", "ablation", "system")
     )
@@ -165,7 +167,8 @@ def _as_recorded(plain: dict[str, Any], episode: simulated.SimulatedEpisode | No
             f"{asked[0]}: the recording is of lme eval and brings its own robot, guide and planner; "
             "add as_recorded=false to choose others"
         )
-    return {**plain, **{group: episode.config[group] for group in simulated.GROUPS}, "seed": episode.seed}
+    groups = {group: getattr(episode.config, group) for group in simulated.GROUPS}
+    return replace(job.config, **groups, seed=episode.seed)
 
 
 def _tell(

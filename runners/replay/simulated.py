@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from lme.errors import InputError
 from lme.navigator import MapReader, Navigator
 from runners.config import build
+from runners.config.schema import RecordedConfig
+from runners.records.launch_record import recorded_config
 from runners.replay.bags import Bag
 from runners.workers.episodes import episode_rng
 
@@ -20,12 +21,12 @@ GROUPS = ("robot", "guide", "planner")
 
 
 class SimulatedEpisode(NamedTuple):
-    """The simulated episode that a recording holds. config: of the evaluation, plain."""
+    """The simulated episode that a recording holds. config: of the evaluation."""
 
     seed: int
     world: int
     run: int
-    config: Mapping[str, Any]
+    config: RecordedConfig
 
     def rng(self) -> np.random.Generator:
         """The navigator's stream, as the episode spawned it."""
@@ -34,7 +35,7 @@ class SimulatedEpisode(NamedTuple):
     def read_map(self, navigator: Navigator) -> None:
         """Give the true map to a guide that had it."""
         if isinstance(navigator.guide, MapReader):
-            task = build.map_set(self.config).task(self.world)
+            task = build.map_set(self.config, [self.world]).task(self.world)
             navigator.read_map(task.world, task.start)
 
 
@@ -46,11 +47,8 @@ def episode_of(bag: Bag) -> SimulatedEpisode | None:
     try:
         told = json.loads(text)
         seed, world, run = (int(told[name]) for name in ("seed", "world", "run"))
-        episode = SimulatedEpisode(seed, world, run, told["config"])
-        if not all(isinstance(episode.config[group], dict) for group in GROUPS):
-            raise TypeError
-    except (ValueError, TypeError, KeyError) as error:
+        return SimulatedEpisode(seed, world, run, recorded_config(told["config"]))
+    except (ValueError, TypeError, KeyError, AttributeError) as error:
         raise InputError(
             f"bag {bag.path}: {TOPIC} does not say which episode this is: set as_recorded=false"
         ) from error
-    return episode

@@ -20,6 +20,7 @@ from lme.types import Outcome
 from lme.worlds.check import check_task
 from lme.worlds.world import Task
 from runners.config import build
+from runners.config.schema import DriveConfig
 from runners.records.episode_record import EpisodeKey, EpisodeRecord, EpisodeResult, RunLabels
 from runners.workers.recorder import Recorder, recording_path
 
@@ -34,20 +35,19 @@ class Recordings:
 
 @dataclass(frozen=True, slots=True)
 class EpisodePayload:
-    """What a worker needs to drive the episodes of a run. config: plain. recordings: None to write none."""
+    """What a worker needs to drive the episodes of a run. recordings: None to write none."""
 
-    config: Mapping[str, Any]
+    config: DriveConfig
     labels: RunLabels
     recordings: Recordings | None
 
 
 def initialise(payload: EpisodePayload) -> Callable[[EpisodeKey], EpisodeResult]:
     """Build everything once per process; the function that drives one episode. Raises InputError."""
-    config, seed = payload.config, payload.config["seed"]
-    robot = build.robot(config)
+    config, seed, robot = payload.config, payload.config.seed, payload.config.robot
     maps = build.map_set(config)
-    navigator = build.navigator(config, robot)
-    simulator = build.simulator(config, robot)
+    navigator = build.navigator(config)
+    simulator = build.simulator(config)
 
     _warm_up(replace(maps.task(maps.numbers[0]), time_limit=2 * robot.dt), navigator, simulator)
 

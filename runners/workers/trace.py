@@ -6,9 +6,8 @@ of its config, its world and its run, so it can be driven again and watched.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -22,6 +21,7 @@ from lme.sim.simulator import Simulator, State
 from lme.types import Floats, Guidance, Observation, Pose, Twist
 from lme.worlds.world import Task
 from runners.config import build
+from runners.config.schema import DriveConfig
 from runners.records import launch_record
 from runners.workers.episodes import episode_rng
 
@@ -58,9 +58,9 @@ class TraceEnd(NamedTuple):
 
 
 class Trace(NamedTuple):
-    """An episode with all that was seen and decided. config: the plain config that it was driven with."""
+    """An episode with all that was seen and decided. config: what it was driven with."""
 
-    config: Mapping[str, Any]
+    config: DriveConfig
     world: int
     run: int
     robot: Robot
@@ -80,14 +80,13 @@ class Trace(NamedTuple):
         return circles[len(self.task.world.circles) :], edges[len(self.task.world.edges) :]
 
 
-def rerun(config: Mapping[str, Any], world: int, run: int) -> Trace:
-    """Drive one episode of a plain config as `lme eval` does, and keep all of it. Raises InputError."""
-    robot = build.robot(config)
-    task, simulator = build.map_set(config).task(world), build.simulator(config, robot)
-    navigator = build.navigator(config, robot)
+def rerun(config: DriveConfig, world: int, run: int) -> Trace:
+    """Drive one episode of a config as `lme eval` does, and keep all of it. Raises InputError."""
+    task, simulator = build.map_set(config, [world]).task(world), build.simulator(config)
+    navigator = build.navigator(config)
     tracer = _Tracer(simulator, navigator)
-    episode = run_episode(task, navigator, simulator, episode_rng(config["seed"], world, run), tracer)
-    return Trace(config, world, run, robot, task, tuple(tracer.steps), tracer.end, episode)
+    episode = run_episode(task, navigator, simulator, episode_rng(config.seed, world, run), tracer)
+    return Trace(config, world, run, config.robot, task, tuple(tracer.steps), tracer.end, episode)
 
 
 def rerun_recorded(run_dir: Path, world: int, run: int, trajectories: pd.DataFrame) -> Trace:
@@ -106,7 +105,7 @@ def rerun_recorded(run_dir: Path, world: int, run: int, trajectories: pd.DataFra
         raise InputError(
             f"{run_dir}: holds no episode of world {world}, run {run}; lme table {run_dir} lists"
         )
-    trace = rerun(launch.configs[0], world, run)
+    trace = rerun(launch.config, world, run)
     recorded = steps[["x_m", "y_m"]].to_numpy()
     driven = trace.episode.trajectory[:, 1:3]
     if recorded.shape != driven.shape or not np.allclose(recorded, driven, rtol=0.0, atol=SAME_M):

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     import pandas as pd
 
+    from runners.analysis.summary import Row
+
 EXAMPLES = (
     "lme table outputs/eval/RUN",
     "lme table RUN1 RUN2 --format csv",
@@ -22,10 +24,10 @@ def main(argv: list[str]) -> int:
     arguments = _parser().parse_args(argv)
     runs = find_runs(arguments.runs)
     frame = read_episodes(runs)
-    order = [] if runs == arguments.runs[:1] else _order(runs)
-    _print(frame, order, arguments.format)
+    rows = _rows(frame, runs, is_sweep=runs != arguments.runs[:1])
+    _print(frame, rows, arguments.format)
     if len(arguments.runs) == 1:
-        words = _rewrite(frame, order, runs, arguments.runs[0])
+        words = _rewrite(frame, rows, runs, arguments.runs[0])
         for line in words if arguments.format == "rich" else []:
             print(line)
     return 0
@@ -46,26 +48,30 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _order(runs: list[Path]) -> list[str]:
-    """The rows that a sweep's config asks for."""
+def _rows(frame: pd.DataFrame, runs: list[Path], is_sweep: bool) -> list[Row]:
+    """The rows of the table; those of a sweep in the order that its config asks for."""
+    from runners.analysis.summary import summarise
+    from runners.config.systems import systems
     from runners.records.launch_record import read_launch
 
     launch = read_launch(runs[0])
-    return list(launch.configs[0].get("table", [])) if launch is not None else []
+    if launch is None:
+        return summarise(frame)
+    order = launch.config.table if is_sweep else []
+    return summarise(frame, order, systems(launch.folders))
 
 
-def _print(frame: pd.DataFrame, order: list[str], style: str) -> None:
+def _print(frame: pd.DataFrame, rows: list[Row], style: str) -> None:
     from runners.analysis import tables
-    from runners.analysis.summary import summarise
 
     renderers = {"md": tables.to_markdown, "csv": tables.to_csv, "tex": tables.to_latex}
     if style in renderers:
-        print(renderers[style](summarise(frame, order)), end="")
+        print(renderers[style](rows), end="")
     else:
-        tables.print_table(frame, order)
+        tables.print_table(frame, rows)
 
 
-def _rewrite(frame: pd.DataFrame, order: list[str], runs: list[Path], place: Path) -> list[str]:
+def _rewrite(frame: pd.DataFrame, rows: list[Row], runs: list[Path], place: Path) -> list[str]:
     """Tables and pictures of the run or sweep that was named; what they say. Raises InputError if it cannot."""
     from lme.errors import InputError
     from runners.analysis.tables import write_tables
@@ -73,8 +79,8 @@ def _rewrite(frame: pd.DataFrame, order: list[str], runs: list[Path], place: Pat
 
     try:
         if runs != [place]:
-            return sweeps.report(frame, order, runs, place).words
-        write_tables(frame, place)
+            return sweeps.report(frame, rows, runs, place).words
+        write_tables(frame, rows, place)
         _draw(frame, place)
     except OSError as error:
         raise InputError(f"cannot write to {place} ({error.strerror}): the table above is all") from None
@@ -90,6 +96,7 @@ def _draw(frame: pd.DataFrame, run: Path) -> None:
 
     launch = read_launch(run)
     if launch is not None:
-        maps = build.map_set(launch.configs[0])
-        worlds = {number: maps.task(number) for number in sample_worlds(frame)}
+        sample = sample_worlds(frame)
+        maps = build.map_set(launch.config, sample)
+        worlds = {number: maps.task(number) for number in sample}
         trajectories_figure(frame, read_trajectories([run]), worlds, run / "trajectories.png")

@@ -17,8 +17,8 @@ from lme.robots import require
 from lme.types import Bools, Floats
 from runners.config.hydra_errors import nearest
 from runners.figures.parts import robot_view as view
+from runners.figures.parts.driven_runs import DrivenRun
 from runners.figures.parts.feature_page import Page
-from runners.figures.parts.jobs import Job
 from runners.figures.parts.moment import Shot, candidate_reach, draw_shots, shots
 from runners.figures.parts.style import BLUE, INK, symbol
 
@@ -82,7 +82,7 @@ class Features:
         self._config = config
 
     def draw(
-        self, jobs: Sequence[Job], worlds: Sequence[int], stem: Path, formats: Sequence[str]
+        self, jobs: Sequence[DrivenRun], worlds: Sequence[int], stem: Path, formats: Sequence[str]
     ) -> list[Path]:
         """One picture for each job that LME guides and each world asked for; the paths."""
         found = shots(jobs, worlds, self._config.step, self.name)

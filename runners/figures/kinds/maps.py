@@ -17,8 +17,8 @@ from lme.types import Floats
 from lme.worlds.world import Task
 from runners.config.catalogue import shipped
 from runners.config.map_sets import GRAMMAR, Chosen, choose, known_path
+from runners.figures.parts.driven_runs import DrivenRun
 from runners.figures.parts.extent import about_set, extent, metres, mover_outline
-from runners.figures.parts.jobs import Job
 from runners.figures.parts.scene import MARGIN_M, Box, draw_task, frame_panel, legend_keys, scale_bar
 from runners.figures.parts.style import BLUE, GRID, INK, OBSTACLE, VERMILION, new_figure, save
 
@@ -68,7 +68,7 @@ class MapsConfig:
 
 
 class Maps:
-    """A kind of figure: see `runners.figures.parts.jobs.Kind`."""
+    """A kind of figure: see `runners.figures.parts.driven_runs.Kind`."""
 
     Config = MapsConfig
     name = "maps"
@@ -84,7 +84,7 @@ class Maps:
             _chosen(entry)
 
     def draw(
-        self, jobs: Sequence[Job], worlds: Sequence[int], stem: Path, formats: Sequence[str]
+        self, jobs: Sequence[DrivenRun], worlds: Sequence[int], stem: Path, formats: Sequence[str]
     ) -> list[Path]:
         """Draw every map set by the worlds named with it, else by `worlds`, else by its first; the paths."""
         panels = []

@@ -16,7 +16,7 @@ from lme.policy.surmount import Blockage, sector_points
 from lme.robots import require
 from lme.types import Floats
 from runners.figures.parts import robot_view as view
-from runners.figures.parts.jobs import Job
+from runners.figures.parts.driven_runs import DrivenRun
 from runners.figures.parts.moment import (
     Shot,
     candidate_reach,
@@ -61,7 +61,7 @@ class Method:
         self._config = config
 
     def draw(
-        self, jobs: Sequence[Job], worlds: Sequence[int], stem: Path, formats: Sequence[str]
+        self, jobs: Sequence[DrivenRun], worlds: Sequence[int], stem: Path, formats: Sequence[str]
     ) -> list[Path]:
         """One picture for each job that LME guides and each world asked for; the paths."""
         found = shots(jobs, worlds, self._config.step, self.name)

@@ -14,7 +14,7 @@ import numpy as np
 
 from lme.errors import InputError
 from lme.robots import require
-from runners.figures.parts.jobs import Job, jobs_of
+from runners.figures.parts.driven_runs import DrivenRun, runs_of
 from runners.figures.parts.layout import Around, aspect_of, best_columns, lay_out, wrapped
 from runners.figures.parts.panels import (
     SCALE,
@@ -82,7 +82,7 @@ class Trajectories:
         self._config = config
 
     def draw(
-        self, jobs: Sequence[Job], worlds: Sequence[int], stem: Path, formats: Sequence[str]
+        self, jobs: Sequence[DrivenRun], worlds: Sequence[int], stem: Path, formats: Sequence[str]
     ) -> list[Path]:
         """Draw the jobs and save the figure as `stem`.png, …; the paths.
 
@@ -99,7 +99,7 @@ def side_by_side_figure(frame: pd.DataFrame, run_dirs: Sequence[Path], folder: P
 
     Draws nothing where there is one system, or more systems than fit on a page.
     """
-    jobs = jobs_of(frame, run_dirs)
+    jobs = runs_of(frame, run_dirs)
     columns = len(_labels(jobs))
     if not 1 < columns <= COLUMNS:
         return []
@@ -119,11 +119,11 @@ def moment(value: Any) -> int | float | None:
     )
 
 
-def _labels(jobs: Sequence[Job]) -> list[str]:
+def _labels(jobs: Sequence[DrivenRun]) -> list[str]:
     return list(dict.fromkeys(job.label for job in jobs))
 
 
-def _styles(jobs: Sequence[Job]) -> dict[str, Style]:
+def _styles(jobs: Sequence[DrivenRun]) -> dict[str, Style]:
     labels = _labels(jobs)
     if len(labels) > len(SYSTEMS):
         raise InputError(
@@ -134,7 +134,7 @@ def _styles(jobs: Sequence[Job]) -> dict[str, Style]:
 
 
 def _rows(
-    jobs: Sequence[Job], shown: Sequence[DrivenPlace], look: Look, width_in: float = math.inf
+    jobs: Sequence[DrivenRun], shown: Sequence[DrivenPlace], look: Look, width_in: float = math.inf
 ) -> list[list[Panel]]:
     """Panels as they stand on a page so wide. Raises InputError where there are too many."""
     labels = _labels(jobs)

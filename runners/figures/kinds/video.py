@@ -11,8 +11,8 @@ import numpy as np
 from lme.errors import InputError
 from lme.robots import require
 from runners.figures.parts.animation import Pace, Screen
+from runners.figures.parts.driven_runs import DrivenRun, chosen_world
 from runners.figures.parts.film import GIF, MP4, Picture, find_ffmpeg, write_film
-from runners.figures.parts.jobs import Job, chosen_world
 from runners.workers.trace import Trace
 
 PANELS = 6  # at most: more cannot be seen at once
@@ -51,7 +51,7 @@ class Video:
         self._config = config
 
     def draw(
-        self, jobs: Sequence[Job], worlds: Sequence[int], stem: Path, formats: Sequence[str]
+        self, jobs: Sequence[DrivenRun], worlds: Sequence[int], stem: Path, formats: Sequence[str]
     ) -> list[Path]:
         """Save the film of the jobs as `stem`.gif or `stem`.mp4; the path. formats: of pictures, not heeded.
 
@@ -77,7 +77,7 @@ def _counted(pictures: Iterator[Picture], total: int) -> Iterator[Picture]:
     yield from track(pictures, "Drawing", total, console=Console(stderr=True))
 
 
-def _shown(jobs: Sequence[Job], worlds: Sequence[int]) -> list[tuple[Job, int, int]]:
+def _shown(jobs: Sequence[DrivenRun], worlds: Sequence[int]) -> list[tuple[DrivenRun, int, int]]:
     """(job, world, run) of each panel: every job in the worlds asked for, or where the first in its map drove."""
     shown = []
     for job in jobs:
@@ -100,7 +100,7 @@ def _pace(traces: Sequence[Trace], config: VideoConfig) -> tuple[Pace, float]:
     return Pace(np.append(times, last), config.fps), speed
 
 
-def _labels(shown: Sequence[tuple[Job, int, int]]) -> list[str]:
+def _labels(shown: Sequence[tuple[DrivenRun, int, int]]) -> list[str]:
     """Above each panel: the system, the map and its world, as far as they differ."""
     systems = [job.label for job, _, _ in shown]
     where = [f"{job.frame['map'].iloc[0]}, world {world}" for job, world, _ in shown]

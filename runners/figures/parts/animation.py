@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 import textwrap
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from lme.types import Floats, Outcome
+from runners.config.schema import DriveConfig
 from runners.figures.parts.film import Picture, write_film
 from runners.figures.parts.layout import Around, aspect_of, best_columns, lay_out, panel_width, wrapped
 from runners.figures.parts.scene import Box, common_box, draw_task, same_size
@@ -45,8 +46,8 @@ class Pace(NamedTuple):
         return np.append(self.times, np.full(math.ceil(LAST_S * self.fps), self.times[-1]))
 
 
-def animate(config: Mapping[str, Any], world: int, run: int, path: Path) -> Outcome:
-    """Drive one episode of a plain config as `lme eval` does, and save it as GIF; how it ended."""
+def animate(config: DriveConfig, world: int, run: int, path: Path) -> Outcome:
+    """Drive one episode of a config as `lme eval` does, and save it as GIF; how it ended."""
     trace = rerun(config, world, run)
     all_times = np.array([frame.time for frame in trace.frames])
     every = math.ceil(len(all_times) / MOST_FRAMES)
@@ -153,6 +154,6 @@ class _Panel:
 
 def _box(trace: Trace, traces: Sequence[Trace]) -> Box:
     """What is shown of a world: the same for all who drove in it."""
-    here = [each for each in traces if (each.config["map"], each.world) == (trace.config["map"], trace.world)]
+    here = [each for each in traces if (each.config.map, each.world) == (trace.config.map, trace.world)]
     ways = [np.array([frame.pose[:2] for frame in each.frames]) for each in here]
     return common_box([trace.task], np.vstack(ways))

@@ -14,7 +14,8 @@ from lme.policy.explanation import Explanation
 from lme.policy.maintenance import Choice
 from lme.policy.reasons import reason
 from runners.config.instantiate import configured
-from runners.figures.parts.jobs import Job, chosen_world
+from runners.config.schema import SystemConfig
+from runners.figures.parts.driven_runs import DrivenRun, chosen_world
 from runners.figures.parts.style import INK, save
 from runners.workers.trace import Trace
 
@@ -43,7 +44,7 @@ class Shot(NamedTuple):
         return int(_guide(self.trace.config).history_length)
 
 
-def shots(jobs: Sequence[Job], worlds: Sequence[int], step: int | None, figure: str) -> list[Shot]:
+def shots(jobs: Sequence[DrivenRun], worlds: Sequence[int], step: int | None, figure: str) -> list[Shot]:
     """The decision to draw of every job and world; jobs of a sweep that LME does not guide are left out.
 
     step: its number, None for the most telling. figure: the kind's name, for messages. Raises InputError where
@@ -108,7 +109,7 @@ def draw_shots(
     ]
 
 
-def _shot(job: Job, worlds: Sequence[int], step: int | None) -> Shot:
+def _shot(job: DrivenRun, worlds: Sequence[int], step: int | None) -> Shot:
     world, run = chosen_world(job, worlds)
     trace = job.trace(world, run)
     number = telling_step(trace) if step is None else step
@@ -145,15 +146,15 @@ def _gain(why: Explanation, name: str) -> float:
     return float(why.features[row, why.new] - why.old_features[row])
 
 
-def _is_guided(job: Job) -> bool:
-    cls, _ = configured(job.config["guide"], "guide")
+def _is_guided(job: DrivenRun) -> bool:
+    cls, _ = configured(job.config.guide, "guide")
     return isinstance(cls, type) and issubclass(cls, Lme)
 
 
-def _guide(config: Any) -> Any:
+def _guide(config: SystemConfig) -> Any:
     """The checked config of LME."""
-    return configured(config["guide"], "guide")[1]
+    return configured(config.guide, "guide")[1]
 
 
-def _target(config: Any) -> str:
-    return str(config["guide"]["_target_"])
+def _target(config: SystemConfig) -> str:
+    return str(config.guide["_target_"])

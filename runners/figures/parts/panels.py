@@ -11,7 +11,7 @@ import numpy as np
 from lme.errors import InputError
 from lme.types import Floats
 from lme.worlds.world import Task
-from runners.figures.parts.jobs import Job
+from runners.figures.parts.driven_runs import DrivenRun
 from runners.figures.parts.places import DrivenPlace
 from runners.figures.parts.scene import Box, draw_paths, draw_task, write
 from runners.figures.parts.stage import SUBGOAL, Stage, draw_mover_trails, index_at
@@ -44,7 +44,7 @@ class Panel(NamedTuple):
 
     title: str
     place: DrivenPlace
-    jobs: tuple[Job, ...]
+    jobs: tuple[DrivenRun, ...]
 
 
 class Look(NamedTuple):
@@ -59,12 +59,12 @@ class Look(NamedTuple):
     systems: Mapping[str, Style] = {}  # never changed
 
 
-def episodes_of(job: Job, place: DrivenPlace) -> pd.DataFrame:
+def episodes_of(job: DrivenRun, place: DrivenPlace) -> pd.DataFrame:
     """The records of a job in a place."""
     return job.frame[job.frame["world"].isin(place.numbers)]
 
 
-def steps_of(job: Job, place: DrivenPlace) -> pd.DataFrame:
+def steps_of(job: DrivenRun, place: DrivenPlace) -> pd.DataFrame:
     """The control steps of a job in a place."""
     return job.trajectories[job.trajectories["world"].isin(place.numbers)]
 
@@ -82,7 +82,7 @@ def draw_panel(axes: Axes, panel: Panel, look: Look, box: Box) -> None:
         axes.text(0.5, 0.5, "not driven", fontsize=9, color=INK, backgroundcolor="white", zorder=9, **middle)
 
 
-def draw_ends(axes: Axes, jobs: Sequence[Job], place: DrivenPlace, look: Look) -> None:
+def draw_ends(axes: Axes, jobs: Sequence[DrivenRun], place: DrivenPlace, look: Look) -> None:
     """Below the panel, right: how the episodes ended, one line for each system."""
     for line, job in enumerate(jobs):
         style = look.systems.get(job.label)
@@ -138,7 +138,7 @@ def ends_before(panels: Sequence[Panel], moment: float) -> bool:
     return moment > min(ends, default=0.0)
 
 
-def _draw_job(axes: Axes, job: Job, place: DrivenPlace, look: Look, box: Box) -> None:
+def _draw_job(axes: Axes, job: DrivenRun, place: DrivenPlace, look: Look, box: Box) -> None:
     """Paths of all episodes; subgoals, scan and what else moves of the first of them."""
     episodes, steps = episodes_of(job, place), steps_of(job, place)
     style = look.systems.get(job.label)

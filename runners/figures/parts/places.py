@@ -9,7 +9,7 @@ import numpy as np
 
 from lme.errors import InputError
 from lme.worlds.world import Task
-from runners.figures.parts.jobs import Job
+from runners.figures.parts.driven_runs import DrivenRun
 from runners.figures.reports.paths import sample_worlds
 
 SAMPLED = 3  # worlds of a map set whose worlds differ
@@ -23,12 +23,12 @@ class DrivenPlace:
     """
 
     name: str
-    jobs: tuple[Job, ...]
+    jobs: tuple[DrivenRun, ...]
     task: Task
     numbers: tuple[int, ...]
 
 
-def places(jobs: Sequence[Job], worlds: Sequence[int] = ()) -> list[DrivenPlace]:
+def places(jobs: Sequence[DrivenRun], worlds: Sequence[int] = ()) -> list[DrivenPlace]:
     """Each of `worlds` in each map; or one for a map whose worlds are all alike, some of one whose worlds differ.
 
     Raises InputError for a world that no job has driven in.
@@ -41,7 +41,7 @@ def places(jobs: Sequence[Job], worlds: Sequence[int] = ()) -> list[DrivenPlace]
     ]
 
 
-def _places_of(jobs: Sequence[Job], worlds: Sequence[int]) -> list[DrivenPlace]:
+def _places_of(jobs: Sequence[DrivenRun], worlds: Sequence[int]) -> list[DrivenPlace]:
     """Those of the jobs of one map."""
     name, maps = _map_name(jobs[0]), jobs[0].maps
     numbers = sorted({int(number) for job in jobs for number in job.frame["world"]})
@@ -57,7 +57,7 @@ def _places_of(jobs: Sequence[Job], worlds: Sequence[int]) -> list[DrivenPlace]:
     ]
 
 
-def _check_driven(jobs: Sequence[Job], worlds: Sequence[int]) -> None:
+def _check_driven(jobs: Sequence[DrivenRun], worlds: Sequence[int]) -> None:
     known = sorted({int(number) for job in jobs for number in job.frame["world"]})
     for world in worlds:
         if world not in known:
@@ -65,9 +65,9 @@ def _check_driven(jobs: Sequence[Job], worlds: Sequence[int]) -> None:
             raise InputError(f"world is {world}: no episode was driven there, only in {shown}")
 
 
-def _map_name(job: Job) -> str:
+def _map_name(job: DrivenRun) -> str:
     """A map set that comes in kinds, by its kind."""
-    name, kind = str(job.frame["map"].iloc[0]), job.config["map"].get("kind")
+    name, kind = str(job.frame["map"].iloc[0]), job.config.map.get("kind")
     return f"{name}: {kind}" if kind else name
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from runners.analysis import published
-from runners.analysis.summary import DASH, Row, summarise, title
+from runners.analysis.summary import DASH, Row, title
 from runners.figures.parts.style import GRID, INK, SKY, STYLES, new_figure, save
 
 if TYPE_CHECKING:
@@ -25,12 +25,11 @@ THICK, THIN = 0.8, 0.42  # of a line: our bars, published bars
 FADED = 0.45  # opacity of published bars
 
 
-def comparison_figure(frame: pd.DataFrame, order: Sequence[str], place: Path) -> list[Path]:
+def comparison_figure(frame: pd.DataFrame, rows: Sequence[Row], place: Path) -> list[Path]:
     """Draw one line per row of the table, and save it below `place` as PNG and PDF; the paths.
 
-    frame: one line per episode. order: as in `runners.analysis.summary.summarise`.
+    frame: one line per episode.
     """
-    rows = summarise(frame, order)
     scored = any(METRIC in row.stats for row in rows)
     figure = new_figure(WIDTH_IN, AROUND_IN + ROW_IN * len(rows))
     widths = [3.0, 1.4] if scored else [1.0]

@@ -7,7 +7,7 @@ import pytest
 
 from lme.errors import InputError
 from runners.cli.main import main
-from runners.figures.parts.jobs import chosen_world, read_jobs
+from runners.figures.parts.driven_runs import chosen_world, read_runs
 
 WORDS = ["runs=1", "executor=serial", "map.time_limit=1", "formats=[png]"]
 
@@ -23,7 +23,7 @@ def sweep(tmp_path_factory):
 
 
 def test_the_systems_of_a_sweep_are_driven_in_the_world_asked_for(sweep):
-    jobs = read_jobs([sweep])
+    jobs = read_runs([sweep])
     assert [job.label for job in jobs] == ["Simple", "LME"]
     assert [chosen_world(job, [206]) for job in jobs] == [(206, 0)] * 2
     assert all(job.frame["world"].tolist() == [206] for job in jobs)
@@ -46,7 +46,7 @@ def test_records_are_drawn_without_driving(sweep, tmp_path, monkeypatch, capsys)
 def test_nobody_asked_for_a_world_so_the_first_is_driven(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert main(["figure", "trajectories", "map=env1", "robot=stage", "hydra.run.dir=out", *WORDS]) == 0
-    (job,) = read_jobs([Path("out")])
+    (job,) = read_runs([Path("out")])
     assert job.frame["world"].tolist() == [0]
 
 
@@ -80,7 +80,7 @@ def test_mistakes_are_told_in_one_line(words, parts, tmp_path, monkeypatch, caps
 
 def test_a_world_that_was_not_driven_is_named(sweep):
     with pytest.raises(InputError, match=r"world is 7: .* has only 206"):
-        chosen_world(read_jobs([sweep])[0], [7])
+        chosen_world(read_runs([sweep])[0], [7])
 
 
 def test_a_world_that_the_map_set_does_not_choose_is_driven_and_told_again(tmp_path, monkeypatch):

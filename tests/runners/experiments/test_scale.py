@@ -13,7 +13,7 @@ from runners.config import schema
 from runners.config.composer import Composer
 from runners.config.weights import from_words, in_words, parameters
 from runners.experiments import sweeps
-from runners.figures.parts.jobs import read_jobs
+from runners.figures.parts.driven_runs import read_runs
 from runners.records.records import find_runs, read_episodes
 from tests.builders import PUBLISHED
 
@@ -115,7 +115,7 @@ def test_one_run_with_factors_is_not_taken_for_one_without(sweep):
 
 
 def test_figures_tell_scaled_jobs_apart(sweep):
-    labels = [job.label for job in read_jobs([sweep])]
+    labels = [job.label for job in read_runs([sweep])]
     assert labels == [f"LME, {COMBINED}", f"LME, {COMBINED}, a_close × 0.5"]
 
 

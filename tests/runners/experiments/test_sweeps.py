@@ -8,7 +8,7 @@ from mlflow import MlflowClient
 
 from runners.cli.main import main
 from runners.config import systems
-from runners.figures.parts.jobs import jobs_of
+from runners.figures.parts.driven_runs import runs_of
 from runners.figures.parts.places import places
 from runners.records.records import find_runs, read_episodes
 from runners.tracking.store import RUN_ID_FILE
@@ -48,7 +48,7 @@ def test_the_paths_stand_side_by_side(sweep):
     assert (sweep[0] / "side_by_side.png").read_bytes().startswith(b"\x89PNG")
     assert (sweep[0] / "side_by_side.pdf").read_bytes().startswith(b"%PDF")
     frame = read_episodes([sweep[0] / "0", sweep[0] / "1"])
-    jobs = jobs_of(frame, [sweep[0] / number for number in "01"])
+    jobs = runs_of(frame, [sweep[0] / number for number in "01"])
     assert [job.label for job in jobs] == ["Simple", "LME"]
     assert [place.name for place in places(jobs)] == ["barn, world 0", "barn, world 6"]
 
@@ -60,7 +60,7 @@ def test_starts_in_the_same_world_share_a_panel(tmp_path, monkeypatch):
     assert main(["eval", *words, *quick]) == 0
     runs = find_runs([Path("out")])
     frame = read_episodes(runs)
-    found = places(jobs_of(frame, runs))
+    found = places(runs_of(frame, runs))
     assert [(place.name, place.numbers) for place in found] == [
         ("traps: u", (0, 1)),
         ("traps: wall", (0, 1)),

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from runners.cli.main import main
-from runners.figures.parts.jobs import read_jobs
+from runners.figures.parts.driven_runs import read_runs
 from runners.figures.parts.moment import Shot, telling_step
 
 WORDS = ["eval", "map=env2", "robot=stage", "map.worlds=[4]", "runs=1", "executor=serial", "tracking=none"]
@@ -24,7 +24,7 @@ def target_run(tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def trace(lme_run):
-    (job,) = read_jobs([lme_run])
+    (job,) = read_runs([lme_run])
     return job.trace(4, 0)
 
 

@@ -11,7 +11,7 @@ from matplotlib.text import Text
 from lme.errors import InputError
 from runners.cli.main import main
 from runners.figures.kinds.features import FeaturesConfig, chosen_criteria, clipped_range, features_figure
-from runners.figures.parts.jobs import Job, read_jobs
+from runners.figures.parts.driven_runs import DrivenRun, read_runs
 from runners.figures.parts.robot_view import upwards
 
 from .conftest import shot_of, with_criteria
@@ -187,12 +187,12 @@ def features():
 
 def test_a_run_without_lme_cannot_be_drawn(target_run, features, tmp_path):
     with pytest.raises(InputError, match=r"guide is lme\.guides\.target\.Target: features draws how LME"):
-        features.draw(read_jobs([target_run]), [], tmp_path / "features", ["png"])
+        features.draw(read_runs([target_run]), [], tmp_path / "features", ["png"])
 
 
 def test_of_several_jobs_those_that_lme_guides_are_drawn_numbered(lme_run, target_run, features, tmp_path):
-    (lme,), (bare,) = read_jobs([lme_run]), read_jobs([target_run])
-    again = Job(lme.run_dir, lme.config, lme.frame)
+    (lme,), (bare,) = read_runs([lme_run]), read_runs([target_run])
+    again = DrivenRun(lme.run_dir, lme.config, lme.frame)
     paths = features.draw([bare, lme, again], [], tmp_path / "features", ["png"])
     assert [path.name for path in paths] == ["features_1.png", "features_2.png"]
     assert paths[0].read_bytes() == paths[1].read_bytes()

@@ -12,7 +12,7 @@ from lme.errors import InputError
 from runners.config.instantiate import build
 from runners.figures.kinds import trajectories
 from runners.figures.kinds.trajectories import Trajectories, TrajectoriesConfig, moment
-from runners.figures.parts.jobs import Job
+from runners.figures.parts.driven_runs import DrivenRun
 from runners.figures.parts.panels import Panel, ends_before, subgoals_of
 from runners.figures.parts.places import places
 from tests.runners.figures.test_paths import drawn, task
@@ -37,7 +37,9 @@ def job(system, outcomes, map_name="corridor"):
         {"system": system, "map": map_name, "world": w, "run": 0, "outcome": o, "time_s": 12.34}
         for w, o in outcomes.items()
     ]
-    made = Job(Path("none"), {"map": {"name": map_name}, "robot": {"footprint": {}}}, pd.DataFrame(rows))
+    made = DrivenRun(
+        Path("none"), {"map": {"name": map_name}, "robot": {"footprint": {}}}, pd.DataFrame(rows)
+    )
     y = np.linspace(0, 5.5, PATH_ROWS)
     steps = {"run": 0, "step": np.arange(PATH_ROWS), "time_s": np.arange(PATH_ROWS) / 10, "y_m": y}
     others = {"x_m": np.sin(y) / 2, "subgoal_x_m": 0.0, "subgoal_y_m": y + 1.0, "switched": 0.0}
@@ -242,5 +244,5 @@ def test_the_scale_is_round_and_to_scale(tmp_path, drawn):
 
 
 def test_a_sweep_with_one_system_gets_no_picture(tmp_path, monkeypatch):
-    monkeypatch.setattr(trajectories, "jobs_of", lambda frame, run_dirs: several(1))
+    monkeypatch.setattr(trajectories, "runs_of", lambda frame, run_dirs: several(1))
     assert trajectories.side_by_side_figure(pd.DataFrame(), [], tmp_path) == []

@@ -14,7 +14,7 @@ from runners.config.instantiate import build
 from runners.figures.kinds.video import Video, VideoConfig
 from runners.figures.parts import film
 from runners.figures.parts.animation import Screen
-from runners.figures.parts.jobs import read_jobs
+from runners.figures.parts.driven_runs import read_runs
 from runners.figures.parts.scene import outline
 from runners.figures.parts.stage import TRAIL_S, Stage, draw_mover_trails, index_at, seen
 from runners.figures.parts.style import new_figure
@@ -35,7 +35,7 @@ def sweep(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def traces(sweep):
-    return [job.trace(0, 0) for job in read_jobs([sweep])]
+    return [job.trace(0, 0) for job in read_runs([sweep])]
 
 
 def durations(path):
@@ -68,7 +68,7 @@ def test_flat_colours_are_those_of_the_figure(sweep):
 @pytest.mark.parametrize("speed", [2.0, 0.5])
 def test_speed_is_in_times_real_time(sweep, tmp_path, traces, speed):
     (path,) = Video(VideoConfig(speed=speed, width=200, fps=4)).draw(
-        read_jobs([sweep]), [0], tmp_path / "v", []
+        read_runs([sweep]), [0], tmp_path / "v", []
     )
     last = max(trace.end.time for trace in traces)
     assert sum(durations(path)) / 1000 == pytest.approx(last / speed + 1.0, abs=0.5)
@@ -76,13 +76,13 @@ def test_speed_is_in_times_real_time(sweep, tmp_path, traces, speed):
 
 def test_a_long_episode_is_shown_in_twenty_seconds_unless_asked_otherwise(sweep, tmp_path, monkeypatch):
     monkeypatch.setattr("runners.figures.kinds.video.ENOUGH_S", 5.0)
-    (path,) = Video(VideoConfig(width=200, fps=4)).draw(read_jobs([sweep]), [], tmp_path / "v", [])
+    (path,) = Video(VideoConfig(width=200, fps=4)).draw(read_runs([sweep]), [], tmp_path / "v", [])
     assert sum(durations(path)) / 1000 == pytest.approx(6.0, abs=0.5)
 
 
 def test_a_film_is_the_same_twice(sweep, tmp_path):
     for name in ("one", "two"):
-        Video(VideoConfig(speed=4.0, width=200, fps=4)).draw(read_jobs([sweep]), [0], tmp_path / name, [])
+        Video(VideoConfig(speed=4.0, width=200, fps=4)).draw(read_runs([sweep]), [0], tmp_path / name, [])
     assert (tmp_path / "one.gif").read_bytes() == (tmp_path / "two.gif").read_bytes()
 
 
@@ -150,14 +150,14 @@ def test_a_still_picture_of_a_moment_comes_from_the_same_run(sweep, tmp_path, mo
 
 
 def test_more_panels_than_can_be_seen_are_refused(sweep, tmp_path):
-    jobs = read_jobs([sweep])
+    jobs = read_runs([sweep])
     with pytest.raises(InputError, match="8 jobs make 8 panels, and 6 can be seen at once"):
         Video(VideoConfig()).draw(jobs * 4, [0], tmp_path / "v", [])
 
 
 def test_a_world_that_was_not_driven_is_named(sweep, tmp_path):
     with pytest.raises(InputError, match=r"world is 7: .* has only 0"):
-        Video(VideoConfig()).draw(read_jobs([sweep]), [7], tmp_path / "v", [])
+        Video(VideoConfig()).draw(read_runs([sweep]), [7], tmp_path / "v", [])
 
 
 def test_mp4_is_smaller_than_gif(sweep, tmp_path):
@@ -165,7 +165,7 @@ def test_mp4_is_smaller_than_gif(sweep, tmp_path):
     sizes = {}
     for kind in ("gif", "mp4"):
         config = VideoConfig(format=kind, speed=4.0, width=301, fps=4)  # odd: the encoder needs even sides
-        (path,) = Video(config).draw(read_jobs([sweep]), [0], tmp_path / "v", [])
+        (path,) = Video(config).draw(read_runs([sweep]), [0], tmp_path / "v", [])
         sizes[kind] = path.stat().st_size
         assert path.name == f"v.{kind}"
     assert (tmp_path / "v.mp4").read_bytes()[4:8] == b"ftyp"

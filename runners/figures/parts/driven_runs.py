@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from dataclasses import asdict
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from lme.errors import InputError
 from lme.worlds.world import MapSet
 from runners.config import build
+from runners.config.schema import RecordedConfig
 from runners.records import launch_record
 from runners.records.records import find_runs, read_episodes, read_trajectories
 from runners.workers.trace import Trace, rerun_recorded
@@ -19,17 +21,17 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-class Job:
-    """One run. config: the plain config that it was driven with. frame: its records, one row per episode.
+class DrivenRun:
+    """One run. config: what it was driven with. frame: its records, one row per episode.
 
     place: the map's config and the robot's footprint as text, which tells places apart.
     """
 
-    def __init__(self, run_dir: Path, config: Mapping[str, Any], frame: pd.DataFrame) -> None:
+    def __init__(self, run_dir: Path, config: RecordedConfig, frame: pd.DataFrame) -> None:
         self.run_dir = run_dir
         self.config = config
         self.frame = frame
-        self.place = json.dumps([config["map"], config["robot"]["footprint"]], sort_keys=True)
+        self.place = json.dumps([config.map, asdict(config.robot.footprint)], sort_keys=True)
 
     @property
     def label(self) -> str:
@@ -43,7 +45,7 @@ class Job:
     @cached_property
     def maps(self) -> MapSet:
         """The map set that was driven in."""
-        return build.map_set(self.config)
+        return build.map_set(self.config, sorted({int(world) for world in self.frame["world"]}))
 
     @cached_property
     def trajectories(self) -> pd.DataFrame:
@@ -65,30 +67,30 @@ class Kind(Protocol):
     drives: bool
 
     def draw(
-        self, jobs: Sequence[Job], worlds: Sequence[int], stem: Path, formats: Sequence[str]
+        self, jobs: Sequence[DrivenRun], worlds: Sequence[int], stem: Path, formats: Sequence[str]
     ) -> list[Path]:
         """Draw the jobs and save the figure as `stem`.png, …; the paths. worlds: those asked for, or none."""
 
 
-def read_jobs(runs: Sequence[Path]) -> list[Job]:
+def read_runs(runs: Sequence[Path]) -> list[DrivenRun]:
     """The jobs of these runs and sweeps, in order. Raises InputError where a path holds none."""
     run_dirs = find_runs(runs)
     frame = read_episodes(run_dirs)
-    return jobs_of(frame, run_dirs)
+    return runs_of(frame, run_dirs)
 
 
-def jobs_of(frame: pd.DataFrame, run_dirs: Sequence[Path]) -> list[Job]:
+def runs_of(frame: pd.DataFrame, run_dirs: Sequence[Path]) -> list[DrivenRun]:
     """The jobs among records that are read already; a folder that tells of no config is left out."""
     launches = [(run_dir, launch_record.read_launch(run_dir)) for run_dir in run_dirs]
     records = {run_dir: frame[frame["run_dir"] == str(run_dir)] for run_dir in run_dirs}
     return [
-        Job(run_dir, launch.configs[0], records[run_dir])
+        DrivenRun(run_dir, launch.config, records[run_dir])
         for run_dir, launch in launches
         if launch is not None and not records[run_dir].empty
     ]
 
 
-def chosen_world(job: Job, worlds: Sequence[int]) -> tuple[int, int]:
+def chosen_world(job: DrivenRun, worlds: Sequence[int]) -> tuple[int, int]:
     """(world, run) of the one episode to draw: of the world asked for, or else the first of the records.
 
     Raises InputError where the run has no such world.

@@ -1,0 +1,74 @@
+"""Evaluate what training found on worlds that it never saw."""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+from typing import TYPE_CHECKING, Any, cast
+
+from runners.config import build
+from runners.config.instantiate import build as build_target
+from runners.config.job import Job
+from runners.config.schema import EvalConfig, TrainConfig
+from runners.config.space import PARAMETERS, with_values
+from runners.config.systems import systems
+from runners.experiments.evaluate import drive, report
+from runners.experiments.labels import run_labels
+from runners.explainer import pages
+from runners.records.launch_record import launch_of
+from runners.search.study import Trial
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+def evaluate_held_out(job: Job[TrainConfig], best: Trial, name: str) -> pd.DataFrame:
+    """Evaluate the best trial on every held-out map and print how it went; the records.
+
+    name: of the weights. Every map has a directory of its own below that of the training.
+    """
+    from runners.analysis.summary import summarise
+    from runners.analysis.tables import print_table, write_tables
+    from runners.records.records import read_episodes
+
+    places = job.config.held_out or {job.choices["map"]: job.config.map}
+    for place, node in places.items():
+        _evaluate_on(place, _evaluation(job, best, place, node, name), best)
+    frame = read_episodes([job.run_dir / place for place in places])
+    rows = summarise(frame, systems=systems(job.folders))
+    write_tables(frame, rows, job.run_dir)
+    print_table(frame, rows)
+    print(f"Study, weights, pictures, records and tables: {job.run_dir}")
+    return frame
+
+
+def _evaluation(
+    job: Job[TrainConfig], best: Trial, place: str, node: dict[str, Any], name: str
+) -> Job[EvalConfig]:
+    """The evaluation of the best trial on one map."""
+    trained = with_values(job.config, best.values)
+    names = {field.name for field in fields(EvalConfig)} & {field.name for field in fields(TrainConfig)}
+    shared = {each: getattr(trained, each) for each in names}
+    config = EvalConfig(**{**shared, "map": node, "weights": name, "resume": False})
+    changes = {key: value for key, value in job.changes.items() if not key.startswith("map.")}
+    evaluation = replace(
+        job, config=config, changes=changes | _settings(best), run_dir=job.run_dir / place, sweep_dir=None
+    )
+    return cast(Job[EvalConfig], evaluation)
+
+
+def _evaluate_on(place: str, job: Job[EvalConfig], best: Trial) -> None:
+    config, maps = job.config, build.map_set(job.config)
+    print(f"Now {len(maps.numbers)} worlds of {place} that training never saw, {config.runs} runs each")
+    job.run_dir.mkdir(exist_ok=True)
+    launch_of("eval", [job], [], False, None).write(job.run_dir)
+    labels = replace(run_labels(job), map=place)
+    if _settings(best):  # its planner is not that of the named pair any more
+        labels = replace(labels, system=f"{labels.guide}+{labels.planner}")
+    drive(config, labels, maps, job.run_dir)
+    pages.as_asked(config.explain, job.run_dir, build_target(config.executor, "executor"))
+    report(maps, job)
+
+
+def _settings(best: Trial) -> dict[str, float]:
+    """Values that were found for keys that are no parameters of the guide."""
+    return {key: value for key, value in best.values.items() if not key.startswith(PARAMETERS)}

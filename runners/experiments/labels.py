@@ -1,0 +1,54 @@
+"""The columns that name what a job drives."""
+
+from __future__ import annotations
+
+from runners.config import systems
+from runners.config.job import Job
+from runners.config.overrides import CUSTOM
+from runners.config.schema import DriveConfig
+from runners.records.episode_record import RunLabels
+
+
+def run_labels(job: Job[DriveConfig]) -> RunLabels:
+    """What every record of the job says of system, robot and map."""
+    config = job.config
+    guide, planner = _chosen("guide", job), _chosen("planner", job)
+    return RunLabels(
+        system=_system(guide, planner, job),
+        guide=guide,
+        planner=planner,
+        global_map=str(config.guide.get("global_map", "")),
+        ablation=_ablation(job),
+        weights=config.weights,
+        robot=config.robot.name,
+        map=job.choices["map"],
+        subset="custom" if config.map.get("worlds") else str(config.map.get("subset", "")),
+    )
+
+
+def _system(guide: str, planner: str, job: Job[DriveConfig]) -> str:
+    """The label of the system that was chosen, if this is its pair, or of the named pair."""
+    changed = any(key.startswith(("guide.", "planner.")) for key in job.changes)
+    known = systems.systems(job.folders)
+    chosen = [system for name, system in known.items() if name == job.choices.get("system")]
+    return systems.label(guide, planner, [*chosen, *known.values()], changed)
+
+
+def _chosen(group: str, job: Job[DriveConfig]) -> str:
+    """The option of a group; of a user's own class, its name."""
+    node = {"guide": job.config.guide, "planner": job.config.planner}[group]
+    option = job.choices[group]
+    return str(node["_target_"]).rpartition(".")[2] if option == CUSTOM else option
+
+
+def _ablation(job: Job[DriveConfig]) -> str:
+    """The option; of several at once their names with + between them.
+
+    Hydra notes no choice of several, so they are read from the command line; where they stand in a file, the
+    parameters that they set are named.
+    """
+    if "ablation" in job.choices:
+        return job.choices["ablation"]
+    given = [text.partition("=")[2] for text in job.overrides if text.startswith("ablation=[")]
+    several = given[-1].strip("[]").split(",") if given else list(job.config.ablation)
+    return "+".join(name.strip() for name in several)

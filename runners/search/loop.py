@@ -1,0 +1,45 @@
+"""Run trials until a study has as many as were asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from runners.search.study import Proposal, Study
+from runners.workers import trials
+from runners.workers.executor import Map
+
+
+def run_trials(
+    opened: Study,
+    total: int,
+    batch: int,
+    worlds: list[int],
+    run_all: Map,
+    note: Callable[[float | None], None],
+) -> None:
+    """Bring a study to `total` trials, beginning with those that a killed run left.
+
+    run_all: attempts to scores, in any order. note: called after each trial with the best reward so far.
+    """
+    while count := opened.room(total, batch):
+        proposals = opened.unfinished() or opened.ask(count)
+        _run_batch(opened, proposals, worlds, run_all)
+        for proposal in proposals:
+            opened.tell(proposal.number)
+            note(opened.best)
+
+
+def _run_batch(opened: Study, batch: list[Proposal], worlds: list[int], run_all: Map) -> None:
+    """Every episode of a batch; a trial is kept as soon as its last one ends."""
+    todo = [proposal for proposal in batch if not opened.scored(proposal.number)]
+    attempts = [
+        trials.Attempt(proposal.number, world, tuple(proposal.values.items()))
+        for proposal in todo
+        for world in worlds
+    ]
+    scores: dict[int, list[trials.Score]] = {proposal.number: [] for proposal in todo}
+    for score in run_all(attempts):
+        of_trial = scores[score.trial]
+        of_trial.append(score)
+        if len(of_trial) == len(worlds):
+            opened.keep(score.trial, sorted(of_trial, key=lambda score: worlds.index(score.world)))
