@@ -40,11 +40,11 @@ def figures(systems: Mapping[str, System]) -> dict[tuple[str, Place], Figures]:
 def place_of(group: pd.DataFrame) -> Place | None:
     """Where published figures for these records would be found, were there any.
 
-    Only the whole policy compares, whoever trained it, and on BARN only the hundred hard worlds.
+    Only the whole policy compares, whoever trained it, with nothing changed, and on BARN only the hundred hard worlds.
     """
-    known = [key for key in ("ablation", "scale", "map", "subset", "robot") if key in group]
+    known = [key for key in ("ablation", "scale", "changes", "map", "subset", "robot") if key in group]
     first = {key: str(group[key].iloc[0]) for key in known}
-    whole = first.get("ablation", "none") == "none" and not first.get("scale")
+    whole = first.get("ablation", "none") == "none" and not (first.get("scale") or first.get("changes"))
     same_worlds = first.get("map") != "barn" or first.get("subset") == "hard100"
     return Place(first.get("map", ""), first.get("robot", "")) if whole and same_worlds else None
 

@@ -11,6 +11,7 @@ from runners.analysis import paired
 from runners.analysis.paired import METRIC, SUCCESS, Block, Difference, signed
 from runners.analysis.summary import DASH, TIMES, Row, title
 from runners.config.weights import from_words
+from runners.records.launch_record import read_launch
 from runners.records.whole_file import write_whole
 
 if TYPE_CHECKING:
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
 COLUMN, UNCHANGED = "scale", ""
 NAME = "sensitivity"
 NAMES = {SUCCESS: "success", METRIC: "BARN metric"}
-PARAMETER = "guide.parameters."
 NOTES = (
     "Range: the highest minus the lowest success rate over the factors, 1 included. Bold: differs from that at 1 "
     "beyond the noise, in brackets by how much.",
@@ -144,8 +144,9 @@ def _study(block: Block) -> Study:
 
 def _value(block: Block, parameter: str) -> str:
     """The parameter as it is; empty where the records do not tell."""
-    column = f"{PARAMETER}{parameter}"
-    return str(block.baseline[column].iloc[0]) if column in block.baseline else ""
+    launch = read_launch(Path(block.baseline["run_dir"].iloc[0])) if "run_dir" in block.baseline else None
+    parameters = launch.configs[0]["guide"].get("parameters", {}) if launch is not None else {}
+    return str(parameters.get(parameter, ""))
 
 
 def _sentence(curve: Curve) -> str:

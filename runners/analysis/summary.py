@@ -7,7 +7,7 @@ published figures of a system follow its own row where they were measured on the
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -15,7 +15,6 @@ from lme.metrics import mean_std_over_runs, wilson_interval
 from runners.analysis import published
 from runners.config.systems import System
 from runners.config.systems import systems as named_systems
-from runners.records.episode_record import COLUMNS
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -40,12 +39,12 @@ METRICS = (
     Metric("path_length_m", "Path [m]", 1, of_successes=True),
     Metric("spl", "SPL", 3),
 )
-GROUP_KEYS = ("ablation", "weights", "scale", "robot", "map", "subset", "seed")
+GROUP_KEYS = ("ablation", "weights", "scale", "sim", "robot", "map", "subset", "seed")
 TIMES, DASH = "\u00d7", "\u2013"  # typographic signs that are easily taken for letters
 INTERVAL_HEADER = "95 % CI"
 GLOBAL_PLANNER = {"": "no", "observed": "yes", "known": "yes, true map"}  # by the guide's global_map
-NAMED = ("ablation", "weights", "scale")  # shown even where all rows have the same, unless it is usual
-USUAL = frozenset({"none", "published", ""})
+NAMED = ("ablation", "weights", "scale", "sim")  # shown even where all rows have the same, unless it is usual
+USUAL = frozenset({"none", "published", "fast", ""})
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,6 +53,7 @@ class Row:
 
     keys: what tells this row from the others, by column. stats: (mean, std over runs) by metric; std is NaN
     where there is one run. interval: Wilson's 95 % of the success rate. global_planner: "no", "yes" or more.
+    changes: keys, not among `keys`, that have other values than the files of the chosen options, in words.
     """
 
     label: str
@@ -65,6 +65,7 @@ class Row:
     runs: int | None = None
     interval: tuple[float, float] | None = None
     published_map: str | None = None
+    changes: str = ""
 
     @property
     def complete(self) -> bool:
@@ -123,6 +124,7 @@ def measure(group: pd.DataFrame, system: str, keys: dict[str, str]) -> Row:
         worlds=int(group["world"].nunique()),
         runs=runs,
         interval=wilson_interval(int(successes.sum()), len(group)),
+        changes=_changes(group, keys),
     )
 
 
@@ -139,14 +141,16 @@ def numbers(row: Row) -> dict[str, float]:
 
 
 def title(frame: pd.DataFrame) -> str:
-    """What all rows have in common: map, subset, robot."""
+    """What all rows have in common: map, subset, robot, changed keys; and how much was driven."""
     common = [
         str(frame[key].iloc[0])
         for key in ("map", "subset", "robot")
         if key in frame and frame[key].nunique() == 1 and str(frame[key].iloc[0])
     ]
-    counts = f" {TIMES} ".join(_counted(frame[key].nunique(), key) for key in ("world", "run"))
-    return " · ".join([*common, counts])
+    changes = [f"{key}={frame[key].iloc[0]}" for key in changed_keys(frame) if frame[key].nunique() == 1]
+    return " · ".join(
+        [*common, *changes, f"{_worlds(frame)} {TIMES} {_counted(frame['run'].nunique(), 'run')}"]
+    )
 
 
 def notes(rows: Sequence[Row]) -> list[str]:
@@ -156,6 +160,7 @@ def notes(rows: Sequence[Row]) -> list[str]:
         lines.append("± is the standard deviation over runs.")
     lines.append(f"{INTERVAL_HEADER}: Wilson interval of the success rate.")
     lines.append("Time and path are means over successful episodes.")
+    lines += _changed_notes(rows)
     lines += published.notes({row.published_map for row in rows if row.published_map})
     unfinished = [row.label for row in rows if not row.complete]
     if unfinished:
@@ -164,16 +169,20 @@ def notes(rows: Sequence[Row]) -> list[str]:
 
 
 def row_keys(frame: pd.DataFrame) -> list[str]:
-    """Columns, beside `system`, that tell rows apart; none that follows from those before it."""
-    swept = [column for column in frame.columns if _is_swept(frame, column)]
-    keys: list[str] = []
-    for key in [*(key for key in GROUP_KEYS if key in frame), *swept]:
-        unusual = key in NAMED and not set(as_text(frame[key])) <= USUAL
-        if unusual or _distinct(frame, [*keys, key]) > _distinct(frame, keys):
-            keys.append(key)
+    """Columns, beside `system`, that tell rows apart: what varies within a system, and what is unusual."""
+    keys = [
+        key
+        for key in [*(key for key in GROUP_KEYS if key in frame), *changed_keys(frame)]
+        if (key in NAMED and not set(as_text(frame[key])) <= USUAL) or _varies(frame, key)
+    ]
     if "run_dir" in frame and frame.duplicated(["system", *keys, "world", "run"]).any():
         keys.append("run_dir")  # two runs of one config, or of configs that differ in what nobody recorded
     return keys
+
+
+def changed_keys(frame: pd.DataFrame) -> list[str]:
+    """Columns that hold config keys: those that some run has changed."""
+    return [column for column in frame.columns if "." in column]
 
 
 def as_text(column: pd.Series) -> pd.Series:
@@ -217,19 +226,34 @@ def _global_planner(group: pd.DataFrame) -> str:
     return GLOBAL_PLANNER.get(str(group["global_map"].iloc[0]), "no") if "global_map" in group else "no"
 
 
+def _changes(group: pd.DataFrame, keys: Iterable[str]) -> str:
+    text = str(group["changes"].iloc[0]) if "changes" in group else ""
+    return ", ".join(part for part in text.split(", ") if part.partition("=")[0] not in keys)
+
+
+def _changed_notes(rows: Sequence[Row]) -> list[str]:
+    """Which keys have other values than the files of the chosen options."""
+    ours = [row for row in rows if not row.published_map]
+    if len({row.changes for row in ours}) == 1:
+        return [f"Changed: {ours[0].changes}."] if ours[0].changes else []
+    return list(dict.fromkeys(f"Changed in {row.label}: {row.changes}." for row in ours if row.changes))
+
+
+def _worlds(frame: pd.DataFrame) -> str:
+    """How many worlds of each map were driven; the fewest and the most where maps differ in it."""
+    maps = [key for key in ("map", "subset") if key in frame]
+    counts = frame.groupby(maps, dropna=False)["world"].nunique() if maps else [frame["world"].nunique()]
+    fewest, most = min(counts), max(counts)
+    return _counted(most, "world") if fewest == most else f"{fewest}{DASH}{most} worlds"
+
+
 def _counted(count: int, noun: str) -> str:
     return f"{count} {noun}" + "s" * (count != 1)
 
 
-def _is_swept(frame: pd.DataFrame, column: str) -> bool:
-    """A config key: no column of the records, and one value per run directory."""
-    if column in COLUMNS or column == "run_dir" or column.startswith("world_") or "run_dir" not in frame:
-        return False
-    return bool((frame.groupby("run_dir")[column].nunique(dropna=False) == 1).all())
-
-
-def _distinct(frame: pd.DataFrame, columns: list[str]) -> int:
-    return len(frame[["system", *columns]].drop_duplicates())
+def _varies(frame: pd.DataFrame, column: str) -> bool:
+    """Whether a column has several values for one system."""
+    return bool((frame.groupby("system")[column].nunique(dropna=False) > 1).any())
 
 
 def _metric_column(group: pd.DataFrame, key: str) -> pd.Series | None:

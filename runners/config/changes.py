@@ -42,4 +42,5 @@ def in_words(changes: Mapping[str, Any]) -> str:
 
 
 def _shown(value: Any) -> str:
-    return f"{value:g}" if isinstance(value, float) else str(value)
+    """A value without a comma and space, at which `in_words` separates."""
+    return str(value).replace(", ", ",")

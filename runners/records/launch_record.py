@@ -48,6 +48,10 @@ class Launch:
     config_name: str | None = None
     job: int | None = None
 
+    def __post_init__(self) -> None:
+        self.choices = self.choices or [{} for _ in self.configs]
+        self.changes = self.changes or [{} for _ in self.configs]
+
     @property
     def config(self) -> RecordedConfig:
         """The config of the run, or of the first job. Raises InputError where it is not complete."""

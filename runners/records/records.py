@@ -17,9 +17,12 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 from lme.errors import InputError
+from runners.config.changes import in_words
 from runners.config.flatten import flatten
+from runners.config.weights import in_words as scale_in_words
 from runners.records.append_log import APPEND_LOG, Entry, cut_torn_line, encode, lock, read_log
-from runners.records.episode_record import COLUMNS, KEY_COLUMNS, EpisodeKey, EpisodeResult
+from runners.records.episode_record import KEY_COLUMNS, EpisodeKey, EpisodeResult
+from runners.records.launch_record import Launch, read_launch
 from runners.records.parquet import (
     EPISODES,
     TRAJECTORIES,
@@ -153,14 +156,14 @@ def find_runs(paths: Iterable[Path]) -> list[Path]:
 def read_episodes(run_dirs: Sequence[Path]) -> pd.DataFrame:
     """Records of one or more runs, finished or not: one row per episode, with the column `run_dir`.
 
-    Config keys that differ between the runs become columns, named by their dotted keys.
+    What the launch records tell of the runs becomes columns: see `_columns_of`.
     Raises InputError for a file that is missing or holds no records.
     """
     import pandas as pd
 
     frames = []
     run_dirs = [Path(run_dir) for run_dir in run_dirs]
-    for run_dir, differing in zip(run_dirs, _differing_keys(run_dirs), strict=True):
+    for run_dir, differing in zip(run_dirs, _run_columns(run_dirs), strict=True):
         table = episode_table(run_dir, _log_entries(run_dir))
         if table.num_rows == 0:
             warnings.warn(f"{run_dir} holds no finished episode yet: left out", stacklevel=2)
@@ -201,27 +204,21 @@ def _log_entries(run_dir: Path) -> list[Entry]:
     return list(read_log(run_dir / APPEND_LOG))
 
 
-def _differing_keys(run_dirs: Sequence[Path]) -> list[dict[str, str]]:
-    """For each run, the config keys that are not the same in all of them, and what they are there.
-
-    Keys that are recorded as columns anyway (`map.subset` as `subset`) are left out. Factors on parameters are
-    one column, `scale`, even where all runs have the same: records of scaled parameters must not pass for plain ones.
-    """
-    from runners.config.weights import in_words
-    from runners.records.launch_record import read_launch
-
+def _run_columns(run_dirs: Sequence[Path]) -> list[dict[str, str]]:
+    """For each run, the columns that its launch record adds to its episodes."""
     launches = [read_launch(run_dir) for run_dir in run_dirs]
-    configs = [dict(flatten(launch.configs[0])) if launch else {} for launch in launches]
-    keys = dict.fromkeys(key for config in configs for key in config)
-    differing = [
-        key
-        for key in keys
-        if key.rpartition(".")[2] not in COLUMNS
-        and not key.startswith("scale.")
-        and any(config.get(key) != configs[0].get(key) for config in configs)
-    ]
-    scales = [in_words(launch.configs[0].get("scale", {})) if launch else "" for launch in launches]
-    return [
-        {**({"scale": scale} if any(scales) else {}), **{key: str(config.get(key, "")) for key in differing}}
-        for scale, config in zip(scales, configs, strict=True)
-    ]
+    changed = dict.fromkeys(key for launch in launches if launch for key in launch.changes[0])
+    return [{} if launch is None else _columns_of(launch, changed) for launch in launches]
+
+
+def _columns_of(launch: Launch, changed: Iterable[str]) -> dict[str, str]:
+    """sim: the simulator. scale: factors on parameters. changes: keys that have other values than the files of the
+    chosen options, in words. Every key that some run has `changed` is a column too, by its dotted name.
+    """
+    values = dict(flatten(launch.configs[0]))
+    return {
+        "sim": launch.choices[0].get("sim", ""),
+        "scale": scale_in_words(launch.configs[0].get("scale", {})),
+        "changes": in_words(launch.changes[0]),
+        **{key: str(values.get(key, "")) for key in changed},
+    }

@@ -58,9 +58,6 @@ class Tracking(Protocol):
         one value per step from 0 on.
         """
 
-    def add(self, run_dir: Path, artifacts: Sequence[Path], folder: str) -> None:
-        """Book files below `folder` of the run that `run_dir` was booked as, and change nothing else of it."""
-
 
 @dataclass(slots=True)
 class NoTrackingConfig:
@@ -87,9 +84,6 @@ class NoTracking:
     def finish(
         self, metrics: Mapping[str, float], artifacts: Sequence[Path], series: Series | None = None
     ) -> None:
-        """Nothing."""
-
-    def add(self, run_dir: Path, artifacts: Sequence[Path], folder: str) -> None:
         """Nothing."""
 
 
@@ -147,30 +141,7 @@ class MlflowTracking:
                 raise self._error
             self._log_results(metrics, artifacts, series or {})
         except Exception as error:
-            self._warn(error)
-
-    def add(self, run_dir: Path, artifacts: Sequence[Path], folder: str) -> None:
-        set_defaults()
-        store = sqlite_path(self._config.uri)
-        try:
-            note = run_dir / RUN_ID_FILE
-            if not note.is_file():  # it was never booked
-                return
-            run_id = str(json.loads(note.read_text())["run"])
-            if store is not None and not store.is_file():
-                raise FileNotFoundError(f"there is none in {Path.cwd()}, where its path begins")
-            client = open_client(self._config.uri)
-            for path in artifacts:
-                client.log_artifact(run_id, str(path), folder)
-        except Exception as error:
-            self._warn(error)
-
-    def _warn(self, error: Exception) -> None:
-        reason = (str(error).splitlines() or [type(error).__name__])[0]
-        warnings.warn(
-            f"not booked in MLflow at {self._config.uri}; the results are on disk ({reason[:300]})",
-            stacklevel=3,
-        )
+            _warn(self._config.uri, error)
 
     def _open(
         self,
@@ -179,14 +150,15 @@ class MlflowTracking:
         tags: Mapping[str, Any],
         sweep_dir: Path | None,
     ) -> None:
-        client = open_client(self._config.uri)
-        experiment = experiment_id(client, self._config.uri, self._config.experiment)
+        uri = self._config.uri
+        client = open_client(uri)
+        experiment = experiment_id(client, uri, self._config.experiment)
         tags = {**environment_tags(), **tags, "run_dir": run_dir.resolve()}
         if sweep_dir is not None:
-            parent = run_of(sweep_dir, client, experiment, {"run_dir": sweep_dir.resolve()})
+            parent = run_of(sweep_dir, client, uri, experiment, {"run_dir": sweep_dir.resolve()})
             client.set_terminated(parent)
             tags["mlflow.parentRunId"] = parent
-        self._run_id = run_of(run_dir, client, experiment, tags)
+        self._run_id = run_of(run_dir, client, uri, experiment, tags)
         log_params(client, self._run_id, config)
         self._client = client
 
@@ -200,6 +172,37 @@ class MlflowTracking:
         for path in artifacts:
             self._client.log_artifact(self._run_id, str(path))
         self._client.set_terminated(self._run_id)
+
+
+def add_files(run_dir: Path, files: Sequence[Path], folder: str) -> None:
+    """Book files below `folder` of the run that `run_dir` was booked as; nothing where it was not booked.
+
+    Warns where that is not possible.
+    """
+    note = run_dir / RUN_ID_FILE
+    if not note.is_file():
+        return
+    set_defaults()
+    uri = DEFAULT_URI
+    try:
+        booked = json.loads(note.read_text())
+        uri, run_id = str(booked.get("uri", DEFAULT_URI)), str(booked["run"])
+        store = sqlite_path(uri)
+        if store is not None and not store.is_file():
+            raise FileNotFoundError(f"there is none in {Path.cwd()}, where its path begins")
+        client = open_client(uri)
+        for path in files:
+            client.log_artifact(run_id, str(path), folder)
+    except Exception as error:
+        _warn(uri, error)
+
+
+def _warn(uri: str, error: Exception) -> None:
+    reason = (str(error).splitlines() or [type(error).__name__])[0]
+    warnings.warn(
+        f"not booked in MLflow at {uri}; the results are on disk ({reason[:300]})",
+        stacklevel=3,
+    )
 
 
 def environment_tags() -> dict[str, str]:

@@ -104,7 +104,7 @@ def experiment_id(client: MlflowClient, uri: str, name: str) -> str:
     return str(client.create_experiment(name, artifact_location=location))
 
 
-def run_of(directory: Path, client: MlflowClient, experiment: str, tags: Mapping[str, Any]) -> str:
+def run_of(directory: Path, client: MlflowClient, uri: str, experiment: str, tags: Mapping[str, Any]) -> str:
     """Id of the run that `directory` belongs to: the one noted there, if it still exists, else a new one."""
     note = directory / RUN_ID_FILE
     with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
@@ -114,7 +114,7 @@ def run_of(directory: Path, client: MlflowClient, experiment: str, tags: Mapping
     texts = {name: str(value)[:TAG_LENGTH] for name, value in tags.items()}
     run_id = str(client.create_run(experiment, tags=texts, run_name=_run_name(directory)).info.run_id)
     directory.mkdir(parents=True, exist_ok=True)
-    write_whole(note, json.dumps({"experiment": experiment, "run": run_id}) + "\n")
+    write_whole(note, json.dumps({"uri": uri, "experiment": experiment, "run": run_id}) + "\n")
     return run_id
 
 

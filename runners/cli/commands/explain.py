@@ -109,8 +109,10 @@ def _lines(frames: Sequence[pd.DataFrame]) -> list[str]:
 def _draw(run_dir: Path, words: Sequence[str], output: Path | None) -> None:
     """Make the pages, print where they are, and book those that lie with the run."""
     from lme.errors import InputError
+    from runners.analysis.failures import FOLDER
     from runners.explainer import pages
     from runners.records.records import read_episodes
+    from runners.tracking.mlflow import add_files
     from runners.workers.executor import ProcessConfig, ProcessExecutor, WorkerDiedError
 
     episodes = pages.chosen(read_episodes([run_dir]), words)
@@ -124,7 +126,7 @@ def _draw(run_dir: Path, words: Sequence[str], output: Path | None) -> None:
     for path in made:
         print(path)
     if output is None and made:
-        _book(run_dir, [*made, pages.index(run_dir)])
+        add_files(run_dir, [*made, pages.index(run_dir)], FOLDER)
     problems = [page.problem for page in results if page.problem]
     if problems:
         raise InputError(problems[0])
@@ -142,19 +144,6 @@ def _places(run_dir: Path, keys: Sequence[EpisodeKey], output: Path | None) -> d
     if len(keys) > 1:
         raise InputError(f"--output {output}: one file cannot hold {len(keys)} pages; give a folder")
     return dict.fromkeys(keys, output)
-
-
-def _book(run_dir: Path, files: Sequence[Path]) -> None:
-    """In MLflow, where the run itself was booked; Hydra's note of its config says where that is, if anywhere."""
-    from omegaconf import OmegaConf
-
-    from runners.analysis.failures import FOLDER
-    from runners.config.instantiate import build
-
-    note = run_dir / ".hydra" / "config.yaml"
-    tracking = OmegaConf.select(OmegaConf.load(note), "tracking") if note.is_file() else None
-    if tracking is not None:  # a figure's episodes are driven without
-        build(tracking, "tracking").add(run_dir, files, FOLDER)
 
 
 def _tell(run_dir: Path, words: Sequence[str]) -> None:

@@ -47,7 +47,11 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--port", type=int, default=5000, help="default: 5000")
     parser.add_argument("--host", default="127.0.0.1", help="default: 127.0.0.1, this machine alone")
-    parser.add_argument("--uri", default=DEFAULT_URI, help=f"where runs are booked; default: {DEFAULT_URI}")
+    parser.add_argument(
+        "--uri",
+        default=os.environ.get("MLFLOW_TRACKING_URI", DEFAULT_URI),
+        help=f"where runs are booked; default: MLFLOW_TRACKING_URI, else {DEFAULT_URI}",
+    )
     return parser
 
 
