@@ -18,8 +18,8 @@ from benchmarks.recording import parser, show
 from benchmarks.speed import machine
 from runners.config import schema
 from runners.config.composer import Composer
+from runners.config.overrides import compose_job
 from runners.explainer.write import write_page
-from runners.records.launch_record import identity
 from runners.workers.trace import Trace, rerun
 
 WANTED_PER_S, WANTED_MB = 30, 5.0
@@ -97,7 +97,7 @@ def _rows(browser: Any, path: Path, name: str, width: int, height: int, ratio: i
 def _episode() -> Trace:
     schema.register()
     with Composer("eval") as composer:
-        return rerun(identity(composer.compose(list(EPISODE))), 250, 0)
+        return rerun(compose_job(composer, EPISODE).config, 250, 0)
 
 
 def _program() -> str:

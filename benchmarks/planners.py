@@ -14,8 +14,8 @@ from benchmarks.recording import parser, show
 from benchmarks.speed import machine
 from lme.episode import run_episode
 from runners.config import build, catalogue, schema
-from runners.config.composer import Composer, without_hydra
-from runners.config.overrides import CUSTOM
+from runners.config.composer import Composer
+from runners.config.overrides import CUSTOM, compose_job
 
 ROBOT = "jackal"  # the longest scan, 720 beams
 WORLDS = [1000, 1003, 1006, 1009, 1011]  # fresh ones, one of each kind of density and smoothing
@@ -47,9 +47,8 @@ def report() -> Iterator[str]:
 def row(composer: Composer, guide: str, planner: str) -> str:
     """One pair."""
     words = [f"robot={ROBOT}", f"guide={guide}", f"planner={planner}", "map=barn", "map.subset=fresh"]
-    config = build.plain(without_hydra(composer.compose(words)))
-    robot, maps = build.robot(config), build.map_set(config)
-    navigator, simulator = build.navigator(config, robot), build.simulator(config, robot)
+    config = compose_job(composer, words).config
+    maps, navigator, simulator = build.map_set(config), build.navigator(config), build.simulator(config)
     tasks = [maps.task(number) for number in WORLDS]
     run_episode(tasks[0], navigator, simulator, np.random.default_rng(0))  # compiles
     steps, decisions, began = 0, [], time.perf_counter()

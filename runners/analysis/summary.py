@@ -148,9 +148,7 @@ def title(frame: pd.DataFrame) -> str:
         if key in frame and frame[key].nunique() == 1 and str(frame[key].iloc[0])
     ]
     changes = [f"{key}={frame[key].iloc[0]}" for key in changed_keys(frame) if frame[key].nunique() == 1]
-    return " · ".join(
-        [*common, *changes, f"{_worlds(frame)} {TIMES} {_counted(frame['run'].nunique(), 'run')}"]
-    )
+    return " · ".join([*common, *changes, f"{_counted(frame, 'world')} {TIMES} {_counted(frame, 'run')}"])
 
 
 def notes(rows: Sequence[Row]) -> list[str]:
@@ -239,16 +237,13 @@ def _changed_notes(rows: Sequence[Row]) -> list[str]:
     return list(dict.fromkeys(f"Changed in {row.label}: {row.changes}." for row in ours if row.changes))
 
 
-def _worlds(frame: pd.DataFrame) -> str:
-    """How many worlds of each map were driven; the fewest and the most where maps differ in it."""
-    maps = [key for key in ("map", "subset") if key in frame]
-    counts = frame.groupby(maps, dropna=False)["world"].nunique() if maps else [frame["world"].nunique()]
-    fewest, most = min(counts), max(counts)
-    return _counted(most, "world") if fewest == most else f"{fewest}{DASH}{most} worlds"
-
-
-def _counted(count: int, noun: str) -> str:
-    return f"{count} {noun}" + "s" * (count != 1)
+def _counted(frame: pd.DataFrame, column: str) -> str:
+    """How many worlds, or runs, every row of the table has; the fewest and the most where rows differ in it."""
+    keys = ["system", *row_keys(frame)]
+    counts = frame.assign(**{key: as_text(frame[key]) for key in keys}).groupby(keys)[column].nunique()
+    fewest, most = int(counts.min()), int(counts.max())
+    number = str(most) if fewest == most else f"{fewest}{DASH}{most}"
+    return f"{number} {column}" + "s" * (most != 1)
 
 
 def _varies(frame: pd.DataFrame, column: str) -> bool:

@@ -71,6 +71,12 @@ def plan(composer: Composer, overrides: Sequence[str], multirun: bool) -> Plan:
     return Plan([str(o.input_line) for o in parsed], True, math.prod(map(len, _choices(swept))), configs)
 
 
+def compose_job(composer: Composer, words: Sequence[str]) -> Job[Any]:
+    """The one job of a command line, without what its command checks. Raises InputError."""
+    (job,) = validated(plan(composer, words, multirun=False), composer, lambda job: None)
+    return job
+
+
 def validated(plan: Plan, composer: Composer, validate: Validate) -> list[Job[Any]]:
     """The checked jobs, each looked at by its command; names the user's file where a bad value came from one."""
     return [_validated(config, words, composer, validate) for words, config in plan.configs.items()]

@@ -8,6 +8,7 @@ from omegaconf import OmegaConf
 from runners.config import catalogue, schema
 from runners.config.composer import Composer, without_hydra
 from runners.config.instantiate import configured
+from runners.config.job import Job
 from runners.experiments.figure import validate
 
 CATALOGUE = catalogue.shipped()
@@ -34,6 +35,6 @@ def test_a_kind_has_the_keys_of_its_config_class(composer, option):
 @pytest.mark.parametrize("option", CATALOGUE.options("experiment/figure"))
 def test_every_figure_of_the_paper_is_one_config(composer, option):
     config = composer.compose([f"experiment=figure/{option}"])
-    validate(without_hydra(config))
+    validate(Job.composed(without_hydra(config), config.hydra, composer.catalogue))
     swept = (config.hydra.sweeper.params or {}).get("system", "")
     assert set(filter(None, swept.replace(" ", "").split(","))) <= set(CATALOGUE.options("system"))

@@ -1,5 +1,6 @@
 """What every guide × planner pair that ships must do, on every robot."""
 
+import copy
 import functools
 import math
 
@@ -12,10 +13,10 @@ from lme.navigator import Navigator
 from lme.sim.fast import FastConfig, FastSimulator
 from lme.types import Outcome, Pose, Twist
 from lme.worlds.world import World
-from runners.config import build, catalogue, schema
-from runners.config.composer import Composer, without_hydra
+from runners.config import build, catalogue
 from runners.config.overrides import CUSTOM
 from tests.builders import CLUTTER, SHIPPED, observation, room, task
+from tests.composing import jobs_of
 from tests.tolerances import KERNEL, MIRROR
 
 CATALOGUE = catalogue.shipped()
@@ -44,17 +45,14 @@ pytestmark = pytest.mark.parametrize(("robot", "guide", "planner"), CASES)
 
 @functools.cache
 def configs(robot, guide, planner):
-    schema.register()
-    with Composer("eval") as composer:
-        return build.plain(
-            without_hydra(composer.compose([f"robot={robot}", f"guide={guide}", f"planner={planner}"]))
-        )
+    with jobs_of("eval") as job:
+        return job(f"robot={robot}", f"guide={guide}", f"planner={planner}").config
 
 
 def made(robot, guide, planner, margin=0.0):
     """The robot, with a lidar that does not err, and its navigator."""
     config = configs(robot, guide, planner)
-    machine = build.robot(config)
+    machine = copy.deepcopy(config.robot)
     machine.lidar.noise_std = 0.0
     if margin:
         machine.collision_radius = machine.footprint.r_max + margin

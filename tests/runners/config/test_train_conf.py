@@ -45,7 +45,7 @@ def test_the_defaults_are_the_papers(composer):
 
 
 def test_the_space_holds_the_papers_eight_and_its_optimum(composer):
-    space = read_space(OmegaConf.to_container(without_hydra(composer.compose([])), resolve=True))
+    space = read_space(OmegaConf.to_object(without_hydra(composer.compose([]))))
     assert set(space) == {f"guide.parameters.{name}" for name in PUBLISHED}
     for name, value in PUBLISHED.items():
         found = space[f"guide.parameters.{name}"]

@@ -5,11 +5,9 @@ import time
 
 import pytest
 
-from runners.config import schema
-from runners.config.composer import Composer
 from runners.explainer.write import write_page
-from runners.records.launch_record import identity
 from runners.workers.trace import rerun
+from tests.composing import jobs_of
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 ARGUMENTS = [
@@ -26,9 +24,8 @@ TRAP = ("map=traps", "robot=turtlebot2", "map.worlds=[1]")  # first, kept, reach
 
 def traced(world, *words):
     """The trace of an episode, of the config that these words come to."""
-    schema.register()
-    with Composer("eval") as composer:
-        return rerun(identity(composer.compose(list(words))), world, 0)
+    with jobs_of() as job:
+        return rerun(job(*words).config, world, 0)
 
 
 @pytest.fixture(scope="package")

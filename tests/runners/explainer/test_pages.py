@@ -294,7 +294,7 @@ def test_a_guide_without_reasons_has_pages_but_no_sentences(tmp_path, capsys):
 
 @pytest.mark.parametrize("world", [218, 230])
 def test_every_decision_of_a_real_drive_has_its_own_reason(driven, world):
-    trace = rerun(launch_record.read_launch(driven).configs[0], world, 0)
+    trace = rerun(launch_record.read_launch(driven).config, world, 0)
     before, texts = None, []
     for step in trace.steps:
         texts.append(reason(step.explanation, before))

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from omegaconf import DictConfig
 
 from lme.episode import run_episode
 from lme.errors import InputError
@@ -19,8 +18,7 @@ from lme.geometry.frames import to_robot, to_world
 from lme.sim.fast import FastConfig, FastSimulator
 from lme.types import Twist
 from runners.cli.main import main
-from runners.config import build, schema
-from runners.config.composer import Composer, without_hydra
+from runners.config import build
 from runners.config.schema import Record
 from runners.experiments import evaluate
 from runners.records import launch_record, run_directories
@@ -28,6 +26,7 @@ from runners.records.episode_record import EpisodeKey, RunLabels
 from runners.workers.episodes import EpisodePayload, Recordings, episode_rng, initialise
 from runners.workers.recorder import TOPICS, Recorder, half_angle, recording_path
 from tests.builders import CLUTTER, navigator, stage, task
+from tests.composing import jobs_of
 from tests.places import ROOT
 from tests.tolerances import KERNEL
 
@@ -60,26 +59,25 @@ class ListObserver:
 
 
 def composed(*words):
-    schema.register()
-    with Composer("eval") as composer:
-        return build.plain(without_hydra(composer.compose([*SMALL, *words])))
+    with jobs_of("eval", *SMALL) as job:
+        return job(*words).config
 
 
 def record(folder, *words):
     """The path of a recording, the config, and what an observer of the same episode saw."""
-    plain = composed(*words)
-    recordings = Recordings(folder, launch_record.identity(DictConfig(plain)))
+    config = composed(*words)
+    recordings = Recordings(folder, launch_record.identity(config))
     key = EpisodeKey(WORLD, RUN)
-    initialise(EpisodePayload(plain, LABELS, recordings))(key)
-    robot, observed = build.robot(plain), ListObserver()
+    initialise(EpisodePayload(config, LABELS, recordings))(key)
+    observed = ListObserver()
     run_episode(
-        build.map_set(plain).task(WORLD),
-        build.navigator(plain, robot),
-        build.simulator(plain, robot),
+        build.map_set(config).task(WORLD),
+        build.navigator(config),
+        build.simulator(config),
         episode_rng(SEED, WORLD, RUN),
         observed,
     )
-    return recording_path(folder, key), plain, observed
+    return recording_path(folder, key), config, observed
 
 
 def read(path):
@@ -104,8 +102,8 @@ def snippet():
 
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory):
-    path, plain, observed = record(tmp_path_factory.mktemp("recordings"), *PAIRS["lme"])
-    return read(path), plain, observed
+    path, config, observed = record(tmp_path_factory.mktemp("recordings"), *PAIRS["lme"])
+    return read(path), config, observed
 
 
 def test_a_decision_is_one_message_of_each_kind_and_the_end_a_pose(recorded):
@@ -118,13 +116,13 @@ def test_a_decision_is_one_message_of_each_kind_and_the_end_a_pose(recorded):
 
 
 def test_scans_are_those_that_the_policy_saw_to_the_bit(recorded):
-    topics, plain, observed = recorded
-    lidar = plain["robot"]["lidar"]
+    topics, config, observed = recorded
+    lidar = config.robot.lidar
     for (_, message), (seen, *_) in zip(topics["/scan"], observed.ticks, strict=True):
         assert message.ranges.dtype == np.float32
         np.testing.assert_array_equal(message.ranges.view(np.int32), seen.scan.ranges.view(np.int32))
         assert message.header.frame_id == "laser"
-        assert message.range_max == lidar["range_max"]
+        assert message.range_max == lidar.range_max
         assert message.angle_max == pytest.approx(
             message.angle_min + (len(message.ranges) - 1) * message.angle_increment, abs=1e-4
         )
@@ -146,13 +144,13 @@ def test_twist_pose_goal_subgoal_and_command_are_exact(recorded):
 
 
 def test_frames_hang_together_and_the_goal_stands_still_in_odom(recorded):
-    topics, plain, observed = recorded
-    lidar = plain["robot"]["lidar"]
+    topics, config, observed = recorded
+    lidar = config.robot.lidar
     mount = topics["/tf_static"][0][1].transforms[0]
     assert (mount.header.frame_id, mount.child_frame_id) == ("base_link", "laser")
-    assert (mount.transform.translation.x, mount.transform.translation.y) == (lidar["x"], lidar["y"])
-    assert 2 * math.atan2(mount.transform.rotation.z, mount.transform.rotation.w) == lidar["yaw"]
-    start, goal = build.map_set(plain).task(WORLD).start, build.map_set(plain).task(WORLD).goal
+    assert (mount.transform.translation.x, mount.transform.translation.y) == (lidar.x, lidar.y)
+    assert 2 * math.atan2(mount.transform.rotation.z, mount.transform.rotation.w) == lidar.yaw
+    start, goal = build.map_set(config).task(WORLD).start, build.map_set(config).task(WORLD).goal
     poses = [seen.odometry for seen, *_ in observed.ticks]
     for (_, message), (_, moved), pose in zip(topics["/goal"], topics["/tf"], poses, strict=False):
         assert message.header.frame_id == moved.transforms[0].child_frame_id == "base_link"
@@ -172,8 +170,8 @@ def test_the_last_pose_is_where_the_robot_came_to_rest(recorded):
 
 
 def test_time_is_the_simulations_and_never_stands_still(recorded):
-    topics, plain, observed = recorded
-    period = round(1e9 / plain["robot"]["control_rate"])
+    topics, config, observed = recorded
+    period = round(1e9 / config.robot.control_rate)
     times = [time for time, _ in topics["/scan"]]
     assert times == [period * number for number in range(len(times))]
     for topic, messages in topics.items():
@@ -186,12 +184,12 @@ def test_time_is_the_simulations_and_never_stands_still(recorded):
 
 
 def test_the_file_says_what_was_driven(recorded):
-    topics, plain, observed = recorded
+    topics, config, observed = recorded
     about = json.loads(topics["/lme"][0][1].data)
     assert (about["seed"], about["world"], about["run"]) == (SEED, WORLD, RUN)
     assert about["scan"] == {k: v for k, v in observed.ticks[0][0].scan._asdict().items() if k != "ranges"}
-    assert about["config"] == launch_record.identity(DictConfig(plain))
-    assert build.robot(about["config"]) == build.robot(plain)
+    assert about["config"] == launch_record.identity(config)
+    assert launch_record.recorded_config(about["config"]).robot == config.robot
     assert about["version"]
 
 

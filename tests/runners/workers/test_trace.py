@@ -5,10 +5,10 @@ import pytest
 
 from lme.episode import run_episode
 from lme.guides.lme import Lme
-from runners.config import build, schema
-from runners.config.composer import Composer, without_hydra
+from runners.config import build
 from runners.workers.episodes import episode_rng
 from runners.workers.trace import rerun
+from tests.composing import jobs_of
 
 CLUTTERED = ["robot=turtlebot2", "map=real1_dynamic", "map.time_limit=3"]
 
@@ -35,15 +35,13 @@ class Mapped(Lme):
 
 @pytest.fixture(scope="module")
 def composed():
-    schema.register()
-    with Composer("eval") as composer:
-        yield lambda words: build.plain(without_hydra(composer.compose([*CLUTTERED, *words])))
+    with jobs_of("eval", *CLUTTERED) as job:
+        yield lambda words: job(*words).config
 
 
 def driven(config, world):
     """The episode without a witness."""
-    robot = build.robot(config)
-    navigator, simulator = build.navigator(config, robot), build.simulator(config, robot)
+    navigator, simulator = build.navigator(config), build.simulator(config)
     return run_episode(build.map_set(config).task(world), navigator, simulator, episode_rng(0, world, 0))
 
 
@@ -53,8 +51,8 @@ NOISE = ["sim.scan_noise=0.02", "sim.goal_noise=0.1", "sim.slip=0.1", "sim.laten
 @pytest.mark.parametrize("guide", [Lme, Mapped])
 @pytest.mark.parametrize("words", [[], ["sim=physics"], NOISE])
 def test_the_told_episode_is_the_driven_one(composed, words, guide):
-    config = composed(words)
-    config["guide"]["_target_"] = f"{guide.__module__}.{guide.__name__}"
+    config = composed(*words)
+    config.guide["_target_"] = f"{guide.__module__}.{guide.__name__}"
     trace = rerun(config, 0, 0)
     np.testing.assert_array_equal(trace.episode.trajectory, driven(config, 0).trajectory)
     assert len(trace.steps) == trace.episode.steps > 10
@@ -65,19 +63,19 @@ def test_the_told_episode_is_the_driven_one(composed, words, guide):
 
 
 def test_a_guide_made_from_lme_is_explained_where_it_asks(composed):
-    config = composed([])
-    config["guide"]["_target_"] = f"{__name__}.Mapped"
+    config = composed()
+    config.guide["_target_"] = f"{__name__}.Mapped"
     asked = [step.explanation is not None for step in rerun(config, 0, 0).steps]
     assert asked == [step % 2 == 0 for step in range(len(asked))]
 
 
 def test_another_guide_has_no_reasons(composed):
-    trace = rerun(composed(["guide=target"]), 0, 0)
+    trace = rerun(composed("guide=target"), 0, 0)
     assert all(step.explanation is None for step in trace.steps)
 
 
 def test_movers_stand_in_each_moment_as_they_did_then(composed):
-    trace = rerun(composed(["map=dynabarn", "map.time_limit=1"]), 0, 0)
+    trace = rerun(composed("map=dynabarn", "map.time_limit=1"), 0, 0)
     still = len(trace.task.world.circles)
     places = {tuple(step.obstacles[0][still:].ravel()) for step in trace.steps}
     assert len(places) == len(trace.steps)

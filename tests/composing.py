@@ -1,0 +1,14 @@
+"""Compose jobs for tests as the command line does."""
+
+from contextlib import contextmanager
+
+from runners.config import overrides, schema
+from runners.config.composer import Composer
+
+
+@contextmanager
+def jobs_of(command="eval", *always, config_dir=None):
+    """A function from words to the job that `lme COMMAND` makes of them; `always` come before them."""
+    schema.register()
+    with Composer(command, config_dir) as composer:
+        yield lambda *words: overrides.compose_job(composer, [*always, *words])
