@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 import warnings
 from dataclasses import dataclass
-from typing import Any
 
-from lme.errors import InputError
+from lme.errors import InputError, require
 from lme.types import Limits, Pose
 
 
@@ -143,22 +142,3 @@ class Robot:
                 "some subgoals are reachable in some orientations only",
                 stacklevel=3,
             )
-
-
-def require(
-    key: str,
-    value: Any,
-    *,
-    above: float | None = None,
-    at_least: float | None = None,
-    at_most: float | None = None,
-) -> None:
-    """Raise InputError, naming key, value and bound, unless `value` lies within the bounds and is finite."""
-    bounds = {
-        f"greater than {above:g}" if above is not None else "": above is None or value > above,
-        f"at least {at_least:g}" if at_least is not None else "": at_least is None or value >= at_least,
-        f"at most {at_most:g}" if at_most is not None else "": at_most is None or value <= at_most,
-        "finite": math.isfinite(value),
-    }
-    if not all(bounds.values()):
-        raise InputError(f"{key} is {value:g}: must be {' and '.join(name for name in bounds if name)}")

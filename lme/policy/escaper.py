@@ -11,7 +11,7 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-from lme.errors import InputError
+from lme.errors import InputError, require
 from lme.kernels.fan import fan_blocked
 from lme.kernels.sectors import cluster
 from lme.policy import criteria as paper
@@ -21,7 +21,7 @@ from lme.policy.maintenance import Choice, History, choose, update_position
 from lme.policy.score import CRITERIA, Parameters, score
 from lme.policy.surmount import RULES, find_blockage
 from lme.policy.weights import read_parameters
-from lme.robots import Robot, require
+from lme.robots import Robot
 from lme.sensing.scan_points import is_full_circle, obstacle_points
 from lme.types import Floats, Ints, Observation, Twist
 

@@ -15,8 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lme.errors import InputError
-from lme.robots import require
+from lme.errors import InputError, require
 from lme.types import Floats, Pose
 from lme.worlds.movers import Mover
 from lme.worlds.starts import check_worlds

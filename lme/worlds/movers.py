@@ -7,8 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lme.errors import InputError
-from lme.robots import require
+from lme.errors import InputError, require
 from lme.types import Floats
 
 REPEATS = ("once", "back_and_forth", "cycle")

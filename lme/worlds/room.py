@@ -11,9 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from lme.errors import InputError
+from lme.errors import InputError, require
 from lme.resources import resource_dir
-from lme.robots import require
 from lme.worlds.bitmap import read_bitmap, read_ros_map
 from lme.worlds.floor_plan import FloorPlan
 from lme.worlds.sampling import Configuration, FreeSpace

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lme.errors import InputError
-from lme.robots import require
+from lme.errors import InputError, require
 from lme.types import Floats, Pose
 from lme.worlds.sampling import FreeSpace
 from lme.worlds.world import Task, World

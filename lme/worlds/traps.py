@@ -8,8 +8,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from lme.errors import InputError
-from lme.robots import require
+from lme.errors import InputError, require
 from lme.worlds.floor_plan import FloorPlan
 from lme.worlds.sampling import FreeSpace
 from lme.worlds.shapes import floor_plan

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import math
 import reprlib
 from collections.abc import Hashable, Sequence
@@ -12,7 +11,7 @@ from typing import Any
 import numpy as np
 import yaml
 
-from lme.errors import InputError
+from lme.errors import InputError, nearest
 from lme.types import Floats
 
 
@@ -44,7 +43,9 @@ class Entry:
             raise InputError(f"{place}: {_short(value)} must be a mapping with {', '.join(known)}")
         for key in value:
             if key not in known:
-                raise InputError(f"{place}: unknown key {_short(key)}: {_nearest(key, known)}")
+                raise InputError(
+                    f"{place}: unknown key {_short(key)}: {nearest(str(key), known)}must be one of {', '.join(known)}"
+                )
         missing = [key for key in required if key not in value]
         if missing:
             raise InputError(f"{place}: {missing[0]} is missing: must hold {', '.join(required)}")
@@ -122,11 +123,6 @@ def _numbers(value: object, count: int) -> list[float] | None:
         return None
     numbers = [number for item in value if (number := _number(item)) is not None]
     return numbers if len(numbers) == count else None
-
-
-def _nearest(key: object, known: Sequence[str]) -> str:
-    close = difflib.get_close_matches(str(key), known, n=1, cutoff=0.5)
-    return (f"did you mean {close[0]!r}? " if close else "") + f"Must be one of {', '.join(known)}"
 
 
 def _short(value: object) -> str:

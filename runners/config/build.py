@@ -7,9 +7,9 @@ from typing import Any, cast
 
 from omegaconf import DictConfig, OmegaConf
 
-from lme.errors import InputError
+from lme.errors import InputError, require
 from lme.navigator import Navigator
-from lme.robots import Robot, require
+from lme.robots import Robot
 from lme.sim.simulator import Simulator
 from lme.worlds.check import check_task
 from lme.worlds.world import MapSet

@@ -8,9 +8,8 @@ from typing import Any
 
 import yaml
 
-from lme.errors import InputError
+from lme.errors import InputError, nearest
 from lme.resources import resource_dir
-from runners.config.hydra_errors import nearest
 
 
 @cache

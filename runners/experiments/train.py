@@ -13,8 +13,7 @@ import numpy as np
 from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig
 
-from lme.errors import InputError
-from lme.robots import require
+from lme.errors import InputError, require
 from lme.worlds.world import MapSet
 from runners.analysis import failures
 from runners.config import build

@@ -13,8 +13,8 @@ import numpy as np
 from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig
 
-from lme.errors import InputError
-from lme.robots import Robot, require
+from lme.errors import InputError, require
+from lme.robots import Robot
 from runners.config import build, systems
 from runners.config.instantiate import build as build_target
 from runners.config.instantiate import configured, filled

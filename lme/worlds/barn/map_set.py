@@ -11,8 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from lme.errors import InputError
-from lme.robots import require
+from lme.errors import InputError, require
 from lme.types import Pose
 from lme.worlds.barn.files import find_worlds
 from lme.worlds.barn.generator import official_recipes

@@ -211,8 +211,8 @@ def test_a_door_is_a_mover_with_angles_in_degrees(tmp_path):
     [
         ("start: [1, 1]\n", "", "start is missing"),
         ("goal: [3, 3]", "goal: [3]", "goal is [3]: must be [x, y], 2 finite numbers"),
-        ("goal:", "gaol:", "unknown key 'gaol': did you mean 'goal'?"),
-        ("turn_rate_deg", "turn_rate", "movers[0]: unknown key 'turn_rate': did you mean 'turn_rate_deg'?"),
+        ("goal:", "gaol:", "unknown key 'gaol': did you mean goal?"),
+        ("turn_rate_deg", "turn_rate", "movers[0]: unknown key 'turn_rate': did you mean turn_rate_deg?"),
         ("turn_rate_deg: 45", "turn_rate_deg: fast", "movers[0]: turn_rate_deg is 'fast': must be"),
         ("[2, 2, 90]", "[2]", "movers[0]: path[1] is [2]: must be [x, y] or [x, y, yaw_deg]"),
         ("path: [[2, 2, 0], [2, 2, 90]]", "path: 3", "movers[0]: path is 3: must be a list of positions"),

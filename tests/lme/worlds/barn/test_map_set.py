@@ -43,7 +43,7 @@ def test_schema_composes_with_omegaconf():
 @pytest.mark.parametrize(
     ("keys", "message"),
     [
-        ({"subset": "hard10"}, r"map\.subset is 'hard10': must be one of all, .*; did you mean 'hard100'\?"),
+        ({"subset": "hard10"}, r"map\.subset is 'hard10': did you mean hard100\? must be one of all, "),
         ({"subset": "xyz"}, r"map\.subset is 'xyz': must be one of all, official50, hard100, fresh$"),
         ({"subset": "fresh", "source": "here"}, r"map\.source is here: must be null"),
         ({"count": 0}, r"map\.count is 0"),
