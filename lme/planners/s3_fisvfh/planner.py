@@ -26,7 +26,7 @@ class S3FisvfhConfig:
     """Settings of the entry; counts of beams and sectors as angles, turn rates as shares of the limit."""
 
     window: float = 4.0  # [m]
-    sector: float = math.radians(3.0)  # [rad]
+    sector: float = math.pi / 60  # [rad]
     block_distance: float = 1.1  # [m]
     size_factor: float = 1.15  # [-] of the collision radius's double
     size_distance: float = 0.9  # [m]
