@@ -20,7 +20,6 @@ from pathlib import Path
 
 import numpy as np
 import yaml
-from omegaconf import OmegaConf
 
 from benchmarks.kernels import kernel_rows, measure
 from benchmarks.recording import parser, show
@@ -32,6 +31,8 @@ from lme.resources import resource_dir
 from lme.robots import Robot
 from lme.sim.fast import FastConfig, FastSimulator
 from lme.worlds.barn.map_set import Barn, BarnConfig
+from runners.config import catalogue
+from runners.config.instantiate import filled
 
 PEERS = (
     "Stage 4.3 2,800–5,600, navground 1,600–2,700, pymunk rays 540, ir-sim 8–14 (measured earlier, elsewhere)"
@@ -103,8 +104,7 @@ def closed_loop(barn: Barn, navigator: Navigator, simulator: FastSimulator) -> f
 
 def load_robot(name: str) -> Robot:
     """A shipped robot."""
-    node = OmegaConf.load(resource_dir("conf") / "robot" / f"{name}.yaml")
-    robot = OmegaConf.to_object(OmegaConf.merge(OmegaConf.structured(Robot), node))
+    robot = filled(Robot, catalogue.shipped().values(f"robot/{name}"), "robot")
     assert isinstance(robot, Robot)
     return robot
 

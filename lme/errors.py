@@ -1,4 +1,11 @@
-"""The one exception that means: the user can fix this."""
+"""The error that a user can fix, and the checks that raise it."""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Iterable
+from typing import Any
 
 
 class InputError(ValueError):
@@ -7,3 +14,28 @@ class InputError(ValueError):
     The message is one line that names the file or key, the value, and what would be right.
     The command line prints it alone, without a traceback, and exits with status 2.
     """
+
+
+def require(
+    key: str,
+    value: Any,
+    *,
+    above: float | None = None,
+    at_least: float | None = None,
+    at_most: float | None = None,
+) -> None:
+    """Raise InputError, naming key, value and bounds, unless `value` is finite and within the bounds."""
+    bounds = {
+        f"greater than {above:g}" if above is not None else "": above is None or value > above,
+        f"at least {at_least:g}" if at_least is not None else "": at_least is None or value >= at_least,
+        f"at most {at_most:g}" if at_most is not None else "": at_most is None or value <= at_most,
+        "finite": math.isfinite(value),
+    }
+    if not all(bounds.values()):
+        raise InputError(f"{key} is {value:g}: must be {' and '.join(name for name in bounds if name)}")
+
+
+def nearest(name: str, known: Iterable[str]) -> str:
+    """A hint for a message: "did you mean NAME? ", or "" if no known name is similar."""
+    close = difflib.get_close_matches(name, sorted(known), n=1)
+    return f"did you mean {close[0]}? " if close else ""

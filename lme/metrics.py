@@ -1,4 +1,4 @@
-"""How well an episode went, and how well many did: the paper's figures and two that it leaves out."""
+"""Metrics of one episode and of many: the paper's, and SPL and Wilson's interval beside them."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ Z_95 = 1.959963984540054  # two-sided 95 % quantile of the standard normal
 
 
 def barn_metric(success: bool, time_s: float, optimal_time_s: float) -> float:
-    """I(success) · OT / clip(AT, 2 OT, 8 OT): 0 on failure, else 1/8 (slow) to 1/2 (as fast as counts).
+    """I(success) · OT / clip(AT, 2 OT, 8 OT): 0 on failure, else from 1/8 (slow) to 1/2 (fast).
 
-    time_s: actual traversal time AT [s]. optimal_time_s: OT [s]; NaN where a map has none, and so for a success.
+    time_s: actual traversal time AT [s]. optimal_time_s: OT [s]; if it is NaN, the metric of a success is NaN.
     Raises InputError if OT is not positive. Paper §IV.B.
     """
     if optimal_time_s <= 0:
@@ -30,7 +30,7 @@ def spl(success: bool, shortest_m: float, path_m: float) -> float:
     """Success weighted by path length: I(success) · shortest / max(path, shortest), in [0, 1].
 
     shortest_m: length of the shortest path [m]; path_m: length driven [m].
-    Anderson et al. 2018, arXiv 1807.06757. A start that is the goal counts 1.
+    A success is 1 if both lengths are 0. Anderson et al. 2018, arXiv 1807.06757.
     """
     if not success:
         return 0.0
@@ -39,10 +39,10 @@ def spl(success: bool, shortest_m: float, path_m: float) -> float:
 
 
 def reward(outcome: Outcome | str, steps: int, max_steps: int, crash: float, timeout: float) -> float:
-    """R of an episode: 1 − L/L_max on success, else the penalty R_c or R_t (paper eq. 1).
+    """Reward R of an episode: 1 − L/L_max on success, else the penalty R_c or R_t (paper eq. 1).
 
-    crash, timeout: R_c and R_t, negative (the paper's example: −0.2). Raises InputError for another outcome
-    or a max_steps below 1.
+    steps, max_steps: L and L_max. crash, timeout: R_c and R_t, negative (in the paper's example −0.2).
+    Raises InputError for any other outcome, and for a max_steps below 1.
     """
     if max_steps < 1:
         raise InputError(f"max_steps is {max_steps}: must be at least 1")
@@ -55,7 +55,7 @@ def reward(outcome: Outcome | str, steps: int, max_steps: int, crash: float, tim
 
 
 def wilson_interval(successes: int, n: int, z: float = Z_95) -> tuple[float, float]:
-    """Confidence interval of a proportion: (low, high) in [0, 1]; (0, 1) when n is 0.
+    """Wilson's confidence interval of a proportion: (low, high) in [0, 1]; (0, 1) if n is 0.
 
     z: quantile of the standard normal; the default gives 95 %. Raises InputError unless 0 ≤ successes ≤ n.
     Wilson 1927, DOI 10.1080/01621459.1927.10502953.
@@ -67,17 +67,17 @@ def wilson_interval(successes: int, n: int, z: float = Z_95) -> tuple[float, flo
     rate, shift = successes / n, z * z / n
     centre = (rate + shift / 2) / (1 + shift)
     half = z * math.sqrt(rate * (1 - rate) / n + shift / (4 * n)) / (1 + shift)
-    # At 0 and n the bound is exactly 0 and 1; rounding must not say otherwise.
+    # The low bound of 0 successes is exactly 0, the high bound of n exactly 1; rounding must not change that.
     low = 0.0 if successes == 0 else max(0.0, centre - half)
     high = 1.0 if successes == n else min(1.0, centre + half)
     return low, high
 
 
 def mean_std_over_runs(values: ArrayLike, runs: ArrayLike) -> tuple[float, float]:
-    """Mean over runs of the per-run mean, and its population standard deviation: the paper's a ± b.
+    """Mean and population standard deviation of the means of the runs: the paper's a ± b.
 
-    values: (N,); runs: (N,) run number of each value. (NaN, NaN) when there are none. Table II's ± are
-    population deviations over 3 runs of 100 worlds (2 for the LME-DWA and LME-DRL rows).
+    values: (N,). runs: (N,) run number of each value. (NaN, NaN) if N is 0. Table II's ± are population
+    standard deviations over 3 runs of 100 worlds (over 2 in the rows LME-DWA and LME-DRL).
     """
     values, runs = np.asarray(values, dtype=np.float64), np.asarray(runs)
     if values.shape != runs.shape:

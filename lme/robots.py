@@ -1,19 +1,18 @@
-"""What a robot is: footprint, limits, control rate, lidar. One YAML in `conf/robot/` each."""
+"""A robot's footprint, limits, control rate and lidar; each robot is one YAML in `conf/robot/`."""
 
 from __future__ import annotations
 
 import math
 import warnings
 from dataclasses import dataclass
-from typing import Any
 
-from lme.errors import InputError
+from lme.errors import InputError, require
 from lme.types import Limits, Pose
 
 
 @dataclass(slots=True)
 class Footprint:
-    """Outline seen from above, centred on the base frame: a disc (radius) or a rectangle (length × width)."""
+    """The robot's outline from above, centred on the base frame: a disc or a rectangle."""
 
     radius: float | None = None  # [m], of a disc
     length: float | None = None  # [m], of a rectangle, along x
@@ -33,7 +32,7 @@ class Footprint:
 
     @property
     def box(self) -> tuple[float, float, float]:
-        """(half_length, half_width, rounding) [m]: a disc is a point rounded by its radius."""
+        """(half_length, half_width, rounding) [m]; a disc is a point with a rounding of its radius."""
         if self.radius is not None:
             return 0.0, 0.0, self.radius
         assert self.length is not None
@@ -42,27 +41,27 @@ class Footprint:
 
     @property
     def r_min(self) -> float:
-        """Radius of the largest disc inside [m] (paper §III.G)."""
+        """Radius of the largest disc inside the footprint [m] (paper §III.G)."""
         half_length, half_width, rounding = self.box
         return min(half_length, half_width) + rounding
 
     @property
     def r_max(self) -> float:
-        """Radius of the smallest disc around [m] (paper §III.G)."""
+        """Radius of the smallest disc around the footprint [m] (paper §III.G)."""
         half_length, half_width, rounding = self.box
         return math.hypot(half_length, half_width) + rounding
 
 
 @dataclass(slots=True)
 class Lidar:
-    """A planar laser scanner, fixed to the base at (x, y, yaw)."""
+    """A planar laser scanner, mounted on the base at (x, y, yaw)."""
 
     num_beams: int
     fov: float  # [rad], 2π for a full circle
     range_min: float  # [m]
     range_max: float  # [m]
-    noise_std: float = 0.0  # [m], Gaussian, on every return
-    x: float = 0.0  # [m], mount in the base frame
+    noise_std: float = 0.0  # [m], of the Gaussian noise on every range
+    x: float = 0.0  # [m], of the mount in the base frame
     y: float = 0.0  # [m]
     yaw: float = 0.0  # [rad]
 
@@ -75,17 +74,17 @@ class Lidar:
 
     @property
     def full_circle(self) -> bool:
-        """No blind arc: the last beam's neighbour is the first."""
+        """Whether there is no blind arc, so that the first beam follows the last."""
         return self.fov >= 2 * math.pi - 1e-6
 
     @property
     def angle_min(self) -> float:
-        """Bearing of the first beam in the lidar's frame [rad]; the field of view is centred ahead."""
+        """Bearing of the first beam in the lidar's frame [rad]; the field of view is symmetric about 0."""
         return -self.fov / 2
 
     @property
     def angle_increment(self) -> float:
-        """Angle between neighbouring beams [rad]; a full circle does not repeat its first direction."""
+        """Angle between neighbouring beams [rad]; in a full circle the last beam is not the first again."""
         return self.fov / (self.num_beams if self.full_circle else self.num_beams - 1)
 
     @property
@@ -96,7 +95,7 @@ class Lidar:
 
 @dataclass(slots=True)
 class Robot:
-    """A differential-drive (or so driven) robot with a 2D lidar."""
+    """A robot with a 2D lidar that is driven like a differential-drive robot, by v and omega."""
 
     name: str
     footprint: Footprint
@@ -106,7 +105,7 @@ class Robot:
     alpha_omega: float  # [rad/s²]
     control_rate: float  # [Hz]
     lidar: Lidar
-    collision_radius: float | None = None  # [m], the r of LME; null: r_max of the footprint
+    collision_radius: float | None = None  # [m], LME's r; None: r_max of the footprint
 
     def __post_init__(self) -> None:
         for key in ("v_max", "omega_max", "alpha_v", "alpha_omega", "control_rate"):
@@ -125,11 +124,11 @@ class Robot:
 
     @property
     def r(self) -> float:
-        """Collision radius that LME plans with [m]: r_max unless set (paper §III.G)."""
+        """The collision radius that LME plans with [m]: r_max unless it is set (paper §III.G)."""
         return self.footprint.r_max if self.collision_radius is None else self.collision_radius
 
     def _check_collision_radius(self, radius: float) -> None:
-        """Paper §III.G: below r_min no subgoal is reachable; below r_max only in some orientations."""
+        """Raise InputError below r_min, where no subgoal is reachable; warn below r_max (paper §III.G)."""
         r_min, r_max = self.footprint.r_min, self.footprint.r_max
         if radius < r_min:
             raise InputError(
@@ -143,22 +142,3 @@ class Robot:
                 "some subgoals are reachable in some orientations only",
                 stacklevel=3,
             )
-
-
-def require(
-    key: str,
-    value: Any,
-    *,
-    above: float | None = None,
-    at_least: float | None = None,
-    at_most: float | None = None,
-) -> None:
-    """Raise InputError, naming key, value and bound, unless `value` lies within the bounds and is finite."""
-    bounds = {
-        f"greater than {above:g}" if above is not None else "": above is None or value > above,
-        f"at least {at_least:g}" if at_least is not None else "": at_least is None or value >= at_least,
-        f"at most {at_most:g}" if at_most is not None else "": at_most is None or value <= at_most,
-        "finite": math.isfinite(value),
-    }
-    if not all(bounds.values()):
-        raise InputError(f"{key} is {value:g}: must be {' and '.join(name for name in bounds if name)}")

@@ -5,7 +5,6 @@ import warnings
 from dataclasses import astuple, is_dataclass
 
 import numpy as np
-import yaml
 
 import lme.policy.escaper
 from lme.guides.lme import Lme, LmeConfig
@@ -13,11 +12,11 @@ from lme.guides.target import Target, TargetConfig
 from lme.navigator import Navigator
 from lme.planners.simple import Simple, SimpleConfig
 from lme.policy.escaper import PAPER_CRITERIA, EscaperConfig, LocalMinimumEscaper
-from lme.resources import resource_dir
 from lme.robots import Footprint, Lidar, Robot
 from lme.sim.fast import FastConfig, FastSimulator
 from lme.types import LaserScan, Observation, Pose, Twist
 from lme.worlds.world import Task, World
+from runners.config import catalogue
 from runners.records.episode_record import COLUMNS, EpisodeRecord
 
 PUBLISHED = {  # paper §IV.D
@@ -56,12 +55,12 @@ def robot_from(values):
         return Robot(**{**values, **parts})
 
 
-SHIPPED = tuple(sorted(path.stem for path in (resource_dir("conf") / "robot").glob("*.yaml")))
+SHIPPED = tuple(catalogue.shipped().options("robot"))
 
 
 def shipped(name):
     """A robot that ships."""
-    return robot_from(yaml.safe_load((resource_dir("conf") / "robot" / f"{name}.yaml").read_text("utf-8")))
+    return robot_from(catalogue.shipped().values(f"robot/{name}"))
 
 
 def navigator(robot, guide="lme", **settings):

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from lme.errors import require
 from lme.geometry.frames import to_robot, to_world
 from lme.kernels.tangents import (
     all_ends,
@@ -20,7 +21,7 @@ from lme.kernels.tangents import (
     joined,
     sweep,
 )
-from lme.robots import Robot, require
+from lme.robots import Robot
 from lme.sensing.blind_arc import BlindArc
 from lme.types import Floats, Guidance, Observation, Pose
 

@@ -7,10 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lme.errors import require
 from lme.kernels.potential import repulsion
 from lme.planners.commands import approach
 from lme.planners.stopping import StoppingGuard
-from lme.robots import Robot, require
+from lme.robots import Robot
 from lme.sensing.blind_arc import BlindArc
 from lme.types import Floats, Guidance, Observation, Twist
 

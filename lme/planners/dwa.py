@@ -8,10 +8,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lme.errors import InputError
+from lme.errors import InputError, require
 from lme.kernels.arcs import clearances, contact_times
 from lme.planners.commands import approach, limited
-from lme.robots import Robot, require
+from lme.robots import Robot
 from lme.sensing.scan_points import obstacle_points
 from lme.types import Floats, Guidance, Limits, Observation, Twist
 

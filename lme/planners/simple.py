@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lme.errors import require
 from lme.planners.commands import approach, towards
-from lme.robots import Robot, require
+from lme.robots import Robot
 from lme.types import Guidance, Observation, Twist
 
 

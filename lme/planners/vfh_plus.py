@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lme.errors import InputError
+from lme.errors import InputError, require
 from lme.kernels.polar_histogram import (
     active_cells,
     candidate_directions,
@@ -18,7 +18,7 @@ from lme.kernels.polar_histogram import (
 )
 from lme.planners.commands import approach
 from lme.planners.stopping import StoppingGuard
-from lme.robots import Robot, require
+from lme.robots import Robot
 from lme.sensing.blind_arc import BlindArc
 from lme.types import Bools, Floats, Guidance, Observation, Twist
 

@@ -10,7 +10,7 @@ from typing import Self
 
 import numpy as np
 
-from lme.errors import InputError
+from lme.errors import InputError, require
 from lme.kernels.fan import fan_blocked
 from lme.policy import criteria as paper
 from lme.policy.candidates import CandidateConfig, sample
@@ -20,7 +20,7 @@ from lme.policy.maintenance import Choice, History, choose, update_position
 from lme.policy.score import CRITERIA, Parameters, score
 from lme.policy.surmount import RULES, find_blockage
 from lme.policy.weights import read_parameters
-from lme.robots import Robot, require
+from lme.robots import Robot
 from lme.sensing.scan_points import is_full_circle, obstacle_points
 from lme.types import Floats, Observation, Twist
 

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import difflib
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from lme.errors import InputError
+from lme.errors import InputError, nearest
 from lme.types import Floats
 
 CRITERIA = ("a_close", "a_dev", "c_o", "c_t", "a_mount", "c_h")  # of the paper, in the order of w1…w6
@@ -32,7 +31,9 @@ class Parameters:
         names = [*criteria, "d1", "d2"]
         for name, value in values.items():
             if name not in names:
-                raise InputError(f"parameter {name!r} is unknown: {_suggest(name, names)}")
+                raise InputError(
+                    f"parameter {name!r} is unknown: {nearest(name, names)}The parameters are {', '.join(names)}"
+                )
             if math.isnan(value) or value < 0 or (math.isinf(value) and name not in ("d1", "d2")):
                 finite = "" if name in ("d1", "d2") else " and finite"
                 raise InputError(f"parameter {name} is {value:g}: must be at least 0{finite}")
@@ -53,9 +54,3 @@ def score(features: Floats, weights: Floats) -> Floats:
     """
     scores: Floats = (weights[:, None] * features).sum(axis=0)
     return scores
-
-
-def _suggest(name: str, names: Sequence[str]) -> str:
-    close = difflib.get_close_matches(name, names, 1)
-    hint = f"did you mean {close[0]}? " if close else ""
-    return f"{hint}The parameters are {', '.join(names)}"

@@ -15,9 +15,8 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from lme.errors import InputError
+from lme.errors import InputError, require
 from lme.kernels.projection import nearest_per_bin
-from lme.robots import require
 from lme.types import Floats, LaserScan
 
 _TYPES = {7: "f4", 8: "f8"}  # sensor_msgs/PointField: FLOAT32, FLOAT64

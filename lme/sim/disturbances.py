@@ -10,8 +10,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from lme.errors import require
 from lme.geometry.frames import to_robot, to_world
-from lme.robots import require
 from lme.types import Floats, Pose, Twist
 
 Ranges = NDArray[np.float32]

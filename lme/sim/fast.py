@@ -7,10 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lme.errors import require
 from lme.geometry.frames import relative
 from lme.kernels.collision import sweep
 from lme.kernels.motion import drive, first_within
-from lme.robots import Robot, require
+from lme.robots import Robot
 from lme.sim.crowd import Crowd
 from lme.sim.disturbances import Disturbances
 from lme.sim.ride import Ride, rolled

@@ -11,10 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from lme.errors import InputError
+from lme.errors import InputError, require
 from lme.kernels.beam_pattern import beam_pattern
 from lme.kernels.raycast3d import cast_rays
-from lme.robots import require
 from lme.sensing.point_cloud import rigid_transform
 from lme.types import Floats, Pose
 from lme.worlds.world import World

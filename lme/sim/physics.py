@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 import pymunk
 
-from lme.robots import Footprint, Robot, require
+from lme.errors import require
+from lme.robots import Footprint, Robot
 from lme.sim.crowd import Crowd
 from lme.sim.disturbances import Disturbances
 from lme.sim.ride import Ride, track

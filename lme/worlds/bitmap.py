@@ -1,4 +1,4 @@
-"""Maps as pictures: plain bitmaps with a size, and ROS map_server maps."""
+"""Readers of maps that are pictures: plain bitmaps with a size, and ROS map_server maps."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from lme.worlds.contours import outlines
 from lme.worlds.floor_plan import FloorPlan, enclosed
 from lme.worlds.yaml_entry import Entry, read_yaml
 
-MAX_PIXELS = 4096 * 4096  # more is taken for a mistake before it is decoded
-DARK = 0.5  # of white; a plain bitmap's pixel is an obstacle below: JPEG's ringing stays far from it
+MAX_PIXELS = 4096 * 4096  # a larger picture is refused before it is decoded
+DARK = 0.5  # of white; darker pixels of a plain bitmap are obstacles. JPEG artefacts stay far from it
 
 _EIGHT_BIT = ("1", "L", "LA", "P", "PA", "RGB", "RGBA", "CMYK", "YCbCr")
 _ROS_KEYS = ("image", "resolution", "origin", "negate", "occupied_thresh", "free_thresh")
 
 
 def read_bitmap(path: Path, size: tuple[float, float]) -> FloorPlan:
-    """A plain picture as a place of `size` (width, height) [m], its lower left corner at the origin.
+    """A plain picture as a place of `size` (width, height) [m], with its lower left corner at the origin.
 
     Pixels darker than half of white are obstacles; transparent ones are white; the picture's border is a
-    closed wall. Raises InputError for what is no picture, a truncated or an enormous one.
+    closed wall. Raises InputError for a file that is no picture, is truncated, or is too large.
     """
     occupied = brightness(path) < DARK
     pixel = np.array(size) / occupied.shape[::-1]
@@ -34,10 +34,10 @@ def read_bitmap(path: Path, size: tuple[float, float]) -> FloorPlan:
 
 
 def read_ros_map(path: Path, unknown_is_obstacle: bool) -> FloorPlan:
-    """A map_server map (http://wiki.ros.org/map_server), mode trinary.
+    """A map_server map (http://wiki.ros.org/map_server) of mode trinary.
 
-    Cells darker than `occupied_thresh` are obstacles, lighter than `free_thresh` free, the rest unknown.
-    The map's border is a closed wall. Raises InputError for wrong keys or values and as `read_bitmap` does.
+    Cells whose occupancy is above `occupied_thresh` are obstacles, below `free_thresh` free, the rest unknown.
+    The map's border is a closed wall. Raises InputError for wrong keys or values, and as `read_bitmap` does.
     """
     entry = Entry(str(path), read_yaml(path), _ROS_KEYS, ["mode"])
     image = entry.value("image")
@@ -55,7 +55,7 @@ def read_ros_map(path: Path, unknown_is_obstacle: bool) -> FloorPlan:
 
 
 def brightness(path: Path) -> Floats:
-    """(rows, columns) from 0 (black) to 1 (white), row 0 at the bottom of the picture."""
+    """(rows, columns) brightness from 0 (black) to 1 (white); row 0 is the bottom of the picture."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error", Image.DecompressionBombWarning)
@@ -85,7 +85,7 @@ def _check_picture(path: Path, image: Image.Image) -> None:
 
 
 def _grey(image: Image.Image) -> Image.Image:
-    """Eight-bit grey on a white ground."""
+    """The picture in 8-bit grey, on a white background."""
     if image.mode in ("LA", "PA", "RGBA") or "transparency" in image.info:
         picture = image.convert("RGBA")
         image = Image.alpha_composite(Image.new("RGBA", picture.size, "white"), picture)
@@ -109,7 +109,7 @@ def _thresholds(entry: Entry) -> tuple[float, float]:
 
 
 def _floor_plan(occupied: Bools, pixel: Floats, origin: Pose) -> FloorPlan:
-    """Cells of size `pixel` (2,) [m] whose lower left corner stands at `origin` in the world."""
+    """The plan of a grid of cells of size `pixel` (2,) [m], with its lower left corner at `origin`."""
     rows, columns = occupied.shape
     corners = np.array([[0, 0], [columns, 0], [columns, rows], [0, rows]], dtype=np.float64)
     cos, sin = math.cos(origin.yaw), math.sin(origin.yaw)

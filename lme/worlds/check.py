@@ -1,4 +1,4 @@
-"""Is a task possible at all? Asked before the first episode, so that a bad map is an error, not a result."""
+"""Checks that a task is possible, before the first episode, so that a bad map is an error and not a result."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from lme.worlds.world import Task, World
 
 
 def check_task(task: Task, robot: Robot) -> None:
-    """Raise InputError where the start footprint is in collision or the goal lies inside an obstacle."""
+    """Raise InputError if the robot collides at the start, or the goal is in an obstacle or too near one."""
     where = f"map {task.map_name}, world {task.number}"
     if footprint_clearance(task.world, robot.footprint, task.start) <= 0.0:
         raise InputError(
@@ -35,7 +35,7 @@ def check_task(task: Task, robot: Robot) -> None:
 
 
 def point_clearance(world: World, point: Floats) -> float:
-    """Distance from a point (2,) to the nearest obstacle [m]; ≤ 0 inside one, inf if there is none."""
+    """Distance from a point (2,) to the nearest static obstacle [m]; ≤ 0 inside one, inf if there is none."""
     if any(_inside_polygon(polygon, point) for polygon in world.polygons):
         return 0.0
     to_circles = np.hypot(*(world.circles[:, :2] - point).T) - world.circles[:, 2]
@@ -44,7 +44,7 @@ def point_clearance(world: World, point: Floats) -> float:
 
 
 def footprint_clearance(world: World, footprint: Footprint, pose: Pose) -> float:
-    """Distance from a footprint at a pose to the nearest obstacle [m]; ≤ 0 where they touch."""
+    """Distance from a footprint at a pose to the nearest static obstacle [m]; ≤ 0 if they touch."""
     half_length, half_width, rounding = footprint.box
     half = np.array([half_length, half_width])
     centre = np.array([pose.x, pose.y])
@@ -62,7 +62,7 @@ def _place(numbers: Iterable[float]) -> str:
 
 
 def _to_frame(points: Floats, pose: Pose) -> Floats:
-    """(P, 2) points in the frame of a pose."""
+    """The points (P, 2) in the frame of a pose."""
     cos, sin = math.cos(pose.yaw), math.sin(pose.yaw)
     return np.asarray((points - np.array([pose.x, pose.y])) @ np.array([[cos, -sin], [sin, cos]]))
 
@@ -73,7 +73,7 @@ def _points_box(points: Floats, half: Floats) -> Floats:
 
 
 def _segment_box(edge: Floats, half: Floats) -> float:
-    """Distance of a segment (4,) to the box: zero if they meet, else reached at an end or a corner."""
+    """Distance from a segment (4,) to the box: 0 if they meet, else that of an end or of a corner."""
     if _meets_box(edge, half):
         return 0.0
     to_ends = _points_box(edge.reshape(2, 2), half).min()
@@ -82,7 +82,7 @@ def _segment_box(edge: Floats, half: Floats) -> float:
 
 
 def _meets_box(edge: Floats, half: Floats) -> bool:
-    """Clip the segment by the two slabs of the box; whether anything is left."""
+    """Whether a part of the segment is left after clipping it to the box's two slabs."""
     first, last = 0.0, 1.0
     for origin, step, bound in zip(edge[:2], edge[2:] - edge[:2], half, strict=True):
         if step == 0.0:
@@ -104,7 +104,7 @@ def _point_segments(point: Floats, segments: Floats) -> Floats:
 
 
 def _inside_polygon(polygon: Floats, point: Floats) -> bool:
-    """Even–odd rule."""
+    """Whether a point (2,) lies in a polygon (V, 2), by the even–odd rule."""
     (x0, y0), (x1, y1) = polygon.T, np.roll(polygon, -1, axis=0).T
     crosses = (y0 > point[1]) != (y1 > point[1])
     rise = np.where(crosses, y1 - y0, 1.0)

@@ -1,4 +1,4 @@
-"""Occupied cells of a grid to polygons with few, long, axis-aligned sides."""
+"""Polygons with few, long, axis-aligned sides around the occupied cells of a grid."""
 
 from __future__ import annotations
 
@@ -12,27 +12,27 @@ from scipy import ndimage
 from lme.types import Bools, Floats, Ints
 
 _EIGHT = np.ones((3, 3), dtype=bool)
-_EAST, _NORTH, _WEST, _SOUTH = range(4)  # a left turn adds one
+_EAST, _NORTH, _WEST, _SOUTH = range(4)  # in this order a left turn adds 1
 
 
 class _Run(NamedTuple):
-    """A straight stretch of outline with the occupied cells on its left."""
+    """A straight piece of outline with the occupied cells on its left."""
 
     direction: int
     end: tuple[int, int]
 
 
 def outlines(occupied: Bools) -> list[Floats]:
-    """Polygons (V, 2) [column, row] in cells that together cover exactly the occupied cells.
+    """Polygons (V, 2) [column, row] that together cover exactly the occupied cells.
 
     occupied: (rows, columns), row 0 at y = 0. Every polygon runs counter-clockwise and has no hole: a region
-    with holes is cut into pieces, whose seams lie inside it and so out of every beam's sight.
+    with holes is cut into pieces. The cuts lie inside the region, where no beam can reach them.
     """
     return [_outline(piece) + np.array([column, row]) for piece, row, column in _pieces(occupied)]
 
 
 def _pieces(occupied: Bools) -> Iterator[tuple[Bools, int, int]]:
-    """4-connected pieces without holes, each cropped, with its first row and column."""
+    """The 4-connected pieces without holes, each cropped, with its first row and column."""
     waiting = [(occupied, 0, 0)]
     while waiting:
         region, row, column = waiting.pop()
@@ -49,7 +49,7 @@ def _pieces(occupied: Bools) -> Iterator[tuple[Bools, int, int]]:
 
 
 def _cut_row(piece: Bools) -> int | None:
-    """A row that opens the middle one of the holes of a piece; None if it has none."""
+    """The row through the middle one of the holes of a piece; None if there are no holes."""
     holes, count = ndimage.label(~np.pad(piece, 1), structure=_EIGHT)
     if count == 1:
         return None
@@ -59,7 +59,7 @@ def _cut_row(piece: Bools) -> int | None:
 
 
 def _outline(piece: Bools) -> Floats:
-    """The one closed outline of a 4-connected piece without holes."""
+    """The outline (V, 2) of a 4-connected piece without holes."""
     starts = _runs(piece)
     first = next(iter(starts))
     run = starts[first][0]
@@ -71,7 +71,7 @@ def _outline(piece: Bools) -> Floats:
 
 
 def _next(starts: dict[tuple[int, int], list[_Run]], run: _Run) -> _Run:
-    """The run after `run`. Where two cells touch at a corner there are two: the left turn keeps to its cell."""
+    """The run after `run`. There are two if two cells touch at a corner: the left turn stays with its cell."""
     onward = starts[run.end]
     if len(onward) == 1:
         return onward[0]
@@ -79,7 +79,7 @@ def _next(starts: dict[tuple[int, int], list[_Run]], run: _Run) -> _Run:
 
 
 def _runs(piece: Bools) -> dict[tuple[int, int], list[_Run]]:
-    """All straight stretches of the outline by the vertex [column, row] that they start from."""
+    """All runs of the outline, by the vertex (column, row) that they start from."""
     cells = np.pad(piece, 1).astype(np.int8)
     starts: dict[tuple[int, int], list[_Run]] = defaultdict(list)
     for line, low, high, sign in _stretches(cells[1:, 1:-1] - cells[:-1, 1:-1]):
@@ -92,7 +92,7 @@ def _runs(piece: Bools) -> dict[tuple[int, int], list[_Run]]:
 
 
 def _stretches(steps: Ints) -> list[tuple[int, int, int, int]]:
-    """(line, from, to, sign) of every longest stretch of equal non-zero values along the lines of `steps`."""
+    """(line, from, to, sign) of every maximal stretch of equal non-zero values along the rows of `steps`."""
     padded = np.pad(steps, ((0, 0), (1, 1)))
     changes = np.diff(padded, axis=1) != 0
     begins = np.argwhere(changes & (padded[:, 1:] != 0))

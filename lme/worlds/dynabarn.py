@@ -1,10 +1,10 @@
-"""A crossing of an arena with moving cylinders: DynaBARN's setting, with motion of our own.
+"""DynaBARN's arena of moving cylinders, with cylinder motion of our own.
 
-Arena, cylinders, start, goal and time-out are those of the 60 published worlds (Nair et al. 2022, "DynaBARN:
+Arena, cylinders, start, goal and time limit are those of the 60 published worlds (Nair et al. 2022, "DynaBARN:
 Benchmarking Metric Ground Navigation in Dynamic Environments", doi:10.1109/SSRR56537.2022.10018758; files in
-Daffan/the-barn-challenge). How the published cylinders move is only in compiled plugins. Motion here is our own,
-in their manner: each cylinder crosses the arena from border to border on a smooth curve, at a speed of its own and
-through the others; at the border it turns back, where theirs begin anew.
+Daffan/the-barn-challenge). The motion of the published cylinders exists only in compiled plugins. Ours is similar:
+each cylinder crosses the arena from border to border on a smooth curve, at its own constant speed, and passes
+through the others. At the border it turns back; the published ones start again.
 """
 
 from __future__ import annotations
@@ -15,11 +15,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lme.errors import InputError
-from lme.robots import require
+from lme.errors import InputError, require
 from lme.types import Floats, Pose
 from lme.worlds.movers import Mover
-from lme.worlds.starts import check_worlds
+from lme.worlds.rules import PacedRules, check_chosen
 from lme.worlds.world import Task, World
 
 START = Pose(11.0, 0.0, math.pi)  # before the open side of the arena
@@ -29,14 +28,16 @@ HALF_SIDE = 10.0  # [m] of the arena, to the middle of its walls
 WALL = 0.5  # [m] thick
 WORLDS = 60  # published
 
-_FURTHEST = HALF_SIDE - WALL / 2 - RADIUS  # [m] a cylinder's middle along either axis: no wall is touched
-_SHORTEST = HALF_SIDE  # [m] from end to end of a crossing
-_BOW = 0.2  # of the way from end to end: how far a curve may swing aside; 4 bends turn within 1.2 m then
-_STEP_M = 0.1  # between waypoints at most: corners cut a curve of 1.2 m radius by 1 mm
+_FURTHEST = (
+    HALF_SIDE - WALL / 2 - RADIUS
+)  # [m] greatest |x| or |y| of a cylinder's centre, clear of the walls
+_SHORTEST = HALF_SIDE  # [m] least distance between the ends of a crossing
+_BOW = 0.2  # greatest swing of a curve, as a share of its end-to-end distance; 4 bends have radius 1.2 m then
+_STEP_M = 0.1  # greatest distance between waypoints; the polyline is within 1 mm of a curve of radius 1.2 m
 
 
 class Motion(NamedTuple):
-    """What a difficulty draws from: cylinders (least, most), their speed [m/s], bends of a curve (least, most)."""
+    """(least, most) of what is drawn at a difficulty: number of cylinders, speed [m/s], bends of a curve."""
 
     cylinders: tuple[int, int]
     speed: tuple[float, float]
@@ -51,63 +52,55 @@ DIFFICULTIES = {
 
 
 @dataclass(slots=True)
-class DynabarnConfig:
+class DynabarnConfig(PacedRules):
     """Keys of `conf/map/dynabarn.yaml`."""
 
     difficulty: str = "medium"  # easy | medium | hard
-    worlds: list[int] | None = None  # these worlds instead of 0–59
-    motion_seed: int = 0  # which stream of worlds
+    motion_seed: int = 0  # seed of the worlds
     goal_tolerance: float = 1.0  # [m]
     time_limit: float = 100.0  # [s]
     clock_distance: float = 0.1  # [m]
     speed: float = 2.0  # [m/s] of the optimal time
 
     def __post_init__(self) -> None:
+        PacedRules.__post_init__(self)  # super() fails in a dataclass with slots
         if self.difficulty not in DIFFICULTIES:
             raise InputError(
                 f"map.difficulty is {self.difficulty!r}: must be one of {', '.join(DIFFICULTIES)}"
             )
         require("map.motion_seed", self.motion_seed, at_least=0)
-        require("map.clock_distance", self.clock_distance, at_least=0.0)
-        for key in ("goal_tolerance", "time_limit", "speed"):
-            require(f"map.{key}", getattr(self, key), above=0.0)
-        check_worlds(self.worlds)
 
 
 class Dynabarn:
-    """Worlds under their numbers. Number n is the same whatever others are chosen."""
+    """Worlds by number. World n does not depend on which others are chosen."""
 
     Config = DynabarnConfig
 
     def __init__(self, config: DynabarnConfig) -> None:
         self.config = config
-        self._numbers = tuple(range(WORLDS) if config.worlds is None else config.worlds)
+        self._numbers = config.numbers(range(WORLDS))
 
     @property
     def numbers(self) -> tuple[int, ...]:
-        """The worlds chosen, by their own numbers."""
+        """The numbers of the chosen worlds."""
         return self._numbers
 
     def task(self, number: int) -> Task:
         """World `number`. Raises InputError for one that was not chosen."""
-        if number not in self._numbers:
-            raise InputError(f"world {number} is not among the chosen ones of map dynabarn")
+        check_chosen(number, self._numbers, "world", "dynabarn")
         config = self.config
         motion = DIFFICULTIES[config.difficulty]
         stream = [config.motion_seed, list(DIFFICULTIES).index(config.difficulty), number]
         cylinders = movers(np.random.default_rng(np.random.SeedSequence(stream)), motion)
         length = math.dist(START[:2], GOAL)
-        return Task(
-            map_name=f"dynabarn_{config.difficulty}",
-            number=number,
-            world=World(polygons=_walls(), movers=cylinders),
-            start=START,
-            goal=np.array(GOAL),
-            goal_tolerance=config.goal_tolerance,
-            time_limit=config.time_limit,
-            clock_distance=config.clock_distance,
-            shortest_path_length=length,
-            optimal_time=length / config.speed,
+        return config.task(
+            f"dynabarn_{config.difficulty}",
+            number,
+            World(polygons=_walls(), movers=cylinders),
+            START,
+            np.array(GOAL),
+            length=length,
+            speed=config.speed,
             measures={
                 "cylinders": float(len(cylinders)),
                 "mean_speed_mps": float(np.mean([mover.speed for mover in cylinders])),
@@ -130,10 +123,10 @@ def movers(rng: np.random.Generator, motion: Motion) -> tuple[Mover, ...]:
 
 
 def crossing(rng: np.random.Generator, bends: int) -> Floats:
-    """(P, 2) waypoints [m], evenly spaced, of a smooth curve between two places on the border of the arena.
+    """(P, 2) evenly spaced waypoints [m] of a smooth curve between two places on the border of the arena.
 
-    Aside of the straight line it is a sum of sines, the k-th with k half waves and at most _BOW / k² high: it turns
-    no tighter than 1 / (bends · π² · _BOW) of its length, and meets no wall.
+    The curve's offset from the straight line is a sum of sines; the k-th has k half waves and an amplitude of at
+    most _BOW / k². So its radius is at least 1 / (bends · π² · _BOW) of its length. It touches no wall.
     """
     waves = np.arange(1, bends + 1)
     while True:
@@ -150,26 +143,26 @@ def crossing(rng: np.random.Generator, bends: int) -> Floats:
 
 
 def _border_place(rng: np.random.Generator) -> Floats:
-    """(2,) as far out as a cylinder can be."""
+    """(2,) a random place as near the border as a cylinder can be [m]."""
     place = np.array([rng.uniform(-_FURTHEST, _FURTHEST), rng.choice([-_FURTHEST, _FURTHEST])])
     return place if rng.random() < 0.5 else place[::-1].copy()
 
 
 def _there_and_back(rng: np.random.Generator, curve: Floats) -> Floats:
-    """The round trip on a curve (P, 2) as a closed list of waypoints, from a random one on."""
+    """The waypoints of a round trip on a curve (P, 2), which begins at a random one."""
     ring = np.vstack([curve, curve[-2:0:-1]])
     return np.roll(ring, int(rng.integers(len(ring))), axis=0)
 
 
 def _evenly(curve: Floats) -> Floats:
-    """Points (P, 2) at equal distances along a polyline (K, 2), at most _STEP_M apart."""
+    """(P, 2) points at equal distances along a polyline (K, 2), at most _STEP_M apart."""
     along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(curve, axis=0).T))])
     places = np.linspace(0.0, along[-1], math.ceil(along[-1] / _STEP_M) + 1)
     return np.column_stack([np.interp(places, along, curve[:, axis]) for axis in (0, 1)])
 
 
 def _walls() -> tuple[Floats, ...]:
-    """Behind the goal and to both sides; the side that the robot comes from is open."""
+    """The walls behind the goal and on both sides; the robot's side is open."""
     half, depth = HALF_SIDE, WALL / 2
     behind = (-half, 0.0, depth, half)
     left, right = (0.0, half, half, depth), (0.0, -half, half, depth)

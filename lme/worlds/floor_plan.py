@@ -1,4 +1,4 @@
-"""A drawn place: its obstacles and the outline that they stand in."""
+"""A drawn place: its obstacles and its outline."""
 
 from __future__ import annotations
 
@@ -14,8 +14,7 @@ from lme.worlds.world import World
 class FloorPlan:
     """What a map file holds.
 
-    world: obstacles, the closed outer wall among them. outline: (4, 2) corners of the place in order [m];
-    nothing is known of what lies beyond.
+    world: the obstacles, including the closed outer wall. outline: (4, 2) corners of the place in order [m].
     """
 
     world: World
@@ -23,6 +22,6 @@ class FloorPlan:
 
 
 def enclosed(outline: Floats, circles: Floats, segments: Floats, polygons: tuple[Floats, ...]) -> FloorPlan:
-    """The plan with these obstacles and a thin wall along its outline (4, 2)."""
+    """The plan with these obstacles and a thin wall along its outline (4, 2) [m]."""
     wall = np.hstack([outline, np.roll(outline, -1, axis=0)])
     return FloorPlan(World(circles, np.vstack([wall, segments]), polygons), outline)

@@ -1,4 +1,4 @@
-"""What moves in a world by itself: pedestrians and doors, on scripted or reactive paths."""
+"""Moving obstacles: pedestrians and doors, on scripted or reactive paths."""
 
 from __future__ import annotations
 
@@ -7,8 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lme.errors import InputError
-from lme.robots import require
+from lme.errors import InputError, require
 from lme.types import Floats
 
 REPEATS = ("once", "back_and_forth", "cycle")
@@ -16,15 +15,15 @@ REPEATS = ("once", "back_and_forth", "cycle")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Mover:
-    """A solid shape that goes along waypoints: a disc (radius) or a polygon (outline), one of the two.
+    """A solid shape that moves along waypoints: either a disc (radius) or a polygon (outline).
 
-    path: (P, 3) poses [x, y, yaw] or (P, 2) positions [m, rad], yaw 0 then; P ≥ 1; the first is where it
-    stands until it begins. Each leg is driven evenly in the longer of its times by `speed` and by `turn_rate`;
-    yaw runs straight from number to number (0 to 4 turns by more than half a circle), so that a door is
-    two poses at its hinge. Its outline is (V, 2) vertices in order [m] about its own origin, V ≥ 3.
-    It begins once `start_after` seconds of the episode are over and, where `starts_within` is given, the
-    robot's base has come that near to `trigger`, or to the mover itself where there is no trigger.
-    Raises InputError for shapes, paths and figures that make no sense.
+    path: (P, 3) poses [x, y, yaw] or (P, 2) positions [m, rad] with yaw 0; P ≥ 1. The mover waits at the first.
+    It moves and turns evenly on each leg, for the longer of the times that `speed` and `turn_rate` need. Yaw is
+    interpolated without wrapping (from 0 to 4 rad it turns by 4 rad), so two poses at its hinge make a door.
+    outline: (V, 2) vertices in order [m] about the mover's origin, V ≥ 3.
+    The mover starts as soon as `start_after` seconds of the episode have passed and, if `starts_within` is given,
+    the robot's base is that near to `trigger`, or to the mover itself if there is no trigger.
+    Raises InputError for an invalid shape, path or number.
     """
 
     path: Floats
@@ -33,10 +32,12 @@ class Mover:
     speed: float = 1.0  # [m/s]
     turn_rate: float = 1.0  # [rad/s]
     start_after: float = 0.0  # [s]
-    starts_within: float | None = None  # [m] from the robot's base; None: does not heed the robot
+    starts_within: float | None = None  # [m] from the robot's base; None: starts whatever the robot does
     trigger: tuple[float, float] | None = None  # [m] the point that the robot must come near
-    waits_within: float | None = None  # [m] stands while the robot's base is this near ahead of its middle
-    repeat: str = "once"  # once | back_and_forth | cycle (from the last waypoint straight on to the first)
+    waits_within: float | None = (
+        None  # [m] it stops while the robot's base is this near in front of its centre
+    )
+    repeat: str = "once"  # once | back_and_forth | cycle (from the last waypoint to the first)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "path", _poses(self.path))
@@ -55,7 +56,7 @@ class Mover:
 
     @property
     def reach(self) -> float:
-        """Distance from its origin to the furthest point of it [m]."""
+        """Distance from the mover's origin to its furthest point [m]."""
         if self.outline is None:
             assert self.radius is not None
             return self.radius
@@ -75,7 +76,7 @@ def _poses(path: Floats) -> Floats:
 
 
 def _rows(values: Floats, key: str, columns: tuple[int, ...], least: int) -> Floats:
-    """The values as a table of finite numbers."""
+    """The values as an array of at least `least` rows of finite numbers. Raises InputError."""
     rows = np.array(values, dtype=np.float64)
     if rows.ndim != 2 or rows.shape[1] not in columns or len(rows) < least or not np.isfinite(rows).all():
         shape = " or ".join(map(str, columns))

@@ -1,8 +1,9 @@
-"""Free space of a floor plan on a lattice: where a robot may start, where it can get to, and how far that is."""
+"""Free space of a floor plan on a lattice: where a robot can be, where it can go, and how long the way is."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from functools import cached_property
 from typing import NamedTuple
 
@@ -16,49 +17,50 @@ from lme.errors import InputError
 from lme.types import Bools, Floats, Ints, Pose
 from lme.worlds.floor_plan import FloorPlan
 
-MAX_POINTS = 1_000_000  # of the lattice: the graph of shortest paths takes about 0.5 KB for each
-STARTS_TRIED = 100  # before a plan counts as too small for the least distance
+MAX_POINTS = 1_000_000  # of the lattice; the graph of shortest paths takes about 0.5 KB for each
+STARTS_TRIED = 100  # before the plan counts as too small for the least distance
 
-_MOVES = {  # (columns, rows) of a move: the points that it passes between, all of which must be free
+_MOVES = {  # (columns, rows) of a move: the points on both sides of it, all of which must be free
     (1, 0): (),
     (1, 1): ((1, 0), (0, 1)),
     (2, 1): ((1, 0), (1, 1)),
     (3, 1): ((1, 0), (1, 1), (2, 0), (2, 1)),
     (3, 2): ((1, 0), (1, 1), (2, 1), (2, 2)),
-}  # with their mirror images 32 directions: a path is at most 1.3 % longer than the straight line
+}  # with their mirror images 32 directions, so that a path is at most 1.3 % longer than the straight line
 _REACH = 3  # columns or rows of the longest move
 
 
 class Configuration(NamedTuple):
-    """Where an episode starts and where it must end, (2,) [m] (paper §IV.A)."""
+    """A start and a goal (2,) [m] of an episode (paper §IV.A)."""
 
     start: Pose
     goal: Floats
 
 
 class FreeSpace:
-    """Points of a lattice with their clearance, for a robot of collision radius `radius` [m].
+    """The points of a lattice and their clearance, for a robot of collision radius `radius` [m].
 
-    The robot can be where the clearance is at least `radius`, and can go from one such point to another where
-    a chain of neighbours joins them. Start and goal keep `margin` [m] more.
+    A point is free if its clearance is at least `radius`. The robot can go from one free point to another if a
+    chain of free neighbours joins them. Drawn starts and goals have `margin` [m] more clearance.
     """
 
     def __init__(self, plan: FloorPlan, step: float, radius: float, margin: float) -> None:
-        """Lay points `step` [m] apart over the plan. Raises InputError where it is far too large for that."""
+        """step: distance between neighbouring points [m]. Raises InputError if the plan is too large for it."""
         low, high = plan.outline.min(axis=0), plan.outline.max(axis=0)
         columns, rows = _points_along(low.tolist(), high.tolist(), step)
         self._x = low[0] + (np.arange(columns) + 0.5) * step
         self._y = low[1] + (np.arange(rows) + 0.5) * step
-        self._step = step
+        self._plan, self._step, self._radius = plan, step, radius
         self.clearance = clearance_field(plan, self._x, self._y, radius + margin)
         self._passable = self.clearance >= radius
         self._regions, _ = ndimage.label(self._passable)
         self._roomy = np.argwhere(self.clearance >= radius + margin)
+        self._lengths: dict[tuple[int, int], float] = {}
 
     def draw(self, rng: np.random.Generator, min_distance: float) -> Configuration:
-        """A start and a goal that can be reached from it, at least `min_distance` apart, any start yaw.
+        """Draw a start of any yaw and a goal that can be reached from it, at least `min_distance` [m] apart.
 
-        Raises InputError where there are none.
+        Raises InputError if there are none.
         """
         for _ in range(STARTS_TRIED if len(self._roomy) else 0):
             start = self._roomy[rng.integers(len(self._roomy))]
@@ -67,21 +69,67 @@ class FreeSpace:
                 goal = goals[rng.integers(len(goals))]
                 x, y = self._place(start).tolist()
                 return Configuration(Pose(x, y, rng.uniform(-math.pi, math.pi)), self._place(goal))
-        raise InputError(
+        raise self._too_small(min_distance)
+
+    def draw_partner(self, rng: np.random.Generator, place: Floats, min_distance: float) -> Floats:
+        """Draw a place (2,) [m] that can be reached from a free `place` (2,), at least `min_distance` away.
+
+        Raises InputError if there is none.
+        """
+        partners = self._goals(self._cell(place), min_distance)
+        if not len(partners):
+            raise self._too_small(min_distance)
+        return self._place(partners[rng.integers(len(partners))])
+
+    def check_free(self, what: str, place: Floats | Sequence[float]) -> None:
+        """Raise InputError, which begins with `what`, unless the robot can be at `place`, x, y [m]."""
+        x, y = place[0], place[1]
+        outline = self._plan.outline
+        if not _inside(outline, np.array([x]), np.array([y])).any():
+            low, high = outline.min(axis=0), outline.max(axis=0)
+            raise InputError(
+                f"{what} is ({x:g}, {y:g}), outside the map: must lie in x {low[0]:g} to {high[0]:g} m, "
+                f"y {low[1]:g} to {high[1]:g} m"
+            )
+        if self._node(place) < 0:
+            raise InputError(
+                f"{what} is ({x:g}, {y:g}), in an obstacle or too near one: must be at least {self._radius:.3g} m "
+                "from every obstacle (map.radius)"
+            )
+
+    def checked_length(self, where: str, start: Pose, goal: Floats) -> float:
+        """Length of the shortest path on the lattice [m].
+
+        Raises InputError, which begins with `where`, unless start and goal are free and a path joins them.
+        """
+        self.check_free(f"{where}: the start", start)
+        self.check_free(f"{where}: the goal", goal)
+        length = self.path_length(start, goal)
+        if not math.isfinite(length):
+            raise InputError(
+                f"{where}: no path from the start to the goal is wide enough for a disc of radius "
+                f"{self._radius:.3g} m (map.radius): must be a smaller robot, or another start, goal or map"
+            )
+        return length
+
+    def path_length(self, start: Pose, goal: Floats) -> float:
+        """Length of the shortest path on the lattice [m]; inf if there is none. Computed once for each pair."""
+        pair = self._node(start[:2]), self._node(goal)
+        if min(pair) < 0:
+            return math.inf
+        if pair not in self._lengths:
+            lengths = dijkstra(self._graph, directed=False, indices=np.array([pair[0]]))
+            self._lengths[pair] = float(lengths[0, pair[1]])
+        return self._lengths[pair]
+
+    def _too_small(self, min_distance: float) -> InputError:
+        return InputError(
             f"map.min_distance is {min_distance:g} m: must be a distance that start and goal can have in the "
             f"free space that map.radius and map.margin leave ({len(self._roomy)} points of this map)"
         )
 
-    def path_length(self, start: Pose, goal: Floats) -> float:
-        """Length of the shortest path on the lattice [m]; inf if there is none. Both must be lattice points."""
-        first, last = self._node(start[:2]), self._node(goal)
-        if min(first, last) < 0:
-            return math.inf
-        lengths = dijkstra(self._graph, directed=False, indices=np.array([first]))
-        return float(lengths[0, last])
-
     def _goals(self, start: Ints, min_distance: float) -> Ints:
-        """(G, 2) roomy points [row, column] of the start's region, far enough away."""
+        """(G, 2) roomy points [row, column] that can be reached from the start [row, column], far enough away."""
         rows, columns = self._roomy.T
         same = self._regions[rows, columns] == self._regions[*start]
         away = np.hypot(rows - start[0], columns - start[1]) * self._step >= min_distance - 1e-9
@@ -91,22 +139,37 @@ class FreeSpace:
     def _place(self, point: Ints) -> Floats:
         return np.array([self._x[point[1]], self._y[point[0]]])
 
-    def _node(self, place: tuple[float, ...] | Floats) -> int:
+    def _node(self, place: Floats | Sequence[float]) -> int:
         """Number of the free point at a place, −1 if it is not free."""
-        column = int(np.clip(round((place[0] - self._x[0]) / self._step), 0, len(self._x) - 1))
-        row = int(np.clip(round((place[1] - self._y[0]) / self._step), 0, len(self._y) - 1))
+        row, column = self._cell(place)
         return int(self._nodes[row, column])
+
+    def _cell(self, place: Floats | Sequence[float]) -> Ints:
+        """(2,) row and column of the point nearest to a place x, y [m]; if it is free, of a free point."""
+        x, y = place[0], place[1]
+        column = int(np.clip(round((x - self._x[0]) / self._step), 0, len(self._x) - 1))
+        row = int(np.clip(round((y - self._y[0]) / self._step), 0, len(self._y) - 1))
+        cell = np.array([row, column])
+        if self._passable[row, column]:
+            return cell
+        around = np.argwhere(self._passable[max(row - 1, 0) : row + 2, max(column - 1, 0) : column + 2])
+        clearance = clearance_field(self._plan, np.array([x]), np.array([y]), self._radius)
+        if clearance.item() < self._radius or not len(around):
+            return cell
+        around += np.maximum(cell - 1, 0)
+        away = np.hypot(self._x[around[:, 1]] - x, self._y[around[:, 0]] - y)
+        return np.asarray(around[away.argmin()])
 
     @cached_property
     def _nodes(self) -> NDArray[np.int32]:
-        """(rows, columns) numbers of the free points, −1 elsewhere."""
+        """(rows, columns) number of each free point, −1 elsewhere."""
         nodes = np.full(self._passable.shape, -1, dtype=np.int32)
         nodes[self._passable] = np.arange(self._passable.sum())
         return nodes
 
     @cached_property
     def _graph(self) -> csr_array:
-        """Each pair of free points that one move joins, once, with its length [m]."""
+        """Each pair of free points that one move joins, once, with the length of the move [m]."""
         nodes = np.pad(self._nodes, _REACH, constant_values=-1)
         joined = [_joined(nodes, move, between) for move, between in _all_moves().items()]
         pairs = np.hstack([pair for pair, _ in joined])
@@ -116,7 +179,7 @@ class FreeSpace:
 
 
 def _points_along(low: list[float], high: list[float], step: float) -> tuple[int, int]:
-    """Columns and rows of a lattice between two corners. Raises InputError where that is far too many."""
+    """Columns and rows of a lattice between two corners. Raises InputError if they are too many."""
     width, height = high[0] - low[0], high[1] - low[1]
     points = (width / step) * (height / step)
     if not points <= MAX_POINTS:
@@ -164,7 +227,7 @@ def _to_segment(edge: Floats, x: Floats, y: Floats) -> Floats:
 
 
 def _inside(polygon: Floats, x: Floats, y: Floats) -> Bools:
-    """(Y, X) lattice points in a polygon, by the even–odd rule, row by row: what is left of how many sides."""
+    """(Y, X) whether each lattice point lies in a polygon: an odd number of sides lies to its left in its row."""
     flips = np.zeros((len(y), len(x) + 1), dtype=np.int64)
     for (x0, y0), (x1, y1) in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
         rows = np.flatnonzero((y0 > y) != (y1 > y))
@@ -175,7 +238,7 @@ def _inside(polygon: Floats, x: Floats, y: Floats) -> Bools:
 
 
 def _all_moves() -> dict[tuple[int, int], list[tuple[int, int]]]:
-    """One of each pair of opposite moves in 32 directions, with the points passed."""
+    """The moves in 32 directions, one of each opposite pair, with the points on both sides of it."""
     moves = {}
     for move, between in _MOVES.items():
         for swap in (False, True):
@@ -205,7 +268,7 @@ def _joined(
 
 
 def _shifted(nodes: NDArray[np.int32], move: tuple[int, int]) -> NDArray[np.int32]:
-    """What lies a move away from each point of the lattice; nodes carry a border of _REACH."""
+    """(rows, columns) the node one move away from each point; `nodes` has a border of _REACH."""
     column, row = move
     rows, columns = nodes.shape
     return nodes[_REACH + row : rows - _REACH + row, _REACH + column : columns - _REACH + column]

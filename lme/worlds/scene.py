@@ -1,6 +1,6 @@
-"""Drawn scenes: a place, what moves in it, where to start and where to go, as readable YAML.
+"""Drawn scenes: a place, its movers, a start and a goal, as readable YAML.
 
-A scene file is a shape file (`lme.worlds.shapes`) with three keys more:
+A scene file is a shape file (`lme.worlds.shapes`) with three more keys:
 
     start: [1, 3]  # x, y [m]; the robot faces the goal
     goal: [7, 3]
@@ -42,7 +42,7 @@ _MOVER_KEYS = (*_MOVER_NUMBERS, "outline", "trigger", "repeat")
 
 @dataclass(slots=True)
 class SceneConfig(StartsConfig):
-    """Keys of `conf/map/{real1,…,go2_b}.yaml`."""
+    """Keys of `conf/map/_scene.yaml`."""
 
     name: str | None = None  # in the records; None: the file's name
     path: str | None = None  # a scene file; None: the one that ships under `name`
@@ -58,20 +58,25 @@ class Drawing:
 
 
 class Scene(Starts):
-    """One scene under every number, from another start."""
+    """One scene from another start under every number."""
 
     Config = SceneConfig
 
     def __init__(self, config: SceneConfig) -> None:
-        """Raises InputError for a file that is not right."""
+        """Raises InputError for a missing or wrong file."""
         path = _path(config)
         self._radius = STAGE_RADIUS if config.radius is None else config.radius
         drawing, space = _surveyed(path, path.stat().st_mtime_ns, self._radius, config.grid)
         name = config.name or path.stem
         super().__init__(name, config, drawing.plan.world, space, drawing.start, drawing.goal)
 
+    @property
+    def name(self) -> str:
+        """What the records call this scene."""
+        return self._name
+
     def task(self, number: int) -> Task:
-        """As `Starts.task`. Raises InputError also for a start where a mover stands."""
+        """As `Starts.task`. Raises InputError also if a mover stands at the start."""
         task = super().task(number)
         for place, mover in enumerate(task.world.movers):
             if _distance(mover, task.start) <= self._radius:
@@ -83,7 +88,7 @@ class Scene(Starts):
 
 
 def read_scene(path: Path) -> Drawing:
-    """Read a scene file. Raises InputError as `read_shapes` does, and for movers that make no sense."""
+    """Read a scene file. Raises InputError as `read_shapes` does, and for invalid movers."""
     content = read_yaml(path)
     entry = Entry(str(path), content, ["bounds", "start", "goal"], [*SHAPES, "movers"])
     shapes = {key: entry.value(key) for key in ("bounds", *SHAPES) if entry.value(key) is not None}
@@ -111,7 +116,7 @@ def _mover(place: str, item: object) -> Mover:
 
 
 def _distance(mover: Mover, start: Pose) -> float:
-    """From a point to the shape of a mover that has not begun [m]; ≤ 0 within it."""
+    """Distance from a start to a mover that has not begun to move [m]; ≤ 0 inside it."""
     stands = Pose(*mover.path[0].tolist())
     if mover.outline is None:
         shape = World(circles=np.array([[stands.x, stands.y, mover.radius]]))
@@ -127,7 +132,7 @@ def _repeat(entry: Entry) -> str:
 
 
 def _poses(entry: Entry) -> Floats:
-    """(P, 3) poses [m, rad] of a mover's path, from [x, y] or [x, y, yaw_deg] in its entry."""
+    """(P, 3) poses [m, rad] of a mover's path, given as [x, y] or [x, y, yaw_deg]."""
     rows = entry.value("path")
     if not isinstance(rows, list) or not rows:
         raise entry.mistake("path", "a list of positions [x, y] or poses [x, y, yaw_deg]")
@@ -143,11 +148,11 @@ def _poses(entry: Entry) -> Floats:
 @lru_cache(maxsize=8)
 def _surveyed(
     path: Path,
-    _modified: int,  # part of the key: a file that was edited is read again
+    _modified: int,  # part of the key, so that an edited file is read again
     radius: float,
     grid: float,
 ) -> tuple[Drawing, FreeSpace]:
-    """The scene and its free space, once per process. What moves is not in the way of the shortest path."""
+    """The scene and its free space, computed once per process. Movers do not block the shortest path."""
     drawing = read_scene(path)
     return drawing, FreeSpace(drawing.plan, grid, radius, margin=0.0)
 

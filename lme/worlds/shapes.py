@@ -1,4 +1,4 @@
-"""Shape files: a place drawn by hand, as readable YAML in metres.
+"""Shape files: a hand-drawn place as readable YAML, in metres.
 
     bounds: [0, 0, 10, 10]  # x_min, y_min, x_max, y_max: a closed, thin outer wall
     boxes:
@@ -12,7 +12,7 @@
     walls:
       - {points: [[0, 7], [3, 7], [3, 8]], thickness: 0.03}  # without thickness: a thin line
 
-Only `bounds` must be there. Sizes are full lengths along x and y before the turn by `yaw_deg`.
+Only `bounds` is required. Sizes are full lengths along x and y before the rotation by `yaw_deg`.
 """
 
 from __future__ import annotations
@@ -28,22 +28,23 @@ from lme.types import Floats
 from lme.worlds.floor_plan import FloorPlan, enclosed
 from lme.worlds.yaml_entry import Entry, read_yaml
 
-ELLIPSE_SIDES = 32  # an ellipse is drawn as a polygon: at 0.6 m its sides are off by 1.5 mm at most
+ELLIPSE_SIDES = 32  # an ellipse becomes a polygon, which deviates by at most 1.5 mm for a diameter of 0.6 m
 
-_SLACK = 1e-9  # [m] rounding allowed when shapes touch the bounds
+_SLACK = 1e-9  # [m] rounding error allowed where a shape touches the bounds
 
 
 def read_shapes(path: Path) -> FloorPlan:
     """Read a shape file.
 
-    Raises InputError, naming file, entry and what would be right: unknown or missing keys, wrong numbers,
-    sizes that are not positive, polygons that cross themselves or enclose nothing, shapes outside the bounds.
+    Raises InputError that names the file, the entry and what would be right, for unknown or missing keys, wrong
+    numbers, sizes that are not positive, polygons that cross themselves or enclose no area, and shapes outside
+    the bounds.
     """
     return floor_plan(str(path), read_yaml(path))
 
 
 def floor_plan(place: str, drawing: object) -> FloorPlan:
-    """`read_shapes` for what the YAML holds; `place` is the name for messages."""
+    """As `read_shapes`, from the content of the YAML. place: its name in messages."""
     entry = Entry(place, drawing, ["bounds"], SHAPES)
     x0, y0, x1, y1 = entry.numbers("bounds", "x_min, y_min, x_max, y_max", 4)
     if x0 >= x1 or y0 >= y1:
@@ -78,7 +79,7 @@ def _ellipse(where: str, item: object) -> Floats:
 
 
 def _placed(unit: Floats, entry: Entry) -> Floats:
-    """A shape of unit size (V, 2), stretched, turned and moved as its entry says."""
+    """A shape of unit size (V, 2), scaled, rotated and moved as its entry says."""
     centre = entry.numbers("centre", "x, y", 2)
     size = entry.numbers("size", "along x, along y", 2, above=0.0)
     yaw = math.radians(entry.number("yaw_deg", 0.0))
@@ -104,7 +105,7 @@ _SOLIDS: dict[str, Callable[[str, object], Floats]] = {
     "polygons": _polygon,
     "ellipses": _ellipse,
 }
-SHAPES = (*_SOLIDS, "circles", "walls")  # keys of a shape file beside `bounds`
+SHAPES = (*_SOLIDS, "circles", "walls")  # the keys of a shape file besides `bounds`
 
 
 def _circle(outline: Floats, where: str, item: object) -> list[float]:
@@ -115,7 +116,7 @@ def _circle(outline: Floats, where: str, item: object) -> list[float]:
 
 
 def _wall(outline: Floats, where: str, item: object) -> tuple[Floats, float | None]:
-    """Legs (L, 4) of the wall's middle line, and how thick it is."""
+    """The legs (L, 4) of the wall's centre line, and its thickness [m]."""
     entry = Entry(where, item, ["points"], ["thickness"])
     points = _within(outline, where, entry.points("points", 2))
     thick = entry.value("thickness") is not None
@@ -123,7 +124,7 @@ def _wall(outline: Floats, where: str, item: object) -> tuple[Floats, float | No
 
 
 def _bar(leg: Floats, thickness: float) -> Floats:
-    """(4, 2) corners of one leg of a wall, half a thickness longer at both ends so that corners close."""
+    """(4, 2) corners of one leg of a wall, half a thickness longer at both ends so that its corners close."""
     along = (leg[2:] - leg[:2]) * (thickness / 2 / math.hypot(*(leg[2:] - leg[:2])))
     across = np.array([-along[1], along[0]])
     first, last = leg[:2] - along, leg[2:] + along
@@ -131,7 +132,7 @@ def _bar(leg: Floats, thickness: float) -> Floats:
 
 
 def _within(outline: Floats, where: str, points: Floats) -> Floats:
-    """The same points (V, 2), all of which lie within the bounds."""
+    """The points (V, 2) unchanged. Raises InputError unless all of them lie within the bounds."""
     low, high = outline[0], outline[2]
     outside = ((points < low - _SLACK) | (points > high + _SLACK)).any(axis=1)
     if outside.any():
@@ -142,7 +143,7 @@ def _within(outline: Floats, where: str, points: Floats) -> Floats:
 
 
 def _crosses_itself(start: Floats, end: Floats) -> bool:
-    """Whether two sides start[i]–end[i] of a closed polygon cross at a point that is no end of either."""
+    """Whether two sides start[i]–end[i] of a closed polygon cross between their ends."""
     for i in range(len(start)):
         own = (_side(start[i], end[i], start), _side(start[i], end[i], end))
         other = (_side(start, end, start[i]), _side(start, end, end[i]))
@@ -152,6 +153,6 @@ def _crosses_itself(start: Floats, end: Floats) -> bool:
 
 
 def _side(a: Floats, b: Floats, point: Floats) -> Floats:
-    """Positive where a point lies to the left of the line a–b."""
+    """Positive if a point lies to the left of the line from a to b."""
     along, to = b - a, point - a
     return np.asarray(along[..., 0] * to[..., 1] - along[..., 1] * to[..., 0])

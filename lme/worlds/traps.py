@@ -1,4 +1,4 @@
-"""Traps: four drawings between a robot and its goal that catch a planner which only heads for the goal."""
+"""Traps: four obstacles that catch a planner which only heads for the goal."""
 
 from __future__ import annotations
 
@@ -8,15 +8,14 @@ from functools import lru_cache
 
 import numpy as np
 
-from lme.errors import InputError
-from lme.robots import require
+from lme.errors import InputError, require
 from lme.worlds.floor_plan import FloorPlan
 from lme.worlds.sampling import FreeSpace
 from lme.worlds.shapes import floor_plan
 from lme.worlds.starts import STAGE_RADIUS, Starts, StartsConfig
 
-SIDE = 10.0  # [m] of the room that the trap stands in
-START = (1.5, 5.0)  # [m] before it moves about
+SIDE = 10.0  # [m] of the square room around the trap
+START = (1.5, 5.0)  # [m] starts are drawn around it
 GOAL = (8.5, 5.0)  # [m]
 
 Legs = list[list[list[float]]]  # walls, each a list of [x, y] corners [m]
@@ -27,17 +26,17 @@ class TrapsConfig(StartsConfig):
     """Keys of `conf/map/traps.yaml`."""
 
     kind: str = "u"  # u | wall | door | zigzag
-    door_margin: float = 0.3  # [m] a door is so much wider than the robot
+    door_margin: float = 0.3  # [m] by which a door is wider than the disc of `radius`
 
     def __post_init__(self) -> None:
-        StartsConfig.__post_init__(self)  # super() does not know a class with slots
+        StartsConfig.__post_init__(self)  # super() fails in a dataclass with slots
         if self.kind not in DRAWINGS:
             raise InputError(f"map.kind is {self.kind!r}: must be one of {', '.join(DRAWINGS)}")
         require("map.door_margin", self.door_margin, at_least=2 * self.grid, at_most=1.0)
 
 
 class Traps(Starts):
-    """The same trap under every number, from another start."""
+    """The same trap from another start under every number."""
 
     Config = TrapsConfig
 
@@ -49,7 +48,7 @@ class Traps(Starts):
 
 @lru_cache(maxsize=8)
 def _surveyed(kind: str, radius: float, door_margin: float, grid: float) -> tuple[FloorPlan, FreeSpace]:
-    """The trap in its room, and its free space, once per process."""
+    """The trap in its room and its free space, computed once per process."""
     walls = [{"points": leg} for leg in DRAWINGS[kind](2.0 * radius + door_margin)]
     plan = floor_plan(f"trap {kind}", {"bounds": [0.0, 0.0, SIDE, SIDE], "walls": walls})
     return plan, FreeSpace(plan, grid, radius, margin=0.0)
@@ -61,18 +60,18 @@ def _u(door: float) -> Legs:
 
 
 def _wall(door: float) -> Legs:
-    """4 m across the way."""
+    """4 m long, across the straight line to the goal."""
     return [[[5.0, 3.0], [5.0, 7.0]]]
 
 
 def _door(door: float) -> Legs:
-    """A wall across the room; its only door is 2.5 m off the way."""
+    """A wall across the room; its only door is 2.5 m beside the straight line to the goal."""
     middle = 7.5
     return [[[5.0, 0.0], [5.0, middle - door / 2]], [[5.0, middle + door / 2], [5.0, SIDE]]]
 
 
 def _zigzag(door: float) -> Legs:
-    """Three walls, from alternate sides, each across the way and past the next one's end."""
+    """Three walls from alternate sides; each crosses the straight line to the goal and overlaps the next."""
     return [[[3.5, 0.0], [3.5, 6.5]], [[5.0, 3.5], [5.0, SIDE]], [[6.5, 0.0], [6.5, 6.5]]]
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
@@ -17,14 +17,14 @@ class World:
 
     circles: (C, 3) solid discs [x, y, radius] [m]. segments: (S, 4) thin walls [x0, y0, x1, y1] [m].
     polygons: solid, each (V, 2) vertices in order [m], not repeated at the end.
-    movers: pedestrians and doors; all else stands still.
+    movers: pedestrians and doors; all other obstacles are static.
     """
 
     circles: Floats = field(default_factory=lambda: np.empty((0, 3)))
     segments: Floats = field(default_factory=lambda: np.empty((0, 4)))
     polygons: tuple[Floats, ...] = ()
     movers: tuple[Mover, ...] = ()
-    edges: Floats = field(init=False, repr=False)  # (E, 4) segments and polygons' sides: what can be hit
+    edges: Floats = field(init=False, repr=False)  # (E, 4) segments and sides of polygons
 
     def __post_init__(self) -> None:
         sides = [np.hstack([polygon, np.roll(polygon, -1, axis=0)]) for polygon in self.polygons]
@@ -33,9 +33,9 @@ class World:
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """One navigation problem: a world, where to start, where to go, and when it counts.
+    """One navigation problem: a world, a start, a goal, and the rules of success.
 
-    measures: named properties of the world that go into the records as they are (difficulty, say).
+    measures: named properties of the world, such as difficulty, that are copied into the records.
     """
 
     map_name: str  # map set, e.g. "barn"
@@ -56,7 +56,16 @@ class MapSet(Protocol):
 
     @property
     def numbers(self) -> tuple[int, ...]:
-        """The worlds chosen, by their own numbers."""
+        """The numbers of the chosen worlds."""
 
     def task(self, number: int) -> Task:
-        """Build one of them."""
+        """Build the task in world `number`."""
+
+
+@runtime_checkable
+class Named(Protocol):
+    """A map set with a name of its own, such as a file's; the records call others by their YAML in `conf/map/`."""
+
+    @property
+    def name(self) -> str:
+        """What the records call the map."""

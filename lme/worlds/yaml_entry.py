@@ -1,8 +1,7 @@
-"""Strict reading of YAML that people write: each mistake is one line that names its place."""
+"""Strict reading of hand-written YAML: each mistake is reported in one line that names its place."""
 
 from __future__ import annotations
 
-import difflib
 import math
 import reprlib
 from collections.abc import Hashable, Sequence
@@ -12,12 +11,12 @@ from typing import Any
 import numpy as np
 import yaml
 
-from lme.errors import InputError
+from lme.errors import InputError, nearest
 from lme.types import Floats
 
 
 def read_yaml(path: Path) -> object:
-    """What a YAML file holds. Raises InputError where there is none, or where a key stands twice."""
+    """The content of a YAML file. Raises InputError if it cannot be read, is not valid, or repeats a key."""
     try:
         return yaml.load(path.read_text(encoding="utf-8"), Loader=_UniqueKeys)
     except yaml.MarkedYAMLError as error:
@@ -32,7 +31,7 @@ def read_yaml(path: Path) -> object:
 class Entry:
     """A mapping in a YAML file, read key by key.
 
-    place: the file and where in it, for messages. Raises InputError for unknown and for missing keys.
+    place: the file and the place in it, for messages. Raises InputError for unknown or missing keys.
     """
 
     def __init__(
@@ -44,32 +43,34 @@ class Entry:
             raise InputError(f"{place}: {_short(value)} must be a mapping with {', '.join(known)}")
         for key in value:
             if key not in known:
-                raise InputError(f"{place}: unknown key {_short(key)}: {_nearest(key, known)}")
+                raise InputError(
+                    f"{place}: unknown key {_short(key)}: {nearest(str(key), known)}must be one of {', '.join(known)}"
+                )
         missing = [key for key in required if key not in value]
         if missing:
             raise InputError(f"{place}: {missing[0]} is missing: must hold {', '.join(required)}")
         self._value = value
 
     def value(self, key: str, default: object = None) -> Any:
-        """The value as it stands."""
+        """The value of a key, unchecked."""
         return self._value.get(key, default)
 
     def entries(self, key: str) -> list[tuple[str, object]]:
-        """The items of a list, each with its place; none where the key is absent or empty."""
+        """The items of a list, each with its place; none if the key is absent or empty."""
         items = self._value.get(key) or []
         if not isinstance(items, list):
             raise self.mistake(key, "a list")
         return [(f"{self.place}, {key}[{i}]", item) for i, item in enumerate(items)]
 
     def number(self, key: str, default: float | None = None, above: float | None = None) -> float:
-        """One finite number, greater than `above` where that is given."""
+        """One finite number, greater than `above` if that is given."""
         number = _number(self._value.get(key, default))
         if number is None or (above is not None and number <= above):
             raise self.mistake(key, "a finite number" + ("" if above is None else f" greater than {above:g}"))
         return number
 
     def numbers(self, key: str, right: str, count: int, above: float | None = None) -> list[float]:
-        """`count` finite numbers, each greater than `above` where that is given; `right` names them."""
+        """`count` finite numbers, each greater than `above` if that is given. right: their names."""
         numbers = _numbers(self._value.get(key), count)
         if numbers is None or (above is not None and min(numbers) <= above):
             suffix = "" if above is None else f", each greater than {above:g}"
@@ -77,7 +78,7 @@ class Entry:
         return numbers
 
     def points(self, key: str, at_least: int) -> Floats:
-        """(K, 2) at least so many points [x, y], no two neighbours the same."""
+        """(K, 2) points [x, y], K ≥ `at_least`, of which no two successive ones are the same."""
         given = self._value.get(key)
         pairs = [_numbers(pair, 2) for pair in given] if isinstance(given, list) else []
         if len(pairs) < at_least or None in pairs:
@@ -88,12 +89,12 @@ class Entry:
         return points
 
     def mistake(self, key: str, right: str) -> InputError:
-        """The error for a value that is not right."""
+        """The error for a wrong value. right: what it must be."""
         return InputError(f"{self.place}: {key} is {_short(self._value.get(key))}: must be {right}")
 
 
 class _UniqueKeys(yaml.SafeLoader):
-    """PyYAML keeps the last of two equal keys in silence: half a drawing would be lost."""
+    """Refuses a repeated key. PyYAML silently keeps the last one, which would lose a part of a drawing."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
         seen = set()
@@ -124,13 +125,8 @@ def _numbers(value: object, count: int) -> list[float] | None:
     return numbers if len(numbers) == count else None
 
 
-def _nearest(key: object, known: Sequence[str]) -> str:
-    close = difflib.get_close_matches(str(key), known, n=1, cutoff=0.5)
-    return (f"did you mean {close[0]!r}? " if close else "") + f"Must be one of {', '.join(known)}"
-
-
 def _short(value: object) -> str:
-    """On one line, however much was given."""
+    """A value, shortened to fit on one line."""
     return "empty" if value is None else " ".join(reprlib.repr(value).split())
 
 

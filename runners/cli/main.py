@@ -8,7 +8,6 @@ that. Nothing heavy is imported, and no command either, before one is run.
 from __future__ import annotations
 
 import ast
-import difflib
 import importlib
 import os
 import sys
@@ -17,7 +16,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from lme.errors import InputError
+from lme.errors import InputError, nearest
 from lme.resources import resource_dir
 from runners.cli import commands, help
 
@@ -77,9 +76,7 @@ def _parsed(path: Path) -> ast.Module:
 
 def _run(name: str, argv: list[str], known: dict[str, Path]) -> int:
     if name not in known:
-        close = difflib.get_close_matches(name, known, 1)
-        hint = f"did you mean {close[0]}? " if close else ""
-        raise InputError(f"{name}: no such command; {hint}there are: {', '.join(known)}")
+        raise InputError(f"{name}: no such command; {nearest(name, known)}there are: {', '.join(known)}")
     if {"-h", "--help"} & set(argv) and (resource_dir("conf") / f"{name}.yaml").is_file():
         print(help.command(name, title(known[name]), examples(known[name]), argv))
         return 0

@@ -6,8 +6,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, cast
 
+from lme.errors import require
 from lme.navigator import Navigator
-from lme.robots import Robot, require
+from lme.robots import Robot
 from lme.sim.simulator import Simulator
 from lme.worlds.check import check_task
 from lme.worlds.world import MapSet

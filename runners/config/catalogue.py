@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -49,25 +49,41 @@ class Catalogue:
         return dict(sorted({**named, **{option: found[option] for option in users}}.items()))
 
     def options(self, group: str) -> list[str]:
-        """Names of the options of a group."""
-        return sorted({path.stem for folder in self.folders for path in (folder / group).glob("*.yaml")})
+        """Names of the options of a group. A file whose name begins with _ is no option: others inherit it."""
+        return sorted({path.stem for folder in self.folders for path in (folder / group).glob("[!_]*.yaml")})
 
     def file(self, name: str) -> Path:
         """The YAML `name` ("robot/jackal"), in the first folder that has it; raises FileNotFoundError."""
-        for folder in self.folders:
-            if (folder / f"{name}.yaml").is_file():
-                return folder / f"{name}.yaml"
-        raise FileNotFoundError(name)
+        file = self._found(name)
+        if file is None:
+            raise FileNotFoundError(name)
+        return file
+
+    def files(self, name: str) -> list[Path]:
+        """The YAML `name` and the files of its group that its defaults list inherits, in the order of merging.
+
+        Choices of other groups in that list do not count. Raises FileNotFoundError where there is no such YAML.
+        """
+        file = self.file(name)
+        entries = [entry for entry in _plain(file).get("defaults", []) if isinstance(entry, str)]
+        if "_self_" not in entries:
+            entries.append("_self_")
+        group = name.rpartition("/")[0]
+        files = []
+        for entry in entries:
+            if entry == "_self_":
+                files.append(file)
+            elif self._found(f"{group}/{entry}"):  # the schema of a command is listed too, and is no file
+                files += self.files(f"{group}/{entry}")
+        return files
 
     def values(self, name: str) -> dict[str, Any]:
-        """What the YAML `name` and those that it inherits hold, its own values last."""
-        content = yaml.load(self.file(name).read_text(encoding="utf-8"), _Loader) or {}
-        folder = name.rpartition("/")[0]
+        """What the YAML `name` holds, with what it inherits, without its defaults list."""
         merged: dict[str, Any] = {}
-        for base in content.pop("defaults", []):
-            if isinstance(base, str) and base != "_self_":
-                merged |= self.values(f"{folder}/{base}")
-        return merged | content
+        for file in self.files(name):
+            merged = _merged(merged, _plain(file))
+        merged.pop("defaults", None)
+        return merged
 
     def title(self, name: str) -> str:
         """The first comment line of the YAML `name`."""
@@ -80,14 +96,42 @@ class Catalogue:
         return {option: self.title(f"{group}/{option}") for option in self.options(group)}
 
     def keys(self, name: str) -> list[Key]:
-        """Every value of the YAML `name`, in order, its defaults list left out."""
-        text = self.file(name).read_text(encoding="utf-8")
-        return list(_walk(yaml.compose(text, _Loader), text.splitlines(), ""))
+        """Every value of the YAML `name` and of those that it inherits, in order, the defaults list left out.
+
+        A key without a comment of its own has the inherited one.
+        """
+        found: dict[str, Key] = {}
+        for file in self.files(name):
+            text = file.read_text(encoding="utf-8")
+            for key in _walk(yaml.compose(text, _Loader), text.splitlines(), ""):
+                comment = key.comment or (found[key.name].comment if key.name in found else "")
+                found[key.name] = replace(key, comment=comment)
+        return list(found.values())
+
+    def _found(self, name: str) -> Path | None:
+        files = (folder / f"{name}.yaml" for folder in self.folders)
+        return next((file for file in files if file.is_file()), None)
 
 
 def shipped(*more: Path) -> Catalogue:
     """The catalogue of `conf/` and of the user's own folders."""
     return Catalogue((resource_dir("conf"), *more))
+
+
+def _plain(file: Path) -> dict[str, Any]:
+    content = yaml.load(file.read_text(encoding="utf-8"), _Loader)
+    return content if isinstance(content, dict) else {}
+
+
+def _merged(base: dict[str, Any], own: dict[str, Any]) -> dict[str, Any]:
+    """`own` over `base`, mapping by mapping."""
+    merged = dict(base)
+    for key, value in own.items():
+        inherited = merged.get(key)
+        if isinstance(inherited, dict) and isinstance(value, dict):
+            value = _merged(inherited, value)
+        merged[key] = value
+    return merged
 
 
 def _walk(node: Any, lines: list[str], prefix: str) -> Iterator[Key]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import difflib
 import enum
 import re
 import types
@@ -11,17 +10,11 @@ import typing
 from collections.abc import Iterable
 from typing import Any
 
-from lme.errors import InputError
+from lme.errors import InputError, nearest
 
 _WORDS = {float: "a number", int: "a whole number", bool: "true or false", str: "text", type(None): "null"}
 _FULL_KEY = re.compile(r"full_key: *(\S+)")
 _VALUE = re.compile(r"(?:[Vv]alue) '(.*?)'(?: of type| is not|,| for)|(?:to string|value): (.*)")
-
-
-def nearest(name: str, known: Iterable[str]) -> str:
-    """ "did you mean NAME? ", or nothing where no known name is near."""
-    close = difflib.get_close_matches(name, sorted(known), 1)
-    return f"did you mean {close[0]}? " if close else ""
 
 
 def unknown_key(key: str, known: Iterable[str]) -> InputError:

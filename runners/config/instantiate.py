@@ -15,8 +15,8 @@ from typing import Any
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-from lme.errors import InputError
-from runners.config.hydra_errors import describe, nearest, translated, unknown_key
+from lme.errors import InputError, nearest
+from runners.config.hydra_errors import describe, translated, unknown_key
 
 
 def build(node: DictConfig | Mapping[str, Any], key: str, *args: Any) -> Any:

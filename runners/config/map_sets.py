@@ -8,11 +8,10 @@ from typing import Any, NamedTuple, cast
 
 import numpy as np
 
-from lme.errors import InputError
+from lme.errors import InputError, nearest
 from lme.types import Floats
 from lme.worlds.world import MapSet, Task
 from runners.config import catalogue
-from runners.config.hydra_errors import nearest
 
 GRAMMAR = "NAME [NUMBER…] [key=value…]"
 CHOICES = ("subset", "kind", "difficulty")  # settings that say which of a set's worlds there are
@@ -77,6 +76,6 @@ def _node(name: str, settings: Sequence[str]) -> Any:
 
     try:
         given = OmegaConf.from_dotlist(list(settings))
-        return OmegaConf.merge(OmegaConf.load(catalogue.shipped().file(f"map/{name}")), given)
+        return OmegaConf.merge(catalogue.shipped().values(f"map/{name}"), given)
     except (OmegaConfBaseException, YAMLError, ValueError) as error:
         raise InputError(f"{' '.join(settings)}: must be key=value, as in YAML") from error

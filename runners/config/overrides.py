@@ -15,7 +15,7 @@ from hydra.errors import HydraException, MissingConfigException
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-from lme.errors import InputError
+from lme.errors import InputError, nearest
 from lme.resources import resource_dir
 from runners.config.composer import Composer, without_hydra
 from runners.config.flatten import dotted_keys
@@ -23,7 +23,6 @@ from runners.config.hydra_errors import (
     expected,
     full_key,
     keys_beside,
-    nearest,
     one_line,
     translated,
     unknown_key,

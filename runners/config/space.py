@@ -7,10 +7,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any, TypeVar
 
-from lme.errors import InputError
-from lme.robots import require
+from lme.errors import InputError, nearest, require
 from runners.config.flatten import flatten
-from runners.config.hydra_errors import nearest
 from runners.config.instantiate import filled
 from runners.config.schema import SystemConfig, TrainConfig
 

@@ -8,10 +8,9 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from lme.errors import InputError
+from lme.errors import InputError, nearest
 from lme.resources import resource_dir
 from runners.config.catalogue import Catalogue
-from runners.config.hydra_errors import nearest
 from runners.config.instantiate import filled
 
 SHIPPED = (resource_dir("conf"),)

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import difflib
 import math
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from lme.errors import InputError
+from lme.errors import InputError, nearest
 from lme.policy.score import CRITERIA
 from lme.policy.weights import read_parameters
 from lme.resources import resource_dir
@@ -70,11 +69,9 @@ def find(weights: str) -> Path:
     if weights in registered:
         return registered[weights]
     known = [*shipped, *registered]
-    close = difflib.get_close_matches(weights, known, 1)
-    hint = f"did you mean {close[0]}? " if close else ""
     raise InputError(
-        f"weights is {weights!r}: {hint}must be one of {', '.join(known)}, the directory of a training run, "
-        "or the path of a weight file"
+        f"weights is {weights!r}: {nearest(weights, known)}must be one of {', '.join(known)}, the directory of a "
+        "training run, or the path of a weight file"
     )
 
 

@@ -10,8 +10,8 @@ from time import perf_counter
 
 import numpy as np
 
-from lme.errors import InputError
-from lme.robots import Robot, require
+from lme.errors import InputError, require
+from lme.robots import Robot
 from runners.config import build, systems
 from runners.config.instantiate import build as build_target
 from runners.config.instantiate import configured, filled

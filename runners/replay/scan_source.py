@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from lme.errors import InputError
-from lme.robots import Lidar, Robot, require
+from lme.errors import InputError, require
+from lme.robots import Lidar, Robot
 from lme.sensing.point_cloud import Projection, cloud_points, rigid_transform, to_scan
 from lme.sensing.resampling import own_lidar, resampled, same_lidar, tidied
 from lme.types import Floats, LaserScan, Pose

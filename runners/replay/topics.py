@@ -6,9 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from lme.errors import InputError
+from lme.errors import InputError, nearest
 from runners.analysis.columns import aligned
-from runners.config.hydra_errors import nearest
 from runners.replay import messages
 from runners.replay.bags import Bag, Topic
 

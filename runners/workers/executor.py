@@ -20,8 +20,7 @@ from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from typing import Any
 
-from lme.errors import InputError
-from lme.robots import require
+from lme.errors import InputError, require
 
 Item = Any  # (world, run), or anything that pickles and whose str() says what it is
 Run = Callable[[Item], Any]

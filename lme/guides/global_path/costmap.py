@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lme.errors import InputError
+from lme.errors import InputError, require
 from lme.geometry.frames import compose, to_robot
 from lme.kernels.costmap import (
     HIGHEST,
@@ -25,7 +25,7 @@ from lme.kernels.costmap import (
     lattice,
     observe,
 )
-from lme.robots import Robot, require
+from lme.robots import Robot
 from lme.types import Bools, Floats, Ints, Observation, Pose
 from lme.worlds.world import World
 

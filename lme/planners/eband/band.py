@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lme.errors import require
 from lme.kernels.band import bubble_radii, covered, mend, relax
 from lme.kernels.polyline import project, stretch
-from lme.robots import require
 from lme.types import Floats
 
 _CAPACITY = 256  # bubbles; a band of any use has far fewer

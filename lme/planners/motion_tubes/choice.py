@@ -8,9 +8,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from lme.errors import require
 from lme.kernels.tubes import Ranges, choose, free_tubes, points_along
 from lme.planners.motion_tubes.tubes import LidarView, Tubes, TubeSpec, forward_tubes
-from lme.robots import Robot, require
+from lme.robots import Robot
 from lme.types import Bools, Floats, Guidance, Twist
 
 _AT_GOAL = 1  # bins: a tube that would pass the path's end must not miss it by more, lest the robot circle it

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from lme.errors import require
 from lme.kernels.collision import sweep
 from lme.kernels.tubes import Ranges
 from lme.planners.commands import approach, limited, towards
@@ -16,7 +17,7 @@ from lme.planners.motion_tubes.choice import Goal, TubeChoice, TubeChoiceConfig,
 from lme.planners.motion_tubes.surroundings import Surroundings
 from lme.planners.motion_tubes.tubes import BackwardTubes, LidarView, backward_tubes, lidar_view
 from lme.planners.stopping import until_rest
-from lme.robots import Robot, require
+from lme.robots import Robot
 from lme.sensing.scan_points import obstacle_points
 from lme.types import Bools, Floats, Guidance, Observation, Pose, Twist
 

@@ -7,10 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lme.errors import require
 from lme.kernels.histogram_search import Costs, Valleys, histogram, least_clearance, nearest_ahead, search
 from lme.planners.commands import approach, limited
 from lme.planners.s3_fisvfh.fuzzy import FuzzyCurve
-from lme.robots import Robot, require
+from lme.robots import Robot
 from lme.sensing.scan_points import obstacle_points
 from lme.types import Bools, Floats, Guidance, LaserScan, Observation, Pose, Twist
 
@@ -25,7 +26,7 @@ class S3FisvfhConfig:
     """Settings of the entry; counts of beams and sectors as angles, turn rates as shares of the limit."""
 
     window: float = 4.0  # [m]
-    sector: float = math.radians(3.0)  # [rad]
+    sector: float = math.pi / 60  # [rad]
     block_distance: float = 1.1  # [m]
     size_factor: float = 1.15  # [-] of the collision radius's double
     size_distance: float = 0.9  # [m]

@@ -1,6 +1,6 @@
 """Reader of the published BARN files: `world_N.world` (SDF) and `path_files/path_N.npy`.
 
-Nothing in a file is trusted: entities are refused, pickles never loaded, sizes limited.
+Files are not trusted: XML entities are refused, pickles are never loaded, sizes are limited.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _PATH_BYTES = 2**16  # a published path has at most 1.1 kB
 
 
 def find_worlds(source: str | Path) -> dict[int, Path]:
-    """World files by number, in order, of an official checkout, its `worlds/` or its `BARN/` folder."""
+    """The world files by number, in order. source: an official checkout, its `worlds/` or its `BARN/` folder."""
     root = Path(source).expanduser()
     if not root.is_dir():
         state = "is a file" if root.exists() else "does not exist"
@@ -52,15 +52,15 @@ def find_worlds(source: str | Path) -> dict[int, Path]:
 
 
 def path_file(world_file: Path) -> Path:
-    """Where the benchmark keeps the path that belongs to a world file."""
+    """The file in which the benchmark keeps the path of a world."""
     return world_file.parent / "path_files" / f"path_{world_file.stem.removeprefix('world_')}.npy"
 
 
 def read_world(file: Path) -> Floats:
     """(C, 3) cylinders [x, y, radius] [m] of a published world, in the order of the file.
 
-    Raises InputError, naming the file, unless it is a BARN world: vertical cylinders, the wall of the start
-    area among them.
+    Raises InputError that names the file unless it is a BARN world: vertical cylinders, including the wall of
+    the start area.
     """
     root = _parsed(file)
     world = root.find("world") if root.tag == "sdf" else None
@@ -76,13 +76,13 @@ def read_world(file: Path) -> Floats:
 
 
 def read_path(file: Path) -> Ints:
-    """(K, 2) cells [row, column] of a published path; InputError, naming the file, unless it is one."""
+    """(K, 2) cells [row, column] of a published path. Raises InputError that names the file if it is not one."""
     _read_limited(file, _PATH_BYTES)
     try:
-        # Mapped, so that a header that claims a huge shape is compared with the file before memory is taken.
+        # Mapping compares the shape in the header with the size of the file before memory is allocated.
         with warnings.catch_warnings(action="ignore"):
             array = np.array(npy.open_memmap(file, mode="r"))
-    except Exception as error:  # a damaged header fails in a dozen ways, tokenizer's and parser's among them
+    except Exception as error:  # a damaged header raises many kinds of errors, also those of Python's parser
         raise InputError(f"{file} is no readable .npy array of integers: {_one_line(error)}") from None
     if array.dtype.kind not in "iu" or array.ndim != 2 or array.shape[1] != 2 or len(array) < 2:
         raise InputError(
@@ -108,7 +108,7 @@ def _entries(folder: Path) -> list[Path]:
 
 
 def _read_limited(file: Path, most: int) -> bytes:
-    """Contents of a regular file of at most `most` bytes."""
+    """The content of a regular file of at most `most` bytes. Raises InputError."""
     try:
         status = file.stat()
         if not stat.S_ISREG(status.st_mode):
@@ -134,7 +134,7 @@ def _parsed(file: Path) -> Element:
 
 
 def _model_discs(file: Path, model: Element) -> list[tuple[float, float, float]]:
-    """Discs of a model's collision bodies; what is only seen and the ground count for nothing."""
+    """(x, y, radius) [m] of a model's collision bodies, without visual bodies and the ground."""
     name = model.get("name", "")
     bodies = [body for body in model.iter("collision") if body.find("geometry/plane") is None]
     x, y = _planar_pose(file, name, model) if bodies else (0.0, 0.0)
@@ -152,7 +152,7 @@ def _planar_pose(file: Path, name: str, model: Element) -> tuple[float, float]:
 
 
 def _numbers(file: Path, name: str, part: Element) -> list[float]:
-    """The six numbers of the first pose [m, rad]; none given means all zero, as SDF has it."""
+    """The six numbers of the first pose [m, rad]; all zero if there is none, as in SDF."""
     text = part.findtext("pose", "0 0 0 0 0 0")
     try:
         values = [float(word) for word in text.split()]
@@ -181,7 +181,7 @@ def _radius(file: Path, name: str, body: Element) -> float:
 
 
 def _check_is_barn(file: Path, cylinders: Floats) -> None:
-    """Start and goal mean something only where the wall of the start area stands (half of it, at least)."""
+    """Raise InputError unless at least half of the wall of the start area is there: start and goal need it."""
     if len(cylinders) == 0:
         raise InputError(f"{file} is no BARN world: it has no cylinders")
     wall = start_wall()

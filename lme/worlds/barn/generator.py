@@ -1,6 +1,6 @@
 """BARN worlds by cellular automaton: the grid, its cylinders, and the recipes of the official worlds.
 
-The grid has 30 × 30 cells of 0.15 m: row r across (x), column c along (y), the way that the robot drives.
+The grid has 30 × 30 cells of 0.15 m: row r runs across (x), column c along the robot's way (y).
 Source: Perille et al. 2020, arXiv:2008.13315; the published worlds are regenerated cylinder for cylinder.
 """
 
@@ -33,7 +33,7 @@ _NEIGHBOURHOOD = np.ones((3, 3), dtype=np.bool_)
 
 
 class Recipe(NamedTuple):
-    """What makes one world: seed of the random stream, share of cells filled at first, smoothing rounds."""
+    """The parameters of one world: random seed, share of cells filled at first, smoothing rounds."""
 
     seed: int
     fill: float
@@ -42,7 +42,7 @@ class Recipe(NamedTuple):
 
 @cache
 def official_recipes() -> dict[int, Recipe]:
-    """Recipes of the 300 published worlds, by their official numbers."""
+    """The recipes of the 300 published worlds, by official number."""
     with (resource_dir("maps") / "barn" / "seeds.csv").open(newline="", encoding="utf-8") as file:
         return {
             int(row["world"]): Recipe(int(row["seed"]), float(row["fill"]), int(row["smoothings"]))
@@ -51,7 +51,7 @@ def official_recipes() -> dict[int, Recipe]:
 
 
 def occupancy(recipe: Recipe) -> tuple[Bools, random.Random]:
-    """Grid (30, 30) of filled cells, and the random stream where the automaton left it."""
+    """The filled cells (30, 30), and the random stream after the automaton's draws."""
     rng = random.Random(recipe.seed)
     grid = _first_fill(rng, recipe.fill)
     for _ in range(recipe.smoothings):
@@ -62,7 +62,7 @@ def occupancy(recipe: Recipe) -> tuple[Bools, random.Random]:
 def cylinders_of(grid: Bools) -> Floats:
     """(C, 3) cylinders [x, y, radius] [m] in the published order: the wall around the start, then the grid.
 
-    A filled cell is drawn only where it lies on the border of the grid or has an empty neighbour.
+    A filled cell has a cylinder only if it lies on the border of the grid or has an empty neighbour.
     """
     drawn = grid & ~ndimage.binary_erosion(grid, _NEIGHBOURHOOD, border_value=0)
     cells = np.argwhere(drawn)
@@ -71,7 +71,7 @@ def cylinders_of(grid: Bools) -> Floats:
 
 
 def start_wall() -> Floats:
-    """(96, 3) cylinders [x, y, radius] [m] that close the start area; the same in all worlds."""
+    """(96, 3) cylinders [x, y, radius] [m] around the start area; the same in all worlds."""
     right = [(WALL_X_M - CELL_M * i, WALL_Y_M) for i in range(GRID_CELLS)]
     left_x = WALL_X_M - CELL_M * (GRID_CELLS - 1)
     sides = [(x, WALL_Y_M + CELL_M * j) for j in range(1, WALL_ROWS + 1) for x in (WALL_X_M, left_x)]
@@ -79,9 +79,9 @@ def start_wall() -> Floats:
 
 
 def grid_from(cylinders: Floats) -> Bools:
-    """Grid (30, 30) that cylinders (C, 3) [m] fill; those outside it are ignored.
+    """The cells (30, 30) that cylinders (C, 3) [m] fill; cylinders outside the grid are ignored.
 
-    Cells closed in on all sides count as filled: what is solid has no cylinders inside.
+    Enclosed cells count as filled, because solid regions have no cylinders inside.
     """
     rows = np.rint((cylinders[:, 0] - ORIGIN_X_M) / CELL_M)
     columns = np.rint((cylinders[:, 1] - ORIGIN_Y_M) / CELL_M)
@@ -98,7 +98,7 @@ def cylinders_digest(cylinders: Floats) -> str:
 
 
 def _first_fill(rng: random.Random, fill: float) -> Bools:
-    """Outer rows filled without drawing for them; the others cell by cell."""
+    """The first grid: the first and last row are filled without a draw, the other cells are drawn one by one."""
     grid = np.ones((GRID_CELLS, GRID_CELLS), dtype=np.bool_)
     inner = GRID_CELLS - 2
     draws = np.array([rng.random() for _ in range(inner * GRID_CELLS)])
@@ -107,7 +107,7 @@ def _first_fill(rng: random.Random, fill: float) -> Bools:
 
 
 def _smoothed(grid: Bools) -> Bools:
-    """One round, all cells at once: beyond the first and last row all is filled, beyond the columns empty."""
+    """One round for all cells at once. Beyond the first and last row cells count as filled, elsewhere as empty."""
     padded = np.zeros((GRID_CELLS + 2, GRID_CELLS + 2), dtype=np.int8)
     padded[0] = padded[-1] = 1
     padded[1:-1, 1:-1] = grid
@@ -118,5 +118,5 @@ def _smoothed(grid: Bools) -> Bools:
 
 
 def _discs(centres: Floats) -> Floats:
-    """Cylinders at (C, 2) centres [m], rounded to six decimals as they are published."""
+    """(C, 3) cylinders at the centres (C, 2) [m], rounded to six decimals as in the published files."""
     return np.column_stack([np.round(centres, 6), np.full(len(centres), CYLINDER_RADIUS_M)])

@@ -1,4 +1,4 @@
-"""Copy published BARN worlds into a folder of one's own, checked and compared with the regenerated ones."""
+"""Import of published BARN worlds: check them, compare them with the regenerated ones, copy them."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from lme.worlds.barn.layouts import official_layout, published_layout
 
 @dataclass(frozen=True, slots=True)
 class ImportedWorld:
-    """One imported world beside the regenerated one of the same number."""
+    """How an imported world compares with the regenerated one of the same number."""
 
     number: int
     cylinders: str  # "equal" | "different" | "not official"
@@ -25,10 +25,10 @@ class ImportedWorld:
 
 
 def import_worlds(source: Path, destination: Path) -> list[ImportedWorld]:
-    """Check every world found in `source`, copy worlds and paths to `destination`, compare with our own.
+    """Check every world in `source`, compare it with the regenerated one, and copy worlds and paths.
 
-    The copy appears whole or not at all, and can serve as `map.source`. Raises InputError for a broken file,
-    a destination that already holds something, and one that cannot be written.
+    The copy in `destination` is complete or absent, and can serve as `map.source`. Raises InputError for a
+    broken file, and for a destination that is not empty or cannot be written.
     """
     files = find_worlds(source)
     if destination.exists() and not (destination.is_dir() and not any(destination.iterdir())):

@@ -1,4 +1,4 @@
-"""Where BARN worlds come from: the official recipes, published files, or fresh seeds."""
+"""The sources of BARN worlds: official recipes, published files, and fresh seeds."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ from lme.worlds.barn.path import inflated, middle_path, random_path
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """One BARN world before any task is set in it.
+    """One BARN world without a task.
 
-    cylinders: (C, 3) [x, y, radius] [m]. grid: (30, 30) filled cells. path: (K, 2) the benchmark's [cells].
-    recipe: what makes the same world again; None where that is not known.
+    cylinders: (C, 3) [x, y, radius] [m]. grid: (30, 30) filled cells. path: (K, 2) cells of the benchmark's path.
+    recipe: its parameters; None if they are not known.
     """
 
     cylinders: Floats
@@ -40,21 +40,21 @@ class Layout:
 
     @property
     def fill(self) -> float:
-        """Share of the grid filled, its first and last row (always walls) left out."""
+        """Share of filled cells, without the first and last row, which are always filled."""
         return float(self.grid[1:-1].mean())
 
 
 def official_layout(number: int) -> Layout:
-    """Official world 0…299, regenerated."""
+    """Official world 0…299, regenerated from its recipe."""
     layout = generated_layout(official_recipes()[number])
     assert layout is not None, "the benchmark published only worlds with a way through"
     return layout
 
 
 def fresh_layout(fresh_seed: int, index: int) -> Layout:
-    """World `index` of the stream `fresh_seed`: never an official one, always with a way through.
+    """Fresh world `index` of the seed `fresh_seed`: never an official one, always with a way through.
 
-    Settings cycle through the benchmark's twelve; each world has its own seeds, whatever else is asked for.
+    `index` cycles through the benchmark's twelve settings. A world does not depend on which others are made.
     """
     layout = generated_layout(_fresh_recipe(fresh_seed, index))
     assert layout is not None, "only accepted recipes are returned"
@@ -62,17 +62,17 @@ def fresh_layout(fresh_seed: int, index: int) -> Layout:
 
 
 def generated_layout(recipe: Recipe) -> Layout | None:
-    """The world that a recipe makes; None where the benchmark rejects it, as there is no way through."""
+    """The world of a recipe; None if it has no way through, so that the benchmark rejects it."""
     grid, rng = occupancy(recipe)
     path = random_path(inflated(grid), rng)
     return None if path is None else Layout(cylinders_of(grid), grid, path, recipe)
 
 
 def published_layout(number: int, world_file: Path) -> Layout:
-    """World and path as published; the path is planned where `path_N.npy` is not there.
+    """World and path as published; the path is planned if there is no `path_N.npy`.
 
-    A world that differs from the official one of its number has no random stream: its path starts and ends
-    at the open rows nearest to the middle. Raises InputError for files that are no BARN world or path.
+    A world that differs from the official one of its number has no random stream: its planned path starts and
+    ends at the free rows nearest to the middle. Raises InputError for a file that is no BARN world or path.
     """
     cylinders = read_world(world_file)
     recipe = _matching_recipe(number, cylinders)
@@ -84,7 +84,7 @@ def published_layout(number: int, world_file: Path) -> Layout:
 
 @lru_cache(maxsize=4096)
 def _fresh_recipe(fresh_seed: int, index: int) -> Recipe:
-    """First accepted recipe of a fresh world; of the densest settings one in hundreds is accepted."""
+    """The first accepted recipe of a fresh world; in the densest settings one in hundreds is accepted."""
     settings = list(itertools.product(FILLS, SMOOTHINGS))
     fill, smoothings = settings[index % len(settings)]
     official = {recipe.seed for recipe in official_recipes().values()}

@@ -1,24 +1,24 @@
-"""The BARN benchmark: 300 official worlds, published files, or fresh worlds of the same kind.
+"""The BARN benchmark: the 300 official worlds, published files, or new worlds of the same kind.
 
 Protocol: the benchmark's `run.py` (Daffan/the-barn-challenge); worlds: Perille et al. 2020, arXiv:2008.13315.
 """
 
 from __future__ import annotations
 
-import difflib
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from lme.errors import InputError
-from lme.robots import require
+from lme.errors import InputError, nearest, require
 from lme.types import Pose
 from lme.worlds.barn.files import find_worlds
 from lme.worlds.barn.generator import official_recipes
 from lme.worlds.barn.layouts import Layout, fresh_layout, official_layout, published_layout
 from lme.worlds.barn.measures import barn_measures
 from lme.worlds.barn.path import OPTIMAL_SPEED_M_S, benchmark_length, inflated
+from lme.worlds.rules import TaskRules, check_chosen
 from lme.worlds.world import Task, World
 
 SUBSETS = ("all", "official50", "hard100", "fresh")
@@ -28,14 +28,13 @@ _OFFICIAL = {"all": range(300), "official50": range(0, 300, 6), "hard100": range
 
 
 @dataclass(slots=True)
-class BarnConfig:
+class BarnConfig(TaskRules):
     """Keys of `conf/map/barn.yaml`."""
 
     subset: str = "hard100"  # all | official50 | hard100 | fresh
     source: str | None = None  # folder with the published files; None: regenerate them
-    worlds: list[int] | None = None  # these numbers instead of the subset's
     count: int = 100  # how many fresh worlds
-    fresh_seed: int = 0  # which stream of fresh worlds
+    fresh_seed: int = 0  # seed of the fresh worlds
     start: list[float] = field(default_factory=lambda: [-2.25, 3.0, math.pi / 2])  # x, y [m], yaw [rad]
     goal: list[float] = field(default_factory=lambda: [-2.25, 13.0])  # x, y [m]
     goal_tolerance: float = 1.0  # [m]
@@ -43,9 +42,10 @@ class BarnConfig:
     clock_distance: float = 0.1  # [m]
 
     def __post_init__(self) -> None:
+        TaskRules.__post_init__(self)  # super() fails in a dataclass with slots
         if self.subset not in SUBSETS:
             raise InputError(
-                f"map.subset is {self.subset!r}: must be one of {', '.join(SUBSETS)}" + _nearest(self.subset)
+                f"map.subset is {self.subset!r}: {nearest(self.subset, SUBSETS)}must be one of {', '.join(SUBSETS)}"
             )
         if self.subset == "fresh" and self.source is not None:
             raise InputError(
@@ -53,37 +53,33 @@ class BarnConfig:
             )
         require("map.count", self.count, at_least=1)
         require("map.fresh_seed", self.fresh_seed, at_least=0)
-        require("map.goal_tolerance", self.goal_tolerance, above=0)
-        require("map.time_limit", self.time_limit, above=0)
-        require("map.clock_distance", self.clock_distance, at_least=0)
         _check_numbers("map.start", self.start, "three finite numbers: x, y [m], yaw [rad]", 3)
         _check_numbers("map.goal", self.goal, "two finite numbers: x, y [m]", 2)
 
 
 class Barn:
-    """BARN worlds under their official numbers; fresh ones count from 1000."""
+    """BARN worlds by their official numbers; fresh worlds count from 1000."""
 
     Config = BarnConfig
 
     def __init__(self, config: BarnConfig) -> None:
-        """Raises InputError where worlds that were asked for are not there; files are read by `task`."""
+        """Raises InputError if a world that was asked for does not exist; `task` reads the files."""
         self.config = config
         self._files = None if config.source is None else find_worlds(config.source)
         self._numbers = self._chosen()
 
     @property
     def numbers(self) -> tuple[int, ...]:
-        """The worlds chosen, by their own numbers."""
+        """The numbers of the chosen worlds."""
         return self._numbers
 
     def task(self, number: int) -> Task:
-        """Build world `number`; InputError for a published file that is broken."""
+        """Build world `number`. Raises InputError for a broken published file."""
         return self._task(number, self.layout(number))
 
     def layout(self, number: int) -> Layout:
         """Cylinders, grid, the benchmark's path and the recipe of world `number`."""
-        if number not in self._numbers:
-            raise InputError(f"world {number} is not among the chosen worlds of map barn")
+        check_chosen(number, self._numbers, "world", "barn")
         if self._files is not None:
             return published_layout(number, self._files[number])
         if self.config.subset == "fresh":
@@ -91,41 +87,33 @@ class Barn:
         return official_layout(number)
 
     def _task(self, number: int, layout: Layout) -> Task:
-        config = self.config
-        start, goal = Pose(*config.start), np.array(config.goal, dtype=np.float64)
-        length = benchmark_length(layout.path, start, goal)
-        return Task(
-            map_name="barn",
-            number=number,
-            world=World(circles=layout.cylinders),
-            start=start,
-            goal=goal,
-            goal_tolerance=config.goal_tolerance,
-            time_limit=config.time_limit,
-            clock_distance=config.clock_distance,
-            shortest_path_length=length,
-            optimal_time=length / OPTIMAL_SPEED_M_S,
+        start, goal = Pose(*self.config.start), np.array(self.config.goal, dtype=np.float64)
+        return self.config.task(
+            "barn",
+            number,
+            World(circles=layout.cylinders),
+            start,
+            goal,
+            length=benchmark_length(layout.path, start, goal),
+            speed=OPTIMAL_SPEED_M_S,
             measures=_measures(layout),
         )
 
     def _chosen(self) -> tuple[int, ...]:
-        """Numbers of `worlds` or of the subset; InputError names those that are not there."""
-        config = self.config
-        asked = config.worlds
-        if asked is None:
-            if config.subset == "fresh":
-                return tuple(range(FIRST_FRESH, FIRST_FRESH + config.count))
-            asked = list(_OFFICIAL[config.subset])
-            if self._files is not None and config.subset == "all":
-                asked = list(self._files)
-        elif not asked or len(set(asked)) < len(asked):
-            raise InputError(
-                f"map.worlds is {list(asked)}: must be different world numbers, at least one, or null"
-            )
+        """Numbers of `worlds` or of the subset. Raises InputError that names those that do not exist."""
+        asked = self.config.numbers(self._subset())
         absent = [number for number in asked if not self._has(number)]
         if absent:
             raise InputError(self._absence(absent))
-        return tuple(asked)
+        return asked
+
+    def _subset(self) -> Iterable[int]:
+        config = self.config
+        if config.subset == "fresh":
+            return range(FIRST_FRESH, FIRST_FRESH + config.count)
+        if self._files is not None and config.subset == "all":
+            return self._files
+        return _OFFICIAL[config.subset]
 
     def _has(self, number: int) -> bool:
         if self._files is not None:
@@ -143,15 +131,10 @@ class Barn:
 
 
 def _measures(layout: Layout) -> dict[str, float]:
-    """Cylinders, fill, the five difficulty measures, and the smoothings of the recipe where it is known."""
+    """Cylinders, fill, the five difficulty measures, and the recipe's smoothings if the recipe is known."""
     smoothings = {} if layout.recipe is None else {"smoothings": float(layout.recipe.smoothings)}
     counts = {"cylinders": float(len(layout.cylinders)), "fill": layout.fill}
     return {**counts, **smoothings, **barn_measures(inflated(layout.grid), layout.path)}
-
-
-def _nearest(word: str) -> str:
-    close = difflib.get_close_matches(word, SUBSETS, n=1, cutoff=0.5)
-    return f"; did you mean {close[0]!r}?" if close else ""
 
 
 def _check_numbers(key: str, values: list[float], right: str, count: int) -> None:

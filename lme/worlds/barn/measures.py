@@ -1,6 +1,6 @@
 """The five difficulty measures of a BARN world, averaged along the benchmark's path.
 
-All lengths are in cells of the 0.15 m grid, on the inflated grid, as the benchmark publishes them.
+They are measured on the inflated grid; lengths are in cells of 0.15 m, as the benchmark publishes them.
 Source: Perille et al. 2020, arXiv:2008.13315, section on difficulty metrics.
 """
 
@@ -15,9 +15,9 @@ from lme.worlds.barn.path import obstacle_distance
 
 _AXES = ((0, 1), (1, 1), (1, 0), (1, -1))
 _RAYS = _AXES + tuple((-dr, -dc) for dr, dc in _AXES)
-# Sixteen directions around the cell, quarter by quarter. The published figures come out only with two quirks:
-# in the third quarter the two knight's moves are swapped, and of the knight's moves only those with a +2
-# count as two cells each, those with a −2 as one.
+# Sixteen directions around a cell, quarter by quarter. Two errors of the benchmark are needed to reproduce the
+# published figures: the two knight's moves of the third quarter are swapped, and only those knight's moves that
+# contain +2 count as two cells; those that contain −2 count as one.
 _SIXTEEN = (
     *((0, 1), (1, 2), (1, 1), (2, 1)),
     *((1, 0), (2, -1), (1, -1), (1, -2)),
@@ -30,7 +30,7 @@ Walls = list[list[bool]]
 
 
 def barn_measures(blocked: Bools, path: Ints) -> dict[str, float]:
-    """All five by name. blocked: (30, 30) inflated grid; path: (K, 2) cells, all of them free."""
+    """The five measures by name. blocked: (30, 30) inflated grid; path: (K, 2) cells, all of them free."""
     return {
         "closest_wall": closest_wall(blocked, path),
         "avg_visibility": avg_visibility(blocked, path),
@@ -46,9 +46,9 @@ def closest_wall(blocked: Bools, path: Ints) -> float:
 
 
 def avg_visibility(blocked: Bools, path: Ints) -> float:
-    """Mean over the path of how far one sees, on average over the eight neighbours' directions [cells].
+    """Mean visible distance over the path and over the directions of the eight neighbours [cells].
 
-    A ray ends at a blocked cell or at the border of the grid; the cell itself counts as seen.
+    A ray ends at a blocked cell or at the border of the grid; the cell itself counts as visible.
     """
     walls = blocked.tolist()
     return _mean(
@@ -57,15 +57,15 @@ def avg_visibility(blocked: Bools, path: Ints) -> float:
 
 
 def characteristic_dimension(blocked: Bools, path: Ints) -> float:
-    """Mean over the path of the narrowest free width through a cell along four axes [cells]."""
+    """Mean over the path of the least free width through a cell, of four axes [cells]."""
     walls = blocked.tolist()
     return _mean([min(_width(walls, cell, axis) for axis in _AXES) for cell in path.tolist()])
 
 
 def dispersion(blocked: Bools, path: Ints) -> float:
-    """Mean over the path of how often "wall" and "no wall" alternate around a cell.
+    """Mean over the path of the number of changes between "wall" and "no wall" around a cell.
 
-    Sixteen directions, each looked along for three cells.
+    There is a wall in a direction, of sixteen, if one lies within three cells.
     """
     walls = blocked.tolist()
     return _mean(
@@ -74,13 +74,13 @@ def dispersion(blocked: Bools, path: Ints) -> float:
 
 
 def tortuosity(path: Ints) -> float:
-    """Length of the path over the straight distance between its ends."""
+    """Length of the path divided by the straight distance between its ends."""
     arc = np.hypot(*np.diff(path, axis=0).T).sum()
     return float(arc / math.dist(path[0], path[-1]))
 
 
 def _free(walls: Walls, cell: list[int], ray: tuple[int, int], most: int = 1000) -> int:
-    """Free cells passed along a ray, not counting the first, until a wall, the border or `most`."""
+    """Number of free cells along a ray, without the first, up to a wall, the border or `most`."""
     (r, c), (dr, dc) = cell, ray
     steps = 0
     while steps < most and _inside(walls, r + dr, c + dc) and not walls[r + dr][c + dc]:

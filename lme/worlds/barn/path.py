@@ -1,4 +1,4 @@
-"""The benchmark's own path through a BARN world, and the optimal time that it scores against.
+"""The benchmark's own path through a BARN world, and the optimal speed of its metric.
 
 Source: Perille et al. 2020, arXiv:2008.13315; the published `path_N.npy` are reproduced cell for cell.
 """
@@ -17,10 +17,10 @@ from scipy import ndimage
 from lme.types import Bools, Floats, Ints, Pose
 from lme.worlds.barn.generator import CELL_M, GRID_CELLS
 
-ROBOT_CELLS = 2  # the benchmark's Jackal takes so many cells on each side of its own
+ROBOT_CELLS = 2  # cells that the benchmark's Jackal occupies on each side of its own
 OPTIMAL_SPEED_M_S = 2.0
 
-# The scripts that score map path cells by these, (−0.15, −0.10) m beside the cells' true centres.
+# The benchmark's scoring scripts place cell (0, 0) of a path here, (−0.15, −0.10) m from its true centre.
 _PATH_X_M, _PATH_Y_M = -4.575, 5.075
 
 _PENALTY, _PENALTY_CELLS = 5.0, 2.0
@@ -31,33 +31,33 @@ Cell = tuple[int, int]
 
 
 def inflated(grid: Bools) -> Bools:
-    """(30, 30) cells where the robot's centre cannot be: any cell of the 5 × 5 around is filled."""
+    """(30, 30) cells where the robot's centre cannot be: a cell of the 5 × 5 around is filled."""
     size = 2 * ROBOT_CELLS + 1
     return np.asarray(ndimage.maximum_filter(grid, size=size, mode="constant", cval=0), dtype=np.bool_)
 
 
 def obstacle_distance(blocked: Bools) -> Floats:
-    """(30, 30) distance of each cell to the nearest blocked one [cells]."""
+    """(30, 30) distance from each cell to the nearest blocked one [cells]."""
     return np.asarray(ndimage.distance_transform_edt(~blocked), dtype=np.float64)
 
 
 def random_path(blocked: Bools, rng: random.Random) -> Ints | None:
-    """Path between rows that the world's own stream draws, left before right; None: no way through."""
+    """Path between rows drawn from the world's own random stream, left before right; None if there is no way."""
     return _path_through(blocked, lambda rows: rows[int(rng.random() * len(rows))])
 
 
 def middle_path(blocked: Bools) -> Ints | None:
-    """Path between the open rows nearest to the middle, for worlds without a random stream."""
+    """Path between the free rows nearest to the middle, for worlds without a random stream; None as above."""
     return _path_through(blocked, lambda rows: min(rows, key=lambda row: abs(row - (GRID_CELLS - 1) / 2)))
 
 
 def plan(blocked: Bools, start: Cell, goal: Cell) -> Ints | None:
-    """(K, 2) cells from start to goal, the start twice as published; None where there is no way.
+    """(K, 2) cells from start to goal, the start twice as in the published files; None if there is no way.
 
-    Best-first search over eight neighbours: turns of at most 45°, never between two blocked cells that touch
-    at a corner, a penalty of 5/d within 2 cells of an obstacle. As in the published paths, a cell is first
-    ranked by the way so far, and by way plus straight distance to go once a shorter way to it turns up;
-    neither that distance nor the penalty is handed on.
+    Best-first search over eight neighbours, with turns of at most 45°, no passage between two blocked cells that
+    touch at a corner, and a penalty of 5/d within 2 cells of an obstacle. To reproduce the published paths, a
+    cell's first rank is the length of the way to it and its penalty. When a shorter way to it is found, the straight
+    distance to the goal is added. The cost of the cells that follow contains neither distance nor penalty.
     """
     walls, nearness = blocked.tolist(), _penalties(blocked)
     parents: dict[Cell, Cell | None] = {start: None}
@@ -82,7 +82,7 @@ def plan(blocked: Bools, start: Cell, goal: Cell) -> Ints | None:
 
 
 def benchmark_length(path: Ints, start: Pose, goal: Floats) -> float:
-    """Length of start, path (K, 2) and goal in a row [m], as the scripts that score measure it."""
+    """Length of the polyline of start, path (K, 2) and goal [m], as the benchmark's scoring scripts measure it."""
     cells = np.column_stack([_PATH_X_M + CELL_M * path[:, 0], _PATH_Y_M + CELL_M * path[:, 1]])
     points = np.vstack([[start.x, start.y], cells, goal])
     return float(np.hypot(*np.diff(points, axis=0).T).sum())
@@ -94,7 +94,7 @@ def path_digest(path: Ints) -> str:
 
 
 def _path_through(blocked: Bools, choose: Callable[[list[int]], int]) -> Ints | None:
-    """From the first column to the last, both ends in the one region that is the largest at either side."""
+    """Path from the first column to the last, in the region that is the largest at both; None if none is."""
     if blocked[:, 0].all() or blocked[:, -1].all():
         return None
     regions, count = ndimage.label(~blocked)
@@ -118,7 +118,7 @@ def _penalties(blocked: Bools) -> list[list[float]]:
 
 
 def _moves(walls: list[list[bool]], cell: Cell, parent: Cell | None) -> list[tuple[Cell, float]]:
-    """Free neighbours that a turn of at most 45° leads to, with the length of the step [cells]."""
+    """The free neighbours within a turn of 45°, each with the length of the step [cells]."""
     r, c = cell
     directions: tuple[Cell, ...] = _DIRECTIONS
     if parent is not None:

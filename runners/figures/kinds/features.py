@@ -10,12 +10,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from lme.errors import InputError
+from lme.errors import InputError, nearest, require
 from lme.policy.explanation import Explanation
 from lme.policy.score import CRITERIA
-from lme.robots import require
 from lme.types import Bools, Floats
-from runners.config.hydra_errors import nearest
 from runners.figures.parts import robot_view as view
 from runners.figures.parts.driven_runs import DrivenRun
 from runners.figures.parts.feature_page import Page

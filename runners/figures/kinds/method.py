@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from lme.errors import require
 from lme.policy.criteria import View
 from lme.policy.surmount import Blockage, sector_points
-from lme.robots import require
 from lme.types import Floats
 from runners.figures.parts import robot_view as view
 from runners.figures.parts.driven_runs import DrivenRun

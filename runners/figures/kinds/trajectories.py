@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from lme.errors import InputError
-from lme.robots import require
+from lme.errors import InputError, require
 from runners.figures.parts.driven_runs import DrivenRun, runs_of
 from runners.figures.parts.layout import Around, aspect_of, best_columns, lay_out, wrapped
 from runners.figures.parts.panels import (

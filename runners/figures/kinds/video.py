@@ -8,8 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lme.errors import InputError
-from lme.robots import require
+from lme.errors import InputError, require
 from runners.figures.parts.animation import Pace, Screen
 from runners.figures.parts.driven_runs import DrivenRun, chosen_world
 from runners.figures.parts.film import GIF, MP4, Picture, find_ffmpeg, write_film

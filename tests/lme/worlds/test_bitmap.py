@@ -160,7 +160,7 @@ def test_negate_swaps_black_and_white(tmp_path):
         ({"image": "''"}, "must be the name of a picture"),
         ({"resolution": 0}, "resolution is 0: must be a finite number greater than 0"),
         ({"resolution": None}, "resolution is missing"),
-        ({"resolutoin": 1}, "unknown key 'resolutoin': did you mean 'resolution'"),
+        ({"resolutoin": 1}, "unknown key 'resolutoin': did you mean resolution?"),
         ({"origin": [0, 0]}, "origin is [0, 0]: must be [x, y, yaw], 3 finite numbers"),
         ({"negate": 2}, "negate is 2: must be 0 or 1"),
         ({"mode": "raw"}, "mode is 'raw': must be trinary"),

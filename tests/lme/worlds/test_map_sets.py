@@ -1,13 +1,11 @@
 """Rooms as map sets: configurations under their numbers."""
 
-import dataclasses
 import json
 import subprocess
 import sys
 
 import numpy as np
 import pytest
-import yaml
 from PIL import Image
 
 from lme.errors import InputError
@@ -16,10 +14,10 @@ from lme.robots import Robot
 from lme.worlds.check import check_task
 from lme.worlds.room import Room, RoomConfig, read_floor_plan
 from lme.worlds.sampling import clearance_field
+from runners.config import catalogue
 from runners.config.instantiate import build, filled
 from tests.places import SHARED
 
-CONF = resource_dir("conf")
 ORIGINALS = SHARED / "maps"
 
 
@@ -35,8 +33,8 @@ def pairs(chosen):
 
 @pytest.mark.parametrize("name", ["env1", "env2"])
 def test_shipped_maps_offer_fifty_tasks_that_the_stage_robot_can_begin(name):
-    robot = filled(Robot, yaml.safe_load((CONF / "robot" / "stage.yaml").read_text()), "robot")
-    chosen = build(yaml.safe_load((CONF / "map" / f"{name}.yaml").read_text()), "map")
+    robot = filled(Robot, catalogue.shipped().values("robot/stage"), "robot")
+    chosen = build(catalogue.shipped().values(f"map/{name}"), "map")
     assert chosen.numbers == tuple(range(50))
     for number in chosen.numbers:
         task = chosen.task(number)
@@ -95,17 +93,9 @@ def test_a_map_is_surveyed_once_and_again_when_its_file_changes(tmp_path):
 
 def test_a_picture_is_a_map_set_too(tmp_path):
     Image.fromarray(np.pad(np.full((98, 98), 255, dtype=np.uint8), 1)).save(tmp_path / "hall.png")
-    chosen = build({**yaml.safe_load((CONF / "map" / "file.yaml").read_text()),
-                    "path": str(tmp_path / "hall.png"), "size": [10, 10]}, "map")  # fmt: skip
+    given = {"path": str(tmp_path / "hall.png"), "size": [10, 10]}
+    chosen = build({**catalogue.shipped().values("map/file"), **given}, "map")
     assert chosen.task(49).map_name == "hall"
-
-
-@pytest.mark.parametrize("name", ["env1", "env2", "file"])
-def test_every_key_stands_in_the_yaml_with_a_comment(name):
-    text = (CONF / "map" / f"{name}.yaml").read_text(encoding="utf-8")
-    fields = [field.name for field in dataclasses.fields(RoomConfig)]
-    assert list(yaml.safe_load(text)) == ["_target_", *fields]
-    assert all("  # " in line for line in text.splitlines()[2:])
 
 
 @pytest.mark.parametrize(

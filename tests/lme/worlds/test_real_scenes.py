@@ -6,7 +6,6 @@ import math
 
 import numpy as np
 import pytest
-import yaml
 
 from lme.episode import run_episode
 from lme.errors import InputError
@@ -21,6 +20,7 @@ from lme.types import Outcome
 from lme.worlds.check import check_task, point_clearance
 from lme.worlds.scene import Scene, SceneConfig, read_scene
 from lme.worlds.world import World
+from runners.config import catalogue
 from runners.config.instantiate import build
 from tests.builders import PUBLISHED, SHIPPED, shipped
 
@@ -180,7 +180,7 @@ def test_lme_meets_the_pedestrian_and_takes_another_way():
 
 @pytest.mark.parametrize("name", ALL)
 def test_the_yaml_builds_what_ships(name):
-    written = yaml.safe_load((resource_dir("conf") / "map" / f"{name}.yaml").read_text("utf-8"))
+    written = catalogue.shipped().values(f"map/{name}")
     speed = 0.66 if name in QUADRUPED else 0.5
     assert build(written, "map").config == SceneConfig(name=name, speed=speed)
     assert machine(name).v_max == speed
@@ -211,8 +211,8 @@ def test_a_door_is_a_mover_with_angles_in_degrees(tmp_path):
     [
         ("start: [1, 1]\n", "", "start is missing"),
         ("goal: [3, 3]", "goal: [3]", "goal is [3]: must be [x, y], 2 finite numbers"),
-        ("goal:", "gaol:", "unknown key 'gaol': did you mean 'goal'?"),
-        ("turn_rate_deg", "turn_rate", "movers[0]: unknown key 'turn_rate': did you mean 'turn_rate_deg'?"),
+        ("goal:", "gaol:", "unknown key 'gaol': did you mean goal?"),
+        ("turn_rate_deg", "turn_rate", "movers[0]: unknown key 'turn_rate': did you mean turn_rate_deg?"),
         ("turn_rate_deg: 45", "turn_rate_deg: fast", "movers[0]: turn_rate_deg is 'fast': must be"),
         ("[2, 2, 90]", "[2]", "movers[0]: path[1] is [2]: must be [x, y] or [x, y, yaw_deg]"),
         ("path: [[2, 2, 0], [2, 2, 90]]", "path: 3", "movers[0]: path is 3: must be a list of positions"),
@@ -255,13 +255,35 @@ def test_a_number_that_was_not_chosen_is_refused():
 
 
 def test_a_robot_that_is_too_wide_for_the_only_way_is_refused():
-    with pytest.raises(InputError, match="map real1, start 0: no way to the goal is wide enough"):
+    with pytest.raises(
+        InputError,
+        match=r"map real1, start 0: no path from the start to the goal is wide enough for a disc of radius 0\.45 m",
+    ):
         Scene(SceneConfig(name="real1", radius=0.45)).task(0)
+
+
+@pytest.mark.parametrize(
+    ("start", "right"),
+    [
+        ("[9, 3]", r"start 0: the start is \(9, 3\), outside the map: must lie in x 0 to 8 m, y 0 to 6 m$"),
+        (
+            "[4, 3.6]",
+            r"the start is \(4, 3\.6\), in an obstacle or too near one: must be at least 0\.2 m from",
+        ),
+    ],
+)
+def test_a_start_that_is_not_free_says_so(tmp_path, start, right):
+    path = tmp_path / "blocked.yaml"
+    path.write_text(
+        f"bounds: [0, 0, 8, 6]\nstart: {start}\ngoal: [7, 3]\ncircles: [{{centre: [4, 3], radius: 0.5}}]\n"
+    )
+    with pytest.raises(InputError, match=right):
+        Scene(SceneConfig(path=str(path), radius=0.2, lateral=0.0)).task(0)
 
 
 def test_a_start_at_the_goal_is_refused():
     with pytest.raises(
-        InputError, match=r"start 0: it lies 6\.4 m from the goal, within map\.goal_tolerance"
+        InputError, match=r"start 0: the start lies 6\.4 m from the goal, within map\.goal_tolerance"
     ):
         scene("real1", goal_tolerance=6.5).task(0)
 

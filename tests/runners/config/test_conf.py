@@ -4,6 +4,7 @@ import dataclasses
 import importlib
 
 import pytest
+import yaml
 from omegaconf import OmegaConf
 
 from lme.resources import resource_dir
@@ -48,8 +49,7 @@ def test_every_option_composes(composer, group, option):
 
 
 @pytest.mark.parametrize(
-    ("group", "option"),
-    [pair for pair in OPTIONS if "_target_" in CATALOGUE.file("/".join(pair)).read_text()],
+    ("group", "option"), [pair for pair in OPTIONS if "_target_" in CATALOGUE.values("/".join(pair))]
 )
 def test_keys_are_those_of_the_config_class(composer, group, option):
     config = without_hydra(composer.compose([f"{group}={option}"]))
@@ -58,6 +58,40 @@ def test_keys_are_those_of_the_config_class(composer, group, option):
     assert written == set(_fields(cls.Config))
     module, _, name = str(config[group]._target_).rpartition(".")
     assert getattr(importlib.import_module(module), name) is cls
+
+
+def _own_target(path):
+    """The class that a YAML itself names, rather than one that it inherits from; None for one of the user's."""
+    content = yaml.safe_load(path.read_text(encoding="utf-8"))
+    return content.get("_target_", "???") if isinstance(content, dict) and path.stem != CUSTOM else "???"
+
+
+def _defaults(config_class, prefix=""):
+    """Dotted name and default value of each field that has one."""
+    for name in (field.name for field in dataclasses.fields(config_class)):
+        default = getattr(config_class(), name)
+        if dataclasses.is_dataclass(default):
+            yield from _defaults(type(default), f"{prefix}{name}.")
+        else:
+            yield f"{prefix}{name}", default
+
+
+@pytest.mark.parametrize(
+    "path",
+    [path for path in sorted(CONF.rglob("*.yaml")) if _own_target(path) != "???"],
+    ids=lambda path: str(path.relative_to(CONF)),
+)
+def test_the_default_of_a_class_is_the_value_in_its_yaml(path):
+    node = OmegaConf.create(CATALOGUE.values(str(path.relative_to(CONF).with_suffix(""))))
+    module, _, name = node._target_.rpartition(".")
+    defaults = dict(_defaults(getattr(importlib.import_module(module), name).Config))
+    written = {key: OmegaConf.select(node, key) for key in defaults if not _interpolated(node, key)}
+    assert written == {key: default for key, default in defaults.items() if key in written}
+
+
+def _interpolated(node, key):
+    parent, _, name = key.rpartition(".")
+    return OmegaConf.is_interpolation(OmegaConf.select(node, parent) if parent else node, name)
 
 
 @pytest.mark.parametrize("option", CATALOGUE.options("robot"))
@@ -91,7 +125,7 @@ def test_there_is_no_yaml_that_no_command_reaches():
     }
     groups |= {f"experiment/{name}" for name in commands}
     reached = {f"{group}/{option}" for group in groups for option in CATALOGUE.options(group)} | commands
-    assert {str(path.relative_to(CONF).with_suffix("")) for path in CONF.rglob("*.yaml")} == reached
+    assert set(CONF.rglob("*.yaml")) == {file for name in reached for file in CATALOGUE.files(name)}
 
 
 def test_the_defaults_are_the_papers_main_experiment(composer):

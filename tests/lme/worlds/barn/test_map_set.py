@@ -30,7 +30,7 @@ def test_yaml_has_every_key_with_its_default_and_a_comment():
     values = yaml.safe_load(text)
     assert values.pop("_target_") == "lme.worlds.barn.Barn"
     assert BarnConfig(**values) == BarnConfig()
-    assert list(values) == [field.name for field in dataclasses.fields(BarnConfig)]
+    assert set(values) == {field.name for field in dataclasses.fields(BarnConfig)}
     assert all("  # " in line for line in text.splitlines() if line.split(":")[0] in values)
 
 
@@ -43,7 +43,7 @@ def test_schema_composes_with_omegaconf():
 @pytest.mark.parametrize(
     ("keys", "message"),
     [
-        ({"subset": "hard10"}, r"map\.subset is 'hard10': must be one of all, .*; did you mean 'hard100'\?"),
+        ({"subset": "hard10"}, r"map\.subset is 'hard10': did you mean hard100\? must be one of all, "),
         ({"subset": "xyz"}, r"map\.subset is 'xyz': must be one of all, official50, hard100, fresh$"),
         ({"subset": "fresh", "source": "here"}, r"map\.source is here: must be null"),
         ({"count": 0}, r"map\.count is 0"),
@@ -55,7 +55,8 @@ def test_schema_composes_with_omegaconf():
         ({"goal": [0.0, math.nan]}, r"map\.goal is \[0\.0, nan\]: must be two"),
         ({"worlds": []}, r"map\.worlds is \[\]"),
         ({"worlds": [1, 1]}, r"map\.worlds is \[1, 1\]"),
-        ({"worlds": [300, -1]}, r"map\.worlds asks for 300, -1: must be 0 to 299"),
+        ({"worlds": [7, -1]}, r"map\.worlds is \[7, -1\]: must be different numbers from 0 on"),
+        ({"worlds": [300, 7, 301]}, r"map\.worlds asks for 300, 301: must be 0 to 299"),
         ({"worlds": [5], "subset": "fresh"}, r"map\.worlds asks for 5: must be from 1000 on"),
         ({"source": "/nowhere"}, r"map\.source /nowhere does not exist"),
     ],

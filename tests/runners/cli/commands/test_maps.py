@@ -10,11 +10,11 @@ from PIL import Image
 from rich.cells import cell_len
 
 from lme.errors import InputError
-from lme.resources import resource_dir
 from runners.cli.commands import maps
+from runners.config import catalogue
 from tests.places import ROOT
 
-SETS = sorted(path.stem for path in (resource_dir("conf") / "map").glob("*.yaml"))
+SETS = catalogue.shipped().options("map")
 
 
 @pytest.fixture(autouse=True)
@@ -172,7 +172,7 @@ def test_more_worlds_than_a_sheet_holds_are_still_a_table(capsys):
     ("words", "said"),
     [
         (["barn", "300"], "300: must be 0 to 299"),
-        (["barn", "-1"], "-1: must be 0 to 299"),
+        (["barn", "-1"], "map.worlds is \[-1\]: must be different numbers from 0 on"),
         (["barn", "3", "subset=fresh"], "from 1000 on"),
         (["env1", "-1"], "from 0 on"),
         (["barn", "4a"], "'4a' is neither a world number nor key=value"),

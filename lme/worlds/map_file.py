@@ -1,0 +1,81 @@
+"""A map of the user's own: a room from a file, whose start and goal may be given."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from lme.errors import InputError
+from lme.types import Floats, Pose
+from lme.worlds.room import Room, RoomConfig
+from lme.worlds.sampling import Configuration
+from lme.worlds.starts import check_apart
+
+
+@dataclass(slots=True)
+class MapFileConfig(RoomConfig):
+    """Keys of `conf/map/file.yaml`."""
+
+    start: list[float] | None = None  # x, y [m], and optionally yaw [rad]; None: drawn for each number
+    goal: list[float] | None = None  # x, y [m]; None: drawn for each number
+
+    def __post_init__(self) -> None:
+        RoomConfig.__post_init__(self)  # super() fails in a dataclass with slots
+        _check_numbers("map.start", self.start, (2, 3), "[x, y] or [x, y, yaw] in metres and radians")
+        _check_numbers("map.goal", self.goal, (2,), "[x, y] in metres")
+        if self.start is not None and self.goal is not None and self.worlds not in (None, [0]):
+            raise InputError(
+                f"map.worlds is {self.worlds}: must be null or [0], "
+                "as map.start and map.goal together leave one configuration"
+            )
+
+
+class MapFile(Room):
+    """A room whose start, goal or both are given; what is not given is drawn for each number, as in a room.
+
+    With both given there is one configuration, number 0. A start without a yaw faces the goal.
+    """
+
+    Config = MapFileConfig
+
+    def __init__(self, config: MapFileConfig) -> None:
+        """Raises InputError as a room does, and for a start or goal that is not in free space."""
+        self._start, self._goal = config.start, config.goal
+        super().__init__(config)
+
+    def _offered(self) -> range:
+        return super()._offered() if self._start is None or self._goal is None else range(1)
+
+    def _configuration(self, number: int) -> Configuration:
+        for key, place in (("start", self._start), ("goal", self._goal)):
+            if place is not None:
+                self._space.check_free(f"map.{key}", place)
+        if self._start is not None:
+            return self._from(self._start, number)
+        if self._goal is not None:
+            return self._to(np.array(self._goal), number)
+        return super()._configuration(number)
+
+    def _from(self, start: list[float], number: int) -> Configuration:
+        """From the given start to the given or a drawn goal."""
+        place = np.array(start[:2])
+        if self._goal is None:
+            goal = self._space.draw_partner(self._rng(number), place, self.config.min_distance)
+        else:
+            goal = np.array(self._goal)
+            check_apart(f"map {self._name}", math.dist(place, goal), self.config)
+        yaw = start[2] if len(start) == 3 else math.atan2(goal[1] - place[1], goal[0] - place[0])
+        return Configuration(Pose(start[0], start[1], yaw), goal)
+
+    def _to(self, goal: Floats, number: int) -> Configuration:
+        """From a drawn start, with any yaw, to the given goal."""
+        rng = self._rng(number)
+        x, y = self._space.draw_partner(rng, goal, self.config.min_distance).tolist()
+        return Configuration(Pose(x, y, rng.uniform(-math.pi, math.pi)), goal)
+
+
+def _check_numbers(key: str, values: list[float] | None, counts: tuple[int, ...], right: str) -> None:
+    if values is not None and (len(values) not in counts or not all(map(math.isfinite, values))):
+        raise InputError(f"{key} is {list(values)}: must be {right}, or null")

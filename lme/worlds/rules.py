@@ -1,0 +1,81 @@
+"""What every map set's config has in common: which worlds are driven, and when an episode ends."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from lme.errors import InputError, require
+from lme.types import Floats, Pose
+from lme.worlds.world import Task, World
+
+
+@dataclass(slots=True)
+class TaskRules:
+    """Keys of every YAML in `conf/map/`."""
+
+    worlds: list[int] | None = None  # numbers of the worlds to drive; None: all that the map set offers
+    goal_tolerance: float = 0.2  # [m] success within
+    time_limit: float = 120.0  # [s]
+    clock_distance: float = 0.0  # [m] the clock starts once the robot has moved this far
+
+    def __post_init__(self) -> None:
+        for key in ("goal_tolerance", "time_limit"):
+            require(f"map.{key}", getattr(self, key), above=0.0)
+        require("map.clock_distance", self.clock_distance, at_least=0.0)
+        chosen = self.worlds
+        if chosen is not None and (not chosen or len(set(chosen)) < len(chosen) or min(chosen) < 0):
+            raise InputError(
+                f"map.worlds is {list(chosen)}: must be different numbers from 0 on, at least one, or null"
+            )
+
+    def numbers(self, offered: Iterable[int]) -> tuple[int, ...]:
+        """The numbers of the worlds to drive, out of those that the map set offers."""
+        return tuple(offered if self.worlds is None else self.worlds)
+
+    def task(
+        self,
+        map_name: str,
+        number: int,
+        world: World,
+        start: Pose,
+        goal: Floats,
+        *,
+        length: float,
+        speed: float,
+        measures: dict[str, float],
+    ) -> Task:
+        """A task with these rules.
+
+        goal: (2,) [m]. length: of the shortest path [m]; the optimal time is `length` at `speed` [m/s].
+        """
+        return Task(
+            map_name=map_name,
+            number=number,
+            world=world,
+            start=start,
+            goal=goal,
+            goal_tolerance=self.goal_tolerance,
+            time_limit=self.time_limit,
+            clock_distance=self.clock_distance,
+            shortest_path_length=length,
+            optimal_time=length / speed,
+            measures=measures,
+        )
+
+
+@dataclass(slots=True)
+class PacedRules(TaskRules):
+    """Rules of a map set whose optimal time is the shortest path at a speed that the config sets."""
+
+    speed: float = 0.5  # [m/s]
+
+    def __post_init__(self) -> None:
+        TaskRules.__post_init__(self)  # super() fails in a dataclass with slots
+        require("map.speed", self.speed, above=0.0)
+
+
+def check_chosen(number: int, numbers: tuple[int, ...], kind: str, map_name: str) -> None:
+    """Raise InputError if world `number` is not among the chosen `numbers`. kind: what a number stands for."""
+    if number not in numbers:
+        raise InputError(f"{kind} {number} is not among the chosen ones of map {map_name}")

@@ -1,0 +1,123 @@
+"""A map of the user's own: start and goal given, or drawn."""
+
+import math
+
+import pytest
+
+from lme.errors import InputError
+from lme.worlds.map_file import MapFile, MapFileConfig
+from lme.worlds.room import Room, RoomConfig
+from lme.worlds.traps import Traps, TrapsConfig
+from lme.worlds.world import Named
+
+RADIUS = 0.2
+
+
+@pytest.fixture
+def hall(tmp_path):
+    """10 × 10 m: a wall with a gap of 1 m on the way, a closed cell in a corner, a pillar."""
+    path = tmp_path / "hall.yaml"
+    path.write_text(
+        "bounds: [0, 0, 10, 10]\n"
+        "walls:\n"
+        "  - {points: [[5, 0], [5, 8]]}\n"
+        "  - {points: [[5, 9], [5, 10]]}\n"
+        "  - {points: [[8, 0], [8, 2], [10, 2]]}\n"
+        "circles: [{centre: [2, 7], radius: 0.5}]\n"
+    )
+    return str(path)
+
+
+def chosen(path, **keys):
+    return MapFile(MapFileConfig(**{"path": path, "configurations": 4, "radius": RADIUS, **keys}))
+
+
+def test_with_nothing_given_it_is_a_room(hall):
+    mine = chosen(hall)
+    room = Room(RoomConfig(path=hall, configurations=4, radius=RADIUS))
+    for number in range(4):
+        ours, theirs = mine.task(number), room.task(number)
+        assert ours.start == theirs.start
+        assert ours.goal.tolist() == theirs.goal.tolist()
+        assert ours.shortest_path_length == theirs.shortest_path_length
+
+
+def test_a_given_start_and_goal_are_one_configuration(hall):
+    mine = chosen(hall, start=[1.0, 1.0, 0.5], goal=[9.0, 5.0])
+    assert mine.numbers == (0,)
+    task = mine.task(0)
+    assert task.start == (1.0, 1.0, 0.5)
+    assert task.goal.tolist() == [9.0, 5.0]
+    assert task.measures["straight_m"] == math.hypot(8, 4)
+    # Round the wall's end at (5, 8), a radius away from it.
+    around = math.hypot(4, 7 + RADIUS) + math.hypot(4, 3 + RADIUS)
+    assert task.shortest_path_length == pytest.approx(around, rel=0.014)
+    assert task.optimal_time == task.shortest_path_length / 0.5
+
+
+def test_a_start_without_a_yaw_faces_the_goal(hall):
+    assert chosen(hall, start=[1.0, 1.0], goal=[3.0, 3.0]).task(0).start == (1.0, 1.0, math.pi / 4)
+    task = chosen(hall, start=[1.0, 1.0]).task(2)
+    assert task.start.yaw == math.atan2(task.goal[1] - 1.0, task.goal[0] - 1.0)
+
+
+@pytest.mark.parametrize("given", [{"start": [1.0, 1.0, -1.0]}, {"goal": [9.0, 5.0]}])
+def test_what_is_not_given_is_drawn_in_reach_for_each_number(hall, given):
+    tasks = [chosen(hall, **given).task(number) for number in range(4)]
+    starts, goals = {task.start for task in tasks}, {tuple(task.goal) for task in tasks}
+    assert (len(starts), len(goals)) == ((1, 4) if "start" in given else (4, 1))
+    for task in tasks:
+        assert math.dist(task.start[:2], task.goal) >= 3.0 - RADIUS
+        assert math.isfinite(task.shortest_path_length)
+    alone = chosen(hall, worlds=[3], **given).task(3)
+    assert (alone.start, alone.goal.tolist()) == (tasks[3].start, tasks[3].goal.tolist())
+
+
+def test_a_place_between_lattice_points_is_free_if_the_disc_fits(tmp_path):
+    # The place is 0.201 m from the wall; the lattice point nearest to it, at y = 3.175, is 0.18 m.
+    path = tmp_path / "wall.yaml"
+    path.write_text("bounds: [0, 0, 8, 6]\nwalls: [{points: [[0, 2.995], [8, 2.995]]}]\n")
+    task = chosen(str(path), start=[1.0, 3.196], goal=[7.0, 3.196]).task(0)
+    assert task.shortest_path_length == pytest.approx(6.0, abs=0.1)
+
+
+@pytest.mark.parametrize(
+    ("keys", "right"),
+    [
+        (
+            {"start": [-1.0, 1.0]},
+            "map.start is (-1, 1), outside the map: must lie in x 0 to 10 m, y 0 to 10 m",
+        ),
+        (
+            {"start": [2.0, 7.0]},
+            "map.start is (2, 7), in an obstacle or too near one: must be at least 0.2 m",
+        ),
+        ({"goal": [4.9, 4.0]}, "map.goal is (4.9, 4), in an obstacle or too near one"),
+        (
+            {"start": [9.0, 1.0], "goal": [1.0, 1.0]},
+            "map hall, configuration 0: no path from the start to the goal is wide enough for a disc of radius 0.2 m",
+        ),
+        ({"start": [9.0, 1.0]}, "map.min_distance is 3 m: must be a distance"),
+        ({"start": [1.0, 1.0], "goal": [1.0, 1.1]}, "map hall: the start lies 0.1 m from the goal, within"),
+        ({"start": [1.0, 1.0], "goal": [1.0, 1.0]}, "map hall: the start lies 0 m from the goal, within"),
+        (
+            {"start": [1.0, 1.0], "goal": [9.0, 5.0], "worlds": [3]},
+            "map.worlds is [3]: must be null or [0], as",
+        ),
+        ({"start": [1.0]}, "map.start is [1.0]: must be [x, y] or [x, y, yaw]"),
+        ({"start": [1.0, math.nan]}, "map.start is [1.0, nan]: must be [x, y] or"),
+        ({"goal": [1.0, 2.0, 3.0]}, "map.goal is [1.0, 2.0, 3.0]: must be [x, y] in metres, or null"),
+    ],
+)
+def test_a_mistake_is_one_line(hall, keys, right):
+    with pytest.raises(InputError) as error:
+        chosen(hall, **keys).task(0)
+    assert right in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_the_records_call_it_by_its_file_or_its_name(hall):
+    assert isinstance(chosen(hall), Named)
+    assert chosen(hall).name == chosen(hall).task(0).map_name == "hall"
+    assert chosen(hall, name="mine").name == "mine"
+    assert not isinstance(Traps(TrapsConfig()), Named)
