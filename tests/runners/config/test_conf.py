@@ -8,7 +8,7 @@ from omegaconf import OmegaConf
 
 from lme.resources import resource_dir
 from lme.robots import Robot
-from runners.cli.main import main
+from runners.cli.main import command_files
 from runners.config import catalogue, schema
 from runners.config.composer import Composer, without_hydra
 from runners.config.instantiate import configured
@@ -83,7 +83,7 @@ def test_every_file_is_explained(path):
 
 def test_there_is_no_yaml_that_no_command_reaches():
     commands = {path.stem for path in CONF.glob("*.yaml")}
-    assert commands <= set(main.command_files())
+    assert commands <= set(command_files())
     groups = {
         "weight_set",
         "space/planner",
