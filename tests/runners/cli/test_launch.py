@@ -362,7 +362,7 @@ def test_the_process_itself_is_interrupted(tmp_path):
     """Ctrl-C while a job runs, in a real process."""
     code = (
         "import sys, time, pathlib\n"
-        "from runners import app\n"
+        "from runners.cli import launch\n"
         "def run(config, run_dir):\n"
         "    pathlib.Path('started').touch()\n"
         "    time.sleep(60)\n"
