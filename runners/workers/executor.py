@@ -1,21 +1,25 @@
-"""Who runs the episodes: this process, or a pool of worker processes. The answers are the same.
+"""Executors run the episodes in this process or in worker processes. The results are the same.
 
-A job is split in two: `initialise(payload)` builds what every episode needs, once per process, and returns
-the function that runs one item. Results come as they finish. `map` serves one list of items; `open` keeps the
-processes for list after list.
+`initialise(payload)` builds what every episode needs, once per process, and returns the function that runs one
+item. Results come as they finish. `map` runs one list of items; `open` keeps the processes for several lists.
+
+`concurrent.futures.ProcessPoolExecutor` would not do: it does not say which item a killed worker had, swallows the
+error of an initializer, cannot stop a running item (before Python 3.14), and its workers outlive a killed parent.
 """
 
 from __future__ import annotations
 
 import contextlib
+import functools
 import os
 import signal
+import sys
 import threading
 import traceback
 import warnings
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from multiprocessing import connection, forkserver, get_all_start_methods, get_context
+from multiprocessing import connection, forkserver, get_all_start_methods, get_context, parent_process
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from typing import Any
@@ -35,16 +39,16 @@ _JOIN_S = 5.0
 
 
 class EpisodeError(RuntimeError):
-    """An episode failed for a reason that is no user's mistake. Names its world and run."""
+    """An episode failed, and not by a user's mistake. Names its world and run."""
 
 
 class WorkerDiedError(RuntimeError):
-    """A worker process ended in the middle of an episode: killed, or out of memory."""
+    """A worker process ended during an episode: it was killed, or memory ran out."""
 
 
 @dataclass(slots=True)
 class SerialConfig:
-    """Nothing to choose."""
+    """The serial executor has no settings."""
 
 
 class SerialExecutor:
@@ -56,13 +60,13 @@ class SerialExecutor:
         self._config = config
 
     def map(self, initialise: Initialise, payload: Any, items: Iterable[Item]) -> Iterator[Any]:
-        """Results of `initialise(payload)` on every item, in their order."""
+        """Yield the result of `initialise(payload)` on every item, in order."""
         with self.open(initialise, payload) as run_all:
             yield from run_all(items)
 
     @contextlib.contextmanager
     def open(self, initialise: Initialise, payload: Any, at_once: int | None = None) -> Iterator[Map]:
-        """The same for list after list of items; `initialise` is called once."""
+        """Give a `map` for several lists of items; `initialise` is called once."""
         run = initialise(payload)
 
         def run_all(items: Iterable[Item]) -> Iterator[Any]:
@@ -78,7 +82,7 @@ class SerialExecutor:
 
 @dataclass(slots=True)
 class ProcessConfig:
-    """workers: number of processes; null: as many as this process may use cores."""
+    """workers: number of processes; null: one for each core that this process may use."""
 
     workers: int | None = None
 
@@ -88,7 +92,11 @@ class ProcessConfig:
 
 
 class ProcessExecutor:
-    """Runs items in worker processes, each of which asks for the next as soon as it is free."""
+    """Runs items in worker processes; each gets the next item as soon as it is free.
+
+    Inside a worker process of a Hydra launcher (joblib) it runs them there, one after the other: such a process
+    may be unable to start others, and the launcher already runs as many jobs at once as there are cores.
+    """
 
     Config = ProcessConfig
 
@@ -97,15 +105,15 @@ class ProcessExecutor:
 
     @property
     def workers(self) -> int:
-        """Number of worker processes at most."""
+        """Largest number of worker processes."""
         return self._config.workers or available_cores()
 
     def map(self, initialise: Initialise, payload: Any, items: Iterable[Item]) -> Iterator[Any]:
-        """Results of `initialise(payload)` on every item, as they finish.
+        """Yield the result of `initialise(payload)` on every item, as they finish.
 
-        initialise: a function at the top of a module, payload: anything that pickles. Raises what a worker
-        raised: InputError as it is, anything else as EpisodeError, both naming the world and run;
-        WorkerDiedError when a worker was killed. Leaving the iteration early stops the workers.
+        initialise: a function at the top of a module. payload: anything that pickles. Raises InputError and
+        EpisodeError (any other exception of a worker), which name the world and run, and WorkerDiedError if a
+        worker was killed. The workers are stopped when the iteration is left.
         """
         todo = list(items)
         if todo:
@@ -114,10 +122,15 @@ class ProcessExecutor:
 
     @contextlib.contextmanager
     def open(self, initialise: Initialise, payload: Any, at_once: int | None = None) -> Iterator[Map]:
-        """The same for list after list of items; the workers live until the end of the `with`.
+        """Give a `map` for several lists of items; the workers live until the end of the `with`.
 
-        at_once: the longest list, where it is known: no more workers than that are started.
+        at_once: length of the longest list, if known: no more workers than that are started.
         """
+        if parent_process() is not None:
+            _say_serial()
+            with SerialExecutor(SerialConfig()).open(initialise, payload) as run_all:
+                yield run_all
+            return
         workers: dict[Connection, BaseProcess] = {}
         count = self.workers if at_once is None else min(self.workers, at_once)
         try:
@@ -134,6 +147,11 @@ def available_cores() -> int:
     return os.cpu_count() or 1
 
 
+@functools.cache  # once
+def _say_serial() -> None:
+    print("executor=process: inside a launcher's worker process, episodes run one by one", file=sys.stderr)
+
+
 def _hand_out(workers: dict[Connection, BaseProcess], items: Iterable[Item]) -> Iterator[Any]:
     """One item at a time to each worker: an episode takes far longer than the hand-over."""
     waiting = iter(items)
@@ -143,14 +161,15 @@ def _hand_out(workers: dict[Connection, BaseProcess], items: Iterable[Item]) -> 
         item = next(waiting, None)
         if item is not None:
             busy[worker] = item
-            # A worker that is gone already is found out about when its answer is read.
+            # If the worker is gone, reading its answer will tell.
             with contextlib.suppress(BrokenPipeError, ConnectionResetError):
                 worker.send(item)
 
     for worker in workers:
         hand_next(worker)
     while busy:
-        for worker in connection.wait(list(busy)):
+        ready = connection.wait(list(busy))
+        for worker in [worker for worker in busy if worker in ready]:
             result = _receive(worker, workers[worker], busy.pop(worker))
             hand_next(worker)
             yield result
@@ -173,13 +192,13 @@ def _receive(worker: Connection, process: BaseProcess, item: Item) -> Any:
 def _start_workers(
     workers: dict[Connection, BaseProcess], count: int, initialise: Initialise, payload: Any
 ) -> None:
-    """Fill `workers` with the connection to, and the process of, each worker."""
+    """Add each worker's connection and process to `workers`."""
     # Never fork: threads of this process (MLflow's) may hold locks that the child would wait for forever.
     with_server = "forkserver" in get_all_start_methods()
     context: Any = get_context("forkserver" if with_server else "spawn")
     with _environment(_ONE_THREAD):
         if with_server:
-            # What all workers need is imported once, by the server that they are forked from.
+            # The server imports what all workers need; they are forked from it.
             context.set_forkserver_preload([initialise.__module__])
             with _sigint_ignored():
                 forkserver.ensure_running()
@@ -192,7 +211,7 @@ def _start_workers(
 
 
 def _stop(workers: dict[Connection, BaseProcess]) -> None:
-    """At once: a worker holds nothing that needs an orderly end."""
+    """Terminate the workers at once: they hold nothing that must be closed."""
     for worker, process in workers.items():
         worker.close()
         process.terminate()
@@ -201,9 +220,9 @@ def _stop(workers: dict[Connection, BaseProcess]) -> None:
 
 
 def _work(coordinator: Connection, initialise: Initialise, payload: Any) -> None:
-    """A worker's life: build, then answer items until the coordinator hangs up."""
+    """Build, then answer items until the coordinator closes the connection."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    # The coordinator has built the same config and has warned of it; once is enough.
+    # The coordinator has built the same config and given the same warnings.
     warnings.simplefilter("ignore", UserWarning)
     with contextlib.suppress(EOFError, BrokenPipeError, ConnectionResetError):
         try:
@@ -214,6 +233,7 @@ def _work(coordinator: Connection, initialise: Initialise, payload: Any) -> None
             return
         while True:
             item = coordinator.recv()
+            answer: tuple[Exception | None, Any]
             try:
                 answer = None, run(item)
             except Exception as error:
@@ -222,7 +242,7 @@ def _work(coordinator: Connection, initialise: Initialise, payload: Any) -> None
 
 
 def _portable(error: Exception, item: Item | None) -> Exception:
-    """What the coordinator raises: an InputError stays one, anything else brings its traceback as text."""
+    """The error that the coordinator raises: an InputError stays one, any other carries its traceback as text."""
     where = "" if item is None else f"{_name(item)}: "
     if isinstance(error, InputError):
         return InputError(f"{where}{error}")
@@ -241,7 +261,7 @@ def _cause(exit_code: int | None) -> str:
 
 @contextlib.contextmanager
 def _environment(variables: dict[str, str]) -> Iterator[None]:
-    """Children started meanwhile inherit these."""
+    """Set environment variables, which processes started meanwhile inherit."""
     before = {name: os.environ.get(name) for name in variables}
     os.environ.update(variables)
     try:
@@ -256,9 +276,7 @@ def _environment(variables: dict[str, str]) -> Iterator[None]:
 
 @contextlib.contextmanager
 def _sigint_ignored() -> Iterator[None]:
-    """A fork server started meanwhile ignores Ctrl-C, and so do its workers from birth: the coordinator stops
-    them, without tracebacks of theirs.
-    """
+    """A fork server started meanwhile, and the workers forked from it, ignore Ctrl-C: the coordinator stops them."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return

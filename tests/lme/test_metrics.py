@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy import stats
 
 from lme.errors import InputError
 from lme.metrics import barn_metric, mean_std_over_runs, reward, spl, wilson_interval
@@ -79,6 +80,13 @@ def test_wilson_interval_holds_the_rate_and_mirrors(successes, failures):
     assert 0.0 <= low <= (successes / n if n else 0.5) <= high <= 1.0
     mirrored = wilson_interval(failures, n)
     assert (1 - mirrored[1], 1 - mirrored[0]) == pytest.approx((low, high), abs=KERNEL)
+
+
+@given(st.integers(0, 300), st.integers(1, 300))
+def test_wilson_interval_is_scipys(successes, failures):
+    n = successes + failures
+    expected = stats.binomtest(successes, n).proportion_ci(method="wilson")
+    assert wilson_interval(successes, n) == pytest.approx(expected, abs=KERNEL)
 
 
 def test_wilson_interval_refuses_more_successes_than_trials():

@@ -39,7 +39,7 @@ def bare(**changes):
 # Inflation
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(SEEDS)
 def test_costs_are_those_of_the_distance_to_the_nearest_obstacle(seed):
     rng = np.random.default_rng(seed)
@@ -104,7 +104,7 @@ def test_a_disc_smaller_than_a_cell_occupies_one():
     assert occupied(grid) == pytest.approx(np.array([[1.0, 0.5]]))
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(st.floats(0.1, math.pi - 0.1), st.floats(-1, 1))
 def test_a_wall_lets_nothing_through(bearing, offset):
     away = 30.0 * np.array([math.cos(bearing), math.sin(bearing)])
@@ -151,7 +151,7 @@ def test_scans_mark_what_the_true_map_holds():
 # The grid
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(SEEDS, st.floats(-6, 6), st.floats(-6, 6))
 def test_a_mirrored_scene_gives_the_mirrored_grid(seed, x, y):
     rng = np.random.default_rng(seed)

@@ -60,7 +60,7 @@ SEALED = room(2.0)
 # The path
 
 
-@settings(deadline=None, max_examples=50)
+@settings(max_examples=50)
 @given(POSES, st.floats(0.5, 8), st.floats(-3, 3))
 def test_without_obstacles_the_path_is_the_straight_line(pose, away, bearing):
     target = np.array([away * math.cos(bearing), away * math.sin(bearing)])

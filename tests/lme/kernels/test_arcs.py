@@ -79,7 +79,7 @@ def times(some_twists, points, box, margin=0.0, least=0.0, horizon=8.0):
     return contact_times(some_twists, points, box, margins, leasts, horizons)
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 @given(twists(), POINTS, BOXES, st.sampled_from([0.0, 0.1, 0.5]))
 def test_contact_is_where_the_twin_meets_it(twist, point, box, margin):
     found = times([twist], [point], box, margin)[0]
@@ -90,7 +90,7 @@ def test_contact_is_where_the_twin_meets_it(twist, point, box, margin):
         assert found == pytest.approx(late, abs=1e-5)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.lists(twists(), min_size=1, max_size=5), st.lists(POINTS, max_size=12), BOXES)
 def test_the_first_of_many_points_counts(some_twists, points, box):
     together = times(some_twists, points, box, 0.05)

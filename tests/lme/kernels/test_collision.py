@@ -30,7 +30,7 @@ def scene(seed):
     return poses, boxes[rng.integers(3)], circles, edges
 
 
-@settings(deadline=None, max_examples=400)
+@settings(max_examples=400)
 @given(SEEDS)
 def test_equals_every_pose_against_every_obstacle(seed):
     arguments = scene(seed)
@@ -40,7 +40,6 @@ def test_equals_every_pose_against_every_obstacle(seed):
     assert clearance == pytest.approx(expected_clearance, abs=KERNEL)
 
 
-@settings(deadline=None)
 @given(SEEDS)
 def test_mirroring_everything_changes_nothing(seed):
     poses, box, circles, edges = scene(seed)
@@ -49,7 +48,6 @@ def test_mirroring_everything_changes_nothing(seed):
     assert mirrored == (pytest.approx(clearance, abs=KERNEL), contact)
 
 
-@settings(deadline=None)
 @given(SEEDS)
 def test_an_obstacle_more_never_gives_room(seed):
     poses, box, circles, edges = scene(seed)

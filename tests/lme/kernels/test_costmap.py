@@ -87,7 +87,7 @@ def test_outside_the_grid_there_is_nothing_to_mark_or_free():
     assert cells(beams([1.0, 2.0, 9.0], pose=far)) == set()
 
 
-@settings(deadline=None, max_examples=100)
+@settings(max_examples=100)
 @given(SEEDS)
 def test_a_beam_without_a_hit_frees_the_cells_that_its_segment_cuts(seed):
     rng = np.random.default_rng(seed)

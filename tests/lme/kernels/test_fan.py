@@ -39,14 +39,13 @@ def scan_scene(seed):
     return apex, ends, polar(wall, bearings), 0.26
 
 
-@settings(deadline=None, max_examples=200)
+@settings(max_examples=200)
 @given(SEEDS, st.sampled_from([scene, scan_scene]))
 def test_equals_every_segment_against_every_point(seed, make):
     arguments = make(seed)
     assert np.array_equal(fan_blocked(*arguments), oracles.fan_blocked(*arguments))
 
 
-@settings(deadline=None)
 @given(SEEDS)
 def test_the_order_of_ends_and_points_does_not_matter(seed):
     apex, ends, points, radius = scene(seed)
@@ -56,7 +55,6 @@ def test_the_order_of_ends_and_points_does_not_matter(seed):
     assert np.array_equal(shuffled, fan_blocked(apex, ends, points, radius)[order])
 
 
-@settings(deadline=None)
 @given(SEEDS)
 def test_mirroring_everything_changes_nothing(seed):
     apex, ends, points, radius = scene(seed)
@@ -65,7 +63,6 @@ def test_mirroring_everything_changes_nothing(seed):
     assert np.array_equal(mirrored, fan_blocked(apex, ends, points, radius))
 
 
-@settings(deadline=None)
 @given(SEEDS)
 def test_a_point_more_never_frees_an_end(seed):
     apex, ends, points, radius = scene(seed)
@@ -73,7 +70,6 @@ def test_a_point_more_never_frees_an_end(seed):
     assert (fan_blocked(apex, ends, points, radius) >= fewer).all()
 
 
-@settings(deadline=None)
 @given(SEEDS)
 def test_ends_at_the_apex_and_twice_the_same(seed):
     apex, ends, points, radius = scene(seed)

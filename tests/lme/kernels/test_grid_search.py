@@ -51,7 +51,7 @@ def cheapest(costs, table, start):
     return dijkstra(graph, indices=np.ravel_multi_index(start, costs.shape)).reshape(costs.shape)
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(SEEDS, st.floats(0, 1))
 def test_dijkstra_and_a_star_both_find_the_costs_of_scipy(seed, weight):
     costs, table, start, goal = scene(seed)
@@ -63,7 +63,7 @@ def test_dijkstra_and_a_star_both_find_the_costs_of_scipy(seed, weight):
         assert g[nearer] == pytest.approx(wanted[nearer], rel=KERNEL)
 
 
-@settings(deadline=None, max_examples=100)
+@settings(max_examples=100)
 @given(SEEDS, st.sampled_from([0.0, 1.0]))
 def test_the_path_is_made_of_allowed_moves_and_costs_what_was_found(seed, weight):
     costs, table, start, goal = scene(seed)
@@ -77,7 +77,7 @@ def test_the_path_is_made_of_allowed_moves_and_costs_what_was_found(seed, weight
     assert sum(allowed[move] for move in pairwise(path)) == pytest.approx(g[goal], rel=KERNEL)
 
 
-@settings(deadline=None, max_examples=100)
+@settings(max_examples=100)
 @given(SEEDS, st.sampled_from([0.0, 1.0]))
 def test_a_mirrored_grid_gives_the_mirrored_path(seed, weight):
     costs, table, start, goal = scene(seed)
@@ -127,7 +127,7 @@ def test_from_a_cell_to_itself():
     assert found(costs, EVEN, (1, 1), (1, 1)).tolist() == [[1, 1]]
 
 
-@settings(deadline=None, max_examples=50)
+@settings(max_examples=50)
 @given(st.tuples(*[st.integers(0, 40)] * 4))
 def test_free_ground_is_crossed_in_a_straight_line(ends):
     start, goal = ends[:2], ends[2:]
@@ -135,7 +135,7 @@ def test_free_ground_is_crossed_in_a_straight_line(ends):
     assert path.tolist() == ([list(start), list(goal)] if start != goal else [list(start)])
 
 
-@settings(deadline=None, max_examples=100)
+@settings(max_examples=100)
 @given(SEEDS)
 def test_straight_pieces_join_cells_of_the_path_and_cost_no_more(seed):
     costs, table, start, goal = scene(seed, walls=0.1)
@@ -161,7 +161,7 @@ def line_cost(costs, table, a, b):
     return np.trapezoid(table[costs[i, j]], along[:, 0] * math.dist(a, b))
 
 
-@settings(deadline=None, max_examples=200)
+@settings(max_examples=200)
 @given(SEEDS)
 def test_nearest_passable_cell_of_all(seed):
     costs, table, cell, towards = scene(seed, side=12, walls=1.3)
@@ -176,7 +176,7 @@ def test_nearest_passable_cell_of_all(seed):
     assert (((one - cell) ** 2).sum(), ((one - towards) ** 2).sum()) == wanted
 
 
-@settings(deadline=None, max_examples=200)
+@settings(max_examples=200)
 @given(SEEDS)
 def test_departs_looks_at_every_pair(seed):
     rng = np.random.default_rng(seed)

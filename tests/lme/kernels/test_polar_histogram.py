@@ -63,7 +63,6 @@ def slow_candidates(blocked, target, wide):
     return sorted(f % n for f in found)
 
 
-@settings(deadline=None)
 @given(POINTS, st.floats(0.05, 0.3), st.floats(0.3, 2.5))
 def test_a_cell_counts_once_at_the_mean_of_its_returns(points, size, reach):
     cells = kernels.active_cells(points, size, reach)
@@ -76,7 +75,7 @@ def test_the_grid_is_no_larger_than_the_points_need():
     assert sorted(map(tuple, cells)) == [(0.0, -2.0), (1.0, 0.0)]
 
 
-@settings(deadline=None, suppress_health_check=[HealthCheck.filter_too_much])
+@settings(suppress_health_check=[HealthCheck.filter_too_much])
 @given(POINTS, st.floats(-4, 4), st.floats(0.15, 0.5))
 def test_density_is_that_of_every_cell_in_every_sector(points, yaw, radius):
     fast = kernels.polar_density(points, yaw, radius, 1.6, 10.0, N)
@@ -101,7 +100,6 @@ def test_a_cell_narrower_than_a_sector_still_counts():
     assert np.flatnonzero(kernels.polar_density(point, 0.0, 0.01, 1.6, 10.0, N)).tolist() == [0]
 
 
-@settings(deadline=None)
 @given(POINTS, st.floats(0, 2), st.floats(0.1, 0.5))
 def test_turning_limits_are_those_of_every_cell(points, turn, radius):
     right, left = -math.pi, math.pi
@@ -121,7 +119,6 @@ def test_a_fast_robot_cannot_turn_behind_a_post_beside_it():
     assert (right, left) == pytest.approx((-math.pi, math.atan2(0.6, 0.1)), abs=KERNEL)
 
 
-@settings(deadline=None)
 @given(FLAGS, st.floats(-4, 4), st.floats(-3.1, 0), st.floats(0, 3.1))
 def test_only_sectors_between_the_limits_stay_free(blocked, yaw, right, left):
     masked = kernels.masked(blocked, yaw, right, left)
@@ -131,7 +128,7 @@ def test_only_sectors_between_the_limits_stay_free(blocked, yaw, right, left):
             assert masked[k] == (blocked[k] or not right <= bearing <= left)
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 @given(FLAGS, st.floats(0, 72), st.floats(1, 30))
 def test_candidates_are_those_of_every_valley(blocked, target, wide):
     n = len(blocked)
@@ -150,7 +147,6 @@ def test_narrow_valleys_offer_their_middle_and_wide_ones_their_edges_and_the_tar
     assert sorted(c % N for c in candidates) == [1.0, 28.0, 30.0, 51.0]
 
 
-@settings(deadline=None)
 @given(
     st.lists(st.floats(0, 72), min_size=1, max_size=9),
     st.tuples(*[st.floats(0, 72)] * 3),

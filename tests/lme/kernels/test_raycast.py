@@ -27,7 +27,7 @@ def scene(seed):
     return tuple(rng.uniform(-4, 4, 3)), angles, rng.uniform(0.5, 8), circles, edges
 
 
-@settings(deadline=None, max_examples=400)
+@settings(max_examples=400)
 @given(SEEDS)
 def test_equals_every_beam_against_every_obstacle(seed):
     arguments = scene(seed)
@@ -36,7 +36,6 @@ def test_equals_every_beam_against_every_obstacle(seed):
     assert ranges == pytest.approx(oracles.cast(*arguments), abs=RANGE)
 
 
-@settings(deadline=None)
 @given(SEEDS, st.floats(-10, 10))
 def test_turning_the_world_with_the_lidar_changes_nothing(seed, angle):
     (x, y, yaw), angles, range_max, circles, edges = scene(seed)
@@ -49,7 +48,6 @@ def test_turning_the_world_with_the_lidar_changes_nothing(seed, angle):
     )
 
 
-@settings(deadline=None)
 @given(SEEDS)
 def test_a_mirrored_world_reads_backwards(seed):
     (x, y, yaw), (angle_min, increment, num_beams), range_max, circles, edges = scene(seed)
@@ -61,7 +59,6 @@ def test_a_mirrored_world_reads_backwards(seed):
     assert mirrored[::-1] == pytest.approx(straight, abs=RANGE)
 
 
-@settings(deadline=None)
 @given(SEEDS)
 def test_an_obstacle_more_never_lengthens_a_beam(seed):
     pose, angles, range_max, circles, edges = scene(seed)
@@ -95,7 +92,6 @@ def test_inside_a_disc_every_beam_reads_zero():
     assert (cast((0.1, 0.0, 0.0), FULL, 5.0, np.array([[0.0, 0.0, 0.3]]), NO_EDGES) == 0).all()
 
 
-@settings(deadline=None)
 @given(SEEDS)
 def test_no_beam_leaves_a_polygon_through_its_corners(seed):
     # Beams straight at the corners of a closed outline, turned and moved anywhere.

@@ -2,7 +2,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from lme.kernels.raycast import cast
@@ -85,7 +85,6 @@ def furnished(seed):
     return scene, np.array([*rng.uniform(-1.2, 1.2, 2), rng.uniform(0.0, 2.0)]), rng
 
 
-@settings(deadline=None)
 @given(SEEDS)
 def test_rays_equal_every_ray_against_every_surface(seed):
     scene, origin, rng = furnished(seed)
@@ -113,7 +112,6 @@ def test_rays_along_the_axes(direction, distance):
     assert hit.item() == pytest.approx(distance, abs=KERNEL)
 
 
-@settings(deadline=None)
 @given(SEEDS)
 def test_what_stands_from_the_ground_to_the_sky_is_where_the_planar_kernel_sees_it(seed):
     scene, (x, y, _), rng = furnished(seed)

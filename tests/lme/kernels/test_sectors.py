@@ -44,7 +44,7 @@ def runs(rng, bearings):
     return np.repeat(rng.uniform(0.3, 4, len(lengths)), lengths)[: len(bearings)]
 
 
-@settings(deadline=None, max_examples=600)
+@settings(max_examples=600)
 @given(SEEDS, st.sampled_from([scattered, spiral, ring, layers, runs]), st.booleans())
 def test_equals_every_pair_of_points(seed, shape, full_circle):
     rng = np.random.default_rng(seed)
@@ -53,7 +53,7 @@ def test_equals_every_pair_of_points(seed, shape, full_circle):
     assert_equals_oracle(polar(shape(rng, bearings), bearings), rng.uniform(0.02, 1.2), full_circle)
 
 
-@settings(deadline=None, max_examples=200)
+@settings(max_examples=200)
 @given(SEEDS, st.booleans())
 def test_pairs_across_plus_minus_pi(seed, full_circle):
     rng = np.random.default_rng(seed)
@@ -62,7 +62,7 @@ def test_pairs_across_plus_minus_pi(seed, full_circle):
     assert_equals_oracle(polar(rng.uniform(0.5, 2, 11), bearings), 0.4, full_circle)
 
 
-@settings(deadline=None, max_examples=200)
+@settings(max_examples=200)
 @given(SEEDS)
 def test_all_within_reach_of_the_robot(seed):
     # Around the origin itself arcs are long, and points on opposite sides are near each other.
@@ -71,7 +71,6 @@ def test_all_within_reach_of_the_robot(seed):
     assert_equals_oracle(polar(rng.uniform(0.01, 0.4, len(bearings)), bearings), 0.3, True)
 
 
-@settings(deadline=None)
 @given(SEEDS, st.integers(0, 60))
 def test_turning_the_scan_turns_the_sectors(seed, shift):
     # An odd number of beams: no two are opposite, where neither arc between them is the shorter.
@@ -85,7 +84,6 @@ def test_turning_the_scan_turns_the_sectors(seed, shift):
         assert sorted(turned.tolist()) == sorted(((sectors + shift) % 61).tolist())
 
 
-@settings(deadline=None)
 @given(SEEDS, st.booleans())
 def test_mirroring_the_scan_mirrors_the_sectors(seed, full_circle):
     rng = np.random.default_rng(seed)

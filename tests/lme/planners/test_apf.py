@@ -49,7 +49,7 @@ def force_of(points):
     return np.array(repulsion(np.array(points, dtype=float).reshape(-1, 2), R, REACH, CLOSEST, SPREAD))
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(POINTS)
 def test_repulsion_is_that_of_every_pair(points):
     slow = slow_repulsion(points)
@@ -116,7 +116,7 @@ def test_only_the_ratio_of_the_gains_matters():
     )
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     st.sampled_from(["stage", "jackal", "go2"]),
     st.lists(st.floats(0.25, 3.0, width=32), min_size=12, max_size=12),

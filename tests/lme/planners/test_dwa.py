@@ -65,7 +65,7 @@ def test_mirrored_view_mirrored_command(name, seed):
     assert other == pytest.approx((one.v, -one.omega), abs=KERNEL)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.integers(0, 50), SIGNED, SIGNED, st.floats(-6, 6), st.floats(-6, 6))
 def test_commands_keep_to_the_limits(seed, v, omega, x, y):
     robot = stage()

@@ -120,7 +120,7 @@ def scene(seed):
     return centres, points, xs, ys
 
 
-@settings(deadline=None, max_examples=100)
+@settings(max_examples=100)
 @given(SEEDS)
 def test_radii_equal_the_distance_to_the_nearest_point(seed):
     centres, points, xs, ys = scene(seed)
@@ -128,7 +128,7 @@ def test_radii_equal_the_distance_to_the_nearest_point(seed):
     assert bubble_radii(centres, xs, ys, *SHAPE[:2]) == pytest.approx(expected, abs=KERNEL)
 
 
-@settings(deadline=None, max_examples=100)
+@settings(max_examples=100)
 @given(SEEDS, st.integers(1, 3), st.integers(0, 4))
 def test_relaxing_equals_the_forces_of_the_paper(seed, iterations, recursion):
     centres, points, xs, ys = scene(seed)
@@ -141,7 +141,7 @@ def test_relaxing_equals_the_forces_of_the_paper(seed, iterations, recursion):
     assert radii == pytest.approx(expected[1], abs=1e3 * KERNEL)
 
 
-@settings(deadline=None, max_examples=100)
+@settings(max_examples=100)
 @given(SEEDS)
 def test_mending_equals_its_recursive_twin(seed):
     centres, points, xs, ys = scene(seed)
@@ -152,7 +152,7 @@ def test_mending_equals_its_recursive_twin(seed):
     assert mended[2] == chain
 
 
-@settings(deadline=None, max_examples=100)
+@settings(max_examples=100)
 @given(SEEDS)
 def test_the_disc_can_move_along_the_joined_part_of_a_band(seed):
     centres, points, xs, ys = scene(seed)
@@ -188,7 +188,7 @@ def test_tension_straightens_and_obstacles_push_aside():
     assert straight[[0, 2]].tolist() == [[0.0, 0.0], [1.0, 0.0]]
 
 
-@settings(deadline=None, max_examples=100)
+@settings(max_examples=100)
 @given(SEEDS)
 def test_places_on_a_line_equal_dense_sampling(seed):
     rng = np.random.default_rng(seed)
@@ -234,7 +234,7 @@ def test_covered_needs_every_point_in_a_bubble():
     assert covered(NOTHING, centres, radii, 0.05)
 
 
-@settings(deadline=None, max_examples=200)
+@settings(max_examples=200)
 @given(SEEDS, st.booleans(), st.booleans())
 def test_hidden_points_are_those_no_beam_reaches(seed, full, clockwise):
     rng = np.random.default_rng(seed)

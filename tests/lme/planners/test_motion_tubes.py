@@ -42,7 +42,6 @@ JACKAL = shipped("jackal")
 # Geometry against slow twins
 
 
-@settings(deadline=None)
 @given(st.floats(-6.0, 6.0), st.floats(-2.0, 2.0))
 def test_arc_pose_is_the_end_of_many_small_steps(curvature, way):
     x, y, yaw = 0.0, 0.0, 0.0
@@ -75,7 +74,7 @@ def slow_ranges(curvature, length, steps, outline, front, lidar, increment, num_
     return needs
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(
     st.floats(-1.7, 1.7).filter(lambda heading: heading == 0.0 or abs(heading) > 1e-6),
     st.floats(0.2, 1.0),
@@ -164,7 +163,6 @@ def test_tubes_out_of_view_are_not_free():
     assert free[0]
 
 
-@settings(deadline=None)
 @given(st.integers(0, 10_000), st.integers(1, 30))
 def test_free_tubes_and_whiskers_are_one_comparison_per_beam(seed, count):
     rng = np.random.default_rng(seed)
@@ -193,7 +191,6 @@ def test_a_whisker_is_closed_where_the_tube_is_not():
         assert whisker_free(seen, tubes.whisker_beams[1, 0], tubes.whisker_ranges[1, 0])
 
 
-@settings(deadline=None)
 @given(st.lists(st.one_of(st.floats(-1.0, 20.0, width=32), st.sampled_from([math.nan, math.inf, 0.0]))))
 def test_only_valid_returns_stop_a_beam(ranges):
     array = np.array(ranges, dtype=np.float32)
@@ -228,7 +225,7 @@ def slow_choice(free, curvatures, reach, goal, bins, twist, seen, beams, ranges)
     return (best, keys[best][0]) if keys else (-1, -1)
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(st.integers(0, 10**6), st.floats(0.05, 2.0), st.floats(-1.0, 2.0), st.floats(-2.0, 2.0))
 def test_the_choice_is_the_first_by_the_rules_in_turn(seed, reach, v, omega):
     rng = np.random.default_rng(seed)
@@ -244,7 +241,6 @@ def polyline(seed, count):
     return np.cumsum(np.random.default_rng(seed).uniform(-0.2, 0.5, (count, 2)), axis=0) - 0.3
 
 
-@settings(deadline=None)
 @given(st.integers(0, 10**6), st.integers(2, 12), st.lists(st.floats(0.0, 5.0), max_size=3))
 def test_points_along_a_path_from_the_point_nearest_to_the_robot(seed, count, distances):
     path, distances = polyline(seed, count), np.sort(np.array(distances, dtype=float))
@@ -260,7 +256,6 @@ def test_points_along_a_path_from_the_point_nearest_to_the_robot(seed, count, di
         np.testing.assert_allclose(point, [np.interp(place, along, path[:, k]) for k in (0, 1)], atol=KERNEL)
 
 
-@settings(deadline=None)
 @given(st.integers(0, 10**6))
 def test_known_free_is_stood_on_or_seen_past(seed):
     rng = np.random.default_rng(seed)
@@ -308,7 +303,6 @@ def test_the_oldest_scans_give_way_and_a_resting_robot_adds_none():
     assert not around.known_free(behind - (0.8, 0.0))[0]
 
 
-@settings(deadline=None)
 @given(st.integers(0, 10**6), st.sampled_from([5, 30, 63]))
 def test_out_of_sight_is_near_and_off_every_beam(seed, num_beams):
     rng = np.random.default_rng(seed)
@@ -439,7 +433,6 @@ def test_a_robot_slower_than_its_tubes_keeps_to_their_arcs(name):
         assert np.sign(command.omega) == np.sign(bearing)
 
 
-@settings(deadline=None)
 @given(st.integers(0, 10**6), st.floats(-0.5, 1.0), st.floats(-1.5, 1.5))
 def test_no_command_from_which_it_could_not_stop(seed, v, omega):
     robot = stage()  # sees all around

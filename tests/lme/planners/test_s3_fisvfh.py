@@ -134,7 +134,6 @@ def slow_curve(value, inputs, outputs):
 # --- kernels ----------------------------------------------------------------------------------------------
 
 
-@settings(deadline=None)
 @given(POINTS, COORDINATE, COORDINATE)
 def test_histogram_equals_its_twin(points, x, y):
     # A spread that ends exactly on a sector's edge may differ by rounding, which adds nothing.
@@ -153,7 +152,6 @@ def test_histogram_at_the_lidar_is_the_mean_over_the_beams_of_each_sector():
     np.testing.assert_allclose(found, wanted, rtol=0, atol=KERNEL)
 
 
-@settings(deadline=None)
 @given(st.lists(st.booleans(), min_size=SECTORS, max_size=SECTORS))
 def test_valleys_cover_the_free_sectors_and_no_others(blocked):
     covered = np.zeros(SECTORS, dtype=int)
@@ -174,7 +172,6 @@ def arcs(draws):
 ARCS = st.lists(st.tuples(st.integers(0, SECTORS - 1), st.integers(1, 40)), max_size=4).map(arcs)
 
 
-@settings(deadline=None)
 @given(ARCS, st.floats(-3.14, 3.14))
 def test_headings_equal_their_twin(blocked, goal):
     fast = headings(blocked, goal, NARROW, WIDE, NARROW)
@@ -195,7 +192,7 @@ def test_a_heading_keeps_off_the_edges_of_a_wide_valley_and_takes_the_middle_of_
     assert len(headings(blocked, 0.0, NARROW, WIDE, NARROW)) == 0
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.integers(0, 10_000), st.integers(1, 2))
 def test_search_finds_the_cheapest_of_all_ways(seed, depth):
     rng = np.random.default_rng(seed)
@@ -234,7 +231,6 @@ def test_search_of_two_steps_avoids_a_pocket_that_one_step_enters():
     assert math.degrees(two) == pytest.approx(70.0, abs=3.0)
 
 
-@settings(deadline=None)
 @given(POINTS, st.floats(0.1, 3.0))
 def test_nearest_ahead_equals_its_twin(points, half_angle):
     sides = [math.inf, math.inf]
@@ -247,7 +243,6 @@ def test_nearest_ahead_equals_its_twin(points, half_angle):
     assert nearest_ahead(points, half_angle) == pytest.approx(sides, abs=KERNEL)
 
 
-@settings(deadline=None)
 @given(POINTS, st.floats(-1.0, 1.0), st.floats(-2.0, 2.0))
 def test_least_clearance_equals_its_twin(points, v, omega):
     box, time = (0.2, 0.15, 0.02), 0.3
@@ -275,7 +270,7 @@ def test_least_clearance_equals_its_twin(points, v, omega):
 # --- fuzzy curves -----------------------------------------------------------------------------------------
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(st.floats(-1.0, 5.0), st.booleans())
 def test_fuzzy_curve_equals_mamdani_inference(value, falling):
     inputs, outputs = np.linspace(0.0, 4.0, 5), np.linspace(0.0, 0.7, 5)
@@ -383,7 +378,7 @@ def test_headings_are_smoothed_alike_at_any_control_rate():
 
 
 @pytest.mark.parametrize("name", SHIPPED)
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(seed=st.integers(0, 10_000))
 def test_a_mirrored_scene_mirrors_the_command(name, seed):
     robot = shipped(name)

@@ -108,7 +108,7 @@ def follow(error, rate, rate_max, alpha, dt, periods):
 PERIODS = st.sampled_from([0.05, 0.1, 0.125, 0.2])
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 @given(SIGNED, SIGNED, st.floats(0.2, 4.0), st.floats(0.2, 25.0), PERIODS)
 def test_where_it_can_stop_it_stays_able_to_and_where_not_it_brakes(error, share, rate_max, alpha, dt):
     error, rate = 4.0 * error, share * rate_max
@@ -123,7 +123,7 @@ def test_where_it_can_stop_it_stays_able_to_and_where_not_it_brakes(error, share
     assert max(sign * command, 0.0) ** 2 / (2 * alpha) <= ahead + KERNEL
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 @given(UNIT, SIGNED, st.floats(0.2, 4.0), st.floats(0.2, 25.0), PERIODS)
 def test_approach_arrives(error, share, rate_max, alpha, dt):
     error = 0.01 + 4.0 * error

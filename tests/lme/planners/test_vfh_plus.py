@@ -101,7 +101,7 @@ def test_denser_ahead_is_slower():
     assert speed(0.8) < speed(1.2) < speed(3.0)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     st.sampled_from(["stage", "jackal", "go2"]),
     st.lists(st.floats(0.25, 3.0, width=32), min_size=12, max_size=12),

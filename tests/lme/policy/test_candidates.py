@@ -37,7 +37,7 @@ def off_centre(points, lidar):
     return np.array([math.remainder(bearing - lidar.yaw, math.tau) for bearing in polar(points)[1]])
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(FOVS, OFFSETS, OFFSETS, st.floats(-math.pi, math.pi), st.sampled_from(["polar", "area"]), OFFSETS)
 def test_none_lies_outside_the_field_of_view(fov, x, y, yaw, distribution, target_y):
     robot = with_lidar(fov, x=x, y=y, yaw=yaw)

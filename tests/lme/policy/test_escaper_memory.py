@@ -52,7 +52,7 @@ def test_history_nearer_than_r_does_not_count():
     assert len(straight(escaper(), 4)) == 3
 
 
-@settings(deadline=None, max_examples=20)
+@settings(max_examples=20)
 @given(SEEDS)
 def test_history_lies_where_the_robot_was(seed):
     # Turning is exact at an even ramp; UpdatePos moves along the old heading, so a period of speed v and turn
@@ -86,7 +86,7 @@ def test_history_stays_near_the_truth_at_full_acceleration(seed):
     assert np.hypot(*(history - true).T).mean() < 0.1
 
 
-@settings(deadline=None, max_examples=20)
+@settings(max_examples=20)
 @given(SEEDS)
 def test_a_kept_subgoal_stays_where_it_is_in_the_world(seed):
     seen, poses = wander(seed=seed)
@@ -100,7 +100,7 @@ def test_a_kept_subgoal_stays_where_it_is_in_the_world(seed):
         assert math.dist(to_world(decision.subgoal, pose), first) <= off + KERNEL
 
 
-@settings(deadline=None, max_examples=10)
+@settings(max_examples=10)
 @given(SEEDS)
 def test_reset_forgets_everything(seed):
     before, after = wander(steps=12, seed=seed)[0], wander(steps=12, seed=seed + 1)[0]

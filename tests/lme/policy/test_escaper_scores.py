@@ -162,7 +162,7 @@ def mounted(fov, y, yaw):
     return stage(lidar=lidar)
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(SEEDS, st.booleans(), st.sampled_from(["corridor", "line_of_sight"]))
 def test_a_mirrored_scene_is_answered_by_the_mirrored_subgoal(seed, full_circle, rule):
     rng = np.random.default_rng(seed)
@@ -192,7 +192,7 @@ def turned(points, angle):
     return to_world(np.asarray(points, dtype=float), Pose(0.0, 0.0, angle))
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(SEEDS, st.floats(-math.pi, math.pi), st.sampled_from(["corridor", "line_of_sight"]))
 def test_a_turned_scene_has_the_same_features_but_for_a_dev(seed, angle, rule):
     rng = np.random.default_rng(seed)
@@ -217,7 +217,7 @@ def test_a_dev_is_the_one_that_turns():
     assert criteria.a_dev(turned([[1.0, 0.0]], 0.3), bare) == pytest.approx([-0.3], abs=KERNEL)
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(SEEDS)
 def test_the_order_of_the_candidates_does_not_matter(seed):
     rng = np.random.default_rng(seed)

@@ -2,7 +2,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from lme.errors import InputError
@@ -49,7 +49,6 @@ def cluttered(seed):
     return points, projection, rng.uniform(-math.pi, math.pi, 6)
 
 
-@settings(deadline=None)
 @given(SEEDS)
 def test_equals_every_point_looked_at_in_turn(seed):
     points, projection, mount = cluttered(seed)
@@ -60,7 +59,6 @@ def test_equals_every_point_looked_at_in_turn(seed):
     assert scan.ranges == pytest.approx(expected, abs=RANGE)
 
 
-@settings(deadline=None)
 @given(SEEDS)
 def test_order_does_not_matter_and_another_point_never_lengthens_a_beam(seed):
     points, projection, mount = cluttered(seed)
@@ -72,7 +70,6 @@ def test_order_does_not_matter_and_another_point_never_lengthens_a_beam(seed):
     assert (more.ranges <= scan.ranges).all()
 
 
-@settings(deadline=None)
 @given(SEEDS, st.integers(0, 359))
 def test_turning_the_cloud_by_whole_beams_rolls_the_scan(seed, beams):
     rng = np.random.default_rng(seed)
@@ -171,7 +168,6 @@ def test_an_empty_cloud_is_an_empty_scan():
     assert np.isinf(to_scan(np.empty((0, 3)), Projection()).ranges).all()
 
 
-@settings(deadline=None)
 @given(SEEDS)
 def test_the_policy_sees_obstacles_where_they_are_to_a_beam(seed):
     rng = np.random.default_rng(seed)
@@ -192,7 +188,6 @@ def test_a_mount_by_hand():
     assert turned @ [0.0, 0.0, 1.0, 1.0] == pytest.approx([1.0, 0.0, 0.0, 1.0], abs=KERNEL)
 
 
-@settings(deadline=None)
 @given(SEEDS)
 def test_a_matrix_and_its_six_numbers_say_the_same(seed):
     points, projection, mount = cluttered(seed)

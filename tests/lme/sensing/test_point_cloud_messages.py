@@ -43,7 +43,7 @@ def message(points, order="<", letter="f", offsets=(0, 4, 8), point_step=16, pad
     )
 
 
-@settings(deadline=None, max_examples=50)
+@settings(max_examples=50)
 @given(
     SEEDS,
     st.sampled_from("<>"),

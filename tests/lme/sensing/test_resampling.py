@@ -101,7 +101,6 @@ def test_what_is_no_scan(bad, message):
 # The lidar it comes from
 
 
-@settings(deadline=None)
 @given(st.integers(2, 40), st.floats(-4.0, 4.0), st.floats(0.01, 0.15), st.floats(-3.0, 3.0), st.booleans())
 def test_the_own_lidar_sees_the_same_points(num_beams, angle_min, increment, yaw, full):
     if full:
@@ -174,7 +173,7 @@ def slow_twin(scan, mount, lidar):
     return out
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.data())
 def test_resampling_is_its_slow_twin(data):
     rng = np.random.default_rng(data.draw(st.integers(0, 2**32 - 1)))

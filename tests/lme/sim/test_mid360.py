@@ -37,7 +37,7 @@ def scan_of(scene, pose=ORIGIN, mount=LEVEL, projection=BODY, duration=0.25, **c
     return to_scan(sensor(mount, **changes).cloud(scene, pose, duration), projection, mount)
 
 
-@settings(deadline=None, max_examples=20)
+@settings(max_examples=20)
 @given(SEEDS)
 def test_every_beam_reads_what_the_planar_kernel_sees_between_it_and_the_next(seed):
     rng = np.random.default_rng(seed)
@@ -129,7 +129,7 @@ def test_a_box_seen_from_above_shows_its_lid():
     assert (np.abs(lid[:, :2] - [1.5, 0.0]) <= 0.25 + 1e-5).all()
 
 
-@settings(deadline=None, max_examples=20)
+@settings(max_examples=20)
 @given(SEEDS)
 def test_the_transform_undoes_any_mount(seed):
     rng = np.random.default_rng(seed)
@@ -156,7 +156,6 @@ def test_the_transform_undoes_any_mount(seed):
 # ---- The sensor
 
 
-@settings(deadline=None)
 @given(SEEDS)
 def test_the_pattern_is_the_sequence_of_the_plastic_number(seed):
     rng = np.random.default_rng(seed)

@@ -72,7 +72,7 @@ def test_the_same_commands_lead_to_the_same_place_and_odometry(name):
         assert one.state.time == pytest.approx(other.state.time, abs=KERNEL)
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(SEEDS)
 def test_both_end_at_the_same_thing_at_the_same_time(seed):
     rng = np.random.default_rng(seed)
@@ -208,7 +208,7 @@ def test_grip_beyond_need_changes_nothing():
 # --- symmetry -----------------------------------------------------------------------------------------
 
 
-@settings(deadline=None, max_examples=15)
+@settings(max_examples=15)
 @given(SEEDS, st.floats(-math.pi, math.pi))
 def test_a_turned_and_moved_scene_leads_to_a_turned_and_moved_way(seed, angle):
     frame = Pose(3.0, -2.0, angle)
@@ -225,7 +225,7 @@ def test_a_turned_and_moved_scene_leads_to_a_turned_and_moved_way(seed, angle):
         assert a.clearance == pytest.approx(b.clearance, abs=ROUNDING)
 
 
-@settings(deadline=None, max_examples=15)
+@settings(max_examples=15)
 @given(SEEDS)
 def test_a_mirrored_scene_leads_to_a_mirrored_way(seed):
     flip = World(CLUTTER.circles * [1, -1, 1], CLUTTER.segments * [1, -1, 1, -1])

@@ -75,7 +75,7 @@ def test_one_waypoint_stands():
         assert after(walker([(1.0, 2.0)], repeat=repeat), 3.0) == pytest.approx([1.0, 2.0, 0.0], abs=0.0)
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(st.integers(0, 2**32 - 1), st.sampled_from(REPEATS), st.floats(0.0, 30.0))
 def test_a_crowd_is_where_the_slow_twin_says(seed, repeat, seconds):
     rng = np.random.default_rng(seed)

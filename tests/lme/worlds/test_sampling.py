@@ -53,7 +53,7 @@ def rng(seed=0):
     return np.random.default_rng(seed)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(drawings)
 def test_the_field_is_the_clearance_of_each_point(drawing):
     place = floor_plan("test", drawing)
@@ -112,7 +112,6 @@ def test_a_robot_does_not_slip_between_corners_that_touch():
 
 
 @given(st.lists(st.integers(4, 95), min_size=4, max_size=4))
-@settings(deadline=None)
 def test_in_an_empty_room_the_path_is_all_but_straight(cells):
     space = empty_room()
     x0, y0, x1, y1 = (0.05 + 0.1 * cell for cell in cells)

@@ -9,6 +9,7 @@ from scipy import stats
 
 from runners.analysis import paired
 from runners.analysis.paired import METRIC, SUCCESS
+from tests.tolerances import KERNEL
 
 
 def episodes(successes, runs=1, **columns):
@@ -53,13 +54,13 @@ def test_the_world_is_the_unit():
     assert (many.mean, many.low, many.high, many.p) == (single.mean, single.low, single.high, single.p)
 
 
-def test_the_interval_is_that_of_the_mean():
-    """Of many worlds, that of the normal distribution."""
-    one, other = draws(0.8, 400), draws(0.5, 400, seed=1)
+@pytest.mark.parametrize("worlds", [2, 5, 60])
+def test_the_interval_is_scipys(worlds):
+    one, other = draws(0.8, worlds), draws(0.5, worlds, seed=1)
     found = paired.difference(episodes(one), episodes(other), SUCCESS)
     changes = other.astype(float) - one
-    expected = stats.t.interval(0.95, 399, changes.mean(), stats.sem(changes))
-    assert (found.low, found.high) == pytest.approx(expected, abs=0.01)
+    expected = stats.bootstrap((changes,), np.mean, method="percentile", rng=paired.SEED)
+    assert (found.low, found.high) == pytest.approx(expected.confidence_interval, abs=KERNEL)
 
 
 @pytest.mark.parametrize("worlds", [5, 60])

@@ -3,7 +3,6 @@
 import os
 import subprocess
 import sys
-import time
 
 import pytest
 
@@ -127,31 +126,18 @@ def test_version():
 )  # fmt: skip
 def test_quick_answers_import_nothing_heavy(words):
     code = (
-        "import sys, runners.cli.main as main\n"
-        "try: status = main.main(sys.argv[1:])\n"
+        "import sys, runners.cli.main as cli\n"
+        "try: cli.main(sys.argv[1:])\n"
         "finally: print('LOADED', *{name.partition('.')[0] for name in sys.modules})"
     )
     done = subprocess.run(
         [sys.executable, "-c", code, *words],
         capture_output=True, text=True, cwd=ROOT, timeout=60,
     )  # fmt: skip
+    assert "Traceback" not in done.stderr
     loaded = set(done.stdout.rpartition("LOADED")[2].split())
     assert "runners" in loaded
     assert not loaded & HEAVY
-
-
-def test_help_is_cheap_beside_hydra():
-    """A ratio in one run, since machines differ: help costs less than importing Hydra alone."""
-
-    def best(*command):
-        times = []
-        for _ in range(3):
-            start = time.perf_counter()
-            subprocess.run([sys.executable, *command], cwd=ROOT, capture_output=True, check=True, timeout=60)
-            times.append(time.perf_counter() - start)
-        return min(times)
-
-    assert best("-m", "runners.cli.main", "eval", "--help") < best("-c", "import hydra, numpy")
 
 
 def test_eval_help_teaches(capsys):

@@ -9,11 +9,12 @@ import pandas as pd
 import pytest
 
 from lme.resources import resource_dir
+from runners.cli.main import main
 
 README = (resource_dir("conf").parent / "README.md").read_text(encoding="utf-8")
 MODULE = re.search(r"```python\n(# my_module\.py.*?)```", README, re.DOTALL)[1]
 COMMANDS = re.search(r"```sh\n(lme eval planner\._target_.*?)```", README, re.DOTALL)[1].splitlines()
-SHORT = ["map.worlds=[0,6]", "runs=1", "tracking=none", "executor.workers=2"]
+SHORT = ["map.worlds=[0,6]", "runs=1", "tracking=none"]
 
 
 def lme(folder, *words):
@@ -38,7 +39,7 @@ def test_it_is_about_twenty_lines():
 @pytest.mark.parametrize("command", COMMANDS)
 def test_the_readmes_commands(folder, command):
     words = command.partition("#")[0].split()[1:]
-    done = lme(folder, *words, *SHORT)
+    done = lme(folder, *words, *SHORT, "executor.workers=2")
     assert done.returncode == 0, done.stderr
     (records,) = folder.glob("outputs/eval/*/episodes.parquet")
     frame = pd.read_parquet(records)
@@ -51,13 +52,25 @@ def test_the_readmes_commands(folder, command):
     }
 
 
-def test_mistakes_are_told(folder):
-    assert "did you mean speed?" in lme(folder, "eval", *COMMANDS[0].split()[2:3], "+planner.sped=1").stderr
+@pytest.fixture
+def mistake(folder, monkeypatch, capsys):
+    """What a command in this process says of a mistake."""
+    monkeypatch.chdir(folder)
+    monkeypatch.syspath_prepend(folder)
+
+    def told(*words):
+        assert main(["eval", *words, *SHORT, "executor=serial"]) == 2
+        return capsys.readouterr().err
+
+    yield told
+    for name in ("my_module", "bad"):
+        sys.modules.pop(name, None)
+
+
+def test_mistakes_are_told(folder, mistake):
+    assert "did you mean speed?" in mistake("planner._target_=my_module.MyPlanner", "+planner.sped=1")
+    assert "did you mean MyPlanner?" in mistake("planner._target_=my_module.MyPlaner")
     (folder / "bad.py").write_text(MODULE.replace("2.0 * np", "np.nan * np"), encoding="utf-8")
-    done = lme(folder, "eval", "planner._target_=bad.MyPlanner", *SHORT)
-    assert done.returncode == 2
-    assert "MyPlanner.plan returned" in done.stderr
-    assert "Traceback" not in done.stderr
-    done = lme(folder, "eval", "planner._target_=my_module.MyPlaner")
-    assert done.returncode == 2
-    assert "did you mean MyPlanner?" in done.stderr
+    said = mistake("planner._target_=bad.MyPlanner")
+    assert "MyPlanner.plan returned" in said
+    assert "Traceback" not in said

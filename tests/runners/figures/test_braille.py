@@ -63,7 +63,7 @@ def test_a_square_room_is_square_and_fits(columns, lines):
     assert max(height / (4 * lines), width / (2 * columns)) > 0.85  # and as large as it can be
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.floats(-4.5, 4.5), st.floats(-4.5, 4.5), st.booleans())
 def test_a_thin_wall_is_a_line_without_gaps(at, other, upright):
     wall = (at, -5, at, 5) if upright else (-5, at, 5, at)

@@ -91,7 +91,7 @@ def test_merge_leaves_two_files_and_resuming_a_complete_run_changes_nothing(tmp_
     assert sorted(path.name for path in tmp_path.iterdir()) == [EPISODES, TRAJECTORIES]
 
 
-@settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=15, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.permutations(KEYS), st.integers(0, 6), st.booleans(), st.binary(min_size=1, max_size=40))
 def test_a_killed_and_resumed_run_gives_the_identical_files(tmp_path_factory, order, cut, merged, torn):
     straight, resumed = tmp_path_factory.mktemp("straight"), tmp_path_factory.mktemp("resumed")

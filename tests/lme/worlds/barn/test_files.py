@@ -211,7 +211,7 @@ def _read(file):
         return str(error)
 
 
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None, max_examples=300)
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=300)
 @given(st.data())
 def test_damaged_paths_are_read_or_refused(tmp_path, data):
     file = tmp_path / "path_0.npy"
