@@ -44,7 +44,7 @@ def _find(group: str, given: str | Path) -> Path:
     close = difflib.get_close_matches(str(given), shipped, 1)
     hint = f"did you mean {close[0]}? " if close else ""
     raise InputError(
-        f"{group} is {str(given)!r}: {hint}must be one of {', '.join(shipped)}, or the path of a YAML file"
+        f"{group.replace('_', ' ')} is {str(given)!r}: {hint}must be one of {', '.join(shipped)}, or the path of a YAML file"
     )
 
 
