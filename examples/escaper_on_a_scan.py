@@ -39,11 +39,12 @@ def main() -> None:
         limits=robot.limits,
         odometry=lme.Pose(0.0, 0.0, 0.0),
     )
-    why = escaper.explain(observation)
     decision = escaper.decide(observation)
+    why = escaper.explanation()
+    assert why is not None  # a decision has been made
     x, y = decision.subgoal
     print(f"subgoal: {x:.2f} m ahead, {y:.2f} m to the left")
-    print(f"reason: {lme.reason(why, None)}")
+    print(f"reason: {lme.reason(why)}")
     for name, value in zip(why.names, why.features[:, why.new], strict=True):
         print(f"  {name}: {value:.2f}")
 

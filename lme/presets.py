@@ -43,9 +43,8 @@ def _find(group: str, given: str | Path) -> Path:
         return Path(given)
     close = difflib.get_close_matches(str(given), shipped, 1)
     hint = f"did you mean {close[0]}? " if close else ""
-    raise InputError(
-        f"{group.replace('_', ' ')} is {str(given)!r}: {hint}must be one of {', '.join(shipped)}, or the path of a YAML file"
-    )
+    what, names = group.replace("_", " "), ", ".join(shipped)
+    raise InputError(f"{what} is {str(given)!r}: {hint}must be one of {names}, or the path of a YAML file")
 
 
 def _filled(part: type[_Part], place: str, value: object) -> _Part:
