@@ -36,7 +36,9 @@ def test_the_installed_metadata_has_every_optional_package():
     except PackageNotFoundError:
         pytest.skip(f"{extras.DISTRIBUTION} is not installed here")
     hints = {package: extras.install(package) for package in OPTIONAL}
-    assert hints == {package: f"pip install '{requirement}'" for package, (_, requirement) in OPTIONAL.items()}
+    assert hints == {
+        package: f"pip install '{requirement}'" for package, (_, requirement) in OPTIONAL.items()
+    }
 
 
 def test_uninstalled_a_hint_names_the_package_alone(monkeypatch):
