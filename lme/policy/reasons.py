@@ -30,7 +30,7 @@ class Term(NamedTuple):
     value: float
 
 
-def reason(now: Explanation, before: Explanation | None) -> str:
+def reason(now: Explanation, before: Explanation | None = None) -> str:
     """One decision in one plain sentence; two where no candidate is reachable.
 
     before: the decision one control period earlier, which tells what has changed; None at the first step.

@@ -5,7 +5,6 @@ from __future__ import annotations
 import shutil
 import textwrap
 from collections.abc import Iterable, Mapping, Sequence
-from importlib.metadata import PackageNotFoundError, version
 
 from runners.config import catalogue
 
@@ -26,14 +25,6 @@ _HOW_TO = (
     ("--info defaults", "print which files the config is composed from"),
     ("--hydra-help", "print Hydra's own help"),
 )
-
-
-def installed_version() -> str:
-    """Version of the installed package."""
-    try:
-        return version("lme")
-    except PackageNotFoundError:
-        return "not installed"
 
 
 def overview(commands: Mapping[str, str]) -> str:

@@ -16,6 +16,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import lme
 from lme.errors import InputError, nearest
 from lme.resources import resource_dir
 from runners.cli import commands, help
@@ -31,7 +32,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(help.overview({name: title(path) for name, path in known.items()}))
         return 0
     if words[0] in ("-V", "--version"):
-        print(f"lme {help.installed_version()}")
+        print(f"lme {lme.__version__}")
         return 0
     sys.path.append(str(Path.cwd()))  # where a user's own planner may lie
     before, warnings.formatwarning = warnings.formatwarning, _warning

@@ -17,7 +17,7 @@ from runners.config.weights import REGISTERED, WEIGHTS
 from runners.records.versions import versions
 from runners.records.whole_file import write_whole
 
-_PACKAGES = ("lme", "numpy", "numba", "optuna")
+_PACKAGES = ("numpy", "numba", "optuna")
 
 
 def write_weights(

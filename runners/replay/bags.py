@@ -12,6 +12,7 @@ from types import TracebackType
 from typing import Any, NamedTuple, Self
 
 from lme.errors import InputError
+from runners.config.extras import install
 
 SUFFIXES = (".bag", ".db3", ".mcap")
 _SECOND = 1_000_000_000
@@ -101,7 +102,7 @@ def _opened(path: Path) -> Any:
         from rosbags.highlevel import AnyReader
         from rosbags.typesys import Stores, get_typestore
     except ImportError as error:
-        raise InputError("replay needs the package rosbags: pip install 'lme[replay]'") from error
+        raise InputError(f"replay needs the package rosbags: {install('rosbags')}") from error
     try:
         # ROS 2 files of SQLite carry no message definitions before Iron.
         reader = AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE))

@@ -12,6 +12,7 @@ from lme.errors import InputError
 from lme.geometry.frames import to_world
 from lme.robots import Robot
 from lme.types import Floats
+from runners.config.extras import install
 from runners.replay.driver import ReplayStep
 
 _BLUE, _ORANGE, _GREEN, _GREY = (0, 114, 178), (213, 94, 0), (0, 158, 115), (120, 120, 120)
@@ -22,7 +23,7 @@ def check_installed() -> None:
     try:
         import rerun  # noqa: F401
     except ImportError as error:
-        raise InputError("rerun=true needs the package rerun-sdk: pip install 'lme[rerun]'") from error
+        raise InputError(f"rerun=true needs the package rerun-sdk: {install('rerun-sdk')}") from error
 
 
 class RerunFile:

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from lme.errors import InputError, require
+from runners.config.extras import install
 
 if TYPE_CHECKING:
     from optuna.samplers import BaseSampler
@@ -182,6 +183,6 @@ def _quietly(make: Callable[[int], BaseSampler], seed: int) -> BaseSampler:
         return make(seed)
 
 
-def _need(package: str, extra: str) -> None:
+def _need(package: str, search: str) -> None:
     if find_spec(package) is None:
-        raise InputError(f"search={extra} needs {package}: pip install 'lme[{extra}]', or choose search=tpe")
+        raise InputError(f"search={search} needs {package}: {install(package)}, or choose search=tpe")

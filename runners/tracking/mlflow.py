@@ -207,7 +207,7 @@ def _warn(uri: str, error: Exception) -> None:
 
 def environment_tags() -> dict[str, str]:
     """What the results may depend on besides the config: commit, versions, platform."""
-    return {"platform": platform.platform(), **versions("lme", "numpy", "numba"), **_git_tags()}
+    return {"platform": platform.platform(), **versions("numpy", "numba"), **_git_tags()}
 
 
 def _git_tags() -> dict[str, str]:

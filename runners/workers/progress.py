@@ -17,6 +17,10 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
+from runners.workers import kernels
+
+_COMPILING = "Compiling kernels, once after installation: this takes about half a minute."
+
 
 class _Bar:
     """A bar on standard error: what, how far, `columns`, time taken, time left."""
@@ -35,6 +39,8 @@ class _Bar:
         self._task = self._bar.add_task(label, start=False, total=total, **fields)
 
     def __enter__(self) -> Self:
+        if not kernels.compiled():
+            self._bar.console.print(_COMPILING)
         self._bar.start()
         self._bar.start_task(self._task)
         return self

@@ -18,12 +18,13 @@ from typing import Any, Final, Self
 
 import numpy as np
 
+import lme
 from lme.errors import InputError
 from lme.robots import Robot
 from lme.sim.simulator import State
 from lme.types import Guidance, LaserScan, Observation, Pose, Twist
+from runners.config.extras import install
 from runners.records.episode_record import EpisodeKey
-from runners.records.versions import versions
 
 FOLDER = "recordings"  # within a run's directory
 TOPICS = {  # message types; the topics stand in the order in which a control period writes them
@@ -49,7 +50,7 @@ def check_installed() -> None:
         import rosbags.rosbag2
         import rosbags.typesys  # noqa: F401
     except ImportError as error:
-        raise InputError("record=mcap needs the package rosbags: pip install 'lme[replay]'") from error
+        raise InputError(f"record=mcap needs the package rosbags: {install('rosbags')}") from error
 
 
 def recording_path(folder: Path, key: EpisodeKey) -> Path:
@@ -120,7 +121,7 @@ class Recorder:
     def _begin(self, scan: LaserScan, now: int) -> None:
         self._begun = True
         beams = {name: float(value) for name, value in scan._asdict().items() if name != "ranges"}
-        text = json.dumps({**self._about, "version": versions("lme").get("lme"), "scan": beams})
+        text = json.dumps({**self._about, "version": lme.__version__, "scan": beams})
         self._write("/lme", self._messages.text(text), now)
         self._write("/tf_static", self._messages.transform(now, BASE, LASER, self._robot.lidar.mount), now)
 

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lme.errors import InputError
+from runners.config.extras import install
 from runners.records.whole_file import replacing
 
 if TYPE_CHECKING:
@@ -49,8 +50,8 @@ def find_ffmpeg() -> str:
         return str(get_ffmpeg_exe())
     except (ImportError, RuntimeError):
         raise InputError(
-            "figure.format is mp4: needs ffmpeg, which is not on the PATH: install it, or pip install "
-            "'lme[video]', or choose figure.format=gif"
+            "figure.format is mp4: needs ffmpeg, which is not on the PATH: install it, or "
+            f"{install('imageio-ffmpeg')}, or choose figure.format=gif"
         ) from None
 
 

@@ -252,12 +252,13 @@ def test_training_numbers_that_the_map_has_not(capsys):
     assert "must be worlds that the map has, such as [0,199]" in capsys.readouterr().err
 
 
-def test_a_search_without_its_package_says_what_to_install(monkeypatch, capsys):
+@pytest.mark.parametrize(("search", "package"), [("gp", "torch"), ("cmaes", "cmaes")])
+def test_a_search_without_its_package_says_what_to_install(search, package, monkeypatch, capsys):
     from runners.search import samplers
 
     monkeypatch.setattr(samplers, "find_spec", lambda package: None)
-    assert main(["train", *SMALL[:4], "search=gp"]) == 2
-    assert "search=gp needs torch: pip install 'lme[gp]'" in capsys.readouterr().err
+    assert main(["train", *SMALL[:4], f"search={search}"]) == 2
+    assert f"search={search} needs {package}: pip install '{package}" in capsys.readouterr().err
 
 
 def test_another_robot_map_or_space_is_no_resumption(trained, monkeypatch, capsys):

@@ -177,7 +177,7 @@ def test_without_ffmpeg_an_error_says_what_to_install(monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
     assert main(["figure", "video", "figure.format=mp4", *WORDS]) == 2
     error = capsys.readouterr().err
-    assert "pip install 'lme[video]'" in error
+    assert "pip install 'imageio-ffmpeg" in error
     assert "figure.format=gif" in error
 
 

@@ -1,0 +1,38 @@
+"""Drive one world of BARN with LME, and plot its path: world_218.png in the folder where this is called."""
+
+import sys
+
+import matplotlib
+import numpy as np
+
+import lme
+
+matplotlib.use("Agg")
+from matplotlib import pyplot as plt
+from matplotlib.patches import Circle
+
+
+def main(world: int) -> None:
+    robot = lme.load_robot("jackal")
+    guide = lme.Lme(lme.Lme.Config(parameters=lme.load_parameters("published")), robot)
+    navigator = lme.Navigator(guide, lme.Simple(lme.Simple.Config(), robot))
+    simulator = lme.FastSimulator(lme.FastSimulator.Config(), robot)
+    task = lme.Barn(lme.Barn.Config(worlds=[world])).task(world)
+    episode = lme.run_episode(task, navigator, simulator, np.random.default_rng(0))
+    print(f"{episode.outcome} after {episode.time:.1f} s and {episode.path_length:.1f} m")
+
+    # The columns of a trajectory are lme.episode.TRAJECTORY_COLUMNS, in the world frame.
+    figure, axes = plt.subplots(figsize=(4, 8))
+    for x, y, radius in task.world.circles:
+        axes.add_patch(Circle((x, y), radius, color="0.4"))
+    axes.plot(episode.trajectory[:, 1], episode.trajectory[:, 2], label="path")
+    subgoals = episode.trajectory[episode.trajectory[:, 8] == 1.0, 6:8]  # where a new one was chosen
+    axes.plot(*subgoals.T, "+", label="subgoals")
+    axes.plot(*task.goal, "*", markersize=12, label="goal")
+    axes.set(title=f"BARN world {world}: {episode.outcome}", xlabel="x [m]", ylabel="y [m]", aspect="equal")
+    axes.legend(loc="lower center")
+    figure.savefig(f"world_{world}.png", bbox_inches="tight")
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]) if len(sys.argv) > 1 else 218)

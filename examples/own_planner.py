@@ -1,0 +1,45 @@
+"""A planner of your own under LME, in one world of BARN.
+
+`lme eval planner._target_=own_planner.MyPlanner`, called in this folder, drives it through a hundred worlds.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+import lme
+
+
+@dataclass
+class MyConfig:
+    speed: float = 0.5  # [m/s]
+
+
+class MyPlanner:
+    """Drives ahead while the subgoal lies ahead, and turns towards it."""
+
+    Config = MyConfig
+
+    def __init__(self, config: MyConfig, robot: lme.Robot) -> None:
+        self.speed = config.speed
+
+    def reset(self, rng: np.random.Generator) -> None:
+        """A new episode: there is nothing to forget."""
+
+    def plan(self, observation: lme.Observation, guidance: lme.Guidance) -> lme.Twist:
+        x, y = guidance.subgoal  # [m] in the robot frame
+        return lme.Twist(self.speed * (x > abs(y)), 2.0 * np.arctan2(y, x))
+
+
+def main() -> None:
+    robot = lme.load_robot("jackal")
+    guide = lme.Lme(lme.Lme.Config(parameters=lme.load_parameters("published")), robot)
+    simulator = lme.FastSimulator(lme.FastSimulator.Config(), robot)
+    task = lme.Barn(lme.Barn.Config(worlds=[200])).task(200)
+    navigator = lme.Navigator(guide, MyPlanner(MyConfig(speed=0.8), robot))
+    episode = lme.run_episode(task, navigator, simulator, np.random.default_rng(0))
+    print(f"{episode.outcome} after {episode.time:.1f} s and {episode.path_length:.1f} m")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,70 @@
+"""Robots and learned parameters by name, read without Hydra."""
+
+from __future__ import annotations
+
+import difflib
+from dataclasses import MISSING, Field, fields
+from pathlib import Path
+from typing import Any, TypeVar
+
+from lme.errors import InputError
+from lme.policy.score import CRITERIA
+from lme.policy.weights import read_parameters
+from lme.resources import resource_dir
+from lme.robots import Footprint, Lidar, Robot
+from lme.worlds.yaml_entry import Entry, read_yaml
+
+_Part = TypeVar("_Part", Robot, Footprint, Lidar)
+
+
+def load_robot(robot: str | Path) -> Robot:
+    """The robot of `conf/robot/NAME.yaml` by its name, or of a YAML file of your own by its path.
+
+    Raises InputError where there is no such robot, and where a value in the file is missing or not right.
+    """
+    path = _find("robot", robot)
+    return _filled(Robot, str(path), read_yaml(path))
+
+
+def load_parameters(weights: str | Path = "published") -> dict[str, float]:
+    """The eight parameters of `conf/weight_set/NAME.yaml` by its name, or of a weight file by its path.
+
+    Six weights, d1 [m] and d2. Raises InputError where there is no such file, and where a parameter in it is
+    missing or not right.
+    """
+    return read_parameters(_find("weight_set", weights), CRITERIA)
+
+
+def _find(group: str, given: str | Path) -> Path:
+    shipped = {path.stem: path for path in sorted((resource_dir("conf") / group).glob("*.yaml"))}
+    if given in shipped:
+        return shipped[str(given)]
+    if Path(given).is_file():
+        return Path(given)
+    close = difflib.get_close_matches(str(given), shipped, 1)
+    hint = f"did you mean {close[0]}? " if close else ""
+    what, names = group.replace("_", " "), ", ".join(shipped)
+    raise InputError(f"{what} is {str(given)!r}: {hint}must be one of {names}, or the path of a YAML file")
+
+
+def _filled(part: type[_Part], place: str, value: object) -> _Part:
+    """A dataclass from a mapping with a key for each of its fields."""
+    required = [field.name for field in fields(part) if field.default is MISSING]
+    entry = Entry(place, value, required, [field.name for field in fields(part)])
+    return part(**{field.name: _value(entry, field) for field in fields(part)})
+
+
+def _value(entry: Entry, field: Field[Any]) -> Any:
+    key, default = field.name, field.default
+    given = entry.value(key, default)
+    if given is None and default is None:
+        return None
+    if field.type == "Footprint":
+        return _filled(Footprint, f"{entry.place}, {key}", given)
+    if field.type == "Lidar":
+        return _filled(Lidar, f"{entry.place}, {key}", given)
+    if field.type == "str":
+        return str(given)
+    if field.type == "int" and type(given) is not int:
+        raise entry.mistake(key, "a whole number")
+    return given if field.type == "int" else entry.number(key, given)

@@ -1,0 +1,144 @@
+"""Compiled kernels where the package's own folders cannot be written."""
+
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import pytest
+
+from lme import numba_cache
+from tests.places import ROOT
+
+NOBODY = 65534
+COMPILE = """
+import numpy as np
+import lme
+from lme.kernels.motion import travelled
+assert lme.__file__.startswith({copy!r})
+print(travelled(0.0, 0.0, np.ones((2, 3))), sum(travelled.stats.cache_hits.values()), travelled.stats.cache_path)
+"""
+
+
+@pytest.fixture
+def package(tmp_path, monkeypatch):
+    """A package of one module; no variable set, and folders of the user's and for temporary files."""
+    for name in ("NUMBA_CACHE_DIR", "XDG_CACHE_HOME"):
+        monkeypatch.setenv(name, "")
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "temporary"))
+    for folder in ("package/kernels", "temporary"):
+        (tmp_path / folder).mkdir(parents=True)
+    (tmp_path / "package" / "kernels" / "motion.py").touch()
+    return tmp_path / "package"
+
+
+@pytest.fixture
+def read_only(package, monkeypatch):
+    """The same, and nothing in it can be written: permissions do not bind root, so the question is answered."""
+    monkeypatch.setattr(numba_cache.os, "access", lambda path, mode: not Path(path).is_relative_to(package))
+    return package
+
+
+def chosen(package):
+    numba_cache.choose(package)
+    return os.environ["NUMBA_CACHE_DIR"]
+
+
+def test_a_package_that_can_be_written_keeps_its_own_cache(package):
+    assert chosen(package) == ""
+    assert not (package.parent / "home").exists()
+
+
+def test_a_read_only_package_has_a_cache_in_the_users_home(read_only):
+    folder = read_only.parent / "home" / ".cache" / "lme-nav"
+    assert chosen(read_only) == str(folder)
+    assert folder.is_dir()
+
+
+def test_one_folder_that_cannot_be_written_is_enough(package, monkeypatch):
+    blocked = package / "kernels" / "__pycache__"
+    blocked.mkdir()
+    monkeypatch.setattr(numba_cache.os, "access", lambda path, mode: Path(path) != blocked)
+    assert chosen(package).endswith("lme-nav")
+
+
+def test_the_users_cache_folder_counts_where_it_is_absolute(read_only, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(read_only.parent / "caches"))
+    assert chosen(read_only) == str(read_only.parent / "caches" / "lme-nav")
+    monkeypatch.setenv("NUMBA_CACHE_DIR", "")
+    monkeypatch.setenv("XDG_CACHE_HOME", "caches")
+    assert chosen(read_only) == str(read_only.parent / "home" / ".cache" / "lme-nav")
+
+
+def test_what_the_user_has_set_stays(read_only, monkeypatch):
+    monkeypatch.setenv("NUMBA_CACHE_DIR", "/mine")
+    assert chosen(read_only) == "/mine"
+
+
+def test_without_a_home_a_private_folder_among_the_temporary_files(read_only, monkeypatch):
+    monkeypatch.setenv("HOME", os.devnull)
+    folder = Path(chosen(read_only))
+    assert folder == read_only.parent / "temporary" / f"lme-nav-{os.getuid()}"
+    assert folder.stat().st_mode & 0o777 == 0o700
+    monkeypatch.setenv("NUMBA_CACHE_DIR", "")
+    assert chosen(read_only) == str(folder)  # and the next process finds what was compiled
+
+
+@pytest.mark.parametrize("trap", ["open", "link"])
+def test_a_temporary_folder_that_others_could_have_filled_is_not_used(read_only, monkeypatch, trap):
+    monkeypatch.setenv("HOME", os.devnull)
+    folder = read_only.parent / "temporary" / f"lme-nav-{os.getuid()}"
+    if trap == "open":
+        folder.mkdir()
+        folder.chmod(0o777)
+    else:
+        folder.symlink_to(read_only, target_is_directory=True)
+    other = Path(chosen(read_only))
+    assert other != folder
+    assert other.parent == folder.parent
+    assert other.stat().st_mode & 0o777 == 0o700
+
+
+@pytest.fixture
+def installed():
+    """A copy of `lme` that an unprivileged user cannot write, the command that runs as one, and a folder of theirs."""
+    # Not tmp_path, which is closed to others.
+    place = Path(tempfile.mkdtemp(prefix="lme-read-only-"))
+    place.chmod(0o755)
+    shutil.copytree(ROOT / "lme", place / "lme", ignore=shutil.ignore_patterns("__pycache__"))
+    (place / "mine").mkdir()
+    command = [sys.executable]
+    if os.geteuid() == 0:
+        if shutil.which("setpriv") is None:
+            pytest.skip("needs setpriv to run as an unprivileged user")
+        command = ["setpriv", f"--reuid={NOBODY}", f"--regid={NOBODY}", "--clear-groups", *command]
+        os.chown(place / "mine", NOBODY, NOBODY)
+    for folder in [place / "lme", *(path for path in (place / "lme").rglob("*") if path.is_dir())]:
+        folder.chmod(0o555)
+    if subprocess.run([*command, "-c", "import numba"], capture_output=True, cwd="/").returncode:
+        pytest.skip(f"an unprivileged user cannot run {sys.executable}")
+    yield place, command
+    for folder in [place / "lme", *(path for path in (place / "lme").rglob("*") if path.is_dir())]:
+        folder.chmod(0o755)
+    shutil.rmtree(place)
+
+
+def test_a_read_only_installation_compiles_once_for_a_user_without_a_home(installed):
+    place, command = installed
+    environment = {
+        "PATH": os.environ["PATH"],
+        "PYTHONPATH": str(place),
+        "HOME": os.devnull,
+        "TMPDIR": str(place / "mine"),
+    }
+    command = [*command, "-c", COMPILE.format(copy=str(place))]
+    for hits in (0, 1):
+        done = subprocess.run(command, env=environment, cwd="/", capture_output=True, text=True, timeout=300)
+        assert done.returncode == 0, done.stderr
+        length, found, path = done.stdout.split()
+        assert float(length) == pytest.approx(2**0.5)
+        assert int(found) == hits
+        assert Path(path).is_relative_to(place / "mine")

@@ -1,0 +1,71 @@
+"""Robots and parameters by name, without Hydra."""
+
+import pytest
+import yaml
+
+from lme.errors import InputError
+from lme.policy.score import CRITERIA
+from lme.presets import load_parameters, load_robot
+from lme.robots import Footprint, Lidar, Robot
+from tests.places import ROOT
+
+ROBOTS = sorted((ROOT / "conf" / "robot").glob("*.yaml"))
+STAGE = (ROOT / "conf" / "robot" / "stage.yaml").read_text(encoding="utf-8")
+
+
+@pytest.mark.filterwarnings("ignore:robot.collision_radius")
+@pytest.mark.parametrize("path", ROBOTS, ids=lambda path: path.stem)
+def test_a_robot_is_what_its_file_says(path):
+    given = yaml.safe_load(path.read_text(encoding="utf-8"))
+    lidar, footprint = Lidar(**given.pop("lidar")), Footprint(**given.pop("footprint"))
+    expected = Robot(**given, lidar=lidar, footprint=footprint)
+    assert load_robot(path.stem) == load_robot(path) == load_robot(str(path)) == expected
+    assert type(load_robot(path.stem).lidar.num_beams) is int
+
+
+def test_what_is_left_out_of_a_robots_file_is_the_default(tmp_path):
+    path = tmp_path / "mine.yaml"
+    left_out = ("  noise_std", "  x:", "  y:", "  yaw", "  length", "  width", "collision_radius")
+    path.write_text("\n".join(line for line in STAGE.splitlines() if not line.startswith(left_out)))
+    assert load_robot(path) == load_robot("stage")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("v_max: 0.5", "vmax: 0.5", "unknown key 'vmax': did you mean 'v_max'"),
+        ("v_max: 0.5", "", "v_max is missing"),
+        ("v_max: 0.5", "v_max: fast", "v_max is 'fast': must be a finite number"),
+        ("v_max: 0.5", "v_max: null", "v_max is empty: must be a finite number"),
+        ("v_max: 0.5", "v_max: -1", "robot.v_max is -1: must be greater than 0"),
+        ("num_beams: 540", "num_beams: 5.5", "lidar: num_beams is 5.5: must be a whole number"),
+        ("num_beams: 540", "num_beams: true", "num_beams is True: must be a whole number"),
+        ("  range_max: 15.0", "  range: 15.0", "lidar: unknown key 'range'"),
+        ("footprint:", "footprint: round\nrest:", "rest"),
+    ],
+)
+def test_a_mistake_in_a_robots_file_is_one_line_that_names_it(tmp_path, old, new, said):
+    path = tmp_path / "mine.yaml"
+    assert old in STAGE
+    path.write_text(STAGE.replace(old, new, 1))
+    with pytest.raises(InputError) as caught:
+        load_robot(path)
+    assert said in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_the_published_parameters(tmp_path):
+    published = load_parameters("published")
+    assert load_parameters() == published
+    assert list(published) == [*CRITERIA, "d1", "d2"]
+    assert (published["c_o"], published["d1"]) == (999.8, 0.51)  # paper §IV.D
+    path = tmp_path / "mine.yaml"
+    path.write_text(yaml.safe_dump({"parameters": published | {"d1": 2}}))
+    assert load_parameters(path) == published | {"d1": 2.0}
+
+
+def test_an_unknown_name_says_which_there_are():
+    with pytest.raises(InputError, match=r"robot is 'jakal': did you mean jackal.*go2, jackal.*or the path"):
+        load_robot("jakal")
+    with pytest.raises(InputError, match="weight set is 'mine': must be one of published"):
+        load_parameters("mine")

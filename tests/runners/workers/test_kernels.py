@@ -1,0 +1,68 @@
+"""What the first drive after installation says of the kernels that it waits for."""
+
+import os
+import shutil
+import subprocess
+import sys
+
+import pytest
+
+from runners.workers import kernels
+from runners.workers.progress import EpisodeProgress, TrialProgress
+from tests.places import ROOT
+
+DRIVE = """
+import numpy as np
+from lme.kernels.motion import travelled
+from runners.workers.kernels import compiled
+said = compiled()
+travelled(0.0, 0.0, np.ones((2, 3)))
+print(said, not travelled.stats.cache_misses, compiled())
+"""
+
+
+@pytest.fixture
+def installed(tmp_path):
+    """A fresh copy of the packages."""
+    for package in ("lme", "runners"):
+        shutil.copytree(ROOT / package, tmp_path / package, ignore=shutil.ignore_patterns("__pycache__"))
+    return tmp_path
+
+
+def drive(place, **variables):
+    """What is said before a kernel is called, whether it was compiled indeed, and what is said after."""
+    environment = {name: text for name, text in os.environ.items() if name != "NUMBA_CACHE_DIR"}
+    environment |= {"PYTHONPATH": str(place), **variables}
+    command = [sys.executable, "-c", DRIVE]
+    done = subprocess.run(command, env=environment, cwd=place, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stderr
+    return [word == "True" for word in done.stdout.split()]
+
+
+@pytest.mark.parametrize("elsewhere", [False, True])
+def test_kernels_are_compiled_once(installed, elsewhere):
+    variables = {"NUMBA_CACHE_DIR": str(installed / "cache")} if elsewhere else {}
+    assert drive(installed, **variables) == [False, False, True]
+    assert drive(installed, **variables) == [True, True, True]
+
+
+def test_what_is_said_is_what_numba_does_with_a_source_that_was_touched_or_changed(installed):
+    source = installed / "lme" / "kernels" / "motion.py"
+    drive(installed)
+    now = source.stat().st_mtime
+    os.utime(source, (now + 3600, now + 3600))
+    said, true, _ = drive(installed)
+    assert said == true
+    source.write_text(source.read_text(encoding="utf-8") + "\n# changed\n", encoding="utf-8")
+    os.utime(source, (now + 7200, now + 7200))
+    said, true, _ = drive(installed)
+    assert said == true == False  # noqa: E712
+
+
+@pytest.mark.parametrize("bar", [EpisodeProgress, TrialProgress])
+@pytest.mark.parametrize("compiled", [False, True])
+def test_a_bar_says_what_it_waits_for(bar, compiled, monkeypatch, capsys):
+    monkeypatch.setattr(kernels, "compiled", lambda: compiled)
+    with bar("LME", 3):
+        pass
+    assert ("Compiling kernels" in capsys.readouterr().err) == (not compiled)
