@@ -39,30 +39,43 @@ Criterion = Callable[[Floats, View], Floats]
 
 
 def a_close(candidates: Floats, view: View) -> Floats:
-    """Target proximity, Eq. 2: minus the distance to the target [m]."""
+    """Target proximity: minus the distance from the candidate to the target [m]. Nearer is better.
+
+    Eq. 2.
+    """
     return -distances_to(candidates, view.target)
 
 
 def a_dev(candidates: Floats, view: View) -> Floats:
-    """Directional deviation, Eq. 3: minus the bearing off straight ahead [rad].
+    """Directional deviation: minus the angle to turn to face the candidate [rad]. Straight ahead is best.
 
-    The paper's heading is +y and its angle unwrapped; here it is +x and the bearing lies in (−π, π].
+    Eq. 3. The paper's heading is +y and its angle unwrapped; here it is +x and the bearing lies in (−π, π].
     """
     return -np.abs(bearings(candidates))
 
 
 def c_o(candidates: Floats, view: View) -> Floats:
-    """Collision-free reachability, Eq. 4: 1 where origin–candidate keeps r from every scan point."""
+    """Collision-free reachability: 1 if the straight way to the candidate is free of obstacles, else 0.
+
+    Eq. 4: the segment from the origin to the candidate keeps r from every scan point.
+    """
     return _free(fan_blocked(ORIGIN, candidates, view.points, view.radius))
 
 
 def c_t(candidates: Floats, view: View) -> Floats:
-    """Optimistic target reachability, Eq. 5: 1 where candidate–target keeps r from every scan point."""
+    """Optimistic target reachability: 1 if no obstacle seen blocks the way from the candidate to the target, else 0.
+
+    Eq. 5: the segment from the candidate to the target keeps r from every scan point.
+    """
     return _free(fan_blocked(view.target, candidates, view.points, view.radius))
 
 
 def a_mount(candidates: Floats, view: View) -> Floats:
-    """Surmount feature, Algorithm 2: minus the distance to B where the blocking sector hides the target."""
+    """Surmount feature: minus the distance to B, past the obstacle's end [m], where it hides the target; else 0.
+
+    Algorithm 2: the obstacle is the blocking sector; it hides the target where it comes within r of the segment
+    from the candidate to the target.
+    """
     if view.blockage is None:
         return np.zeros(len(candidates))
     hidden = fan_blocked(view.target, candidates, view.blockage.points, view.radius)
@@ -70,7 +83,10 @@ def a_mount(candidates: Floats, view: View) -> Floats:
 
 
 def c_h(candidates: Floats, view: View) -> Floats:
-    """Historical avoidance, Eq. 6: 1 where origin–candidate keeps r from every recent position."""
+    """Historical avoidance: 1 if the straight way to the candidate avoids the robot's recent positions, else 0.
+
+    Eq. 6: the segment from the origin to the candidate keeps r from every recent position.
+    """
     return _free(fan_blocked(ORIGIN, candidates, view.history, view.radius))
 
 

@@ -23,6 +23,7 @@ SCRIPTS = (  # in this order: each may use those before it
     "colours.js",
     "theme.js",
     "format.js",
+    "meanings.js",
     "camera.js",
     "marks.js",
     "ground.js",

@@ -1,1 +1,1 @@
-"""Everything that is drawn: pure functions of records, or of episodes told again."""
+"""Everything that is drawn: pure functions of records, or of traces of episodes."""

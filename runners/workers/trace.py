@@ -1,7 +1,7 @@
-"""Traces: an episode driven once more, with all that the robot saw and decided.
+"""Traces of episodes: all that the robot saw and decided, from a rerun.
 
-Records say where the robot went. What it saw and why it went there would fill disks. But an episode is a function
-of its config, its world and its run, so it can be driven again and watched.
+Records say where the robot went. What it saw and why it went there would fill disks. An episode is a function of
+its config, its world and its run, so it can be driven again and watched.
 """
 
 from __future__ import annotations

@@ -4,8 +4,8 @@ const SIDES = ["picked", "chosen", "old"];
 
 class Bars {
   /** @param {HTMLTableSectionElement} body - gets a row per criterion and one for S */
-  constructor(body, names, about) {
-    this.rows = [...names, "S"].map((name) => termRow(body, name, about[name]));
+  constructor(body, names, meanings) {
+    this.rows = [...names, "S"].map((name) => termRow(body, name, meanings));
   }
 
   /**
@@ -30,12 +30,11 @@ class Bars {
   }
 }
 
-function termRow(body, name, about) {
+function termRow(body, name, meanings) {
   const row = body.insertRow();
   const head = document.createElement("th");
   head.scope = "row";
-  head.textContent = name;
-  head.title = about || "The sum of the terms above.";
+  head.append(meanings.button(name));
   row.append(head);
   const chart = row.insertCell();
   chart.className = "chart";

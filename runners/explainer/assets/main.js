@@ -96,16 +96,21 @@ class App {
 
   #explained() {
     const { head } = this.tale;
-    this.bars = new Bars(byId("terms").tBodies[0], head.names, head.about);
-    this.panel = new ParameterPanel(byId("parameters"), head, () => {
+    this.meanings = new Meanings(byId("meaning"), byId("meanings"), head.about);
+    this.bars = new Bars(byId("terms").tBodies[0], head.names, this.meanings);
+    this.panel = new ParameterPanel(byId("parameters"), head, this.meanings, () => {
       this.judge();
       this.#speak(this.#whatIf());
     });
     this.legend = new Legend(byId("legend"));
     byId("colour").append(new Option("S", "S"), new Option("S, reachable", "free"));
-    for (const name of head.names) byId("colour").append(new Option(name, name));
+    for (const name of head.names) {
+      byId("colour").append(Object.assign(new Option(name, name), { title: head.about[name] }));
+    }
+    this.meanings.explain(byId("colour"), "S");
     byId("colour").addEventListener("change", (event) => {
       this.colour = event.target.value;
+      this.meanings.explain(byId("colour"), head.names.includes(this.colour) ? this.colour : "S");
       this.redraw();
     });
     byId("reset-all").addEventListener("click", () => {
@@ -231,7 +236,8 @@ class App {
 
   #texts(step) {
     const { tale, playback } = this;
-    byId("sentence").textContent = sentenceAt(tale, step);
+    if (this.meanings) this.meanings.write(byId("sentence"), sentenceAt(tale, step));
+    else byId("sentence").textContent = sentenceAt(tale, step);
     byId("choice").textContent = choiceAt(tale, step);
     byId("choice").className = choiceAt(tale, step).split(":")[0].replace(" ", "-");
     const facts = factsAt(tale, step);
@@ -245,10 +251,6 @@ class App {
     for (const id of ["better", "worse"]) byId(id).setAttribute("aria-disabled", !this.#deciding());
     if (tale.explained) byId("what-if").textContent = this.#whatIf();
   }
-}
-
-function named(tag, text) {
-  return Object.assign(document.createElement(tag), { textContent: text });
 }
 
 /** Run an action at the next frame, however often it is asked for until then. */

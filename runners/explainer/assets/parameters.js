@@ -39,20 +39,19 @@ function rangeOf(name) {
 class ParameterPanel {
   /**
    * @param {HTMLElement} holder - gets a row per parameter
-   * @param {Object} head - names, parameters as recorded, what they mean
+   * @param {Object} head - names, parameters as recorded
+   * @param {Meanings} meanings - of the names
    * @param {function(Parameters): void} changed
    */
-  constructor(holder, head, changed) {
+  constructor(holder, head, meanings, changed) {
     this.names = [...head.names, "d1", "d2"];
     this.recorded = {};
     for (const name of this.names) this.recorded[name] = Number(head.parameters[name] === "inf" ? Infinity
       : head.parameters[name]);
     this.values = { ...this.recorded };
     this.changed = changed;
-    const about = { ...head.about, d1: "An old subgoal nearer than this [m] is reached.",
-      d2: "A new subgoal that scores this much more is taken." };
     this.rows = {};
-    for (const name of this.names) this.rows[name] = this.#row(holder, name, about[name]);
+    for (const name of this.names) this.rows[name] = this.#row(holder, name, meanings);
     for (const name of this.names) this.#show(name);
   }
 
@@ -79,16 +78,17 @@ class ParameterPanel {
     this.set(this.recorded);
   }
 
-  #row(holder, name, about) {
+  #row(holder, name, meanings) {
     const row = document.createElement("div");
     row.className = "parameter";
     row.append(
-      Object.assign(document.createElement("label"), { textContent: name, htmlFor: `p-${name}`, title: about }),
-      Object.assign(document.createElement("input"), { type: "range", id: `p-${name}`, max: TICKS, title: about }),
+      Object.assign(named("label", name), { htmlFor: `p-${name}`, className: "name" }),
+      Object.assign(document.createElement("input"), { type: "range", id: `p-${name}`, max: TICKS }),
       Object.assign(document.createElement("input"), { type: "text", inputMode: "decimal", id: `n-${name}` }),
       Object.assign(document.createElement("button"), { type: "button", textContent: "↺", className: "reset" }),
     );
-    const [, slider, box, button] = row.children;
+    const [label, slider, box, button] = row.children;
+    for (const element of [label, slider]) meanings.explain(element, name);
     box.setAttribute("aria-label", `${name}, as a number`);
     button.setAttribute("aria-label", `Reset ${name} to ${parameter(this.recorded[name])}`);
     button.title = `Back to ${parameter(this.recorded[name])}`;

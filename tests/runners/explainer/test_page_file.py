@@ -112,9 +112,9 @@ def test_every_script_is_part_of_the_page():
 
 def test_a_criterion_of_ones_own_comes_with_the_others(trace):
     config = copy.deepcopy(trace.config)
-    config["map"]["time_limit"] = 2.0
-    config["guide"]["criteria"]["a_left"] = OWN
-    config["guide"]["parameters"]["a_left"] = 3.0
+    config.map["time_limit"] = 2.0
+    config.guide["criteria"]["a_left"] = OWN
+    config.guide["parameters"]["a_left"] = 3.0
     own = rerun(config, 1, 0)
     reasons = [step.explanation for step in own.steps]
     text = encode(own, write.sentences(own))

@@ -1,4 +1,4 @@
-"""An episode told again: the same to the last bit, with the reasons of whatever asks LME for a subgoal."""
+"""The trace of a rerun: the same episode to the last bit, each decision with its explanation."""
 
 import numpy as np
 import pytest
@@ -33,6 +33,24 @@ class Mapped(Lme):
         return self.last
 
 
+class Own:
+    """A guide of one's own that is no LME, but can explain itself."""
+
+    Config = Lme.Config
+
+    def __init__(self, config, robot):
+        self.inner = Lme(config, robot)
+
+    def reset(self, rng):
+        self.inner.reset(rng)
+
+    def guide(self, observation):
+        return self.inner.guide(observation)
+
+    def explanation(self):
+        return self.inner.explanation()
+
+
 @pytest.fixture(scope="module")
 def composed():
     with jobs_of("eval", *CLUTTERED) as job:
@@ -40,7 +58,7 @@ def composed():
 
 
 def driven(config, world):
-    """The episode without a witness."""
+    """The episode without an observer."""
     navigator, simulator = build.navigator(config), build.simulator(config)
     return run_episode(build.map_set(config).task(world), navigator, simulator, episode_rng(0, world, 0))
 
@@ -50,7 +68,7 @@ NOISE = ["sim.scan_noise=0.02", "sim.goal_noise=0.1", "sim.slip=0.1", "sim.laten
 
 @pytest.mark.parametrize("guide", [Lme, Mapped])
 @pytest.mark.parametrize("words", [[], ["sim=physics"], NOISE])
-def test_the_told_episode_is_the_driven_one(composed, words, guide):
+def test_the_rerun_episode_is_the_driven_one(composed, words, guide):
     config = composed(*words)
     config.guide["_target_"] = f"{guide.__module__}.{guide.__name__}"
     trace = rerun(config, 0, 0)
@@ -69,12 +87,21 @@ def test_a_guide_made_from_lme_is_explained_where_it_asks(composed):
     assert asked == [step % 2 == 0 for step in range(len(asked))]
 
 
+def test_a_guide_of_ones_own_is_explained_where_it_can_be(composed):
+    config = composed()
+    config.guide["_target_"] = f"{__name__}.Own"
+    steps = rerun(config, 0, 0).steps
+    assert len(steps) > 10
+    for step in steps:
+        np.testing.assert_array_equal(step.explanation.decision.subgoal, step.guidance.subgoal)
+
+
 def test_another_guide_has_no_reasons(composed):
     trace = rerun(composed("guide=target"), 0, 0)
     assert all(step.explanation is None for step in trace.steps)
 
 
-def test_movers_stand_in_each_moment_as_they_did_then(composed):
+def test_movers_stand_at_each_step_as_they_did_then(composed):
     trace = rerun(composed("map=dynabarn", "map.time_limit=1"), 0, 0)
     still = len(trace.task.world.circles)
     places = {tuple(step.obstacles[0][still:].ravel()) for step in trace.steps}
