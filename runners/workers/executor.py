@@ -26,7 +26,7 @@ from typing import Any
 
 from lme.errors import InputError, require
 
-Item = Any  # (world, run), or anything that pickles and whose str() says what it is
+Item = Any  # anything that pickles; messages name it by its str()
 Run = Callable[[Item], Any]
 Initialise = Callable[[Any], Run]
 Map = Callable[[Iterable[Item]], Iterator[Any]]  # items to results, as they finish
@@ -181,7 +181,7 @@ def _receive(worker: Connection, process: BaseProcess, item: Item) -> Any:
     except (EOFError, ConnectionResetError):
         process.join(_JOIN_S)
         raise WorkerDiedError(
-            f"the worker on {_name(item)} died ({_cause(process.exitcode)}): finished episodes are kept; "
+            f"the worker on {item} died ({_cause(process.exitcode)}): finished episodes are kept; "
             "add resume=true, with fewer executor.workers if memory ran out"
         ) from None
     if error is not None:
@@ -243,14 +243,10 @@ def _work(coordinator: Connection, initialise: Initialise, payload: Any) -> None
 
 def _portable(error: Exception, item: Item | None) -> Exception:
     """The error that the coordinator raises: an InputError stays one, any other carries its traceback as text."""
-    where = "" if item is None else f"{_name(item)}: "
+    where = "" if item is None else f"{item}: "
     if isinstance(error, InputError):
         return InputError(f"{where}{error}")
     return EpisodeError(f"{where}{type(error).__name__}: {error}\n{traceback.format_exc()}")
-
-
-def _name(item: Item) -> str:
-    return f"world {item[0]}, run {item[1]}" if type(item) is tuple else str(item)
 
 
 def _cause(exit_code: int | None) -> str:

@@ -12,6 +12,7 @@ from multiprocessing import get_context
 import pytest
 
 from lme.errors import InputError
+from runners.records.episode_record import EpisodeKey
 from runners.workers.executor import (
     EpisodeError,
     ProcessConfig,
@@ -23,7 +24,7 @@ from runners.workers.executor import (
 )
 from tests.places import ROOT
 
-ITEMS = [(world, run) for run in range(3) for world in range(7)]
+ITEMS = [EpisodeKey(world, run) for run in range(3) for world in range(7)]
 ONE_RUN = ITEMS[:7]  # world 3 fails once: with more runs, any of its failures may come first
 
 
@@ -31,14 +32,14 @@ def multiply(payload):
     built_in = os.getpid()
 
     def run(item):
-        return item, payload["factor"] * item[0] + item[1], built_in == os.getpid()
+        return item, payload["factor"] * item.world + item.run, built_in == os.getpid()
 
     return run
 
 
 def fail_in_world_3(error):
     def run(item):
-        if item[0] == 3:
+        if item.world == 3:
             raise error
         return item
 
@@ -47,7 +48,7 @@ def fail_in_world_3(error):
 
 def die_in_world_3(payload):
     def run(item):
-        if item[0] == 3:
+        if item.world == 3:
             os.kill(os.getpid(), signal.SIGKILL)
         return item
 
@@ -77,7 +78,7 @@ def processes(workers=2):
 @pytest.mark.parametrize("executor", [SerialExecutor(SerialConfig()), processes(1), processes(3)])
 def test_every_executor_gives_the_same_results(executor):
     results = sorted(executor.map(multiply, {"factor": 10}, iter(ITEMS)))
-    assert results == sorted((item, 10 * item[0] + item[1], True) for item in ITEMS)
+    assert results == sorted((item, 10 * item.world + item.run, True) for item in ITEMS)
 
 
 def test_no_items_need_no_workers():
@@ -104,7 +105,7 @@ def test_a_config_that_cannot_be_built_is_reported_as_it_is(executor):
 
 def test_a_killed_worker_is_named_with_its_episode_and_earlier_results_are_out():
     iterator = processes(1).map(die_in_world_3, None, ITEMS)
-    assert [next(iterator) for _ in range(3)] == [(0, 0), (1, 0), (2, 0)]
+    assert [next(iterator) for _ in range(3)] == ITEMS[:3]
     with pytest.raises(WorkerDiedError, match=r"world 3, run 0 died \(SIGKILL\).*resume=true"):
         next(iterator)
 
@@ -224,21 +225,5 @@ def test_an_open_executor_serves_list_after_list(executor):
     assert {process for _, process in lists[2]} <= {process for _, process in lists[0]}
 
 
-def test_an_item_may_say_itself_what_it_is():
-    class Attempt(tuple):
-        def __str__(self):
-            return "trial 4, configuration 2"
-
-    with pytest.raises(InputError, match="trial 4, configuration 2: bad"):
-        list(SerialExecutor(SerialConfig()).map(fail, None, [Attempt()]))
-
-
 def name_process(payload):
     return lambda item: (item, os.getpid())
-
-
-def fail(payload):
-    def run(item):
-        raise InputError("bad")
-
-    return run
