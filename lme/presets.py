@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import difflib
 from dataclasses import MISSING, Field, fields
 from pathlib import Path
 from typing import Any, TypeVar
 
-from lme.errors import InputError
+from lme.errors import InputError, nearest
 from lme.policy.score import CRITERIA
 from lme.policy.weights import read_parameters
 from lme.resources import resource_dir
@@ -41,9 +40,8 @@ def _find(group: str, given: str | Path) -> Path:
         return shipped[str(given)]
     if Path(given).is_file():
         return Path(given)
-    close = difflib.get_close_matches(str(given), shipped, 1)
-    hint = f"did you mean {close[0]}? " if close else ""
     what, names = group.replace("_", " "), ", ".join(shipped)
+    hint = nearest(str(given), shipped)
     raise InputError(f"{what} is {str(given)!r}: {hint}must be one of {names}, or the path of a YAML file")
 
 
