@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 EXAMPLES = (
-    "lme figure trajectories -m system=dwa,lme_dwa,lme world=250",
+    "lme figure trajectories -m system=dwa_tuned,lme_dwa_tuned,lme world=250",
     "lme figure features world=250 step=40",
     "lme figure video run=outputs/eval/RUN world=250",
     "lme figure +experiment=barn_trajectories",

@@ -93,7 +93,7 @@ def test_one_mistake(launch, override, parts):
         assert part in message
 
 
-@pytest.mark.parametrize("words", [["system=dwa"], ["guide=target", "planner=dwa_tuned"]])
+@pytest.mark.parametrize("words", [["system=dwa_tuned"], ["guide=target", "planner=dwa_tuned"]])
 def test_a_planner_that_nothing_says_how_to_search(launch, words):
     message = launch(*words, command="train")
     assert message.startswith("no space/planner/dwa_tuned.yaml, which the chosen options ask for; ")

@@ -85,7 +85,7 @@ def test_one_run_above_those_of_the_jobs_holds_it_all(sweep):
 def test_a_system_without_a_planner_cannot_be_driven(capsys):
     assert main(["eval", "system=drl_vo"]) == 2
     error = capsys.readouterr().err
-    assert "system is DRL-VO: published figures are all there is of it" in error
+    assert "system is DRL-VO: only its published figures exist" in error
     assert "lme_dwa" in error
     assert all(name not in error.partition("must be one of")[2] for name in ("drl_vo", "lme_drl"))
 

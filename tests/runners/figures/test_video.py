@@ -28,7 +28,7 @@ def sweep(tmp_path_factory):
     folder = tmp_path_factory.mktemp("film")
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
-        words = ["-m", "system=lme,dwa_default", "map.time_limit=10", "world=0", "hydra.sweep.dir=out"]
+        words = ["-m", "system=lme,dwa", "map.time_limit=10", "world=0", "hydra.sweep.dir=out"]
         assert main(["figure", "video", *words, "figure.width=400", "figure.fps=5", *WORDS]) == 0
     return folder / "out"
 
