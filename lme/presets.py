@@ -22,7 +22,7 @@ def load_robot(robot: str | Path) -> Robot:
     Raises InputError where there is no such robot, and where a value in the file is missing or not right.
     """
     path = _find("robot", robot)
-    return _filled(Robot, str(path), read_yaml(path))
+    return _filled(Robot, str(path), _with_base(path))
 
 
 def load_parameters(weights: str | Path = "published") -> dict[str, float]:
@@ -45,10 +45,27 @@ def _find(group: str, given: str | Path) -> Path:
     raise InputError(f"{what} is {str(given)!r}: {hint}must be one of {names}, or the path of a YAML file")
 
 
+def _with_base(path: Path) -> object:
+    """A robot's mapping over that of the robots in its `defaults`, as Hydra composes `[jackal, _self_]`."""
+    own = read_yaml(path)
+    if not isinstance(own, dict) or "defaults" not in own:
+        return own
+    merged: dict[str, Any] = {}
+    bases = [_with_base(_find("robot", name)) for name in own.pop("defaults") if name != "_self_"]
+    for layer in (*bases, own):
+        for key, value in layer.items() if isinstance(layer, dict) else ():
+            below = merged.get(key)
+            if isinstance(below, dict) and isinstance(value, dict):
+                value = {**below, **value}
+            merged[key] = value
+    return merged
+
+
 def _filled(part: type[_Part], place: str, value: object) -> _Part:
     """A dataclass from a mapping with a key for each of its fields."""
     required = [field.name for field in fields(part) if field.default is MISSING]
-    entry = Entry(place, value, required, [field.name for field in fields(part)])
+    optional = [field.name for field in fields(part) if field.default is not MISSING]
+    entry = Entry(place, value, required, optional)
     return part(**{field.name: _value(entry, field) for field in fields(part)})
 
 

@@ -2,6 +2,8 @@
 
 import pytest
 import yaml
+from hydra import compose, initialize_config_dir
+from omegaconf import OmegaConf
 
 from lme.errors import InputError
 from lme.policy.score import CRITERIA
@@ -15,8 +17,9 @@ STAGE = (ROOT / "conf" / "robot" / "stage.yaml").read_text(encoding="utf-8")
 
 @pytest.mark.filterwarnings("ignore:robot.collision_radius")
 @pytest.mark.parametrize("path", ROBOTS, ids=lambda path: path.stem)
-def test_a_robot_is_what_its_file_says(path):
-    given = yaml.safe_load(path.read_text(encoding="utf-8"))
+def test_a_robot_is_what_hydra_makes_of_its_file(path):
+    with initialize_config_dir(str(ROOT / "conf"), version_base=None):
+        given = OmegaConf.to_container(compose(f"robot/{path.stem}").robot)
     lidar, footprint = Lidar(**given.pop("lidar")), Footprint(**given.pop("footprint"))
     expected = Robot(**given, lidar=lidar, footprint=footprint)
     assert load_robot(path.stem) == load_robot(path) == load_robot(str(path)) == expected
@@ -33,7 +36,7 @@ def test_what_is_left_out_of_a_robots_file_is_the_default(tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
-        ("v_max: 0.5", "vmax: 0.5", "unknown key 'vmax': did you mean 'v_max'"),
+        ("v_max: 0.5", "vmax: 0.5", "unknown key 'vmax': did you mean v_max"),
         ("v_max: 0.5", "", "v_max is missing"),
         ("v_max: 0.5", "v_max: fast", "v_max is 'fast': must be a finite number"),
         ("v_max: 0.5", "v_max: null", "v_max is empty: must be a finite number"),
