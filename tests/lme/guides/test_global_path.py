@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-import lme.guides.global_path as module
+import lme.guides.global_path.guide as module
 from lme.episode import run_episode
 from lme.errors import InputError
 from lme.geometry.frames import to_robot, to_world
