@@ -1,7 +1,7 @@
 """What holds for every test."""
 
-from hypothesis import settings
+from hypothesis import HealthCheck, settings
 
-# An example may take as long as it takes: the machine may be busy, and the first call compiles.
-settings.register_profile("no deadline", deadline=None)
+# No test fails for being slow: the machine may be busy, and the first call compiles.
+settings.register_profile("no deadline", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("no deadline")

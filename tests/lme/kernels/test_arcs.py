@@ -79,7 +79,7 @@ def times(some_twists, points, box, margin=0.0, least=0.0, horizon=8.0):
     return contact_times(some_twists, points, box, margins, leasts, horizons)
 
 
-@settings(max_examples=300)
+@settings(max_examples=150)
 @given(twists(), POINTS, BOXES, st.sampled_from([0.0, 0.1, 0.5]))
 def test_contact_is_where_the_twin_meets_it(twist, point, box, margin):
     found = times([twist], [point], box, margin)[0]

@@ -15,7 +15,7 @@ SEEDS = st.integers(0, 2**32 - 1)
 AT_BASE = (0.0, 0.0, 0.0)
 
 
-@settings(max_examples=300)
+@settings(max_examples=100)
 @given(SEEDS)
 def test_equals_moving_and_sorting_with_numpy(seed):
     rng = np.random.default_rng(seed)

@@ -44,7 +44,7 @@ def runs(rng, bearings):
     return np.repeat(rng.uniform(0.3, 4, len(lengths)), lengths)[: len(bearings)]
 
 
-@settings(max_examples=600)
+@settings(max_examples=200)
 @given(SEEDS, st.sampled_from([scattered, spiral, ring, layers, runs]), st.booleans())
 def test_equals_every_pair_of_points(seed, shape, full_circle):
     rng = np.random.default_rng(seed)
@@ -53,7 +53,7 @@ def test_equals_every_pair_of_points(seed, shape, full_circle):
     assert_equals_oracle(polar(shape(rng, bearings), bearings), rng.uniform(0.02, 1.2), full_circle)
 
 
-@settings(max_examples=200)
+@settings(max_examples=100)
 @given(SEEDS, st.booleans())
 def test_pairs_across_plus_minus_pi(seed, full_circle):
     rng = np.random.default_rng(seed)

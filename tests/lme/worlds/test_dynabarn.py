@@ -117,10 +117,11 @@ def test_cylinders_move_at_their_speed_and_come_round():
 
 @pytest.mark.parametrize("robot", SHIPPED)
 def test_every_robot_can_begin(robot):
-    check_task(all_tasks("hard")[0], shipped(robot))  # walls and start are the same in all
+    machine = shipped(robot)
+    check_task(all_tasks("hard")[0], machine)  # walls and start are the same in all
     for task in all_tasks("hard"):
         for mover in task.world.movers:
-            assert math.dist(mover.path[0, :2], task.start[:2]) > RADIUS + shipped(robot).footprint.r_max
+            assert math.dist(mover.path[0, :2], task.start[:2]) > RADIUS + machine.footprint.r_max
 
 
 def test_a_number_means_the_same_whatever_else_is_chosen():
