@@ -10,7 +10,7 @@ from omegaconf import DictConfig, OmegaConf
 from runners.config.catalogue import Catalogue
 from runners.config.flatten import flatten
 
-GROUPS = ("robot", "map", "guide", "planner", "sim")  # the groups that an episode depends on
+GROUPS = ("robot", "map", "guide", "planner", "ablation", "sim")  # the groups that an episode depends on
 HAVE_COLUMNS = ("map.subset", "map.worlds")  # records tell these in columns of their own
 
 

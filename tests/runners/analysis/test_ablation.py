@@ -46,8 +46,13 @@ def test_the_experiment_is_the_figures():
     with Composer("eval") as composer:
         found = plan(composer, ["experiment=ablation"], multirun=False)
     assert found.multirun
-    assert [job.hydra.runtime.choices.ablation for job in found.configs] == ["none", *ablation.CLAIMS]
-    assert {(job.map.subset, job.runs, job.robot.name) for job in found.configs} == {("hard100", 3, "jackal")}
+    assert [job.hydra.runtime.choices.ablation for job in found.configs.values()] == [
+        "none",
+        *ablation.CLAIMS,
+    ]
+    assert {(job.map.subset, job.runs, job.robot.name) for job in found.configs.values()} == {
+        ("hard100", 3, "jackal")
+    }
 
 
 def test_records_that_are_as_the_paper_says_agree_with_it():

@@ -103,10 +103,7 @@ def test_holm_by_hand():
 
 def frame(**rates):
     """A sweep over `ablation` with these success rates."""
-    parts = [
-        episodes(draws(rate, seed=5), ablation=name, run_dir=name, **{"guide.parameters.c_o": name})
-        for name, rate in rates.items()
-    ]
+    parts = [episodes(draws(rate, seed=5), ablation=name, run_dir=name) for name, rate in rates.items()]
     return pd.concat(parts, ignore_index=True)
 
 

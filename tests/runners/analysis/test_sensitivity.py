@@ -9,6 +9,7 @@ import pytest
 from runners.analysis import sensitivity
 from runners.config import schema
 from runners.config.composer import Composer
+from runners.records.launch_record import Launch
 from tests.runners.analysis.test_paired import episodes
 from tests.runners.config.test_conf import PARAMETERS
 
@@ -20,7 +21,7 @@ RATES = {
     "a_close × 0.25": 0.8,
     "a_close × 4": 0.9,
 }
-VALUES = {"a_close": 1.51, "d2": 200.0}
+VALUES = {"a_close": 1.51, "d2": 200}
 
 
 def sweep(rates, worlds=100, **columns):
@@ -28,17 +29,15 @@ def sweep(rates, worlds=100, **columns):
     about = {"robot": "jackal", "map": "barn", "subset": "fresh", **columns}
     parts = []
     for name, rate in rates.items():
-        part = episodes(np.arange(worlds) < rate * worlds, scale=name, run_dir=name or "0", **about)
-        factors = dict(pair.split(" × ") for pair in name.split(", ") if pair)
-        parts.append(
-            part.assign(
-                **{
-                    f"guide.parameters.{key}": f"{value * float(factors.get(key, 1)):g}"
-                    for key, value in VALUES.items()
-                }
-            )
-        )
+        parts.append(episodes(np.arange(worlds) < rate * worlds, scale=name, run_dir=name or "0", **about))
     return pd.concat(parts, ignore_index=True)
+
+
+@pytest.fixture(autouse=True)
+def launched(monkeypatch):
+    """The launch records of the runs, which hold the parameters."""
+    config = {"guide": {"parameters": VALUES}}
+    monkeypatch.setattr(sensitivity, "read_launch", lambda run_dir: Launch("eval", "0", False, [], [config]))
 
 
 def curves(rates=RATES):

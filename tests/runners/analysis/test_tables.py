@@ -11,17 +11,16 @@ import yaml
 from lme.resources import resource_dir
 from runners.analysis import tables
 from runners.analysis.summary import DASH, metrics, notes, summarise, title
-from runners.config.systems import systems as named_systems
+from runners.analysis.tables import to_html, to_latex, to_markdown
+from runners.config.systems import System
 
+FIGURES = {
+    "barn": {"robot": "jackal", "success": [0.883, 0.0094], "barn_metric": [0.419, 0.0084]},
+    "env1": {"robot": "stage", "success": [0.95, 0.01]},
+}
 SYSTEMS = {
-    "lme": {
-        "label": "LME",
-        "published": {
-            "barn": {"robot": "jackal", "success": [0.883, 0.0094], "barn_metric": [0.419, 0.0084]},
-            "env1": {"robot": "stage", "success": [0.95, 0.01]},
-        },
-    },
-    "other": {"label": "Other", "published": None},
+    "lme": System("LME", "lme", "simple", published=FIGURES),
+    "other": System("Other", "target", "simple"),
 }
 
 
@@ -110,11 +109,11 @@ def test_the_projects_own_published_figures():
     assert rows[1].stats["barn_metric"] == (0.419, 0.0084)
 
 
-def test_what_varies_becomes_a_column_and_what_follows_from_it_does_not():
-    ablations = {"none": "1.0", "no_c_o": "0.0", "no_c_t": "1.0"}
+def test_what_varies_becomes_a_column():
+    ablations = ("none", "no_c_o", "no_c_t")
     frames = [
-        records(ablation=name, run_dir=name, subset=subset, **{"guide.c_o": weight})
-        for name, weight in ablations.items()
+        records(ablation=name, run_dir=name, subset=subset)
+        for name in ablations
         for subset in ("hard100", "official50")
     ]
     rows = summarise(pd.concat(frames), systems=SYSTEMS)
@@ -126,10 +125,47 @@ def test_what_varies_becomes_a_column_and_what_follows_from_it_does_not():
 
 
 def test_a_swept_key_that_no_record_holds_is_a_column():
-    frames = [records(run_dir=value, **{"guide.d1": value}) for value in ("0.3", "0.51")]
+    frames = [
+        records(run_dir=value, changes=changes, **{"sim.latency": value})
+        for value, changes in (("0.0", ""), ("0.1", "sim.latency=0.1"))
+    ]
     rows = summarise(pd.concat(frames), systems=SYSTEMS)
-    assert [row.keys for row in rows[:2]] == [{"guide.d1": "0.3"}, {"guide.d1": "0.51"}]
-    assert [row.label for row in rows] == ["LME (ours)", "LME (ours)", "LME (published)"]
+    assert [row.label for row in rows] == ["LME (ours)", "LME (published)", "LME (ours)"]
+    assert [row.keys for row in rows] == [{"sim.latency": "0.0"}, {"sim.latency": ""}, {"sim.latency": "0.1"}]
+    assert not any(row.changes for row in rows)  # the column says it
+
+
+def test_what_all_runs_have_changed_is_named_and_stands_beside_nothing_published():
+    frame = records(
+        changes="robot.v_max=1.0, sim.latency=0.1", **{"robot.v_max": "1.0", "sim.latency": "0.1"}
+    )
+    rows = summarise(frame, systems=SYSTEMS)
+    assert [(row.label, row.keys) for row in rows] == [("LME (ours)", {})]
+    assert "robot.v_max=1.0 · sim.latency=0.1" in title(frame)
+    for text in (to_markdown(rows), to_latex(rows), to_html(rows)):
+        assert "Changed: robot.v_max=1.0, sim.latency=0.1." in text.replace(r"\_", "_")
+
+
+def test_what_some_rows_have_changed_is_named_with_them():
+    frames = [
+        records(run_dir="one", changes="", **{"planner.kp": "4.0"}),
+        records(run_dir="two", system="Other", changes="planner.kp=8.0", **{"planner.kp": "8.0"}),
+    ]
+    lines = notes(summarise(pd.concat(frames), systems=SYSTEMS))
+    assert "Changed in Other (ours): planner.kp=8.0." in lines
+
+
+def test_all_that_differs_between_two_runs_is_a_column():
+    frames = [
+        records(run_dir="one", sim="fast", changes="", **{"robot.v_max": "2.0"}),
+        records(
+            run_dir="two", sim="physics", robot="go2", map="env1", subset="", changes="robot.v_max=1.0",
+            **{"robot.v_max": "1.0"},
+        ),
+    ]  # fmt: skip
+    rows = summarise(pd.concat(frames), systems={})
+    assert list(rows[0].keys) == ["sim", "robot", "map", "subset", "robot.v_max"]
+    assert title(pd.concat([frames[0], frames[1].iloc[:4]])).endswith("4–10 worlds × 1–2 runs")
 
 
 def test_two_runs_of_one_config_are_not_added_up():
@@ -226,7 +262,7 @@ def test_terminals_of_any_usual_width_show_every_cell_whole(width, ablations):
 
 
 def test_files(tmp_path):
-    paths = tables.write_tables(records(), tmp_path)
+    paths = tables.write_tables(records(), summarise(records()), tmp_path)
     assert [path.name for path in paths] == ["table.md", "table.csv", "table.tex"]
     assert paths[0].read_text(encoding="utf-8").startswith("**barn · hard100 · jackal · 10 worlds")
     assert all(path.read_text(encoding="utf-8") for path in paths)

@@ -12,6 +12,7 @@ from runners.config.composer import Composer, without_hydra
 from runners.config.instantiate import configured
 from runners.config.space import Range, read_space, with_values
 from tests.builders import PUBLISHED
+from tests.composing import jobs_of
 
 CATALOGUE = catalogue.shipped()
 
@@ -62,16 +63,20 @@ def test_the_table1_experiment_is_one_study_and_two_maps(composer):
 # The space
 
 
-def config(space, ablation=None):
-    return {
-        "guide": {"parameters": {"a": 1.0, "b": 2.0}},
-        "planner": {"gain": 4.0, "name": "x", "on": True},
-        "ablation": ablation or {},
-        "space": space,
-    }
+@pytest.fixture(scope="module")
+def config():
+    with jobs_of("train") as job:
+        given = job().config
+
+    def with_space(space, ablation=None):
+        guide = {"parameters": {"a": 1.0, "b": 2.0}}
+        planner = {"gain": 4.0, "name": "x", "on": True}
+        return dataclasses.replace(given, guide=guide, planner=planner, ablation=ablation or {}, space=space)
+
+    return with_space
 
 
-def test_a_space_mirrors_the_config():
+def test_a_space_mirrors_the_config(config):
     space = {
         "guide": {"parameters": {"a": {"low": 1, "high": 2, "log": True}}},
         "planner": {"gain": {"low": 0, "high": 1}},
@@ -80,15 +85,15 @@ def test_a_space_mirrors_the_config():
     assert found == {"guide.parameters.a": Range(1, 2, True), "planner.gain": Range(0, 1, False)}
 
 
-def test_what_an_ablation_fixes_is_not_searched():
+def test_what_an_ablation_fixes_is_not_searched(config):
     space = {"guide": {"parameters": {name: {"low": 1, "high": 2} for name in "ab"}}}
     assert list(read_space(config(space, {"b": 0.0}))) == ["guide.parameters.a"]
 
 
-def test_values_go_where_they_belong_and_the_config_stays_as_it_was():
+def test_values_go_where_they_belong_and_the_config_stays_as_it_was(config):
     before = config({})
-    after = with_values(before, {"guide.parameters.a": 9.0, "planner.gain": 8.0})
-    assert (after["guide"]["parameters"]["a"], after["planner"]["gain"]) == (9.0, 8.0)
+    after = with_values(before, {"guide.parameters.a": 9.0, "planner.gain": 8.0, "robot.v_max": 7.0})
+    assert (after.guide["parameters"]["a"], after.planner["gain"], after.robot.v_max) == (9.0, 8.0, 7.0)
     assert before == config({})
 
 
@@ -111,7 +116,7 @@ def test_values_go_where_they_belong_and_the_config_stays_as_it_was():
         ({"planner": {"on": {"low": 0, "high": 1}}}, "planner.on is True: only numbers can be searched"),
     ],
 )  # fmt: skip
-def test_a_space_that_is_not_right(space, message):
+def test_a_space_that_is_not_right(config, space, message):
     with pytest.raises(InputError) as caught:
         read_space(config(space))
     assert message in str(caught.value)

@@ -96,6 +96,6 @@ def test_a_row_that_is_no_system_is_named(capsys):
 
 
 def test_labels_are_unique_among_the_pairs_that_run():
-    pairs = [each for each in systems.systems().values() if each["planner"]]
-    assert len({each["label"] for each in pairs}) == len(pairs)
-    assert len({(each["guide"], each["planner"]) for each in pairs}) == len(pairs)
+    pairs = [each for each in systems.systems().values() if each.planner]
+    assert len({each.label for each in pairs}) == len(pairs)
+    assert len({(each.guide, each.planner) for each in pairs}) == len(pairs)

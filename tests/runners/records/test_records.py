@@ -223,16 +223,17 @@ def test_runs_are_found_in_a_sweep_in_their_order(tmp_path):
     assert frame["run_dir"].tolist() == [str(tmp_path / name) for name in ("0", "9", "10")]
 
 
-def test_config_keys_that_differ_become_columns(tmp_path):
-    for name, d1, subset in (("a", 0.51, "all"), ("b", 0.3, "hard100")):
+def test_config_keys_that_a_run_has_changed_become_columns(tmp_path):
+    for name, kp, changes in (("a", 4.0, {}), ("b", 8.0, {"planner.kp": 8.0})):
         write(tmp_path / name, KEYS[:1])
-        config = {"seed": 0, "guide": {"d1": d1, "d2": 200}, "map": {"subset": subset}}
-        launch = Launch("eval", "0", False, [], [config])
-        launch.write(tmp_path / name)
-    write(tmp_path / "c", KEYS[:1])
-    frame = read_episodes([tmp_path / name for name in "abc"])
-    assert frame["guide.d1"].tolist() == ["0.51", "0.3", ""]
-    assert "map.subset" not in frame  # recorded, as `subset`
+        config = {"seed": 0, "planner": {"kp": kp, "kd": 0.1}}
+        Launch("eval", "0", False, [], [config], [{"sim": "physics"}], [changes]).write(tmp_path / name)
+    write(tmp_path / "c", KEYS[:1])  # tells of no config
+    frame = read_episodes([tmp_path / name for name in "abc"]).fillna("")
+    assert frame["planner.kp"].tolist() == ["4.0", "8.0", ""]
+    assert frame["changes"].tolist() == ["", "planner.kp=8.0", ""]
+    assert frame["sim"].tolist() == ["physics", "physics", ""]
+    assert "planner.kd" not in frame
     frame = read_episodes([tmp_path / "a"])
     assert not [column for column in frame.columns if "." in column]
 
