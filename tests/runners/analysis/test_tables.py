@@ -12,7 +12,7 @@ from lme.resources import resource_dir
 from runners.analysis import tables
 from runners.analysis.summary import DASH, metrics, notes, summarise, title
 from runners.analysis.tables import to_html, to_latex, to_markdown
-from runners.config.systems import System
+from runners.config.systems import System, systems
 
 FIGURES = {
     "barn": {"robot": "jackal", "success": [0.883, 0.0094], "barn_metric": [0.419, 0.0084]},
@@ -274,11 +274,13 @@ def test_files(tmp_path):
 def test_rows_stand_in_the_order_asked_for_and_systems_not_driven_show_what_was_published():
     systems = {
         **SYSTEMS,
-        "mapper": {
-            "label": "Mapper",
-            "global_planner": True,
-            "published": {"barn": {"robot": "jackal", "success": [0.653], "barn_metric": [0.288]}},
-        },
+        "mapper": System(
+            "Mapper",
+            "global_path",
+            None,
+            global_planner=True,
+            published={"barn": {"robot": "jackal", "success": [0.653], "barn_metric": [0.288]}},
+        ),
     }
     frame = pd.concat([records(), records(system="Other", global_map="known", run_dir="two")])
     rows = summarise(frame, ["other", "mapper", "lme"], systems)
@@ -307,12 +309,12 @@ def test_the_last_column_says_who_used_a_global_planner_once_systems_are_compare
 def test_paper_table_2_is_whole():
     """Every row of the paper, in its order; the swept systems are those that have a planner."""
     experiment = yaml.safe_load((resource_dir("conf") / "experiment" / "table2.yaml").read_text())
-    known = named_systems()
-    assert [known[name]["label"] for name in experiment["table"]] == [
+    known = systems()
+    assert [known[name].label for name in experiment["table"]] == [
         "DWA", "DRL-DCLP", "S3-FISVFH", "E-Band", "KUL+FM", "DRL-VO", "DRL-DCLP", "LME-DWA", "LME-DRL", "LME",
     ]  # fmt: skip
     swept = experiment["hydra"]["sweeper"]["params"]["system"].split(",")
-    assert swept == [name for name in experiment["table"] if known[name]["planner"]]
-    shares = [known[name]["published"]["barn"] for name in experiment["table"]]
+    assert swept == [name for name in experiment["table"] if known[name].planner]
+    shares = [known[name].published["barn"] for name in experiment["table"]]
     for each in shares:  # rounded to three digits in the paper
         assert sum(each[key][0] for key in ("success", "collision", "timeout")) == pytest.approx(1, abs=0.002)

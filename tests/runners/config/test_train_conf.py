@@ -10,9 +10,9 @@ from lme.errors import InputError
 from runners.config import catalogue, schema
 from runners.config.composer import Composer, without_hydra
 from runners.config.instantiate import configured
+from runners.config.overrides import compose_job
 from runners.config.space import Range, read_space, with_values
 from tests.builders import PUBLISHED
-from tests.composing import jobs_of
 
 CATALOGUE = catalogue.shipped()
 
@@ -64,9 +64,8 @@ def test_the_table1_experiment_is_one_study_and_two_maps(composer):
 
 
 @pytest.fixture(scope="module")
-def config():
-    with jobs_of("train") as job:
-        given = job().config
+def config(composer):
+    given = compose_job(composer, []).config
 
     def with_space(space, ablation=None):
         guide = {"parameters": {"a": 1.0, "b": 2.0}}
