@@ -11,7 +11,7 @@ from lme.policy.score import CRITERIA
 from lme.policy.weights import read_parameters
 from lme.resources import resource_dir
 from lme.robots import Footprint, Lidar, Robot
-from lme.worlds.yaml_entry import Entry, read_yaml
+from lme.yaml_entry import Entry, read_yaml
 
 _Part = TypeVar("_Part", Robot, Footprint, Lidar)
 

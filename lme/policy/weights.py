@@ -7,7 +7,7 @@ from pathlib import Path
 
 from lme.errors import InputError
 from lme.policy.score import Parameters
-from lme.worlds.yaml_entry import read_yaml
+from lme.yaml_entry import read_yaml
 
 
 def read_parameters(path: Path, criteria: Sequence[str]) -> dict[str, float]:

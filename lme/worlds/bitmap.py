@@ -13,7 +13,7 @@ from lme.errors import InputError
 from lme.types import Bools, Floats, Pose
 from lme.worlds.contours import outlines
 from lme.worlds.floor_plan import FloorPlan, enclosed
-from lme.worlds.yaml_entry import Entry, read_yaml
+from lme.yaml_entry import Entry, read_yaml
 
 MAX_PIXELS = 4096 * 4096  # a larger picture is refused before it is decoded
 DARK = 0.5  # of white; darker pixels of a plain bitmap are obstacles. JPEG artefacts stay far from it

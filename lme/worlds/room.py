@@ -20,7 +20,7 @@ from lme.worlds.sampling import Configuration, FreeSpace
 from lme.worlds.shapes import floor_plan
 from lme.worlds.starts import STAGE_RADIUS
 from lme.worlds.world import Task
-from lme.worlds.yaml_entry import read_yaml
+from lme.yaml_entry import read_yaml
 
 UNKNOWN = ("obstacle", "free")
 DRAWING = "shapes.yaml"  # a shipped map is drawn in this file of its folder in maps/

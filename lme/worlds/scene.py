@@ -32,7 +32,7 @@ from lme.worlds.sampling import FreeSpace
 from lme.worlds.shapes import SHAPES, floor_plan
 from lme.worlds.starts import STAGE_RADIUS, Starts, StartsConfig
 from lme.worlds.world import Task, World
-from lme.worlds.yaml_entry import Entry, read_yaml
+from lme.yaml_entry import Entry, read_yaml
 
 FOLDER = "scenes"  # of maps/
 

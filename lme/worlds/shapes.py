@@ -26,7 +26,7 @@ import numpy as np
 from lme.errors import InputError
 from lme.types import Floats
 from lme.worlds.floor_plan import FloorPlan, enclosed
-from lme.worlds.yaml_entry import Entry, read_yaml
+from lme.yaml_entry import Entry, read_yaml
 
 ELLIPSE_SIDES = 32  # an ellipse becomes a polygon, which deviates by at most 1.5 mm for a diameter of 0.6 m
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -10,21 +10,20 @@ from hydra._internal.callbacks import Callbacks
 from hydra._internal.config_loader_impl import ConfigLoaderImpl
 from hydra.core.plugins import Plugins
 from hydra.core.utils import run_job
-from hydra.types import HydraContext, RunMode, TaskFunction
+from hydra.types import HydraContext, RunMode
 from omegaconf import DictConfig, OmegaConf, open_dict
 
 from runners.config.composer import Composer
 from runners.config.overrides import Plan
 
 
-def run(composer: Composer, plan: Plan, name: str, directory: Path, task: TaskFunction) -> None:
-    """Call `task` on every job of the plan, which writes to `directory`, or to a folder of its own below it.
+def run(composer: Composer, plan: Plan, name: str, directory: Path, task: Callable[[DictConfig], int]) -> int:
+    """Call `task` on every job of the plan; the highest status that it returns, or raises what it raises.
 
-    name: of the job, for Hydra. Raises what the task raises.
+    A job writes to `directory`; a job of a sweep to a folder of its own below it. name: of the jobs, for Hydra.
     """
     if plan.multirun:
-        _sweep(composer, plan, name, directory, task)
-        return
+        return _sweep(composer, plan, name, directory, task)
     (config,) = plan.configs.values()
     _set(config, {"job.name": name, "run.dir": str(directory), "mode": RunMode.RUN})
     callbacks = Callbacks(config)
@@ -38,10 +37,12 @@ def run(composer: Composer, plan: Plan, name: str, directory: Path, task: TaskFu
         job_subdir_key=None,
     )
     callbacks.on_run_end(config=config, config_name=composer.config_name, job_return=result)
-    _ = result.return_value  # raises what the task raised
+    return int(result.return_value)
 
 
-def _sweep(composer: Composer, plan: Plan, name: str, directory: Path, task: TaskFunction) -> None:
+def _sweep(
+    composer: Composer, plan: Plan, name: str, directory: Path, task: Callable[[DictConfig], int]
+) -> int:
     """Hydra's sweeper and launcher over the jobs of a plan."""
     config = composer.compose(plan.overrides, RunMode.MULTIRUN)
     own = {"job.name": name, "sweep.dir": str(directory), "mode": RunMode.MULTIRUN}
@@ -54,8 +55,9 @@ def _sweep(composer: Composer, plan: Plan, name: str, directory: Path, task: Tas
         hydra_context=HydraContext(config_loader=loader, callbacks=callbacks),
         task_function=task,
     )
-    sweeper.sweep(arguments=list(config.hydra.overrides.task))
+    batches = sweeper.sweep(arguments=list(config.hydra.overrides.task))
     callbacks.on_multirun_end(config=config, config_name=composer.config_name)
+    return max((int(job.return_value) for batch in batches or () for job in batch), default=0)
 
 
 class _Planned(ConfigLoaderImpl):

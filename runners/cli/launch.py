@@ -22,7 +22,6 @@ from runners.records import launch_record, run_directories
 
 _DIRECTORY_KEYS = ("hydra.run.dir", "hydra.sweep.dir")
 _DISK_FULL = (errno.ENOSPC, errno.EDQUOT)
-_FAILED = 3  # never an exit status: a failed episode ends its job alone
 _HYDRAS_OWN = ("outputs/${now:", "multirun/${now:")  # where Hydra writes unless it is told otherwise
 
 
@@ -38,10 +37,6 @@ class Command:
     run: Callable[[Job[Any]], Any]
     validate: overrides.Validate
     finish_sweep: Callable[[Job[Any], list[Path]], None] | None = None
-
-
-class _JobFailedError(Exception):
-    """An episode of a job failed, which is already printed; the other jobs of a sweep still run."""
 
 
 def launch(command: Command, argv: Sequence[str]) -> int:
@@ -147,19 +142,17 @@ def _start(
     folders = composer.catalogue.folders
     task = _Task(command, config_name, folders, plan.num_jobs if plan.multirun else None)
     try:
-        hydra_jobs.run(composer, plan, command.name, directory, task)
-    except _JobFailedError:
-        return 1
+        status = hydra_jobs.run(composer, plan, command.name, directory, task)
     except SystemExit as end:
         return end.code if isinstance(end.code, int) else 1
     except KeyboardInterrupt:
         if plan.multirun:
             print(f"The whole sweep: lme {command.name} resume={directory}", file=sys.stderr)
         return 130
-    if plan.multirun and command.finish_sweep is not None:
+    if plan.multirun and status == 0 and command.finish_sweep is not None:
         first = replace(jobs[0], sweep_dir=directory)
         command.finish_sweep(first, launch_record.jobs_of_sweep(directory))
-    return 0
+    return status
 
 
 @dataclass(frozen=True, slots=True)
@@ -174,8 +167,14 @@ class _Task:
     folders: tuple[Path, ...]
     num_jobs: int | None
 
-    def __call__(self, config: DictConfig) -> None:
-        """Run the command on a composed config, whose own part of Hydra's is in HydraConfig."""
+    def __call__(self, config: DictConfig) -> int:
+        """Run the command on a composed config; Hydra's own part is in HydraConfig. Returns the exit status.
+
+        A failed episode ends its job alone: the other jobs of a sweep still run. Raises SystemExit for what would
+        end the others too.
+        """
+        from runners.workers.executor import EpisodeError
+
         schema.register()
         try:
             self.command.run(self._job(config))
@@ -184,9 +183,10 @@ class _Task:
             if status is None:
                 raise
             print(f"lme {self.command.name}: {error}", file=sys.stderr)
-            if status == _FAILED:
-                raise _JobFailedError from error
+            if isinstance(error, EpisodeError):
+                return status
             raise SystemExit(status) from error
+        return 0
 
     def _job(self, config: DictConfig) -> Job[Any]:
         """The job, and its place; a job of a sweep gets its own launch record there."""
@@ -209,15 +209,15 @@ def _relative(path: Path) -> Path:
 
 
 def _status(error: Exception) -> int | None:
-    """The exit status of a run that ended so: for a user's mistake, a failed episode, or a reason outside the
-    program, such as a full disk or a killed worker; None for an error of the program.
+    """The exit status of a run that an error ended; None for an error of the program itself.
+
+    2: a user's mistake. 1: a failed episode, or a reason outside the program, such as a full disk or a killed worker.
     """
     from runners.records.records import RecordsWriteError
     from runners.workers.executor import EpisodeError, WorkerDiedError
 
     if isinstance(error, InputError):
         return 2
-    if isinstance(error, EpisodeError):
-        return _FAILED
     disk_full = isinstance(error, OSError) and error.errno in _DISK_FULL
-    return 1 if disk_full or isinstance(error, RecordsWriteError | WorkerDiedError) else None
+    known = isinstance(error, EpisodeError | RecordsWriteError | WorkerDiedError)
+    return 1 if disk_full or known else None

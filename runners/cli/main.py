@@ -1,4 +1,4 @@
-"""The `lme` command: finds the commands in `runners/commands/` and runs the one that is named.
+"""The `lme` command: finds the commands in `runners/cli/commands/` and runs the one that is named.
 
 A command is one file there: a docstring whose first line says what it does, `EXAMPLES`, and
 `main(argv) -> int`. A command that Hydra configures has a `conf/<command>.yaml`, and its help is made from
@@ -8,20 +8,18 @@ that. Nothing heavy is imported, and no command either, before one is run.
 from __future__ import annotations
 
 import ast
+import contextlib
 import importlib
 import os
 import sys
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
 
 import lme
 from lme.errors import InputError, nearest
 from lme.resources import resource_dir
 from runners.cli import commands, help
-
-_FORMAT = warnings.formatwarning
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -35,10 +33,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(f"lme {lme.__version__}")
         return 0
     sys.path.append(str(Path.cwd()))  # where a user's own planner may lie
-    before, warnings.formatwarning = warnings.formatwarning, _warning
-    warnings.simplefilter("once", UserWarning)
     try:
-        return _run(words[0], words[1:], known)
+        with plain_warnings():
+            return _run(words[0], words[1:], known)
     except InputError as error:
         print(f"lme {words[0]}: {error}" if words[0] in known else f"lme: {error}", file=sys.stderr)
         return 2
@@ -47,8 +44,6 @@ def main(argv: Sequence[str] | None = None) -> int:
     except BrokenPipeError:  # `lme … | head`: nobody reads on
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
-    finally:
-        warnings.formatwarning = before
 
 
 def command_files() -> dict[str, Path]:
@@ -85,9 +80,31 @@ def _run(name: str, argv: list[str], known: dict[str, Path]) -> int:
     return int(module.main(argv))
 
 
-def _warning(message: Warning | str, category: type[Warning], *place: Any) -> str:
-    """One line for what concerns the user; the rest as Python shows it."""
-    return f"lme: warning: {message}\n" if category is UserWarning else _FORMAT(message, category, *place)
+@contextlib.contextmanager
+def plain_warnings() -> Iterator[None]:
+    """Show what concerns the user in one line, and once; show other warnings as Python does.
+
+    Python's own "once" forgets what it has shown whenever a library changes the filters.
+    """
+    shown: set[str] = set()
+    before = warnings.formatwarning
+
+    def plain(
+        message: Warning | str, category: type[Warning], filename: str, lineno: int, line: str | None = None
+    ) -> str:
+        if category is not UserWarning:
+            return before(message, category, filename, lineno, line)
+        text = f"lme: warning: {message}\n"
+        is_new = text not in shown
+        shown.add(text)
+        return text if is_new else ""
+
+    warnings.formatwarning = plain
+    warnings.simplefilter("always", UserWarning)
+    try:
+        yield
+    finally:
+        warnings.formatwarning = before
 
 
 if __name__ == "__main__":

@@ -5,8 +5,9 @@ from __future__ import annotations
 import itertools
 import math
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import yaml
@@ -141,6 +142,7 @@ def _check_options(override: Override, composer: Composer) -> None:
                 raise InputError(
                     f"{group}={name}: no such option; {nearest(str(name), known)}"
                     f"{_places(group, composer)}: {', '.join(known) or 'nothing yet'}"
+                    f"{_how_to_add(group, str(name), known)}"
                 )
 
 
@@ -155,6 +157,15 @@ def _values(override: Override) -> Iterator[object]:
 def _in_subfolder(group: str, name: str, composer: Composer) -> bool:
     folders = composer.catalogue.folders
     return "/" in name and any((folder / group / f"{name}.yaml").is_file() for folder in folders)
+
+
+def _how_to_add(group: str, name: str, known: Iterable[str]) -> str:
+    """How a user's own option is given; empty where the name is near a known one, so probably mistyped."""
+    if group == "map" and Path(name).suffix:
+        return f"; a map file of your own is given by map=file map.path={name}"
+    if nearest(name, known):
+        return ""
+    return f"; an option of your own needs --config-dir DIR, with the file DIR/{group}/{name}.yaml"
 
 
 def _places(group: str, composer: Composer) -> str:

@@ -52,7 +52,7 @@ def evaluate(job: Job[EvalConfig]) -> None:
     from runners.analysis.tables import print_table
 
     maps, run_dir = build.map_set(job.config), job.run_dir
-    labels = run_labels(job)
+    labels = run_labels(job, maps)
     tracking = build_target(job.config.tracking, "tracking")
     tags = {**asdict(labels), "changes": job.changes_text, "command": "eval"}
     tracking.start(asdict(job.config), run_dir, tags, job.sweep_dir)

@@ -61,7 +61,7 @@ def _evaluate_on(place: str, job: Job[EvalConfig], best: Trial) -> None:
     print(f"Now {len(maps.numbers)} worlds of {place} that training never saw, {config.runs} runs each")
     job.run_dir.mkdir(exist_ok=True)
     launch_of("eval", [job], [], False, None).write(job.run_dir)
-    labels = replace(run_labels(job), map=place)
+    labels = replace(run_labels(job, maps), map=place)
     if _settings(best):  # its planner is not that of the named pair any more
         labels = replace(labels, system=f"{labels.guide}+{labels.planner}")
     drive(config, labels, maps, job.run_dir)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from lme.worlds.world import MapSet, Named
 from runners.config import systems
 from runners.config.job import Job
 from runners.config.overrides import CUSTOM
@@ -9,8 +10,8 @@ from runners.config.schema import DriveConfig
 from runners.records.episode_record import RunLabels
 
 
-def run_labels(job: Job[DriveConfig]) -> RunLabels:
-    """What every record of the job says of system, robot and map."""
+def run_labels(job: Job[DriveConfig], maps: MapSet) -> RunLabels:
+    """What every record of the job says of system, robot and map. maps: the job's map set."""
     config = job.config
     guide, planner = _chosen("guide", job), _chosen("planner", job)
     return RunLabels(
@@ -21,7 +22,7 @@ def run_labels(job: Job[DriveConfig]) -> RunLabels:
         ablation=_ablation(job),
         weights=config.weights,
         robot=config.robot.name,
-        map=job.choices["map"],
+        map=maps.name if isinstance(maps, Named) else job.choices["map"],
         subset="custom" if config.map.get("worlds") else str(config.map.get("subset", "")),
     )
 

@@ -59,7 +59,7 @@ def train(job: Job[TrainConfig]) -> None:
     """Search until the study has its trials, evaluate the best, and write everything below the run directory."""
     config, run_dir = job.config, job.run_dir
     tracking = build_target(config.tracking, "tracking")
-    labels = replace(run_labels(job), weights=weights_name(config))
+    labels = replace(run_labels(job, build.map_set(config)), weights=weights_name(config))
     tags = {**asdict(labels), "changes": job.changes_text, "command": "train"}
     tracking.start(asdict(_without_password(config)), run_dir, tags, job.sweep_dir)
     try:

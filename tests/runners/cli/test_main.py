@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+import warnings
 
 import pytest
 
@@ -97,11 +98,15 @@ def test_an_interrupt_is_status_130(greet):
 def test_a_warning_is_one_line(greet, capsys):
     with pytest.warns(UserWarning, match="mind the gap"):
         main.main(["greet", "warn"])
-    assert (
-        main._warning(UserWarning("mind the gap"), UserWarning, "file.py", 3)
-        == "lme: warning: mind the gap\n"
-    )
-    assert "file.py:3" in main._warning(RuntimeWarning("x"), RuntimeWarning, "file.py", 3)
+
+
+def test_a_warning_is_shown_once_however_often_the_filters_change():
+    with main.plain_warnings():
+        first, second = (
+            warnings.formatwarning(UserWarning("mind the gap"), UserWarning, "file.py", 3) for _ in range(2)
+        )
+        assert (first, second) == ("lme: warning: mind the gap\n", "")
+        assert "file.py:3" in warnings.formatwarning(RuntimeWarning("x"), RuntimeWarning, "file.py", 3)
 
 
 def test_another_error_keeps_its_traceback(greet, monkeypatch):

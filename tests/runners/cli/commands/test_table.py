@@ -7,12 +7,13 @@ from lme.episode import TRAJECTORY_COLUMNS
 from lme.errors import InputError
 from runners.cli.commands import table
 from runners.records.episode_record import EpisodeResult
-from runners.records.launch_record import Launch
+from runners.records.launch_record import launch_of
 from runners.records.records import RecordWriter
 from tests.builders import episode_record
+from tests.composing import jobs_of
 
 
-def write_run(run_dir, subset="hard100", worlds=(200, 201), config=None, **columns):
+def write_run(run_dir, subset="hard100", worlds=(200, 201), job=None, **columns):
     """Records of a run whose world 201 was a collision."""
     trajectory = np.random.default_rng(0).normal(size=(20, len(TRAJECTORY_COLUMNS)))
     with RecordWriter(run_dir) as writer:
@@ -21,12 +22,13 @@ def write_run(run_dir, subset="hard100", worlds=(200, 201), config=None, **colum
             record = episode_record(world, outcome=outcome, subset=subset, **columns)
             writer.append(EpisodeResult(record, trajectory))
         writer.merge()
-    if config is not None:
-        Launch("eval", "0", False, [], [config]).write(run_dir)
+    if job is not None:
+        launch_of("eval", [job], [], False, None).write(run_dir)
 
 
 def test_one_run_is_printed_and_its_files_written_anew(tmp_path, capsys):
-    write_run(tmp_path, config={"map": {"_target_": "lme.worlds.barn.Barn", "subset": "hard100"}})
+    with jobs_of() as job:
+        write_run(tmp_path, job=job())
     assert table.main([str(tmp_path), "--format", "md"]) == 0
     text = capsys.readouterr().out
     assert "| LME (ours) | 0.500 |" in text
@@ -61,12 +63,8 @@ def test_a_sweep_gives_one_table(tmp_path, capsys):
 
 def test_a_sweeps_own_files_are_written_anew_and_not_its_jobs(tmp_path, capsys):
     """One of a single job too; the job's own when it is named."""
-    config = {
-        "map": {"_target_": "lme.worlds.barn.Barn", "subset": "hard100"},
-        "robot": {"footprint": {"radius": 0.2}},
-        "table": ["drl_vo"],
-    }
-    write_run(tmp_path / "0", config=config)
+    with jobs_of() as job:
+        write_run(tmp_path / "0", job=job("table=[drl_vo]"))
     assert table.main([str(tmp_path), "--format", "md"]) == 0
     assert "DRL-VO (published)" in capsys.readouterr().out
     names = {path.name for path in tmp_path.iterdir()}
