@@ -17,8 +17,8 @@ from typing import Any
 from benchmarks.recording import parser, show
 from benchmarks.speed import machine
 from runners.config import schema
+from runners.config.command_line import compose_job
 from runners.config.composer import Composer
-from runners.config.overrides import compose_job
 from runners.explainer.write import write_page
 from runners.workers.trace import Trace, rerun
 

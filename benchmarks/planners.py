@@ -14,8 +14,9 @@ from benchmarks.recording import parser, show
 from benchmarks.speed import machine
 from lme.episode import run_episode
 from runners.config import build, catalogue, schema
+from runners.config.command_line import compose_job
 from runners.config.composer import Composer
-from runners.config.overrides import CUSTOM, compose_job
+from runners.config.overrides import CUSTOM
 
 ROBOT = "jackal"  # the longest scan, 720 beams
 WORLDS = [1000, 1003, 1006, 1009, 1011]  # fresh ones, one of each kind of density and smoothing

@@ -2,7 +2,7 @@
 
 from contextlib import contextmanager
 
-from runners.config import overrides, schema
+from runners.config import command_line, schema
 from runners.config.composer import Composer
 
 
@@ -11,4 +11,4 @@ def jobs_of(command="eval", *always, config_dir=None):
     """A function from words to the job that `lme COMMAND` makes of them; `always` come before them."""
     schema.register()
     with Composer(command, config_dir) as composer:
-        yield lambda *words: overrides.compose_job(composer, [*always, *words])
+        yield lambda *words: command_line.compose_job(composer, [*always, *words])

@@ -87,8 +87,8 @@ def _override(
     before: Sequence[str],
     configs: catalogue.Catalogue,
 ) -> list[str]:
-    plus = re.match(r"\+*", word)[0]  # type: ignore[index]
-    key, equals, value = word[len(plus) :].partition("=")
+    plus = "+" * (len(word) - len(word.lstrip("+")))
+    key, equals, value = word.lstrip("+").partition("=")
     if not equals:
         names = [*(f"{group}=" for group in groups), *(f"{item.name}=" for item in configs.keys(command))]
         head = key.partition(".")[0]
@@ -97,7 +97,8 @@ def _override(
         if not plus and len(before) == len(("lme", command)):
             names = [*configs.options(command), *names]  # lme figure KIND
         return [plus + name for name in _starting(key, names)]
-    done, last = re.match(r"(.*[,\[])?(.*)", value).groups("")  # type: ignore[union-attr]
+    last = re.split(r"[,\[]", value)[-1]
+    done = value.removesuffix(last)
     found = _values(key, last, groups, command, configs)
     return [f"{plus}{key}={done}{text}" for text in found]
 
@@ -107,7 +108,7 @@ def _keys(group: str, default: str | None, before: Sequence[str], configs: catal
     chosen = [text.partition("=")[2] for text in before if text.lstrip("+").startswith(f"{group}=")]
     if before[1] == group and len(before) > 2 and before[2] in configs.options(group):
         chosen.insert(0, before[2])  # lme figure KIND
-    option = (chosen or [default])[-1]
+    option = chosen[-1] if chosen else default
     try:
         return [key.name for key in configs.keys(f"{group}/{option}") if key.name != "_target_"]
     except FileNotFoundError:

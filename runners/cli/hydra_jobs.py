@@ -13,8 +13,8 @@ from hydra.core.utils import run_job
 from hydra.types import HydraContext, RunMode
 from omegaconf import DictConfig, OmegaConf, open_dict
 
+from runners.config.command_line import Plan
 from runners.config.composer import Composer
-from runners.config.overrides import Plan
 
 
 def run(composer: Composer, plan: Plan, name: str, directory: Path, task: Callable[[DictConfig], int]) -> int:

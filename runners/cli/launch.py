@@ -14,7 +14,7 @@ from omegaconf import DictConfig, OmegaConf
 
 from lme.errors import InputError
 from runners.cli import arguments, hydra_jobs, show
-from runners.config import overrides, schema
+from runners.config import command_line, schema
 from runners.config.catalogue import Catalogue
 from runners.config.composer import Composer
 from runners.config.job import Job
@@ -35,7 +35,7 @@ class Command:
 
     name: str
     run: Callable[[Job[Any]], Any]
-    validate: overrides.Validate
+    validate: command_line.Validate
     finish_sweep: Callable[[Job[Any], list[Path]], None] | None = None
 
 
@@ -50,11 +50,11 @@ def launch(command: Command, argv: Sequence[str]) -> int:
     if given.info:
         return show.hydras_own(command.name, config_name, given)
     with Composer(config_name, given.config_dir) as composer:
-        plan = overrides.plan(composer, given.overrides, given.multirun)
+        plan = command_line.plan(composer, given.overrides, given.multirun)
         if given.cfg:
             show.config(next(iter(plan.configs.values())), given.cfg, given.package, given.resolve)
             return 0
-        jobs = overrides.validated(plan, composer, command.validate)
+        jobs = command_line.validated(plan, composer, command.validate)
         directory = _directory(command, given, plan, jobs, resumed)
         return _start(command, given.config_name, plan, composer, jobs, directory)
 
@@ -96,7 +96,7 @@ def _resume_path(words: Sequence[str]) -> Path | None:
 def _directory(
     command: Command,
     given: arguments.Arguments,
-    plan: overrides.Plan,
+    plan: command_line.Plan,
     jobs: Sequence[Job[Any]],
     resumed: Path | None,
 ) -> Path:
@@ -133,7 +133,7 @@ def _asked_directory(config: DictConfig, multirun: bool) -> Path | None:
 def _start(
     command: Command,
     config_name: str | None,
-    plan: overrides.Plan,
+    plan: command_line.Plan,
     composer: Composer,
     jobs: Sequence[Job[Any]],
     directory: Path,

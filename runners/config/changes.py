@@ -27,8 +27,7 @@ def changed_keys(config: DictConfig, choices: Mapping[str, str], catalogue: Cata
         interpolated = tuple(
             key for key, value in written.items() if isinstance(value, str) and "${" in value
         )
-        node = OmegaConf.to_container(config[group], resolve=True)
-        assert isinstance(node, dict)
+        node: Any = OmegaConf.to_container(config[group], resolve=True)
         for key, value in flatten(node, f"{group}."):
             known = key in written and written[key] == value
             if not known and key not in HAVE_COLUMNS and not key.startswith(interpolated):

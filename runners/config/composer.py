@@ -83,7 +83,8 @@ class Composer:
             return list(overrides)
         given = [o for o in overrides if o.startswith("hydra.searchpath=")]
         others = [o for o in overrides if o not in given]
-        more = [place for o in self.parse(given) for place in o.value()]
+        lists = [override.value() for override in self.parse(given)]
+        more = [str(place) for places in lists if isinstance(places, list) for place in places]
         places = ",".join(quoted(place) for place in (f"file://{self._config_dir}", *more))
         return [f"hydra.searchpath=[{places}]", *others]
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import fields, replace
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 from runners.config import build
 from runners.config.instantiate import build as build_target
@@ -50,10 +50,14 @@ def _evaluation(
     shared = {each: getattr(trained, each) for each in names}
     config = EvalConfig(**{**shared, "map": node, "weights": name, "resume": False})
     changes = {key: value for key, value in job.changes.items() if not key.startswith("map.")}
-    evaluation = replace(
-        job, config=config, changes=changes | _settings(best), run_dir=job.run_dir / place, sweep_dir=None
+    return Job(
+        config=config,
+        choices=job.choices,
+        overrides=job.overrides,
+        changes=changes | _settings(best),
+        folders=job.folders,
+        run_dir=job.run_dir / place,
     )
-    return cast(Job[EvalConfig], evaluation)
 
 
 def _evaluate_on(place: str, job: Job[EvalConfig], best: Trial) -> None:

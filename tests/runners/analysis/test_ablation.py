@@ -10,8 +10,8 @@ from lme.metrics import wilson_interval
 from lme.resources import resource_dir
 from runners.analysis import ablation
 from runners.config import schema
+from runners.config.command_line import plan
 from runners.config.composer import Composer
-from runners.config.overrides import plan
 from tests.runners.analysis.test_paired import episodes
 
 AS_THE_PAPER_SAYS = {

@@ -14,7 +14,7 @@ import pytest
 
 from lme.errors import InputError
 from runners.cli.launch import Command, launch
-from runners.config import overrides
+from runners.config import command_line
 from runners.records import launch_record
 from tests.places import ROOT
 
@@ -313,7 +313,7 @@ def test_every_job_of_a_sweep_is_validated_before_anything_is_written(probe):
 
 
 def test_of_a_very_large_sweep_every_value_is_checked(probe, monkeypatch):
-    monkeypatch.setattr(overrides, "MAX_JOBS_CHECKED", 4)
+    monkeypatch.setattr(command_line, "MAX_JOBS_CHECKED", 4)
     seen = set()
     with pytest.raises(InputError, match="seed is x"):
         probe.launch("-m", "seed=0,1,x", "runs=1,2")

@@ -8,9 +8,9 @@ from omegaconf import OmegaConf
 
 from lme.errors import InputError
 from runners.config import catalogue, schema
+from runners.config.command_line import compose_job
 from runners.config.composer import Composer, without_hydra
 from runners.config.instantiate import configured
-from runners.config.overrides import compose_job
 from runners.config.space import Range, read_space, with_values
 from tests.builders import PUBLISHED
 

@@ -1,0 +1,133 @@
+"""The jobs that a command line asks for: composed, checked, and typed, before anything runs or is written."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import yaml
+from hydra.core.override_parser.types import Override
+from hydra.errors import HydraException
+from omegaconf import DictConfig, OmegaConf
+from omegaconf.errors import OmegaConfBaseException
+
+from lme.errors import InputError
+from runners.config import diagnosis
+from runners.config.composer import Composer, without_hydra
+from runners.config.hydra_errors import keys_beside, translated, unknown_key
+from runners.config.job import Job
+from runners.config.overrides import normalised, text_of
+
+MAX_JOBS_CHECKED = 64  # of a sweep; of larger ones every value is checked once
+
+Validate = Callable[[Job[Any]], None]
+
+
+@dataclass(slots=True)
+class Plan:
+    """A command line that composes.
+
+    overrides: as Hydra wants them. configs: by the overrides of each checked job, Hydra's own part included.
+    num_jobs: of the whole sweep.
+    """
+
+    overrides: list[str]
+    multirun: bool
+    num_jobs: int
+    configs: dict[tuple[str, ...], DictConfig]
+
+
+def plan(composer: Composer, overrides: Sequence[str], multirun: bool) -> Plan:
+    """Compose every job of a command line. Raises InputError where Hydra could not."""
+    parsed = normalised(overrides, composer)
+    words = [text_of(override) for override in parsed]
+    job = next(_jobs(parsed))
+    first = _composed(composer, job)
+    if not (multirun or str(first.hydra.mode or "").endswith("MULTIRUN")):
+        _refuse_sweep(parsed)
+        return Plan(words, False, 1, {job: first})
+    swept = composer.parse(_sweeper_params(first)) + parsed
+    configs = {each: first if each == job else _composed(composer, each) for each in _checked_jobs(swept)}
+    return Plan(words, True, math.prod(map(len, _choices(swept))), configs)
+
+
+def compose_job(composer: Composer, words: Sequence[str]) -> Job[Any]:
+    """The one job of a command line, without what its command checks. Raises InputError."""
+    (job,) = validated(plan(composer, words, multirun=False), composer, lambda job: None)
+    return job
+
+
+def validated(plan: Plan, composer: Composer, validate: Validate) -> list[Job[Any]]:
+    """The checked jobs, each looked at by its command; names the user's file where a bad value came from one."""
+    return [_validated(config, words, composer, validate) for words, config in plan.configs.items()]
+
+
+def _validated(config: DictConfig, words: Sequence[str], composer: Composer, validate: Validate) -> Job[Any]:
+    try:
+        job: Job[Any] = Job.composed(without_hydra(config), config.hydra, composer.catalogue)
+        validate(job)
+    except InputError as error:
+        raise diagnosis.located(error, config, words, composer) from error
+    except OmegaConfBaseException as error:
+        mistake = translated(error, OmegaConf.get_type(config))
+        raise diagnosis.located(mistake, config, words, composer) from error
+    return job
+
+
+def _refuse_sweep(parsed: Sequence[Override]) -> None:
+    for override in parsed:
+        if override.is_sweep_override():
+            key, _, value = text_of(override).partition("=")
+            raise InputError(
+                f"{text_of(override)}: several values; add -m to run each of them, "
+                f"or write {key}=[{value}] for a list"
+            )
+
+
+def _sweeper_params(config: DictConfig) -> list[str]:
+    """Sweeps that an experiment file asks for; those on the command line come after them and win."""
+    params = OmegaConf.select(config, "hydra.sweeper.params") or {}
+    return [f"{key}={value}" for key, value in params.items()]
+
+
+def _checked_jobs(parsed: Sequence[Override]) -> list[tuple[str, ...]]:
+    """All jobs of the sweep in Hydra's order; of a very large one, each value once."""
+    jobs = list(itertools.islice(_jobs(parsed), MAX_JOBS_CHECKED + 1))
+    if len(jobs) <= MAX_JOBS_CHECKED:
+        return jobs
+    choices = _choices(parsed)
+    firsts = [texts[0] for texts in choices]
+    once = [(*firsts[:i], text, *firsts[i + 1 :]) for i, texts in enumerate(choices) for text in texts[1:]]
+    return [tuple(firsts), *once]
+
+
+def _jobs(parsed: Sequence[Override]) -> Iterator[tuple[str, ...]]:
+    return itertools.product(*_choices(parsed))
+
+
+def _choices(parsed: Sequence[Override]) -> list[list[str]]:
+    """What each key may be; the last override of a key holds. Sweeps of no fixed values are left out."""
+    choices: dict[str, list[str]] = {}
+    for override in parsed:
+        key = override.get_key_element()
+        if override.is_discrete_sweep():
+            choices[key] = [f"{key}={value}" for value in override.sweep_string_iterator()]
+        elif not override.is_sweep_override():
+            choices[key] = [text_of(override)]
+    return [texts for texts in choices.values() if texts]
+
+
+def _composed(composer: Composer, job: Sequence[str]) -> DictConfig:
+    try:
+        config = composer.compose(job)
+    except yaml.MarkedYAMLError as error:
+        raise diagnosis.broken_yaml(error) from error
+    except (HydraException, OmegaConfBaseException, ValueError) as error:
+        raise diagnosis.diagnosed(error, composer, job) from error
+    known = keys_beside(OmegaConf.get_type(config), "")
+    for key in sorted({str(key) for key in config} - {*known, "hydra"} if known else ()):
+        raise unknown_key(key, known)  # the ++ of an open mapping makes keys that other commands have
+    return config

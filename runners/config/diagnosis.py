@@ -1,0 +1,117 @@
+"""Why a command line does not compose: the one override or file, and what would be right."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from typing import Any
+
+import yaml
+from hydra.core.override_parser.types import Override
+from hydra.errors import HydraException, MissingConfigException
+from omegaconf import DictConfig, OmegaConf
+from omegaconf.errors import OmegaConfBaseException
+
+from lme.errors import InputError, nearest
+from lme.resources import resource_dir
+from runners.config.composer import Composer
+from runners.config.flatten import dotted_keys
+from runners.config.hydra_errors import expected, full_key, one_line, translated
+from runners.config.overrides import places, text_of
+
+
+def broken_yaml(error: yaml.MarkedYAMLError) -> InputError:
+    mark = error.problem_mark
+    place = f"{mark.name}, line {mark.line + 1}" if mark else "a config file"
+    return InputError(f"{place}: no valid YAML ({error.problem})")
+
+
+def diagnosed(error: Exception, composer: Composer, job: Sequence[str]) -> InputError:
+    """The one override or file that makes composing fail, and why."""
+    missing = error.missing_cfg_file if isinstance(error, MissingConfigException) else None
+    if missing and not missing.startswith("hydra/"):
+        return _no_file(missing, composer)
+    file_error = re.match(r"In '([^']+)': \w+ raised while composing config:", str(error))
+    if file_error:
+        return _in_file(error, file_error.group(1), composer)
+    dotted = [o for o in composer.parse(job) if not _is_group(o, composer)]
+    groups = [text for text in job if text not in {text_of(o) for o in dotted}]
+    try:
+        config = composer.compose(groups)
+    except (HydraException, OmegaConfBaseException, ValueError):
+        return InputError(f"{' '.join(job)}: {one_line(str(error))}")
+    for override in dotted:
+        mistake = _mistaken(override, config, composer)
+        if mistake:
+            return mistake
+    return InputError(f"{' '.join(job)}: {one_line(str(error.__cause__ or error))}")
+
+
+def _no_file(name: str, composer: Composer) -> InputError:
+    """A file that the chosen options ask for, such as the search space of a planner."""
+    group, _, option = name.rpartition("/")
+    known = composer.catalogue.options(group)
+    hint = nearest(option, known) + f"{places(group, composer.catalogue)}: {', '.join(known)}"
+    return InputError(f"no {name}.yaml, which the chosen options ask for; {hint}")
+
+
+def _is_group(override: Override, composer: Composer) -> bool:
+    key = override.key_or_group
+    return "/" in key or (bool(composer.catalogue.options(key)) and not isinstance(override.value(), dict))
+
+
+def _mistaken(override: Override, config: DictConfig, composer: Composer) -> InputError | None:
+    """Why this override alone does not fit the config."""
+    key = override.key_or_group
+    if override.is_delete():
+        return None
+    plain: Any = OmegaConf.to_container(config, resolve=False)
+    known = dotted_keys(plain)
+    if key not in known and not override.is_force_add():
+        return _unknown(key, known, config, composer)
+    try:
+        OmegaConf.update(config, key, override.value(), merge=True, force_add=override.is_force_add())
+    except OmegaConfBaseException as error:
+        schema = OmegaConf.get_type(config)
+        wanted = expected(schema, key)
+        shown = text_of(override).partition("=")[2] or "empty"
+        whole = full_key(error) in ("", key)
+        if wanted and whole:
+            return InputError(f"{key} is {shown}: must be {wanted}")
+        return translated(error, schema)
+    return None
+
+
+def _unknown(key: str, known: set[str], config: DictConfig, composer: Composer) -> InputError:
+    parent = key
+    while parent and parent not in known:
+        parent = parent.rpartition(".")[0]
+    holder = OmegaConf.select(config, parent) if parent else config
+    if parent and not OmegaConf.is_dict(holder):
+        return InputError(f"{key}: no such key; {parent} is a single value")
+    names = sorted(str(name) for name in holder if name != "hydra")
+    if not parent:
+        names = sorted({*names, *composer.slots})
+    hint = nearest(key, {name for name in known if not name.startswith("hydra")} | set(composer.slots))
+    return InputError(f"{key}: no such key; {hint}{parent or composer.config_name} holds: {', '.join(names)}")
+
+
+def _in_file(error: Exception, name: str, composer: Composer) -> InputError:
+    schema = None
+    if name.partition("/")[0] in composer.slots:
+        schema = OmegaConf.get_type(composer.compose([]))
+    message = re.sub(r"^In '[^']+': \w+ raised while composing config:\s*", "", str(error))
+    mistake = translated(type(error)(message), schema)
+    return InputError(f"{mistake} (in {composer.catalogue.file(name)})")
+
+
+def located(error: InputError, config: DictConfig, job: Sequence[str], composer: Composer) -> InputError:
+    """Name the file, where the key that the message begins with was set by one of the user's own."""
+    key = (re.match(r"[\w.]+", str(error)) or [""])[0].rstrip(".")
+    group = key.partition(".")[0]
+    option = config.hydra.runtime.choices.get(group)
+    given = {o.key_or_group for o in composer.parse(job)} - {group}
+    if not isinstance(option, str) or any(key == name or key.startswith(f"{name}.") for name in given):
+        return error
+    file = composer.catalogue.file(f"{group}/{option}")
+    return error if file.is_relative_to(resource_dir("conf")) else InputError(f"{error} (in {file})")
