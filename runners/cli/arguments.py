@@ -1,4 +1,4 @@
-"""The words after `lme COMMAND`: flags that may stand anywhere, and overrides."""
+"""The command line after `lme COMMAND`: overrides, and flags in any place among them."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ CFG = ("job", "hydra", "all")
 
 @dataclass(slots=True)
 class Arguments:
-    """A command line, taken apart.
+    """A parsed command line.
 
     cfg, package, resolve: which config to print instead of running. info: flags that make Hydra print something.
     """
@@ -36,7 +36,7 @@ class Arguments:
 
 
 def parse(argv: Sequence[str]) -> Arguments:
-    """Take a command line apart. Raises InputError for a flag that there is not."""
+    """Parse a command line. Raises InputError for an unknown flag."""
     flags = _parser().parse_intermixed_args(list(argv))
     if flags.config_dir is not None and not flags.config_dir.is_dir():
         raise InputError(f"--config-dir {flags.config_dir}: no such directory")
@@ -56,7 +56,7 @@ def parse(argv: Sequence[str]) -> Arguments:
 
 
 def _from_home(word: str) -> str:
-    """`key=~/path` with the home directory in it, which a shell does only at the beginning of a word."""
+    """Replace the ~ of `key=~/path`. A shell replaces it only at the beginning of a word."""
     key, equals, value = word.partition("=")
     home = value == "~" or value.startswith("~/")
     return f"{key}={Path(value).expanduser()}" if equals and home else word

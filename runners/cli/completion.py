@@ -74,7 +74,7 @@ def candidates(line: str, commands: Iterable[str]) -> list[str]:
 
 
 def unbroken(found: Sequence[str], line: str, breaks: str) -> list[str]:
-    """The candidates without what the shell holds for an earlier word: bash breaks words at = and :."""
+    """The candidates without the part that the shell takes for an earlier word: bash breaks words at = and :."""
     word = line.rpartition(" ")[2]
     cut = max((word.rfind(letter) for letter in "=:" if letter in breaks), default=-1) + 1
     return [candidate[cut:] for candidate in found]

@@ -1,4 +1,4 @@
-"""What `lme`, `lme --help` and `lme COMMAND --help` print. Imports nothing heavy: it must answer at once."""
+"""What `lme`, `lme --help` and `lme COMMAND --help` print. It must answer at once, so it imports nothing heavy."""
 
 from __future__ import annotations
 

@@ -60,7 +60,7 @@ def launch(command: Command, argv: Sequence[str]) -> int:
 
 
 def _with_resumed(given: arguments.Arguments) -> tuple[arguments.Arguments, Path | None]:
-    """With `resume=PATH`, the overrides of that run under those given now; and the PATH."""
+    """Add the overrides of the run that `resume=PATH` names; those given now win. Returns the PATH too."""
     directory = _resume_path(given.overrides)
     if directory is None:
         return given, None
@@ -71,7 +71,7 @@ def _with_resumed(given: arguments.Arguments) -> tuple[arguments.Arguments, Path
         raise InputError(f"resume={directory}: {what}; give true, or the directory of a run")
     keys = {_key(override) for override in given.overrides}
     if keys & {*_DIRECTORY_KEYS}:
-        raise InputError(f"resume={directory}: names the directory already; leave hydra.run.dir away")
+        raise InputError(f"resume={directory}: names the directory already; omit hydra.run.dir")
     kept = [override for override in saved.overrides if _key(override) not in keys]
     return replace(
         given,
@@ -100,7 +100,7 @@ def _directory(
     jobs: Sequence[Job[Any]],
     resumed: Path | None,
 ) -> Path:
-    """Where to write; made, with its launch record in it, unless it is resumed."""
+    """The directory to write to. Makes it and its launch record, unless a run is resumed."""
     words = [word for word in plan.overrides if _key(word) not in (*_DIRECTORY_KEYS, "resume")]
     record = launch_record.launch_of(command.name, jobs, words, plan.multirun, given.config_name)
     config = next(iter(plan.configs.values()))
@@ -116,7 +116,7 @@ def _directory(
 
 
 def _asked_directory(config: DictConfig, multirun: bool) -> Path | None:
-    """The directory that the command line or a config file names; None where it is left to us."""
+    """The directory that the command line or a config file names; None if neither does."""
     before = HydraConfig.instance().cfg
     HydraConfig.instance().set_config(config)  # for ${hydra:...}
     try:
@@ -189,7 +189,7 @@ class _Task:
         return 0
 
     def _job(self, config: DictConfig) -> Job[Any]:
-        """The job, and its place; a job of a sweep gets its own launch record there."""
+        """The job with its directory. A job of a sweep gets its own launch record there."""
         hydra = HydraConfig.get()
         job: Job[Any] = Job.composed(config, hydra, Catalogue(self.folders))
         run_dir = _relative(Path(hydra.runtime.output_dir))
@@ -204,7 +204,7 @@ class _Task:
 
 
 def _relative(path: Path) -> Path:
-    """Seen from the working directory, where the path lies below it."""
+    """The path relative to the working directory, if it lies below it."""
     return path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path
 
 

@@ -1,4 +1,4 @@
-"""Configs to objects: the only place that turns the one into the other."""
+"""Build the objects that a config describes."""
 
 from __future__ import annotations
 
@@ -16,11 +16,13 @@ from runners.config import systems
 from runners.config.instantiate import build, configured
 from runners.config.schema import DriveConfig, EpisodesConfig, SystemConfig
 
-_CHECKED_TASKS = 20  # before anything runs; the rest as they are driven, for a task may be slow to build
+_CHECKED_TASKS = (
+    20  # before anything runs; the others when they are driven, since a task may be slow to build
+)
 
 
 def map_set(config: DriveConfig, worlds: Sequence[int] | None = None) -> MapSet:
-    """The map set of a config, or these of its worlds; a `radius` of null is the disc around the robot."""
+    """The map set of a config, with these worlds if they are given. A `radius` of null becomes the robot's r_max."""
     node = config.map if worlds is None else {**config.map, "worlds": list(worlds)}
     if "radius" in node and node["radius"] is None:
         node = {**node, "radius": config.robot.footprint.r_max}
@@ -44,7 +46,7 @@ def simulator(config: DriveConfig) -> Simulator:
 
 
 def check_drive(config: EpisodesConfig, num_tasks: int | None = _CHECKED_TASKS) -> None:
-    """Raise InputError where a system, or one of its first `num_tasks` tasks, is not right; None: of all."""
+    """Check a system and its first `num_tasks` tasks, or all of them for None. Raises InputError."""
     systems.check_implemented(config.system)
     require("runs", config.runs, at_least=1)
     require("seed", config.seed, at_least=0)

@@ -1,4 +1,4 @@
-"""What `conf/` holds, with its comments: read as plain YAML, without Hydra, so that help answers at once."""
+"""The options in `conf/`, with their comments. Read as plain YAML without Hydra, so that help answers at once."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Catalogue:
         return {name: option for name, option in pairs if not name.startswith("override ")}
 
     def choices(self, group: str, command: str) -> dict[str, str]:
-        """Options of a group, each with its file; of experiments those in the command's own folder, if it has one.
+        """The options of a group, each with its file. Experiments are those of the command, if it has its own folder.
 
         A user's own experiments count for every command.
         """

@@ -1,4 +1,4 @@
-"""Which keys of the chosen options have other values than the options' own files: what makes a setting special."""
+"""Changed keys: those with other values than in the files of the chosen options."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from runners.config.catalogue import Catalogue
 from runners.config.flatten import flatten
 
 GROUPS = ("robot", "map", "guide", "planner", "ablation", "sim")  # the groups that an episode depends on
-HAVE_COLUMNS = ("map.subset", "map.worlds")  # records tell these in columns of their own
+HAVE_COLUMNS = ("map.subset", "map.worlds")  # records hold these in columns of their own
 
 
 def changed_keys(config: DictConfig, choices: Mapping[str, str], catalogue: Catalogue) -> dict[str, Any]:
@@ -41,5 +41,5 @@ def in_words(changes: Mapping[str, Any]) -> str:
 
 
 def _shown(value: Any) -> str:
-    """A value without a comma and space, at which `in_words` separates."""
+    """A value as text without ", ", which separates the keys."""
     return str(value).replace(", ", ",")

@@ -1,4 +1,4 @@
-"""The jobs that a command line asks for: composed, checked, and typed, before anything runs or is written."""
+"""The jobs of a command line: composed, checked and typed before anything runs or is written."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ Validate = Callable[[Job[Any]], None]
 
 @dataclass(slots=True)
 class Plan:
-    """A command line that composes.
+    """A command line that Hydra can compose.
 
-    overrides: as Hydra wants them. configs: by the overrides of each checked job, Hydra's own part included.
+    overrides: in Hydra's grammar. configs: by the overrides of each checked job, with Hydra's own part.
     num_jobs: of the whole sweep.
     """
 
@@ -55,13 +55,13 @@ def plan(composer: Composer, overrides: Sequence[str], multirun: bool) -> Plan:
 
 
 def compose_job(composer: Composer, words: Sequence[str]) -> Job[Any]:
-    """The one job of a command line, without what its command checks. Raises InputError."""
+    """The single job of a command line, without the checks of its command. Raises InputError."""
     (job,) = validated(plan(composer, words, multirun=False), composer, lambda job: None)
     return job
 
 
 def validated(plan: Plan, composer: Composer, validate: Validate) -> list[Job[Any]]:
-    """The checked jobs, each looked at by its command; names the user's file where a bad value came from one."""
+    """The jobs, each validated by its command. An error names the user's file that a bad value comes from."""
     return [_validated(config, words, composer, validate) for words, config in plan.configs.items()]
 
 
@@ -88,13 +88,13 @@ def _refuse_sweep(parsed: Sequence[Override]) -> None:
 
 
 def _sweeper_params(config: DictConfig) -> list[str]:
-    """Sweeps that an experiment file asks for; those on the command line come after them and win."""
+    """The sweeps of an experiment file. Those of the command line come after them and win."""
     params = OmegaConf.select(config, "hydra.sweeper.params") or {}
     return [f"{key}={value}" for key, value in params.items()]
 
 
 def _checked_jobs(parsed: Sequence[Override]) -> list[tuple[str, ...]]:
-    """All jobs of the sweep in Hydra's order; of a very large one, each value once."""
+    """All jobs of a sweep in Hydra's order; for a very large sweep, enough jobs to meet each value once."""
     jobs = list(itertools.islice(_jobs(parsed), MAX_JOBS_CHECKED + 1))
     if len(jobs) <= MAX_JOBS_CHECKED:
         return jobs
@@ -109,7 +109,7 @@ def _jobs(parsed: Sequence[Override]) -> Iterator[tuple[str, ...]]:
 
 
 def _choices(parsed: Sequence[Override]) -> list[list[str]]:
-    """What each key may be; the last override of a key holds. Sweeps of no fixed values are left out."""
+    """The values of each key. The last override of a key wins. Sweeps without fixed values are left out."""
     choices: dict[str, list[str]] = {}
     for override in parsed:
         key = override.get_key_element()

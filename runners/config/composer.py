@@ -1,4 +1,4 @@
-"""Hydra's compose API for one command: what overrides mean, and the config that they come to."""
+"""Hydra's parser and composer for one command."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from runners.config import catalogue
 
 
 class Composer:
-    """Composes configs while it is entered; Hydra is left as it was found."""
+    """Composes configs within a `with` block. Hydra's global state is restored at its end."""
 
     def __init__(self, config_name: str, config_dir: Path | None = None) -> None:
         """config_dir: the user's own options, beside the shipped ones. Raises InputError without a config."""
@@ -65,7 +65,7 @@ class Composer:
         return [_parse(parser, override) for override in overrides]
 
     def canonical(self, overrides: Sequence[str]) -> frozenset[tuple[str, str]]:
-        """What overrides of a job say, whatever their order and spelling; those of Hydra's own part are left out."""
+        """The overrides of a job, independent of order and spelling, without those of Hydra's own part."""
         own = [override for override in self.parse(overrides) if not override.is_hydra_override()]
         return frozenset((each.get_key_element(), each.get_value_element_as_str()) for each in own)
 
@@ -78,7 +78,7 @@ class Composer:
         return self.loader.load_configuration(self.config_name, words, mode, from_shell=False)
 
     def _with_search_path(self, overrides: Sequence[str]) -> list[str]:
-        """Hydra's compose has no --config-dir; its search path does the same."""
+        """Add the config directory to the search path, as Hydra's --config-dir does."""
         if self._config_dir is None:
             return list(overrides)
         given = [o for o in overrides if o.startswith("hydra.searchpath=")]
@@ -95,7 +95,7 @@ def quoted(text: str) -> str:
 
 
 def without_hydra(config: DictConfig) -> DictConfig:
-    """A copy of a composed config without Hydra's own part: what a command sees."""
+    """A copy of a composed config without Hydra's own part."""
     own = copy.deepcopy(config)
     with read_write(own), open_dict(own):
         own.pop("hydra", None)

@@ -1,4 +1,4 @@
-"""Why a command line does not compose: the one override or file, and what would be right."""
+"""Why a command line does not compose: the override or file at fault, and what would be right."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def broken_yaml(error: yaml.MarkedYAMLError) -> InputError:
 
 
 def diagnosed(error: Exception, composer: Composer, job: Sequence[str]) -> InputError:
-    """The one override or file that makes composing fail, and why."""
+    """Find the override or file that makes composing fail. The error says why."""
     missing = error.missing_cfg_file if isinstance(error, MissingConfigException) else None
     if missing and not missing.startswith("hydra/"):
         return _no_file(missing, composer)
@@ -48,7 +48,7 @@ def diagnosed(error: Exception, composer: Composer, job: Sequence[str]) -> Input
 
 
 def _no_file(name: str, composer: Composer) -> InputError:
-    """A file that the chosen options ask for, such as the search space of a planner."""
+    """A file is missing that the chosen options need, such as the search space of a planner."""
     group, _, option = name.rpartition("/")
     known = composer.catalogue.options(group)
     hint = nearest(option, known) + f"{places(group, composer.catalogue)}: {', '.join(known)}"
@@ -106,7 +106,7 @@ def _in_file(error: Exception, name: str, composer: Composer) -> InputError:
 
 
 def located(error: InputError, config: DictConfig, job: Sequence[str], composer: Composer) -> InputError:
-    """Name the file, where the key that the message begins with was set by one of the user's own."""
+    """Add the user's file to a message, if that file sets the key that the message begins with."""
     key = (re.match(r"[\w.]+", str(error)) or [""])[0].rstrip(".")
     group = key.partition(".")[0]
     option = config.hydra.runtime.choices.get(group)

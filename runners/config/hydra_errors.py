@@ -1,4 +1,4 @@
-"""What OmegaConf and Hydra complain about, in one line that names key, value and what would be right."""
+"""Translate errors of OmegaConf and Hydra into one line: key, value and what would be right."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def unknown_key(key: str, known: Iterable[str]) -> InputError:
 
 
 def translated(error: BaseException, schema: Any = None) -> InputError:
-    """A complaint of OmegaConf's about a config of type `schema`."""
+    """Translate an error of OmegaConf about a config of type `schema`."""
     message, key = str(error), full_key(error)
     inner = re.match(r"InputError raised while resolving interpolation: (.+)", message)
     if inner:
@@ -43,13 +43,13 @@ def translated(error: BaseException, schema: Any = None) -> InputError:
 
 
 def full_key(error: BaseException) -> str:
-    """The dotted key that OmegaConf complains about; empty where it names none."""
+    """The dotted key in an error of OmegaConf; empty if there is none."""
     found = _FULL_KEY.search(str(error))
     return found.group(1) if found else ""
 
 
 def expected(schema: Any, key: str) -> str:
-    """What a value at the dotted `key` of a dataclass must be, in words; empty where nothing is known."""
+    """What the value at the dotted `key` of a dataclass must be, in words; empty if unknown."""
     return describe(_annotation(schema, key))
 
 

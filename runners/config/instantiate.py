@@ -1,4 +1,4 @@
-"""A config node with a `_target_` to the object that it describes.
+"""Build the object that a config node with a `_target_` describes.
 
 The class that `_target_` names has an attribute `Config`, a dataclass: the node's other keys are checked
 against its fields, and the class is called with an instance of it.

@@ -1,4 +1,4 @@
-"""What a search may change: config keys, each with its range, nested in `space` as they are in the config."""
+"""The search space: config keys and their ranges, nested in `space` as in the config."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def read_space(config: TrainConfig) -> Space:
 
 
 def own_values(config: TrainConfig, space: Space) -> dict[str, float]:
-    """What a config has for the keys of the space, as far as that lies in their ranges."""
+    """The config's own values of the keys of the space, if they lie in the ranges."""
     known = dict(flatten(asdict(config)))
     return {
         key: float(known[key])

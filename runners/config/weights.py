@@ -1,4 +1,4 @@
-"""The learned parameters: by name, from a training run, or from a file."""
+"""Find learned parameters by name, by training run, or by file."""
 
 from __future__ import annotations
 

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 
 def validate(job: Job[EvalConfig]) -> None:
-    """Build what is cheap to build and check the rest, so that mistakes show before anything runs."""
+    """Check the job before anything runs. Raises InputError."""
     weights.check_scale(job.config.scale, job.config.guide)
     check_report(job)
 
@@ -103,7 +103,7 @@ def report(maps: MapSet, job: Job[EvalConfig]) -> tuple[pd.DataFrame, list[Row],
 
 
 def _film(config: EvalConfig, maps: MapSet, run_dir: Path) -> list[Path]:
-    """A moving picture of the first episode, where something moves in its world."""
+    """A film of the first episode, if something moves in its world."""
     world = maps.numbers[0]
     if not maps.task(world).world.movers:
         return []
@@ -115,12 +115,12 @@ def _film(config: EvalConfig, maps: MapSet, run_dir: Path) -> list[Path]:
 
 
 def _recordings(config: EpisodesConfig, run_dir: Path) -> Recordings | None:
-    """Where recordings go, and the config that they carry; None where none are made."""
+    """Where recordings are written, and the config that they hold; None for no recordings."""
     if not isinstance(config, ReportConfig) or config.record is Record.none:
         return None
     return Recordings(run_dir / recorder.FOLDER, identity(config))
 
 
 def _by_run(keys: list[EpisodeKey]) -> list[EpisodeKey]:
-    """All worlds once before any a second time, so that a partial run covers the map set."""
+    """Order the episodes run by run, so that a partial run covers the map set."""
     return sorted(keys, key=lambda key: (key.run, key.world))

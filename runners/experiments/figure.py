@@ -23,7 +23,7 @@ from runners.records.records import find_runs
 
 
 def validate(job: Job[FigureConfig]) -> None:
-    """Build what is cheap to build, so that mistakes show before anything runs. Raises InputError."""
+    """Check the job before anything runs. Raises InputError."""
     config = job.config
     kind = _kind(config)
     worlds_of(config.world)

@@ -1,4 +1,4 @@
-"""What a sweep comes to: one table, one chart, and the results in the sweep's own tracked run."""
+"""The results of a sweep: one table, one chart, and one tracked run."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ _NO_METRIC_NAME = re.compile(r"[^\w\-. /]")  # MLflow refuses the rest
 
 
 class Report(NamedTuple):
-    """What was written, and what is to be said below the table."""
+    """What was written, and the lines to print below the table."""
 
     files: list[Path]
     words: list[str]
 
 
 def finish(job: Job[ReportConfig], run_dirs: Sequence[Path]) -> None:
-    """Tabulate, draw, print and book all runs of a sweep. job: its first."""
+    """Tabulate, draw, print and track all runs of a sweep. job: its first job."""
     from runners.analysis.tables import print_table
 
     run_dirs = find_runs(run_dirs)
@@ -42,11 +42,11 @@ def finish(job: Job[ReportConfig], run_dirs: Sequence[Path]) -> None:
     for line in words:
         print(line)
     print(f"The sweep's table and pictures: {sweep_dir}")
-    _book(job.config, frame, artifacts, sweep_dir, run_dirs)
+    _track(job.config, frame, artifacts, sweep_dir, run_dirs)
 
 
 def report(frame: pd.DataFrame, rows: Sequence[Row], run_dirs: Sequence[Path], place: Path) -> Report:
-    """Write table and pictures of several runs into `place`, and what their ablations and scales come to.
+    """Write the table and pictures of several runs into `place`, with the study of ablations and scales, if any.
 
     frame: their records. rows: of their table.
     """
@@ -64,7 +64,7 @@ def report(frame: pd.DataFrame, rows: Sequence[Row], run_dirs: Sequence[Path], p
 
 
 def _studied(frame: pd.DataFrame, place: Path) -> Report:
-    """What ablations and scales come to, where the records have any."""
+    """The studies of ablations and scales, if the records have any."""
     from runners.analysis import ablation, sensitivity
     from runners.figures.reports.ablation import ablation_figure
     from runners.figures.reports.sensitivity import sensitivity_figure
@@ -79,14 +79,14 @@ def _studied(frame: pd.DataFrame, place: Path) -> Report:
     return Report(files, words)
 
 
-def _book(
+def _track(
     config: ReportConfig,
     frame: pd.DataFrame,
     artifacts: Sequence[Path],
     sweep_dir: Path,
     run_dirs: Sequence[Path],
 ) -> None:
-    """The sweep's run holds what its jobs have in common, and every row's figures by the row's name."""
+    """Track the sweep: what its jobs have in common, and the figures of every row by its name."""
     launches = [record for record in map(launch_record.read_launch, run_dirs) if record is not None]
     tracking = build_target(config.tracking, "tracking")
     shared = launch_record.common([record.configs[0] for record in launches])

@@ -1,4 +1,4 @@
-"""Train one composed config: a search for parameters, their weight file, and how they do where they never were."""
+"""Train one job: search for parameters, write the weight file, and evaluate it on held-out worlds."""
 
 from __future__ import annotations
 
@@ -34,11 +34,11 @@ from runners.workers.progress import TrialProgress
 if TYPE_CHECKING:
     import pandas as pd
 
-_TRAINING = 0x7472  # keeps the stream that configurations are drawn from apart from those of the episodes
+_TRAINING = 0x7472  # seeds the draw of configurations apart from the episodes
 
 
 def validate(job: Job[TrainConfig]) -> None:
-    """Build what is cheap to build and check the rest, so that mistakes show before anything runs."""
+    """Check the job before anything runs. Raises InputError."""
     config = job.config
     evaluate.check_report(job)
     for key, count in (("trials", config.trials), ("configurations", config.configurations)):
@@ -73,11 +73,11 @@ def train(job: Job[TrainConfig]) -> None:
         print(f"\nStopped. Go on with: lme train resume={run_dir}", file=sys.stderr)
         raise
     pages = [page for place in frame["run_dir"].unique() for page in failures.folder(Path(place))]
-    _book(tracking, found.told, best, frame, [weights, *pictures, *pages])
+    _track(tracking, found.told, best, frame, [weights, *pictures, *pages])
 
 
 def training_worlds(config: TrainConfig) -> list[int]:
-    """Numbers of the configurations to train on: drawn once per seed, and none that is held out.
+    """The numbers of the configurations to train on: drawn once per seed, without those held out.
 
     Raises InputError where there are too few to draw from.
     """
@@ -113,7 +113,7 @@ def training_maps(config: TrainConfig, worlds: list[int]) -> MapSet:
 
 
 def _search(config: TrainConfig, run_dir: Path) -> Study:
-    """All trials of the study, those of an earlier run included."""
+    """Run the study until it has all its trials; trials of an earlier run count."""
     search = build_target(config.search, "search")
     space = read_space(config)
     first = own_values(config, space) if config.start_from_config else {}
@@ -130,7 +130,7 @@ def _search(config: TrainConfig, run_dir: Path) -> Study:
 
 
 def _settled_worlds(opened: Study, config: TrainConfig, run_dir: Path) -> list[int]:
-    """The study's own configurations. Raises InputError where the map has changed since they were drawn."""
+    """The configurations of the study. Raises InputError if the map has changed since they were drawn."""
     worlds = training_worlds(config)
     maps = training_maps(config, worlds)
     drawn = []
@@ -175,8 +175,8 @@ def _pictures(found: Study, space: Space, run_dir: Path) -> list[Path]:
     return [write_trials(told, run_dir), *training_figures(told, space, found.importances(), run_dir)]
 
 
-def _book(tracking: Any, told: list[Trial], best: Trial, frame: pd.DataFrame, files: list[Path]) -> None:
-    """One tracked run with a series of rewards: a run of its own for each trial takes longer than the trial."""
+def _track(tracking: Any, told: list[Trial], best: Trial, frame: pd.DataFrame, files: list[Path]) -> None:
+    """Track one run with a series of rewards. A tracked run for each trial would take longer than the trial."""
     from runners.analysis.summary import metrics
 
     rewards = [trial.reward for trial in told]
@@ -214,7 +214,7 @@ def _without_password(config: TrainConfig) -> TrainConfig:
 
 @contextlib.contextmanager
 def _held(run_dir: Path) -> Iterator[None]:
-    """Keep other processes out. Raises InputError where one is in."""
+    """Lock the run directory. Raises InputError if another process holds it."""
     with (run_dir / LAUNCH).open("rb") as file:
         lock(file, run_dir)
         yield

@@ -1,4 +1,4 @@
-"""Print what makes the tab key complete lme's words: eval "$(lme completion bash)"."""
+"""Print the script for tab completion: eval "$(lme completion bash)"."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ EXAMPLES = (
 
 
 def main(argv: list[str]) -> int:
-    """Print a shell's script, or the words that may come next, which is what the script asks for."""
+    """Print the script of a shell, or the words that may come next, for which the script asks."""
     from runners.cli import completion
     from runners.cli.main import command_files
 

@@ -62,7 +62,7 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _one_run(path: Path) -> Path:
-    """The run directory. Raises InputError for one that holds several, and names them."""
+    """The run directory. Raises InputError, naming the runs, for a directory that holds several."""
     from lme.errors import InputError
     from runners.records.launch_record import read_launch
     from runners.records.records import find_runs
@@ -78,7 +78,7 @@ def _one_run(path: Path) -> Path:
 
 
 def _list(run_dir: Path) -> None:
-    """Failures first, and how to go on."""
+    """Print the episodes, failures first, and the commands that explain them."""
     from runners.analysis.failures import is_failure
     from runners.records.records import read_episodes
 
@@ -95,7 +95,7 @@ def _list(run_dir: Path) -> None:
 
 
 def _lines(frames: Sequence[pd.DataFrame]) -> list[str]:
-    """A table of text."""
+    """The episodes as an aligned table."""
     from runners.analysis.columns import aligned
 
     rows = [("episode", "outcome", "time [s]", "switches")]
@@ -107,7 +107,7 @@ def _lines(frames: Sequence[pd.DataFrame]) -> list[str]:
 
 
 def _draw(run_dir: Path, words: Sequence[str], output: Path | None) -> None:
-    """Make the pages, print where they are, and book those that lie with the run."""
+    """Make the pages and print their paths. Pages in the run directory are added to its MLflow run."""
     from lme.errors import InputError
     from runners.analysis.failures import FOLDER
     from runners.explainer import pages
@@ -133,7 +133,7 @@ def _draw(run_dir: Path, words: Sequence[str], output: Path | None) -> None:
 
 
 def _places(run_dir: Path, keys: Sequence[EpisodeKey], output: Path | None) -> dict[EpisodeKey, Path]:
-    """Where the page of each episode goes. Raises InputError where one file is to hold several."""
+    """The path of each page. Raises InputError if one file is given for several pages."""
     from lme.errors import InputError
     from runners.analysis.failures import page_path
 
@@ -147,7 +147,7 @@ def _places(run_dir: Path, keys: Sequence[EpisodeKey], output: Path | None) -> d
 
 
 def _tell(run_dir: Path, words: Sequence[str]) -> None:
-    """Print the reason of every decision, those alike in one line."""
+    """Print the reason of every decision. Equal decisions in a row share a line."""
     from runners.explainer.pages import chosen, keys_of
     from runners.records.records import read_episodes, read_trajectories
     from runners.workers.trace import rerun_recorded
@@ -162,7 +162,7 @@ def _tell(run_dir: Path, words: Sequence[str]) -> None:
 
 
 def _sentences(steps: Sequence[TracedStep]) -> Iterator[str]:
-    """Steps, times and reasons. Raises InputError where the guide gives none."""
+    """Steps, times and reasons. Raises InputError if the guide gives no reasons."""
     from lme.errors import InputError
     from lme.policy.reasons import reasons
 

@@ -24,7 +24,7 @@ def main(argv: list[str]) -> int:
 
 
 def _translated(argv: list[str]) -> list[str]:
-    """The kind as an override, keys of other names under their own, and one format as a list of one."""
+    """The words as overrides: the kind, short names in full, and a single format as a list."""
     words = list(argv)
     if words and "=" not in words[0] and not words[0].startswith("-"):
         words[0] = f"figure={words[0]}"
@@ -39,7 +39,7 @@ def _in_full(word: str) -> str:
 
 
 def _check_beside_run(words: list[str]) -> None:
-    """Raise InputError for a key that cannot hold where the records of a run are drawn."""
+    """Raise InputError for a key that has no meaning when recorded episodes are drawn."""
     from lme.errors import InputError
     from runners.config import catalogue
 
@@ -56,7 +56,7 @@ def _check_beside_run(words: list[str]) -> None:
 
 
 def _check_swept(words: list[str]) -> None:
-    """Raise InputError for a sweep of what there is but once, as there is one figure of a sweep."""
+    """Raise InputError for a sweep over a key of the figure itself: a sweep draws one figure."""
     from lme.errors import InputError
 
     if not {"-m", "--multirun"} & set(words):

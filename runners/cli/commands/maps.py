@@ -24,7 +24,7 @@ EXAMPLES = (
     "lme maps show traps 0 1 2 kind=door --output traps.pdf",
     "lme maps import ~/the-barn-challenge barn_worlds",
 )
-NAMED = 6  # worlds that the name of a picture's file tells one by one
+NAMED = 6  # worlds that the file name of a picture lists at most
 
 
 def main(argv: list[str]) -> int:
@@ -35,7 +35,7 @@ def main(argv: list[str]) -> int:
 
 
 def _parsed(argv: list[str]) -> argparse.Namespace:
-    """The arguments; worlds and settings may also follow an option, which argparse by itself refuses."""
+    """The arguments. Worlds and settings may follow an option, which argparse does not allow by itself."""
     parser = _parser()
     arguments, rest = parser.parse_known_args(argv)
     strange = [word for word in rest if word.startswith("-") and not re.fullmatch(r"-\d+", word)]
@@ -88,7 +88,7 @@ def _add_plain(parser: argparse.ArgumentParser, default: bool | str) -> None:
 
 
 def _console(arguments: argparse.Namespace) -> Console | None:
-    """Where pictures can be shown; None where plain lines are asked for, or fit better."""
+    """A terminal that shows pictures; None if plain lines are asked for, or if there is no such terminal."""
     unicode = (sys.stdout.encoding or "").lower().replace("-", "").startswith("utf")
     if arguments.plain or not sys.stdout.isatty() or not unicode:
         return None
@@ -159,7 +159,7 @@ def _measures(task: Task) -> dict[str, str]:
 
 
 def _saved(chosen: Chosen, tasks: Sequence[Task], output: Path | None) -> Path | None:
-    """Draw the worlds named into a file; its path, or None where none or too many are named.
+    """Draw the named worlds into a file. Returns its path, or None if no world or too many are named.
 
     Raises InputError where the file cannot be written, and for too many where it is asked for.
     """

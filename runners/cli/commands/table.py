@@ -49,7 +49,7 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _rows(frame: pd.DataFrame, runs: list[Path], is_sweep: bool) -> list[Row]:
-    """The rows of the table; those of a sweep in the order that its config asks for."""
+    """The rows of the table. The config of a sweep sets their order."""
     from runners.analysis.summary import summarise
     from runners.config.systems import systems
     from runners.records.launch_record import read_launch
@@ -72,7 +72,7 @@ def _print(frame: pd.DataFrame, rows: list[Row], style: str) -> None:
 
 
 def _rewrite(frame: pd.DataFrame, rows: list[Row], runs: list[Path], place: Path) -> list[str]:
-    """Tables and pictures of the run or sweep that was named; what they say. Raises InputError if it cannot."""
+    """Write the tables and pictures of a run or sweep anew. Returns its findings. Raises InputError if it cannot."""
     from lme.errors import InputError
     from runners.analysis.tables import write_tables
     from runners.experiments import sweeps
@@ -88,7 +88,7 @@ def _rewrite(frame: pd.DataFrame, rows: list[Row], runs: list[Path], place: Path
 
 
 def _draw(frame: pd.DataFrame, run: Path) -> None:
-    """The picture needs the worlds, which the run's config describes; a folder without one gets none."""
+    """Draw the paths. That needs the worlds, so a folder without a launch record gets no picture."""
     from runners.config import build
     from runners.figures.reports.paths import sample_worlds, trajectories_figure
     from runners.records.launch_record import read_launch

@@ -1,4 +1,4 @@
-"""Open MLflow's page on the runs booked so far."""
+"""Open MLflow's page with the runs tracked so far."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ EXAMPLES = (
 
 
 def main(argv: list[str]) -> int:
-    """Serve until Ctrl-C. Raises InputError where there is no store, or the port is taken."""
+    """Serve until Ctrl-C. Raises InputError if there is no store or the port is taken."""
     from runners.tracking.store import DEFAULTS
 
     arguments = _parser().parse_args(argv)
@@ -26,7 +26,7 @@ def main(argv: list[str]) -> int:
         f"MLflow on http://{arguments.host}:{arguments.port} shows {arguments.uri}; Ctrl-C ends it",
         flush=True,
     )
-    # Jobs are a part of MLflow's server that nobody here uses; they would start five more processes.
+    # MLflow's job execution is not used here and would start five more processes.
     environment = {
         **DEFAULTS,
         "MLFLOW_SERVER_ENABLE_JOB_EXECUTION": "false",
@@ -50,7 +50,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--uri",
         default=os.environ.get("MLFLOW_TRACKING_URI", DEFAULT_URI),
-        help=f"where runs are booked; default: MLFLOW_TRACKING_URI, else {DEFAULT_URI}",
+        help=f"where runs are tracked; default: MLFLOW_TRACKING_URI, else {DEFAULT_URI}",
     )
     return parser
 
@@ -64,11 +64,11 @@ def _server(uri: str, host: str, port: int) -> list[str]:
 
 
 def _serve(command: list[str], environment: dict[str, str]) -> int:
-    """Run until it ends or someone ends this process."""
+    """Run the server until it ends or this process is ended."""
     for name in ("SIGTERM", "SIGHUP"):
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), signal.default_int_handler)
-    # In a session of its own: a Ctrl-C that reached it would be answered with a traceback.
+    # In a session of its own: the server answers a Ctrl-C with a traceback.
     server = subprocess.Popen(command, env=environment, start_new_session=True)
     try:
         return server.wait()
@@ -92,7 +92,7 @@ def _check_store(uri: str) -> None:
 
 
 def _check_address(host: str, port: int) -> None:
-    """Bind and let go: the server itself would say it in forty lines."""
+    """Bind once to check: the server itself reports a taken port in forty lines."""
     from lme.errors import InputError
 
     if not 0 < port < 65536:
