@@ -1,0 +1,83 @@
+"""Keys that differ from the files of the chosen options, and what tables make of them."""
+
+import pytest
+
+from runners.analysis.summary import title
+from runners.cli.main import main
+from runners.records.launch_record import read_launch
+from runners.records.records import read_episodes
+from tests.composing import jobs_of
+
+QUICK = ["map.worlds=[0]", "map.time_limit=0.3", "runs=1", "executor=serial", "tracking=none"]
+OWN_SYSTEM = """\
+# @package _global_
+# A pair of one's own
+defaults:
+  - override /guide: target
+  - override /planner: simple
+planner:
+  kp: 5.0
+system:
+  label: Mine
+  guide: target
+  planner: simple
+"""
+
+
+@pytest.mark.parametrize(
+    ("words", "changes"),
+    [
+        ([], {}),
+        (["robot=go2", "map=env1", "planner=dwa_tuned", "sim=physics"], {}),  # options, unchanged
+        (["map.worlds=[0]", "map.subset=all", "runs=7", "seed=3"], {}),  # all have columns of their own
+        (["robot.v_max=2"], {}),  # its own value
+        (["robot.v_max=1", "robot.lidar.num_beams=90"], {"robot.v_max": 1.0, "robot.lidar.num_beams": 90}),
+        (["planner=dwa", "planner.v_samples=5"], {"planner.v_samples": 5}),
+        (["ablation=no_c_o", "weights=published", "scale={a_dev:2}"], {}),  # parameters have columns
+        (["ablation.c_t=0.5"], {"ablation.c_t": 0.5}),
+        (["sim.latency=0.1", "map.start=[0,0,0]"], {"map.start": [0.0, 0.0, 0.0], "sim.latency": 0.1}),
+    ],
+)
+def test_changes_are_what_the_files_say_otherwise(words, changes):
+    with jobs_of() as job:
+        assert job(*words).changes == changes
+
+
+def test_values_that_a_file_inherits_are_its_own():
+    with jobs_of() as job:
+        assert job("robot=jackal_wheels", "map=real3").changes == {}
+        assert job("map=real3", "map.starts=3").changes == {"map.starts": 3}
+
+
+def test_a_run_and_its_table_name_what_was_changed(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    words = ["guide=target", "planner=dwa", "planner.v_samples=5", "hydra.run.dir=out"]
+    assert main(["eval", *QUICK, *words]) == 0
+    frame = read_episodes(["out"])
+    assert frame["system"].unique().tolist() == ["DWA (changed)"]
+    assert read_launch(tmp_path / "out").changes == [{"map.time_limit": 0.3, "planner.v_samples": 5}]
+    assert "map.time_limit=0.3 · planner.v_samples=5" in title(frame)
+    assert "Changed: map.time_limit=0.3, planner.v_samples=5." in (tmp_path / "out" / "table.tex").read_text()
+
+
+def test_a_system_of_ones_own_has_its_label_and_a_place_in_the_table(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine" / "system").mkdir(parents=True)
+    (tmp_path / "mine" / "system" / "ours.yaml").write_text(OWN_SYSTEM)
+    words = ["--config-dir", "mine", "system=ours,simple", "table=[simple,ours]", "hydra.sweep.dir=out"]
+    assert main(["eval", "-m", *QUICK, *words]) == 0
+    capsys.readouterr()
+    assert main(["table", "out", "--format", "csv"]) == 0  # finds the folder again
+    labels = [line.split(",")[0] for line in capsys.readouterr().out.splitlines()]
+    assert labels == ["label", "Simple (ours)", "Mine (ours)"]
+
+
+def test_a_broken_system_of_ones_own_is_named(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine" / "system").mkdir(parents=True)
+    file = tmp_path / "mine" / "system" / "ours.yaml"
+    file.write_text(OWN_SYSTEM.replace("guide: target\n  planner", "giude: target\n  planner"))
+    assert main(["eval", "--config-dir", "mine", "system=ours", *QUICK]) == 2
+    error = capsys.readouterr().err
+    assert "system.giude: no such key; did you mean guide?" in error
+    assert str(file) in error
