@@ -49,7 +49,8 @@ def _evaluation(
     names = {field.name for field in fields(EvalConfig)} & {field.name for field in fields(TrainConfig)}
     shared = {each: getattr(trained, each) for each in names}
     config = EvalConfig(**{**shared, "map": node, "weights": name, "resume": False})
-    changes = {key: value for key, value in job.changes.items() if not key.startswith("map.")}
+    elsewhere = bool(job.config.held_out)  # the changes of the training map say nothing of another map
+    changes = {key: value for key, value in job.changes.items() if not (elsewhere and key.startswith("map."))}
     return Job(
         config=config,
         choices=job.choices,

@@ -3,6 +3,7 @@
 import json
 from pathlib import Path
 
+import pandas as pd
 import pytest
 from mlflow import MlflowClient
 
@@ -93,6 +94,25 @@ def test_a_system_without_a_planner_cannot_be_driven(capsys):
 def test_a_row_that_is_no_system_is_named(capsys):
     assert main(["eval", "table=[drl_v]"]) == 2
     assert "table: drl_v: did you mean drl_vo?" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_a_launcher_of_processes_gives_the_same_records(tmp_path, monkeypatch):
+    """Its workers may not start workers of their own: they drive their episodes one after the other."""
+    monkeypatch.chdir(tmp_path)
+    for name, words in (("joblib", ["hydra/launcher=joblib"]), ("basic", [])):
+        sweep = [
+            "map.worlds=[0,3]",
+            "runs=1",
+            "ablation=none,no_c_t",
+            "tracking=none",
+            f"hydra.sweep.dir={name}",
+        ]
+        assert main(["eval", "-m", *sweep, *words]) == 0
+    for job in "01":
+        frames = [pd.read_parquet(tmp_path / name / job / "episodes.parquet") for name in ("joblib", "basic")]
+        timed = ["wall_s", "decision_us_p50", "decision_us_p99"]
+        pd.testing.assert_frame_equal(*(frame.drop(columns=timed) for frame in frames))
 
 
 def test_labels_are_unique_among_the_pairs_that_run():
