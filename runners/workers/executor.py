@@ -67,7 +67,10 @@ class SerialExecutor:
     @contextlib.contextmanager
     def open(self, initialise: Initialise, payload: Any, at_once: int | None = None) -> Iterator[Map]:
         """Give a `map` for several lists of items; `initialise` is called once."""
-        run = initialise(payload)
+        try:
+            run = initialise(payload)
+        except Exception as error:
+            raise _portable(error, None) from error
 
         def run_all(items: Iterable[Item]) -> Iterator[Any]:
             for item in items:

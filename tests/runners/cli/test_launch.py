@@ -11,6 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+import yaml
 
 from lme.errors import InputError
 from runners.cli.launch import Command, launch
@@ -246,7 +247,7 @@ def test_resume_of_what_is_no_run(probe, place):
 
 def test_resume_by_path_and_another_directory_contradict(probe):
     probe.launch()
-    with pytest.raises(InputError, match=r"leave hydra\.run\.dir away"):
+    with pytest.raises(InputError, match=r"omit hydra\.run\.dir"):
         probe.launch(f"resume={probe.directory}", "hydra.run.dir=other")
 
 
@@ -300,6 +301,32 @@ def test_the_composed_config_is_shown_and_nothing_written(probe, capsys):
     assert probe.launch("--info", "defaults") == 0
     assert probe.launch("--hydra-help") == 0
     assert everything() == []
+
+
+def test_the_config_is_shown_with_every_value_resolved(probe, capsys):
+    assert probe.launch("--cfg", "job", "--resolve", "ablation=no_c_o") == 0
+    shown = yaml.safe_load(capsys.readouterr().out)
+    assert shown["guide"]["parameters"]["c_o"] == 0.0
+    assert shown["robot"]["name"] == "jackal"
+    with pytest.raises(InputError, match="--package nothing: the config has no such key"):
+        probe.launch("--cfg", "job", "--package", "nothing")
+    assert everything() == []
+
+
+def test_a_home_directory_is_known_behind_the_equals_sign(probe, monkeypatch, tmp_path):
+    monkeypatch.setenv("HOME", str(tmp_path / "me"))
+    assert probe.launch("map.source=~/barn", "hydra.run.dir=~/out") == 0
+    assert probe.runs[0][0].map["source"] == str(tmp_path / "me" / "barn")
+    assert (tmp_path / "me" / "out" / "launch.json").is_file()
+
+
+def test_tracking_heeds_mlflows_own_variable(probe, monkeypatch):
+    monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
+    probe.launch()
+    monkeypatch.setenv("MLFLOW_TRACKING_URI", "http://tracker:5000")
+    probe.launch()
+    uris = [config.tracking["uri"] for config, _ in probe.runs]
+    assert uris == ["sqlite:///outputs/mlflow.db", "http://tracker:5000"]
 
 
 def test_every_job_of_a_sweep_is_validated_before_anything_is_written(probe):

@@ -58,8 +58,8 @@ def mistake(folder, monkeypatch, capsys):
     monkeypatch.chdir(folder)
     monkeypatch.syspath_prepend(folder)
 
-    def told(*words):
-        assert main(["eval", *words, *SHORT, "executor=serial"]) == 2
+    def told(*words, status=2):
+        assert main(["eval", *words, *SHORT, "executor=serial"]) == status
         return capsys.readouterr().err
 
     yield told
@@ -74,3 +74,11 @@ def test_mistakes_are_told(folder, mistake):
     said = mistake("planner._target_=bad.MyPlanner")
     assert "MyPlanner.plan returned" in said
     assert "Traceback" not in said
+
+
+def test_an_error_of_the_planner_is_shown_where_it_happened_and_ends_its_job_alone(folder, mistake):
+    (folder / "bad.py").write_text(MODULE.replace("return self.speed", "return 1 / 0 * self.speed"))
+    said = mistake("-m", "planner._target_=bad.MyPlanner", "seed=0,1", status=1)
+    assert said.count("lme eval: ZeroDivisionError: division by zero") == 2
+    assert 'bad.py", line' in said
+    assert "HYDRA_FULL_ERROR" not in said

@@ -320,3 +320,11 @@ def test_recordings_of_real_robots_replay_with_defaults(replay, path):
     assert found["missed_deadlines"] == 0
     assert table["scan_points"].median() > 300
     assert table[DECIDED].notna().all().all()
+
+
+def test_the_first_word_is_the_recording(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(["replay", "drives/of may.bag"]) == 2
+    assert "bag drives/of may.bag: no such file" in capsys.readouterr().err
+    assert main(["replay", "drives/of may.bag", "list=true"]) == 2
+    assert "bag drives/of may.bag: no such file" in capsys.readouterr().err
