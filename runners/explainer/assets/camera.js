@@ -72,23 +72,23 @@ class Camera {
 }
 
 /** What the map has to show: the drive and what was seen near it [x0, y0, x1, y1]. */
-function extent(tale) {
-  const { pose } = tale.arrays;
-  const { start, goal, goal_tolerance: tolerance } = tale.head;
+function extent(trace) {
+  const { pose } = trace.arrays;
+  const { start, goal, goal_tolerance: tolerance } = trace.head;
   const busy = [start, ...[-1, 1].map((side) => goal.map((value) => value + side * tolerance))];
   for (let i = 0; i < pose.length; i += 3) busy.push([pose[i], pose[i + 1]]);
   const near = bounds(busy, AROUND_M);
-  const seen = Array.from(tale.arrays["seen.x"], (x, i) => [x, tale.arrays["seen.y"][i]]);
-  const solid = bounds([...seen.map(([x, y]) => [x * tale.head.cell, y * tale.head.cell])], 0.3);
+  const seen = Array.from(trace.arrays["seen.x"], (x, i) => [x, trace.arrays["seen.y"][i]]);
+  const solid = bounds([...seen.map(([x, y]) => [x * trace.head.cell, y * trace.head.cell])], 0.3);
   const least = bounds(busy, 0.6);
   return least.map((edge, i) => (i < 2 ? Math.min(edge, Math.max(near[i], solid[i]))
     : Math.max(edge, Math.min(near[i], solid[i]))));
 }
 
 /** How far off candidates lie at most, or what is about the robot without them [m]. */
-function reachOf(tale) {
-  if (!tale.explained) return 4;
-  const [xs, ys] = [tale.arrays["candidates.x"], tale.arrays["candidates.y"]];
+function reachOf(trace) {
+  if (!trace.explained) return 4;
+  const [xs, ys] = [trace.arrays["candidates.x"], trace.arrays["candidates.y"]];
   let far = 1000;
   for (let i = 0; i < xs.length; i++) far = Math.max(far, Math.hypot(xs[i], ys[i]));
   return far / 1000;

@@ -3,7 +3,7 @@
 const TYPES = { f8: Float64Array, f4: Float32Array, i4: Int32Array, i2: Int16Array, i1: Int8Array };
 
 /** An episode: `head` as Python wrote it, arrays by name, and where the entries of each step begin. */
-class Tale {
+class Trace {
   /**
    * @param {Object} head - header, see encode.py
    * @param {Object<string, TypedArray>} arrays - by name
@@ -62,7 +62,7 @@ class Tale {
   }
 }
 
-/** @param {string} text - base64 @returns {Promise<Tale>} */
+/** @param {string} text - base64 @returns {Promise<Trace>} */
 async function unpack(text) {
   const raw = await gunzip(bytesOf(text));
   const headerLength = new DataView(raw).getUint32(0, true);
@@ -73,7 +73,7 @@ async function unpack(text) {
     arrays[name] = numbers(planes, kind, at, count);
     if (differences) arrays[name] = runningSum(arrays[name]);
   }
-  return new Tale(head, arrays);
+  return new Trace(head, arrays);
 }
 
 function bytesOf(text) {

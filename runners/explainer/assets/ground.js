@@ -1,8 +1,8 @@
 // What stands in the world: as seen so far, and as it is. Drawn in metres of the world.
 
 /** The cells that scans have touched up to a step, each a hair larger than it is, so that no seams show. */
-function drawSeen(ctx, tale, step, colour, hair) {
-  const { arrays, starts, head } = tale;
+function drawSeen(ctx, trace, step, colour, hair) {
+  const { arrays, starts, head } = trace;
   const [xs, ys, side] = [arrays["seen.x"], arrays["seen.y"], head.cell];
   const until = starts.seen[step + 1];
   ctx.fillStyle = colour;
@@ -10,9 +10,9 @@ function drawSeen(ctx, tale, step, colour, hair) {
 }
 
 /** The world as it is, and what moves in it at a step. */
-function drawTruth(ctx, tale, step, colour, width) {
-  const { arrays, starts } = tale;
-  const moving = (name, size) => arrays[name].subarray(...tale.span(name, step).map((row) => row * size));
+function drawTruth(ctx, trace, step, colour, width) {
+  const { arrays, starts } = trace;
+  const moving = (name, size) => arrays[name].subarray(...trace.span(name, step).map((row) => row * size));
   ctx.fillStyle = ctx.strokeStyle = colour;
   ctx.lineWidth = width;
   for (const discs of [arrays["world.circles"], moving("discs", 3)]) fillDiscs(ctx, discs);

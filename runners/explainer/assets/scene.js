@@ -7,13 +7,13 @@
  */
 
 class Scene {
-  constructor(canvas, tale) {
+  constructor(canvas, trace) {
     this.canvas = canvas;
     this.ctx = canvas.getContext("2d");
-    this.tale = tale;
+    this.trace = trace;
     this.camera = new Camera();
-    this.box = extent(tale);
-    this.reach = reachOf(tale);
+    this.box = extent(trace);
+    this.reach = reachOf(trace);
     this.spots = []; // where the candidates of the last drawing lie [px]
     this.recolour();
   }
@@ -40,8 +40,8 @@ class Scene {
 
   /** @param {Shown} shown */
   draw(shown) {
-    const { ctx, camera, tale } = this;
-    this.at = tale.pose(shown.step);
+    const { ctx, camera, trace } = this;
+    this.at = trace.pose(shown.step);
     camera.aim(this.at);
     ctx.setTransform(this.ratio, 0, 0, this.ratio, 0, 0);
     ctx.fillStyle = this.colours.paper;
@@ -49,11 +49,11 @@ class Scene {
     this.#world(shown);
     this.#path(shown.step);
     this.#aim(shown.step);
-    if (tale.explained && shown.step < tale.decisions) this.#decision(shown);
+    if (trace.explained && shown.step < trace.decisions) this.#decision(shown);
     else this.#plainScan(shown.step);
     this.#robot(shown.step);
-    if (shown.step < tale.decisions) {
-      if (tale.head.planned) this.#plan(shown.step);
+    if (shown.step < trace.decisions) {
+      if (trace.head.planned) this.#plan(shown.step);
       this.#subgoals(shown);
     }
     if (shown.verdict) this.#blockage(shown.step); // names go on top
@@ -89,14 +89,14 @@ class Scene {
   #world(shown) {
     this.#inWorld((ctx) => {
       const pixel = 1 / this.camera.scale;
-      if (shown.truth) drawTruth(ctx, this.tale, shown.step, this.colours.truth, 1.5 * pixel);
-      drawSeen(ctx, this.tale, shown.step, this.colours.seen, 0.5 * pixel);
+      if (shown.truth) drawTruth(ctx, this.trace, shown.step, this.colours.truth, 1.5 * pixel);
+      drawSeen(ctx, this.trace, shown.step, this.colours.seen, 0.5 * pixel);
     });
   }
 
   #path(step) {
     const { ctx, colours } = this;
-    const { pose } = this.tale.arrays;
+    const { pose } = this.trace.arrays;
     ctx.beginPath();
     for (let i = 0; i <= step; i++) ctx.lineTo(...this.camera.place(pose[3 * i], pose[3 * i + 1]));
     ctx.lineJoin = "round";
@@ -107,25 +107,25 @@ class Scene {
 
   /** The goal, where it counts as reached, and the direction of the target as the robot believes it. */
   #aim(step) {
-    const { ctx, colours, camera, tale } = this;
-    const [x, y] = camera.place(...tale.head.goal);
-    circlePath(ctx, x, y, tale.head.goal_tolerance * camera.scale);
+    const { ctx, colours, camera, trace } = this;
+    const [x, y] = camera.place(...trace.head.goal);
+    circlePath(ctx, x, y, trace.head.goal_tolerance * camera.scale);
     ctx.setLineDash([2, 4]);
     paint(ctx, null, colours.goal, 1.5);
     ctx.setLineDash([]);
     circlePath(ctx, x, y, 4);
     paint(ctx, colours.goal, colours.paper, 1);
-    const target = tale.pair("target", step);
+    const target = trace.pair("target", step);
     line(ctx, this.#local(0, 0), this.#local(...target), colours.goal, 1.25, [7, 5]);
   }
 
   /** The way that the guide has planned; of LME there is none. */
   #plan(step) {
-    const { ctx, colours, tale } = this;
-    const [from, to] = tale.span("plan", step);
+    const { ctx, colours, trace } = this;
+    const [from, to] = trace.span("plan", step);
     ctx.beginPath();
     for (let i = from; i < to; i++) {
-      ctx.lineTo(...this.#local(tale.arrays["plan.x"][i] / 1000, tale.arrays["plan.y"][i] / 1000));
+      ctx.lineTo(...this.#local(trace.arrays["plan.x"][i] / 1000, trace.arrays["plan.y"][i] / 1000));
     }
     ctx.setLineDash([4, 3]);
     ctx.strokeStyle = colours.other;
@@ -136,14 +136,14 @@ class Scene {
 
   #plainScan(step) {
     this.spots = [];
-    const [from, to] = this.tale.span("scan", step);
+    const [from, to] = this.trace.span("scan", step);
     this.#dots(from, from, to, this.colours.accent, 2);
   }
 
   /** Scan points first … to − 1 of the whole episode. */
   #dots(base, from, to, colour, size) {
     const { ctx } = this;
-    const { arrays } = this.tale;
+    const { arrays } = this.trace;
     ctx.fillStyle = colour;
     for (let i = from; i < to; i++) {
       const [x, y] = this.#local(arrays["scan.x"][i] / 1000, arrays["scan.y"][i] / 1000);
@@ -158,9 +158,9 @@ class Scene {
   }
 
   #sectors(step) {
-    const { arrays } = this.tale;
-    const [from, to] = this.tale.span("scan", step);
-    const [first, end] = this.tale.span("sectors", step);
+    const { arrays } = this.trace;
+    const [from, to] = this.trace.span("scan", step);
+    const [first, end] = this.trace.span("sectors", step);
     for (let k = first; k < end; k++) {
       const colour = sectorColour(k - first, end - first);
       const size = k - first === arrays.blocking[step] ? 5 : 3;
@@ -176,12 +176,12 @@ class Scene {
   /** Discs coloured by the value chosen; a cross through those that cannot be reached. */
   #candidates({ step, values, scale, picked }) {
     const { ctx, colours } = this;
-    const [from] = this.tale.span("candidates", step);
-    const free = this.tale.arrays["feature.c_o"];
+    const [from] = this.trace.span("candidates", step);
+    const free = this.trace.arrays["feature.c_o"];
     const radius = Math.min(Math.max(1.5 + 0.05 * this.camera.scale, 2.5), 4.5);
     this.spots = [];
     for (let i = 0; i < values.length; i++) {
-      const [x, y] = this.#local(...this.tale.candidate(step, i));
+      const [x, y] = this.#local(...this.trace.candidate(step, i));
       this.spots.push([x, y]);
       if (free[from + i]) {
         circlePath(ctx, x, y, radius);
@@ -199,9 +199,9 @@ class Scene {
 
   #history(step) {
     const { ctx, colours } = this;
-    const [from, to] = this.tale.span("history", step);
+    const [from, to] = this.trace.span("history", step);
     for (let i = from; i < to; i++) {
-      const [x, y] = this.#local(...this.tale.pair("history", i));
+      const [x, y] = this.#local(...this.trace.pair("history", i));
       ctx.fillStyle = colours.ink;
       ctx.fillRect(x - 2.5, y - 2.5, 5, 5);
     }
@@ -209,16 +209,16 @@ class Scene {
 
   /** E1, E2, A and B of the blocking sector. */
   #blockage(step) {
-    const { arrays } = this.tale;
+    const { arrays } = this.trace;
     if (arrays.blocking[step] < 0) return;
-    const at = this.tale.starts.sectors[step] + arrays.blocking[step];
-    const scan = this.tale.starts.scan[step];
+    const at = this.trace.starts.sectors[step] + arrays.blocking[step];
+    const scan = this.trace.starts.scan[step];
     const ends = [0, 1].map((i) => scan + arrays.sectors[2 * at + i])
       .map((i) => this.#local(arrays["scan.x"][i] / 1000, arrays["scan.y"][i] / 1000));
     const nearer = arrays.a_is_e1[step] ? 0 : 1;
-    const b = this.#local(...this.tale.pair("b", step));
+    const b = this.#local(...this.trace.pair("b", step));
     line(this.ctx, ends[nearer], b, this.colours.ink, 1.5, [2, 2]);
-    const marks = [...ends, b, this.#local(0, 0), this.#local(...this.tale.pair("subgoal", step))];
+    const marks = [...ends, b, this.#local(0, 0), this.#local(...this.trace.pair("subgoal", step))];
     ends.forEach((end, i) => this.#point(end, `E${i + 1}${i === nearer ? " = A" : ""}`, marks));
     this.#point(b, "B", marks);
   }
@@ -241,7 +241,7 @@ class Scene {
 
   #robot(step) {
     const { ctx, colours, camera } = this;
-    const [halfLength, halfWidth, rounding] = this.tale.head.box;
+    const [halfLength, halfWidth, rounding] = this.trace.head.box;
     const [x, y] = camera.place(this.at.x, this.at.y);
     const [long, wide, round] = [halfLength + rounding, halfWidth + rounding, rounding]
       .map((size) => size * camera.scale);
@@ -263,18 +263,18 @@ class Scene {
 
   /** The chosen subgoal, the old one where it was given up, and the other one that the sliders lead to. */
   #subgoals({ step, verdict, changed }) {
-    const { ctx, colours, tale } = this;
-    const chosen = this.#local(...tale.pair("subgoal", step));
+    const { ctx, colours, trace } = this;
+    const chosen = this.#local(...trace.pair("subgoal", step));
     line(ctx, this.#local(0, 0), chosen, colours.chosen, 1.5);
-    const old = tale.explained ? tale.pair("old", step) : null;
-    if (old && tale.recorded(step).choice !== "kept") {
+    const old = trace.explained ? trace.pair("old", step) : null;
+    if (old && trace.recorded(step).choice !== "kept") {
       starPath(ctx, ...this.#local(...old), 9);
       paint(ctx, colours.paper, colours.old, 2);
     }
     starPath(ctx, ...chosen, 11);
     paint(ctx, colours.chosen, colours.paper, 1.5);
     if (!changed) return;
-    const other = verdict.choice === "kept" ? old : tale.candidate(step, verdict.best);
+    const other = verdict.choice === "kept" ? old : trace.candidate(step, verdict.best);
     diamondPath(ctx, ...this.#local(...other), 11);
     paint(ctx, null, colours.paper, 5);
     paint(ctx, null, colours.other, 3);

@@ -13,10 +13,10 @@ function choose(hasOld, oldDistance, oldScore, newScore, d1, d2) {
 }
 
 /** S of every candidate of a step (Eq. 7). */
-function scoresOf(tale, step, weights) {
-  const [from, to] = tale.span("candidates", step);
+function scoresOf(trace, step, weights) {
+  const [from, to] = trace.span("candidates", step);
   const scores = new Float64Array(to - from);
-  tale.features.forEach((row, criterion) => {
+  trace.features.forEach((row, criterion) => {
     const weight = weights[criterion];
     for (let i = from; i < to; i++) scores[i - from] += weight * row[i];
   });
@@ -24,16 +24,16 @@ function scoresOf(tale, step, weights) {
 }
 
 /** The terms w·f of a candidate, in the order of the criteria. */
-function termsOf(tale, step, weights, index) {
-  const at = tale.starts.candidates[step] + index;
-  return tale.features.map((row, criterion) => weights[criterion] * row[at]);
+function termsOf(trace, step, weights, index) {
+  const at = trace.starts.candidates[step] + index;
+  return trace.features.map((row, criterion) => weights[criterion] * row[at]);
 }
 
 /** The terms of the old subgoal where it lies now; null at the first step. */
-function oldTermsOf(tale, step, weights) {
-  if (!tale.hasOld(step)) return null;
-  const count = tale.features.length;
-  const row = tale.arrays.old_features.subarray(step * count, (step + 1) * count);
+function oldTermsOf(trace, step, weights) {
+  if (!trace.hasOld(step)) return null;
+  const count = trace.features.length;
+  const row = trace.arrays.old_features.subarray(step * count, (step + 1) * count);
   return Array.from(row, (feature, criterion) => weights[criterion] * feature);
 }
 
@@ -45,12 +45,12 @@ function argmax(values) {
 }
 
 /** @returns {Verdict} what Algorithm 1 makes of the recorded situation of a step */
-function decide(tale, step, parameters) {
-  const scores = scoresOf(tale, step, parameters.weights);
+function decide(trace, step, parameters) {
+  const scores = scoresOf(trace, step, parameters.weights);
   const best = argmax(scores);
-  const terms = oldTermsOf(tale, step, parameters.weights);
+  const terms = oldTermsOf(trace, step, parameters.weights);
   const oldScore = terms ? sum(terms) : NaN;
-  const distance = tale.arrays.old_distance[step];
+  const distance = trace.arrays.old_distance[step];
   const choice = choose(terms !== null, distance, oldScore, scores[best], parameters.d1, parameters.d2);
   return { best, bestScore: scores[best], oldScore, choice };
 }
