@@ -77,7 +77,7 @@ def _palette(picture: Picture) -> Image.Image:
 
     colours, counts = np.unique(picture.reshape(-1, 3), axis=0, return_counts=True)
     left = colours[np.argsort(-counts, kind="stable")].astype(int)
-    chosen = []
+    chosen: list[NDArray[np.int_]] = []
     while len(left) and len(chosen) < COLOURS:
         chosen.append(left[0])
         left = left[np.abs(left - left[0]).max(axis=1) >= APART]

@@ -73,7 +73,7 @@ def telling_step(trace: Trace) -> int:
 
 def candidate_reach(trace: Trace) -> float:
     """Candidates lie within this range of the robot [m]."""
-    return min(_guide(trace.config).candidates.max_range, trace.robot.lidar.range_max)
+    return float(min(_guide(trace.config).candidates.max_range, trace.robot.lidar.range_max))
 
 
 def heading(shot: Shot) -> list[str]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -78,7 +78,7 @@ def draw_panel(axes: Axes, panel: Panel, look: Look, box: Box) -> None:
     if driven:
         draw_ends(axes, driven, panel.place, look)
     else:
-        middle = {"transform": axes.transAxes, "ha": "center", "va": "center"}
+        middle: dict[str, Any] = {"transform": axes.transAxes, "ha": "center", "va": "center"}
         axes.text(0.5, 0.5, "not driven", fontsize=9, color=INK, backgroundcolor="white", zorder=9, **middle)
 
 
@@ -167,8 +167,9 @@ def _draw_moment(axes: Axes, trace: Trace, look: Look, colour: str) -> None:
 def subgoals_of(steps: pd.DataFrame, task: Task) -> Floats:
     """(K, 2) where the subgoals lay when they were chosen [m]; without those that are the goal itself."""
     chosen = (steps["switched"] > 0) | (steps["step"] == steps["step"].min())
-    points = steps.loc[chosen, ["subgoal_x_m", "subgoal_y_m"]].dropna().to_numpy()
-    return points[np.hypot(*(points - task.goal).T) > task.goal_tolerance]
+    points: Floats = steps.loc[chosen, ["subgoal_x_m", "subgoal_y_m"]].dropna().to_numpy()
+    to_goal: Floats = np.hypot(*(points - task.goal).T)
+    return points[to_goal > task.goal_tolerance]
 
 
 def _draw_subgoals(axes: Axes, points: Floats, colour: str, numbered: bool, box: Box) -> None:

@@ -24,7 +24,9 @@ if TYPE_CHECKING:
 SECTORS = ((VERMILION, "o"), (PURPLE, "s"), (INK, "^"))  # colour and marker; neighbours never share one
 MARGIN = 1.09  # of the candidates' range is shown
 CELLS = 240  # of the grid that a contour is traced on, along each side
-OLD, YOUNG = np.array([0.78, 0.91, 0.86]), np.array([0.0, 0.30, 0.22])  # greens of a history, light and dark
+# Greens of a history: the oldest position light, the newest dark.
+OLD: Floats = np.array([0.78, 0.91, 0.86])
+YOUNG: Floats = np.array([0.0, 0.30, 0.22])
 LETTER_PT = 8.0
 HALO_PT = 2.5  # white around letters
 STAR: dict[str, Any] = {"marker": "*", "linestyle": "", "markersize": 10, "markeredgecolor": "white"}
@@ -80,7 +82,7 @@ def draw_contour(axes: Axes, points: Floats, radius: float, colour: str, width_p
     x0, y0, x1, y1 = _corners(axes)
     x, y = np.linspace(x0, x1, CELLS), np.linspace(y0, y1, CELLS)
     page = np.stack(np.meshgrid(x, y), axis=-1)
-    distance, _ = cKDTree(upwards(points)).query(page)
+    distance = np.asarray(cKDTree(upwards(points)).query(page)[0])
     if distance.min() < radius < distance.max():
         axes.contour(x, y, distance, levels=[radius], colors=[colour], linewidths=[width_pt], zorder=5)
 
@@ -108,7 +110,8 @@ def draw_target(axes: Axes, target: Floats, colour: str = INK, written: bool = F
             "shrinkA": 0,
             "shrinkB": 0,
         }
-        axes.annotate("", upwards(tip), (0.0, 0.0), arrowprops={**style, "mutation_scale": 7}, zorder=4)
+        end_x, end_y = upwards(tip)
+        axes.annotate("", (end_x, end_y), (0.0, 0.0), arrowprops={**style, "mutation_scale": 7}, zorder=4)
     if written:
         across = np.array([y, -x]) / max(math.hypot(x, y), 1e-9)
         write(axes, Letter("$T$", tip, across), 9)
@@ -126,7 +129,8 @@ def draw_history(axes: Axes, history: Floats, size_pt: float) -> None:
     """Recent positions, oldest first: the nearer to now, the darker."""
     if len(history):
         look: dict[str, Any] = {"c": greens(len(history)), "edgecolors": INK, "linewidths": 0.3}
-        axes.scatter(*upwards(history).T, s=size_pt**2, zorder=6, **look)
+        x, y = upwards(history).T
+        axes.scatter(x, y, s=size_pt**2, zorder=6, **look)
 
 
 def greens(count: int) -> Floats:
@@ -140,7 +144,7 @@ def draw_subgoals(axes: Axes, why: Explanation) -> None:
     rival = rival_subgoal(why)
     if rival is not None:
         marker, size = ("*", 9) if why.decision.choice.switched else ("o", 7)
-        look = {"markersize": size, "markerfacecolor": "none", "markeredgecolor": GREEN}
+        look: dict[str, Any] = {"markersize": size, "markerfacecolor": "none", "markeredgecolor": GREEN}
         axes.plot(*upwards(rival[1]), marker, zorder=9, **look)
     axes.plot(*upwards(why.decision.subgoal), color=GREEN, zorder=10, **STAR)
 
@@ -189,7 +193,7 @@ def draw_letters(
 
 def _beside(axes: Axes, letter: Letter, away_pt: float, clear_of: Sequence[Floats]) -> Letter:
     """The letter; on another side where it would stand on one of these points."""
-    dots = axes.get_figure(root=True).dpi / 72
+    dots = axes.figure.dpi / 72
     point, *others = (axes.transData.transform(upwards(each)) for each in (letter.point, *clear_of))
     x, y = letter.away
     for away in np.array([[x, y], [-y, x], [y, -x], [-x, -y]]):
@@ -201,10 +205,11 @@ def _beside(axes: Axes, letter: Letter, away_pt: float, clear_of: Sequence[Float
 
 def write(axes: Axes, letter: Letter, away_pt: float) -> None:
     """A name beside its point, pushed back into the panel where it would stand out of it."""
-    dots = axes.get_figure(root=True).dpi / 72
+    dots = axes.figure.dpi / 72
     at = axes.transData.transform(upwards(letter.point)) + away_pt * dots * letter.away
     edge = 9 * dots
-    x, y = np.clip(at, axes.bbox.min + edge, axes.bbox.max - edge)
+    inside = np.clip(at, np.array(axes.bbox.min) + edge, np.array(axes.bbox.max) - edge)
+    x, y = axes.transData.inverted().transform(inside)
     look: dict[str, Any] = {
         "fontsize": LETTER_PT,
         "color": INK,
@@ -212,7 +217,7 @@ def write(axes: Axes, letter: Letter, away_pt: float) -> None:
         "zorder": 11,
         "path_effects": halo(),
     }
-    axes.text(*axes.transData.inverted().transform((x, y)), letter.text, ha=_side(letter.away[0]), **look)
+    axes.text(x, y, letter.text, ha=_side(letter.away[0]), **look)
 
 
 def halo() -> list[Any]:

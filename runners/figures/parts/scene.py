@@ -81,14 +81,13 @@ def outline(footprint: Footprint) -> Floats:
 def draw_task(axes: Axes, task: Task) -> None:
     """Obstacles, start (an arrowhead along its heading), goal and the circle that counts as reached."""
     from matplotlib.collections import LineCollection, PatchCollection
-    from matplotlib.patches import Circle, Polygon
+    from matplotlib.patches import Circle, Patch, Polygon
 
-    solids = [Circle((x, y), radius) for x, y, radius in task.world.circles]
+    solids: list[Patch] = [Circle((x, y), radius) for x, y, radius in task.world.circles]
     solids += [Polygon(corners) for corners in task.world.polygons]
     axes.add_collection(PatchCollection(solids, facecolor=OBSTACLE, edgecolor="none"))
-    axes.add_collection(
-        LineCollection(task.world.segments.reshape(-1, 2, 2), colors=OBSTACLE, linewidths=1.2)
-    )
+    walls = list(task.world.segments.reshape(-1, 2, 2))
+    axes.add_collection(LineCollection(walls, colors=OBSTACLE, linewidths=1.2))
     gx, gy = task.goal
     reached = Circle((gx, gy), task.goal_tolerance, fill=False, linestyle=":", linewidth=0.8, edgecolor=INK)
     axes.add_patch(reached)
@@ -166,9 +165,10 @@ def write(axes: Axes, text: str, point: Sequence[float], offset_pt: tuple[float,
     """Small bold letters beside a point, in a white halo that keeps them readable on anything."""
     from matplotlib.patheffects import withStroke
 
+    x, y = point
     axes.annotate(
         text,
-        tuple(point),
+        (x, y),
         offset_pt,
         textcoords="offset points",
         ha="center",

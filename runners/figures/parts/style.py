@@ -14,6 +14,7 @@ from runners.records.whole_file import replacing
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+    from matplotlib.typing import LineStyleType
 
 ORANGE, SKY, GREEN, YELLOW = "#E69F00", "#56B4E9", "#009E73", "#F0E442"
 BLUE, VERMILION, PURPLE = "#0072B2", "#D55E00", "#CC79A7"
@@ -26,7 +27,7 @@ class Style(NamedTuple):
     """How the paths of one outcome look."""
 
     colour: str
-    line: str | tuple[float, tuple[float, ...]]  # by name, or offset and dashes
+    line: LineStyleType  # by name, or offset and dashes
     marker: str  # at the end of the path
 
 
@@ -43,7 +44,7 @@ _NO_DATES: dict[str, dict[str, Any]] = {
     "pdf": {"CreationDate": None},
     "svg": {"Date": None},
 }
-_PRINT = {"pdf.fonttype": 42, "svg.fonttype": "none", "svg.hashsalt": "lme"}  # letters stay letters
+_PRINT: dict[Any, Any] = {"pdf.fonttype": 42, "svg.fonttype": "none", "svg.hashsalt": "lme"}  # letters stay letters
 
 
 def new_figure(width_in: float, height_in: float, dpi: int = DPI, layout: Any = "constrained") -> Figure:
