@@ -1,9 +1,9 @@
-// Everything together.
+// The page: connects all parts.
 
 const byId = (id) => document.getElementById(id);
-const REST_SPOKEN_MS = 300; // a screen reader is told once the step rests, and not while playing
+const REST_SPOKEN_MS = 300; // a screen reader reads a step that is shown this long, never while playing
 
-/** The page: what is shown, and what redraws it. */
+/** The page: its state, and everything that redraws it. */
 class App {
   constructor(trace) {
     this.trace = trace;
@@ -25,7 +25,7 @@ class App {
     this.#speak();
   }
 
-  /** Decide every step anew with the parameters of the panel. */
+  /** Decide every step again with the parameters of the panel. */
   judge() {
     if (this.trace.explained) {
       const { parameters } = this.panel;
@@ -44,13 +44,13 @@ class App {
     this.redraw();
   }
 
-  /** This candidate is to stay in the chart, or none. */
+  /** Keep this candidate in the chart, or none. */
   pick(index) {
     this.chosenByHand = index;
     this.redraw();
   }
 
-  /** Go so many places down the candidates in the order of their scores; false where there are none. */
+  /** Move down the ranking of the candidates by `places`; false if there are no candidates. */
   rank(places) {
     if (!this.#deciding()) return false;
     const scores = this.#scores();
@@ -61,7 +61,7 @@ class App {
     return true;
   }
 
-  /** Go to the next (1) or last (−1) step where the robot switched or would decide otherwise. */
+  /** Go to the next (1) or previous (−1) step where the robot switched or would decide otherwise. */
   jump(direction) {
     const { switched } = this.trace.arrays;
     let step = this.playback.step + direction;
@@ -84,12 +84,12 @@ class App {
     this.redraw();
   }
 
-  /** As if the control had been pressed. */
+  /** Click a control. */
   click(id) {
     byId(id).click();
   }
 
-  /** Whether keys with letters do something. */
+  /** Whether letter keys are on. */
   get shortcuts() {
     return byId("shortcuts").checked;
   }
@@ -115,7 +115,7 @@ class App {
     });
     byId("reset-all").addEventListener("click", () => {
       this.panel.reset();
-      byId(`p-${head.names[0]}`).focus(); // the button is of no use any more
+      byId(`p-${head.names[0]}`).focus(); // the button is now disabled
     });
     byId("better").addEventListener("click", () => this.rank(-1));
     byId("worse").addEventListener("click", () => this.rank(1));
@@ -167,14 +167,14 @@ class App {
     this.#speak();
   }
 
-  /** Tell a screen reader, once what is shown rests. */
+  /** Describe the step to a screen reader after a pause. */
   #speak(text) {
     clearTimeout(this.speaking);
     if (this.playback.playing) return;
     this.speaking = setTimeout(() => {
       const { step } = this.playback;
-      const told = `Step ${step}, ${choiceAt(this.trace, step)}. ${sentenceAt(this.trace, step)}`;
-      byId("spoken").textContent = text || (this.panel?.moved ? `${told}. ${this.#whatIf()}` : told);
+      const summary = `Step ${step}, ${choiceAt(this.trace, step)}. ${sentenceAt(this.trace, step)}`;
+      byId("spoken").textContent = text || (this.panel?.moved ? `${summary}. ${this.#whatIf()}` : summary);
       byId("scene").setAttribute("aria-label", sceneText(this.trace, step));
     }, REST_SPOKEN_MS);
   }
@@ -205,7 +205,7 @@ class App {
     this.timeline.move(step);
   }
 
-  /** The values that colour the candidates, and the scale that they are on. */
+  /** The values that colour the candidates, and their scale. */
   #coloured(step, scores) {
     const { features, head } = this.trace;
     const span = this.trace.span("candidates", step);
@@ -216,7 +216,7 @@ class App {
     return { values, scale: scaleOf(counted, values) };
   }
 
-  /** The chart of terms: of the candidate pointed at or else the best, of the chosen subgoal, of the old one. */
+  /** The chart of terms: of the candidate pointed at (else the best), the chosen subgoal and the old one. */
   #terms(step, scores, picked) {
     const { trace } = this;
     const { weights } = this.panel.parameters;
@@ -253,7 +253,7 @@ class App {
   }
 }
 
-/** Run an action at the next frame, however often it is asked for until then. */
+/** A function that runs an action once at the next frame, however often it is called before. */
 function once(action) {
   let asked = false;
   return () => {
@@ -266,7 +266,7 @@ function once(action) {
   };
 }
 
-/** Title and subtitle, and which parts of the page there are. */
+/** Write title and subtitle, and choose the visible parts of the page. */
 function dress(trace) {
   const { head } = trace;
   byId("title").textContent = head.title;
@@ -277,7 +277,7 @@ function dress(trace) {
   if (!trace.decisions) byId("without-reasons").textContent = "The episode ended before the first decision.";
 }
 
-/** Raises an error in a browser that would not show the page as it is meant. */
+/** Unpack the trace. Throws an error in a browser that cannot show the page correctly. */
 async function readTrace() {
   if (!CSS.supports("color", "light-dark(red, red)")) throw new Error("This browser is too old");
   return unpack(byId("trace").textContent);

@@ -1,4 +1,4 @@
-// The drive seen from above, on one canvas.
+// The drive from above, on a canvas.
 
 /**
  * What is shown at a step.
@@ -14,11 +14,11 @@ class Scene {
     this.camera = new Camera();
     this.box = extent(trace);
     this.reach = reachOf(trace);
-    this.spots = []; // where the candidates of the last drawing lie [px]
+    this.spots = []; // positions of the candidates in the last drawing [px]
     this.recolour();
   }
 
-  /** Read the theme's colours anew. */
+  /** Read the theme's colours again. */
   recolour() {
     this.colours = themeColours();
   }
@@ -56,11 +56,11 @@ class Scene {
       if (trace.head.planned) this.#plan(shown.step);
       this.#subgoals(shown);
     }
-    if (shown.verdict) this.#blockage(shown.step); // names go on top
+    if (shown.verdict) this.#blockage(shown.step); // on top, for its names
     this.#ruler();
   }
 
-  /** Index of the candidate nearest to a place on the canvas, at most `limit` pixels off; null where none is. */
+  /** Index of the candidate nearest to (x, y) on the canvas within `limit` pixels; null if there is none. */
   candidateAt(x, y, limit) {
     let [found, nearest] = [null, limit * limit];
     this.spots.forEach(([px, py], index) => {
@@ -70,13 +70,13 @@ class Scene {
     return found;
   }
 
-  /** A point of the robot's frame on the canvas [px]. */
+  /** A point of the robot frame on the canvas [px]. */
   #local(x, y) {
     const [cos, sin] = [Math.cos(this.at.yaw), Math.sin(this.at.yaw)];
     return this.camera.place(this.at.x + cos * x - sin * y, this.at.y + sin * x + cos * y);
   }
 
-  /** Draw in metres of the world. */
+  /** Draw in world metres. */
   #inWorld(draw) {
     const { ctx, ratio, camera } = this;
     ctx.save();
@@ -105,7 +105,7 @@ class Scene {
     ctx.stroke();
   }
 
-  /** The goal, where it counts as reached, and the direction of the target as the robot believes it. */
+  /** The goal with its tolerance, and the target as the robot knows it. */
   #aim(step) {
     const { ctx, colours, camera, trace } = this;
     const [x, y] = camera.place(...trace.head.goal);
@@ -119,7 +119,7 @@ class Scene {
     line(ctx, this.#local(0, 0), this.#local(...target), colours.goal, 1.25, [7, 5]);
   }
 
-  /** The way that the guide has planned; of LME there is none. */
+  /** The planned path of the guide; LME plans none. */
   #plan(step) {
     const { ctx, colours, trace } = this;
     const [from, to] = trace.span("plan", step);
@@ -140,7 +140,7 @@ class Scene {
     this.#dots(from, from, to, this.colours.accent, 2);
   }
 
-  /** Scan points first … to − 1 of the whole episode. */
+  /** Scan points `from` to `to` − 1 of the whole episode. */
   #dots(base, from, to, colour, size) {
     const { ctx } = this;
     const { arrays } = this.trace;
@@ -173,7 +173,7 @@ class Scene {
     }
   }
 
-  /** Discs coloured by the value chosen; a cross through those that cannot be reached. */
+  /** Discs coloured by the selected value; crosses for candidates that cannot be reached. */
   #candidates({ step, values, scale, picked }) {
     const { ctx, colours } = this;
     const [from] = this.trace.span("candidates", step);
@@ -187,7 +187,7 @@ class Scene {
         circlePath(ctx, x, y, radius);
         paint(ctx, shade(values[i], scale), colours.edge, 0.75);
       } else {
-        cross(ctx, x, y, radius * 0.85, colours.edge, 2.6); // a rim, since the scale ends near black
+        cross(ctx, x, y, radius * 0.85, colours.edge, 2.6); // an outline, since the scale is nearly black at one end
         cross(ctx, x, y, radius * 0.85, shade(values[i], scale), 1.5);
       }
     }
@@ -223,7 +223,7 @@ class Scene {
     this.#point(b, "B", marks);
   }
 
-  /** A named point, its name on the side that is furthest from the marks and on the canvas. */
+  /** A named point; its name is on the canvas and on the side farthest from the marks. */
   #point([x, y], name, marks) {
     const { ctx, colours, camera } = this;
     const half = 4 * name.length; // about half the width of the name [px]
@@ -236,7 +236,7 @@ class Scene {
     ctx.textAlign = "center";
     label(ctx, name, cx, cy, colours.ink, colours.paper);
     ctx.textAlign = "left";
-    marks.push([cx - half, cy], [cx, cy], [cx + half, cy]); // the next name keeps off this one
+    marks.push([cx - half, cy], [cx, cy], [cx + half, cy]); // the next name avoids this one
   }
 
   #robot(step) {
@@ -261,7 +261,7 @@ class Scene {
     ctx.restore();
   }
 
-  /** The chosen subgoal, the old one where it was given up, and the other one that the sliders lead to. */
+  /** The chosen subgoal, the old one if it was given up, and the one that the sliders' parameters choose. */
   #subgoals({ step, verdict, changed }) {
     const { ctx, colours, trace } = this;
     const chosen = this.#local(...trace.pair("subgoal", step));
@@ -280,7 +280,7 @@ class Scene {
     paint(ctx, null, colours.other, 3);
   }
 
-  /** How long a metre is, and where x and y point. */
+  /** The scale bar, and the directions of x and y. */
   #ruler() {
     const { ctx, colours, camera } = this;
     const metre = [10, 5, 2, 1, 0.5].find((length) => length * camera.scale <= 130) || 0.2;

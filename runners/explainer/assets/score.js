@@ -1,4 +1,4 @@
-// Scores and choices, from features that Python computed: the page implements no criterion.
+// Scores and choices from features that Python computed. The page implements no criterion.
 
 /**
  * @typedef {{weights: Float64Array, d1: number, d2: number}} Parameters
@@ -29,7 +29,7 @@ function termsOf(trace, step, weights, index) {
   return trace.features.map((row, criterion) => weights[criterion] * row[at]);
 }
 
-/** The terms of the old subgoal where it lies now; null at the first step. */
+/** The terms of the old subgoal at its present position; null at the first step. */
 function oldTermsOf(trace, step, weights) {
   if (!trace.hasOld(step)) return null;
   const count = trace.features.length;
@@ -37,14 +37,14 @@ function oldTermsOf(trace, step, weights) {
   return Array.from(row, (feature, criterion) => weights[criterion] * feature);
 }
 
-/** Index of the largest; the first of equals, as in NumPy. */
+/** Index of the largest value; the first of equal ones, as in NumPy. */
 function argmax(values) {
   let best = 0;
   for (let i = 1; i < values.length; i++) if (values[i] > values[best]) best = i;
   return best;
 }
 
-/** @returns {Verdict} what Algorithm 1 makes of the recorded situation of a step */
+/** @returns {Verdict} what Algorithm 1 chooses in the recorded situation of a step */
 function decide(trace, step, parameters) {
   const scores = scoresOf(trace, step, parameters.weights);
   const best = argmax(scores);
@@ -55,18 +55,18 @@ function decide(trace, step, parameters) {
   return { best, bestScore: scores[best], oldScore, choice };
 }
 
-/** Whether two verdicts lead to the same subgoal, for whatever reason. */
+/** Whether two verdicts choose the same subgoal, for any reason. */
 function sameSubgoal(one, two) {
   const kept = one.choice === "kept";
   return kept === (two.choice === "kept") && (kept || one.best === two.best);
 }
 
-/** The six criteria's sum, in their order. */
+/** The sum of the terms, added in the order of the criteria. */
 function sum(terms) {
   return terms.reduce((total, term) => total + term, 0);
 }
 
-/** Value below which a share of the values lies, interpolated, as in NumPy. */
+/** Percentile of sorted values for a share of 0 to 1, interpolated linearly, as in NumPy. */
 function percentile(sorted, share) {
   const place = share * (sorted.length - 1);
   const below = Math.floor(place);

@@ -1,4 +1,4 @@
-// Scores and clearance over the steps, with marks where the robot switched and where it would decide otherwise.
+// Scores and clearance over the steps, with marks at switches and at decisions that would differ.
 
 const MARK_PX = 7;
 const STRIDES = [1, 2, 5].flatMap((digit) => [1, 10, 100, 1000].map((ten) => digit * ten)).sort((a, b) => a - b);
@@ -7,7 +7,7 @@ class Timeline {
   /**
    * @param {HTMLElement} holder
    * @param {Trace} trace
-   * @param {function(number): void} go - called with the step that was pointed at
+   * @param {function(number): void} go - called with the step pointed at
    */
   constructor(holder, trace, go) {
     Object.assign(this, { holder, trace, go, changed: [] });
@@ -19,7 +19,7 @@ class Timeline {
     this.recolour();
   }
 
-  /** Scores of the best candidate and of the old subgoal, by step, and where another subgoal would be chosen. */
+  /** Scores of the best candidate and of the old subgoal, by step, and the steps that would choose another subgoal. */
   judge(verdicts, changed) {
     this.changed = changed;
     verdicts.forEach(({ bestScore, oldScore }, step) => {
@@ -29,19 +29,19 @@ class Timeline {
     this.plot.setData(this.data);
   }
 
-  /** Move the line that says where we are. */
+  /** Move the line at the current step. */
   move(step) {
     this.step = step;
     this.cursor.style.transform = `translateX(${this.plot.valToPos(step, "x")}px)`;
   }
 
-  /** Fill its place on the page. */
+  /** Fit the chart to its place on the page. */
   resize() {
     this.plot.setSize(this.#size());
     this.move(this.step);
   }
 
-  /** Draw anew in the theme's colours. */
+  /** Draw again in the theme's colours. */
   recolour() {
     this.colours = themeColours();
     if (this.plot) this.plot.destroy();
@@ -88,7 +88,7 @@ class Timeline {
     };
   }
 
-  /** Triangles: below, where the subgoal was switched; above, where it would be another one. */
+  /** Triangles: at the bottom where the subgoal was switched, at the top where it would differ. */
   #marks(plot) {
     const { ctx, bbox } = plot;
     const size = MARK_PX * (window.devicePixelRatio || 1);
@@ -125,7 +125,7 @@ class Timeline {
   }
 }
 
-/** Indices of what is true. */
+/** Indices of true flags. */
 function whereTrue(flags) {
   const found = [];
   flags.forEach((flag, index) => {

@@ -2,7 +2,7 @@
 
 const CHOICE_WORDS = { first: "first", reached: "switched: reached", better: "switched: better", kept: "kept" };
 
-/** What was decided, and why. */
+/** The decision of a step and its reason. */
 function sentenceAt(trace, step) {
   if (step >= trace.decisions) return `The end: ${trace.head.outcome} after ${lasted(trace)}. No decision follows.`;
   if (trace.explained) return trace.head.sentences[step];
@@ -16,7 +16,7 @@ function choiceAt(trace, step) {
   return trace.arrays.switched[step] ? "switched" : "under way";
 }
 
-/** Where the robot is and how it drives, as pairs of name and value. */
+/** The robot's state as pairs of name and value. */
 function factsAt(trace, step) {
   const { arrays } = trace;
   const pose = trace.pose(step);
@@ -32,7 +32,7 @@ function factsAt(trace, step) {
   return [...facts, ["command", `${number(v)} m/s, ${number(omega)} rad/s`]];
 }
 
-/** The scene for those who do not see it. */
+/** The scene in words, for a screen reader. */
 function sceneText(trace, step) {
   const facts = factsAt(trace, step).map(([name, value]) => `${name} ${value}`).join("; ");
   const ending = step < trace.decisions ? ` Chosen subgoal ${whereabouts(trace.pair("subgoal", step))}.` : "";
@@ -40,7 +40,7 @@ function sceneText(trace, step) {
   return `The robot seen from above at step ${step} of ${trace.last}: ${facts}.${ending}${weighed}`;
 }
 
-/** Which candidate it is and how it ranks. */
+/** A candidate: its index, rank, score and position. */
 function candidateText(trace, step, index, scores) {
   const rank = 1 + scores.reduce((above, score, i) => above + (score > scores[index] || (score === scores[index]
     && i < index)), 0);
@@ -64,7 +64,7 @@ function whatIfText(trace, step, verdict, changed, moved) {
   return `At this step it ${here}. ${all}`;
 }
 
-/** How long the episode took by the clock of its task, as in the records. */
+/** Duration of the episode by the clock of its task, as in the records. */
 function lasted(trace) {
   const { time } = trace.head;
   const late = trace.arrays.time[trace.last] - time;
