@@ -28,14 +28,14 @@ BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 ARGUMENTS = ["--no-sandbox", "--disable-gpu", "--disable-background-networking"]
 SIZES = {"desktop": (1440, 900, 1), "phone": (390, 844, 3)}
 SCRUB = """(settings) => new Promise((done) => {
-    const { app, tale } = explainer;
+    const { app, trace } = explainer;
     for (const [id, value] of Object.entries(settings)) {
         if (document.getElementById(id).checked !== value) app.click(id);
     }
     const times = [];
     const tick = (now) => {
         times.push(now);
-        if (times.length > tale.last) done(times.slice(1).map((time, i) => time - times[i]));
+        if (times.length > trace.last) done(times.slice(1).map((time, i) => time - times[i]));
         else { app.playback.go(times.length); requestAnimationFrame(tick); }
     };
     app.playback.go(0);

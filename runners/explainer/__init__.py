@@ -1,1 +1,1 @@
-"""The explainer page: the trace of an episode as one HTML file that needs nothing else."""
+"""The explainer page: the trace of an episode as one self-contained HTML file."""

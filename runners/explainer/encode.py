@@ -1,7 +1,7 @@
-"""What the explainer page knows of an episode.
+"""Encode an episode for the explainer page.
 
-Features, and all else that a decision turns on, are exact: the page weighs them anew and must choose as LME does.
-What is only drawn is rounded to the millimetre or to single precision.
+Features and all other inputs of a decision are exact: the page computes scores again and must choose as LME does.
+Values that are only drawn are rounded to the millimetre or to single precision.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ from lme.types import Floats
 from runners.explainer.packer import Packer
 from runners.workers.trace import Trace
 
-CELL_M = 0.05  # side of a cell of the world as seen so far
+CELL_M = 0.05  # side of a cell of the world seen so far
 CHOICES = tuple(Choice)
 NONE = np.full(2, np.nan)
 
 
 def encode(trace: Trace, sentences: Sequence[str], system: str = "") -> str:
-    """An episode, and the sentence of each of its decisions, as base64 text. system: what tables call it."""
+    """An episode, with one sentence per decision, as base64 text. system: its name in tables."""
     packer = Packer()
     _drive(packer, trace)
     _scans(packer, trace)
@@ -43,7 +43,7 @@ def encode(trace: Trace, sentences: Sequence[str], system: str = "") -> str:
 
 
 def title(trace: Trace) -> str:
-    """What the episode is called."""
+    """The name of the episode."""
     return f"{trace.task.map_name} {trace.world}, run {trace.run}"
 
 
@@ -72,7 +72,7 @@ def _ablation(trace: Trace) -> dict[str, float]:
 
 
 def _policy(first: Explanation, sentences: Sequence[str]) -> dict[str, Any]:
-    """What the page must know to decide. Infinity is a word, for JSON has none."""
+    """What the page needs to decide. Infinity is a word, since JSON has none."""
     weights = dict(zip(first.names, first.parameters.weights.tolist(), strict=True))
     given = {**weights, "d1": first.parameters.d1, "d2": first.parameters.d2}
     return {
@@ -91,7 +91,7 @@ def _first_line(name: str) -> str:
 
 
 def _drive(packer: Packer, trace: Trace) -> None:
-    """Where the robot was, what it was commanded, how near it came; one row more for the end."""
+    """Add poses, twists, clearance and targets of all steps and of the end, and commands and subgoals of all steps."""
     steps, track = trace.steps, trace.episode.trajectory
     packer.drawn("time", track[:, 0])
     packer.drawn("pose", track[:, 1:4])
@@ -104,7 +104,7 @@ def _drive(packer: Packer, trace: Trace) -> None:
 
 
 def _scans(packer: Packer, trace: Trace) -> None:
-    """Scan points in the robot frame, and the cells of the world that they touch for the first time."""
+    """Add scan points in the robot frame, and the cells of the world that each step sees for the first time."""
     frames = trace.frames
     points = [obstacle_points(frame.observation.scan, trace.robot.lidar.mount) for frame in frames]
     _ragged_mm(packer, "scan", points, differences=True)
@@ -119,7 +119,7 @@ def _scans(packer: Packer, trace: Trace) -> None:
 
 
 def _world(packer: Packer, trace: Trace) -> None:
-    """The world as it is, which the robot does not know; what moves in it, at every step."""
+    """Add the true world, which the robot does not know, and its movers at every step."""
     world = trace.task.world
     packer.drawn("world.circles", world.circles)
     packer.drawn("world.segments", world.segments)
@@ -137,14 +137,14 @@ def _plans_paths(trace: Trace) -> bool:
 
 
 def _plans(packer: Packer, trace: Trace) -> None:
-    """The path that the guide has planned at every step, where it plans any."""
+    """Add the planned path of every step, if the guide plans paths."""
     if _plans_paths(trace):
         paths = [step.guidance.path for step in trace.steps]
         _ragged_mm(packer, "plan", [np.empty((0, 2)) if path is None else path for path in paths])
 
 
 def _decisions(packer: Packer, reasons: Sequence[Explanation]) -> None:
-    """What was chosen, and the old subgoal that it was held against."""
+    """Add the choice of every step, and the old subgoal that the best candidate was compared with."""
     old = np.array([NONE if why.old is None else why.old for why in reasons])
     num_criteria = len(reasons[0].names)
     nothing = np.full(num_criteria, np.nan)
@@ -164,7 +164,7 @@ def _candidates(packer: Packer, reasons: Sequence[Explanation]) -> None:
 
 
 def _obstacles(packer: Packer, reasons: Sequence[Explanation]) -> None:
-    """Sectors of the scan, the one that blocks, and the recent positions."""
+    """Add the sectors of the scan, the blocking one, and the recent positions."""
     sectors = [why.sectors for why in reasons]
     packer.counts("sectors", sectors)
     packer.whole("sectors", np.concatenate(sectors))
@@ -179,7 +179,7 @@ def _obstacles(packer: Packer, reasons: Sequence[Explanation]) -> None:
 
 
 def _blocking_sector(why: Explanation) -> int:
-    """Which sector it is whose ends are E1 and E2; −1 where none blocks."""
+    """Index of the sector with the ends E1 and E2; −1 if none blocks."""
     way, points = why.view.blockage, why.view.points
     if way is None:
         return -1
@@ -189,7 +189,7 @@ def _blocking_sector(why: Explanation) -> int:
 
 
 def _ragged_mm(packer: Packer, name: str, rows: Sequence[Floats], differences: bool = False) -> None:
-    """(N, 2) points [m] of every step, to the millimetre."""
+    """Add (N, 2) points [m] of every step, rounded to the millimetre."""
     packer.counts(name, rows)
     millimetres = np.rint(np.concatenate(rows) * 1000.0)
     packer.whole(f"{name}.x", millimetres[:, 0], differences)

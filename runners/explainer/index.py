@@ -20,9 +20,9 @@ if TYPE_CHECKING:
 
 
 def write_index(frame: pd.DataFrame, run_dir: Path) -> Path:
-    """Write the index of the pages of one run; its path. frame: its records.
+    """Write the index of the pages of one run, and return its path. frame: records of the run.
 
-    Raises InputError where it cannot be written.
+    Raises InputError if it cannot be written.
     """
     place = run_dir / FOLDER
     worst_first = frame.sort_values(["outcome", "world", "run"], key=_worst_first)

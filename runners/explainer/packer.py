@@ -1,7 +1,7 @@
-"""Arrays in as few characters as they allow: byte planes, gzip, base64; `assets/data.js` undoes it.
+"""Pack arrays into short text: byte planes, gzip, base64; `assets/data.js` unpacks it.
 
-Bytes of equal weight stand together ("shuffled"), since those at the top of neighbouring numbers agree.
-Layout before gzip: length of the header [uint32], the header as JSON, the arrays one after the other.
+Bytes of equal significance are stored together ("shuffled"), since neighbouring numbers share their high bytes.
+Layout before gzip: length of the header [uint32], the header as JSON, the arrays one after another.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ _WHOLE = ("<i1", "<i2", "<i4")
 
 
 class Packer:
-    """Collects named arrays. The header's `arrays` says of each: type, first byte, count, differences."""
+    """Collects named arrays. `arrays` in the header gives type, first byte, count and differences of each."""
 
     def __init__(self) -> None:
         self._directory: dict[str, tuple[str, int, int, bool]] = {}
@@ -27,15 +27,15 @@ class Packer:
         self._size = 0
 
     def exact(self, name: str, values: Any) -> None:
-        """Numbers to the last bit."""
+        """Add numbers in double precision."""
         self._add(name, np.asarray(values, dtype="<f8"), False)
 
     def drawn(self, name: str, values: Any) -> None:
-        """Numbers that are only looked at: single precision."""
+        """Add numbers that are only drawn, in single precision."""
         self._add(name, np.asarray(values, dtype="<f4"), False)
 
     def whole(self, name: str, values: Any, differences: bool = False) -> None:
-        """Whole numbers in the smallest type that holds them; `differences` where neighbours are alike."""
+        """Add integers in the smallest type that holds them. differences: store differences of neighbours."""
         numbers = np.asarray(values, dtype=np.int64).ravel()
         if differences:
             numbers = np.diff(numbers, prepend=0)
@@ -43,11 +43,11 @@ class Packer:
         self._add(name, numbers.astype(kind), differences)
 
     def counts(self, name: str, rows: Sequence[Sequence[Any] | NDArray[Any]]) -> None:
-        """How many entries each step has of what is stored as `name`."""
+        """Add the number of entries that each step has in the array `name`."""
         self.whole(f"{name}.count", [len(row) for row in rows])
 
     def text(self, header: Mapping[str, Any]) -> str:
-        """All of it, in base64; the same characters for the same arrays."""
+        """The header and all arrays in base64; equal arrays give equal text."""
         head = json.dumps({**header, "arrays": self._directory}, ensure_ascii=False, allow_nan=False).encode()
         raw = b"".join([len(head).to_bytes(4, "little"), head, *self._planes])
         return base64.b64encode(gzip.compress(raw, 6, mtime=0)).decode("ascii")

@@ -1,4 +1,4 @@
-"""Explainer pages of a run: of which episodes, where they lie, and how they are made."""
+"""Explainer pages of a run: which episodes get one, where pages are, and how they are made."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _MARK = "<!-- episode {} -->\n"
 
 
 class Page(NamedTuple):
-    """What became of a page. problem: why there is none; empty where there is one."""
+    """The result of making a page. problem: why it failed; empty on success."""
 
     key: EpisodeKey
     path: Path
@@ -39,7 +39,7 @@ class Page(NamedTuple):
 class PagePayload:
     """What a worker needs to make pages of a run.
 
-    places: where each page goes. marks: what identifies the episode of each page. systems: as tables name them.
+    places: path of each page. marks: identify the episode of each page. systems: names in tables.
     """
 
     run_dir: Path
@@ -49,9 +49,9 @@ class PagePayload:
 
 
 def as_asked(which: Explain, run_dir: Path, executor: Any) -> None:
-    """Make the pages that `explain=` asks for, and their index; those that are there already stay.
+    """Make the pages that `explain=` asks for, and their index. Keeps pages that exist.
 
-    Warns, once, of pages that could not be made. Raises InputError where the disk takes none.
+    Warns once of pages that could not be made. Raises InputError if their folder or the index cannot be written.
     """
     if which is Explain.none:
         return
@@ -80,9 +80,9 @@ def keys_of(episodes: pd.DataFrame) -> list[EpisodeKey]:
 
 
 def chosen(episodes: pd.DataFrame, words: Sequence[str]) -> pd.DataFrame:
-    """The episodes that the words name: "WORLD" (its run 0), "WORLD/RUN" or "failures"; each once, in their order.
+    """The episodes that the words name: "WORLD" (its run 0), "WORLD/RUN" or "failures"; each once, in order.
 
-    Raises InputError where there is none, and names those nearest to it.
+    Raises InputError for an episode that does not exist, and names the nearest worlds.
     """
     there, wanted = keys_of(episodes), []
     for word in words:
@@ -100,9 +100,9 @@ def make_pages(
     executor: Any,
     keep: bool = False,
 ) -> Iterator[Page]:
-    """Write a page for each of the episodes of a run to its place; what became of each, as they finish.
+    """Write the page of each episode to its place; yield results as they finish.
 
-    keep: leave a page of the same episode alone. More than one are made by `executor`, with a progress bar.
+    keep: skip a page that exists. Several pages are made by `executor`, with a progress bar; one is made here.
     """
     marks = _marks(run_dir, episodes)
     outcomes = dict(zip(keys_of(episodes), episodes["outcome"], strict=True))
@@ -128,7 +128,7 @@ def initialise(payload: PagePayload) -> Callable[[EpisodeKey], Page]:
     from runners.workers.trace import rerun_recorded
 
     run_dir = payload.run_dir
-    trajectories = cache(lambda: read_trajectories([run_dir]))  # once a process, when the first page asks
+    trajectories = cache(lambda: read_trajectories([run_dir]))  # once per process, for its first page
 
     def make(key: EpisodeKey) -> Page:
         path = payload.places[key]
@@ -144,7 +144,7 @@ def initialise(payload: PagePayload) -> Callable[[EpisodeKey], Page]:
 
 
 def index(run_dir: Path) -> Path:
-    """Write the index of a run's pages anew; its path."""
+    """Write the index of a run's pages again, and return its path."""
     from runners.explainer.index import write_index
 
     return write_index(read_episodes([run_dir]), run_dir)
@@ -168,7 +168,7 @@ def _key(word: str, there: Sequence[EpisodeKey]) -> EpisodeKey:
 
 
 def _marks(run_dir: Path, episodes: pd.DataFrame) -> dict[EpisodeKey, str]:
-    """By episode, what tells it from any other: the run's config and how it ended, as a hash."""
+    """A hash for each episode, of the run's config and of how the episode ended."""
     launch = launch_record.read_launch(run_dir)
     config = launch.fingerprint if launch is not None else ""
     columns = [name for name in ("steps", "path_length_m", "final_distance_m") if name in episodes]
@@ -182,7 +182,7 @@ def _marks(run_dir: Path, episodes: pd.DataFrame) -> dict[EpisodeKey, str]:
 
 
 def _bears(path: Path, mark: str) -> bool:
-    """Whether a page is whole and of the episode with this mark."""
+    """Whether the file is a complete page of the episode with this mark."""
     end = _MARK.format(mark).encode()
     try:
         with path.open("rb") as page:

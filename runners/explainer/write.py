@@ -1,4 +1,4 @@
-"""The trace of an episode as one HTML file: no server, no network, nothing beside it."""
+"""Write the trace of an episode as one HTML file that needs no server, network or other file."""
 
 from __future__ import annotations
 
@@ -42,15 +42,15 @@ LIBRARY, LICENCE = "uplot/uPlot.iife.min.js", "uplot/LICENSE"
 
 
 def write_page(trace: Trace, path: Path, system: str = "", ending: str = "") -> None:
-    """Write the explainer page of an episode. Raises InputError where the file cannot be written.
+    """Write the explainer page of an episode. Raises InputError if the file cannot be written.
 
-    system: what tables call it. ending: a line after the page.
+    system: its name in tables. ending: text after the page.
     """
     write_html(path, page(trace, sentences(trace), system) + ending)
 
 
 def write_html(path: Path, text: str) -> None:
-    """Write a page or an index whole. Raises InputError where the file cannot be written."""
+    """Write a page or an index whole or not at all. Raises InputError if the file cannot be written."""
     try:
         write_whole(path, text)
     except OSError as error:
@@ -58,17 +58,17 @@ def write_html(path: Path, text: str) -> None:
 
 
 def sentences(trace: Trace) -> list[str]:
-    """Why LME went on or switched, at every decision; none for other guides."""
+    """The reason for every decision of LME, in words; empty for other guides."""
     reasons = [step.explanation for step in trace.steps]
     pairs = zip([None, *reasons], reasons, strict=False)
     return [reason(now, before) for before, now in pairs if now is not None]
 
 
 def page(trace: Trace, reasons: Sequence[str], system: str = "") -> str:
-    """The whole file. reasons: a sentence for each decision."""
+    """The HTML of the page. reasons: one sentence per decision."""
     style = "\n".join(_asset(name) for name in STYLES)
-    own = "\n".join(_asset(name) for name in SCRIPTS)
-    script = f'/*\n{_asset(LICENCE)}*/\n{_asset(LIBRARY)}\n(() => {{\n"use strict";\n{own}\n}})();'
+    scripts = "\n".join(_asset(name) for name in SCRIPTS)
+    script = f'/*\n{_asset(LICENCE)}*/\n{_asset(LIBRARY)}\n(() => {{\n"use strict";\n{scripts}\n}})();'
     parts = {
         "TITLE": html.escape(title(trace)),
         "POLICY": _policy(style, script),
@@ -80,12 +80,12 @@ def page(trace: Trace, reasons: Sequence[str], system: str = "") -> str:
 
 
 def fill(name: str, parts: Mapping[str, str]) -> str:
-    """An asset with its parts put in wherever it has their names in double braces."""
+    """An asset in which each NAME in double braces is replaced by its part."""
     return re.sub(r"{{([A-Z]+)}}", lambda found: parts[found[1]], _asset(name))
 
 
 def _policy(style: str, script: str) -> str:
-    """Content security: this style, this script, and no connection to anywhere."""
+    """Content security policy: this style, this script, and no connections."""
     return (
         f"default-src 'none'; style-src {_hash(style)}; script-src {_hash(script)}; img-src data:; "
         "base-uri 'none'; form-action 'none'"

@@ -1,1 +1,1 @@
-"""Everything that is drawn: pure functions of records, or of traces of episodes."""
+"""Figures, films and terminal pictures: pure functions of records or of traces of episodes."""

@@ -1,4 +1,4 @@
-// The terms of S as bars with numbers: the candidate pointed at, the chosen one, the old one.
+// The terms of S as bars with numbers: of the candidate pointed at, the chosen subgoal and the old one.
 
 const SIDES = ["picked", "chosen", "old"];
 
@@ -51,7 +51,7 @@ function termRow(body, name, meanings) {
   return { cells, bars };
 }
 
-/** A bar from zero to its value, on a scale from `low` on; at least a pixel, so that it is seen to be there. */
+/** A bar from zero to its value, on a scale that starts at `low`; at least a pixel wide, so that it is visible. */
 function stretch(bar, value, low, span) {
   bar.hidden = !Number.isFinite(value) || value === 0;
   if (bar.hidden) return;

@@ -1,19 +1,19 @@
-// Which part of the plane the canvas shows.
+// The part of the plane that the canvas shows.
 
 const AROUND_M = 1.5; // shown around the drive
 const ZOOM = [4, 800]; // pixels per metre
 
-/** The map, or the robot's own frame with its heading up; panned and zoomed by hand. */
+/** Shows the map, or the robot frame with the heading up. The user can pan and zoom. */
 class Camera {
   constructor() {
     this.follow = false;
-    this.touched = false; // by hand: then it is not fitted again of itself
+    this.touched = false; // moved by the user, so not fitted again automatically
     this.width = this.height = 1;
     Object.assign(this, { x: 0, y: 0, scale: 50, angle: 0 });
     this.aim({ x: 0, y: 0, yaw: 0 });
   }
 
-  /** Take the robot's pose, on which the view depends in its own frame. */
+  /** Set the robot's pose, which the view follows with the heading up. */
   aim(pose) {
     const turn = this.follow ? Math.PI / 2 - pose.yaw : this.angle;
     const [cos, sin] = [this.scale * Math.cos(turn), this.scale * Math.sin(turn)];
@@ -30,13 +30,13 @@ class Camera {
     return [m[0] * x + m[2] * y + m[4], m[1] * x + m[3] * y + m[5]];
   }
 
-  /** Direction in which a heading of the world points on the canvas [rad], clockwise from rightwards. */
+  /** Direction of a world heading on the canvas [rad], clockwise from rightwards. */
   direction(yaw) {
     return Math.atan2(this.m[1] * Math.cos(yaw) + this.m[3] * Math.sin(yaw),
       this.m[0] * Math.cos(yaw) + this.m[2] * Math.sin(yaw));
   }
 
-  /** Move what is shown by pixels. */
+  /** Move the view by pixels. */
   pan(dx, dy) {
     this.touched = true;
     const turn = this.follow ? 0 : this.angle;
@@ -45,7 +45,7 @@ class Camera {
     this.y -= (-sin * dx - cos * dy) / this.scale;
   }
 
-  /** Zoom, with the point at (px, py) staying where it is. */
+  /** Zoom about the point (px, py), which stays in place. */
   zoom(factor, px = this.width / 2, py = this.height / 2) {
     const scale = Math.min(Math.max(this.scale * factor, ZOOM[0]), ZOOM[1]);
     const [dx, dy] = [px - this.width / 2, py - this.height / 2];
@@ -54,7 +54,7 @@ class Camera {
     this.pan(dx, dy);
   }
 
-  /** Show all of the drive, turned so that it fills the canvas; or the robot's surroundings. */
+  /** Show the whole drive, rotated if it then fills the canvas better; or the robot's surroundings. */
   fit(box, reach) {
     this.touched = false;
     if (this.follow) {
@@ -71,24 +71,24 @@ class Camera {
   }
 }
 
-/** What the map has to show: the drive and what was seen near it [x0, y0, x1, y1]. */
-function extent(tale) {
-  const { pose } = tale.arrays;
-  const { start, goal, goal_tolerance: tolerance } = tale.head;
+/** The box of the map [x0, y0, x1, y1]: the drive and what was seen near it. */
+function extent(trace) {
+  const { pose } = trace.arrays;
+  const { start, goal, goal_tolerance: tolerance } = trace.head;
   const busy = [start, ...[-1, 1].map((side) => goal.map((value) => value + side * tolerance))];
   for (let i = 0; i < pose.length; i += 3) busy.push([pose[i], pose[i + 1]]);
   const near = bounds(busy, AROUND_M);
-  const seen = Array.from(tale.arrays["seen.x"], (x, i) => [x, tale.arrays["seen.y"][i]]);
-  const solid = bounds([...seen.map(([x, y]) => [x * tale.head.cell, y * tale.head.cell])], 0.3);
+  const seen = Array.from(trace.arrays["seen.x"], (x, i) => [x, trace.arrays["seen.y"][i]]);
+  const solid = bounds([...seen.map(([x, y]) => [x * trace.head.cell, y * trace.head.cell])], 0.3);
   const least = bounds(busy, 0.6);
   return least.map((edge, i) => (i < 2 ? Math.min(edge, Math.max(near[i], solid[i]))
     : Math.max(edge, Math.min(near[i], solid[i]))));
 }
 
-/** How far off candidates lie at most, or what is about the robot without them [m]. */
-function reachOf(tale) {
-  if (!tale.explained) return 4;
-  const [xs, ys] = [tale.arrays["candidates.x"], tale.arrays["candidates.y"]];
+/** The largest distance of a candidate; a default without candidates [m]. */
+function reachOf(trace) {
+  if (!trace.explained) return 4;
+  const [xs, ys] = [trace.arrays["candidates.x"], trace.arrays["candidates.y"]];
   let far = 1000;
   for (let i = 0; i < xs.length; i++) far = Math.max(far, Math.hypot(xs[i], ys[i]));
   return far / 1000;

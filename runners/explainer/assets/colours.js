@@ -5,9 +5,9 @@ const VIRIDIS = [
 ].map((hex) => [0, 2, 4].map((at) => parseInt(hex.slice(at, at + 2), 16)));
 
 const SECTORS = ["#e69f00", "#56b4e9", "#d55e00", "#cc79a7"];
-const CLIP = [0.05, 0.95]; // as in the paper's figures, so that a few extremes do not use up the scale
+const CLIP = [0.05, 0.95]; // as in the paper's figures: a few extremes would use up the scale
 
-/** Colour of a share between 0 and 1. */
+/** Colour of a value between 0 and 1. */
 function viridis(share) {
   const place = Math.min(Math.max(share, 0), 1) * (VIRIDIS.length - 1);
   const below = Math.min(Math.floor(place), VIRIDIS.length - 2);
@@ -19,8 +19,8 @@ function viridis(share) {
 const SHADES = Array.from({ length: 256 }, (_, i) => viridis(i / 255));
 
 /**
- * The values between which the scale runs, and whether any of those shown lie below or above.
- * @param {ArrayLike<number>} counted - values that decide it
+ * The ends of the scale, and whether any value shown lies below or above them.
+ * @param {ArrayLike<number>} counted - values that set the ends
  * @param {ArrayLike<number>} shown - values that are coloured
  * @returns {{low: number, high: number, below: boolean, above: boolean}}
  */
@@ -30,13 +30,13 @@ function scaleOf(counted, shown) {
   return { low, high, below: shown.some((value) => value < low), above: shown.some((value) => value > high) };
 }
 
-/** Colour of a value on a scale; where all values are one, its middle. */
+/** Colour of a value on a scale; the middle colour if the scale has no width. */
 function shade(value, { low, high }) {
   const share = high > low ? (value - low) / (high - low) : 0.5;
   return SHADES[Math.round(Math.min(Math.max(share, 0), 1) * 255)];
 }
 
-/** Colour of sector k of `count` around the robot, of which the last neighbours the first: none like the next. */
+/** Colour of sector k of `count` around the robot. Neighbours differ; the last is a neighbour of the first. */
 function sectorColour(k, count) {
   const turn = k % SECTORS.length;
   const meetsItself = k === count - 1 && count > 1 && turn === 0;

@@ -1,9 +1,9 @@
-// What Python packed, unpacked again (see runners/explainer/packer.py).
+// Unpacks what Python packed (see runners/explainer/packer.py).
 
 const TYPES = { f8: Float64Array, f4: Float32Array, i4: Int32Array, i2: Int16Array, i1: Int8Array };
 
-/** An episode: `head` as Python wrote it, arrays by name, and where the entries of each step begin. */
-class Tale {
+/** An episode: the header, arrays by name, and the first entry of each step in them. */
+class Trace {
   /**
    * @param {Object} head - header, see encode.py
    * @param {Object<string, TypedArray>} arrays - by name
@@ -13,7 +13,7 @@ class Tale {
     this.arrays = arrays;
     this.explained = head.explained;
     this.decisions = head.steps;
-    this.last = head.steps; // the end counts as a step: what was seen there is shown, nothing was decided
+    this.last = head.steps; // the end counts as a step without a decision
     this.features = (head.names || []).map((name) => arrays[`feature.${name}`]);
     this.starts = {};
     for (const name of Object.keys(arrays).filter((key) => key.endsWith(".count"))) {
@@ -21,13 +21,13 @@ class Tale {
     }
   }
 
-  /** First entry of a step and the one after its last, among those stored as `name`. */
+  /** First entry of a step in the array `name`, and one past its last. */
   span(name, step) {
     const starts = this.starts[name];
     return [starts[step], starts[step + 1]];
   }
 
-  /** Number of candidates that LME weighed at a step. */
+  /** Number of candidates at a step. */
   candidates(step) {
     const [from, to] = this.span("candidates", step);
     return to - from;
@@ -39,7 +39,7 @@ class Tale {
     return { x, y, yaw };
   }
 
-  /** Row of two of an array such as `subgoal`; null where it holds no number. */
+  /** A row [x, y] of an array such as `subgoal`; null if it is NaN. */
   pair(name, step) {
     const [x, y] = this.arrays[name].subarray(2 * step, 2 * step + 2);
     return Number.isNaN(x) ? null : [x, y];
@@ -56,13 +56,13 @@ class Tale {
     return !Number.isNaN(this.arrays.old_distance[step]);
   }
 
-  /** What was recorded: index of the best candidate, and the choice in a word. */
+  /** The recorded decision: index of the best candidate, and the choice in a word. */
   recorded(step) {
     return { best: this.arrays.new[step], choice: this.head.choices[this.arrays.choice[step]] };
   }
 }
 
-/** @param {string} text - base64 @returns {Promise<Tale>} */
+/** @param {string} text - base64 @returns {Promise<Trace>} */
 async function unpack(text) {
   const raw = await gunzip(bytesOf(text));
   const headerLength = new DataView(raw).getUint32(0, true);
@@ -73,7 +73,7 @@ async function unpack(text) {
     arrays[name] = numbers(planes, kind, at, count);
     if (differences) arrays[name] = runningSum(arrays[name]);
   }
-  return new Tale(head, arrays);
+  return new Trace(head, arrays);
 }
 
 function bytesOf(text) {
@@ -88,7 +88,7 @@ function gunzip(bytes) {
   return new Response(stream).arrayBuffer();
 }
 
-/** Numbers from their byte planes, least byte first. */
+/** Numbers from their byte planes, least significant byte first. */
 function numbers(planes, kind, at, count) {
   const size = TYPES[kind].BYTES_PER_ELEMENT;
   const bytes = new Uint8Array(count * size);

@@ -1,4 +1,4 @@
-// Numbers as people read them.
+// Numbers as text.
 
 const MINUS = "\u2212";
 const DASH = "\u2013";
@@ -11,7 +11,7 @@ function number(value) {
   return signed(value.toFixed(digits));
 }
 
-/** A parameter, as short as it is exact. */
+/** A parameter, exact and as short as possible. */
 function parameter(value) {
   return value === Infinity ? "∞" : String(value);
 }
@@ -21,7 +21,7 @@ function metres(value) {
   return `${signed(value.toFixed(2))} m`;
 }
 
-/** Where a point in the robot frame lies: "2.31 m away, 14° to the left". */
+/** Position of a point in the robot frame: "2.31 m away, 14° to the left". */
 function whereabouts([x, y]) {
   const bearing = Math.round((Math.atan2(y, x) * 180) / Math.PI);
   const side = bearing === 0 ? "straight ahead" : `${Math.abs(bearing)}° to the ${bearing > 0 ? "left" : "right"}`;

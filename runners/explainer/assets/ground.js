@@ -1,18 +1,18 @@
-// What stands in the world: as seen so far, and as it is. Drawn in metres of the world.
+// The world as seen so far and as it is, drawn in world metres.
 
-/** The cells that scans have touched up to a step, each a hair larger than it is, so that no seams show. */
-function drawSeen(ctx, tale, step, colour, hair) {
-  const { arrays, starts, head } = tale;
+/** Draw the cells that scans have touched up to a step, each larger by `hair`, so that no seams show. */
+function drawSeen(ctx, trace, step, colour, hair) {
+  const { arrays, starts, head } = trace;
   const [xs, ys, side] = [arrays["seen.x"], arrays["seen.y"], head.cell];
   const until = starts.seen[step + 1];
   ctx.fillStyle = colour;
   for (let i = 0; i < until; i++) ctx.fillRect(xs[i] * side, ys[i] * side, side + hair, side + hair);
 }
 
-/** The world as it is, and what moves in it at a step. */
-function drawTruth(ctx, tale, step, colour, width) {
-  const { arrays, starts } = tale;
-  const moving = (name, size) => arrays[name].subarray(...tale.span(name, step).map((row) => row * size));
+/** Draw the true world, and its movers at a step. */
+function drawTruth(ctx, trace, step, colour, width) {
+  const { arrays, starts } = trace;
+  const moving = (name, size) => arrays[name].subarray(...trace.span(name, step).map((row) => row * size));
   ctx.fillStyle = ctx.strokeStyle = colour;
   ctx.lineWidth = width;
   for (const discs of [arrays["world.circles"], moving("discs", 3)]) fillDiscs(ctx, discs);
@@ -24,7 +24,7 @@ function drawTruth(ctx, tale, step, colour, width) {
   ctx.stroke();
 }
 
-/** Rows of x, y, radius. One by one: a path of them all takes far longer to fill. */
+/** Fill discs, rows of x, y, radius. One by one, since one path of them all takes far longer to fill. */
 function fillDiscs(ctx, discs) {
   for (let i = 0; i < discs.length; i += 3) {
     ctx.beginPath();
@@ -33,7 +33,7 @@ function fillDiscs(ctx, discs) {
   }
 }
 
-/** Rows of x0, y0, x1, y1. */
+/** Add edges to the path, rows of x0, y0, x1, y1. */
 function edgesInto(ctx, edges) {
   for (let i = 0; i < edges.length; i += 4) {
     ctx.moveTo(edges[i], edges[i + 1]);
@@ -41,7 +41,7 @@ function edgesInto(ctx, edges) {
   }
 }
 
-/** Corners of all polygons, and the first of each. */
+/** Add polygons to the path. corners: of all; starts: first corner of each. */
 function polygonsInto(ctx, corners, starts) {
   for (let k = 0; k + 1 < starts.length; k++) {
     for (let i = starts[k]; i < starts[k + 1]; i++) {

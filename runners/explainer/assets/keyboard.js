@@ -1,6 +1,6 @@
-// Keys, wherever the focus is, unless it is on something that uses them itself.
+// Keys, unless the focused element uses them itself.
 
-/** What a key does; `shift` is held. False where it has nothing to do here. */
+/** Do what a key stands for. shift: whether it is held. False if the key does nothing here. */
 function pressed(app, key, shift) {
   const { playback } = app;
   const stride = shift ? 10 : 1;
@@ -31,7 +31,7 @@ function pressed(app, key, shift) {
   return actions[key]() !== false;
 }
 
-/** Whether what has the focus needs this key for itself. */
+/** Whether the focused element uses this key itself. */
 function usesKey(element, key) {
   if (element.closest("dialog")) return true;
   if (element.matches("input[type=text], select")) return true;
@@ -39,7 +39,7 @@ function usesKey(element, key) {
   return key === " " && element.matches("button, summary, input, a");
 }
 
-/** Let keys do what `pressed` says. */
+/** Call `pressed` for keys. */
 function listenToKeys(app) {
   document.addEventListener("keydown", (event) => {
     const { target, key } = event;

@@ -1,4 +1,4 @@
-// What the colours of the candidates stand for.
+// The colour scale of the candidates.
 
 class Legend {
   /** @param {HTMLElement} holder - a canvas for the colours and an element for the numbers */
@@ -12,7 +12,7 @@ class Legend {
     }
   }
 
-  /** Put numbers to a scale; signs say where values beyond its ends were clipped. */
+  /** Write the numbers of a scale; ≤ and ≥ mark ends at which values are clipped. */
   show({ low, high, below, above }) {
     const texts = high > low
       ? [`${below ? "≤ " : ""}${number(low)}`, number((low + high) / 2), `${above ? "≥ " : ""}${number(high)}`]

@@ -1,20 +1,20 @@
-// Everything together.
+// The page: connects all parts.
 
 const byId = (id) => document.getElementById(id);
-const REST_SPOKEN_MS = 300; // a screen reader is told once the step rests, and not while playing
+const REST_SPOKEN_MS = 300; // a screen reader reads a step that is shown this long, never while playing
 
-/** The page: what is shown, and what redraws it. */
+/** The page: its state, and everything that redraws it. */
 class App {
-  constructor(tale) {
-    this.tale = tale;
+  constructor(trace) {
+    this.trace = trace;
     this.colour = "S";
     this.pointed = this.chosenByHand = null;
-    this.scene = new Scene(byId("scene"), tale);
-    this.timeline = new Timeline(byId("chart"), tale, (step) => this.playback.go(step));
-    this.playback = new Playback(tale.last, tale.head.dt, () => this.#moved());
+    this.scene = new Scene(byId("scene"), trace);
+    this.timeline = new Timeline(byId("chart"), trace, (step) => this.playback.go(step));
+    this.playback = new Playback(trace.last, trace.head.dt, () => this.#moved());
     this.redraw = once(() => this.#draw());
-    if (tale.explained) this.#explained();
-    this.changed = new Array(tale.decisions).fill(false);
+    if (trace.explained) this.#explained();
+    this.changed = new Array(trace.decisions).fill(false);
     this.#controls();
     this.judge();
     listenToPointer(byId("scene"), this.scene, this);
@@ -25,12 +25,12 @@ class App {
     this.#speak();
   }
 
-  /** Decide every step anew with the parameters of the panel. */
+  /** Decide every step again with the parameters of the panel. */
   judge() {
-    if (this.tale.explained) {
+    if (this.trace.explained) {
       const { parameters } = this.panel;
-      this.verdicts = this.changed.map((_, step) => decide(this.tale, step, parameters));
-      this.changed = this.verdicts.map((verdict, step) => !sameSubgoal(verdict, this.tale.recorded(step)));
+      this.verdicts = this.changed.map((_, step) => decide(this.trace, step, parameters));
+      this.changed = this.verdicts.map((verdict, step) => !sameSubgoal(verdict, this.trace.recorded(step)));
       this.timeline.judge(this.verdicts, this.changed);
       byId("reset-all").disabled = !this.panel.moved;
     }
@@ -44,28 +44,28 @@ class App {
     this.redraw();
   }
 
-  /** This candidate is to stay in the chart, or none. */
+  /** Keep this candidate in the chart, or none. */
   pick(index) {
     this.chosenByHand = index;
     this.redraw();
   }
 
-  /** Go so many places down the candidates in the order of their scores; false where there are none. */
+  /** Move down the ranking of the candidates by `places`; false if there are no candidates. */
   rank(places) {
     if (!this.#deciding()) return false;
     const scores = this.#scores();
     const order = Array.from(scores.keys()).sort((a, b) => scores[b] - scores[a] || a - b);
     const now = this.chosenByHand === null ? -Math.sign(places) : order.indexOf(this.chosenByHand);
     this.pick(order[Math.min(Math.max(now + places, 0), order.length - 1)]);
-    this.#speak(candidateText(this.tale, this.playback.step, this.chosenByHand, scores));
+    this.#speak(candidateText(this.trace, this.playback.step, this.chosenByHand, scores));
     return true;
   }
 
-  /** Go to the next (1) or last (−1) step where the robot switched or would decide otherwise. */
+  /** Go to the next (1) or previous (−1) step where the robot switched or would decide otherwise. */
   jump(direction) {
-    const { switched } = this.tale.arrays;
+    const { switched } = this.trace.arrays;
     let step = this.playback.step + direction;
-    while (step > 0 && step < this.tale.decisions && !switched[step] && !this.changed[step]) step += direction;
+    while (step > 0 && step < this.trace.decisions && !switched[step] && !this.changed[step]) step += direction;
     this.playback.go(step);
   }
 
@@ -84,18 +84,18 @@ class App {
     this.redraw();
   }
 
-  /** As if the control had been pressed. */
+  /** Click a control. */
   click(id) {
     byId(id).click();
   }
 
-  /** Whether keys with letters do something. */
+  /** Whether letter keys are on. */
   get shortcuts() {
     return byId("shortcuts").checked;
   }
 
   #explained() {
-    const { head } = this.tale;
+    const { head } = this.trace;
     this.meanings = new Meanings(byId("meaning"), byId("meanings"), head.about);
     this.bars = new Bars(byId("terms").tBodies[0], head.names, this.meanings);
     this.panel = new ParameterPanel(byId("parameters"), head, this.meanings, () => {
@@ -115,7 +115,7 @@ class App {
     });
     byId("reset-all").addEventListener("click", () => {
       this.panel.reset();
-      byId(`p-${head.names[0]}`).focus(); // the button is of no use any more
+      byId(`p-${head.names[0]}`).focus(); // the button is now disabled
     });
     byId("better").addEventListener("click", () => this.rank(-1));
     byId("worse").addEventListener("click", () => this.rank(1));
@@ -167,28 +167,28 @@ class App {
     this.#speak();
   }
 
-  /** Tell a screen reader, once what is shown rests. */
+  /** Describe the step to a screen reader after a pause. */
   #speak(text) {
     clearTimeout(this.speaking);
     if (this.playback.playing) return;
     this.speaking = setTimeout(() => {
       const { step } = this.playback;
-      const told = `Step ${step}, ${choiceAt(this.tale, step)}. ${sentenceAt(this.tale, step)}`;
-      byId("spoken").textContent = text || (this.panel?.moved ? `${told}. ${this.#whatIf()}` : told);
-      byId("scene").setAttribute("aria-label", sceneText(this.tale, step));
+      const summary = `Step ${step}, ${choiceAt(this.trace, step)}. ${sentenceAt(this.trace, step)}`;
+      byId("spoken").textContent = text || (this.panel?.moved ? `${summary}. ${this.#whatIf()}` : summary);
+      byId("scene").setAttribute("aria-label", sceneText(this.trace, step));
     }, REST_SPOKEN_MS);
   }
 
   #deciding() {
-    return this.tale.explained && this.playback.step < this.tale.decisions;
+    return this.trace.explained && this.playback.step < this.trace.decisions;
   }
 
   #scores() {
-    return scoresOf(this.tale, this.playback.step, this.panel.parameters.weights);
+    return scoresOf(this.trace, this.playback.step, this.panel.parameters.weights);
   }
 
   #draw() {
-    const { tale, playback, scene } = this;
+    const { trace, playback, scene } = this;
     const { step } = playback;
     const shown = { step, truth: byId("truth").checked, verdict: null, changed: false, picked: null };
     if (this.#deciding()) {
@@ -205,10 +205,10 @@ class App {
     this.timeline.move(step);
   }
 
-  /** The values that colour the candidates, and the scale that they are on. */
+  /** The values that colour the candidates, and their scale. */
   #coloured(step, scores) {
-    const { features, head } = this.tale;
-    const span = this.tale.span("candidates", step);
+    const { features, head } = this.trace;
+    const span = this.trace.span("candidates", step);
     const row = head.names.indexOf(this.colour);
     const values = row < 0 ? scores : features[row].subarray(...span);
     const free = features[head.names.indexOf("c_o")].subarray(...span);
@@ -216,31 +216,31 @@ class App {
     return { values, scale: scaleOf(counted, values) };
   }
 
-  /** The chart of terms: of the candidate pointed at or else the best, of the chosen subgoal, of the old one. */
+  /** The chart of terms: of the candidate pointed at (else the best), the chosen subgoal and the old one. */
   #terms(step, scores, picked) {
-    const { tale } = this;
+    const { trace } = this;
     const { weights } = this.panel.parameters;
     const index = picked ?? this.verdicts[step].best;
-    const { best, choice } = tale.recorded(step);
-    const old = oldTermsOf(tale, step, weights);
-    const chosen = choice === "kept" ? old : termsOf(tale, step, weights, best);
-    this.bars.show({ picked: termsOf(tale, step, weights, index), chosen, old });
+    const { best, choice } = trace.recorded(step);
+    const old = oldTermsOf(trace, step, weights);
+    const chosen = choice === "kept" ? old : termsOf(trace, step, weights, best);
+    this.bars.show({ picked: termsOf(trace, step, weights, index), chosen, old });
     const which = picked === null ? "The best candidate. " : "";
-    byId("candidate").textContent = which + candidateText(tale, step, index, scores);
+    byId("candidate").textContent = which + candidateText(trace, step, index, scores);
   }
 
   #whatIf() {
     const { step } = this.playback;
-    return whatIfText(this.tale, step, this.verdicts[step], this.changed, this.panel.moved);
+    return whatIfText(this.trace, step, this.verdicts[step], this.changed, this.panel.moved);
   }
 
   #texts(step) {
-    const { tale, playback } = this;
-    if (this.meanings) this.meanings.write(byId("sentence"), sentenceAt(tale, step));
-    else byId("sentence").textContent = sentenceAt(tale, step);
-    byId("choice").textContent = choiceAt(tale, step);
-    byId("choice").className = choiceAt(tale, step).split(":")[0].replace(" ", "-");
-    const facts = factsAt(tale, step);
+    const { trace, playback } = this;
+    if (this.meanings) this.meanings.write(byId("sentence"), sentenceAt(trace, step));
+    else byId("sentence").textContent = sentenceAt(trace, step);
+    byId("choice").textContent = choiceAt(trace, step);
+    byId("choice").className = choiceAt(trace, step).split(":")[0].replace(" ", "-");
+    const facts = factsAt(trace, step);
     byId("facts").replaceChildren(...facts.flatMap(([name, value]) => [named("dt", name), named("dd", value)]));
     byId("step").value = step;
     byId("step").setAttribute("aria-valuetext", `step ${step} of ${playback.last}`);
@@ -249,11 +249,11 @@ class App {
     byId("play").dataset.playing = playback.playing;
     document.body.classList.toggle("no-decision", !this.#deciding());
     for (const id of ["better", "worse"]) byId(id).setAttribute("aria-disabled", !this.#deciding());
-    if (tale.explained) byId("what-if").textContent = this.#whatIf();
+    if (trace.explained) byId("what-if").textContent = this.#whatIf();
   }
 }
 
-/** Run an action at the next frame, however often it is asked for until then. */
+/** A function that runs an action once at the next frame, however often it is called before. */
 function once(action) {
   let asked = false;
   return () => {
@@ -266,27 +266,27 @@ function once(action) {
   };
 }
 
-/** Title and subtitle, and which parts of the page there are. */
-function dress(tale) {
-  const { head } = tale;
+/** Write title and subtitle, and choose the visible parts of the page. */
+function dress(trace) {
+  const { head } = trace;
   byId("title").textContent = head.title;
   const ablation = head.ablation ? [`ablation ${head.ablation}`] : [];
   const ending = `${head.outcome} after ${seconds(head.time)}`;
   byId("subtitle").textContent = [head.system, ...ablation, head.robot, ending].filter(Boolean).join(" · ");
-  document.body.classList.add(tale.explained ? "explained" : "unexplained", head.planned ? "planned" : "unplanned");
-  if (!tale.decisions) byId("without-reasons").textContent = "The episode ended before the first decision.";
+  document.body.classList.add(trace.explained ? "explained" : "unexplained", head.planned ? "planned" : "unplanned");
+  if (!trace.decisions) byId("without-reasons").textContent = "The episode ended before the first decision.";
 }
 
-/** Raises an error in a browser that would not show the page as it is meant. */
-async function readTale() {
+/** Unpack the trace. Throws an error in a browser that cannot show the page correctly. */
+async function readTrace() {
   if (!CSS.supports("color", "light-dark(red, red)")) throw new Error("This browser is too old");
-  return unpack(byId("tale").textContent);
+  return unpack(byId("trace").textContent);
 }
 
 recallTheme();
-readTale().then((tale) => {
-  dress(tale);
-  window.explainer = { app: new App(tale), tale, scoresOf, choose, sectorColour };
+readTrace().then((trace) => {
+  dress(trace);
+  window.explainer = { app: new App(trace), trace, scoresOf, choose, sectorColour };
   document.body.classList.add("ready");
 }).catch((error) => {
   byId("title").textContent = "This page cannot be shown";

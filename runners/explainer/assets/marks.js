@@ -10,7 +10,7 @@ function starPath(ctx, x, y, radius) {
   ctx.closePath();
 }
 
-/** Path of a square on its corner. */
+/** Path of a square that stands on a corner. */
 function diamondPath(ctx, x, y, radius) {
   ctx.beginPath();
   for (const [dx, dy] of [[0, -1], [1, 0], [0, 1], [-1, 0]]) ctx.lineTo(x + dx * radius, y + dy * radius);
@@ -35,7 +35,7 @@ function cross(ctx, x, y, radius, colour, width) {
   ctx.stroke();
 }
 
-/** A straight line, dashed where asked. */
+/** A straight line, optionally dashed. */
 function line(ctx, [x0, y0], [x1, y1], colour, width, dash = []) {
   ctx.strokeStyle = colour;
   ctx.lineWidth = width;
@@ -47,7 +47,7 @@ function line(ctx, [x0, y0], [x1, y1], colour, width, dash = []) {
   ctx.setLineDash([]);
 }
 
-/** Letters with a rim in the colour of the ground, beside a point. */
+/** Text with an outline in the background colour. */
 function label(ctx, text, x, y, colour, ground) {
   ctx.font = "600 13px system-ui, sans-serif";
   ctx.textBaseline = "middle";
@@ -59,7 +59,7 @@ function label(ctx, text, x, y, colour, ground) {
   ctx.fillText(text, x, y);
 }
 
-/** The current path, filled and rimmed. */
+/** Fill and outline the current path. */
 function paint(ctx, fill, rim, width = 1.5) {
   if (fill) {
     ctx.fillStyle = fill;

@@ -1,4 +1,4 @@
-// What the names of criteria and parameters mean, shown where a name is pointed at, tapped or focused.
+// Meanings of criteria and parameters, shown when a name is pointed at, tapped or focused.
 
 const WORDS = /([\p{L}\p{N}_]+)/u;
 const PARAMETERS = {
@@ -28,7 +28,7 @@ class Meanings {
     document.addEventListener("scroll", () => this.#place(), { capture: true, passive: true });
   }
 
-  /** Let an element explain a name, to a screen reader as well. */
+  /** Make an element explain a name, also to a screen reader. */
   explain(element, name) {
     element.dataset.name = name;
     element.setAttribute("aria-describedby", `about-${name}`);
@@ -40,7 +40,7 @@ class Meanings {
     return this.explain(Object.assign(named("button", name), { type: "button", className: "name" }), name);
   }
 
-  /** Write a text with its names as buttons; a focus in it stays in it. */
+  /** Write a text with its names as buttons; keep the focus inside it. */
   write(place, text) {
     if (place.textContent === text) return;
     const hadFocus = place.contains(document.activeElement);
@@ -56,7 +56,7 @@ class Meanings {
     this.#place();
   }
 
-  /** Right below the name, or above it where there is no room. */
+  /** Place the bubble below the name, or above it if there is no room. */
   #place() {
     this.bubble.hidden = !this.shown?.isConnected;
     if (this.bubble.hidden) return;
@@ -67,7 +67,7 @@ class Meanings {
   }
 }
 
-/** The name that the keyboard is at; null for none. */
+/** The name with the keyboard focus; null for none. */
 function focusedName() {
   const { activeElement } = document;
   return activeElement?.matches("[data-name]:focus-visible") ? activeElement : null;

@@ -1,9 +1,9 @@
 // A slider, a number and a reset for each parameter.
 
-const TICKS = 1000; // of a slider: 0 is zero, the rest runs in the logarithm
+const TICKS = 1000; // of a slider: 0 is zero, the rest is logarithmic
 const RANGE = { weight: [0.01, 10000], d1: [0.01, 10], d2: [0.01, 10000] };
 
-/** Value of a tick. A maintenance parameter ends at infinity. */
+/** Value of a tick. The last tick of a maintenance parameter is infinity. */
 function valueAt(name, tick) {
   if (tick <= 0) return 0;
   if (tick >= TICKS && mayBeInfinite(name)) return Infinity;
@@ -20,7 +20,7 @@ function tickOf(name, value) {
   return Math.round(Math.min(Math.max(tick, 1), TICKS - 1));
 }
 
-/** What was typed; null where it is no value for this parameter. */
+/** The typed value; null if it is not valid for this parameter. */
 function parsed(name, text) {
   const word = text.trim().toLowerCase().replace(",", ".");
   if (/^(∞|inf|\.inf|infinity)$/.test(word)) return mayBeInfinite(name) ? Infinity : null;
@@ -96,7 +96,7 @@ class ParameterPanel {
     box.addEventListener("change", () => this.#typed(name, box));
     button.addEventListener("click", () => {
       this.set({ [name]: this.recorded[name] });
-      slider.focus(); // the button is of no use any more
+      slider.focus(); // the button is now disabled
     });
     holder.append(row);
     return { row, slider, box, button };

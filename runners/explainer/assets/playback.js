@@ -1,7 +1,7 @@
-// Which step is shown, playing on, and the address that leads to it.
+// The step shown, playback, and the address of the step.
 
-const LONGEST_S = 0.25; // a page that was hidden plays on from where it was
-const REST_MS = 150; // the address follows once the step rests: browsers take few changes of it in a row
+const LONGEST_S = 0.25; // a page that was hidden continues where it was
+const REST_MS = 150; // delay of the address: browsers limit how often it changes
 
 class Playback {
   /**
@@ -15,7 +15,7 @@ class Playback {
     this.#follow();
   }
 
-  /** Show a step, as near as there is one. */
+  /** Show a step; one out of range becomes the first or the last. */
   go(step) {
     const next = Math.min(Math.max(Math.round(step), 0), this.last);
     if (next === this.step) return;
@@ -25,7 +25,7 @@ class Playback {
     this.changed();
   }
 
-  /** Play from here, or from the start where this is the end. */
+  /** Play from here, or from the start if this is the end. */
   play() {
     if (this.step === this.last) this.go(0);
     this.playing = true;
@@ -46,7 +46,7 @@ class Playback {
   /** Stop here. */
   pause() {
     this.playing = false;
-    cancelAnimationFrame(this.frame); // or it would play on beside the next one
+    cancelAnimationFrame(this.frame); // else it would continue beside the next playback
     this.#write();
     this.changed();
   }
@@ -67,7 +67,7 @@ class Playback {
     try {
       window.history.replaceState(null, "", `#step=${this.step}`);
     } catch {
-      // A sandboxed frame has no address of its own.
+      // A sandboxed frame cannot change its address.
     }
   }
 }

@@ -1,9 +1,9 @@
-// Mouse and fingers on the scene: point at candidates, drag, zoom.
+// Mouse and touch on the scene: point at candidates, drag, zoom.
 
-const CLICK_PX = 5; // a press that moves less is no drag
+const CLICK_PX = 5; // a press that moves less is a click
 const NEAR_PX = { mouse: 12, pen: 14, touch: 26 };
 
-/** Let `app` know what the pointer does on the scene. */
+/** Report pointer events on the scene to `app`. */
 function listenToPointer(canvas, scene, app) {
   const held = new Map();
   let moved = 0;
@@ -12,7 +12,7 @@ function listenToPointer(canvas, scene, app) {
   const find = (event) => scene.candidateAt(...place(event), NEAR_PX[event.pointerType] || NEAR_PX.mouse);
 
   canvas.addEventListener("pointerdown", (event) => {
-    if (event.button) return; // a menu opens, and the release may never be told
+    if (event.button) return; // a menu opens, and the release event may not come
     held.set(event.pointerId, place(event));
     moved = held.size > 1 ? Infinity : 0;
     canvas.setPointerCapture(event.pointerId);
@@ -44,7 +44,7 @@ function listenToPointer(canvas, scene, app) {
   }, { passive: false });
 }
 
-/** One of two fingers moves; the other stays at `still`. */
+/** Zoom as one of two fingers moves and the other stays at `still`. */
 function pinch(camera, before, now, still) {
   const [was, is] = [before, now].map(([x, y]) => Math.hypot(x - still[0], y - still[1]));
   if (was > 0) camera.zoom(is / was, (now[0] + still[0]) / 2, (now[1] + still[1]) / 2);

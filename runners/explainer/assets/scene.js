@@ -1,4 +1,4 @@
-// The drive seen from above, on one canvas.
+// The drive from above, on a canvas.
 
 /**
  * What is shown at a step.
@@ -7,18 +7,18 @@
  */
 
 class Scene {
-  constructor(canvas, tale) {
+  constructor(canvas, trace) {
     this.canvas = canvas;
     this.ctx = canvas.getContext("2d");
-    this.tale = tale;
+    this.trace = trace;
     this.camera = new Camera();
-    this.box = extent(tale);
-    this.reach = reachOf(tale);
-    this.spots = []; // where the candidates of the last drawing lie [px]
+    this.box = extent(trace);
+    this.reach = reachOf(trace);
+    this.spots = []; // positions of the candidates in the last drawing [px]
     this.recolour();
   }
 
-  /** Read the theme's colours anew. */
+  /** Read the theme's colours again. */
   recolour() {
     this.colours = themeColours();
   }
@@ -40,8 +40,8 @@ class Scene {
 
   /** @param {Shown} shown */
   draw(shown) {
-    const { ctx, camera, tale } = this;
-    this.at = tale.pose(shown.step);
+    const { ctx, camera, trace } = this;
+    this.at = trace.pose(shown.step);
     camera.aim(this.at);
     ctx.setTransform(this.ratio, 0, 0, this.ratio, 0, 0);
     ctx.fillStyle = this.colours.paper;
@@ -49,18 +49,18 @@ class Scene {
     this.#world(shown);
     this.#path(shown.step);
     this.#aim(shown.step);
-    if (tale.explained && shown.step < tale.decisions) this.#decision(shown);
+    if (trace.explained && shown.step < trace.decisions) this.#decision(shown);
     else this.#plainScan(shown.step);
     this.#robot(shown.step);
-    if (shown.step < tale.decisions) {
-      if (tale.head.planned) this.#plan(shown.step);
+    if (shown.step < trace.decisions) {
+      if (trace.head.planned) this.#plan(shown.step);
       this.#subgoals(shown);
     }
-    if (shown.verdict) this.#blockage(shown.step); // names go on top
+    if (shown.verdict) this.#blockage(shown.step); // on top, for its names
     this.#ruler();
   }
 
-  /** Index of the candidate nearest to a place on the canvas, at most `limit` pixels off; null where none is. */
+  /** Index of the candidate nearest to (x, y) on the canvas within `limit` pixels; null if there is none. */
   candidateAt(x, y, limit) {
     let [found, nearest] = [null, limit * limit];
     this.spots.forEach(([px, py], index) => {
@@ -70,13 +70,13 @@ class Scene {
     return found;
   }
 
-  /** A point of the robot's frame on the canvas [px]. */
+  /** A point of the robot frame on the canvas [px]. */
   #local(x, y) {
     const [cos, sin] = [Math.cos(this.at.yaw), Math.sin(this.at.yaw)];
     return this.camera.place(this.at.x + cos * x - sin * y, this.at.y + sin * x + cos * y);
   }
 
-  /** Draw in metres of the world. */
+  /** Draw in world metres. */
   #inWorld(draw) {
     const { ctx, ratio, camera } = this;
     ctx.save();
@@ -89,14 +89,14 @@ class Scene {
   #world(shown) {
     this.#inWorld((ctx) => {
       const pixel = 1 / this.camera.scale;
-      if (shown.truth) drawTruth(ctx, this.tale, shown.step, this.colours.truth, 1.5 * pixel);
-      drawSeen(ctx, this.tale, shown.step, this.colours.seen, 0.5 * pixel);
+      if (shown.truth) drawTruth(ctx, this.trace, shown.step, this.colours.truth, 1.5 * pixel);
+      drawSeen(ctx, this.trace, shown.step, this.colours.seen, 0.5 * pixel);
     });
   }
 
   #path(step) {
     const { ctx, colours } = this;
-    const { pose } = this.tale.arrays;
+    const { pose } = this.trace.arrays;
     ctx.beginPath();
     for (let i = 0; i <= step; i++) ctx.lineTo(...this.camera.place(pose[3 * i], pose[3 * i + 1]));
     ctx.lineJoin = "round";
@@ -105,27 +105,27 @@ class Scene {
     ctx.stroke();
   }
 
-  /** The goal, where it counts as reached, and the direction of the target as the robot believes it. */
+  /** The goal with its tolerance, and the target as the robot knows it. */
   #aim(step) {
-    const { ctx, colours, camera, tale } = this;
-    const [x, y] = camera.place(...tale.head.goal);
-    circlePath(ctx, x, y, tale.head.goal_tolerance * camera.scale);
+    const { ctx, colours, camera, trace } = this;
+    const [x, y] = camera.place(...trace.head.goal);
+    circlePath(ctx, x, y, trace.head.goal_tolerance * camera.scale);
     ctx.setLineDash([2, 4]);
     paint(ctx, null, colours.goal, 1.5);
     ctx.setLineDash([]);
     circlePath(ctx, x, y, 4);
     paint(ctx, colours.goal, colours.paper, 1);
-    const target = tale.pair("target", step);
+    const target = trace.pair("target", step);
     line(ctx, this.#local(0, 0), this.#local(...target), colours.goal, 1.25, [7, 5]);
   }
 
-  /** The way that the guide has planned; of LME there is none. */
+  /** The planned path of the guide; LME plans none. */
   #plan(step) {
-    const { ctx, colours, tale } = this;
-    const [from, to] = tale.span("plan", step);
+    const { ctx, colours, trace } = this;
+    const [from, to] = trace.span("plan", step);
     ctx.beginPath();
     for (let i = from; i < to; i++) {
-      ctx.lineTo(...this.#local(tale.arrays["plan.x"][i] / 1000, tale.arrays["plan.y"][i] / 1000));
+      ctx.lineTo(...this.#local(trace.arrays["plan.x"][i] / 1000, trace.arrays["plan.y"][i] / 1000));
     }
     ctx.setLineDash([4, 3]);
     ctx.strokeStyle = colours.other;
@@ -136,14 +136,14 @@ class Scene {
 
   #plainScan(step) {
     this.spots = [];
-    const [from, to] = this.tale.span("scan", step);
+    const [from, to] = this.trace.span("scan", step);
     this.#dots(from, from, to, this.colours.accent, 2);
   }
 
-  /** Scan points first … to − 1 of the whole episode. */
+  /** Scan points `from` to `to` − 1 of the whole episode. */
   #dots(base, from, to, colour, size) {
     const { ctx } = this;
-    const { arrays } = this.tale;
+    const { arrays } = this.trace;
     ctx.fillStyle = colour;
     for (let i = from; i < to; i++) {
       const [x, y] = this.#local(arrays["scan.x"][i] / 1000, arrays["scan.y"][i] / 1000);
@@ -158,9 +158,9 @@ class Scene {
   }
 
   #sectors(step) {
-    const { arrays } = this.tale;
-    const [from, to] = this.tale.span("scan", step);
-    const [first, end] = this.tale.span("sectors", step);
+    const { arrays } = this.trace;
+    const [from, to] = this.trace.span("scan", step);
+    const [first, end] = this.trace.span("sectors", step);
     for (let k = first; k < end; k++) {
       const colour = sectorColour(k - first, end - first);
       const size = k - first === arrays.blocking[step] ? 5 : 3;
@@ -173,21 +173,21 @@ class Scene {
     }
   }
 
-  /** Discs coloured by the value chosen; a cross through those that cannot be reached. */
+  /** Discs coloured by the selected value; crosses for candidates that cannot be reached. */
   #candidates({ step, values, scale, picked }) {
     const { ctx, colours } = this;
-    const [from] = this.tale.span("candidates", step);
-    const free = this.tale.arrays["feature.c_o"];
+    const [from] = this.trace.span("candidates", step);
+    const free = this.trace.arrays["feature.c_o"];
     const radius = Math.min(Math.max(1.5 + 0.05 * this.camera.scale, 2.5), 4.5);
     this.spots = [];
     for (let i = 0; i < values.length; i++) {
-      const [x, y] = this.#local(...this.tale.candidate(step, i));
+      const [x, y] = this.#local(...this.trace.candidate(step, i));
       this.spots.push([x, y]);
       if (free[from + i]) {
         circlePath(ctx, x, y, radius);
         paint(ctx, shade(values[i], scale), colours.edge, 0.75);
       } else {
-        cross(ctx, x, y, radius * 0.85, colours.edge, 2.6); // a rim, since the scale ends near black
+        cross(ctx, x, y, radius * 0.85, colours.edge, 2.6); // an outline, since the scale is nearly black at one end
         cross(ctx, x, y, radius * 0.85, shade(values[i], scale), 1.5);
       }
     }
@@ -199,9 +199,9 @@ class Scene {
 
   #history(step) {
     const { ctx, colours } = this;
-    const [from, to] = this.tale.span("history", step);
+    const [from, to] = this.trace.span("history", step);
     for (let i = from; i < to; i++) {
-      const [x, y] = this.#local(...this.tale.pair("history", i));
+      const [x, y] = this.#local(...this.trace.pair("history", i));
       ctx.fillStyle = colours.ink;
       ctx.fillRect(x - 2.5, y - 2.5, 5, 5);
     }
@@ -209,21 +209,21 @@ class Scene {
 
   /** E1, E2, A and B of the blocking sector. */
   #blockage(step) {
-    const { arrays } = this.tale;
+    const { arrays } = this.trace;
     if (arrays.blocking[step] < 0) return;
-    const at = this.tale.starts.sectors[step] + arrays.blocking[step];
-    const scan = this.tale.starts.scan[step];
+    const at = this.trace.starts.sectors[step] + arrays.blocking[step];
+    const scan = this.trace.starts.scan[step];
     const ends = [0, 1].map((i) => scan + arrays.sectors[2 * at + i])
       .map((i) => this.#local(arrays["scan.x"][i] / 1000, arrays["scan.y"][i] / 1000));
     const nearer = arrays.a_is_e1[step] ? 0 : 1;
-    const b = this.#local(...this.tale.pair("b", step));
+    const b = this.#local(...this.trace.pair("b", step));
     line(this.ctx, ends[nearer], b, this.colours.ink, 1.5, [2, 2]);
-    const marks = [...ends, b, this.#local(0, 0), this.#local(...this.tale.pair("subgoal", step))];
+    const marks = [...ends, b, this.#local(0, 0), this.#local(...this.trace.pair("subgoal", step))];
     ends.forEach((end, i) => this.#point(end, `E${i + 1}${i === nearer ? " = A" : ""}`, marks));
     this.#point(b, "B", marks);
   }
 
-  /** A named point, its name on the side that is furthest from the marks and on the canvas. */
+  /** A named point; its name is on the canvas and on the side farthest from the marks. */
   #point([x, y], name, marks) {
     const { ctx, colours, camera } = this;
     const half = 4 * name.length; // about half the width of the name [px]
@@ -236,12 +236,12 @@ class Scene {
     ctx.textAlign = "center";
     label(ctx, name, cx, cy, colours.ink, colours.paper);
     ctx.textAlign = "left";
-    marks.push([cx - half, cy], [cx, cy], [cx + half, cy]); // the next name keeps off this one
+    marks.push([cx - half, cy], [cx, cy], [cx + half, cy]); // the next name avoids this one
   }
 
   #robot(step) {
     const { ctx, colours, camera } = this;
-    const [halfLength, halfWidth, rounding] = this.tale.head.box;
+    const [halfLength, halfWidth, rounding] = this.trace.head.box;
     const [x, y] = camera.place(this.at.x, this.at.y);
     const [long, wide, round] = [halfLength + rounding, halfWidth + rounding, rounding]
       .map((size) => size * camera.scale);
@@ -261,26 +261,26 @@ class Scene {
     ctx.restore();
   }
 
-  /** The chosen subgoal, the old one where it was given up, and the other one that the sliders lead to. */
+  /** The chosen subgoal, the old one if it was given up, and the one that the sliders' parameters choose. */
   #subgoals({ step, verdict, changed }) {
-    const { ctx, colours, tale } = this;
-    const chosen = this.#local(...tale.pair("subgoal", step));
+    const { ctx, colours, trace } = this;
+    const chosen = this.#local(...trace.pair("subgoal", step));
     line(ctx, this.#local(0, 0), chosen, colours.chosen, 1.5);
-    const old = tale.explained ? tale.pair("old", step) : null;
-    if (old && tale.recorded(step).choice !== "kept") {
+    const old = trace.explained ? trace.pair("old", step) : null;
+    if (old && trace.recorded(step).choice !== "kept") {
       starPath(ctx, ...this.#local(...old), 9);
       paint(ctx, colours.paper, colours.old, 2);
     }
     starPath(ctx, ...chosen, 11);
     paint(ctx, colours.chosen, colours.paper, 1.5);
     if (!changed) return;
-    const other = verdict.choice === "kept" ? old : tale.candidate(step, verdict.best);
+    const other = verdict.choice === "kept" ? old : trace.candidate(step, verdict.best);
     diamondPath(ctx, ...this.#local(...other), 11);
     paint(ctx, null, colours.paper, 5);
     paint(ctx, null, colours.other, 3);
   }
 
-  /** How long a metre is, and where x and y point. */
+  /** The scale bar, and the directions of x and y. */
   #ruler() {
     const { ctx, colours, camera } = this;
     const metre = [10, 5, 2, 1, 0.5].find((length) => length * camera.scale <= 130) || 0.2;

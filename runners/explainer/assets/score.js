@@ -1,4 +1,4 @@
-// Scores and choices, from features that Python computed: the page implements no criterion.
+// Scores and choices from features that Python computed. The page implements no criterion.
 
 /**
  * @typedef {{weights: Float64Array, d1: number, d2: number}} Parameters
@@ -13,10 +13,10 @@ function choose(hasOld, oldDistance, oldScore, newScore, d1, d2) {
 }
 
 /** S of every candidate of a step (Eq. 7). */
-function scoresOf(tale, step, weights) {
-  const [from, to] = tale.span("candidates", step);
+function scoresOf(trace, step, weights) {
+  const [from, to] = trace.span("candidates", step);
   const scores = new Float64Array(to - from);
-  tale.features.forEach((row, criterion) => {
+  trace.features.forEach((row, criterion) => {
     const weight = weights[criterion];
     for (let i = from; i < to; i++) scores[i - from] += weight * row[i];
   });
@@ -24,49 +24,49 @@ function scoresOf(tale, step, weights) {
 }
 
 /** The terms w·f of a candidate, in the order of the criteria. */
-function termsOf(tale, step, weights, index) {
-  const at = tale.starts.candidates[step] + index;
-  return tale.features.map((row, criterion) => weights[criterion] * row[at]);
+function termsOf(trace, step, weights, index) {
+  const at = trace.starts.candidates[step] + index;
+  return trace.features.map((row, criterion) => weights[criterion] * row[at]);
 }
 
-/** The terms of the old subgoal where it lies now; null at the first step. */
-function oldTermsOf(tale, step, weights) {
-  if (!tale.hasOld(step)) return null;
-  const count = tale.features.length;
-  const row = tale.arrays.old_features.subarray(step * count, (step + 1) * count);
+/** The terms of the old subgoal at its present position; null at the first step. */
+function oldTermsOf(trace, step, weights) {
+  if (!trace.hasOld(step)) return null;
+  const count = trace.features.length;
+  const row = trace.arrays.old_features.subarray(step * count, (step + 1) * count);
   return Array.from(row, (feature, criterion) => weights[criterion] * feature);
 }
 
-/** Index of the largest; the first of equals, as in NumPy. */
+/** Index of the largest value; the first of equal ones, as in NumPy. */
 function argmax(values) {
   let best = 0;
   for (let i = 1; i < values.length; i++) if (values[i] > values[best]) best = i;
   return best;
 }
 
-/** @returns {Verdict} what Algorithm 1 makes of the recorded situation of a step */
-function decide(tale, step, parameters) {
-  const scores = scoresOf(tale, step, parameters.weights);
+/** @returns {Verdict} what Algorithm 1 chooses in the recorded situation of a step */
+function decide(trace, step, parameters) {
+  const scores = scoresOf(trace, step, parameters.weights);
   const best = argmax(scores);
-  const terms = oldTermsOf(tale, step, parameters.weights);
+  const terms = oldTermsOf(trace, step, parameters.weights);
   const oldScore = terms ? sum(terms) : NaN;
-  const distance = tale.arrays.old_distance[step];
+  const distance = trace.arrays.old_distance[step];
   const choice = choose(terms !== null, distance, oldScore, scores[best], parameters.d1, parameters.d2);
   return { best, bestScore: scores[best], oldScore, choice };
 }
 
-/** Whether two verdicts lead to the same subgoal, for whatever reason. */
+/** Whether two verdicts choose the same subgoal, for any reason. */
 function sameSubgoal(one, two) {
   const kept = one.choice === "kept";
   return kept === (two.choice === "kept") && (kept || one.best === two.best);
 }
 
-/** The six criteria's sum, in their order. */
+/** The sum of the terms, added in the order of the criteria. */
 function sum(terms) {
   return terms.reduce((total, term) => total + term, 0);
 }
 
-/** Value below which a share of the values lies, interpolated, as in NumPy. */
+/** Percentile of sorted values for a share of 0 to 1, interpolated linearly, as in NumPy. */
 function percentile(sorted, share) {
   const place = share * (sorted.length - 1);
   const below = Math.floor(place);

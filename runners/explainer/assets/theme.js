@@ -1,8 +1,8 @@
-// Light and dark.
+// Light and dark theme.
 
 const NAMES = ["ink", "muted", "paper", "line", "edge", "accent", "seen", "truth", "chosen", "old", "other", "goal"];
 
-/** The theme's colours as the canvas takes them. */
+/** The theme's colours, for the canvas. */
 function themeColours() {
   const probe = document.createElement("span");
   document.body.append(probe);
@@ -15,14 +15,14 @@ function themeColours() {
   return found;
 }
 
-/** Light or dark, whichever it is not now; kept where the browser keeps anything. */
+/** Switch between light and dark; the browser remembers the theme if it can. */
 function switchTheme() {
   const root = document.documentElement;
   root.dataset.theme = isDark() ? "light" : "dark";
   try {
     localStorage.setItem("lme-theme", root.dataset.theme);
   } catch {
-    // A sandboxed frame keeps nothing.
+    // A sandboxed frame has no storage.
   }
 }
 
@@ -31,13 +31,13 @@ function isDark() {
   return theme ? theme === "dark" : matchMedia("(prefers-color-scheme: dark)").matches;
 }
 
-/** Take the theme that was kept. */
+/** Restore the remembered theme. */
 function recallTheme() {
   try {
     const kept = localStorage.getItem("lme-theme");
     if (kept) document.documentElement.dataset.theme = kept;
   } catch {
-    // As above.
+    // No storage, as above.
   }
 }
 

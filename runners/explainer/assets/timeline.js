@@ -1,4 +1,4 @@
-// Scores and clearance over the steps, with marks where the robot switched and where it would decide otherwise.
+// Scores and clearance over the steps, with marks at switches and at decisions that would differ.
 
 const MARK_PX = 7;
 const STRIDES = [1, 2, 5].flatMap((digit) => [1, 10, 100, 1000].map((ten) => digit * ten)).sort((a, b) => a - b);
@@ -6,20 +6,20 @@ const STRIDES = [1, 2, 5].flatMap((digit) => [1, 10, 100, 1000].map((ten) => dig
 class Timeline {
   /**
    * @param {HTMLElement} holder
-   * @param {Tale} tale
-   * @param {function(number): void} go - called with the step that was pointed at
+   * @param {Trace} trace
+   * @param {function(number): void} go - called with the step pointed at
    */
-  constructor(holder, tale, go) {
-    Object.assign(this, { holder, tale, go, changed: [] });
-    this.steps = Float64Array.from({ length: tale.last + 1 }, (_, i) => i);
-    this.data = [this.steps, ...(tale.explained ? [this.#nothing(), this.#nothing()] : []), tale.arrays.clearance];
+  constructor(holder, trace, go) {
+    Object.assign(this, { holder, trace, go, changed: [] });
+    this.steps = Float64Array.from({ length: trace.last + 1 }, (_, i) => i);
+    this.data = [this.steps, ...(trace.explained ? [this.#nothing(), this.#nothing()] : []), trace.arrays.clearance];
     this.cursor = document.createElement("div");
     this.cursor.className = "now";
     this.step = 0;
     this.recolour();
   }
 
-  /** Scores of the best candidate and of the old subgoal, by step, and where another subgoal would be chosen. */
+  /** Scores of the best candidate and of the old subgoal, by step, and the steps that would choose another subgoal. */
   judge(verdicts, changed) {
     this.changed = changed;
     verdicts.forEach(({ bestScore, oldScore }, step) => {
@@ -29,19 +29,19 @@ class Timeline {
     this.plot.setData(this.data);
   }
 
-  /** Move the line that says where we are. */
+  /** Move the line at the current step. */
   move(step) {
     this.step = step;
     this.cursor.style.transform = `translateX(${this.plot.valToPos(step, "x")}px)`;
   }
 
-  /** Fill its place on the page. */
+  /** Fit the chart to its place on the page. */
   resize() {
     this.plot.setSize(this.#size());
     this.move(this.step);
   }
 
-  /** Draw anew in the theme's colours. */
+  /** Draw again in the theme's colours. */
   recolour() {
     this.colours = themeColours();
     if (this.plot) this.plot.destroy();
@@ -52,7 +52,7 @@ class Timeline {
   }
 
   #nothing() {
-    return new Array(this.tale.last + 1).fill(null);
+    return new Array(this.trace.last + 1).fill(null);
   }
 
   #size() {
@@ -70,13 +70,13 @@ class Timeline {
       stroke: colours.ink, font: "11px system-ui, sans-serif", labelFont: "11px system-ui, sans-serif",
       grid: { stroke: colours.line, width: 0.5 }, ticks: { stroke: colours.line, width: 0.5, size: 4 },
     };
-    const { explained } = this.tale;
+    const { explained } = this.trace;
     return {
       ...this.#size(),
       padding: [10, explained ? null : 24, 0, 0],
       legend: { show: false },
       cursor: { y: false, points: { show: false }, drag: { x: false, y: false } },
-      scales: { x: { time: false, range: [0, Math.max(this.tale.last, 1)] }, m: { range: (_, __, top) => [0, 1.08 * top] } },
+      scales: { x: { time: false, range: [0, Math.max(this.trace.last, 1)] }, m: { range: (_, __, top) => [0, 1.08 * top] } },
       series: [{}, ...(explained ? scores : []), clearance],
       axes: [
         { ...axis, size: 22, gap: 2, incrs: STRIDES },
@@ -88,7 +88,7 @@ class Timeline {
     };
   }
 
-  /** Triangles: below, where the subgoal was switched; above, where it would be another one. */
+  /** Triangles: at the bottom where the subgoal was switched, at the top where it would differ. */
   #marks(plot) {
     const { ctx, bbox } = plot;
     const size = MARK_PX * (window.devicePixelRatio || 1);
@@ -105,7 +105,7 @@ class Timeline {
       ctx.fill();
     };
     ctx.save();
-    draw(whereTrue(this.tale.arrays.switched), this.colours.ink, bbox.top + bbox.height, -1);
+    draw(whereTrue(this.trace.arrays.switched), this.colours.ink, bbox.top + bbox.height, -1);
     draw(whereTrue(this.changed), this.colours.other, bbox.top, 1);
     ctx.restore();
   }
@@ -125,7 +125,7 @@ class Timeline {
   }
 }
 
-/** Indices of what is true. */
+/** Indices of true flags. */
 function whereTrue(flags) {
   const found = [];
   flags.forEach((flag, index) => {

@@ -1,4 +1,4 @@
-"""Each criterion and the score S over the candidates of one decision (paper Figs. "Visualization of features")."""
+"""Each criterion and the score S of the candidates of one decision (paper Figs. "Visualization of features")."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 VALUES = ("raw", "weighted")
-COLOURS = "viridis"  # from dark to light, for every kind of colour vision and in grey
-NO, YES = 0.0, 1.0  # of the colours, for a feature that has only two values
-TWO_NAMES = {  # of the paper's collision features: where they are 0 and 1
+COLOURS = "viridis"  # from dark to light: readable with any colour vision and in grey
+NO, YES = 0.0, 1.0  # on the colour scale, for a feature with two values only
+TWO_NAMES = {  # what 0 and 1 mean for the paper's collision features
     "c_o": (": way blocked", ": way free"),
     "c_t": (": target blocked", ": target free"),
     "c_h": (": visited", ": not visited"),
@@ -57,9 +57,9 @@ class FeaturesConfig:
 
 
 class _Layer(NamedTuple):
-    """One panel. values: (N,) of the candidates. lettered: whether E1, E2, A and B are written out.
+    """One panel. values: (N,), one per candidate. lettered: whether E1, E2, A and B get their names.
 
-    yes: (N,) and names of no and yes, where there are but these two.
+    yes: (N,) whether the feature is 1, and names: of 0 and of 1, for a feature with two values only.
     """
 
     title: str
@@ -70,7 +70,7 @@ class _Layer(NamedTuple):
 
 
 class Features:
-    """One panel for each criterion and one for S, in the robot's frame with the heading upwards."""
+    """One panel for each criterion and one for S, in the robot frame with the heading up."""
 
     Config = FeaturesConfig
     name = "features"
@@ -80,15 +80,15 @@ class Features:
         self._config = config
 
     def draw(
-        self, jobs: Sequence[DrivenRun], worlds: Sequence[int], stem: Path, formats: Sequence[str]
+        self, runs: Sequence[DrivenRun], worlds: Sequence[int], stem: Path, formats: Sequence[str]
     ) -> list[Path]:
-        """One picture for each job that LME guides and each world asked for; the paths."""
-        found = shots(jobs, worlds, self._config.step, self.name)
+        """Draw one picture per run guided by LME and per requested world; return the paths."""
+        found = shots(runs, worlds, self._config.step, self.name)
         return draw_shots(found, lambda shot: features_figure(shot, self._config), stem, formats)
 
 
 def features_figure(shot: Shot, config: FeaturesConfig) -> Figure:
-    """The page of one decision. Raises InputError where a criterion asked for is unknown."""
+    """Draw the page of one decision. Raises InputError for an unknown criterion."""
     layers = [_layer(shot.why, name, config.values) for name in chosen_criteria(shot.why, config.criteria)]
     layers.append(_Layer("$S$, the weighted sum", shot.why.scores, lettered=True))
     page = Page(shot, len(layers))
@@ -104,7 +104,7 @@ def features_figure(shot: Shot, config: FeaturesConfig) -> Figure:
 
 
 def chosen_criteria(why: Explanation, asked: Sequence[str] | None) -> list[str]:
-    """Names of the criteria to draw, S aside. Raises InputError for one that the decision does not know."""
+    """Names of the criteria to draw, without S; all where `asked` is None. Raises InputError for an unknown one."""
     if asked is None:
         return list(why.names)
     names = [name for name in asked if name != "S"]
@@ -135,13 +135,13 @@ def _layer(why: Explanation, name: str, values: str) -> _Layer:
 
 
 def _is_two(name: str, raw: Floats) -> bool:
-    """Whether a feature tells yes from no; one of your own shows it by both values."""
+    """Whether a feature has only the values 0 and 1. A custom criterion counts only if both occur."""
     values = set(np.unique(raw))
     return values == {0.0, 1.0} or (name in TWO_NAMES and values <= {0.0, 1.0})
 
 
 def _draw_scene(axes: Axes, shot: Shot, lettered: bool) -> None:
-    """All that is the same in every panel."""
+    """Draw what all panels share."""
     why, seen = shot.why, shot.why.view
     view.draw_range(axes, why, candidate_reach(shot.trace))
     view.draw_scan(axes, why, 1.6)
@@ -159,8 +159,8 @@ def _draw_scene(axes: Axes, shot: Shot, lettered: bool) -> None:
 def _draw_many(
     page: Page, index: int, axes: Axes, layer: _Layer, why: Explanation, percentiles: Sequence[float]
 ) -> None:
-    """The candidates in colours, and the bar that tells their values."""
-    values = layer.values + 0.0  # no minus before a zero
+    """Draw the candidates coloured by value, and a colour bar."""
+    values = layer.values + 0.0  # turns -0.0 into 0.0
     order = np.argsort(values, kind="stable")  # the best on top
     if values[order[0]] == values[order[-1]]:
         _draw_points(axes, why.candidates, np.full(len(values), 0.5))
@@ -183,13 +183,13 @@ def _draw_many(
 
 
 def clipped_range(values: Floats, percentiles: Sequence[float]) -> tuple[float, float]:
-    """Where the colours end: at these percentiles, or at the extremes where those are one and the same value."""
+    """Ends of the colour scale: these percentiles, or the extremes if the percentiles are equal."""
     low, high = np.percentile(values, percentiles)
     return (float(low), float(high)) if low < high else (float(values.min()), float(values.max()))
 
 
 def _draw_two(page: Page, index: int, axes: Axes, layer: _Layer, why: Explanation) -> None:
-    """The candidates in two colours, and the names of these with how many there are of each."""
+    """Draw the candidates in two colours, and a key with the count of each."""
     from matplotlib.lines import Line2D
 
     assert layer.yes is not None

@@ -1,4 +1,4 @@
-"""Worlds as they are before anything drives in them: a sheet of map sets, or of the worlds of one."""
+"""A sheet of map sets, or of the worlds of one map set."""
 
 from __future__ import annotations
 
@@ -26,15 +26,15 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
 
-COLUMNS = 4  # of panels, at most, where nothing else is said
-PANELS = 60  # at most: more cannot be read
+COLUMNS = 4  # of panels, at most, by default
+PANELS = 60  # at most: more would be too small to read
 PAGE_IN, CELL_IN = 7.0, 3.4  # width of the page and of a panel, at most
 TALL = 1.45  # height of a panel over its width, at most
 HEADING_IN, SCALE_IN, GAP_IN = 0.47, 0.2, 0.12  # above a panel, below it, around it
 NUMBERS_IN = 0.36  # beside and below a panel with numbers in metres
-SCALE_SHARE = 0.3  # of a panel's width that its scale takes at most
-SCALE_PT = 7.0  # from a panel down to its scale
-KEY_IN, KEY_LINE_IN = 1.3, 0.16  # an entry of the key
+SCALE_SHARE = 0.3  # of a panel's width that its scale bar may take
+SCALE_PT = 7.0  # from a panel down to its scale bar
+KEY_IN, KEY_LINE_IN = 1.3, 0.16  # size of an entry in the key
 ROOM = 0.12  # kept around start and goal for their letters, as a share of the longest side
 SQUARES = 16  # of the grid along the longest side, at most
 
@@ -44,7 +44,7 @@ WAY: dict[str, Any] = {"color": BLUE, "linewidth": 1.1, "linestyle": (0, (4, 1.5
 
 
 class Panel(NamedTuple):
-    """One world. detail: what stands below its name. way: (P, 2) the path that its optimal time counts [m]."""
+    """One world. detail: text below the name. way: (P, 2) path [m] that the optimal time is based on."""
 
     name: str
     detail: str
@@ -56,9 +56,9 @@ class Panel(NamedTuple):
 class MapsConfig:
     """Keys of `conf/figure/maps.yaml`."""
 
-    maps: list[str] | None = None  # NAME [NUMBER…] [key=value…] each; None: all that need no setting
+    maps: list[str] | None = None  # NAME [NUMBER…] [key=value…] each; None: all that work without a setting
     columns: int = COLUMNS  # of panels, at most
-    way: bool = True  # also the path that the optimal time counts
+    way: bool = True  # draw the path that the optimal time is based on
 
     def __post_init__(self) -> None:
         require("figure.columns", self.columns, at_least=1, at_most=8)
@@ -74,7 +74,7 @@ class Maps:
     drives = False
 
     def __init__(self, config: MapsConfig) -> None:
-        """Raises InputError for a map set, a world or a setting that is not there."""
+        """Raises InputError for a map set, a world or a setting that does not exist."""
         self.config = config
         self._entries = (
             list(_every_set()) if config.maps is None else [entry.split() for entry in config.maps]
@@ -83,9 +83,9 @@ class Maps:
             _chosen(entry)
 
     def draw(
-        self, jobs: Sequence[DrivenRun], worlds: Sequence[int], stem: Path, formats: Sequence[str]
+        self, runs: Sequence[DrivenRun], worlds: Sequence[int], stem: Path, formats: Sequence[str]
     ) -> list[Path]:
-        """Draw every map set by the worlds named with it, else by `worlds`, else by its first; the paths."""
+        """Draw the worlds named with each map set, else `worlds`, else its first world; return the paths."""
         panels = []
         for entry in self._entries:
             chosen = _chosen(entry)
@@ -98,7 +98,7 @@ class Maps:
 
 
 def panels_of(chosen: Chosen) -> list[Panel]:
-    """The worlds named; where there are none the first, as the picture of the whole set."""
+    """One panel per chosen world; if none is chosen, the first world stands for the whole set."""
     maps = chosen.maps
     if not chosen.worlds:
         task = maps.task(maps.numbers[0])
@@ -110,9 +110,9 @@ def panels_of(chosen: Chosen) -> list[Panel]:
 
 
 def sheet(panels: Sequence[Panel], columns: int) -> Figure:
-    """All panels, row by row, each as large as its place allows, with a scale; one alone with metres along it.
+    """Draw all panels in rows, each as large as fits, with a scale bar; a single panel gets axes in metres.
 
-    Raises InputError where they are too many.
+    Raises InputError for too many panels.
     """
     if len(panels) > PANELS:
         raise InputError(f"{len(panels)} worlds on one sheet: must be at most {PANELS}")
@@ -139,7 +139,7 @@ def sheet(panels: Sequence[Panel], columns: int) -> Figure:
 
 
 def _every_set() -> Iterator[list[str]]:
-    """All map sets that there are without a setting, so none of a user's own file."""
+    """All shipped map sets that work without a setting."""
     for name in shipped().titles("map"):
         with suppress(InputError):
             choose([name])
@@ -158,7 +158,7 @@ def _about_world(task: Task) -> str:
 
 
 def _box(task: Task) -> Box:
-    """What a panel shows: everything, the circle around the goal and the letters too, and a margin."""
+    """The box of a panel: the world, the goal circle and the letters, with a margin."""
     box, reach = extent(task), task.goal_tolerance
     room = ROOM * max(box.x1 - box.x0, box.y1 - box.y0)
     ends = np.array([task.start[:2], task.goal])
@@ -172,14 +172,14 @@ def _box(task: Task) -> Box:
 
 
 def _size(box: Box, width_in: float) -> tuple[float, float]:
-    """Width and height of the box on the page [in]: no wider than its place, and not much taller."""
+    """Width and height of the box on the page [in]: at most `width_in` wide and `TALL` times that high."""
     across, up = box.x1 - box.x0, box.y1 - box.y0
     scale = min(width_in / across, width_in * TALL / up)
     return across * scale, up * scale
 
 
 def _step(longest_m: float) -> float:
-    """The finest 1, 2 or 5 times a power of ten that cuts a side into few enough squares [m]."""
+    """The smallest step of 1, 2 or 5 times a power of ten that gives at most `SQUARES` squares [m]."""
     least = longest_m / SQUARES
     power = 10.0 ** math.floor(math.log10(least))
     return next(power * factor for factor in (1.0, 2.0, 5.0, 10.0) if power * factor >= least)
@@ -193,13 +193,13 @@ def _placed(figure: Figure, top_middle: tuple[float, float], size: tuple[float, 
 
 
 def _draw(axes: Axes, panel: Panel, box: Box, numbered: bool) -> None:
-    """The world, with a grid and metres where it is numbered, else with a scale below."""
+    """Draw the world, with a grid in metres if `numbered`, else with a scale bar below."""
     from matplotlib.collections import PolyCollection
     from matplotlib.patches import Polygon
 
     frame_panel(axes, box)
     draw_task(axes, panel.task)
-    # A wall of 3 cm is a hair on a sheet: its outline keeps it to be seen.
+    # A wall of 3 cm is thinner than a pixel: an outline keeps it visible.
     axes.add_collection(PolyCollection(panel.task.world.polygons, facecolor="none", **WALL))
     if panel.way is not None:
         axes.plot(*panel.way.T, zorder=3, **WAY)
@@ -212,7 +212,7 @@ def _draw(axes: Axes, panel: Panel, box: Box, numbered: bool) -> None:
 
 
 def _number(axes: Axes, box: Box) -> None:
-    """A grid behind the world, with the metres along both axes."""
+    """Draw a grid behind the world, and metres along both axes."""
     step = _step(max(box.x1 - box.x0, box.y1 - box.y0))
     sides = ((axes.xaxis, "x [m]", box.x0, box.x1), (axes.yaxis, "y [m]", box.y0, box.y1))
     for axis, label, low, high in sides:
@@ -226,7 +226,7 @@ def _number(axes: Axes, box: Box) -> None:
 
 
 def _head(figure: Figure, panel: Panel, top_middle: tuple[float, float]) -> None:
-    """Name, and below it the detail, from `top_middle` [in] down."""
+    """Write the name and, below it, the detail, from `top_middle` [in] down."""
     page, height = figure.get_size_inches()
     x, top = top_middle
     look: dict[str, Any] = {"ha": "center", "va": "top", "color": INK, "linespacing": 1.1}
@@ -235,7 +235,7 @@ def _head(figure: Figure, panel: Panel, top_middle: tuple[float, float]) -> None
 
 
 def _keys(panels: Sequence[Panel]) -> list[Line2D]:
-    """The key: only what some panel shows."""
+    """Entries of the key, for what the panels show."""
     from matplotlib.lines import Line2D
 
     keys = legend_keys(())

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 PAGE_IN, EDGE_IN, GAP_IN = 7.0, 0.08, 0.14
 CAPTION_LINE_IN, CAPTION_LETTERS, CAPTION_LINES = 0.13, 44, 6  # below a panel
-NEAREST_M = 1.0  # at least so much is shown around the robot
+NEAREST_M = 1.0  # shown around the robot at least
 ARCS = (0.62, 0.45)  # of the panel's half width: radii of the arcs of the smaller and the larger angle
 
 
@@ -51,7 +51,7 @@ class MethodConfig:
 
 
 class Method:
-    """Three panels of one decision, in the robot's frame with the heading upwards."""
+    """Three panels of one decision, in the robot frame with the heading up."""
 
     Config = MethodConfig
     name = "method"
@@ -61,15 +61,15 @@ class Method:
         self._config = config
 
     def draw(
-        self, jobs: Sequence[DrivenRun], worlds: Sequence[int], stem: Path, formats: Sequence[str]
+        self, runs: Sequence[DrivenRun], worlds: Sequence[int], stem: Path, formats: Sequence[str]
     ) -> list[Path]:
-        """One picture for each job that LME guides and each world asked for; the paths."""
-        found = shots(jobs, worlds, self._config.step, self.name)
+        """Draw one picture per run guided by LME and per requested world; return the paths."""
+        found = shots(runs, worlds, self._config.step, self.name)
         return draw_shots(found, method_figure, stem, formats)
 
 
 def method_figure(shot: Shot) -> Figure:
-    """The page of one decision."""
+    """Draw the page of one decision."""
     side = (PAGE_IN - 2 * EDGE_IN - 2 * GAP_IN) / 3
     lines = heading(shot)
     below = 0.1 + CAPTION_LINE_IN * CAPTION_LINES
@@ -81,17 +81,15 @@ def method_figure(shot: Shot) -> Figure:
         axes = figure.add_axes((x / PAGE_IN, below / height, side / PAGE_IN, side / height))
         frame_panel(axes, box)
         view.draw_scale(axes, box)
-        words = f"({'abc'[number]}) {draw(axes, shot)}".replace(
-            " = ", "\u00a0=\u00a0"
-        )  # never at a line's end
-        caption = textwrap.fill(words, CAPTION_LETTERS)
+        words = f"({'abc'[number]}) {draw(axes, shot)}"
+        caption = textwrap.fill(words.replace(" = ", "\u00a0=\u00a0"), CAPTION_LETTERS)  # no break at "="
         look: dict[str, Any] = {"va": "top", "fontsize": 7, "color": INK, "linespacing": 1.25}
         figure.text(x / PAGE_IN, (below - 0.05) / height, caption, **look)
     return figure
 
 
 def _panels(shot: Shot) -> list[tuple[Box, Any]]:
-    """(what is shown, how it is drawn) of each panel; drawing gives the caption."""
+    """(box, drawing function) of each panel; the function returns the caption."""
     reach = candidate_reach(shot.trace)
     whole = _square(np.array([[-reach, -reach], [reach, reach]]), view.MARGIN)
     blockage, history = shot.why.view.blockage, shot.why.view.history
@@ -102,7 +100,10 @@ def _panels(shot: Shot) -> list[tuple[Box, Any]]:
 
 
 def _square(points: Floats, margin: float, beyond_m: float = 0.0) -> Box:
-    """The square on the page around points of the robot frame, so many times as large, and no smaller than allowed."""
+    """The square on the page around points of the robot frame, at least `NEAREST_M` to each side.
+
+    margin: factor on their extent. beyond_m: added to each side.
+    """
     page = view.upwards(points)
     low, high = page.min(axis=0), page.max(axis=0)
     half = max(margin * float((high - low).max()) / 2 + beyond_m, NEAREST_M)
@@ -162,7 +163,7 @@ def _about_blockage(seen: View) -> str:
 
 
 def _draw_angles(axes: Axes, blockage: Blockage, target: Floats) -> None:
-    """The ends' angles to the target as arcs, that of A with solid lines, and A–B as a bar."""
+    """Draw the angles between the ends and the target as arcs, solid for A, and A–B as a bar."""
     half = (axes.get_xlim()[1] - axes.get_xlim()[0]) / 2
     start = math.atan2(target[1], target[0])
     for end in (blockage.E1, blockage.E2):

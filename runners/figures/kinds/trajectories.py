@@ -1,4 +1,4 @@
-"""Paths of several systems: side by side, one row per place, or over one another, one panel per place."""
+"""Paths of several systems: side by side, one row per place, or overlaid, one panel per place."""
 
 from __future__ import annotations
 
@@ -40,12 +40,12 @@ if TYPE_CHECKING:
 
 NAME = "side_by_side"
 ROWS, COLUMNS = 6, 6  # at most: more cannot be read on a page
-PANEL_IN, TALL_IN = 2.3, 9.6  # width of a panel of a sweep's picture, height of all rows, at most
-ROW_IN = 0.35  # about what stands above and below the panels of a row
+PANEL_IN, TALL_IN = 2.3, 9.6  # of a panel in a sweep's picture; height of all rows, at most
+ROW_IN = 0.35  # approximate height of the texts above and below a row
 WIDEST_IN = 3.5  # a panel alone on its page
 LINE_IN, LETTER_IN, LABEL_IN = 0.16, 0.07, 0.28  # a line of text, a letter, the name of a row
-LEAST_IN = 4.2  # the least width that holds the key
-PAGE_IN = (7.2, 5.0)  # what panels of one system, or of systems overlaid, make the best of
+LEAST_IN = 4.2  # minimum width for the key
+PAGE_IN = (7.2, 5.0)  # page that panels of one system, or of overlaid systems, may fill
 ORDERS = {"faded": "subgoals, later ones stronger", "numbered": "some subgoals in order"}
 SUBGOALS = ("none", *ORDERS)
 LAYOUTS = ("side_by_side", "overlaid")
@@ -81,33 +81,33 @@ class Trajectories:
         self._config = config
 
     def draw(
-        self, jobs: Sequence[DrivenRun], worlds: Sequence[int], stem: Path, formats: Sequence[str]
+        self, runs: Sequence[DrivenRun], worlds: Sequence[int], stem: Path, formats: Sequence[str]
     ) -> list[Path]:
-        """Draw the jobs and save the figure as `stem`.png, …; the paths.
+        """Draw the runs, save the figure as `stem`.png, …, and return the paths.
 
-        worlds: one row or panel each; none: a sample. Raises InputError where the episodes do not fit on a page.
+        worlds: one row or panel each; empty: a sample. Raises InputError if the panels do not fit on a page.
         """
         overlaid = self._config.layout == "overlaid"
-        look = Look(moment(self._config.moment), self._config.subgoals, _styles(jobs) if overlaid else {})
-        rows = _rows(jobs, places(jobs, worlds), look, self._config.width)
+        look = Look(moment(self._config.moment), self._config.subgoals, _styles(runs) if overlaid else {})
+        rows = _rows(runs, places(runs, worlds), look, self._config.width)
         return save(_drawn(rows, look, self._config.width), stem, formats)
 
 
 def side_by_side_figure(frame: pd.DataFrame, run_dirs: Sequence[Path], folder: Path) -> list[Path]:
-    """Draw the paths of every job of a sweep and save them below `folder` as PNG and PDF; the paths.
+    """Draw the paths of every run of a sweep, save them in `folder` as PNG and PDF, and return the paths.
 
-    Draws nothing where there is one system, or more systems than fit on a page.
+    Draws nothing for a single system, or for more systems than fit on a page.
     """
-    jobs = runs_of(frame, run_dirs)
-    columns = len(_labels(jobs))
+    runs = runs_of(frame, run_dirs)
+    columns = len(_labels(runs))
     if not 1 < columns <= COLUMNS:
         return []
-    rows = _rows(jobs, places(jobs)[:ROWS], Look())
+    rows = _rows(runs, places(runs)[:ROWS], Look())
     return save(_drawn(rows, Look(), PANEL_IN * columns), folder / NAME, ("png", "pdf"))
 
 
 def moment(value: Any) -> int | float | None:
-    """A step (int), seconds (float) or None, as a config says it. Raises InputError."""
+    """Parse `figure.moment`: a step (int), seconds (float) or None. Raises InputError."""
     seconds = _SECONDS.fullmatch(value) if isinstance(value, str) else None
     if seconds is not None:
         return float(seconds[1])
@@ -118,12 +118,12 @@ def moment(value: Any) -> int | float | None:
     )
 
 
-def _labels(jobs: Sequence[DrivenRun]) -> list[str]:
-    return list(dict.fromkeys(job.label for job in jobs))
+def _labels(runs: Sequence[DrivenRun]) -> list[str]:
+    return list(dict.fromkeys(run.label for run in runs))
 
 
-def _styles(jobs: Sequence[DrivenRun]) -> dict[str, Style]:
-    labels = _labels(jobs)
+def _styles(runs: Sequence[DrivenRun]) -> dict[str, Style]:
+    labels = _labels(runs)
     if len(labels) > len(SYSTEMS):
         raise InputError(
             f"figure.layout is overlaid: {len(labels)} systems cannot be told apart in one panel, "
@@ -133,19 +133,19 @@ def _styles(jobs: Sequence[DrivenRun]) -> dict[str, Style]:
 
 
 def _rows(
-    jobs: Sequence[DrivenRun], shown: Sequence[DrivenPlace], look: Look, width_in: float = math.inf
+    runs: Sequence[DrivenRun], shown: Sequence[DrivenPlace], look: Look, width_in: float = math.inf
 ) -> list[list[Panel]]:
-    """Panels as they stand on a page so wide. Raises InputError where there are too many."""
-    labels = _labels(jobs)
-    fitting = (width_in - LABEL_IN) / (least_in([job.label for job in jobs], look) + Around().gap)
+    """Rows of panels for a page of this width. Raises InputError for too many rows."""
+    labels = _labels(runs)
+    fitting = (width_in - LABEL_IN) / (least_in([run.label for run in runs], look) + Around().gap)
     columns = int(max(min(fitting, COLUMNS), 1))
     if look.systems or len(labels) == 1:
-        panels = [Panel(place.name, place, place.jobs) for place in shown]
+        panels = [Panel(place.name, place, place.runs) for place in shown]
         aspect = aspect_of(same_size([_box(place) for place in shown])[0])
         rows = wrapped(panels, min(best_columns(len(panels), aspect, PAGE_IN, Around()), columns))
     else:
         rows = [
-            [Panel(label, place, tuple(job for job in place.jobs if job.label == label)) for label in part]
+            [Panel(label, place, tuple(run for run in place.runs if run.label == label)) for label in part]
             for place in shown
             for part in wrapped(labels, columns)
         ]
@@ -180,7 +180,7 @@ def _drawn(rows: Sequence[Sequence[Panel]], look: Look, width_in: float) -> Figu
 
 
 class _Page(NamedTuple):
-    """Width of the figure and of its panels, and the room around these [in]; titles in lines that fit."""
+    """Widths of the figure and of a panel, and the space around panels [in]; titles wrapped to fit."""
 
     width: float
     panel: float
@@ -195,12 +195,12 @@ def _measured(
     keys: Sequence[Line2D],
     width_in: float,
 ) -> _Page:
-    """Panels as wide as `width_in` and a page's height allow."""
+    """The page with the widest panels that `width_in` and the page height allow."""
     left = Around().left if _is_wrapped(rows) else LABEL_IN
     columns = max(map(len, rows))
     panel = min((width_in - left) / columns - Around().gap, WIDEST_IN)
     tall = (PAGE_IN[1] if _is_wrapped(rows) else TALL_IN) - ROW_IN * len(rows)
-    least = least_in([job.label for row in rows for each in row for job in each.jobs], look)
+    least = least_in([run.label for row in rows for each in row for run in each.runs], look)
     panel = min(panel, max(least, tall / sum(max(map(aspect_of, row)) for row in shown)))
     width = max(columns * (panel + Around().gap) + left, min(width_in, LEAST_IN))
     names = dict.fromkeys(each.title for row in rows for each in row)
@@ -220,21 +220,21 @@ def _key_columns(keys: Sequence[Line2D], width_in: float) -> int:
 
 
 def _is_wrapped(rows: Sequence[Sequence[Panel]]) -> bool:
-    """Whether panels differ by their places, not by their systems."""
+    """Whether panels show different places instead of different systems."""
     return rows[0][0].title == rows[0][0].place.name
 
 
 def _is_repeated(rows: Sequence[Sequence[Panel]]) -> bool:
-    """Whether every row has the same titles, so that once is enough."""
+    """Whether every row has the same titles, so that only the first row needs them."""
     return all([panel.title for panel in row] == [panel.title for panel in rows[0]] for row in rows)
 
 
 def _keys(panels: Sequence[Panel], look: Look) -> list[Line2D]:
-    """What lines and markers stand for, as far as they occur."""
+    """Entries of the key, for the lines and markers that occur."""
     from matplotlib.lines import Line2D
 
-    shown = [(job, panel.place) for panel in panels for job in panel.jobs]
-    found = {str(outcome) for job, place in shown for outcome in episodes_of(job, place)["outcome"]}
+    shown = [(run, panel.place) for panel in panels for run in panel.runs]
+    found = {str(outcome) for run, place in shown for outcome in episodes_of(run, place)["outcome"]}
     outcomes = [kind for kind in LEGEND_ORDER if kind in found]
     systems = [
         Line2D([], [], color=style.colour, linestyle=style.line, label=label)
@@ -247,7 +247,7 @@ def _keys(panels: Sequence[Panel], look: Look) -> list[Line2D]:
     if look.moment is not None:
         colour = INK if look.systems or len(outcomes) > 1 else STYLES[outcomes[0]].colour
         keys += _moment_keys(panels, look, look.moment, colour)
-    if any(len(episodes_of(job, place)) > 1 for job, place in shown):
+    if any(len(episodes_of(run, place)) > 1 for run, place in shown):
         what = (
             "subgoals" if look.moment is None else "robot" if look.subgoals == "none" else "robot, subgoals"
         )
@@ -256,7 +256,7 @@ def _keys(panels: Sequence[Panel], look: Look) -> list[Line2D]:
 
 
 def _subgoal_key(look: Look) -> Line2D:
-    """Overlaid, subgoals on the way have the colours of their systems; that of a moment is yellow."""
+    """The entry for subgoals. Overlaid systems colour those along the path; the one of a moment is yellow."""
     from matplotlib.lines import Line2D
 
     if look.subgoals == "none":
@@ -266,7 +266,7 @@ def _subgoal_key(look: Look) -> Line2D:
 
 
 def _moment_keys(panels: Sequence[Panel], look: Look, moment: float, colour: str) -> list[Line2D]:
-    """The robot and what it saw."""
+    """Entries for the robot, its scan and movers."""
     when = f"at {moment:g} s" if isinstance(moment, float) else f"at step {moment}"
     late = " or its end" if ends_before(panels, moment) else ""
     movers = any(panel.place.task.world.movers for panel in panels)
@@ -274,6 +274,6 @@ def _moment_keys(panels: Sequence[Panel], look: Look, moment: float, colour: str
 
 
 def _box(place: DrivenPlace) -> Box:
-    """What all panels of a place show."""
-    points = [steps_of(job, place)[["x_m", "y_m"]].to_numpy() for job in place.jobs]
+    """The box that all panels of a place show."""
+    points = [steps_of(run, place)[["x_m", "y_m"]].to_numpy() for run in place.runs]
     return common_box([place.task], np.vstack(points))

@@ -15,7 +15,7 @@ from runners.figures.parts.film import GIF, MP4, Picture, find_ffmpeg, write_fil
 from runners.workers.trace import Trace
 
 PANELS = 6  # at most: more cannot be seen at once
-ENOUGH_S = 20.0  # a film whose speed is not given lasts no longer
+ENOUGH_S = 20.0  # longest film if no speed is given
 
 
 @dataclass(slots=True)
@@ -23,7 +23,7 @@ class VideoConfig:
     """How the film looks."""
 
     format: str = GIF
-    speed: float | None = None  # simulated to shown time
+    speed: float | None = None  # simulated time per shown time
     fps: float = 10.0  # [1/s]
     width: int = 800  # [px]
     candidates: bool = False
@@ -50,15 +50,15 @@ class Video:
         self._config = config
 
     def draw(
-        self, jobs: Sequence[DrivenRun], worlds: Sequence[int], stem: Path, formats: Sequence[str]
+        self, runs: Sequence[DrivenRun], worlds: Sequence[int], stem: Path, formats: Sequence[str]
     ) -> list[Path]:
-        """Save the film of the jobs as `stem`.gif or `stem`.mp4; the path. formats: of pictures, not heeded.
+        """Save the film of the runs as `stem`.gif or `stem`.mp4, and return its path. formats: ignored.
 
-        Raises InputError where there are too many panels, or an episode that cannot be driven again.
+        Raises InputError for too many panels, or for an episode that cannot be driven again.
         """
         config = self._config
-        shown = _shown(jobs, worlds)
-        traces = [job.trace(world, run) for job, world, run in shown]
+        shown = _shown(runs, worlds)
+        traces = [driven.trace(world, run) for driven, world, run in shown]
         pace, speed = _pace(traces, config)
         note = "" if speed == 1.0 else f"{speed:.3g}× real time"
         screen = Screen(traces, _labels(shown), config.width, candidates=config.candidates, note=note)
@@ -69,30 +69,30 @@ class Video:
 
 
 def _counted(pictures: Iterator[Picture], total: int) -> Iterator[Picture]:
-    """The pictures, with a progress bar on standard error."""
+    """Pass the pictures on, with a progress bar on standard error."""
     from rich.console import Console
     from rich.progress import track
 
     yield from track(pictures, "Drawing", total, console=Console(stderr=True))
 
 
-def _shown(jobs: Sequence[DrivenRun], worlds: Sequence[int]) -> list[tuple[DrivenRun, int, int]]:
-    """(job, world, run) of each panel: every job in the worlds asked for, or where the first in its map drove."""
+def _shown(runs: Sequence[DrivenRun], worlds: Sequence[int]) -> list[tuple[DrivenRun, int, int]]:
+    """(driven run, world, run number) of each panel; without worlds, the first world of the first run in each place."""
     shown = []
-    for job in jobs:
-        first = next(other for other in jobs if other.place == job.place)
+    for driven in runs:
+        first = next(other for other in runs if other.place == driven.place)
         for world in worlds or [chosen_world(first, [])[0]]:
-            shown.append((job, *chosen_world(job, [world])))
+            shown.append((driven, *chosen_world(driven, [world])))
     if len(shown) > PANELS:
         raise InputError(
-            f"{len(jobs)} jobs make {len(shown)} panels, and {PANELS} can be seen at once: choose fewer systems, or "
+            f"{len(runs)} runs make {len(shown)} panels, and {PANELS} can be seen at once: choose fewer systems, or "
             "one world"
         )
     return shown
 
 
 def _pace(traces: Sequence[Trace], config: VideoConfig) -> tuple[Pace, float]:
-    """When each frame is, and how much faster than real time that is."""
+    """The time of each frame, and the speed relative to real time."""
     last = max(trace.end.time for trace in traces)
     speed = config.speed if config.speed is not None else max(1.0, last / ENOUGH_S)
     times = np.arange(0.0, last - 1e-9, speed / config.fps)
@@ -100,9 +100,9 @@ def _pace(traces: Sequence[Trace], config: VideoConfig) -> tuple[Pace, float]:
 
 
 def _labels(shown: Sequence[tuple[DrivenRun, int, int]]) -> list[str]:
-    """Above each panel: the system, the map and its world, as far as they differ."""
-    systems = [job.label for job, _, _ in shown]
-    where = [f"{job.frame['map'].iloc[0]}, world {world}" for job, world, _ in shown]
+    """The label above each panel: the system, the map and world, or both, whichever differ."""
+    systems = [driven.label for driven, _, _ in shown]
+    where = [f"{driven.frame['map'].iloc[0]}, world {world}" for driven, world, _ in shown]
     if len(set(where)) == 1:
         return systems
     if len(set(systems)) == 1:

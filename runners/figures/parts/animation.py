@@ -1,4 +1,4 @@
-"""Episodes as a moving picture, side by side, at the same moment of simulated time each."""
+"""Animated episodes side by side, all at the same simulated time."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ if TYPE_CHECKING:
 
 DPI = 100
 WIDTH_PX = 560
-TALL = 0.75  # height to width of a film, at most
-MOST_FRAMES = 150  # of a longer episode every second, third, … decision is shown
-LAST_S = 1.0  # the end stays so long
+TALL = 0.75  # height over width of a film, at most
+MOST_FRAMES = 150  # a longer episode shows every second, third, … decision
+LAST_S = 1.0  # the last frame stays this long
 LINE_IN, LETTER_IN, SIZE_PT = 0.16, 0.058, 8
-SAMPLE = 5  # frames that the colours of a GIF are chosen from
+SAMPLE = 5  # number of frames from which a GIF's colours are chosen
 KEY = "orange: laser scan · star: subgoal · line: the way so far"
 CANDIDATES_KEY = "dots: candidates, the brighter the higher their score S"
 
@@ -42,12 +42,12 @@ class Pace(NamedTuple):
 
     @property
     def held(self) -> Floats:
-        """The times, the last one as often as the end is shown."""
+        """The times, with the last one repeated for `LAST_S`."""
         return np.append(self.times, np.full(math.ceil(LAST_S * self.fps), self.times[-1]))
 
 
 def animate(config: DriveConfig, world: int, run: int, path: Path) -> Outcome:
-    """Drive one episode of a config as `lme eval` does, and save it as GIF; how it ended."""
+    """Drive one episode of a config as `lme eval` does, save it as GIF, and return its outcome."""
     trace = rerun(config, world, run)
     all_times = np.array([frame.time for frame in trace.frames])
     every = math.ceil(len(all_times) / MOST_FRAMES)
@@ -58,9 +58,9 @@ def animate(config: DriveConfig, world: int, run: int, path: Path) -> Outcome:
 
 
 class Screen:
-    """Panels of one size, one for each episode, drawn for one moment after the other.
+    """Panels of one size, one per episode, drawn at one moment after another.
 
-    What does not move is drawn once, and the rest on top of it for every picture.
+    The static part is drawn once; the moving part is drawn on top of it for every picture.
     """
 
     def __init__(
@@ -72,7 +72,7 @@ class Screen:
         candidates: bool = False,
         note: str = "",
     ) -> None:
-        """labels: above the panels, empty for none. width_px: at most; of it, TALL high. note: before the key."""
+        """labels: above the panels, empty for none. width_px: maximum width. note: text before the key."""
         boxes = same_size([_box(trace, traces) for trace in traces])
         page = (width_px / DPI, TALL * width_px / DPI)
         around = Around(title=LINE_IN * (1 + any(labels)) + 0.08, footer=2 * LINE_IN, header=0.04)
@@ -96,12 +96,12 @@ class Screen:
         return (self.at(time) for time in times)
 
     def sample(self, times: Floats) -> list[Picture]:
-        """Some of them, spread over the times."""
+        """A few pictures, evenly spread over the times."""
         chosen = np.linspace(0, len(times) - 1, SAMPLE).round().astype(int)
         return list(self.pictures(times[chosen]))
 
     def at(self, time_s: float) -> Picture:
-        """(height, width, 3) what is to be seen then."""
+        """The picture at this time, (height, width, 3)."""
         canvas: Any = self._figure.canvas
         if self._still is None:
             canvas.draw()
@@ -139,7 +139,7 @@ class _Panel:
             artist.set_animated(True)
 
     def show(self, time_s: float) -> None:
-        """The moment then, or the end where it is over."""
+        """Draw the frame at this time; after the end of the episode, its end."""
         index = index_at(self._trace, time_s)
         self._stage.show(index)
         self._trail.set_data(*self._way[: index + 1].T)
@@ -153,7 +153,7 @@ class _Panel:
 
 
 def _box(trace: Trace, traces: Sequence[Trace]) -> Box:
-    """What is shown of a world: the same for all who drove in it."""
+    """The box shown of a world: the same for all episodes in it."""
     here = [each for each in traces if (each.config.map, each.world) == (trace.config.map, trace.world)]
     ways = [np.array([frame.pose[:2] for frame in each.frames]) for each in here]
     return common_box([trace.task], np.vstack(ways))

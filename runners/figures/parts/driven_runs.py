@@ -1,4 +1,4 @@
-"""What a figure is made of: the runs of a sweep, or a single one, each with its config and its records."""
+"""The input of a figure: the runs of a sweep, or a single run, each with its config and records."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ if TYPE_CHECKING:
 
 
 class DrivenRun:
-    """One run. config: what it was driven with. frame: its records, one row per episode.
+    """One run. frame: its records, one row per episode.
 
-    place: the map's config and the robot's footprint as text, which tells places apart.
+    place: the map's config and the robot's footprint as JSON, equal for runs that share a place.
     """
 
     def __init__(self, run_dir: Path, config: RecordedConfig, frame: pd.DataFrame) -> None:
@@ -35,7 +35,7 @@ class DrivenRun:
 
     @property
     def label(self) -> str:
-        """The system, and what was taken away from it or multiplied."""
+        """The name of the system, with its ablation and scale where it has them."""
         first = self.frame.iloc[0]
         changes = (str(first.get("ablation", "none")), str(first.get("scale", "")))
         return ", ".join(
@@ -44,7 +44,7 @@ class DrivenRun:
 
     @cached_property
     def maps(self) -> MapSet:
-        """The map set that was driven in."""
+        """The map set of the run."""
         return build.map_set(self.config, sorted({int(world) for world in self.frame["world"]}))
 
     @cached_property
@@ -53,34 +53,34 @@ class DrivenRun:
         return read_trajectories([self.run_dir])
 
     def trace(self, world: int, run: int) -> Trace:
-        """One of the episodes, driven again. Raises InputError where that is not possible."""
+        """Drive an episode again and return its trace. Raises InputError if that is not possible."""
         return rerun_recorded(self.run_dir, world, run, self.trajectories)
 
 
 class Kind(Protocol):
-    """A kind of figure: one file here and one YAML in `conf/figure/` each.
+    """A kind of figure: one file in `runners/figures/kinds/` and one YAML in `conf/figure/`.
 
-    name: of its files. drives: whether there must be episodes.
+    name: stem of its files. drives: whether it needs episodes.
     """
 
     name: str
     drives: bool
 
     def draw(
-        self, jobs: Sequence[DrivenRun], worlds: Sequence[int], stem: Path, formats: Sequence[str]
+        self, runs: Sequence[DrivenRun], worlds: Sequence[int], stem: Path, formats: Sequence[str]
     ) -> list[Path]:
-        """Draw the jobs and save the figure as `stem`.png, …; the paths. worlds: those asked for, or none."""
+        """Draw the runs, save the figure as `stem`.png, …, and return the paths. worlds: as requested, may be empty."""
 
 
-def read_runs(runs: Sequence[Path]) -> list[DrivenRun]:
-    """The jobs of these runs and sweeps, in order. Raises InputError where a path holds none."""
-    run_dirs = find_runs(runs)
+def read_runs(paths: Sequence[Path]) -> list[DrivenRun]:
+    """The runs below these paths of runs and sweeps, in order. Raises InputError for a path without records."""
+    run_dirs = find_runs(paths)
     frame = read_episodes(run_dirs)
     return runs_of(frame, run_dirs)
 
 
 def runs_of(frame: pd.DataFrame, run_dirs: Sequence[Path]) -> list[DrivenRun]:
-    """The jobs among records that are read already; a folder that tells of no config is left out."""
+    """The runs of records that are already read. Skips a folder without a launch record."""
     launches = [(run_dir, launch_record.read_launch(run_dir)) for run_dir in run_dirs]
     records = {run_dir: frame[frame["run_dir"] == str(run_dir)] for run_dir in run_dirs}
     return [
@@ -90,15 +90,15 @@ def runs_of(frame: pd.DataFrame, run_dirs: Sequence[Path]) -> list[DrivenRun]:
     ]
 
 
-def chosen_world(job: DrivenRun, worlds: Sequence[int]) -> tuple[int, int]:
-    """(world, run) of the one episode to draw: of the world asked for, or else the first of the records.
+def chosen_world(driven: DrivenRun, worlds: Sequence[int]) -> tuple[int, int]:
+    """(world, run number) of the episode to draw: the first in the first of `worlds`, else the first of all.
 
-    Raises InputError where the run has no such world.
+    Raises InputError if the run has no episode in that world.
     """
-    known = sorted(zip(job.frame["world"].astype(int), job.frame["run"].astype(int), strict=True))
+    known = sorted(zip(driven.frame["world"].astype(int), driven.frame["run"].astype(int), strict=True))
     found = [key for key in known if not worlds or key[0] == worlds[0]]
     if not found:
         numbers = sorted({world for world, _ in known})
         shown = ", ".join(map(str, numbers[:12])) + (", …" if len(numbers) > 12 else "")
-        raise InputError(f"world is {worlds[0]}: {job.run_dir} has only {shown}")
+        raise InputError(f"world is {worlds[0]}: {driven.run_dir} has only {shown}")
     return found[0]

@@ -1,4 +1,4 @@
-"""How far a world reaches, and the words for it."""
+"""The extent of a world, and its size in words."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from lme.worlds.world import Task
 from runners.config.map_sets import Chosen
 from runners.figures.parts.scene import Box, extremes
 
-SIDES = 24  # of the outline of a disc
+SIDES = 24  # of the polygon that outlines a disc
 
 
 def extent(task: Task) -> Box:
-    """The box around all obstacles, movers where they stand at first, start and goal."""
+    """The box around obstacles, movers at their first pose, start and goal."""
     ends = np.array([task.start[:2], task.goal])
     movers = (mover_outline(mover) for mover in task.world.movers)
     points = np.vstack([ends, extremes(task.world), *movers])
@@ -25,7 +25,7 @@ def extent(task: Task) -> Box:
 
 
 def mover_outline(mover: Mover) -> Floats:
-    """(V, 2) corners of a mover where it stands at first [m]; a disc's are so many that it looks round."""
+    """(V, 2) corners of a mover at its first pose [m]; a disc becomes a polygon of `SIDES` sides."""
     angles = np.arange(SIDES) * (2 * math.pi / SIDES)
     outline = mover.outline
     if outline is None:
@@ -34,13 +34,13 @@ def mover_outline(mover: Mover) -> Floats:
 
 
 def metres(task: Task) -> str:
-    """How large a world is, start and goal included, to half a metre, in words."""
+    """The size of a world in words, start and goal included, rounded to half a metre."""
     box = extent(task)
     return " × ".join(f"{round(2 * side) / 2:g}" for side in (box.x1 - box.x0, box.y1 - box.y0)) + " m"
 
 
 def about_set(chosen: Chosen, task: Task) -> str:
-    """Size of the world shown, and on a second line how many there are."""
+    """Two lines: the size of the world shown, and the number of worlds."""
     count = len(chosen.maps.numbers)
     choice = f", {chosen.choice}" if chosen.choice else ""
     return f"{metres(task)}\n{count} world{'s' * (count > 1)}{choice}"

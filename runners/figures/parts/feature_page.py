@@ -1,4 +1,4 @@
-"""The page of a features figure: equal panels, each with its title and its bar, a heading, a key and a note."""
+"""The page of a features figure: equal panels, each with a title and a colour bar, a heading, a key and a note."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ if TYPE_CHECKING:
 
 PAGE_IN, EDGE_IN, GAP_IN, WIDEST_IN = 7.0, 0.08, 0.12, 3.2
 TITLE_IN, BELOW_IN = 0.22, 0.36  # above and below a panel
-BAR_IN, BAR_TOP_IN = 0.08, 0.07  # height of a bar, its distance from the panel
+BAR_IN, BAR_TOP_IN = 0.08, 0.07  # height of a colour bar, its distance from the panel
 KEY_LINE_IN, KEY_COLUMNS, NOTE_IN = 0.155, 4, 0.34
 
 
 def columns(panels: int) -> int:
-    """Panels beside one another; there is a free place for the key where that costs no row."""
+    """The number of panels in a row. Leaves a free place for the key if that adds no row."""
     return panels + 1 if panels < 4 else 3 if panels in (5, 6) else 4
 
 
 class Page:
-    """A page of equal panels, each with its title above and its bar below, and the free places for the key."""
+    """A page of equal panels, each with a title above and a colour bar below."""
 
     def __init__(self, shot: Shot, panels: int) -> None:
         self._shot = shot
@@ -40,7 +40,7 @@ class Page:
         self._width = min(inner / self._columns, WIDEST_IN)
         self._tall = self._width * (self._box.y1 - self._box.y0) / (self._box.x1 - self._box.x0)
         self._rows = math.ceil(panels / self._columns)
-        self._top = heading_height(self._lines) - 0.05  # titles have air of their own
+        self._top = heading_height(self._lines) - 0.05  # titles have their own space above
         self._foot = NOTE_IN + (0 if self._has_place else self._key_rows * KEY_LINE_IN + 0.05)
         self._row = TITLE_IN + self._tall + BELOW_IN
         self._height = self._top + self._rows * self._row + self._foot
@@ -69,12 +69,12 @@ class Page:
         return self._axes(x + inset, y - BAR_TOP_IN - BAR_IN, self._width - 2 * inset, BAR_IN)
 
     def below(self, index: int) -> tuple[float, float]:
-        """The middle of a panel's lower edge, in shares of the page."""
+        """The middle of a panel's lower edge, in figure coordinates."""
         x, y = self._corner(index)
         return (x + self._width / 2) / PAGE_IN, y / self._height
 
     def label(self, percentiles: Sequence[float]) -> None:
-        """The heading, the key and the note."""
+        """Draw the heading, the key and the note."""
         draw_heading(self.figure, self._lines)
         self._draw_key()
         low, high = percentiles
@@ -108,7 +108,7 @@ class Page:
         view.draw_key(self.figure, self._key, at, "upper left", labelspacing=0.35, **look)
 
     def _corner(self, index: int) -> tuple[float, float]:
-        """Lower left corner of a panel [in]; the rows stand in the middle of the page."""
+        """Lower left corner of a panel [in]; the grid is centred on the page."""
         row, column = divmod(index, self._columns)
         whole = self._columns * (self._width + GAP_IN) - GAP_IN
         x = (PAGE_IN - whole) / 2 + column * (self._width + GAP_IN)

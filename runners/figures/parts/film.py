@@ -1,4 +1,4 @@
-"""Pictures into a moving picture: GIF through Pillow, MP4 through ffmpeg."""
+"""Films from pictures: GIF through Pillow, MP4 through ffmpeg."""
 
 from __future__ import annotations
 
@@ -23,14 +23,16 @@ if TYPE_CHECKING:
 Picture = NDArray[np.uint8]  # (height, width, 3)
 
 GIF, MP4 = "gif", "mp4"
-COLOURS, APART = 200, 12  # of all frames of a GIF together; in one of red, green and blue, of 0 to 255
+COLOURS = 200  # in the palette of a GIF, at most
+APART = 12  # least difference between two of them in some channel, of 0 to 255
 QUALITY = "23"  # of x264: the encoder's own default; lower is better and larger
 
 
 def write_film(pictures: Iterable[Picture], path: Path, fps: float, sample: Sequence[Picture]) -> None:
-    """Save pictures of one size at an even pace, as GIF or MP4 by the ending of `path`; whole or not at all.
+    """Save pictures of one size as GIF or MP4, by the suffix of `path`. A failure leaves no partial file.
 
-    sample: some of them, that a GIF's colours are chosen from. Raises InputError where ffmpeg is missing or fails.
+    fps: [1/s]. sample: pictures from which a GIF's colours are chosen. Raises InputError if ffmpeg is missing or
+    fails.
     """
     with replacing(path) as draft:
         if path.suffix == f".{GIF}":
@@ -40,7 +42,7 @@ def write_film(pictures: Iterable[Picture], path: Path, fps: float, sample: Sequ
 
 
 def find_ffmpeg() -> str:
-    """The program: on the PATH, or that of the package imageio-ffmpeg. Raises InputError where there is neither."""
+    """Path of ffmpeg: from the PATH, else from the package imageio-ffmpeg. Raises InputError if there is neither."""
     found = shutil.which("ffmpeg")
     if found is not None:
         return found
@@ -56,7 +58,7 @@ def find_ffmpeg() -> str:
 
 
 def _write_gif(pictures: Iterable[Picture], path: Path, fps: float, sample: Sequence[Picture]) -> None:
-    """One palette for all frames, so that of each only what differs from the one before is stored."""
+    """Use one palette for all frames, so that each frame stores only its differences from the previous one."""
     from PIL import Image
 
     palette = _palette(np.vstack(sample))
@@ -67,17 +69,17 @@ def _write_gif(pictures: Iterable[Picture], path: Path, fps: float, sample: Sequ
 
     frames = reduced()
     first = next(frames)
-    hundredths = max(round(100.0 / fps), 2)  # what a GIF counts in, and the least that browsers heed
+    hundredths = max(round(100.0 / fps), 2)  # [0.01 s], the unit of a GIF; browsers ignore less than 2
     first.save(path, save_all=True, append_images=frames, duration=10 * hundredths, loop=0, optimize=False)
 
 
 def _palette(picture: Picture) -> Image.Image:
-    """The commonest colours that differ clearly: Pillow, in its haste, takes a neighbour for the colour itself."""
+    """The most frequent clearly different colours: Pillow's fast quantizer confuses similar ones."""
     from PIL import Image
 
     colours, counts = np.unique(picture.reshape(-1, 3), axis=0, return_counts=True)
     left = colours[np.argsort(-counts, kind="stable")].astype(int)
-    chosen = []
+    chosen: list[NDArray[np.int_]] = []
     while len(left) and len(chosen) < COLOURS:
         chosen.append(left[0])
         left = left[np.abs(left - left[0]).max(axis=1) >= APART]
@@ -87,7 +89,7 @@ def _palette(picture: Picture) -> Image.Image:
 
 
 def _write_mp4(pictures: Iterable[Picture], path: Path, fps: float) -> None:
-    """Frames as raw bytes into the encoder; sides made even, as its colour format needs."""
+    """Pipe raw frames to ffmpeg, which pads the sides to even lengths, as yuv420p requires."""
     frames = iter(pictures)
     first = next(frames)
     height, width = first.shape[:2]
@@ -98,7 +100,7 @@ def _write_mp4(pictures: Iterable[Picture], path: Path, fps: float) -> None:
     with subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE) as encoder:
         assert encoder.stdin is not None
         assert encoder.stderr is not None
-        with contextlib.suppress(BrokenPipeError):  # it says itself why it stopped
+        with contextlib.suppress(BrokenPipeError):  # ffmpeg gives the reason on standard error
             for picture in chain([first], frames):
                 encoder.stdin.write(picture.tobytes())
         with contextlib.suppress(BrokenPipeError):

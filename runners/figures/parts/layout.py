@@ -1,4 +1,4 @@
-"""Panels of a figure, all of one width, in rows; sizes in inches, so that letters keep clear of one another."""
+"""Rows of panels of one width; sizes are in inches, so that texts do not overlap."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Item = TypeVar("Item")
 
 
 class Around(NamedTuple):
-    """What is left free [in]: above and below each panel, between panels, and at the edges of the page."""
+    """Free space [in]: above, below and between panels, and at the left, upper and lower edge of the page."""
 
     title: float = 0.22
     foot: float = 0.0
@@ -27,12 +27,12 @@ class Around(NamedTuple):
 
     @property
     def per_row(self) -> float:
-        """Height of a row beside its panels."""
+        """Height of a row without its panels."""
         return self.title + self.foot + self.gap
 
 
 def panel_width(columns: int, count: int, aspect: float, page: tuple[float, float], around: Around) -> float:
-    """The most that `count` panels in so many columns can be wide on a page [in]. aspect: height to width."""
+    """The largest width of `count` panels in `columns` columns on a page [in]. aspect: height over width."""
     rows = math.ceil(count / columns)
     across = (page[0] - around.left) / columns - around.gap
     down = (page[1] - around.header - around.footer) / rows - around.per_row
@@ -40,19 +40,19 @@ def panel_width(columns: int, count: int, aspect: float, page: tuple[float, floa
 
 
 def best_columns(count: int, aspect: float, page: tuple[float, float], around: Around) -> int:
-    """The number of columns that leaves panels widest."""
+    """The number of columns that gives the widest panels."""
     return max(range(1, count + 1), key=lambda columns: panel_width(columns, count, aspect, page, around))
 
 
 def wrapped(items: Sequence[Item], columns: int) -> list[list[Item]]:
-    """Rows of at most so many items."""
+    """Rows of at most `columns` items."""
     return [list(items[first : first + columns]) for first in range(0, len(items), columns)]
 
 
 def lay_out(
     figure: Figure, rows: Sequence[Sequence[Box]], width_in: float, around: Around, least_in: float = 0.0
 ) -> list[list[Axes]]:
-    """One framed panel for each box, at one scale within a row; sets the figure's size, at least so wide.
+    """Add one framed panel per box, all of one width, and set the figure's size, at least `least_in` wide.
 
     A row is as high as its highest box.
     """
@@ -77,7 +77,7 @@ def lay_out(
 
 
 def aspect_of(box: Box) -> float:
-    """Height to width."""
+    """Height over width."""
     return (box.y1 - box.y0) / (box.x1 - box.x0)
 
 

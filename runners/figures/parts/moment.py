@@ -1,4 +1,4 @@
-"""One decision of LME, chosen to be looked at, and its heading."""
+"""The decision of LME that a figure shows, and its heading."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ LINE_IN, LINE_LETTERS = 0.145, 112  # of a heading on a page of 7 in
 
 
 class Shot(NamedTuple):
-    """One decision of an episode. label: the system's. why: the decision, explained."""
+    """One decision of an episode. label: of the system. why: explains the decision."""
 
     label: str
     trace: Trace
@@ -35,36 +35,36 @@ class Shot(NamedTuple):
 
     @property
     def before(self) -> Explanation | None:
-        """The decision before."""
+        """The previous decision; None at the first step."""
         return None if self.step == 0 else self.trace.steps[self.step - 1].explanation
 
     @property
     def history_length(self) -> int:
-        """k, how many positions are remembered."""
+        """k, the number of remembered positions."""
         return int(_guide(self.trace.config).history_length)
 
 
-def shots(jobs: Sequence[DrivenRun], worlds: Sequence[int], step: int | None, figure: str) -> list[Shot]:
-    """The decision to draw of every job and world; jobs of a sweep that LME does not guide are left out.
+def shots(runs: Sequence[DrivenRun], worlds: Sequence[int], step: int | None, figure: str) -> list[Shot]:
+    """The decision to draw for every run and world. Skips runs that LME does not guide.
 
-    step: its number, None for the most telling. figure: the kind's name, for messages. Raises InputError where
-    LME guides none of the jobs, or an episode has no such step.
+    step: of the decision; None: the most telling one. figure: name of the kind, for messages. Raises InputError if
+    LME guides none of the runs, or if an episode has no such step.
     """
-    guided = [job for job in jobs if _is_guided(job)]
+    guided = [driven for driven in runs if _is_guided(driven)]
     if not guided:
-        guides = ", ".join(sorted({_target(job.config) for job in jobs}))
+        guides = ", ".join(sorted({_target(driven.config) for driven in runs}))
         raise InputError(
             f"guide is {guides}: {figure} draws how LME scores candidates; choose guide=lme, or a run of LME"
         )
     asked: list[list[int]] = [[world] for world in worlds] or [[]]
-    return [_shot(job, world, step) for job in guided for world in asked]
+    return [_shot(driven, world, step) for driven in guided for world in asked]
 
 
 def telling_step(trace: Trace) -> int:
-    """The most telling decision of an episode: the first for which most of these hold.
+    """The step of the most telling decision: the first with the most of these properties.
 
-    A sector blocks the way to the target; both its ends, and B, are within the candidates' range; the subgoal is left
-    for a better one; which gains by c_t; and by a_mount; recent positions count.
+    A sector blocks the way to the target; both its ends and B are within the candidates' range; a better subgoal
+    replaces the old one; it gains by c_t; it gains by a_mount; recent positions count.
     """
     reach = candidate_reach(trace)
     held = [0 if step.explanation is None else sum(_signs(step.explanation, reach)) for step in trace.steps]
@@ -72,12 +72,12 @@ def telling_step(trace: Trace) -> int:
 
 
 def candidate_reach(trace: Trace) -> float:
-    """Candidates lie within this range of the robot [m]."""
-    return min(_guide(trace.config).candidates.max_range, trace.robot.lidar.range_max)
+    """The largest distance of a candidate from the robot [m]."""
+    return float(min(_guide(trace.config).candidates.max_range, trace.robot.lidar.range_max))
 
 
 def heading(shot: Shot) -> list[str]:
-    """Where and when, then the decision in words, in lines that fit on a page's width."""
+    """Lines of the heading: place and time, then the decision in words, wrapped to the page."""
     trace = shot.trace
     where = f"{shot.label} · {trace.task.map_name}, world {trace.world}, run {trace.run}"
     when = f"step {shot.step} of 0–{len(trace.steps) - 1}, {trace.steps[shot.step].time:.1f} s"
@@ -86,12 +86,12 @@ def heading(shot: Shot) -> list[str]:
 
 
 def heading_height(lines: Sequence[str]) -> float:
-    """What a heading takes at the top of a page [in]."""
+    """Height of a heading [in]."""
     return 0.08 + LINE_IN * len(lines)
 
 
 def draw_heading(figure: Figure, lines: Sequence[str]) -> None:
-    """The first line in bold, at the top left."""
+    """Write the heading at the top left, its first line in bold."""
     for number, line in enumerate(lines):
         look: dict[str, Any] = {"fontsize": 8} if number else {"fontsize": 8.5, "fontweight": "bold"}
         x, y = 0.08 / figure.get_figwidth(), 1 - (0.05 + number * LINE_IN) / figure.get_figheight()
@@ -101,7 +101,7 @@ def draw_heading(figure: Figure, lines: Sequence[str]) -> None:
 def draw_shots(
     found: Sequence[Shot], figure_of: Callable[[Shot], Figure], stem: Path, formats: Sequence[str]
 ) -> list[Path]:
-    """One picture of each moment, numbered from 1 where there are several; the paths."""
+    """Save one picture per decision, numbered from 1 if there are several; return the paths."""
     numbered = [stem.with_name(f"{stem.name}_{number}") for number in range(1, len(found) + 1)]
     places = numbered if len(found) > 1 else [stem]
     return [
@@ -109,23 +109,25 @@ def draw_shots(
     ]
 
 
-def _shot(job: DrivenRun, worlds: Sequence[int], step: int | None) -> Shot:
-    world, run = chosen_world(job, worlds)
-    trace = job.trace(world, run)
+def _shot(driven: DrivenRun, worlds: Sequence[int], step: int | None) -> Shot:
+    world, run = chosen_world(driven, worlds)
+    trace = driven.trace(world, run)
     number = telling_step(trace) if step is None else step
     if number >= len(trace.steps):
         raise InputError(
-            f"figure.step is {number}: world {world}, run {run} of {job.label} has the steps "
+            f"figure.step is {number}: world {world}, run {run} of {driven.label} has the steps "
             f"0 to {len(trace.steps) - 1}"
         )
     why = trace.steps[number].explanation
     if why is None:
-        raise InputError(f"figure.step is {number}: {_target(job.config)} did not ask LME for a subgoal then")
-    return Shot(job.label, trace, number, why)
+        raise InputError(
+            f"figure.step is {number}: {_target(driven.config)} did not ask LME for a subgoal then"
+        )
+    return Shot(driven.label, trace, number, why)
 
 
 def _signs(why: Explanation, reach: float) -> list[bool]:
-    """What makes a decision telling, see `telling_step`."""
+    """Which of the properties that `telling_step` counts a decision has."""
     blockage = why.view.blockage
     ends = () if blockage is None else (blockage.E1, blockage.E2, blockage.B)
     return [
@@ -139,15 +141,15 @@ def _signs(why: Explanation, reach: float) -> list[bool]:
 
 
 def _gain(why: Explanation, name: str) -> float:
-    """What the best candidate has over the old subgoal by one criterion."""
+    """By how much the best candidate exceeds the old subgoal in one criterion; 0 without an old subgoal."""
     if why.old_features is None:
         return 0.0
     row = why.names.index(name)
     return float(why.features[row, why.new] - why.old_features[row])
 
 
-def _is_guided(job: DrivenRun) -> bool:
-    cls, _ = configured(job.config.guide, "guide")
+def _is_guided(driven: DrivenRun) -> bool:
+    cls, _ = configured(driven.config.guide, "guide")
     return isinstance(cls, type) and issubclass(cls, Lme)
 
 

@@ -1,10 +1,10 @@
-"""One panel of a figure of paths: a place, and how one system or several drove there."""
+"""One panel of a figure of paths: a place, and the paths of one or more systems there."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
 
-SYSTEMS = (  # told apart by line as well as by colour; the marker is the outcome's
+SYSTEMS = (  # differ by line style as well as by colour; the marker shows the outcome
     Style(BLUE, "-", ""),
     Style(VERMILION, "--", ""),
     Style(GREEN, "-.", ""),
@@ -31,64 +31,64 @@ SYSTEMS = (  # told apart by line as well as by colour; the marker is the outcom
     Style(SKY, (0, (2, 1)), ""),
 )
 LINE_PT = 10.5  # between the lines of text below a panel
-LETTER_IN = 0.056  # about
-FIRST_PT = 8.0  # from the panel's edge to the middle of the first
-SCALE, METRES_IN = 0.25, 0.4  # of a panel's width at most; room for the words beside it
-SMALLER = 0.75  # stars without numbers: there may be many
+LETTER_IN = 0.056  # approximate width of a letter
+FIRST_PT = 8.0  # from the panel's edge to the middle of the first line
+SCALE, METRES_IN = 0.25, 0.4  # of a panel's width at most; space for the length beside it
+SMALLER = 0.75  # factor on stars without numbers: there may be many
 FAINTEST = 0.25  # opacity of the first subgoal where later ones are stronger
-APART = 0.09  # of the panel's diagonal: numbered subgoals nearer to one another would hide their numbers
+APART = 0.09  # of the panel's diagonal: numbered subgoals closer than this would hide their numbers
 
 
 class Panel(NamedTuple):
-    """One panel. jobs: those drawn in it."""
+    """One panel. runs: drawn in it."""
 
     title: str
     place: DrivenPlace
-    jobs: tuple[DrivenRun, ...]
+    runs: tuple[DrivenRun, ...]
 
 
 class Look(NamedTuple):
     """What a panel shows beside the paths.
 
-    moment: a step, or seconds since the start; None: no scan. subgoals: none, faded or numbered. systems: the look
-    of each by its label; none: paths look as their outcomes do.
+    moment: a step, or seconds since the start; None: no scan. subgoals: none, faded or numbered. systems: style of
+    each system by label; empty: outcomes decide the styles.
     """
 
     moment: int | float | None = None
     subgoals: str = "none"
-    systems: Mapping[str, Style] = {}  # never changed
+    systems: Mapping[str, Style] = {}  # never modified
 
 
-def episodes_of(job: DrivenRun, place: DrivenPlace) -> pd.DataFrame:
-    """The records of a job in a place."""
-    return job.frame[job.frame["world"].isin(place.numbers)]
+def episodes_of(run: DrivenRun, place: DrivenPlace) -> pd.DataFrame:
+    """The records of a run in a place."""
+    return run.frame[run.frame["world"].isin(place.numbers)]
 
 
-def steps_of(job: DrivenRun, place: DrivenPlace) -> pd.DataFrame:
-    """The control steps of a job in a place."""
-    return job.trajectories[job.trajectories["world"].isin(place.numbers)]
+def steps_of(run: DrivenRun, place: DrivenPlace) -> pd.DataFrame:
+    """The control steps of a run in a place."""
+    return run.trajectories[run.trajectories["world"].isin(place.numbers)]
 
 
 def draw_panel(axes: Axes, panel: Panel, look: Look, box: Box) -> None:
-    """Everything inside a panel, and below it how each system's episodes ended."""
+    """Draw everything inside a panel and, below it, the outcomes of each system."""
     draw_task(axes, panel.place.task)
-    driven = [job for job in panel.jobs if not episodes_of(job, panel.place).empty]
-    for job in driven:
-        _draw_job(axes, job, panel.place, look, box)
+    driven = [run for run in panel.runs if not episodes_of(run, panel.place).empty]
+    for run in driven:
+        _draw_run(axes, run, panel.place, look, box)
     if driven:
         draw_ends(axes, driven, panel.place, look)
     else:
-        middle = {"transform": axes.transAxes, "ha": "center", "va": "center"}
+        middle: dict[str, Any] = {"transform": axes.transAxes, "ha": "center", "va": "center"}
         axes.text(0.5, 0.5, "not driven", fontsize=9, color=INK, backgroundcolor="white", zorder=9, **middle)
 
 
-def draw_ends(axes: Axes, jobs: Sequence[DrivenRun], place: DrivenPlace, look: Look) -> None:
-    """Below the panel, right: how the episodes ended, one line for each system."""
-    for line, job in enumerate(jobs):
-        style = look.systems.get(job.label)
-        text = _ends(episodes_of(job, place), steps_of(job, place))
+def draw_ends(axes: Axes, runs: Sequence[DrivenRun], place: DrivenPlace, look: Look) -> None:
+    """Write the outcomes at the lower right of the panel, one line per system."""
+    for line, run in enumerate(runs):
+        style = look.systems.get(run.label)
+        text = _ends(episodes_of(run, place), steps_of(run, place))
         axes.annotate(
-            text if style is None else f"{job.label}: {text}",
+            text if style is None else f"{run.label}: {text}",
             (1.0, 0.0),
             (0.0, -FIRST_PT - LINE_PT * line),
             xycoords="axes fraction",
@@ -102,32 +102,32 @@ def draw_ends(axes: Axes, jobs: Sequence[DrivenRun], place: DrivenPlace, look: L
 
 
 def scale_drop_pt(panels: Sequence[Panel], look: Look, width_in: float) -> float:
-    """How far below the panels the scale stands: beside the first line of text, or below narrow panels' last."""
-    labels = [job.label for panel in panels for job in panel.jobs]
+    """Distance of the scale bar below a panel [pt]: beside the first line of text, or below the last line."""
+    labels = [run.label for panel in panels for run in panel.runs]
     is_beside = width_in * (1 - SCALE) - METRES_IN >= least_in(labels, look)
     return FIRST_PT if is_beside else FIRST_PT + LINE_PT * _lines(panels, look)
 
 
 def foot_in(panels: Sequence[Panel], look: Look, width_in: float) -> float:
-    """Height of what stands below each panel [in]."""
+    """Height of the texts and the scale bar below each panel [in]."""
     last = max(FIRST_PT + LINE_PT * (_lines(panels, look) - 1), scale_drop_pt(panels, look, width_in))
     return (last + LINE_PT / 2) / 72
 
 
 def least_in(labels: Sequence[str], look: Look) -> float:
-    """The width of a panel that holds the text below it [in]."""
+    """The least width of a panel that holds the text below it [in]."""
     longest = max((len(label) + 2 for label in labels if label in look.systems), default=0)
     return LETTER_IN * (longest + len("collision, 100.0 s"))
 
 
 def _lines(panels: Sequence[Panel], look: Look) -> int:
-    return max(len(panel.jobs) for panel in panels) if look.systems else 1
+    return max(len(panel.runs) for panel in panels) if look.systems else 1
 
 
 def ends_before(panels: Sequence[Panel], moment: float) -> bool:
-    """Whether a robot that is drawn at this moment has come to its end earlier. Raises InputError where all have."""
+    """Whether any of the drawn episodes ended before this moment. Raises InputError if all of them did."""
     column = "time_s" if isinstance(moment, float) else "step"
-    driven = [steps_of(job, panel.place).groupby(["world", "run"]) for panel in panels for job in panel.jobs]
+    driven = [steps_of(run, panel.place).groupby(["world", "run"]) for panel in panels for run in panel.runs]
     ends = [episodes[column].max().iloc[0] + 1e-9 for episodes in driven if len(episodes)]
     last = max(ends, default=0.0)
     if moment > last:
@@ -138,10 +138,10 @@ def ends_before(panels: Sequence[Panel], moment: float) -> bool:
     return moment > min(ends, default=0.0)
 
 
-def _draw_job(axes: Axes, job: DrivenRun, place: DrivenPlace, look: Look, box: Box) -> None:
-    """Paths of all episodes; subgoals, scan and what else moves of the first of them."""
-    episodes, steps = episodes_of(job, place), steps_of(job, place)
-    style = look.systems.get(job.label)
+def _draw_run(axes: Axes, run: DrivenRun, place: DrivenPlace, look: Look, box: Box) -> None:
+    """Draw the paths of all episodes, and subgoals, scan and movers of the first one."""
+    episodes, steps = episodes_of(run, place), steps_of(run, place)
+    style = look.systems.get(run.label)
     paths = dict(list(steps.groupby(["world", "run"])))
     draw_paths(axes, episodes, paths, style)
     first = min(paths)
@@ -149,12 +149,12 @@ def _draw_job(axes: Axes, job: DrivenRun, place: DrivenPlace, look: Look, box: B
         colour = SUBGOAL["color"] if style is None else style.colour
         _draw_subgoals(axes, subgoals_of(paths[first], place.task), colour, look.subgoals == "numbered", box)
     if look.moment is not None:
-        trace = job.trace(*first)
+        trace = run.trace(*first)
         _draw_moment(axes, trace, look, (style or STYLES[trace.episode.outcome]).colour)
 
 
 def _draw_moment(axes: Axes, trace: Trace, look: Look, colour: str) -> None:
-    """The robot, what it sees and what else moves, then or at an earlier end. Systems overlaid: no scans."""
+    """Draw the robot, its scan and movers at the moment or at an earlier end. Overlaid systems get no scans."""
     assert look.moment is not None
     is_time = isinstance(look.moment, float)
     last = index_at(trace, look.moment) if is_time else min(int(look.moment), len(trace.steps))
@@ -165,14 +165,15 @@ def _draw_moment(axes: Axes, trace: Trace, look: Look, colour: str) -> None:
 
 
 def subgoals_of(steps: pd.DataFrame, task: Task) -> Floats:
-    """(K, 2) where the subgoals lay when they were chosen [m]; without those that are the goal itself."""
+    """(K, 2) positions of subgoals when they were chosen [m], without those at the goal."""
     chosen = (steps["switched"] > 0) | (steps["step"] == steps["step"].min())
-    points = steps.loc[chosen, ["subgoal_x_m", "subgoal_y_m"]].dropna().to_numpy()
-    return points[np.hypot(*(points - task.goal).T) > task.goal_tolerance]
+    points: Floats = steps.loc[chosen, ["subgoal_x_m", "subgoal_y_m"]].dropna().to_numpy()
+    to_goal: Floats = np.hypot(*(points - task.goal).T)
+    return points[to_goal > task.goal_tolerance]
 
 
 def _draw_subgoals(axes: Axes, points: Floats, colour: str, numbered: bool, box: Box) -> None:
-    """Stars: stronger from the first to the last; or numbered from 1, those that leave room for it."""
+    """Draw stars that grow stronger from first to last, or some of them numbered from 1."""
     if numbered:
         points = _apart(points, APART * math.hypot(box.x1 - box.x0, box.y1 - box.y0))
     size = SUBGOAL["markersize"] * (1.0 if numbered else SMALLER)
@@ -184,7 +185,7 @@ def _draw_subgoals(axes: Axes, points: Floats, colour: str, numbered: bool, box:
 
 
 def _apart(points: Floats, distance: float) -> Floats:
-    """The points, in order, that keep this distance from all those before them."""
+    """The points, in order, that are at least this far from all those kept before them."""
     kept: list[Floats] = []
     for point in points:
         if all(math.dist(point, other) >= distance for other in kept):
@@ -193,10 +194,10 @@ def _apart(points: Floats, distance: float) -> Floats:
 
 
 def _ends(episodes: pd.DataFrame, steps: pd.DataFrame) -> str:
-    """Outcome and time of one episode, or how many of several arrived.
+    """Outcome and time of one episode, or the number of successes among several.
 
-    The time counts from the start as in the key and in a film; a record's from the first decimetre where the task
-    has it so.
+    The time counts from the start, as in the key and in a film. The time in a record may start later, with the
+    clock of the task.
     """
     if len(episodes) > 1:
         return f"{(episodes['outcome'] == 'success').sum()}/{len(episodes)}"

@@ -1,4 +1,4 @@
-"""Where a sweep drove: the worlds of a map set, or several starts in one world."""
+"""Places of a sweep: the worlds of a map set, or several starts in one world."""
 
 from __future__ import annotations
 
@@ -12,62 +12,63 @@ from lme.worlds.world import Task
 from runners.figures.parts.driven_runs import DrivenRun
 from runners.figures.reports.paths import sample_worlds
 
-SAMPLED = 3  # worlds of a map set whose worlds differ
+SAMPLED = 3  # worlds shown of a map set whose worlds differ
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DrivenPlace:
     """One place.
 
-    jobs: those that drove in its map. numbers: the worlds drawn over one another, all with the obstacles of `task`.
+    runs: those in its map. numbers: the worlds drawn over one another, all with the obstacles of `task`.
     """
 
     name: str
-    jobs: tuple[DrivenRun, ...]
+    runs: tuple[DrivenRun, ...]
     task: Task
     numbers: tuple[int, ...]
 
 
-def places(jobs: Sequence[DrivenRun], worlds: Sequence[int] = ()) -> list[DrivenPlace]:
-    """Each of `worlds` in each map; or one for a map whose worlds are all alike, some of one whose worlds differ.
+def places(runs: Sequence[DrivenRun], worlds: Sequence[int] = ()) -> list[DrivenPlace]:
+    """The places to draw: each of `worlds` in each map.
 
-    Raises InputError for a world that no job has driven in.
+    Without `worlds`: one place for a map whose worlds have the same obstacles, a sample of worlds for any other.
+    Raises InputError for a world without an episode.
     """
-    _check_driven(jobs, worlds)
+    _check_driven(runs, worlds)
     return [
         place
-        for key in dict.fromkeys(job.place for job in jobs)
-        for place in _places_of([job for job in jobs if job.place == key], worlds)
+        for key in dict.fromkeys(run.place for run in runs)
+        for place in _places_of([run for run in runs if run.place == key], worlds)
     ]
 
 
-def _places_of(jobs: Sequence[DrivenRun], worlds: Sequence[int]) -> list[DrivenPlace]:
-    """Those of the jobs of one map."""
-    name, maps = _map_name(jobs[0]), jobs[0].maps
-    numbers = sorted({int(number) for job in jobs for number in job.frame["world"]})
+def _places_of(runs: Sequence[DrivenRun], worlds: Sequence[int]) -> list[DrivenPlace]:
+    """The places of runs in one map."""
+    name, maps = _map_name(runs[0]), runs[0].maps
+    numbers = sorted({int(number) for run in runs for number in run.frame["world"]})
     if not worlds and len(numbers) > 1:
         first, second = (maps.task(number) for number in numbers[:2])
         if _same_obstacles(first, second):
-            return [DrivenPlace(name, tuple(jobs), first, tuple(numbers))]
+            return [DrivenPlace(name, tuple(runs), first, tuple(numbers))]
     chosen = [number for number in worlds if number in numbers]
     if not worlds:
-        chosen = sample_worlds(jobs[0].frame, SAMPLED)
+        chosen = sample_worlds(runs[0].frame, SAMPLED)
     return [
-        DrivenPlace(f"{name}, world {number}", tuple(jobs), maps.task(number), (number,)) for number in chosen
+        DrivenPlace(f"{name}, world {number}", tuple(runs), maps.task(number), (number,)) for number in chosen
     ]
 
 
-def _check_driven(jobs: Sequence[DrivenRun], worlds: Sequence[int]) -> None:
-    known = sorted({int(number) for job in jobs for number in job.frame["world"]})
+def _check_driven(runs: Sequence[DrivenRun], worlds: Sequence[int]) -> None:
+    known = sorted({int(number) for run in runs for number in run.frame["world"]})
     for world in worlds:
         if world not in known:
             shown = ", ".join(map(str, known[:12])) + (", …" if len(known) > 12 else "")
             raise InputError(f"world is {world}: no episode was driven there, only in {shown}")
 
 
-def _map_name(job: DrivenRun) -> str:
-    """A map set that comes in kinds, by its kind."""
-    name, kind = str(job.frame["map"].iloc[0]), job.config.map.get("kind")
+def _map_name(run: DrivenRun) -> str:
+    """The name of the map set, with its kind where it has one."""
+    name, kind = str(run.frame["map"].iloc[0]), run.config.map.get("kind")
     return f"{name}: {kind}" if kind else name
 
 

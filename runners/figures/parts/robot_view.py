@@ -1,4 +1,4 @@
-"""What the robot sees and decides, drawn in its own frame with the heading upwards, as in the paper's figures."""
+"""What the robot sees and decides, drawn in the robot frame with the heading up, as in the paper's figures."""
 
 from __future__ import annotations
 
@@ -22,16 +22,18 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 SECTORS = ((VERMILION, "o"), (PURPLE, "s"), (INK, "^"))  # colour and marker; neighbours never share one
-MARGIN = 1.09  # of the candidates' range is shown
+MARGIN = 1.09  # the view reaches this many times the candidates' range
 CELLS = 240  # of the grid that a contour is traced on, along each side
-OLD, YOUNG = np.array([0.78, 0.91, 0.86]), np.array([0.0, 0.30, 0.22])  # greens of a history, light and dark
+# Greens of a history: the oldest position light, the newest dark.
+OLD: Floats = np.array([0.78, 0.91, 0.86])
+YOUNG: Floats = np.array([0.0, 0.30, 0.22])
 LETTER_PT = 8.0
 HALO_PT = 2.5  # white around letters
 STAR: dict[str, Any] = {"marker": "*", "linestyle": "", "markersize": 10, "markeredgecolor": "white"}
 
 
 class Letter(NamedTuple):
-    """A named point. away: (2,) unit vector on the page, to the side where its name stands."""
+    """A named point. away: (2,) unit vector on the page, from the point to its name."""
 
     text: str
     point: Floats
@@ -39,19 +41,19 @@ class Letter(NamedTuple):
 
 
 def upwards(points: Floats) -> Floats:
-    """Points of the robot frame (x ahead, y left) on the page, heading up: (..., 2)."""
+    """Points of the robot frame (x ahead, y left) on the page with the heading up: (..., 2)."""
     return np.stack([-points[..., 1], points[..., 0]], axis=-1)
 
 
 def reach_box(candidates: Floats, reach_m: float) -> Box:
-    """The page around all that is within the candidates' range; no more behind than there are candidates."""
+    """The view of the candidates' range; behind the robot it reaches only as far as the candidates."""
     far = MARGIN * reach_m
     low = min(float(candidates[:, 0].min()) - (MARGIN - 1) * reach_m, -0.2 * reach_m)
     return Box(-far, max(low, -far), far, far)
 
 
 def draw_scale(axes: Axes, box: Box) -> None:
-    """A metre to measure by, in the lower left corner of a framed panel."""
+    """Draw a scale bar of one metre in the lower left corner of a framed panel."""
     x, y = box.x0 + 0.04 * (box.x1 - box.x0), box.y0 + 0.04 * (box.y1 - box.y0)
     axes.plot([x, x + 1.0], [y, y], color=INK, linewidth=1.4, zorder=9, path_effects=halo())
     look: dict[str, Any] = {"fontsize": 7, "color": INK, "va": "center", "zorder": 9, "path_effects": halo()}
@@ -67,7 +69,7 @@ def sector_styles(count: int) -> list[tuple[str, str]]:
 
 
 def draw_scan(axes: Axes, why: Explanation, size_pt: float, markers: bool = False) -> None:
-    """Scan points in the colours of their sectors."""
+    """Draw scan points in the colours of their sectors."""
     styles = sector_styles(len(why.sectors))
     for sector, (colour, marker) in zip(why.sectors, styles, strict=True):
         points = upwards(sector_points(why.view.points, sector))
@@ -76,24 +78,24 @@ def draw_scan(axes: Axes, why: Explanation, size_pt: float, markers: bool = Fals
 
 
 def draw_contour(axes: Axes, points: Floats, radius: float, colour: str, width_pt: float = 1.2) -> None:
-    """The line at `radius` [m] around points of the robot frame."""
+    """Draw the line at distance `radius` [m] from points of the robot frame."""
     x0, y0, x1, y1 = _corners(axes)
     x, y = np.linspace(x0, x1, CELLS), np.linspace(y0, y1, CELLS)
     page = np.stack(np.meshgrid(x, y), axis=-1)
-    distance, _ = cKDTree(upwards(points)).query(page)
+    distance = np.asarray(cKDTree(upwards(points)).query(page)[0])
     if distance.min() < radius < distance.max():
         axes.contour(x, y, distance, levels=[radius], colors=[colour], linewidths=[width_pt], zorder=5)
 
 
 def draw_robot(axes: Axes, footprint: Footprint) -> None:
-    """The footprint, and the heading as a line to its front."""
+    """Draw the footprint, and the heading as a line to its front."""
     around = upwards(outline(footprint))
     axes.fill(*around.T, facecolor="white", edgecolor=INK, linewidth=0.8, zorder=7)
     axes.plot([0, 0], [0, around[:, 1].max()], color=INK, linewidth=0.8, zorder=7)
 
 
 def draw_target(axes: Axes, target: Floats, colour: str = INK, written: bool = False) -> None:
-    """A line to the target T and a cross on it; an arrowhead at the edge where it lies beyond."""
+    """Draw a line to the target T with a cross on it, or an arrow to the edge if T is outside the panel."""
     x, y = upwards(target)
     part = _part_inside(x, y, Box(*_corners(axes)))
     tip = target if part == 1.0 else 0.98 * part * target
@@ -108,14 +110,15 @@ def draw_target(axes: Axes, target: Floats, colour: str = INK, written: bool = F
             "shrinkA": 0,
             "shrinkB": 0,
         }
-        axes.annotate("", upwards(tip), (0.0, 0.0), arrowprops={**style, "mutation_scale": 7}, zorder=4)
+        end_x, end_y = upwards(tip)
+        axes.annotate("", (end_x, end_y), (0.0, 0.0), arrowprops={**style, "mutation_scale": 7}, zorder=4)
     if written:
         across = np.array([y, -x]) / max(math.hypot(x, y), 1e-9)
         write(axes, Letter("$T$", tip, across), 9)
 
 
 def draw_range(axes: Axes, why: Explanation, reach_m: float) -> None:
-    """The arc on which the farthest candidates lie, over the bearings where there are candidates."""
+    """Draw the arc at the candidates' range, over the bearings of the candidates."""
     bearings = np.arctan2(why.candidates[:, 1], why.candidates[:, 0])
     around = np.linspace(bearings.min(), bearings.max(), 181)
     arc = upwards(reach_m * np.column_stack([np.cos(around), np.sin(around)]))
@@ -123,10 +126,11 @@ def draw_range(axes: Axes, why: Explanation, reach_m: float) -> None:
 
 
 def draw_history(axes: Axes, history: Floats, size_pt: float) -> None:
-    """Recent positions, oldest first: the nearer to now, the darker."""
+    """Draw recent positions, oldest first; later ones are darker."""
     if len(history):
         look: dict[str, Any] = {"c": greens(len(history)), "edgecolors": INK, "linewidths": 0.3}
-        axes.scatter(*upwards(history).T, s=size_pt**2, zorder=6, **look)
+        x, y = upwards(history).T
+        axes.scatter(x, y, s=size_pt**2, zorder=6, **look)
 
 
 def greens(count: int) -> Floats:
@@ -136,17 +140,17 @@ def greens(count: int) -> Floats:
 
 
 def draw_subgoals(axes: Axes, why: Explanation) -> None:
-    """The chosen subgoal, and what it was chosen over: the old one where it was left, the best new one where not."""
+    """Draw the chosen subgoal and its rival: the old one after a switch, else the best new one."""
     rival = rival_subgoal(why)
     if rival is not None:
         marker, size = ("*", 9) if why.decision.choice.switched else ("o", 7)
-        look = {"markersize": size, "markerfacecolor": "none", "markeredgecolor": GREEN}
+        look: dict[str, Any] = {"markersize": size, "markerfacecolor": "none", "markeredgecolor": GREEN}
         axes.plot(*upwards(rival[1]), marker, zorder=9, **look)
     axes.plot(*upwards(why.decision.subgoal), color=GREEN, zorder=10, **STAR)
 
 
 def rival_subgoal(why: Explanation) -> tuple[str, Floats] | None:
-    """Name and place of the subgoal that was not chosen; None at the first step."""
+    """Name and position of the subgoal that was not chosen; None at the first step."""
     if why.old is None:
         return None
     if why.decision.choice.switched:
@@ -155,7 +159,7 @@ def rival_subgoal(why: Explanation) -> tuple[str, Floats] | None:
 
 
 def letters(blockage: Blockage, brief: bool = False) -> list[Letter]:
-    """E1, E2, A and B; A stands with the end that it is, or for it where it must be brief."""
+    """E1, E2, A and B. The end that is A is named "A = E1" or "A = E2"; `brief`: only "A"."""
     ends = ((blockage.E1, "$E_1$", 1.0), (blockage.E2, "$E_2$", -1.0))  # clockwise end first
     named = []
     for end, name, turn in ends:
@@ -168,7 +172,7 @@ def letters(blockage: Blockage, brief: bool = False) -> list[Letter]:
 
 
 def blockage_seen(why: Explanation, box: Box) -> Blockage | None:
-    """The blocking sector, where any of it lies on this part of the page."""
+    """The blocking sector if any of its points lies in the box, else None."""
     blockage = why.view.blockage
     if blockage is None or not any(_is_inside(point, box) for point in blockage.points):
         return None
@@ -178,7 +182,7 @@ def blockage_seen(why: Explanation, box: Box) -> Blockage | None:
 def draw_letters(
     axes: Axes, marked: Sequence[Letter], size_pt: float, written: bool, clear_of: Sequence[Floats] = ()
 ) -> None:
-    """Ends, A and B as marks, with their names where `written`. clear_of: (2,) points that no name may hide."""
+    """Draw marks at the ends, A and B, with names if `written`. clear_of: (2,) points that no name may hide."""
     for letter in marked:
         face = BLUE if letter.text == "$B$" else "white"
         x, y = upwards(letter.point)
@@ -188,8 +192,8 @@ def draw_letters(
 
 
 def _beside(axes: Axes, letter: Letter, away_pt: float, clear_of: Sequence[Floats]) -> Letter:
-    """The letter; on another side where it would stand on one of these points."""
-    dots = axes.get_figure(root=True).dpi / 72
+    """The letter, moved to another side if it would hide one of these points."""
+    dots = axes.figure.dpi / 72
     point, *others = (axes.transData.transform(upwards(each)) for each in (letter.point, *clear_of))
     x, y = letter.away
     for away in np.array([[x, y], [-y, x], [y, -x], [-x, -y]]):
@@ -200,11 +204,12 @@ def _beside(axes: Axes, letter: Letter, away_pt: float, clear_of: Sequence[Float
 
 
 def write(axes: Axes, letter: Letter, away_pt: float) -> None:
-    """A name beside its point, pushed back into the panel where it would stand out of it."""
-    dots = axes.get_figure(root=True).dpi / 72
+    """Write a name beside its point, moved into the panel if it would leave it."""
+    dots = axes.figure.dpi / 72
     at = axes.transData.transform(upwards(letter.point)) + away_pt * dots * letter.away
     edge = 9 * dots
-    x, y = np.clip(at, axes.bbox.min + edge, axes.bbox.max - edge)
+    inside = np.clip(at, np.array(axes.bbox.min) + edge, np.array(axes.bbox.max) - edge)
+    x, y = axes.transData.inverted().transform(inside)
     look: dict[str, Any] = {
         "fontsize": LETTER_PT,
         "color": INK,
@@ -212,18 +217,18 @@ def write(axes: Axes, letter: Letter, away_pt: float) -> None:
         "zorder": 11,
         "path_effects": halo(),
     }
-    axes.text(*axes.transData.inverted().transform((x, y)), letter.text, ha=_side(letter.away[0]), **look)
+    axes.text(x, y, letter.text, ha=_side(letter.away[0]), **look)
 
 
 def halo() -> list[Any]:
-    """White around letters, so that they can be read on whatever they stand."""
+    """A white outline that keeps text readable on any background."""
     from matplotlib.patheffects import withStroke
 
     return [withStroke(linewidth=HALO_PT, foreground="white")]
 
 
 def key(why: Explanation, reach_m: float, box: Box) -> list[Any]:
-    """What the marks of a view mean; only those that it has."""
+    """Entries of the key, for the marks that the view has."""
     rival, blockage = rival_subgoal(why), blockage_seen(why, box)
     outlined = {"marker": "*" if why.decision.choice.switched else "o", "markeredgecolor": GREEN}
     entries = [
@@ -245,7 +250,7 @@ def key(why: Explanation, reach_m: float, box: Box) -> list[Any]:
 
 
 def sectors_mark(label: str, markers: str) -> tuple[Any, ...]:
-    """One entry of a key with a mark of each sector colour."""
+    """One entry of a key with a mark in each sector colour."""
     colours = [colour for colour, _ in SECTORS]
     return tuple(
         _mark(label, color=colour, marker=marker, markersize=3, markeredgewidth=0)
@@ -254,7 +259,7 @@ def sectors_mark(label: str, markers: str) -> tuple[Any, ...]:
 
 
 def draw_key(figure: Figure, entries: Sequence[Any], at: tuple[float, float], loc: Any, **look: Any) -> None:
-    """A legend with its corner or edge `loc` at this point of the page."""
+    """Draw a legend with its corner or edge `loc` at this point of the page."""
     from matplotlib.legend_handler import HandlerTuple
 
     labels = [(entry[0] if isinstance(entry, tuple) else entry).get_label() for entry in entries]
@@ -275,7 +280,7 @@ def _line(label: str, **look: Any) -> Artist:
 
 
 def _is_inside(point: Floats, box: Box) -> bool:
-    """Whether a point of the robot frame lies on this part of the page."""
+    """Whether a point of the robot frame lies in this box of the page."""
     x, y = upwards(point)
     return _part_inside(x, y, box) == 1.0
 
@@ -286,7 +291,7 @@ def _corners(axes: Axes) -> tuple[float, float, float, float]:
 
 
 def _part_inside(x: float, y: float, box: Box) -> float:
-    """The largest t ≤ 1 with t·(x, y) in the box, which holds the origin."""
+    """The largest t ≤ 1 with t·(x, y) in the box, which contains the origin."""
     across = (box.x1 if x > 0 else box.x0) / x if x else math.inf
     along = (box.y1 if y > 0 else box.y0) / y if y else math.inf
     return min(across, along, 1.0)

@@ -1,4 +1,4 @@
-"""A world and what is driven in it, drawn at one scale."""
+"""A world and the paths in it, drawn at one scale."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.lines import Line2D
 
-ROOM_M = 10.0  # a world whose sides are no longer is shown whole; of a larger one, what lies around the paths
+ROOM_M = 10.0  # a world with sides up to this is shown whole; of a larger one, the part around the paths
 AROUND_M = 1.5  # shown around starts, goals and paths
 MARGIN_M = 0.4  # shown beyond the outermost obstacle
-FLAG = ((0.0, 0.0), (0.0, 1.0), (0.72, 0.72), (0.0, 0.44), (0.0, 0.0))  # its foot is the point that it marks
-FLAG_SIZE = 20  # of a mark at the goal; a marker's size counts both ways from its origin
+FLAG = ((0.0, 0.0), (0.0, 1.0), (0.72, 0.72), (0.0, 0.44), (0.0, 0.0))  # a pennant; its foot marks the point
+FLAG_SIZE = 20  # at the goal; Matplotlib measures a marker to both sides of its origin
 PATH_PT = 1.1
-LETTER_PT = 8.0  # "S" lies so far behind the start, where no path begins
+LETTER_PT = 8.0  # distance of "S" behind the start, where no path begins
 
 
 class Box(NamedTuple):
@@ -37,9 +37,9 @@ class Box(NamedTuple):
 
 
 def common_box(tasks: Sequence[Task], path: Floats) -> Box:
-    """What every panel shows: where things happen, and no more of the emptiness around the obstacles.
+    """The box that every panel shows: obstacles, starts, goals and paths, without the empty space around them.
 
-    path: (N, 2) all positions driven through [m].
+    path: (N, 2) positions on all paths [m].
     """
     ends = np.array([[[task.start.x, task.start.y], task.goal] for task in tasks]).reshape(-1, 2)
     reach = np.array([task.goal_tolerance for task in tasks]).max()
@@ -53,13 +53,13 @@ def common_box(tasks: Sequence[Task], path: Floats) -> Box:
 
 
 def frame_panel(axes: Axes, box: Box) -> None:
-    """Show a part of the world at one scale for both axes, in a thin frame without numbers."""
+    """Show a box of the world at equal scale on both axes, in a thin frame without ticks."""
     axes.set(xlim=(box.x0, box.x1), ylim=(box.y0, box.y1), aspect="equal", xticks=[], yticks=[])
     axes.spines[:].set(linewidth=0.5, color=FRAME)
 
 
 def same_size(boxes: Sequence[Box]) -> list[Box]:
-    """The boxes, each made as wide and as high as the widest and the highest, about its own middle."""
+    """The boxes, each enlarged about its centre to the largest width and height of all."""
     sides = np.array([(box.x1 - box.x0, box.y1 - box.y0) for box in boxes])
     more = (sides.max(axis=0) - sides) / 2
     return [
@@ -79,16 +79,15 @@ def outline(footprint: Footprint) -> Floats:
 
 
 def draw_task(axes: Axes, task: Task) -> None:
-    """Obstacles, start (an arrowhead along its heading), goal and the circle that counts as reached."""
+    """Draw obstacles, start (an arrowhead along its heading), goal and the circle of its tolerance."""
     from matplotlib.collections import LineCollection, PatchCollection
-    from matplotlib.patches import Circle, Polygon
+    from matplotlib.patches import Circle, Patch, Polygon
 
-    solids = [Circle((x, y), radius) for x, y, radius in task.world.circles]
+    solids: list[Patch] = [Circle((x, y), radius) for x, y, radius in task.world.circles]
     solids += [Polygon(corners) for corners in task.world.polygons]
     axes.add_collection(PatchCollection(solids, facecolor=OBSTACLE, edgecolor="none"))
-    axes.add_collection(
-        LineCollection(task.world.segments.reshape(-1, 2, 2), colors=OBSTACLE, linewidths=1.2)
-    )
+    walls = list(task.world.segments.reshape(-1, 2, 2))
+    axes.add_collection(LineCollection(walls, colors=OBSTACLE, linewidths=1.2))
     gx, gy = task.goal
     reached = Circle((gx, gy), task.goal_tolerance, fill=False, linestyle=":", linewidth=0.8, edgecolor=INK)
     axes.add_patch(reached)
@@ -107,7 +106,10 @@ def draw_paths(
     paths: Mapping[tuple[int, int], pd.DataFrame],
     system: Style | None = None,
 ) -> None:
-    """One line per run; failures on top, with a marker where they ended. system: its look; else the outcomes'."""
+    """Draw one line per episode; failures are on top, with a marker at their end.
+
+    system: style of the lines; None: by outcome.
+    """
     for outcome, kind in reversed(STYLES.items()):
         style = kind if system is None else system._replace(marker=kind.marker)
         for episode in episodes[episodes["outcome"] == outcome].itertuples():
@@ -120,9 +122,9 @@ def draw_paths(
 
 
 def legend_keys(outcomes: Sequence[str] = LEGEND_ORDER, by_system: bool = False) -> list[Line2D]:
-    """What lines and markers stand for: paths by outcome, start, goal and its tolerance.
+    """Entries of the key: paths by outcome, start, goal and its tolerance.
 
-    by_system: paths look as their systems do, and only the marker at the end is the outcome's.
+    by_system: lines show systems; only the marker at the end of a path shows its outcome.
     """
     from matplotlib.lines import Line2D
 
@@ -141,7 +143,7 @@ def legend_keys(outcomes: Sequence[str] = LEGEND_ORDER, by_system: bool = False)
 
 
 def scale_bar(axes: Axes, box: Box, most: float, drop_pt: float) -> None:
-    """A length so far below the panel's lower left corner. most: share of the panel's width."""
+    """Draw a scale bar `drop_pt` below the panel's lower left corner. most: share of the panel's width."""
     from matplotlib.transforms import ScaledTranslation
 
     length = _round_length((box.x1 - box.x0) * most)
@@ -163,12 +165,13 @@ def scale_bar(axes: Axes, box: Box, most: float, drop_pt: float) -> None:
 
 
 def write(axes: Axes, text: str, point: Sequence[float], offset_pt: tuple[float, float]) -> None:
-    """Small bold letters beside a point, in a white halo that keeps them readable on anything."""
+    """Write small bold text beside a point, with a white outline that keeps it readable."""
     from matplotlib.patheffects import withStroke
 
+    x, y = point
     axes.annotate(
         text,
-        tuple(point),
+        (x, y),
         offset_pt,
         textcoords="offset points",
         ha="center",
@@ -189,7 +192,7 @@ def _round_length(most: float) -> float:
 
 
 def _flag(in_key: bool = False) -> dict[str, Any]:
-    """A pennant that stands on its point; in a key it hangs about the middle of its line."""
+    """A pennant whose foot is at its point; in a key it is centred."""
     from matplotlib.path import Path
 
     if in_key:

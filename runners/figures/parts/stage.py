@@ -1,4 +1,4 @@
-"""What changes from moment to moment in a world: the robot, what it sees, where it heads, what else moves."""
+"""The moving parts of a panel: the robot, its scan, its subgoal, candidates and movers."""
 
 from __future__ import annotations
 
@@ -21,28 +21,30 @@ if TYPE_CHECKING:
     from matplotlib.lines import Line2D
 
 MOVER = "#444444"
-BEAMS = 180  # drawn at most: more flow into one surface
-CLIPPED = (5, 95)  # [percentile] scores beyond do not stretch the colours, as in the paper's maps of S
-TRAIL_S = 0.5  # a mover's trail shows it so often
-NOSE = np.array([[0.8, 0.0], [0.0, 0.55], [0.0, -0.55]])  # of half the robot: a triangle that points ahead
+BEAMS = 180  # drawn at most: more would merge into an area
+CLIPPED = (5, 95)  # [percentile] the colour scale ends here, as in the paper's maps of S
+TRAIL_S = 0.5  # between two outlines of a mover's trail
+NOSE = np.array(
+    [[0.8, 0.0], [0.0, 0.55], [0.0, -0.55]]
+)  # relative to half the robot: a triangle that points ahead
 SUBGOAL: dict[str, Any] = {"markersize": 10, "color": YELLOW, "markeredgecolor": INK, "markeredgewidth": 0.6}
 SCAN: dict[str, Any] = {"color": ORANGE, "markersize": 1.5}
 BEAM: dict[str, Any] = {"color": SKY, "linewidth": 0.5, "alpha": 0.55}
 
 
 def index_at(trace: Trace, time_s: float) -> int:
-    """The last of the frames that is no later; the first where none is."""
+    """Index of the last frame at or before this time; 0 if there is none."""
     times = np.array([frame.time for frame in trace.frames])
     return max(int(np.searchsorted(times, time_s + 1e-9, side="right")) - 1, 0)
 
 
 class Stage:
-    """The moving things of one panel, drawn for one moment after the other."""
+    """The moving parts of one panel, drawn at one moment after another."""
 
     def __init__(
         self, axes: Axes, trace: Trace, colour: str = BLUE, *, beams: bool = False, candidates: bool = False
     ) -> None:
-        """colour: of the robot. beams: lines from the lidar to what it sees, instead of dots there."""
+        """colour: of the robot. beams: draw lines from the lidar to the scan points instead of dots."""
         from matplotlib.collections import LineCollection, PatchCollection
 
         self._trace, self._frames = trace, trace.frames
@@ -61,26 +63,26 @@ class Stage:
 
     @property
     def artists(self) -> list[Artist]:
-        """All of them, in the order of drawing."""
+        """All artists, in drawing order."""
         shown = [self._beams, self._candidates, self._scan, self._discs, self._sides]
         shown += [self._subgoal, self._robot, self._nose]
         return [artist for artist in shown if artist is not None]
 
     def show(self, index: int) -> None:
-        """The moment with this place among the frames."""
+        """Show the frame with this index."""
         frame = self._frames[index]
         self._robot.set_xy(to_world(self._outline, frame.pose))
         self._nose.set_xy(to_world(NOSE * self._outline.max(axis=0), frame.pose))
         self._see(frame)
         self._move(frame)
         subgoal = frame.subgoal if isinstance(frame, TracedStep) else np.full(2, math.nan)
-        shown = not np.allclose(subgoal, self._trace.task.goal)  # the goal has a mark of its own
+        shown = not np.allclose(subgoal, self._trace.task.goal)  # the goal has its own mark
         self._subgoal.set_data(subgoal[:1] if shown else [], subgoal[1:] if shown else [])
         if self._candidates is not None:
             self._consider(frame)
 
     def keep(self, *, scan: bool, subgoal: bool) -> None:
-        """Hide what a picture does without."""
+        """Hide the scan or the subgoal, unless it is to be kept."""
         self._subgoal.set_visible(subgoal)
         for artist in (self._scan, self._beams):
             if artist is not None:
@@ -104,7 +106,7 @@ class Stage:
         self._sides.set_segments(list(edges.reshape(-1, 2, 2)))
 
     def _consider(self, frame: TracedStep | TraceEnd) -> None:
-        """Candidates in the colours of their scores, from the lowest to the highest that is drawn."""
+        """Show the candidates coloured by score, clipped at the `CLIPPED` percentiles."""
         why = frame.explanation if isinstance(frame, TracedStep) else None
         assert self._candidates is not None
         if why is None:
@@ -116,7 +118,7 @@ class Stage:
 
 
 def draw_mover_trails(axes: Axes, trace: Trace, last: int) -> None:
-    """Where the movers were before the moment with the place `last` among the frames: outlines, half a second apart."""
+    """Draw outlines of the movers every `TRAIL_S`, up to the frame with index `last`."""
     from matplotlib.collections import LineCollection, PatchCollection
     from matplotlib.patches import Circle
 
@@ -136,7 +138,7 @@ def draw_mover_trails(axes: Axes, trace: Trace, last: int) -> None:
 
 
 def stage_keys(when: str, colour: str, *, scan: bool, movers: bool) -> list[Line2D]:
-    """What the things of a still `Stage` stand for. when: "at 12.5 s". colour: of a robot."""
+    """Entries of the key for a still `Stage`. when: such as "at 12.5 s". colour: of the robot."""
     from matplotlib.lines import Line2D
 
     keys = [Line2D([], [], marker="o", linestyle="", markersize=6, color=colour, label=f"robot {when}")]
@@ -149,10 +151,10 @@ def stage_keys(when: str, colour: str, *, scan: bool, movers: bool) -> list[Line
 
 
 def seen(frame: TracedStep | TraceEnd, robot: Robot) -> Floats:
-    """(M, 2) where the beams hit, in the world [m]."""
+    """(M, 2) points that the beams hit, in the world frame [m]."""
     return to_world(obstacle_points(frame.observation.scan, robot.lidar.mount), frame.pose)
 
 
 def _candidates(axes: Axes) -> Any:
-    """Dots without a place yet."""
+    """An empty scatter for candidates."""
     return axes.scatter([], [], s=7, c=[], cmap="viridis", vmin=0.0, vmax=1.0, linewidths=0, zorder=3.5)

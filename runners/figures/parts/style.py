@@ -1,7 +1,7 @@
-"""One look for every picture: colours, lines, sizes, files.
+"""The common style of all pictures: colours, lines, sizes and file formats.
 
-Colours are Okabe and Ito's (https://jfly.uni-koeln.de/color/), which every kind of colour vision tells apart;
-line styles, hatches and markers say the same again for print in grey.
+Colours are those of Okabe and Ito (https://jfly.uni-koeln.de/color/), which differ for any colour vision. Line
+styles, hatches and markers repeat the information for print in grey.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from runners.records.whole_file import replacing
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+    from matplotlib.typing import LineStyleType
 
 ORANGE, SKY, GREEN, YELLOW = "#E69F00", "#56B4E9", "#009E73", "#F0E442"
 BLUE, VERMILION, PURPLE = "#0072B2", "#D55E00", "#CC79A7"
@@ -23,10 +24,10 @@ FORMATS = ("png", "pdf", "svg")
 
 
 class Style(NamedTuple):
-    """How the paths of one outcome look."""
+    """The style of the paths of one outcome or system."""
 
     colour: str
-    line: str | tuple[float, tuple[float, ...]]  # by name, or offset and dashes
+    line: LineStyleType  # by name, or offset and dashes
     marker: str  # at the end of the path
 
 
@@ -43,11 +44,15 @@ _NO_DATES: dict[str, dict[str, Any]] = {
     "pdf": {"CreationDate": None},
     "svg": {"Date": None},
 }
-_PRINT = {"pdf.fonttype": 42, "svg.fonttype": "none", "svg.hashsalt": "lme"}  # letters stay letters
+_PRINT: dict[Any, Any] = {
+    "pdf.fonttype": 42,
+    "svg.fonttype": "none",
+    "svg.hashsalt": "lme",
+}  # text stays text
 
 
 def new_figure(width_in: float, height_in: float, dpi: int = DPI, layout: Any = "constrained") -> Figure:
-    """An empty page that needs no screen."""
+    """An empty figure with a canvas that needs no display."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -57,7 +62,7 @@ def new_figure(width_in: float, height_in: float, dpi: int = DPI, layout: Any = 
 
 
 def save(figure: Figure, stem: Path, formats: Sequence[str] = ("png",)) -> list[Path]:
-    """Write `stem`.png, … : the same bytes for the same figure; the paths."""
+    """Save a figure as `stem`.png, …, and return the paths. Equal figures give equal bytes."""
     from matplotlib import rc_context
 
     paths = [stem.with_name(f"{stem.name}.{ending}") for ending in formats]
@@ -69,7 +74,7 @@ def save(figure: Figure, stem: Path, formats: Sequence[str] = ("png",)) -> list[
 
 
 def symbol(name: str) -> str:
-    """A feature or parameter as the paper writes it: the index of "a_close" or "d1" low; other words as they are."""
+    """A name in math text as in the paper: "a_close" and "d1" get a subscript; other names stay as they are."""
     letter, index = name[:1], name[1:].removeprefix("_")
     is_symbol = letter in "acd" and index.isalnum() and (name[1:2] == "_" or index.isdigit())
     return rf"${letter}_{{\mathrm{{{index}}}}}$" if is_symbol else name.replace("$", r"\$")

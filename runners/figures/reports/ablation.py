@@ -1,4 +1,4 @@
-"""How the method fares without each of its parts, and whether the difference exceeds the noise."""
+"""A chart of ablations: outcomes of each variant, and whether it differs from the complete method."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 WIDTH_IN, STUDY_IN, AROUND_IN = 7.2, 4.0, 0.75
-VARIANT_IN = 0.8  # at least, where there are more variants than that width holds
+VARIANT_IN = 0.8  # least width of a variant; many variants widen the figure
 STUDIES = 4  # at most: more cannot be read on a page
 BAR = 0.72
 GAP = 0.08  # between panels, in panels
@@ -27,7 +27,7 @@ NOTES = (
 
 
 def ablation_figure(studies: Sequence[Study], place: Path) -> list[Path]:
-    """Draw outcomes and paired differences of every variant; save them below `place` as PNG and PDF; the paths."""
+    """Draw outcomes and paired differences of every variant, save them in `place` as PNG and PDF, return the paths."""
     shown = studies[:STUDIES]
     width = max(WIDTH_IN, VARIANT_IN * (1 + max(len(study.variants) for study in shown)))
     figure = new_figure(width, AROUND_IN + STUDY_IN * len(shown))
@@ -48,7 +48,7 @@ def ablation_figure(studies: Sequence[Study], place: Path) -> list[Path]:
 
 
 def _outcomes(axes: Axes, variants: Sequence[Variant]) -> None:
-    """Shares of the outcomes, one on the other, with the spread of the success rate over runs."""
+    """Draw stacked bars of the outcomes, with the standard deviation of the success rate over runs."""
     for column, variant in enumerate(variants):
         bottom = 0.0
         for outcome in OUTCOMES:
@@ -65,7 +65,7 @@ def _outcomes(axes: Axes, variants: Sequence[Variant]) -> None:
 
 
 def _rate(axes: Axes, column: int, mean: float, std: float) -> None:
-    """The number at the foot of its bar, a whisker at its top."""
+    """Write the rate at the foot of its bar, and draw a whisker at its top."""
     axes.annotate(
         f"{mean:.3f}",
         (column, 0.0),
@@ -82,7 +82,7 @@ def _rate(axes: Axes, column: int, mean: float, std: float) -> None:
 
 
 def _changes(axes: Axes, variants: Sequence[Variant]) -> None:
-    """Paired difference in success and its interval; the marker is filled where it exceeds the noise."""
+    """Draw the paired difference in success and its interval; the marker is filled if it exceeds the noise."""
     axes.axhline(0.0, color=INK, linewidth=0.8, linestyle=(0, (4, 3)))
     for column, variant in enumerate(variants):
         change = variant.change.get(SUCCESS)
@@ -103,7 +103,7 @@ def _changes(axes: Axes, variants: Sequence[Variant]) -> None:
 
 
 def _difference(axes: Axes, column: int, change: Difference) -> None:
-    """The number beyond the end of its interval that is farther from zero."""
+    """Write the difference beyond the end of its interval that is farther from zero."""
     gain = change.mean > 0
     end = change.high if gain else change.low
     axes.annotate(
@@ -120,7 +120,7 @@ def _difference(axes: Axes, column: int, change: Difference) -> None:
 
 
 def _label(ablation: str) -> str:
-    """The name on two lines, the feature as the paper writes it."""
+    """The name in lines, with features as in the paper."""
     if ablation == COMPLETE:
         return "Complete"
     parts = [part.removeprefix("no_") for part in ablation.split(JOIN)]

@@ -1,4 +1,4 @@
-"""A chart of several systems: how their episodes ended, and the BARN metric, beside what was published."""
+"""A chart of several systems: outcomes and BARN metric, beside published results."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ OUTCOMES = ("success", "timeout", "collision")  # from left to right
 HATCHES = {"collision": "////", "timeout": "...."}
 METRIC = "barn_metric"
 WIDTH_IN, ROW_IN, AROUND_IN = 9.0, 0.3, 1.75
-THICK, THIN = 0.8, 0.42  # of a line: our bars, published bars
+THICK, THIN = 0.8, 0.42  # height of our bars, of published bars
 FADED = 0.45  # opacity of published bars
 
 
 def comparison_figure(frame: pd.DataFrame, rows: Sequence[Row], place: Path) -> list[Path]:
-    """Draw one line per row of the table, and save it below `place` as PNG and PDF; the paths.
+    """Draw one bar per row of the table, save the chart in `place` as PNG and PDF, and return the paths.
 
-    frame: one line per episode.
+    frame: one row per episode.
     """
     scored = any(METRIC in row.stats for row in rows)
     figure = new_figure(WIDTH_IN, AROUND_IN + ROW_IN * len(rows))
@@ -42,7 +42,7 @@ def comparison_figure(frame: pd.DataFrame, rows: Sequence[Row], place: Path) -> 
 
 
 def _outcomes(axes: Axes, rows: Sequence[Row]) -> None:
-    """Shares of the outcomes, end to end, with the spread of the success rate over runs."""
+    """Draw stacked bars of the outcomes, with the standard deviation of the success rate over runs."""
     for line, row in enumerate(rows):
         left = 0.0
         for outcome in OUTCOMES:
@@ -78,7 +78,7 @@ def _metric(axes: Axes, rows: Sequence[Row]) -> None:
 
 
 def _value(axes: Axes, line: int, mean: float, std: float, digits: int) -> None:
-    """The number at the foot of its bar, and a whisker of one standard deviation where there is one."""
+    """Write the mean at the foot of its bar, and draw a whisker of one standard deviation if known."""
     from matplotlib.patheffects import withStroke
 
     axes.annotate(
@@ -96,7 +96,7 @@ def _value(axes: Axes, line: int, mean: float, std: float, digits: int) -> None:
 
 
 def _label(figure: Figure, axes: Axes, rows: Sequence[Row], heading: str) -> None:
-    """Names of the rows, the key to the colours above, and what a reader must know below."""
+    """Write the names of the rows, the heading and the key above, and the notes below."""
     from matplotlib.patches import Patch
 
     axes.set_yticks(range(len(rows)), [_name(row) for row in rows], fontsize=8, color=INK)
@@ -117,7 +117,7 @@ def _label(figure: Figure, axes: Axes, rows: Sequence[Row], heading: str) -> Non
 
 
 def _notes(rows: Sequence[Row]) -> list[str]:
-    """What a reader must know."""
+    """Notes on the rows shown."""
     lines = []
     if any(row.global_planner != "no" for row in rows):
         lines.append("* with a global planner.")

@@ -20,19 +20,19 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 PANELS = 12  # at most: more cannot be read on a page
-FAILURES = 2 / 3  # of the panels at most, when there are as many worlds without a failure
+FAILURES = 2 / 3  # of the panels at most, if there are enough worlds without a failure
 PAGE_IN = (10.0, 8.0)  # at most
-LEGEND_IN = 6.6  # the least width that holds the key
+LEGEND_IN = 6.6  # minimum width for the key
 AROUND = Around(header=0.55, footer=0.42)
 
 
 def trajectories_figure(
     frame: pd.DataFrame, trajectories: pd.DataFrame, worlds: Mapping[int, Task], path: Path
 ) -> None:
-    """Draw the paths of a run, in a sample of its worlds, all at one scale, and save them as PNG.
+    """Draw the paths of a run in a sample of its worlds, all at one scale, and save them as PNG.
 
-    frame, trajectories: as `read_episodes` and `read_trajectories` give them. worlds: tasks by number; those
-    that `sample_worlds` names are enough.
+    frame, trajectories: from `read_episodes` and `read_trajectories`. worlds: tasks by number, at least those of
+    `sample_worlds`.
     """
     numbers = [number for number in sample_worlds(frame) if number in worlds]
     shown = trajectories[trajectories["world"].isin(numbers)]
@@ -49,12 +49,12 @@ def trajectories_figure(
 
 
 def sample_worlds(frame: pd.DataFrame, limit: int = PANELS) -> list[int]:
-    """At most `limit` worlds, spread over outcomes and over the numbers: failures first seen, never alone."""
+    """At most `limit` worlds, spread over outcomes and numbers. Failures go first but do not fill the sample."""
     worst = _worst_outcomes(frame)
     kinds = {kind: sorted(w for w, outcome in worst.items() if outcome == kind) for kind in STYLES}
     good = len(kinds["success"])
     failures = max(limit - good, math.ceil(limit * FAILURES))
-    # Timeouts are rare and say most; then collisions; worlds without a failure fill the rest.
+    # Timeouts are rare and most informative; collisions follow; worlds without a failure fill the rest.
     timeouts = min(len(kinds["timeout"]), max(failures - len(kinds["collision"]), failures // 2))
     collisions = min(len(kinds["collision"]), failures - timeouts)
     shares = {"timeout": timeouts, "collision": collisions, "success": limit - timeouts - collisions}
@@ -62,7 +62,7 @@ def sample_worlds(frame: pd.DataFrame, limit: int = PANELS) -> list[int]:
 
 
 def _worst_outcomes(frame: pd.DataFrame) -> dict[int, str]:
-    """Of each world, the worst outcome that any of its runs had."""
+    """The worst outcome of any run, by world."""
     by_world = frame.groupby("world")["outcome"].agg(set)
     return {
         int(str(world)): next(kind for kind in STYLES if kind in outcomes)
@@ -77,7 +77,7 @@ def _spread(numbers: Sequence[int], count: int) -> list[int]:
 
 
 def _panels(figure: Figure, count: int, box: Box) -> list[Axes]:
-    """`count` equal panels at one scale, as large as the page allows; sets the figure's size."""
+    """Add `count` equal panels, as large as the page allows; sets the figure's size."""
     columns = best_columns(count, aspect_of(box), PAGE_IN, AROUND)
     width = panel_width(columns, count, aspect_of(box), PAGE_IN, AROUND)
     rows = lay_out(figure, wrapped([box] * count, columns), width, AROUND, LEGEND_IN)
@@ -85,7 +85,7 @@ def _panels(figure: Figure, count: int, box: Box) -> list[Axes]:
 
 
 def _label(figure: Figure, frame: pd.DataFrame, shown: int, box: Box) -> None:
-    """Heading and counts of outcomes above; the key to lines and markers below."""
+    """Write the heading and the counts of outcomes above, and the key below."""
     counts = frame["outcome"].value_counts()
     outcomes = ", ".join(f"{counts[kind]} {kind}" for kind in LEGEND_ORDER if counts.get(kind, 0))
     worlds = frame["world"].nunique()

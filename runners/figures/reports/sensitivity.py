@@ -1,4 +1,4 @@
-"""How success and the BARN metric move with each parameter: one small panel each, all on one scale."""
+"""A chart of success and the BARN metric over each parameter: one panel each, all on one scale."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from runners.figures.parts.style import BLUE, FRAME, GRID, INK, VERMILION, new_f
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-COLUMNS, STUDIES = 4, 3  # of panels; at most, more cannot be read on a page
+COLUMNS, STUDIES = 4, 3  # of panels; at most: more cannot be read on a page
 WIDTH_IN, PANEL_IN, AROUND_IN = 7.2, 1.75, 1.1
 FRACTIONS = {0.125: "⅛", 0.25: "¼", 0.5: "½", 0.75: "¾"}
-ZERO_GAP = 0.375  # of the factor 0 from the least other one, in widths of all the others
-BESIDE = 0.09  # left and right of all factors, in widths of them all
-TICK_GAP = 0.16  # between factors that are both named on the axis
+ZERO_GAP = 0.375  # from factor 0 to the least other one, relative to the span of the others
+BESIDE = 0.09  # left and right of all factors, relative to their span
+TICK_GAP = 0.16  # least gap between two labelled factors, relative to the span of all
 _SUCCESS: dict[str, Any] = {"color": BLUE, "linestyle": "-", "linewidth": 1.4, "marker": "o"}
 _METRIC: dict[str, Any] = {"color": VERMILION, "linestyle": "--", "linewidth": 1.2, "marker": "s"}
 NOTES = (
@@ -30,7 +30,7 @@ NOTES = (
 
 
 def sensitivity_figure(studies: Sequence[Study], place: Path) -> list[Path]:
-    """Draw a panel for each parameter, save them below `place` as PNG and PDF; the paths."""
+    """Draw a panel for each parameter, save them in `place` as PNG and PDF, and return the paths."""
     shown = studies[:STUDIES]
     columns = min(COLUMNS, max(len(study.curves) for study in shown))
     rows = [math.ceil(len(study.curves) / columns) for study in shown]
@@ -54,7 +54,7 @@ def sensitivity_figure(studies: Sequence[Study], place: Path) -> list[Path]:
 
 
 def _panel(axes: Axes, curve: Curve, places: dict[float, float]) -> None:
-    """Success with its band, and the BARN metric; the factor 0 stands apart, on the left."""
+    """Draw success with its band, and the BARN metric; factor 0 is apart on the left."""
     _band(axes, curve.points, places)
     rows: list[tuple[str, dict[str, Any]]] = [(SUCCESS, _SUCCESS), (METRIC, _METRIC)]
     for measure, look in rows:
@@ -77,7 +77,7 @@ def _panel(axes: Axes, curve: Curve, places: dict[float, float]) -> None:
 
 
 def _band(axes: Axes, points: Sequence[Point], places: dict[float, float]) -> None:
-    """Wilson's interval of the success rates; of the factor 0, which stands alone, as a bar."""
+    """Draw Wilson's interval of the success rates as a band; for factor 0, which is apart, as a bar."""
     bounds = [(places[point.factor], *(point.row.interval or (math.nan, math.nan))) for point in points]
     alone, curve = (bounds[:1], bounds[1:]) if points[0].factor == 0 else ([], bounds)
     x, low, high = zip(*curve, strict=True)
@@ -87,14 +87,14 @@ def _band(axes: Axes, points: Sequence[Point], places: dict[float, float]) -> No
 
 
 def _places(found: Sequence[float]) -> dict[float, float]:
-    """Where factors lie on the axis, in doublings; 0 has none and goes to the left of all."""
+    """Positions of factors on the axis, log2 of the factor; 0 goes to the left of all others."""
     places = {factor: math.log2(factor) for factor in found if factor > 0}
     left, right = min(places.values()), max(places.values())
     return {**({0.0: left - ZERO_GAP * (right - left or 1.0)} if 0.0 in found else {}), **places}
 
 
 def _named(places: dict[float, float]) -> list[float]:
-    """The factors that have room for their names: 1, the outermost ones, and what fits between."""
+    """The factors that get a tick label: 1, the outermost ones, and those that fit between."""
     room = TICK_GAP * (max(places.values()) - min(places.values()))
     named: list[float] = []
     for factor in dict.fromkeys([1.0, *sorted(places)[::-1][:1], *sorted(places)]):

@@ -1,4 +1,4 @@
-"""What a study looks like: `trials.csv`, and three pictures that are pure functions of its trials."""
+"""Reports of a search: `trials.csv`, and three pictures, all pure functions of its trials."""
 
 from __future__ import annotations
 
@@ -23,42 +23,45 @@ if TYPE_CHECKING:
 
 TRIALS = "trials.csv"
 POINT, LINE, BEST = "#9A9A9A", "#0072B2", "#D55E00"  # Okabe and Ito's, as in runners.figures
-COLOURS = "cividis"  # rises evenly in lightness, for every kind of colour vision
+COLOURS = "cividis"  # lightness rises evenly: readable with any colour vision
 WIDTH_IN = 7.0
 
 
-def write_trials(told: Sequence[Trial], run_dir: Path) -> Path:
-    """`trials.csv`: one row per trial: reward, values, and outcome and steps on each configuration."""
+def write_trials(trials: Sequence[Trial], run_dir: Path) -> Path:
+    """Write `trials.csv` and return its path.
+
+    One row per trial: reward, values, and outcome, steps and reward on each configuration.
+    """
     path = run_dir / TRIALS
     with replacing(path) as draft, draft.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
-        worlds = [score.world for score in told[0].scores]
+        worlds = [score.world for score in trials[0].scores]
         ends = [f"{name}_{world}" for world in worlds for name in ("outcome", "steps", "reward")]
-        writer.writerow(["trial", "reward", *told[0].values, *ends])
-        for trial in told:
+        writer.writerow(["trial", "reward", *trials[0].values, *ends])
+        for trial in trials:
             row = [value for score in trial.scores for value in (score.outcome, score.steps, score.reward)]
             writer.writerow([trial.number, trial.reward, *trial.values.values(), *row])
     return path
 
 
 def training_figures(
-    told: Sequence[Trial], space: Space, importances: Mapping[str, float], run_dir: Path
+    trials: Sequence[Trial], space: Space, importances: Mapping[str, float], run_dir: Path
 ) -> list[Path]:
-    """Save convergence, parallel coordinates and, where it is known, importance as PNG; their paths."""
+    """Save convergence, parallel coordinates and, if known, importance as PNG; return the paths."""
     paths = [run_dir / "convergence.png", run_dir / "parallel_coordinates.png"]
-    convergence(told, paths[0])
-    parallel_coordinates(told, space, paths[1])
+    convergence(trials, paths[0])
+    parallel_coordinates(trials, space, paths[1])
     if importances:
         paths.append(run_dir / "importance.png")
-        importance(importances, len(told), paths[2])
+        importance(importances, len(trials), paths[2])
     return paths
 
 
-def convergence(told: Sequence[Trial], path: Path) -> None:
-    """Reward of each trial, and the best so far."""
+def convergence(trials: Sequence[Trial], path: Path) -> None:
+    """Draw the reward of each trial, and the best so far."""
     figure, axes = _figure(3.6)
-    numbers = np.array([trial.number for trial in told])
-    rewards = np.array([trial.reward for trial in told])
+    numbers = np.array([trial.number for trial in trials])
+    rewards = np.array([trial.reward for trial in trials])
     best = np.maximum.accumulate(rewards)
     axes.plot(numbers, rewards, "o", color=POINT, markersize=3.5, markeredgewidth=0, label="trial")
     axes.step(numbers, best, where="post", color=LINE, linewidth=1.6, label="best so far")
@@ -68,7 +71,7 @@ def convergence(told: Sequence[Trial], path: Path) -> None:
     )
     axes.set(xlim=(-1, numbers[-1] + 1), xlabel="trial", ylabel="reward, mean of the configurations")
     axes.set_title(
-        f"{len(told)} trials · best {rewards[winner]:.3f} in trial {told[winner].number}", fontsize=10
+        f"{len(trials)} trials · best {rewards[winner]:.3f} in trial {trials[winner].number}", fontsize=10
     )
     axes.legend(loc="lower right", frameon=False, fontsize=8.5, ncols=3)
     low, high = float(rewards.min()), float(rewards.max())
@@ -77,19 +80,19 @@ def convergence(told: Sequence[Trial], path: Path) -> None:
     save(figure, path.with_suffix(""))
 
 
-def parallel_coordinates(told: Sequence[Trial], space: Space, path: Path) -> None:
-    """A line per trial across its values, each axis over its range; better trials brighter and on top.
+def parallel_coordinates(trials: Sequence[Trial], space: Space, path: Path) -> None:
+    """Draw one line per trial across its values, each axis over its range; better trials are brighter and on top.
 
-    Colours follow the rank: most trials of a good search end within a hundredth of each other.
+    Colours follow the rank: most rewards of a good search differ by less than 0.01.
     """
     from matplotlib.collections import LineCollection
 
     figure, axes = _figure(3.9)
-    rewards = np.array([trial.reward for trial in told])
+    rewards = np.array([trial.reward for trial in trials])
     order = np.argsort(rewards, kind="stable")
-    columns = np.column_stack([_position(space[key], [t.values[key] for t in told]) for key in space])
+    columns = np.column_stack([_position(space[key], [t.values[key] for t in trials]) for key in space])
     places = np.arange(len(space), dtype=float)
-    # A search over one key has one axis: the line is a dash.
+    # A search over one key has one axis: each line is a dash across it.
     across = places if len(places) > 1 else np.array([-0.1, 0.1])
     columns = columns if len(places) > 1 else np.repeat(columns, 2, axis=1)
     lines = [np.column_stack([across, row]) for row in columns[order]]
@@ -100,12 +103,12 @@ def parallel_coordinates(told: Sequence[Trial], space: Space, path: Path) -> Non
     _axes_of(axes, space, places)
     axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.08), frameon=False, fontsize=8.5)
     _rank_bar(figure, axes, drawn, rewards)
-    axes.set_title(f"{len(told)} trials", fontsize=10, pad=22)
+    axes.set_title(f"{len(trials)} trials", fontsize=10, pad=22)
     save(figure, path.with_suffix(""))
 
 
 def importance(importances: Mapping[str, float], num_trials: int, path: Path) -> None:
-    """Bars, the most important parameter first."""
+    """Draw bars, the most important parameter first."""
     figure, axes = _figure(0.9 + 0.3 * len(importances))
     names = sorted(importances, key=lambda name: importances[name])
     shares = [importances[name] for name in names]
@@ -118,7 +121,7 @@ def importance(importances: Mapping[str, float], num_trials: int, path: Path) ->
 
 
 def _rank_bar(figure: Figure, axes: Axes, drawn: LineCollection, rewards: Floats) -> None:
-    """What the colours stand for: the reward that each quarter of the trials reached."""
+    """Add a colour bar with the reward at each quarter of the trials."""
     ranks = np.linspace(0.0, 1.0, 5)
     labels = [f"{reward:.3f}" for reward in np.quantile(rewards, ranks)]
     bar = figure.colorbar(drawn, ax=axes, pad=0.02, fraction=0.04, ticks=ranks)
@@ -128,7 +131,7 @@ def _rank_bar(figure: Figure, axes: Axes, drawn: LineCollection, rewards: Floats
 
 
 def _axes_of(axes: Axes, space: Space, places: Floats) -> None:
-    """One upright line per key, with its name below and its bounds at the ends."""
+    """Draw one vertical axis per key, with its name below and its bounds at the ends."""
     for place, (key, found) in zip(places, space.items(), strict=True):
         axes.axvline(place, color=INK, linewidth=0.7, zorder=3)
         for value, height, side in ((found.low, -0.02, "top"), (found.high, 1.02, "bottom")):
@@ -141,7 +144,7 @@ def _axes_of(axes: Axes, space: Space, places: Floats) -> None:
 
 
 def _position(found: Any, values: Sequence[float]) -> Floats:
-    """Where values lie between the bounds of their range, 0 to 1."""
+    """Positions of values between the bounds of their range, 0 to 1."""
     scale = math.log if found.log else float
     low, high = scale(found.low), scale(found.high)
     return (np.array([scale(value) for value in values]) - low) / (high - low)

@@ -19,7 +19,7 @@ from runners.figures.parts.extent import extent, mover_outline
 from runners.figures.parts.scene import Box
 from runners.figures.parts.style import BLUE, GREEN, VERMILION
 
-GOAL, START = "★", "→↗↑↖←↙↓↘"  # the start by its heading, in eighths of a turn from the x axis on
+GOAL, START = "★", "→↗↑↖←↙↓↘"  # the start by its heading, in eighths of a turn from the x axis
 _ACROSS, _DOWN = 2, 4  # dots of a character
 _BITS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]])  # of Unicode, from the top
 _FINE = 3  # samples across a dot: a line then fills a third of every dot that it crosses
@@ -27,7 +27,7 @@ _FILLED = 0.3  # share of a dot's samples that sets it
 
 
 class _Lattice(NamedTuple):
-    """Where the dots are. corner: lower left of the picture [m]. step: from dot to dot [m]."""
+    """The grid of dots. corner: lower left of the picture [m]. step: distance between dots [m]."""
 
     corner: Floats
     step: float
@@ -36,10 +36,10 @@ class _Lattice(NamedTuple):
 
 
 def picture(task: Task, columns: int, lines: int, path: Floats | None = None) -> Text:
-    """The world, y up, at one scale for both axes and at most `columns` × `lines` characters large.
+    """The world, y up, at equal scale on both axes, in at most `columns` × `lines` characters.
 
-    Obstacles are filled, movers hollow where they stand at first; an arrow is the start, a star the goal. path:
-    (P, 2) a way to draw too [m].
+    Obstacles are filled; movers are hollow, at their first pose. An arrow marks the start, a star the goal. path:
+    (P, 2), drawn too [m].
     """
     lattice = _laid(extent(task), columns, lines)
     layers = [(_dots(task.world, lattice), "")]
@@ -55,7 +55,7 @@ def picture(task: Task, columns: int, lines: int, path: Floats | None = None) ->
 
 
 def heading(task: Task) -> str:
-    """The arrow nearest to where the robot looks at the start."""
+    """The arrow nearest to the robot's heading at the start."""
     return START[round(task.start.yaw / (math.pi / 4)) % len(START)]
 
 
@@ -65,7 +65,7 @@ def _outlines(movers: Sequence[Mover]) -> World:
 
 
 def _laid(box: Box, columns: int, lines: int) -> _Lattice:
-    """The finest dots with which the box fits; its outermost lines run through the middles of dots."""
+    """The finest lattice that holds the box; the box's edges run through the middles of dots."""
     size = np.array([box.x1 - box.x0, box.y1 - box.y0])
     most = np.array([columns * _ACROSS, lines * _DOWN])
     step = float((size / (most - 1)).max())
@@ -76,7 +76,7 @@ def _laid(box: Box, columns: int, lines: int) -> _Lattice:
 
 
 def _dots(world: World, lattice: _Lattice) -> Bools:
-    """(dots down, dots across) which dots the obstacles fill; the first row is the top."""
+    """(dots down, dots across) whether obstacles fill each dot; the first row is the top."""
     fine = lattice.step / _FINE
     across, down = lattice.columns * _ACROSS, lattice.lines * _DOWN
     x = lattice.corner[0] + (np.arange(across * _FINE) + 0.5) * fine
@@ -100,7 +100,7 @@ def _painted(
         bits = (dots.reshape(shape).transpose(0, 2, 1, 3) * _BITS).sum(axis=(2, 3))
         codes |= bits
         colours[bits > 0] = colour
-    # A space for the empty character: some fonts draw it as eight small rings.
+    # A space for the empty Braille character: some fonts draw that as eight small rings.
     return [[chr(0x2800 + code) if code else " " for code in row] for row in codes.tolist()], colours.tolist()
 
 

@@ -1,4 +1,4 @@
-"""Map sets and worlds as a terminal shows them: a picture, and words beside it."""
+"""Map sets and worlds in a terminal: a picture with text beside it."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from runners.figures.terminal.braille import GOAL, heading, picture
 
 SMALL_COLUMNS, SMALL_LINES, TALL_LINES = 16, 6, 9  # of a thumbnail; a tall world gets more lines
 MIDDLE_COLUMNS, MIDDLE_LINES = 24, 12  # of one world among several
-LARGE_LINES = 32  # of one world alone, where the terminal has no more
+LARGE_LINES = 32  # of a single world, at least
 
 
 def set_entry(name: str, title: str) -> RenderableType:
-    """A map set: the picture of its first world, and what it is; or why there is no picture."""
+    """A map set: its title and a picture of its first world, or the reason why there is no picture."""
     text, small = Text.assemble((name, "bold"), "\n", title, "\n"), Text()
     try:
         chosen = choose([name])
@@ -39,7 +39,7 @@ def set_entry(name: str, title: str) -> RenderableType:
 
 
 def several_worlds(tasks: Sequence[Task]) -> RenderableType:
-    """Their pictures, each below its number, in as many columns as fit."""
+    """Pictures of worlds, each below its number, in as many columns as fit."""
     pictures = [
         Text.assemble((f"{task.number}\n", "bold"), picture(task, MIDDLE_COLUMNS, MIDDLE_LINES), "\n")
         for task in tasks
@@ -48,7 +48,7 @@ def several_worlds(tasks: Sequence[Task]) -> RenderableType:
 
 
 def one_world(chosen: Chosen, task: Task, console: Console) -> RenderableType:
-    """A world as large as the terminal allows; what is known of it beside it where that fits, else below."""
+    """A world as large as the terminal allows, with facts beside it if they fit, else below."""
     way = known_path(chosen.maps, task)
     drawn = picture(task, console.width, max(LARGE_LINES, console.height - 4), way)
     facts = Group(
@@ -88,7 +88,7 @@ def _facts(task: Task) -> Table:
 
 
 def _key(task: Task, with_way: bool) -> Text:
-    """What the characters of the picture stand for."""
+    """The key to the characters of the picture."""
     key = Text.assemble((heading(task), f"bold {GREEN}"), " start  ", (GOAL, f"bold {VERMILION}"), " goal")
     if with_way:
         key.append("  ⠤⠤", f"bold {BLUE}").append(" optimal path")

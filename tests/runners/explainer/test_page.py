@@ -75,7 +75,7 @@ def test_the_address_leads_to_a_step_and_moves_the_page(open_page, page_file, pa
     page.evaluate("location.hash = '#step=33'")
     until(page, "explainer.app.playback.step === 33")
     page.evaluate("location.hash = '#step=99999'")  # there is none: the end
-    until(page, "explainer.app.playback.step === explainer.tale.last")
+    until(page, "explainer.app.playback.step === explainer.trace.last")
 
 
 def test_the_timeline_can_be_clicked(page, trace):
@@ -161,8 +161,8 @@ def test_the_world_is_what_was_seen_up_to_the_step(page, trace):
     )
     cells = {tuple(cell) for cell in np.floor(seen / CELL_M).astype(int).tolist()}
     shown = page.evaluate(
-        """(step) => Array.from({ length: explainer.tale.starts.seen[step + 1] },
-            (_, i) => [explainer.tale.arrays["seen.x"][i], explainer.tale.arrays["seen.y"][i]])""",
+        """(step) => Array.from({ length: explainer.trace.starts.seen[step + 1] },
+            (_, i) => [explainer.trace.arrays["seen.x"][i], explainer.trace.arrays["seen.y"][i]])""",
         step,
     )
     assert len(shown) == len(cells)
@@ -172,10 +172,10 @@ def test_the_world_is_what_was_seen_up_to_the_step(page, trace):
 def test_neighbouring_sectors_differ_and_the_blocking_one_has_its_ends(page, trace):
     step = next(i for i, m in enumerate(trace.steps) if m.explanation.view.blockage is not None)
     way = trace.steps[step].explanation.view.blockage
-    tale_js = "explainer.tale"
+    trace_js = "explainer.trace"
     ends = page.evaluate(
         f"""(step) => {{
-            const {{ arrays, starts }} = {tale_js};
+            const {{ arrays, starts }} = {trace_js};
             const at = starts.sectors[step] + arrays.blocking[step];
             return [0, 1].map((i) => starts.scan[step] + arrays.sectors[2 * at + i])
                 .map((i) => [arrays["scan.x"][i] / 1000, arrays["scan.y"][i] / 1000]);

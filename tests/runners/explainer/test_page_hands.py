@@ -63,7 +63,7 @@ def test_a_button_of_no_more_use_leaves_the_focus_on_the_page(page, button):
     press(page, "Enter")
     assert (
         page.get_attribute("#better", "aria-disabled")
-        == str(step_of(page) == page.evaluate("explainer.tale.last")).lower()
+        == str(step_of(page) == page.evaluate("explainer.trace.last")).lower()
     )
 
 
@@ -104,7 +104,7 @@ def test_names_in_the_scene_do_not_cover_one_another(page, trace):
             const shown = { truth: false, changed: false, picked: null, scale: { low: 0, high: 1 } };
             for (const step of steps) {
                 drawn.push([]);
-                const values = new Float64Array(explainer.tale.candidates(step));
+                const values = new Float64Array(explainer.trace.candidates(step));
                 app.scene.draw({ ...shown, step, values, verdict: app.verdicts[step] });
             }
             CanvasRenderingContext2D.prototype.fillText = plain;

@@ -81,7 +81,7 @@ def test_a_planned_path_is_drawn_and_the_end_tells_the_tasks_clock(open_page, tm
     page = open_page(path, "#step=5")
     shown = page.evaluate(
         """() => {
-            const { arrays, starts } = explainer.tale;
+            const { arrays, starts } = explainer.trace;
             const [from, to] = starts.plan.subarray(5, 7);
             const metres = (name) => Array.from(arrays[name].subarray(from, to), (value) => value / 1000);
             return [metres("plan.x"), metres("plan.y")];
@@ -128,8 +128,8 @@ def test_what_moves_is_drawn_where_it_is(open_page, tmp_path):
     page = open_page(path)
     still = len(moving.task.world.circles), len(moving.task.world.edges)
     shown = page.evaluate(
-        "[0, 50].map((step) => ['discs', 'edges'].map((name, i) => Array.from(explainer.tale.arrays[name]"
-        ".subarray(...explainer.tale.span(name, step).map((row) => row * (3 + i))))))"
+        "[0, 50].map((step) => ['discs', 'edges'].map((name, i) => Array.from(explainer.trace.arrays[name]"
+        ".subarray(...explainer.trace.span(name, step).map((row) => row * (3 + i))))))"
     )
     for step, parts in zip((0, 50), shown, strict=True):
         for part, obstacles, first in zip(parts, moving.steps[step].obstacles, still, strict=True):

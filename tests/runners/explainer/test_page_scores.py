@@ -47,12 +47,12 @@ def in_page(page, values):
     words = {name: "inf" if value == math.inf else value for name, value in values.items()}
     return page.evaluate(
         """(words) => {
-            const { app, tale } = explainer;
+            const { app, trace } = explainer;
             for (const name in words) if (words[name] === "inf") words[name] = Infinity;
             app.panel.set(words);
             const { weights } = app.panel.parameters;
             return app.verdicts.map((verdict, step) => ({ ...verdict, changed: app.changed[step],
-                scores: Array.from(explainer.scoresOf(tale, step, weights)) }));
+                scores: Array.from(explainer.scoresOf(trace, step, weights)) }));
         }""",
         words,
     )

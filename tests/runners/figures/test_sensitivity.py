@@ -7,8 +7,10 @@ import pytest
 from runners.analysis import sensitivity
 from runners.figures.parts.style import symbol
 from runners.figures.reports import sensitivity as picture
-from tests.runners.analysis.test_sensitivity import RATES, sweep
+from tests.runners.analysis.test_sensitivity import RATES, launched, sweep
 from tests.runners.config.test_conf import PARAMETERS
+
+__all__ = ["launched"]  # a fixture
 
 EIGHT = {"": 0.9} | {f"{name} × {factor}": 0.8 for name in sorted(PARAMETERS) for factor in (0, 0.25, 4)}
 

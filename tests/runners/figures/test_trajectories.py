@@ -3,12 +3,14 @@
 import math
 from itertools import combinations
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
 import pytest
 
 from lme.errors import InputError
+from lme.robots import Footprint
 from runners.config.instantiate import build
 from runners.figures.kinds import trajectories
 from runners.figures.kinds.trajectories import Trajectories, TrajectoriesConfig, moment
@@ -37,9 +39,9 @@ def job(system, outcomes, map_name="corridor"):
         {"system": system, "map": map_name, "world": w, "run": 0, "outcome": o, "time_s": 12.34}
         for w, o in outcomes.items()
     ]
-    made = DrivenRun(
-        Path("none"), {"map": {"name": map_name}, "robot": {"footprint": {}}}, pd.DataFrame(rows)
-    )
+    robot = SimpleNamespace(footprint=Footprint(radius=0.3))
+    config = SimpleNamespace(map={"name": map_name}, robot=robot)
+    made = DrivenRun(Path("none"), config, pd.DataFrame(rows))
     y = np.linspace(0, 5.5, PATH_ROWS)
     steps = {"run": 0, "step": np.arange(PATH_ROWS), "time_s": np.arange(PATH_ROWS) / 10, "y_m": y}
     others = {"x_m": np.sin(y) / 2, "subgoal_x_m": 0.0, "subgoal_y_m": y + 1.0, "switched": 0.0}
