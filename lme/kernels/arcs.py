@@ -53,7 +53,7 @@ def clearances(points: Floats, box: tuple[float, float, float]) -> Floats:
 
 
 @njit(cache=True, error_model="numpy")
-def _contact_times(twists, points, box, margins, least, horizons):  # type: ignore[no-untyped-def]
+def _contact_times(twists, points, box, margins, least, horizons):
     """`contact_times` in plain numbers: points nearest first, so that one contact ends the search early."""
     r_max = math.hypot(box[0], box[1]) + box[2] + margins.max()
     near, ranges = _nearest_first(points, _reach(twists, horizons) + r_max)
@@ -73,7 +73,7 @@ def _contact_times(twists, points, box, margins, least, horizons):  # type: igno
 
 
 @njit(cache=True, error_model="numpy")
-def _reach(twists, horizons):  # type: ignore[no-untyped-def]
+def _reach(twists, horizons):
     """How far the base gets at most [m]."""
     reach = 0.0
     for i in range(len(twists)):
@@ -82,7 +82,7 @@ def _reach(twists, horizons):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _nearest_first(points, reach):  # type: ignore[no-untyped-def]
+def _nearest_first(points, reach):
     """Points within reach of the origin, nearest first (M, 2), and their distances (M,)."""
     ranges = np.empty(len(points))
     for i in range(len(points)):
@@ -93,13 +93,13 @@ def _nearest_first(points, reach):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _rounding(gap, rounding, margin):  # type: ignore[no-untyped-def]
+def _rounding(gap, rounding, margin):
     """Rounding of the footprint grown by the margin, or by as much of it as the point's distance allows."""
     return rounding + min(margin, SLACK * gap)
 
 
 @njit(cache=True, error_model="numpy")
-def _straight(points, ranges, gaps, box, margin, limits):  # type: ignore[no-untyped-def]
+def _straight(points, ranges, gaps, box, margin, limits):
     """Way straight ahead until contact [m]; inf beyond the second of the limits, any one before the first."""
     enough, limit = limits
     half_length, half_width, rounding = box
@@ -124,7 +124,7 @@ def _straight(points, ranges, gaps, box, margin, limits):  # type: ignore[no-unt
 
 
 @njit(cache=True, error_model="numpy")
-def _turn(points, ranges, gaps, box, margin, radius, limits):  # type: ignore[no-untyped-def]
+def _turn(points, ranges, gaps, box, margin, radius, limits):
     """Angle about the centre until contact [rad]; limits as for `_straight`, and a full circle at most."""
     enough, limit = limits
     half_length, half_width, rounding = box
@@ -160,7 +160,7 @@ def _turn(points, ranges, gaps, box, margin, radius, limits):  # type: ignore[no
 
 
 @njit(cache=True, error_model="numpy")
-def _rotation(angle):  # type: ignore[no-untyped-def]
+def _rotation(angle):
     """Cosine and sine; beyond a half turn, of what turns everything behind: there a point may have passed by."""
     if angle > math.pi:
         return -np.inf, 0.0
@@ -168,7 +168,7 @@ def _rotation(angle):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _annulus(R, half_length, half_width, r):  # type: ignore[no-untyped-def]
+def _annulus(R, half_length, half_width, r):
     """Squared distances from the centre of rotation that the footprint sweeps, less R²: least and greatest."""
     inner = half_width + r
     low = inner * inner - 2.0 * R * inner if R > inner else -R * R
@@ -178,7 +178,7 @@ def _annulus(R, half_length, half_width, r):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _entry(x, y, square, R, half_length, half_width, r):  # type: ignore[no-untyped-def]
+def _entry(x, y, square, R, half_length, half_width, r):
     """Angle until a point outside the footprint enters it: through an edge, or a rounded corner.
 
     The footprint is the union of two rectangles and four discs; whichever is entered first is the contact.
@@ -196,7 +196,7 @@ def _entry(x, y, square, R, half_length, half_width, r):  # type: ignore[no-unty
 
 
 @njit(cache=True, error_model="numpy")
-def _edge_entry(x, y, psi, square, R, half_length, half_width, r):  # type: ignore[no-untyped-def]
+def _edge_entry(x, y, psi, square, R, half_length, half_width, r):
     """Angle until the point crosses an edge inwards: ahead and behind it moves along x, to the sides along y.
 
     On the circle (x, R − y) has the squared length R² + square. Clockwise, it enters the front below the centre,
@@ -223,7 +223,7 @@ def _edge_entry(x, y, psi, square, R, half_length, half_width, r):  # type: igno
 
 
 @njit(cache=True, error_model="numpy")
-def _corner_entry(x, y, psi, rho, R, half_length, half_width, r):  # type: ignore[no-untyped-def]
+def _corner_entry(x, y, psi, rho, R, half_length, half_width, r):
     """Angle until the point enters a disc of radius r about one of the corners (±half_length, half_width).
 
     With ρ and D the distances of point and corner from the centre, the angle β between them at contact obeys
@@ -241,7 +241,7 @@ def _corner_entry(x, y, psi, rho, R, half_length, half_width, r):  # type: ignor
 
 
 @njit(cache=True, error_model="numpy")
-def _ahead(angle):  # type: ignore[no-untyped-def]
+def _ahead(angle):
     """The angle in [0, 2π)."""
     if angle < 0.0:
         angle += 2.0 * math.pi

@@ -19,7 +19,7 @@ _OVERSHOOT = 0.75  # a force that turns round and keeps this share has pushed to
 
 
 @njit(cache=True, error_model="numpy", fastmath={"nnan", "ninf", "nsz", "reassoc"})
-def _nearest_square(xs, ys, x, y):  # type: ignore[no-untyped-def]
+def _nearest_square(xs, ys, x, y):
     """Squared distance to the nearest point; no product is fused, so the result is that of plain arithmetic."""
     least = 1e300
     for i in range(len(xs)):
@@ -29,7 +29,7 @@ def _nearest_square(xs, ys, x, y):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _radius(x, y, space):  # type: ignore[no-untyped-def]
+def _radius(x, y, space):
     """Radius of the bubble at (x, y)."""
     xs, ys, inner, ceiling = space
     return min(math.sqrt(_nearest_square(xs, ys, x, y)) - inner, ceiling)
@@ -72,7 +72,7 @@ def relax(
 
 
 @njit(cache=True, error_model="numpy")
-def _settle(before, bubble, after, space, spacing, forces, halvings):  # type: ignore[no-untyped-def]
+def _settle(before, bubble, after, space, spacing, forces, halvings):
     """One bubble a step along its force, and back by halves while the force there turns round."""
     tx, ty = after[0] - before[0], after[1] - before[1]
     length = math.sqrt(tx * tx + ty * ty)
@@ -97,7 +97,7 @@ def _settle(before, bubble, after, space, spacing, forces, halvings):  # type: i
 
 
 @njit(cache=True, error_model="numpy")
-def _force(before, bubble, after, normal, space, spacing, forces):  # type: ignore[no-untyped-def]
+def _force(before, bubble, after, normal, space, spacing, forces):
     """Contraction and repulsion across the band, along `normal`.
 
     Contraction: the sum of the unit vectors to both neighbours. Repulsion: the missing radius times the slope
@@ -115,7 +115,7 @@ def _force(before, bubble, after, normal, space, spacing, forces):  # type: igno
 
 
 @njit(cache=True, error_model="numpy")
-def _pull(x, y, neighbour, normal):  # type: ignore[no-untyped-def]
+def _pull(x, y, neighbour, normal):
     """Component along the normal of the unit vector to a neighbour."""
     dx, dy = neighbour[0] - x, neighbour[1] - y
     return (dx * normal[0] + dy * normal[1]) / max(math.sqrt(dx * dx + dy * dy), 1e-9)
@@ -146,7 +146,7 @@ def mend(
 
 
 @njit(cache=True, error_model="numpy")
-def _filled(centres, radii, space, spacing, joint, size):  # type: ignore[no-untyped-def]
+def _filled(centres, radii, space, spacing, joint, size):
     """The band with bubbles inserted, rows x, y, radius, and the length of its chain."""
     out, waiting = np.empty((size, 3)), np.empty((size, 3))  # a stack, the next one on top
     left = len(centres)
@@ -172,7 +172,7 @@ def _filled(centres, radii, space, spacing, joint, size):  # type: ignore[no-unt
 
 
 @njit(cache=True, error_model="numpy")
-def _without_redundant(centres, radii, joint):  # type: ignore[no-untyped-def]
+def _without_redundant(centres, radii, joint):
     """The bubbles whose neighbours do not join without them, and both ends."""
     out, out_radii = centres.copy(), radii.copy()
     count = 1
@@ -187,7 +187,7 @@ def _without_redundant(centres, radii, joint):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _join(gap, one, other, joint):  # type: ignore[no-untyped-def]
+def _join(gap, one, other, joint):
     """Whether bubbles of these radii, `gap` apart, join."""
     return min(one, other) > joint[1] and gap <= joint[0] * (one + other)
 

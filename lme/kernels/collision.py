@@ -28,7 +28,7 @@ def sweep(
 
 
 @njit(cache=True, error_model="numpy")
-def _sweep(poses, half_length, half_width, rounding, circles, edges):  # type: ignore[no-untyped-def]
+def _sweep(poses, half_length, half_width, rounding, circles, edges):
     """`sweep` in plain numbers."""
     near_circles, near_edges = _broad_phase(poses, half_length, half_width, rounding, circles, edges)
     least = np.inf
@@ -45,7 +45,7 @@ def _sweep(poses, half_length, half_width, rounding, circles, edges):  # type: i
 
 
 @njit(cache=True, error_model="numpy")
-def _broad_phase(poses, half_length, half_width, rounding, circles, edges):  # type: ignore[no-untyped-def]
+def _broad_phase(poses, half_length, half_width, rounding, circles, edges):
     """Indices of the circles and of the edges that may be the nearest, or in contact, at some pose.
 
     With d from the middle position to an obstacle: the clearance in the middle is at most d − r_min, and at
@@ -68,7 +68,7 @@ def _broad_phase(poses, half_length, half_width, rounding, circles, edges):  # t
 
 
 @njit(cache=True, error_model="numpy")
-def _circle_distances(x, y, circles):  # type: ignore[no-untyped-def]
+def _circle_distances(x, y, circles):
     """Distance from (x, y) to each circle, negative inside."""
     out = np.empty(len(circles))
     for i in range(len(circles)):
@@ -78,7 +78,7 @@ def _circle_distances(x, y, circles):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _edge_distances(x, y, edges):  # type: ignore[no-untyped-def]
+def _edge_distances(x, y, edges):
     """Distance from (x, y) to each edge."""
     out = np.empty(len(edges))
     for i in range(len(edges)):
@@ -87,7 +87,7 @@ def _edge_distances(x, y, edges):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _to_circles(frame, half_length, half_width, circles, chosen):  # type: ignore[no-untyped-def]
+def _to_circles(frame, half_length, half_width, circles, chosen):
     """Distance from the rectangle at `frame` to the nearest of the chosen circles; negative in contact."""
     x, y, cos, sin = frame
     least = np.inf
@@ -100,7 +100,7 @@ def _to_circles(frame, half_length, half_width, circles, chosen):  # type: ignor
 
 
 @njit(cache=True, error_model="numpy")
-def _to_edges(frame, half_length, half_width, edges, chosen):  # type: ignore[no-untyped-def]
+def _to_edges(frame, half_length, half_width, edges, chosen):
     """Distance from the rectangle at `frame` to the nearest of the chosen edges; 0 where they meet."""
     x, y, cos, sin = frame
     least = np.inf
@@ -114,7 +114,7 @@ def _to_edges(frame, half_length, half_width, edges, chosen):  # type: ignore[no
 
 
 @njit(cache=True, error_model="numpy")
-def _crosses(segment, half_length, half_width):  # type: ignore[no-untyped-def]
+def _crosses(segment, half_length, half_width):
     """Whether a segment meets the rectangle centred on the origin: no axis of either separates them."""
     ax, ay, bx, by = segment
     if min(ax, bx) > half_length or max(ax, bx) < -half_length:
@@ -126,7 +126,7 @@ def _crosses(segment, half_length, half_width):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _rectangle_to_segment(segment, half_length, half_width):  # type: ignore[no-untyped-def]
+def _rectangle_to_segment(segment, half_length, half_width):
     """Squared distance where they do not meet: from an end of the segment, or from a corner."""
     ax, ay, bx, by = segment
     least = min(
@@ -139,14 +139,14 @@ def _rectangle_to_segment(segment, half_length, half_width):  # type: ignore[no-
 
 
 @njit(cache=True, error_model="numpy")
-def _point_to_box(x, y, half_length, half_width):  # type: ignore[no-untyped-def]
+def _point_to_box(x, y, half_length, half_width):
     """Squared distance from a point to the rectangle."""
     outside_x, outside_y = max(abs(x) - half_length, 0.0), max(abs(y) - half_width, 0.0)
     return outside_x * outside_x + outside_y * outside_y
 
 
 @njit(cache=True, error_model="numpy")
-def _point_to_segment(x, y, x0, y0, x1, y1):  # type: ignore[no-untyped-def]
+def _point_to_segment(x, y, x0, y0, x1, y1):
     """Squared distance from a point to a segment; one of length 0 is a point."""
     ex, ey, qx, qy = x1 - x0, y1 - y0, x - x0, y - y0
     length = max(ex * ex + ey * ey, 1e-300)

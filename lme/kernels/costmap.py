@@ -80,7 +80,7 @@ def inflate(hits: Hits, stamp: Ints, costs: Costs) -> None:
 
 
 @njit(cache=True, error_model="numpy")
-def _press(costs, stamp, i, j):  # type: ignore[no-untyped-def]
+def _press(costs, stamp, i, j):
     """Raise the costs around cell (i, j) to those of the stamp."""
     for k in range(len(stamp)):
         a, b = i + stamp[k, 0], j + stamp[k, 1]
@@ -89,7 +89,7 @@ def _press(costs, stamp, i, j):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _free(hits, grid, since, pose, cos, sin, length):  # type: ignore[no-untyped-def]
+def _free(hits, grid, since, pose, cos, sin, length):
     """Free the cells that a beam passes, but for those hit since scan `since`.
 
     Amanatides & Woo 1987, "A fast voxel traversal algorithm": step into the cell whose border comes first.
@@ -139,7 +139,7 @@ def draw_edges(hits: Hits, grid: Grid, edges: Floats) -> None:
 
 
 @njit(cache=True, error_model="numpy")
-def _occupy(hits, grid, i, j):  # type: ignore[no-untyped-def]
+def _occupy(hits, grid, i, j):
     """Mark lattice cell (i, j) where it lies on the grid."""
     a, b = i - grid[0], j - grid[1]
     if 0 <= a < hits.shape[0] and 0 <= b < hits.shape[1]:

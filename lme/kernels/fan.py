@@ -51,7 +51,7 @@ def fan_blocked(apex: Floats, ends: Floats, points: Floats, radius: float) -> Bo
 
 
 @njit(cache=True, error_model="numpy")
-def _near(dx, dy, length_square, qx, qy, radius_square):  # type: ignore[no-untyped-def]
+def _near(dx, dy, length_square, qx, qy, radius_square):
     """Whether q lies nearer than the radius to the segment from the origin to d: the definition."""
     along = qx * dx + qy * dy
     if along <= 0.0:
@@ -64,7 +64,7 @@ def _near(dx, dy, length_square, qx, qy, radius_square):  # type: ignore[no-unty
 
 
 @njit(cache=True, error_model="numpy")
-def _test_all(arms, rays, radius, blocked):  # type: ignore[no-untyped-def]
+def _test_all(arms, rays, radius, blocked):
     """Every segment against every point."""
     radius_square = radius * radius
     for j in range(rays.shape[1]):
@@ -74,7 +74,7 @@ def _test_all(arms, rays, radius, blocked):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _arms(apex, points):  # type: ignore[no-untyped-def]
+def _arms(apex, points):
     """(3, N) x, y and squared length of the points seen from the apex, and the greatest length."""
     ax, ay = apex[0], apex[1]
     arms = np.empty((3, len(points)))
@@ -87,7 +87,7 @@ def _arms(apex, points):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _bearings(arms, axis):  # type: ignore[no-untyped-def]
+def _bearings(arms, axis):
     """(N,) diamond angles of the arms about the axis."""
     ax, ay = axis
     out = np.empty(arms.shape[1])
@@ -98,7 +98,7 @@ def _bearings(arms, axis):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _cones(rays, axis, wide, low, scale, num_bins):  # type: ignore[no-untyped-def]
+def _cones(rays, axis, wide, low, scale, num_bins):
     """(2, M) first and last bin between the tangents to the disc of radius `wide` around each point.
 
     The tangents are the ray turned by ±asin(wide / length). All bins where the apex is in the disc. Where
@@ -123,7 +123,7 @@ def _cones(rays, axis, wide, low, scale, num_bins):  # type: ignore[no-untyped-d
 
 
 @njit(cache=True, error_model="numpy")
-def _sort_into_bins(arms, bearing, low, scale, num_bins):  # type: ignore[no-untyped-def]
+def _sort_into_bins(arms, bearing, low, scale, num_bins):
     """Counting sort: the ends' indices (N,) and arms (3, N) bin by bin, and where bins start (num_bins + 1,)."""
     start = np.zeros(num_bins + 1, np.int64)
     bin_of = np.empty(len(bearing), np.int64)
@@ -144,7 +144,7 @@ def _sort_into_bins(arms, bearing, low, scale, num_bins):  # type: ignore[no-unt
 
 
 @njit(cache=True, error_model="numpy")
-def _reaches(arms, start, wide):  # type: ignore[no-untyped-def]
+def _reaches(arms, start, wide):
     """Per bin, the squared distance from which on a point is too far to block its longest arm; 0 if empty."""
     reach = np.zeros(len(start) - 1)
     for k in range(len(reach)):
@@ -154,7 +154,7 @@ def _reaches(arms, start, wide):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _take(offset, rays, cones, ends, arms, start, stop, reach, radius, wide, blocked):  # type: ignore[no-untyped-def]
+def _take(offset, rays, cones, ends, arms, start, stop, reach, radius, wide, blocked):
     """Test every `_STRIDE`-th point from `offset` on against the ends left in its bins; blocked ones leave."""
     num_bins, radius_square = len(reach), radius * radius
     farthest = 0.0

@@ -143,7 +143,7 @@ def nearest_passable(costs: Costs, table: Floats, cell: Cell, towards: Cell) -> 
 
 
 @njit(cache=True, error_model="numpy")
-def _line_cost(costs, table, a, b, enough):  # type: ignore[no-untyped-def]
+def _line_cost(costs, table, a, b, enough):
     """Cost of the straight line between two cells, sampled twice a cell; no further than `enough`."""
     di, dj = b[0] - a[0], b[1] - a[1]
     length = math.hypot(di, dj)
@@ -161,7 +161,7 @@ def _line_cost(costs, table, a, b, enough):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def _step(costs, table, i, j, di, dj):  # type: ignore[no-untyped-def]
+def _step(costs, table, i, j, di, dj):
     """Cost of a move; inf where there is none."""
     a, b = i + di, j + dj
     if a < 0 or b < 0 or a >= costs.shape[0] or b >= costs.shape[1] or (di == 0 and dj == 0):
@@ -175,7 +175,7 @@ def _step(costs, table, i, j, di, dj):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def _key(g, scale, i, j, start, goal):  # type: ignore[no-untyped-def]
+def _key(g, scale, i, j, start, goal):
     """What a cell is ranked by: cost so far and to go; of equal ones, the cell nearer to the line first.
 
     Which of them the search has seen when it ends would else depend on the last digits of sums, and the path with it.
@@ -184,20 +184,20 @@ def _key(g, scale, i, j, start, goal):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def _off_line(i, j, start, goal):  # type: ignore[no-untyped-def]
+def _off_line(i, j, start, goal):
     """Distance of a cell from the line from start to goal, times the length of that [cells²]."""
     return abs((i - start[0]) * (goal[1] - start[1]) - (j - start[1]) * (goal[0] - start[0]))
 
 
 @njit(cache=True, error_model="numpy")
-def _octile(di, dj):  # type: ignore[no-untyped-def]
+def _octile(di, dj):
     """Length of the shortest way over eight neighbours [cells]."""
     a, b = abs(di), abs(dj)
     return max(a, b) + (_SQRT2 - 1.0) * min(a, b)
 
 
 @njit(cache=True, error_model="numpy")
-def _push(keys, cells, size, key, cell):  # type: ignore[no-untyped-def]
+def _push(keys, cells, size, key, cell):
     """Into a binary heap; its new size."""
     k = size
     while k > 0 and key < keys[(k - 1) // 2]:
@@ -208,7 +208,7 @@ def _push(keys, cells, size, key, cell):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _pop(keys, cells, size):  # type: ignore[no-untyped-def]
+def _pop(keys, cells, size):
     """Drop the first of a binary heap; its new size."""
     size -= 1
     key, cell = keys[size], cells[size]

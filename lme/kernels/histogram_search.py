@@ -146,7 +146,7 @@ def search(
 
 
 @njit(cache=True, error_model="numpy")
-def _expand(nodes, estimate, count, taken, points, unseen, goal, spacing, rules, costs):  # type: ignore[no-untyped-def]
+def _expand(nodes, estimate, count, taken, points, unseen, goal, spacing, rules, costs):
     """Append the children of a node; returns the new number of nodes."""
     x, y, before, cost, depth = (
         nodes[taken, 0],
@@ -177,7 +177,7 @@ def _expand(nodes, estimate, count, taken, points, unseen, goal, spacing, rules,
 
 
 @njit(cache=True, error_model="numpy")
-def _wrapped(angle):  # type: ignore[no-untyped-def]
+def _wrapped(angle):
     """Into [−π, π] for angles within a few turns; odd, so that mirrored angles stay mirrored."""
     while angle > math.pi:
         angle -= 2.0 * math.pi
@@ -230,7 +230,7 @@ def least_clearance(
 
 
 @njit(cache=True, error_model="numpy")
-def _clearance(points, box, x, y, yaw):  # type: ignore[no-untyped-def]
+def _clearance(points, box, x, y, yaw):
     """Distance from the footprint at (x, y, yaw) to the nearest point, less its rounding."""
     cos, sin = math.cos(yaw), math.sin(yaw)
     least = np.inf

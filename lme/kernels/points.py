@@ -39,7 +39,7 @@ def scan_points(
 
 
 @njit(cache=True, error_model="numpy")
-def _hits(ranges, directions, range_min, range_max, mount):  # type: ignore[no-untyped-def]
+def _hits(ranges, directions, range_min, range_max, mount):
     """Points (M, 2) and their diamond angles (M,), in the order of the beams."""
     cos, sin = math.cos(mount[2]), math.sin(mount[2])
     points = np.empty((len(ranges), 2))
@@ -58,7 +58,7 @@ def _hits(ranges, directions, range_min, range_max, mount):  # type: ignore[no-u
 
 
 @njit(cache=True, error_model="numpy")
-def _order(keys):  # type: ignore[no-untyped-def]
+def _order(keys):
     """Indices that sort the keys, stably. Fast where they rise but for one jump from π to −π."""
     n = len(keys)
     start = 0
@@ -77,5 +77,5 @@ def _order(keys):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _after(keys, a, b):  # type: ignore[no-untyped-def]
+def _after(keys, a, b):
     return keys[a] > keys[b] or (keys[a] == keys[b] and a > b)

@@ -41,7 +41,7 @@ def active_cells(points: Floats, cell_size: float, reach: float) -> Floats:
 
 
 @njit(cache=True, error_model="numpy")
-def _farthest(points, reach):  # type: ignore[no-untyped-def]
+def _farthest(points, reach):
     """Distance from the origin of the farthest point within `reach`, 0 without any [m]: no more grid is needed."""
     square = 0.0
     for i in range(len(points)):
@@ -156,7 +156,7 @@ def cheapest(
 
 
 @njit(cache=True, error_model="numpy")
-def _offer(first, last, target, wide, num_sectors, out, count):  # type: ignore[no-untyped-def]
+def _offer(first, last, target, wide, num_sectors, out, count):
     """Append the candidates of the valley from sector `first` to `last`; return how many there are now."""
     if last - first + 1 < wide:
         out[count] = 0.5 * (first + last)
@@ -175,12 +175,12 @@ def _offer(first, last, target, wide, num_sectors, out, count):  # type: ignore[
 
 
 @njit(cache=True, error_model="numpy")
-def _nearest(value):  # type: ignore[no-untyped-def]
+def _nearest(value):
     """Nearest whole number; halves away from zero, so that left and right are treated alike."""
     return int(math.copysign(math.floor(abs(value) + 0.5), value))
 
 
 @njit(cache=True, error_model="numpy")
-def _remainder(value, turn):  # type: ignore[no-untyped-def]
+def _remainder(value, turn):
     """`value` less whole turns, in [−turn/2, turn/2]."""
     return value - turn * np.rint(value / turn)

@@ -31,7 +31,7 @@ def repulsion(
 
 
 @njit(cache=True, error_model="numpy")
-def _near(points, radius, influence, closest):  # type: ignore[no-untyped-def]
+def _near(points, radius, influence, closest):
     """Bearing, push and direction of the points within the influence, by rising bearing."""
     bearings, pushes = np.empty(len(points)), np.empty(len(points))
     normals = np.empty((len(points), 2))
@@ -51,7 +51,7 @@ def _near(points, radius, influence, closest):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _crowds(bearings, pushes, spread):  # type: ignore[no-untyped-def]
+def _crowds(bearings, pushes, spread):
     """How many points share the push of each, itself included; neighbours may lie across ±π."""
     n = len(bearings)
     crowds = np.ones(n)

@@ -48,7 +48,7 @@ def _table(angle_increment: float, num_beams: int) -> Floats:
 
 
 @njit(cache=True, error_model="numpy")
-def _cast(x, y, heading, increment, range_max, table, circles, edges):  # type: ignore[no-untyped-def]
+def _cast(x, y, heading, increment, range_max, table, circles, edges):
     """`cast` in the frame at the lidar with the first beam, at `heading`, along +x."""
     ranges = np.full(table.shape[1], range_max)
     frame = (x, y, math.cos(heading), math.sin(heading))
@@ -60,7 +60,7 @@ def _cast(x, y, heading, increment, range_max, table, circles, edges):  # type: 
 
 
 @njit(cache=True, error_model="numpy")
-def _cast_circles(frame, increment, range_max, table, circles, ranges):  # type: ignore[no-untyped-def]
+def _cast_circles(frame, increment, range_max, table, circles, ranges):
     """Shorten ranges to the discs; True if the lidar is inside one."""
     u, v, low, high, inside = _circle_extents(frame, increment, circles)
     if inside:
@@ -80,7 +80,7 @@ def _cast_circles(frame, increment, range_max, table, circles, ranges):  # type:
 
 
 @njit(cache=True, error_model="numpy")
-def _circle_extents(frame, increment, circles):  # type: ignore[no-untyped-def]
+def _circle_extents(frame, increment, circles):
     """Centres (u, v) in the lidar's frame, extents [low, high] in beams, and whether any disc holds the lidar.
 
     Free of branches, so that it is compiled to vector instructions.
@@ -103,7 +103,7 @@ def _circle_extents(frame, increment, circles):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _meet_disc(u, v, square, low, high, table, ranges):  # type: ignore[no-untyped-def]
+def _meet_disc(u, v, square, low, high, table, ranges):
     """Beams low…high against a disc of squared radius `square` centred on (u, v)."""
     first, last = max(math.ceil(low), 0), min(math.floor(high), len(ranges) - 1)
     for i in range(first, last + 1):
@@ -116,7 +116,7 @@ def _meet_disc(u, v, square, low, high, table, ranges):  # type: ignore[no-untyp
 
 
 @njit(cache=True, error_model="numpy")
-def _cast_edges(frame, increment, range_max, table, edges, ranges):  # type: ignore[no-untyped-def]
+def _cast_edges(frame, increment, range_max, table, edges, ranges):
     """Shorten ranges to the edges."""
     x, y, cos, sin = frame
     turn = _TWO_PI / increment
@@ -135,7 +135,7 @@ def _cast_edges(frame, increment, range_max, table, edges, ranges):  # type: ign
 
 
 @njit(cache=True, error_model="numpy")
-def _beyond(ax, ay, bx, by, range_max):  # type: ignore[no-untyped-def]
+def _beyond(ax, ay, bx, by, range_max):
     """Whether the box around the edge from a to b lies beyond range_max from the origin."""
     gap_x = max(min(ax, bx), -max(ax, bx), 0.0)
     gap_y = max(min(ay, by), -max(ay, by), 0.0)
@@ -143,7 +143,7 @@ def _beyond(ax, ay, bx, by, range_max):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _edge_extent(start, end, increment):  # type: ignore[no-untyped-def]
+def _edge_extent(start, end, increment):
     """Extent [low, high] in beams of an edge; a whole turn where the lidar is on it or all but."""
     cross = start[0] * end[1] - start[1] * end[0]
     dot = start[0] * end[0] + start[1] * end[1]
@@ -158,7 +158,7 @@ def _edge_extent(start, end, increment):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _meet_edge(start, end, low, high, table, ranges):  # type: ignore[no-untyped-def]
+def _meet_edge(start, end, low, high, table, ranges):
     """Beams low…high against the edge from start to end.
 
     Whether a beam passes between the ends is decided by the side of each end that it passes on: edges that
@@ -176,7 +176,7 @@ def _meet_edge(start, end, low, high, table, ranges):  # type: ignore[no-untyped
 
 
 @njit(cache=True, error_model="numpy")
-def _bearing(x, y):  # type: ignore[no-untyped-def]
+def _bearing(x, y):
     """atan2(y, x) in [0, 2π], to 1e-5 rad: Abramowitz & Stegun 4.4.47."""
     ax, ay = abs(x), abs(y)
     z = min(ax, ay) / max(ax, ay)

@@ -56,13 +56,13 @@ def cast_rays(
 
 
 @njit(cache=True, error_model="numpy")
-def _bucket(place):  # type: ignore[no-untyped-def]
+def _bucket(place):
     """Number of the bucket of a diamond angle in [−2, 2]."""
     return min(int((place + 2.0) * (_BUCKETS / 4.0)), _BUCKETS - 1)
 
 
 @njit(cache=True, error_model="numpy")
-def _by_bearing(origin, circles, edges, range_max):  # type: ignore[no-untyped-def]
+def _by_bearing(origin, circles, edges, range_max):
     """Obstacles in each bucket: items[starts[b]:starts[b + 1]], circles first, then edges from C on."""
     count = len(circles) + len(edges)
     first, number = np.empty(count, np.int64), np.empty(count, np.int64)
@@ -90,7 +90,7 @@ def _by_bearing(origin, circles, edges, range_max):  # type: ignore[no-untyped-d
 
 
 @njit(cache=True, error_model="numpy")
-def _circle_buckets(x, y, r, range_max):  # type: ignore[no-untyped-def]
+def _circle_buckets(x, y, r, range_max):
     """First bucket and number of buckets that a disc around (x, y) may cover."""
     distance = math.hypot(x, y)
     if distance - r > range_max:
@@ -103,7 +103,7 @@ def _circle_buckets(x, y, r, range_max):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _edge_buckets(ax, ay, bx, by):  # type: ignore[no-untyped-def]
+def _edge_buckets(ax, ay, bx, by):
     """First bucket and number of buckets that an edge may cover; all where the origin is on it or all but."""
     cross, dot = ax * by - ay * bx, ax * bx + ay * by
     if abs(cross) <= -1e-6 * dot or (ax == 0.0 and ay == 0.0) or (bx == 0.0 and by == 0.0):
@@ -112,21 +112,21 @@ def _edge_buckets(ax, ay, bx, by):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _span(ax, ay, bx, by):  # type: ignore[no-untyped-def]
+def _span(ax, ay, bx, by):
     """Buckets counter-clockwise from direction a to direction b, and one more at both ends for rounding."""
     low, high = _bucket(diamond(ax, ay)), _bucket(diamond(bx, by))
     return (low - 1) % _BUCKETS, min((high - low) % _BUCKETS + 3, _BUCKETS)
 
 
 @njit(cache=True, error_model="numpy")
-def _to_height(z, rise, height):  # type: ignore[no-untyped-def]
+def _to_height(z, rise, height):
     """Distance along a ray from height z to another height; inf where it does not get there."""
     gap = height - z
     return gap / rise if gap * rise > 0.0 else np.inf
 
 
 @njit(cache=True, error_model="numpy")
-def _to_circle(ray, centre, bottom, top):  # type: ignore[no-untyped-def]
+def _to_circle(ray, centre, bottom, top):
     """Distance along a ray from the origin to an upright cylinder, lids included: 0 inside, inf past it.
 
     What lies within the cylinder is what lies both within its endless pillar and between its two heights.
@@ -153,7 +153,7 @@ def _to_circle(ray, centre, bottom, top):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _to_edge(ray, ends, bottom, top):  # type: ignore[no-untyped-def]
+def _to_edge(ray, ends, bottom, top):
     """Distance along a ray from the origin to an upright wall; inf past it, and along it.
 
     The side of each end decides, as in the planar kernel, so that no ray slips through a shared corner.
@@ -169,7 +169,7 @@ def _to_edge(ray, ends, bottom, top):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _to_lids(origin, ray, edges, solids, nearer):  # type: ignore[no-untyped-def]
+def _to_lids(origin, ray, edges, solids, nearer):
     """Distance along a ray to the nearest lid that it comes to from outside, where that is less than `nearer`."""
     for p in range(len(solids)):
         height = solids[p, 3] if ray[2] < 0.0 else solids[p, 2]
@@ -182,7 +182,7 @@ def _to_lids(origin, ray, edges, solids, nearer):  # type: ignore[no-untyped-def
 
 
 @njit(cache=True, error_model="numpy")
-def _inside(x, y, edges, first, last):  # type: ignore[no-untyped-def]
+def _inside(x, y, edges, first, last):
     """Whether a point lies within the polygon of edges first…last−1: a line from it crosses an odd number."""
     odd = False
     for i in range(first, last):

@@ -40,13 +40,13 @@ def cluster(points: Floats, gap: float, full_circle: bool) -> tuple[Ints, bool]:
 
 
 @njit(cache=True, error_model="numpy")
-def _ahead(xi, yi, xj, yj):  # type: ignore[no-untyped-def]
+def _ahead(xi, yi, xj, yj):
     """For i before j in order of bearing: whether the shorter arc from i to j is the counter-clockwise one."""
     return (yi < 0.0) == (yj < 0.0) or xi * yj - yi * xj >= 0.0
 
 
 @njit(cache=True, error_model="numpy")
-def _span_neighbours(points, gap_square, full_circle, spanned):  # type: ignore[no-untyped-def]
+def _span_neighbours(points, gap_square, full_circle, spanned):
     """Mark the gaps between neighbours that are near each other, on the shorter arc."""
     last = len(points) - 1
     for i in range(last):
@@ -60,7 +60,7 @@ def _span_neighbours(points, gap_square, full_circle, spanned):  # type: ignore[
 
 
 @njit(cache=True, error_model="numpy")
-def _blocks(points, spanned):  # type: ignore[no-untyped-def]
+def _blocks(points, spanned):
     """Runs of spanned neighbours in pieces: starts (K + 1,), boxes (K, 4), least squared distance (K,)."""
     start = np.empty(len(points) + 1, np.int64)
     boxes = np.empty((len(points), 4))  # x min, x max, y min, y max
@@ -82,7 +82,7 @@ def _blocks(points, spanned):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _span_blocks(points, gap, full_circle, start, boxes, nearest, spanned):  # type: ignore[no-untyped-def]
+def _span_blocks(points, gap, full_circle, start, boxes, nearest, spanned):
     """Mark the gaps between blocks that are joined directly or over others.
 
     Block numbers count on past the last block into the next turn: b ≥ K is block b − K, reached across ±π.
@@ -106,7 +106,7 @@ def _span_blocks(points, gap, full_circle, start, boxes, nearest, spanned):  # t
 
 
 @njit(cache=True, error_model="numpy")
-def _last_in_view(points, gap, start, nearest, a, joined, end):  # type: ignore[no-untyped-def]
+def _last_in_view(points, gap, start, nearest, a, joined, end):
     """Last of the blocks after `joined`, up to `end`, that may hold a point within the gap of one in block a.
 
     A point within the gap of one at distance d lies at most asin(gap / d) further in bearing, and less than
@@ -129,7 +129,7 @@ def _last_in_view(points, gap, start, nearest, a, joined, end):  # type: ignore[
 
 
 @njit(cache=True, error_model="numpy")
-def _farthest_linked(points, gap_square, start, boxes, a, joined, farthest):  # type: ignore[no-untyped-def]
+def _farthest_linked(points, gap_square, start, boxes, a, joined, farthest):
     """Farthest block b, joined < b ≤ farthest, with a point that links to one in block a; else `joined`."""
     num_blocks = len(start) - 1
     left, right, bottom, top = boxes[a, 0], boxes[a, 1], boxes[a, 2], boxes[a, 3]
@@ -145,7 +145,7 @@ def _farthest_linked(points, gap_square, start, boxes, a, joined, farthest):  # 
 
 
 @njit(cache=True, error_model="numpy")
-def _linked(points, gap_square, start, boxes, a, b, turned):  # type: ignore[no-untyped-def]
+def _linked(points, gap_square, start, boxes, a, b, turned):
     """Whether a point of block a is near one of block b that lies ahead of it; turned: b is reached across ±π."""
     left, right, bottom, top = boxes[b, 0], boxes[b, 1], boxes[b, 2], boxes[b, 3]
     for i in range(start[a], start[a + 1]):
@@ -164,7 +164,7 @@ def _linked(points, gap_square, start, boxes, a, b, turned):  # type: ignore[no-
 
 
 @njit(cache=True, error_model="numpy")
-def _sectors(spanned):  # type: ignore[no-untyped-def]
+def _sectors(spanned):
     """[first, last] between the gaps that are not spanned, by rising first: (K, 2)."""
     num_points = len(spanned)
     across = num_points > 0 and spanned[num_points - 1]  # the first points belong to the last sector

@@ -136,13 +136,13 @@ def all_ends(ways: Floats, owners: Ints, breaks: Ints, slope: float) -> Ints:
 
 
 @njit(cache=True, error_model="numpy")
-def _longer(near, far, slope):  # type: ignore[no-untyped-def]
+def _longer(near, far, slope):
     """Whether `far` is beyond `near` by more than a wall seen at a grazing angle would make it."""
     return far - near > slope * near
 
 
 @njit(cache=True, error_model="numpy")
-def _broken(i, j, breaks, step):  # type: ignore[no-untyped-def]
+def _broken(i, j, breaks, step):
     """Whether there is a break between points i and j, turning from i by `step`; −1 is no point at all.
 
     From an origin off the lidar, neighbours may change places: the shorter way round counts, in points.

@@ -61,7 +61,7 @@ def swept_ranges(
 
 
 @njit(cache=True, error_model="numpy")
-def _place(outline, pose, lidar, increment, corners, beams):  # type: ignore[no-untyped-def]
+def _place(outline, pose, lidar, increment, corners, beams):
     """Corners of the outline at `pose` relative to the lidar, and their bearings in beams from the first."""
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
     for i in range(len(outline)):
@@ -72,7 +72,7 @@ def _place(outline, pose, lidar, increment, corners, beams):  # type: ignore[no-
 
 
 @njit(cache=True, error_model="numpy")
-def _counts(x, y, rule):  # type: ignore[no-untyped-def]
+def _counts(x, y, rule):
     """Whether a point relative to the lidar belongs to what is newly swept."""
     side, front, lidar_x, lidar_y = rule
     ahead, across = x + lidar_x, side * (y + lidar_y)
@@ -80,7 +80,7 @@ def _counts(x, y, rule):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _out_of_view(corners, beams, rule, increment, num_beams):  # type: ignore[no-untyped-def]
+def _out_of_view(corners, beams, rule, increment, num_beams):
     """Whether a corner that counts lies more than half a beam outside the field of view."""
     last = _TWO_PI / increment - 0.5
     for i in range(len(corners)):
@@ -91,7 +91,7 @@ def _out_of_view(corners, beams, rule, increment, num_beams):  # type: ignore[no
 
 
 @njit(cache=True, error_model="numpy")
-def _raise(a, b, beam, rule, increment, directions, need):  # type: ignore[no-untyped-def]
+def _raise(a, b, beam, rule, increment, directions, need):
     """Let the beams that meet the edge from a to b reach at least there; `beam`: bearing of a in beams."""
     cross, dot = a[0] * b[1] - a[1] * b[0], a[0] * b[0] + a[1] * b[1]
     span = math.atan2(cross, dot) / increment
@@ -185,7 +185,7 @@ def choose(
 
 
 @njit(cache=True, error_model="numpy")
-def _less(a, b):  # type: ignore[no-untyped-def]
+def _less(a, b):
     """Whether a comes before b in the order of a dictionary."""
     for k in range(len(a)):
         if a[k] != b[k]:
@@ -217,7 +217,7 @@ def points_along(path: Floats, distances: Floats, window: float) -> tuple[Floats
 
 
 @njit(cache=True, error_model="numpy")
-def _nearest(path, window):  # type: ignore[no-untyped-def]
+def _nearest(path, window):
     """Segment nearest to the origin, and the share of it passed."""
     best, at, at_part, way = np.inf, 0, 0.0, 0.0
     for i in range(len(path) - 1):

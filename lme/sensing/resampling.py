@@ -96,7 +96,7 @@ def _check(scan: LaserScan) -> None:
 
 
 @njit(cache=True, error_model="numpy")
-def _resample(ranges, source, mount, onto_mount, onto, cos_grazing):  # type: ignore[no-untyped-def]
+def _resample(ranges, source, mount, onto_mount, onto, cos_grazing):
     """(num_beams,) float32 [m]; source (angle_min, increment), onto (angle_min, increment, num_beams)."""
     angle_min, increment, num_beams = onto
     out = np.full(num_beams, np.inf, np.float32)
@@ -121,7 +121,7 @@ def _resample(ranges, source, mount, onto_mount, onto, cos_grazing):  # type: ig
 
 
 @njit(cache=True, error_model="numpy")
-def _span(out, x, y, u, v, angle_min, increment):  # type: ignore[no-untyped-def]
+def _span(out, x, y, u, v, angle_min, increment):
     """Lower the beams that cross the straight line from (x, y) to (u, v)."""
     start = math.atan2(y, x) - angle_min
     end = start + math.atan2(x * v - y * u, x * u + y * v)
@@ -137,7 +137,7 @@ def _span(out, x, y, u, v, angle_min, increment):  # type: ignore[no-untyped-def
 
 
 @njit(cache=True, error_model="numpy")
-def _point(distance, angle, mount, onto_mount):  # type: ignore[no-untyped-def]
+def _point(distance, angle, mount, onto_mount):
     """Where a beam ends, in the frame of the lidar at `onto_mount`."""
     bearing = angle + mount[2]
     x = mount[0] + distance * math.cos(bearing) - onto_mount[0]

@@ -90,7 +90,7 @@ def _rules(mover: Mover) -> tuple[float, ...]:
 
 
 @njit(cache=True, error_model="numpy")
-def _advance(rules, first, waypoints, state, x, y, time, dt):  # type: ignore[no-untyped-def]
+def _advance(rules, first, waypoints, state, x, y, time, dt):
     """One step of every mover past a robot at (x, y); changes progress (M,), begun (M,) and poses (M, 3)."""
     progress, begun, poses = state
     for i in range(len(rules)):
@@ -114,7 +114,7 @@ def _advance(rules, first, waypoints, state, x, y, time, dt):  # type: ignore[no
 
 
 @njit(cache=True, error_model="numpy")
-def _is_ahead(path, progress, repeat, dx, dy):  # type: ignore[no-untyped-def]
+def _is_ahead(path, progress, repeat, dx, dy):
     """Whether (dx, dy) from the mover lies in the half-plane ahead of it; all around where it only turns."""
     leg, _, sign = _leg(path, progress, repeat)
     last = min(leg + 1, len(path) - 1)
@@ -123,7 +123,7 @@ def _is_ahead(path, progress, repeat, dx, dy):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _leg(path, progress, repeat):  # type: ignore[no-untyped-def]
+def _leg(path, progress, repeat):
     """Which leg it is on after `progress` seconds of walking, how much of it lies behind, and which way."""
     run = path[-1, 3]
     sign = 1.0
@@ -143,7 +143,7 @@ def _leg(path, progress, repeat):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _turn_sides(sides, owner, poses, edges):  # type: ignore[no-untyped-def]
+def _turn_sides(sides, owner, poses, edges):
     """Sides (E, 4) about their owners' origins, in the world, into `edges` (E, 4)."""
     for i in range(len(sides)):
         x, y, yaw = poses[owner[i]]
