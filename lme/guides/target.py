@@ -1,4 +1,4 @@
-"""Straight to the target: what a local planner does without help."""
+"""A guide without guidance: the subgoal is always the target."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from lme.types import Guidance, Observation
 
 @dataclass(slots=True)
 class TargetConfig:
-    """Nothing to set."""
+    """No settings."""
 
 
 class Target:
@@ -27,5 +27,5 @@ class Target:
         """Nothing to forget."""
 
     def guide(self, observation: Observation) -> Guidance:
-        """The target as it is."""
+        """The target as the subgoal."""
         return Guidance(observation.target)
