@@ -1,4 +1,4 @@
-"""A guide without guidance: the subgoal is always the target."""
+"""A guide that sends the planner straight to the target."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Target:
         pass
 
     def reset(self, rng: np.random.Generator) -> None:
-        """Nothing to forget."""
+        """No state to reset."""
 
     def guide(self, observation: Observation) -> Guidance:
         """The target as the subgoal."""

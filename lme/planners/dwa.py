@@ -79,7 +79,7 @@ class Dwa:
         self._omega_share = np.concatenate((-half[:0:-1], half))  # symmetric to the last bit
 
     def reset(self, rng: np.random.Generator) -> None:
-        """Nothing to forget."""
+        """No state to reset."""
 
     def plan(self, observation: Observation, guidance: Guidance) -> Twist:
         """Command for one control period."""

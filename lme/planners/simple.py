@@ -37,7 +37,7 @@ class Simple:
         self._dt = robot.dt
 
     def reset(self, rng: np.random.Generator) -> None:
-        """Nothing to forget."""
+        """No state to reset."""
 
     def plan(self, observation: Observation, guidance: Guidance) -> Twist:
         """Command for one control period."""

@@ -42,18 +42,18 @@ class Delay:
 
     def __init__(self, latency: float) -> None:
         self._latency = latency
-        self._under_way: deque[tuple[float, Twist]] = deque()
-        self._now = Twist(0.0, 0.0)
+        self._pending: deque[tuple[float, Twist]] = deque()
+        self._arrived = Twist(0.0, 0.0)
 
     def send(self, command: Twist, time: float) -> None:
         """Queue a command given at `time` [s]."""
-        self._under_way.append((time + self._latency, command))
+        self._pending.append((time + self._latency, command))
 
     def at(self, time: float) -> Twist:
         """The last command that has arrived by `time` [s]. Times must not decrease from call to call."""
-        while self._under_way and self._under_way[0][0] <= time:
-            _, self._now = self._under_way.popleft()
-        return self._now
+        while self._pending and self._pending[0][0] <= time:
+            _, self._arrived = self._pending.popleft()
+        return self._arrived
 
 
 class TargetEstimate:
