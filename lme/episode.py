@@ -1,4 +1,4 @@
-"""Run one episode and say how it went."""
+"""Run one episode and record its outcome."""
 
 from __future__ import annotations
 
@@ -33,11 +33,12 @@ TRAJECTORY_COLUMNS = (
 
 @dataclass(frozen=True, slots=True)
 class Episode:
-    """What happened.
+    """Result of one episode.
 
-    time: from the moment the robot had moved the task's clock distance to the end [s]. trajectory: (T, 10),
-    columns TRAJECTORY_COLUMNS in the world frame, one row per decision and one for the end.
-    decision_us: (steps,) time of each decision [µs].
+    time: traversal time [s]; the clock starts when the robot is the task's clock distance away from the start.
+    path_length, min_clearance, final_distance: [m]. switches: subgoal switches. no_free_candidate: steps at which
+    the guide was blocked. trajectory: (T, 10), columns TRAJECTORY_COLUMNS in the world frame, one row per decision
+    and one for the end. decision_us: (steps,) computing time of each decision [µs].
     """
 
     outcome: Outcome
@@ -53,13 +54,13 @@ class Episode:
 
 
 class Observer(Protocol):
-    """Looks on while an episode runs, and changes nothing."""
+    """Receives every step of a running episode. It must not change anything."""
 
     def decided(self, observation: Observation, guidance: Guidance, command: Twist, state: State) -> None:
-        """A decision, before it is carried out; `state` is where it was made."""
+        """Called after each decision and before its execution; `state`: the true state at the decision."""
 
     def ended(self, observation: Observation, state: State) -> None:
-        """The end, on which no decision follows."""
+        """Called at the end of the episode, after the last step."""
 
 
 def run_episode(
@@ -69,7 +70,7 @@ def run_episode(
     rng: np.random.Generator,
     observer: Observer | None = None,
 ) -> Episode:
-    """Drive from start to goal, contact or time-out. `rng` is the only source of randomness."""
+    """Drive from the start until arrival, contact or time-out. `rng` is the only source of randomness."""
     navigator_rng, simulator_rng = rng.spawn(2)
     navigator.reset(navigator_rng)
     navigator.read_map(task.world, task.start)
@@ -91,7 +92,7 @@ def run_episode(
 
 
 class _Log:
-    """Keeps count while an episode runs."""
+    """Accumulates the result while an episode runs."""
 
     def __init__(self, task: Task, simulator: Simulator) -> None:
         self._task = task
@@ -111,7 +112,7 @@ class _Log:
         return self._simulator.state.time - (self._clock_start or 0.0)
 
     def outcome(self) -> Outcome | None:
-        """None while the episode goes on."""
+        """The outcome; None while the episode continues."""
         state = self._simulator.state
         if state.contact:
             return Outcome.COLLISION
@@ -120,7 +121,7 @@ class _Log:
         return Outcome.TIMEOUT if self._elapsed >= self._task.time_limit - 1e-9 else None
 
     def decided(self, guidance: Guidance, decision_us: float) -> None:
-        """Note a decision, before it is carried out."""
+        """Record a decision before its execution."""
         self._before = self._simulator.state
         self._rows.append(self._row(to_world(guidance.subgoal, self._before.pose), guidance.switched))
         self._switches += guidance.switched
@@ -128,7 +129,7 @@ class _Log:
         self._decision_us.append(decision_us)
 
     def moved(self) -> None:
-        """Note the motion of the last period."""
+        """Record the motion of the last period."""
         state, before = self._simulator.state, self._before
         self._path_length += travelled(before.pose.x, before.pose.y, state.travel)
         self._min_clearance = min(self._min_clearance, state.clearance)
@@ -139,7 +140,7 @@ class _Log:
                 self._clock_start = before.time + part * (state.time - before.time)
 
     def episode(self, outcome: Outcome) -> Episode:
-        """The whole of it."""
+        """The result at the end of the episode."""
         state = self._simulator.state
         self._rows.append(self._row(np.full(2, np.nan), False))
         return Episode(

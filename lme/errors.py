@@ -9,10 +9,10 @@ from typing import Any
 
 
 class InputError(ValueError):
-    """A mistake in what was given: a config value, a file, a path.
+    """A mistake in the user's input: a config value, a file, a path.
 
     The message is one line that names the file or key, the value, and what would be right.
-    The command line prints it alone, without a traceback, and exits with status 2.
+    The command line prints only this line, without a traceback, and exits with status 2.
     """
 
 

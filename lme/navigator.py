@@ -1,4 +1,4 @@
-"""A guide and a planner, nothing more."""
+"""A navigator: one guide and one planner."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from lme.worlds.world import World
 
 @runtime_checkable
 class MapReader(Protocol):
-    """A guide that may be given the true map, as a robot with a map server has it."""
+    """A guide that can use the true map, like a robot with a map server."""
 
     def read_map(self, world: World, start: Pose) -> None:
-        """The world, and where the episode starts in it; called after `reset`."""
+        """Take the true world and the start pose in it. Called after `reset`."""
 
 
 @runtime_checkable
 class Explainable(Protocol):
-    """A guide that can explain its last decision, as LME can."""
+    """A guide that can explain its last decision, such as LME."""
 
     def explanation(self) -> Explanation | None:
-        """Everything behind the last decision; None before the first. Changes nothing."""
+        """All quantities behind the last decision; None before the first. Changes no state."""
 
 
 class Navigator:
@@ -38,23 +38,23 @@ class Navigator:
         self.guidance: Guidance | None = None  # of the last step
 
     def reset(self, rng: np.random.Generator) -> None:
-        """Start a new episode; guide and planner draw from streams of their own."""
+        """Start a new episode. Guide and planner get separate random streams."""
         guide_rng, planner_rng = rng.spawn(2)
         self.guide.reset(guide_rng)
         self.planner.reset(planner_rng)
         self.guidance = None
 
     def read_map(self, world: World, start: Pose) -> None:
-        """Give the true map to a guide that takes one."""
+        """Give the true map to the guide if it is a `MapReader`."""
         if isinstance(self.guide, MapReader):
             self.guide.read_map(world, start)
 
     def explanation(self) -> Explanation | None:
-        """Everything behind the guide's last decision; None where it has made none, or cannot explain it."""
+        """The guide's explanation of its last decision; None before the first, or if it cannot explain."""
         return self.guide.explanation() if isinstance(self.guide, Explainable) else None
 
     def act(self, observation: Observation) -> Twist:
-        """Velocity command for one control period. Raises InputError for one that is no pair of finite numbers."""
+        """Velocity command for one control period. Raises InputError unless it is a pair of finite numbers."""
         self.guidance = self.guide.guide(observation)
         command = self.planner.plan(observation, self.guidance)
         try:

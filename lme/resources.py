@@ -1,4 +1,4 @@
-"""Where the data that ships with the package lies: `conf/` and `maps/`, in a checkout or in a wheel."""
+"""Locations of the data that ships with the package: `conf/` and `maps/`, in a checkout or in a wheel."""
 
 from pathlib import Path
 

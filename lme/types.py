@@ -1,6 +1,6 @@
-"""The words every other module speaks: poses, commands, scans, observations, outcomes.
+"""Types shared by all modules: poses, commands, scans, observations, outcomes, guides and planners.
 
-Frames follow REP-103: x ahead, y left, angles counter-clockwise in radians. "Robot frame" is the base
+Frames follow REP-103: x ahead, y left, angles counter-clockwise in radians. The "robot frame" is the base
 frame of the robot at the moment of the observation.
 """
 
@@ -33,7 +33,7 @@ class Twist(NamedTuple):
 
 
 class Limits(NamedTuple):
-    """What the robot can do: v_max [m/s], omega_max [rad/s], alpha_v [m/s²], alpha_omega [rad/s²]."""
+    """The robot's limits: v_max [m/s], omega_max [rad/s], alpha_v [m/s²], alpha_omega [rad/s²]."""
 
     v_max: float
     omega_max: float
@@ -44,7 +44,7 @@ class Limits(NamedTuple):
 class LaserScan(NamedTuple):
     """One sweep of a 2D lidar, in the lidar's own frame, as in ROS `sensor_msgs/LaserScan`.
 
-    ranges: (num_beams,) float32 [m]; inf, NaN, below range_min or at range_max and beyond mean "no return".
+    ranges: (num_beams,) float32 [m]. Inf, NaN, values below range_min and values ≥ range_max mean "no return".
     """
 
     ranges: NDArray[np.float32]
@@ -55,10 +55,11 @@ class LaserScan(NamedTuple):
 
 
 class Observation(NamedTuple):
-    """What the policy sees (paper §III.A), {scan, p_T, v, ω, v_max, ω_max, α_v, α_ω}, and the odometry.
+    """Input of guide and planner: {scan, p_T, v, ω, v_max, ω_max, α_v, α_ω} (paper §III.A) and odometry.
 
-    target: (2,) position of the goal in the robot frame [m]. odometry: pose of the base in the frame where
-    the base was when the episode began, for guides and planners that keep a map or a band; LME never reads it.
+    target: (2,) position of the goal in the robot frame [m]. odometry: pose of the base in the odometry frame,
+    the base frame at the start of the episode, for guides and planners that keep a map or a band; LME does not
+    read it.
     """
 
     scan: LaserScan
@@ -69,10 +70,10 @@ class Observation(NamedTuple):
 
 
 class Guidance(NamedTuple):
-    """Where a guide sends the planner.
+    """Output of a guide, input of a planner.
 
-    subgoal: (2,) in the robot frame [m]. path: (K, 2) in the robot frame [m] where the guide plans one.
-    switched: the subgoal is not the one followed before. blocked: the guide found no free way there.
+    subgoal: (2,) in the robot frame [m]. path: (K, 2) in the robot frame [m] if the guide plans one.
+    switched: the guide has switched to another subgoal. blocked: the guide found no free path.
     """
 
     subgoal: Floats
@@ -90,20 +91,20 @@ class Outcome(StrEnum):
 
 
 class Guide(Protocol):
-    """Decides where to go next. Owns its state."""
+    """Decides where to go next. Keeps its own state."""
 
     def reset(self, rng: np.random.Generator) -> None:
-        """Forget the last episode."""
+        """Start a new episode; `rng` is the only source of randomness."""
 
     def guide(self, observation: Observation) -> Guidance:
         """Subgoal for this step."""
 
 
 class Planner(Protocol):
-    """Decides how to get to a subgoal. Owns its state."""
+    """Decides how to reach a subgoal. Keeps its own state."""
 
     def reset(self, rng: np.random.Generator) -> None:
-        """Forget the last episode."""
+        """Start a new episode; `rng` is the only source of randomness."""
 
     def plan(self, observation: Observation, guidance: Guidance) -> Twist:
         """Velocity command for this step, within `observation.limits`."""

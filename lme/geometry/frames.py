@@ -1,4 +1,4 @@
-"""Points and poses from one planar frame into another."""
+"""Transforms of points and poses between planar frames."""
 
 import math
 
@@ -9,7 +9,7 @@ from lme.types import Floats, Pose
 
 
 def to_world(points: Floats, pose: Pose) -> Floats:
-    """Points (..., 2) [m] given in the frame at `pose`, in that frame's parent."""
+    """Transform points (..., 2) [m] from the frame at `pose` to its parent frame."""
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
     x, y = points[..., 0], points[..., 1]
     moved = np.empty(points.shape)
@@ -19,7 +19,7 @@ def to_world(points: Floats, pose: Pose) -> Floats:
 
 
 def to_robot(points: Floats, pose: Pose) -> Floats:
-    """Points (..., 2) [m] given in the parent frame, in the frame at `pose`; undoes `to_world`."""
+    """Transform points (..., 2) [m] from the parent frame to the frame at `pose`; the inverse of `to_world`."""
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
     x, y = points[..., 0] - pose[0], points[..., 1] - pose[1]
     moved = np.empty(points.shape)
@@ -29,14 +29,14 @@ def to_robot(points: Floats, pose: Pose) -> Floats:
 
 
 def relative(pose: Pose, frame: Pose) -> Pose:
-    """A pose given in the parent frame, in the frame at `frame`; undoes `compose`."""
+    """Transform a pose from the parent frame to the frame at `frame`; the inverse of `compose`."""
     dx, dy = pose[0] - frame[0], pose[1] - frame[1]
     cos, sin = math.cos(frame[2]), math.sin(frame[2])
     return Pose(cos * dx + sin * dy, cos * dy - sin * dx, wrap_angle(pose[2] - frame[2]))
 
 
 def compose(pose: Pose, child: Pose) -> Pose:
-    """A pose given in the frame at `pose`, in that frame's parent; yaw in (−π, π] [rad]."""
+    """Transform the pose `child` from the frame at `pose` to its parent frame; yaw in (−π, π] [rad]."""
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
     x = pose[0] + cos * child[0] - sin * child[1]
     y = pose[1] + sin * child[0] + cos * child[1]

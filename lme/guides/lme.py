@@ -35,7 +35,7 @@ class Lme:
         )
 
     def reset(self, rng: np.random.Generator) -> None:
-        """Forget the last episode."""
+        """Start a new episode; `rng` draws the candidates."""
         self.escaper.reset(rng)
 
     def guide(self, observation: Observation) -> Guidance:
@@ -44,7 +44,7 @@ class Lme:
         return Guidance(decision.subgoal, None, decision.choice.switched, decision.blocked)
 
     def explanation(self) -> Explanation | None:
-        """Everything behind the last decision; None before the first."""
+        """All quantities behind the last decision; None before the first."""
         return self.escaper.explanation()
 
 

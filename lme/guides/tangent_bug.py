@@ -1,4 +1,4 @@
-"""TangentBug: around obstacles by what a range sensor sees of their ends."""
+"""TangentBug: passes obstacles by the ends that a range sensor sees."""
 
 from __future__ import annotations
 
@@ -25,19 +25,19 @@ from lme.robots import Robot
 from lme.sensing.blind_arc import BlindArc
 from lme.types import Floats, Guidance, Observation, Pose
 
-UNITS = directions(720)  # in which the free way is looked at: every half degree
-_REMEMBERED = 5.0  # [m] from the robot: what is farther off in a blind arc is forgotten
-TOUCHING = 0.98  # of a point's distance: the most that its disc may reach, so that the robot is never inside
-GRAZING = 6.0  # a wall seen at this slope (tan 80°) steps from beam to beam without a break
+UNITS = directions(720)  # directions of the free distances: every half degree
+_REMEMBERED = 5.0  # [m] farther points in the blind arc are forgotten
+TOUCHING = 0.98  # greatest disc radius per distance of the point, so the robot is never inside a disc
+GRAZING = 6.0  # slope (tan 80°) up to which range steps between beams belong to one wall
 
 
 @dataclass(slots=True)
 class TangentBugConfig:
-    """What a robot that is no point and whose sensor is not perfect needs."""
+    """Settings for a robot of finite size with an imperfect sensor."""
 
-    margin: float = 0.1  # [m] more than the collision radius, kept from obstacles
-    keep: float = 0.5  # [m] the end not taken before must be so much shorter to be taken
-    leave_gain: float = 0.1  # [m] a boundary is left for a place so much nearer to the target
+    margin: float = 0.1  # [m] distance to obstacles beyond the collision radius
+    keep: float = 0.5  # [m] the path past the other end must be this much shorter to switch to it
+    leave_gain: float = 0.1  # [m] the robot leaves a boundary for a place this much nearer to the target
 
     def __post_init__(self) -> None:
         require("guide.margin", self.margin, above=0.0)
@@ -48,15 +48,15 @@ class TangentBugConfig:
 class Mode(StrEnum):
     """The three behaviours of TangentBug."""
 
-    TOWARD = "toward"  # the target, ever nearer to it
-    FOLLOW = "follow"  # the boundary of an obstacle, out of a local minimum of the distance
-    LEAVE = "leave"  # the boundary, for a place nearer to the target than any on it
+    TOWARD = "toward"  # moves to the target with decreasing distance
+    FOLLOW = "follow"  # follows the boundary of an obstacle out of a local minimum of the distance
+    LEAVE = "leave"  # leaves the boundary for a place nearer to the target than any point of it
 
 
 class Node(NamedTuple):
     """A vertex of the local tangent graph.
 
-    place: (2,) in the robot frame [m], in free and straight reach. point: (2,) the scan point it leads around.
+    place: (2,) in the robot frame [m], reachable in a straight line. point: (2,) the scan point that it passes.
     """
 
     place: Floats
@@ -66,20 +66,21 @@ class Node(NamedTuple):
 class TangentBug:
     """TangentBug (Kamon, Rimon & Rivlin 1998, IJRR 17(9), 934–953, DOI 10.1177/027836499801700903).
 
-    Toward the target: straight, or to that end of the blocking obstacle over which the way is shortest, as
-    long as it is nearer to the target than the robot ever was. Where neither end is, the robot is in a local
-    minimum of the distance: it follows the boundary to one side, and remembers how near that comes to the
-    target. It leaves for the first free place in sight that is nearer than all of it, and once it is itself
-    nearer, goes on toward the target. An end is a break of the scan, of the obstacle itself or where something
-    nearer hides the rest; it is headed for at the robot's radius beyond.
+    Toward the target: the robot drives straight, or to the end of the blocking obstacle that gives the shortest
+    path, as long as that end is nearer to the target than the robot has ever been. If neither end is, the robot
+    is in a local minimum of the distance. It then follows the boundary to one side and records the boundary's
+    least distance to the target. It leaves for the first free place in sight that is nearer than this distance.
+    Once the robot itself is nearer, it moves toward the target again. An end is a break of the scan: the end of
+    the obstacle, or the place where a nearer obstacle hides the rest. The robot passes an end at its radius.
 
-    Guarantee: it reaches the target wherever a way exists, for a point robot that moves exactly, with perfect
-    odometry and a perfect sensor all round, among static obstacles; where none exists the paper stops after
-    one loop, ours circles on, or stands where it is closed in. What our robots break: they are no points, so
-    obstacles are grown by the collision radius and `margin`, and ways narrower than that do not exist; beams
-    leave gaps, so an opening seen at a grazing angle is missed until the robot is nearer; a blind arc holds
-    what was seen there before; sensors err and planners cut corners, so a boundary is not left for less than
-    `leave_gain`, nor one end given up for the other for less than `keep`.
+    Guarantee: the robot reaches the target if a path exists. This holds for a point robot with exact motion,
+    perfect odometry and a perfect omnidirectional sensor among static obstacles. If no path exists, the paper's
+    robot stops after one loop; this one keeps circling, or stands still where it is enclosed.
+
+    Our robots violate these assumptions. They have a size: obstacles are grown by the collision radius and
+    `margin`, and narrower passages do not exist. Beams leave gaps: an opening seen at a grazing angle is missed
+    until the robot is nearer. The blind arc contains what was seen there before. Sensors have errors and planners
+    cut corners: the robot leaves a boundary only for a gain of `leave_gain`, and an end only for one of `keep`.
     """
 
     Config = TangentBugConfig
@@ -91,16 +92,16 @@ class TangentBug:
         self.reset(np.random.default_rng(0))
 
     def reset(self, rng: np.random.Generator) -> None:
-        """Forget the last episode; nothing is drawn."""
+        """Start a new episode; `rng` is not used."""
         self._blind = BlindArc(self._mount, _REMEMBERED)
         self._mode = Mode.TOWARD
-        self._nearest = math.inf  # [m] to the target: so near a place must be to be headed for
-        self._side = 0  # +1: the obstacle on the right, so its left end is followed; −1: the other way
-        self._along = np.zeros(2)  # scan point of the boundary that is followed, in the odometry frame
-        self._place = np.zeros(2)  # to leave for, in the odometry frame
+        self._nearest = math.inf  # [m] least distance to the target so far, of the robot or the boundary
+        self._side = 0  # +1: pass the obstacle's left end, with the obstacle on the right; −1: the right end
+        self._along = np.zeros(2)  # scan point on the followed boundary, in the odometry frame
+        self._place = np.zeros(2)  # destination in mode LEAVE, in the odometry frame
 
     def guide(self, observation: Observation) -> Guidance:
-        """The next place of the local tangent graph; the robot's own where obstacles close all round."""
+        """The next place of the local tangent graph; the robot's position if obstacles enclose it."""
         before = self._mode, self._side
         points = _by_bearing(self._blind.points(observation), self._mount)
         view = _View(points, observation, self._r, self._config.margin)
@@ -110,7 +111,7 @@ class TangentBug:
         return Guidance(np.zeros(2) if place is None else place, None, switched, place is None)
 
     def _toward(self, view: _View) -> Floats | None:
-        """Straight, or past an end of what is in the way, while that comes nearer to the target."""
+        """Drive straight, or past an end of the blocking obstacle, while that comes nearer to the target."""
         self._nearest = min(self._nearest, view.distance)
         owner = view.blocking(view.target)
         if owner < 0:
@@ -129,12 +130,12 @@ class TangentBug:
         return self._follow(view)
 
     def _length_over(self, view: _View, place: Floats, side: int) -> float:
-        """Of the way to the target over a place [m], less `keep` on the side taken before."""
+        """Length of the path to the target over a place [m], minus `keep` on the previous side."""
         length = math.hypot(*place) + _distance(place, view.target)
         return length - self._config.keep if side == self._side else length
 
     def _follow(self, view: _View) -> Floats | None:
-        """To where the boundary goes out of sight, unless a place nearer than all of it has come into sight."""
+        """Drive to the end of the visible boundary, unless a place nearer than the whole boundary is in sight."""
         place = view.nearest_place()
         if _distance(place, view.target) < self._nearest - self._config.leave_gain:
             self._mode, self._place = Mode.LEAVE, to_world(place, view.odometry)
@@ -147,7 +148,7 @@ class TangentBug:
         return end.place
 
     def _leave(self, view: _View) -> Floats | None:
-        """To the place in sight, until the robot itself is nearer to the target than the boundary was."""
+        """Drive to the chosen place until the robot itself is nearer to the target than the boundary."""
         place = to_robot(self._place, view.odometry)
         if view.distance < self._nearest:
             self._mode = Mode.TOWARD
@@ -159,9 +160,9 @@ class TangentBug:
 
 
 class _View:
-    """The scan as a point robot sees it: points grown to discs.
+    """The scan for a point robot: scan points grown to discs.
 
-    A disc never reaches the robot, nor the target where the robot fits there.
+    A disc never contains the robot, nor the target if the robot fits there.
     """
 
     def __init__(self, points: Floats, observation: Observation, r: float, margin: float) -> None:
@@ -182,16 +183,16 @@ class _View:
         self._jumps = self._ways, self._owners, np.arange(len(points) + 1), slope  # a break after every point
 
     def blocking(self, place: Floats, closely: bool = False) -> int:
-        """Index of the point that is in the way to a place, −1 if none is; closely: with half the margin."""
+        """Index of the point that blocks the line to a place, −1 if none; closely: with half the margin."""
         return int(first_on_way(self.points, self._close if closely else self._radii, place))
 
     def side_of_target(self, owner: int) -> int:
-        """On which side of a point the target is: +1 left, −1 right."""
+        """Side of the target relative to a point: +1 left, −1 right."""
         x, y = self.points[owner]
         return 1 if x * self.target[1] - y * self.target[0] >= 0.0 else -1
 
     def ends(self, owner: int) -> tuple[dict[int, Node], float]:
-        """Left (+1) and right (−1) end of what a point belongs to, and how near that comes to the target [m]."""
+        """Left (+1) and right (−1) end of a point's obstacle, and the obstacle's least distance to the target [m]."""
         start = _direction(self.points[owner])
         found, nearest = {}, math.inf
         for side in (1, -1):
@@ -203,10 +204,10 @@ class _View:
         return found, nearest
 
     def next_end(self, along: Floats, side: int) -> tuple[Node | None, float]:
-        """Where the obstacle that holds the scan point nearest to `along` goes out of sight on one side.
+        """End, on one side, of the visible boundary with the scan point nearest to `along`.
 
-        And how near what is in sight of it comes to the target [m]. Where it does so nowhere, as in a room,
-        a place along the wall; None where the robot is closed in.
+        If there is no end, as in a room: a place along the wall; None if the robot is enclosed. Also returns the
+        least distance of the visible boundary to the target [m].
         """
         if not len(self.points):
             return None, math.inf
@@ -216,7 +217,7 @@ class _View:
         return self._node(k, longer, side) if k >= 0 else self._along_wall(start, side), least
 
     def nearest_place(self) -> Floats:
-        """Of those in free reach the nearest to the target: itself, the ends, the farthest straight towards it."""
+        """The reachable place nearest to the target: the target, an end, or the farthest point towards the target."""
         if self.blocking(self.target) < 0:
             return self.target
         k = _direction(self.target)
@@ -225,7 +226,7 @@ class _View:
         return min(places, key=lambda place: _distance(place, self.target))
 
     def _mouth(self, start: int, side: int) -> Node | None:
-        """Where a pocket opens that holds the target: its inside is in sight, so the obstacle does not end there."""
+        """Opening of a pocket that contains the target; the scan has no break there if it shows the inside."""
         k, longer, _ = sweep(*self._jumps, UNITS, start, side, self.target)
         if k < 0 or not longer:
             return None
@@ -234,13 +235,13 @@ class _View:
         return node if onward < 0 else None
 
     def _in_sight(self, index: int, side: int) -> int:
-        """Direction of a point, turned back to where nothing nearer hides what it belongs to."""
+        """Direction of a point, turned back until no nearer obstacle hides the point's obstacle."""
         start = _direction(self.points[index])
         back = ((start - side * turned) % len(UNITS) for turned in range(len(UNITS)))
         return next((k for k in back if joined(self._owners[k], index, self._breaks)), start)
 
     def _along_wall(self, start: int, side: int) -> Node | None:
-        """A robot's width along what is seen in a direction, or first up to it; None where that is not free."""
+        """The next place along a wall, one robot width ahead or up to the wall; None if there is no free one."""
         k = first_longer(self._ways, start, side, 2.0 * self._radius)
         if k < 0:
             return None
@@ -249,7 +250,7 @@ class _View:
         return Node(2.0 * self._radius * UNITS[k], self.points[self._owners[(k - side) % len(UNITS)]])
 
     def _node(self, k: int, longer: bool, side: int) -> Node:
-        """Where the obstacle seen in direction k goes out of sight: beyond its end, or where something hides it."""
+        """Node at the end of the obstacle in direction k: past its end, or where another obstacle hides it."""
         point, radius = self.points[self._owners[k]], self._radii[self._owners[k]]
         if not longer:
             return Node(self._ways[k] * UNITS[k], point)
@@ -261,13 +262,13 @@ class _View:
 
 
 def _by_bearing(points: Floats, mount: Pose) -> Floats:
-    """Points (M, 2) in the order of their bearing about the lidar: about the base, an end's neighbours mix."""
+    """Points (M, 2) sorted by bearing about the lidar; sorting about the base would mix the surfaces at an end."""
     from_lidar = to_robot(points, mount)
     return points[np.argsort(np.arctan2(from_lidar[:, 1], from_lidar[:, 0]), kind="stable")]
 
 
 def _direction(point: Floats) -> int:
-    """Number of the direction nearest to that of a point."""
+    """Index of the direction nearest to a point's bearing."""
     return int((math.atan2(point[1], point[0]) + math.pi) / math.tau * len(UNITS)) % len(UNITS)
 
 

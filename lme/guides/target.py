@@ -1,4 +1,4 @@
-"""Straight to the target: what a local planner does without help."""
+"""A guide that sends the planner straight to the target."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from lme.types import Guidance, Observation
 
 @dataclass(slots=True)
 class TargetConfig:
-    """Nothing to set."""
+    """No settings."""
 
 
 class Target:
@@ -24,8 +24,8 @@ class Target:
         pass
 
     def reset(self, rng: np.random.Generator) -> None:
-        """Nothing to forget."""
+        """No state to reset."""
 
     def guide(self, observation: Observation) -> Guidance:
-        """The target as it is."""
+        """The target as the subgoal."""
         return Guidance(observation.target)

@@ -1,9 +1,9 @@
-"""When a footprint that keeps its velocity first touches a scan point, met exactly.
+"""Exact time until a footprint at constant velocity touches a scan point.
 
-A robot at constant (v, ω) drives a circle about its centre of rotation (0, R), R = v/ω. Seen from the robot the
-points go round that centre the other way, each on a circle of its own, and touch where that circle enters the
-footprint. A turn to the right is its mirror image to the left, so R ≥ 0 and every point moves clockwise. Angles
-about the centre are measured from the foot of the robot's y axis: ψ = atan2(x, R − y), falling as it drives.
+A robot at constant (v, ω) drives a circle about its centre of rotation (0, R), R = v/ω. In the robot frame, each
+point moves on a circle about that centre in the opposite direction. Contact is where this circle enters the
+footprint. A right turn is mirrored to a left turn, so R ≥ 0 and every point moves clockwise. The angle of a point
+about the centre is ψ = atan2(x, R − y); it decreases during the motion.
 """
 
 import math
@@ -13,10 +13,10 @@ from numba import njit
 
 from lme.types import Floats
 
-STRAIGHT = 1e-6  # [1/m] a curvature below this is none: 0.05 mm off the line after 10 m
-EDGE = 1e-9  # [m] by which edges overlap at their corners, lest a point slip through between two
+STRAIGHT = 1e-6  # [1/m] smaller curvatures are straight: an error of 0.05 mm after 10 m
+EDGE = 1e-9  # [m] overlap of edges at their corners, so that no point passes between them
 SLACK = (
-    0.9  # part of its present distance that a point inside a margin may keep; all of it would be no motion
+    0.9  # share of its present distance that a point inside the margin must keep; 1 would forbid all motion
 )
 
 
@@ -28,13 +28,13 @@ def contact_times(
     least: Floats,
     horizons: Floats,
 ) -> Floats:
-    """Time until the footprint touches a point if each twist is kept for ever: (N,) [s], inf if never.
+    """Time until the footprint touches a point at constant twist, for each twist: (N,) [s], inf if never.
 
     twists (N, 2) [m/s, rad/s], v ≥ 0; points (M, 2) in the robot frame [m]; box (half_length, half_width,
-    rounding) [m]; margins (N,) [m], by which the footprint grows for each twist, but for a point that lies within
-    the margin already by SLACK of its distance only. least (N,) [s]: a contact before this settles the matter; it
-    is returned, be it the first or not. horizons (N,) [s]: a contact after this is none. Standing still touches
-    nothing. A point inside the footprint is touched at 0, unless the robot stands still.
+    rounding) [m]; margins (N,) [m]: growth of the footprint for each twist, limited to SLACK of a point's present
+    distance. least (N,) [s]: any contact before this time may be returned, not only the first. horizons (N,) [s]:
+    later contacts are ignored. A standing robot touches nothing; for a moving one, a point inside the footprint
+    gives 0.
     """
     half_length, half_width, rounding = box
     sizes = float(half_length), float(half_width), float(rounding)
@@ -44,7 +44,7 @@ def contact_times(
 
 @njit(cache=True, error_model="numpy")
 def clearances(points: Floats, box: tuple[float, float, float]) -> Floats:
-    """Distance of each of the (M, 2) points from the footprint [m], negative inside its rounding: (M,)."""
+    """Distance of each of the (M, 2) points from the footprint [m], negative inside: (M,)."""
     out = np.empty(len(points))
     for i in range(len(points)):
         dx, dy = max(abs(points[i, 0]) - box[0], 0.0), max(abs(points[i, 1]) - box[1], 0.0)
@@ -53,8 +53,8 @@ def clearances(points: Floats, box: tuple[float, float, float]) -> Floats:
 
 
 @njit(cache=True, error_model="numpy")
-def _contact_times(twists, points, box, margins, least, horizons):  # type: ignore[no-untyped-def]
-    """`contact_times` in plain numbers: points nearest first, so that one contact ends the search early."""
+def _contact_times(twists, points, box, margins, least, horizons):
+    """`contact_times` with points sorted by distance, so that a contact ends the search early."""
     r_max = math.hypot(box[0], box[1]) + box[2] + margins.max()
     near, ranges = _nearest_first(points, _reach(twists, horizons) + r_max)
     gaps = clearances(near, box)
@@ -73,8 +73,8 @@ def _contact_times(twists, points, box, margins, least, horizons):  # type: igno
 
 
 @njit(cache=True, error_model="numpy")
-def _reach(twists, horizons):  # type: ignore[no-untyped-def]
-    """How far the base gets at most [m]."""
+def _reach(twists, horizons):
+    """Greatest distance that the base drives [m]."""
     reach = 0.0
     for i in range(len(twists)):
         reach = max(reach, twists[i, 0] * horizons[i])
@@ -82,7 +82,7 @@ def _reach(twists, horizons):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _nearest_first(points, reach):  # type: ignore[no-untyped-def]
+def _nearest_first(points, reach):
     """Points within reach of the origin, nearest first (M, 2), and their distances (M,)."""
     ranges = np.empty(len(points))
     for i in range(len(points)):
@@ -93,14 +93,14 @@ def _nearest_first(points, reach):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _rounding(gap, rounding, margin):  # type: ignore[no-untyped-def]
-    """Rounding of the footprint grown by the margin, or by as much of it as the point's distance allows."""
+def _rounding(gap, rounding, margin):
+    """Rounding of the footprint grown by the margin, limited by the point's distance [m]."""
     return rounding + min(margin, SLACK * gap)
 
 
 @njit(cache=True, error_model="numpy")
-def _straight(points, ranges, gaps, box, margin, limits):  # type: ignore[no-untyped-def]
-    """Way straight ahead until contact [m]; inf beyond the second of the limits, any one before the first."""
+def _straight(points, ranges, gaps, box, margin, limits):
+    """Distance straight ahead until contact [m]. limits: below the first, any contact counts; inf beyond the second."""
     enough, limit = limits
     half_length, half_width, rounding = box
     r_max = math.hypot(half_length, half_width) + rounding + margin
@@ -116,7 +116,7 @@ def _straight(points, ranges, gaps, box, margin, limits):  # type: ignore[no-unt
             continue
         front = half_length + (r if beside <= 0.0 else math.sqrt(r * r - beside * beside))
         way = points[i, 0] - front
-        if 0.0 <= way <= best:  # less than 0: beside the footprint, and left behind
+        if 0.0 <= way <= best:  # less than 0: beside the footprint, so the robot moves away from it
             best, found = way, way
             if way < enough:
                 break
@@ -124,8 +124,8 @@ def _straight(points, ranges, gaps, box, margin, limits):  # type: ignore[no-unt
 
 
 @njit(cache=True, error_model="numpy")
-def _turn(points, ranges, gaps, box, margin, radius, limits):  # type: ignore[no-untyped-def]
-    """Angle about the centre until contact [rad]; limits as for `_straight`, and a full circle at most."""
+def _turn(points, ranges, gaps, box, margin, radius, limits):
+    """Angle about the centre until contact [rad], at most a full circle; limits as in `_straight`."""
     enough, limit = limits
     half_length, half_width, rounding = box
     grown = rounding + margin
@@ -142,12 +142,12 @@ def _turn(points, ranges, gaps, box, margin, radius, limits):  # type: ignore[no
         if gaps[i] <= 0.0:
             return 0.0
         x, y = points[i, 0], side * points[i, 1]
-        square = x * x + y * y - 2.0 * R * y  # of the distance from the centre, less R²
+        square = x * x + y * y - 2.0 * R * y  # squared distance from the centre, minus R²
         if square < low or square > high:
             continue
-        if x > front and x * cos - (R - y) * sin > front:  # still ahead after the best: so all the while
+        if x > front and x * cos - (R - y) * sin > front:  # still ahead after `best`: no contact
             continue
-        if x < 0.0 and leaving and (y > 0.0 or x < -front):  # passed already
+        if x < 0.0 and leaving and (y > 0.0 or x < -front):  # already behind
             continue
         r = _rounding(gaps[i], rounding, margin)
         angle = _entry(x, y, square, R, half_length, half_width, r)
@@ -160,16 +160,16 @@ def _turn(points, ranges, gaps, box, margin, radius, limits):  # type: ignore[no
 
 
 @njit(cache=True, error_model="numpy")
-def _rotation(angle):  # type: ignore[no-untyped-def]
-    """Cosine and sine; beyond a half turn, of what turns everything behind: there a point may have passed by."""
+def _rotation(angle):
+    """Cosine and sine of the angle; beyond half a turn (−inf, 0), which disables the test for points still ahead."""
     if angle > math.pi:
         return -np.inf, 0.0
     return math.cos(angle), math.sin(angle)
 
 
 @njit(cache=True, error_model="numpy")
-def _annulus(R, half_length, half_width, r):  # type: ignore[no-untyped-def]
-    """Squared distances from the centre of rotation that the footprint sweeps, less R²: least and greatest."""
+def _annulus(R, half_length, half_width, r):
+    """Least and greatest squared distance of the footprint from the centre of rotation, minus R²."""
     inner = half_width + r
     low = inner * inner - 2.0 * R * inner if R > inner else -R * R
     high = half_length**2 + half_width**2 + 2.0 * R * half_width + r * r
@@ -178,10 +178,10 @@ def _annulus(R, half_length, half_width, r):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _entry(x, y, square, R, half_length, half_width, r):  # type: ignore[no-untyped-def]
-    """Angle until a point outside the footprint enters it: through an edge, or a rounded corner.
+def _entry(x, y, square, R, half_length, half_width, r):
+    """Angle until a point outside the footprint enters it through an edge or a rounded corner.
 
-    The footprint is the union of two rectangles and four discs; whichever is entered first is the contact.
+    The footprint is the union of two rectangles and four discs; contact is the first entry into one of them.
     """
     psi = math.atan2(x, R - y)
     first = np.inf
@@ -196,11 +196,11 @@ def _entry(x, y, square, R, half_length, half_width, r):  # type: ignore[no-unty
 
 
 @njit(cache=True, error_model="numpy")
-def _edge_entry(x, y, psi, square, R, half_length, half_width, r):  # type: ignore[no-untyped-def]
-    """Angle until the point crosses an edge inwards: ahead and behind it moves along x, to the sides along y.
+def _edge_entry(x, y, psi, square, R, half_length, half_width, r):
+    """Angle until the point crosses an edge inwards.
 
-    On the circle (x, R − y) has the squared length R² + square. Clockwise, it enters the front below the centre,
-    the rear above it, the left side where x > 0 and the right side where x < 0.
+    On the point's circle, (x, R − y) has the squared length R² + square. Moving clockwise, it enters the front
+    below the centre, the rear above it, the left side at x > 0 and the right side at x < 0.
     """
     first = np.inf
     front = half_length + r
@@ -223,26 +223,26 @@ def _edge_entry(x, y, psi, square, R, half_length, half_width, r):  # type: igno
 
 
 @njit(cache=True, error_model="numpy")
-def _corner_entry(x, y, psi, rho, R, half_length, half_width, r):  # type: ignore[no-untyped-def]
+def _corner_entry(x, y, psi, rho, R, half_length, half_width, r):
     """Angle until the point enters a disc of radius r about one of the corners (±half_length, half_width).
 
-    With ρ and D the distances of point and corner from the centre, the angle β between them at contact obeys
-    r² = (ρ − D)² + 4 ρ D sin²(β/2).
+    For the distances ρ of the point and D of the corner from the centre, the angle β between them at contact
+    satisfies r² = (ρ − D)² + 4 ρ D sin²(β/2).
     """
     below = R - half_width
     D = math.sqrt(half_length * half_length + below * below)
     squares = x * x + y * y - half_length * half_length - half_width * half_width
     difference = (squares + 2.0 * R * (half_width - y)) / (rho + D)
     rest, whole = r * r - difference * difference, 4.0 * rho * D
-    if rest < 0.0 or rest > whole:  # it misses the disc, or never leaves it
+    if rest < 0.0 or rest > whole:  # the circle misses the disc or is inside it
         return np.inf
     beta, corner = 2.0 * math.asin(math.sqrt(rest / whole)), math.atan2(half_length, below)
     return min(_ahead(psi - corner - beta), _ahead(psi + corner - beta))
 
 
 @njit(cache=True, error_model="numpy")
-def _ahead(angle):  # type: ignore[no-untyped-def]
-    """The angle in [0, 2π)."""
+def _ahead(angle):
+    """The angle wrapped to [0, 2π)."""
     if angle < 0.0:
         angle += 2.0 * math.pi
     if angle < 0.0:

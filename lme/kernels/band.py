@@ -1,9 +1,8 @@
 """Bubbles of free space along a path: their radii, the forces on them, insertion and deletion.
 
-A bubble's radius is how far the robot's inner disc may move from its centre in any direction: the distance to
-the nearest obstacle point less the disc's radius, never more than a ceiling. It is negative where the disc
-does not fit. Points are given as x (M,) and y (M,), apart, so that the search for the nearest becomes vector
-instructions.
+A bubble's radius is the distance that the robot's inner disc may move from its centre in any direction: the
+distance to the nearest obstacle point minus the disc's radius, limited by a ceiling. It is negative if the disc
+does not fit. Points are separate arrays x (M,) and y (M,), so that the search for the nearest one is vectorised.
 """
 
 import math
@@ -14,13 +13,13 @@ from numpy.typing import NDArray
 
 from lme.types import Bools, Floats
 
-_ROUNDING = 1e-9  # [m] bubbles laid one spacing apart are so, whatever their last digits say
-_OVERSHOOT = 0.75  # a force that turns round and keeps this share has pushed too far
+_ROUNDING = 1e-9  # [m] tolerance for rounding of distances
+_OVERSHOOT = 0.75  # a step overshoots if the force reverses and keeps more than this share
 
 
 @njit(cache=True, error_model="numpy", fastmath={"nnan", "ninf", "nsz", "reassoc"})
-def _nearest_square(xs, ys, x, y):  # type: ignore[no-untyped-def]
-    """Squared distance to the nearest point; no product is fused, so the result is that of plain arithmetic."""
+def _nearest_square(xs, ys, x, y):
+    """Squared distance to the nearest point. Products are not fused, so the result is that of plain arithmetic."""
     least = 1e300
     for i in range(len(xs)):
         dx, dy = xs[i] - x, ys[i] - y
@@ -29,7 +28,7 @@ def _nearest_square(xs, ys, x, y):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _radius(x, y, space):  # type: ignore[no-untyped-def]
+def _radius(x, y, space):
     """Radius of the bubble at (x, y)."""
     xs, ys, inner, ceiling = space
     return min(math.sqrt(_nearest_square(xs, ys, x, y)) - inner, ceiling)
@@ -54,11 +53,11 @@ def relax(
     forces: tuple[float, float, float, float],
     rounds: tuple[int, int],
 ) -> None:
-    """Let the forces of Quinlan & Khatib 1993 move the bubbles, in place; the first and the last stay.
+    """Move the bubbles by the forces of Quinlan & Khatib 1993, in place, except the first and the last.
 
-    centres (N, 2) [m], radii (N,) [m]; shape: (inner disc, ceiling of a radius, smallest spacing) [m];
-    forces: (internal gain, external gain, radius below which obstacles repel [m], least force that moves);
-    rounds: (times along the band, halvings of a step that has gone too far).
+    centres (N, 2) [m], radii (N,) [m]; shape: (radius of the inner disc, greatest radius, least spacing) [m];
+    forces: (internal gain, external gain, radius below which obstacles repel [m], least effective force);
+    rounds: (passes along the band, halvings of a step that overshoots).
     """
     inner, ceiling, spacing = shape
     space = (xs, ys, inner, ceiling)
@@ -72,13 +71,13 @@ def relax(
 
 
 @njit(cache=True, error_model="numpy")
-def _settle(before, bubble, after, space, spacing, forces, halvings):  # type: ignore[no-untyped-def]
-    """One bubble a step along its force, and back by halves while the force there turns round."""
+def _settle(before, bubble, after, space, spacing, forces, halvings):
+    """Move one bubble a step along its force, and halve the step while it overshoots."""
     tx, ty = after[0] - before[0], after[1] - before[1]
     length = math.sqrt(tx * tx + ty * ty)
     if length < 1e-9:
         return bubble
-    normal = (-ty / length, tx / length)  # the force along the band is left out: it would only bunch bubbles
+    normal = (-ty / length, tx / length)  # no force along the band: it would only bunch bubbles
     force = _force(before, bubble, after, normal, space, spacing, forces)
     if abs(force) < forces[3]:
         return bubble
@@ -97,11 +96,11 @@ def _settle(before, bubble, after, space, spacing, forces, halvings):  # type: i
 
 
 @njit(cache=True, error_model="numpy")
-def _force(before, bubble, after, normal, space, spacing, forces):  # type: ignore[no-untyped-def]
+def _force(before, bubble, after, normal, space, spacing, forces):
     """Contraction and repulsion across the band, along `normal`.
 
-    Contraction: the sum of the unit vectors to both neighbours. Repulsion: the missing radius times the slope
-    of the radius, by central differences a radius to either side.
+    Contraction: the sum of the unit vectors to both neighbours. Repulsion: the radius missing to `influence` times
+    the gradient of the radius, by central differences over one radius to either side.
     """
     internal, external, influence, _ = forces
     x, y, radius = bubble
@@ -115,7 +114,7 @@ def _force(before, bubble, after, normal, space, spacing, forces):  # type: igno
 
 
 @njit(cache=True, error_model="numpy")
-def _pull(x, y, neighbour, normal):  # type: ignore[no-untyped-def]
+def _pull(x, y, neighbour, normal):
     """Component along the normal of the unit vector to a neighbour."""
     dx, dy = neighbour[0] - x, neighbour[1] - y
     return (dx * normal[0] + dy * normal[1]) / max(math.sqrt(dx * dx + dy * dy), 1e-9)
@@ -131,13 +130,13 @@ def mend(
     joint: tuple[float, float],
     capacity: int,
 ) -> tuple[Floats, Floats, int]:
-    """Delete bubbles that their neighbours make redundant, insert some where neighbours do not join.
+    """Delete redundant bubbles, and insert bubbles between neighbours that do not join.
 
-    joint: (overlap, least radius [m]). Two bubbles larger than the least join where their centres are no
-    further apart than `overlap` times the sum of their radii. Bubbles are inserted half-way, down to the
-    smallest spacing, at which any two larger than the least join; shape as in `relax`.
-    Returns centres (K, 2), radii (K,), K ≤ max(N, capacity), and the length of the chain: how many bubbles
-    from the first one on are joined.
+    joint: (overlap, least radius [m]). Two bubbles larger than the least radius join if the distance of their
+    centres is at most `overlap` times the sum of their radii. Bubbles are inserted half-way, down to the least
+    spacing, at which any two bubbles larger than the least radius join; shape as in `relax`.
+    Returns centres (K, 2), radii (K,), K ≤ max(N, capacity), and the length of the chain: the number of joined
+    bubbles from the first one on.
     """
     space = (xs, ys, shape[0], shape[1])
     kept, kept_radii = _without_redundant(centres, radii, joint)
@@ -146,9 +145,9 @@ def mend(
 
 
 @njit(cache=True, error_model="numpy")
-def _filled(centres, radii, space, spacing, joint, size):  # type: ignore[no-untyped-def]
-    """The band with bubbles inserted, rows x, y, radius, and the length of its chain."""
-    out, waiting = np.empty((size, 3)), np.empty((size, 3))  # a stack, the next one on top
+def _filled(centres, radii, space, spacing, joint, size):
+    """The band with inserted bubbles, rows x, y, radius, and the length of its chain."""
+    out, waiting = np.empty((size, 3)), np.empty((size, 3))  # `waiting` is a stack
     left = len(centres)
     waiting[:left, :2], waiting[:left, 2] = centres[::-1], radii[::-1]
     done, chain, torn = 0, 0, False
@@ -172,8 +171,8 @@ def _filled(centres, radii, space, spacing, joint, size):  # type: ignore[no-unt
 
 
 @njit(cache=True, error_model="numpy")
-def _without_redundant(centres, radii, joint):  # type: ignore[no-untyped-def]
-    """The bubbles whose neighbours do not join without them, and both ends."""
+def _without_redundant(centres, radii, joint):
+    """Both ends of the band, and the bubbles whose neighbours would not join without them."""
     out, out_radii = centres.copy(), radii.copy()
     count = 1
     for i in range(1, len(centres)):
@@ -187,8 +186,8 @@ def _without_redundant(centres, radii, joint):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _join(gap, one, other, joint):  # type: ignore[no-untyped-def]
-    """Whether bubbles of these radii, `gap` apart, join."""
+def _join(gap, one, other, joint):
+    """Whether two bubbles of these radii join at the distance `gap`."""
     return min(one, other) > joint[1] and gap <= joint[0] * (one + other)
 
 
@@ -215,11 +214,11 @@ def hidden(
     limits: tuple[float, float],
     slack: float,
 ) -> Bools:
-    """Which of the (P, 2) points, in the lidar's frame, the scan cannot see: (P,).
+    """Whether the scan cannot see each of the (P, 2) points, in the lidar's frame: (P,).
 
     ranges (B,) [m], angles: (angle_min, angle_increment) [rad], limits: (range_min, range_max) [m]. A point is
-    hidden outside the field of view, behind a return by more than `slack` [m], beyond range_max, and where
-    its beam is not a number or below range_min.
+    hidden if it is outside the field of view, more than `slack` [m] behind a return or beyond range_max, or if
+    its beam's range is NaN or below range_min.
     """
     out = np.ones(len(points), np.bool_)
     beams_in_turn = 2.0 * math.pi / abs(angles[1])
@@ -227,7 +226,7 @@ def hidden(
         offset = math.atan2(points[k, 1], points[k, 0]) - angles[0]
         if angles[1] < 0.0:
             offset = -offset
-        place = offset / abs(angles[1]) + 0.5  # in beams; those of the first one from 0 to 1
+        place = offset / abs(angles[1]) + 0.5  # in beams; the first beam covers 0 to 1
         beam = math.floor(place - math.floor(place / beams_in_turn) * beams_in_turn)
         if beam < len(ranges) and ranges[beam] >= limits[0]:
             distance = math.sqrt(points[k, 0] ** 2 + points[k, 1] ** 2)

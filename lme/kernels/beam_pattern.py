@@ -1,4 +1,4 @@
-"""Beams that never repeat and fill their field of view evenly, however many are drawn."""
+"""A beam pattern that never repeats and fills the field of view evenly for any number of beams."""
 
 import math
 
@@ -7,8 +7,8 @@ from numba import njit
 
 from lme.types import Floats
 
-# Kronecker sequence of the plastic number ρ, ρ³ = ρ + 1: (1/ρ, 1/ρ²) is the pair that leaves the least gaps in a
-# square (M. Roberts 2018, "The unreasonable effectiveness of quasirandom sequences").
+# Kronecker sequence of the plastic number ρ, ρ³ = ρ + 1: (1/ρ, 1/ρ²) fills a square most evenly.
+# Source: M. Roberts 2018, "The unreasonable effectiveness of quasirandom sequences".
 _TURN, _RISE = 0.7548776662466927, 0.5698402909980532
 
 
@@ -16,9 +16,9 @@ _TURN, _RISE = 0.7548776662466927, 0.5698402909980532
 def beam_pattern(
     first: int, number: int, phase: tuple[float, float], elevations: tuple[float, float]
 ) -> Floats:
-    """Unit vectors of the beams from number `first` on, all round between two elevations: (number, 3).
+    """Unit vectors of `number` beams from beam `first` on, at all azimuths between two elevations: (number, 3).
 
-    phase: share of the field of view in azimuth and in elevation at which beam 0 stands; elevations: lowest and
+    phase: position of beam 0 in azimuth and in elevation, as shares of the field of view; elevations: lowest and
     highest [rad].
     """
     beams = np.empty((number, 3))

@@ -1,7 +1,7 @@
 """Exact clearance between a moving footprint and the world.
 
-The distance from the middle pose bounds the distance from every pose of the motion, so obstacles that cannot
-be the nearest at any of them are left out first; the rest is met exactly at every pose.
+The distance from the middle pose bounds the distance from every pose of the motion. A broad phase therefore drops
+the obstacles that cannot be the nearest at any pose; the others are tested exactly at every pose.
 """
 
 import math
@@ -19,8 +19,8 @@ def sweep(
 
     poses (K, 3) of the footprint in the world, K ≥ 1; box (half_length, half_width, rounding) [m];
     circles (C, 3) solid [x, y, r]; edges (E, 4) thin [x0, y0, x1, y1].
-    Returns the least distance over the poses up to the first contact, 0.0 there and inf in an empty world,
-    and the index of that pose; −1 without contact. A distance of 0 is contact.
+    Returns the least distance over the poses up to the first contact, 0.0 with contact and inf in an empty world,
+    and the index of the first pose in contact, −1 without contact. A distance of 0 is contact.
     """
     half_length, half_width, rounding = box
     clearance, contact = _sweep(poses, float(half_length), float(half_width), float(rounding), circles, edges)
@@ -28,8 +28,8 @@ def sweep(
 
 
 @njit(cache=True, error_model="numpy")
-def _sweep(poses, half_length, half_width, rounding, circles, edges):  # type: ignore[no-untyped-def]
-    """`sweep` in plain numbers."""
+def _sweep(poses, half_length, half_width, rounding, circles, edges):
+    """`sweep` with the box as separate numbers."""
     near_circles, near_edges = _broad_phase(poses, half_length, half_width, rounding, circles, edges)
     least = np.inf
     for k in range(len(poses)):
@@ -45,11 +45,11 @@ def _sweep(poses, half_length, half_width, rounding, circles, edges):  # type: i
 
 
 @njit(cache=True, error_model="numpy")
-def _broad_phase(poses, half_length, half_width, rounding, circles, edges):  # type: ignore[no-untyped-def]
+def _broad_phase(poses, half_length, half_width, rounding, circles, edges):
     """Indices of the circles and of the edges that may be the nearest, or in contact, at some pose.
 
-    With d from the middle position to an obstacle: the clearance in the middle is at most d − r_min, and at
-    no pose less than d − r_max − travel.
+    For an obstacle at distance d from the middle position, the clearance is at most d − r_min at the middle pose,
+    and at least d − r_max − travel at every pose.
     """
     x, y = poses[len(poses) // 2, 0], poses[len(poses) // 2, 1]
     travel = 0.0
@@ -68,7 +68,7 @@ def _broad_phase(poses, half_length, half_width, rounding, circles, edges):  # t
 
 
 @njit(cache=True, error_model="numpy")
-def _circle_distances(x, y, circles):  # type: ignore[no-untyped-def]
+def _circle_distances(x, y, circles):
     """Distance from (x, y) to each circle, negative inside."""
     out = np.empty(len(circles))
     for i in range(len(circles)):
@@ -78,7 +78,7 @@ def _circle_distances(x, y, circles):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _edge_distances(x, y, edges):  # type: ignore[no-untyped-def]
+def _edge_distances(x, y, edges):
     """Distance from (x, y) to each edge."""
     out = np.empty(len(edges))
     for i in range(len(edges)):
@@ -87,7 +87,7 @@ def _edge_distances(x, y, edges):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _to_circles(frame, half_length, half_width, circles, chosen):  # type: ignore[no-untyped-def]
+def _to_circles(frame, half_length, half_width, circles, chosen):
     """Distance from the rectangle at `frame` to the nearest of the chosen circles; negative in contact."""
     x, y, cos, sin = frame
     least = np.inf
@@ -100,7 +100,7 @@ def _to_circles(frame, half_length, half_width, circles, chosen):  # type: ignor
 
 
 @njit(cache=True, error_model="numpy")
-def _to_edges(frame, half_length, half_width, edges, chosen):  # type: ignore[no-untyped-def]
+def _to_edges(frame, half_length, half_width, edges, chosen):
     """Distance from the rectangle at `frame` to the nearest of the chosen edges; 0 where they meet."""
     x, y, cos, sin = frame
     least = np.inf
@@ -114,8 +114,8 @@ def _to_edges(frame, half_length, half_width, edges, chosen):  # type: ignore[no
 
 
 @njit(cache=True, error_model="numpy")
-def _crosses(segment, half_length, half_width):  # type: ignore[no-untyped-def]
-    """Whether a segment meets the rectangle centred on the origin: no axis of either separates them."""
+def _crosses(segment, half_length, half_width):
+    """Whether a segment meets the rectangle centred on the origin, by the separating axis theorem."""
     ax, ay, bx, by = segment
     if min(ax, bx) > half_length or max(ax, bx) < -half_length:
         return False
@@ -126,8 +126,8 @@ def _crosses(segment, half_length, half_width):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _rectangle_to_segment(segment, half_length, half_width):  # type: ignore[no-untyped-def]
-    """Squared distance where they do not meet: from an end of the segment, or from a corner."""
+def _rectangle_to_segment(segment, half_length, half_width):
+    """Squared distance if they do not meet: from an end of the segment, or from a corner."""
     ax, ay, bx, by = segment
     least = min(
         _point_to_box(ax, ay, half_length, half_width), _point_to_box(bx, by, half_length, half_width)
@@ -139,15 +139,15 @@ def _rectangle_to_segment(segment, half_length, half_width):  # type: ignore[no-
 
 
 @njit(cache=True, error_model="numpy")
-def _point_to_box(x, y, half_length, half_width):  # type: ignore[no-untyped-def]
+def _point_to_box(x, y, half_length, half_width):
     """Squared distance from a point to the rectangle."""
     outside_x, outside_y = max(abs(x) - half_length, 0.0), max(abs(y) - half_width, 0.0)
     return outside_x * outside_x + outside_y * outside_y
 
 
 @njit(cache=True, error_model="numpy")
-def _point_to_segment(x, y, x0, y0, x1, y1):  # type: ignore[no-untyped-def]
-    """Squared distance from a point to a segment; one of length 0 is a point."""
+def _point_to_segment(x, y, x0, y0, x1, y1):
+    """Squared distance from a point to a segment, which may have length 0."""
     ex, ey, qx, qy = x1 - x0, y1 - y0, x - x0, y - y0
     length = max(ex * ex + ey * ey, 1e-300)
     part = min(max((qx * ex + qy * ey) / length, 0.0), 1.0)

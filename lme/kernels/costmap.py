@@ -1,9 +1,9 @@
 """Marking, clearing and inflating a grid of obstacles.
 
-Cells lie on a lattice through the origin, cell (i, j) centred on (i, j) · cell_size: symmetric about both axes,
-so that a mirrored scene gives a mirrored grid. A `Grid` (low_i, low_j, cell_size) says which lattice cell has the
-array index (0, 0). `hits` (I, J) int32 holds the number of the last scan that hit a cell; 0: free. `costs` (I, J)
-uint8 as in ROS costmap_2d. A stamp (K, 3) int64 is the cost around one occupied cell: rows (di, dj, cost).
+Cell (i, j) of the lattice is centred on (i, j) · cell_size. The lattice is symmetric about both axes, so that a
+mirrored scene gives a mirrored grid. A `Grid` is (low_i, low_j, cell_size); (low_i, low_j) is the lattice cell with
+the array index (0, 0). `hits` (I, J) int32: number of the last scan that hit each cell, 0 if free. `costs` (I, J)
+uint8: as in ROS costmap_2d. A stamp (K, 3) int64: costs around one occupied cell, rows (di, dj, cost).
 """
 
 import math
@@ -18,14 +18,14 @@ Hits = NDArray[np.int32]
 Costs = NDArray[np.uint8]
 Grid = tuple[int, int, float]
 
-TOUCHING = 254  # the footprint touches the obstacle whichever way it is turned
-INSCRIBED = 253  # the padded footprint does
-HIGHEST = 252  # beside those
+TOUCHING = 254  # the footprint touches the obstacle at any heading
+INSCRIBED = 253  # the padded footprint touches it at any heading
+HIGHEST = 252  # highest cost of other cells
 
 
 @njit(cache=True, error_model="numpy")
 def lattice(value: float) -> int:
-    """The nearest integer, halves away from zero: as far on one side of the axis as on the other."""
+    """The nearest integer, with halves rounded away from zero, so that rounding is symmetric."""
     return int(math.copysign(math.floor(abs(value) + 0.5), value))
 
 
@@ -42,13 +42,13 @@ def observe(
     angles: tuple[float, float],
     spans: tuple[float, float, float, float],
 ) -> None:
-    """Mark the cells that beams of scan `number` (≥ 1) hit, free those they pass; hits and costs in place.
+    """Mark the cells that beams of scan `number` (≥ 1) hit and clear those they pass; hits and costs in place.
 
     pose: of the lidar in the frame of the grid. ranges (B,) [m]; angles (angle_min, angle_increment) [rad];
     spans (range_min, range_max, obstacle_range, raytrace_range) [m]. A hit beyond obstacle_range marks no free
-    cell, but keeps one that is marked; nothing beyond raytrace_range is freed, nor what one of the last `keep`
-    scans or this one hits. A beam at range_max and beyond frees its way; one below range_min, or NaN, says nothing.
-    Costs grow with new hits; where hits were freed they are too high until `inflate`.
+    cell, but refreshes a marked one. Cells beyond raytrace_range are not cleared, nor cells hit by this scan or
+    one of the last `keep`. A beam with a range ≥ range_max clears its cells; one below range_min or NaN is ignored.
+    New hits raise costs; the costs of cleared hits remain until `inflate`.
     """
     range_min, range_max = np.float32(spans[0]), np.float32(spans[1])
     for k in range(len(ranges)):
@@ -60,7 +60,7 @@ def observe(
                 if hits[i, j] == 0 and ranges[k] <= spans[2]:
                     _press(costs, stamp, i, j)
                     hits[i, j] = number
-                elif hits[i, j] != 0:  # or walls between the two ranges would be freed and not marked again
+                elif hits[i, j] != 0:  # else walls beyond obstacle_range would be cleared
                     hits[i, j] = number
     for k in range(len(ranges)):
         if ranges[k] >= range_min:
@@ -71,7 +71,7 @@ def observe(
 
 @njit(cache=True, error_model="numpy")
 def inflate(hits: Hits, stamp: Ints, costs: Costs) -> None:
-    """Costs of the hits as they are, in place."""
+    """Recompute the costs from the hits, in place."""
     costs[:] = 0
     for i in range(hits.shape[0]):
         for j in range(hits.shape[1]):
@@ -80,7 +80,7 @@ def inflate(hits: Hits, stamp: Ints, costs: Costs) -> None:
 
 
 @njit(cache=True, error_model="numpy")
-def _press(costs, stamp, i, j):  # type: ignore[no-untyped-def]
+def _press(costs, stamp, i, j):
     """Raise the costs around cell (i, j) to those of the stamp."""
     for k in range(len(stamp)):
         a, b = i + stamp[k, 0], j + stamp[k, 1]
@@ -89,10 +89,10 @@ def _press(costs, stamp, i, j):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _free(hits, grid, since, pose, cos, sin, length):  # type: ignore[no-untyped-def]
-    """Free the cells that a beam passes, but for those hit since scan `since`.
+def _free(hits, grid, since, pose, cos, sin, length):
+    """Clear the cells that a beam passes, except those hit since scan `since`.
 
-    Amanatides & Woo 1987, "A fast voxel traversal algorithm": step into the cell whose border comes first.
+    Source: Amanatides & Woo 1987, "A fast voxel traversal algorithm".
     """
     x, y, reach = pose[0] / grid[2], pose[1] / grid[2], length / grid[2]
     i, j = lattice(x), lattice(y)
@@ -115,7 +115,7 @@ def _free(hits, grid, since, pose, cos, sin, length):  # type: ignore[no-untyped
 
 @njit(cache=True, error_model="numpy")
 def draw_discs(hits: Hits, grid: Grid, discs: Floats) -> None:
-    """Occupy every cell that a solid disc (C, 3) [x, y, radius] touches, in place."""
+    """Mark every cell that a solid disc (C, 3) [x, y, radius] touches, in place."""
     cell = grid[2]
     for k in range(len(discs)):
         x, y, reach = discs[k, 0] / cell, discs[k, 1] / cell, discs[k, 2] / cell
@@ -128,7 +128,7 @@ def draw_discs(hits: Hits, grid: Grid, discs: Floats) -> None:
 
 @njit(cache=True, error_model="numpy")
 def draw_edges(hits: Hits, grid: Grid, edges: Floats) -> None:
-    """Occupy the cells along thin walls (E, 4) [x0, y0, x1, y1], in place; walls leave no gap."""
+    """Mark the cells along thin walls (E, 4) [x0, y0, x1, y1] without gaps, in place."""
     cell = grid[2]
     for k in range(len(edges)):
         x0, y0 = edges[k, 0] / cell, edges[k, 1] / cell
@@ -139,8 +139,8 @@ def draw_edges(hits: Hits, grid: Grid, edges: Floats) -> None:
 
 
 @njit(cache=True, error_model="numpy")
-def _occupy(hits, grid, i, j):  # type: ignore[no-untyped-def]
-    """Mark lattice cell (i, j) where it lies on the grid."""
+def _occupy(hits, grid, i, j):
+    """Mark lattice cell (i, j) if it is on the grid."""
     a, b = i - grid[0], j - grid[1]
     if 0 <= a < hits.shape[0] and 0 <= b < hits.shape[1]:
         hits[a, b] = 1

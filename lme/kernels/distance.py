@@ -1,4 +1,4 @@
-"""Distances and bearings of many points, without temporaries."""
+"""Distances and bearings of many points, without temporary arrays."""
 
 import math
 
@@ -32,7 +32,7 @@ def bearings(points: Floats) -> Floats:
 def nearest_near_segment(points: Floats, end: Floats, radius: float) -> int:
     """Index of the point nearest to the origin among those within `radius` of the segment origin–end.
 
-    points (M, 2), end (2,) [m]; −1 where no point lies nearer than `radius` to the segment.
+    points (M, 2), end (2,) [m]; −1 if no point is nearer than `radius` to the segment.
     """
     best = -1
     best_square = np.inf

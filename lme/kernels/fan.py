@@ -1,12 +1,12 @@
-"""Which segments of a fan, all from one apex, pass too near to a point.
+"""Test of a fan of segments from one apex: which segments come too near to a point.
 
-The test of every segment against every point is the definition; the rest leaves out pairs that cannot be
-near. A segment from the apex comes within the radius of a point only if it points into the cone around the
-disc of that radius, and reaches as far as the disc. So the ends are sorted into bins of bearing about the
-apex, every point visits the bins in its cone, and ends found blocked leave their bin.
+The result is that of testing every segment against every point; the algorithm skips pairs that cannot be near.
+A segment comes within the radius of a point only if it lies in the tangent cone of the disc of that radius around
+the point, and is long enough to reach the disc. The ends are therefore sorted into bins of bearing about the apex.
+Each point is tested against the bins in its cone, and blocked ends are removed from their bins.
 
-Helpers that are called once per point take numbers only: an array passed from inside a loop costs more than
-what is done with it, since numba counts references.
+Helpers that are called once per point take only numbers: Numba's reference counting makes passing an array from
+inside a loop more expensive than the work on it.
 """
 
 import math
@@ -17,10 +17,10 @@ from numba import njit
 from lme.kernels.bearing import diamond
 from lme.types import Bools, Floats
 
-_FEW = 8  # ends or points: sorting does not pay
+_FEW = 8  # [ends or points] up to this number, sorting does not pay
 _ENDS_PER_BIN = 4
-_STRIDE = 16  # points are taken in this many passes, as neighbours in a scan block the same ends
-_SLACK = 1e-9  # of all lengths involved: discs are widened by more than rounding could ever matter
+_STRIDE = 16  # number of passes over the points, since neighbours in a scan block the same ends
+_SLACK = 1e-9  # share of all lengths by which discs are widened, more than any rounding error
 
 
 @njit(cache=True, error_model="numpy")
@@ -36,7 +36,7 @@ def fan_blocked(apex: Floats, ends: Floats, points: Floats, radius: float) -> Bo
         _test_all(arms, rays, radius, blocked)
         return blocked
     wide = radius + _SLACK * (radius + longest + farthest)
-    axis = (arms[0].sum(), arms[1].sum())  # bearings count from here: a narrow fan stays in one piece
+    axis = (arms[0].sum(), arms[1].sum())  # reference for bearings, so that a narrow fan does not wrap around
     bearing = _bearings(arms, axis)
     low = bearing.min()
     num_bins = len(ends) // _ENDS_PER_BIN + 1
@@ -51,8 +51,8 @@ def fan_blocked(apex: Floats, ends: Floats, points: Floats, radius: float) -> Bo
 
 
 @njit(cache=True, error_model="numpy")
-def _near(dx, dy, length_square, qx, qy, radius_square):  # type: ignore[no-untyped-def]
-    """Whether q lies nearer than the radius to the segment from the origin to d: the definition."""
+def _near(dx, dy, length_square, qx, qy, radius_square):
+    """Whether q is nearer than the radius to the segment from the origin to d."""
     along = qx * dx + qy * dy
     if along <= 0.0:
         return qx * qx + qy * qy < radius_square
@@ -64,8 +64,8 @@ def _near(dx, dy, length_square, qx, qy, radius_square):  # type: ignore[no-unty
 
 
 @njit(cache=True, error_model="numpy")
-def _test_all(arms, rays, radius, blocked):  # type: ignore[no-untyped-def]
-    """Every segment against every point."""
+def _test_all(arms, rays, radius, blocked):
+    """Test every segment against every point."""
     radius_square = radius * radius
     for j in range(rays.shape[1]):
         for i in range(len(blocked)):
@@ -74,8 +74,8 @@ def _test_all(arms, rays, radius, blocked):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _arms(apex, points):  # type: ignore[no-untyped-def]
-    """(3, N) x, y and squared length of the points seen from the apex, and the greatest length."""
+def _arms(apex, points):
+    """x, y and squared length of the points relative to the apex, (3, N), and the greatest length."""
     ax, ay = apex[0], apex[1]
     arms = np.empty((3, len(points)))
     longest = 0.0
@@ -87,8 +87,8 @@ def _arms(apex, points):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _bearings(arms, axis):  # type: ignore[no-untyped-def]
-    """(N,) diamond angles of the arms about the axis."""
+def _bearings(arms, axis):
+    """Diamond angles of the arms relative to the axis: (N,)."""
     ax, ay = axis
     out = np.empty(arms.shape[1])
     for i in range(len(out)):
@@ -98,12 +98,12 @@ def _bearings(arms, axis):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _cones(rays, axis, wide, low, scale, num_bins):  # type: ignore[no-untyped-def]
-    """(2, M) first and last bin between the tangents to the disc of radius `wide` around each point.
+def _cones(rays, axis, wide, low, scale, num_bins):
+    """First and last bin between the tangents to the disc of radius `wide` around each point: (2, M).
 
-    The tangents are the ray turned by ±asin(wide / length). All bins where the apex is in the disc. Where
-    the cone straddles the direction opposite to the axis, it leaves the last bin for the first: last is then
-    the more by num_bins. Free of branches, for vector instructions.
+    The tangents are the ray turned by ±asin(wide / length). If the apex is in the disc, the cone covers all bins.
+    If the cone contains the direction opposite to the axis, it wraps around: num_bins is added to its last bin.
+    No branches, for vectorisation.
     """
     ax, ay = axis
     top = float(num_bins)
@@ -123,8 +123,8 @@ def _cones(rays, axis, wide, low, scale, num_bins):  # type: ignore[no-untyped-d
 
 
 @njit(cache=True, error_model="numpy")
-def _sort_into_bins(arms, bearing, low, scale, num_bins):  # type: ignore[no-untyped-def]
-    """Counting sort: the ends' indices (N,) and arms (3, N) bin by bin, and where bins start (num_bins + 1,)."""
+def _sort_into_bins(arms, bearing, low, scale, num_bins):
+    """Counting sort: the ends' indices (N,) and arms (3, N) by bin, and the bins' starts (num_bins + 1,)."""
     start = np.zeros(num_bins + 1, np.int64)
     bin_of = np.empty(len(bearing), np.int64)
     for i in range(len(bearing)):
@@ -144,8 +144,8 @@ def _sort_into_bins(arms, bearing, low, scale, num_bins):  # type: ignore[no-unt
 
 
 @njit(cache=True, error_model="numpy")
-def _reaches(arms, start, wide):  # type: ignore[no-untyped-def]
-    """Per bin, the squared distance from which on a point is too far to block its longest arm; 0 if empty."""
+def _reaches(arms, start, wide):
+    """Squared distance at which a point is too far to block the longest arm of each bin; 0 for an empty bin."""
     reach = np.zeros(len(start) - 1)
     for k in range(len(reach)):
         for i in range(start[k], start[k + 1]):
@@ -154,8 +154,8 @@ def _reaches(arms, start, wide):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _take(offset, rays, cones, ends, arms, start, stop, reach, radius, wide, blocked):  # type: ignore[no-untyped-def]
-    """Test every `_STRIDE`-th point from `offset` on against the ends left in its bins; blocked ones leave."""
+def _take(offset, rays, cones, ends, arms, start, stop, reach, radius, wide, blocked):
+    """Test every `_STRIDE`-th point from `offset` on against the ends in its bins, and remove blocked ends."""
     num_bins, radius_square = len(reach), radius * radius
     farthest = 0.0
     for k in range(num_bins):

@@ -1,8 +1,8 @@
-"""Cheapest ways through a grid of costs: Dijkstra and A*, and what makes a path of them.
+"""Cheapest paths on a cost grid: Dijkstra and A*, path extraction and straightening.
 
-`costs` (I, J) uint8 are read through a `table` (256,) of what a cell of length costs there; inf: no way. A move
-to one of the eight neighbours costs its length [cells] times the mean of the two cells; a diagonal one needs both
-cells beside it to be passable. Ties are broken without regard to left and right.
+A `table` (256,) maps `costs` (I, J) uint8 to the cost per cell of length; inf: not passable. A move to one of the
+eight neighbours costs its length [cells] times the mean of the two cells; a diagonal move requires that both cells
+beside it are passable. Ties are broken symmetrically in left and right.
 """
 
 import math
@@ -15,18 +15,18 @@ from lme.types import Floats, Ints
 
 Cell = tuple[int, int]
 
-_SAME = 1e-9  # relative: two sums of the same terms in another order
-_TIE = 1e-8  # per cell² off the line: more than rounding, and too little to matter in any cost
+_SAME = 1e-9  # relative difference of equal costs, by rounding
+_TIE = 1e-8  # [cost/cell²] penalty for distance from the line: above rounding, below any cost difference
 _SQRT2 = math.sqrt(2.0)
 
 
 @njit(cache=True, error_model="numpy")
 def search(costs: Costs, table: Floats, start: Cell, goal: Cell, heuristic_weight: float) -> Floats:
-    """Cost of the cheapest way from start to each cell, exact for the goal and what leads there: (I, J).
+    """Cost of the cheapest path from start to each cell: (I, J); exact for the goal and the cells on its path.
 
-    Dijkstra 1959, DOI 10.1007/BF01386390, for heuristic_weight 0; A* (Hart, Nilsson & Raphael 1968, DOI
-    10.1109/TSSC.1968.300136) for 1, with the octile distance at the lowest cost of the table. Both find the same
-    costs. inf: not reached; the search ends at the goal. start and goal must lie on the grid.
+    heuristic_weight 0: Dijkstra 1959, DOI 10.1007/BF01386390; 1: A* (Hart, Nilsson & Raphael 1968, DOI
+    10.1109/TSSC.1968.300136) with the octile distance at the lowest cost of the table. Both find the same costs.
+    The search stops at the goal; unreached cells are inf. start and goal must be on the grid.
     """
     rows, columns = costs.shape
     scale = heuristic_weight * table.min()
@@ -40,7 +40,7 @@ def search(costs: Costs, table: Floats, start: Cell, goal: Cell, heuristic_weigh
         size = _pop(keys, cells, size)
         i, j = cell // columns, cell % columns
         if key > _key(g[cell], scale, i, j, start, goal) * (1.0 + _SAME):
-            continue  # a cheaper way has been found since
+            continue  # outdated: a cheaper path was found later
         if cell == last:
             break
         for di in range(-1, 2):
@@ -56,9 +56,9 @@ def search(costs: Costs, table: Floats, start: Cell, goal: Cell, heuristic_weigh
 
 @njit(cache=True, error_model="numpy")
 def trace(g: Floats, costs: Costs, table: Floats, start: Cell, goal: Cell) -> Ints:
-    """The cells of a cheapest way, start to goal: (K, 2); K is 0 where `search` did not reach the goal.
+    """The cells of a cheapest path from start to goal: (K, 2); K = 0 if `search` did not reach the goal.
 
-    Of equal ways it takes the one that keeps nearer to the line from start to goal.
+    Among equal paths, it takes the one nearer to the line from start to goal.
     """
     path = np.empty((g.size, 2), np.int64)
     if not np.isfinite(g[goal[0], goal[1]]):
@@ -85,10 +85,10 @@ def trace(g: Floats, costs: Costs, table: Floats, start: Cell, goal: Cell) -> In
 
 @njit(cache=True, error_model="numpy")
 def straighten(path: Ints, g: Floats, costs: Costs, table: Floats) -> Ints:
-    """The corners of a path (K, 2) of cells once straight lines, no dearer than it, replace its pieces: (C, 2).
+    """Replace pieces of a path (K, 2) of cells by straight lines that cost no more; corners (C, 2).
 
-    g: costs so far along the path, as from `search`. Eight directions make a path longer than need be; lines
-    that cost less, or the same, take their place, the farthest first.
+    g: costs from `search`. Paths with only eight directions are longer than necessary. The farthest possible line
+    is tried first.
     """
     corners = np.empty_like(path)
     count, here, last = 0, 0, len(path) - 1
@@ -109,8 +109,8 @@ def straighten(path: Ints, g: Floats, costs: Costs, table: Floats) -> Ints:
 
 @njit(cache=True, error_model="numpy")
 def departs(path: Floats, other: Floats, limit: float) -> bool:
-    """Whether some point of path (K, 2) is farther than `limit` from every point of the other (L, 2)."""
-    last = 0  # the next point is most likely near the same one
+    """Whether a point of `path` (K, 2) is farther than `limit` [m] from every point of `other` (L, 2)."""
+    last = 0  # start here, since the next point is probably near the same one
     for k in range(len(path)):
         near = False
         for n in range(len(other)):
@@ -125,7 +125,7 @@ def departs(path: Floats, other: Floats, limit: float) -> bool:
 
 @njit(cache=True, error_model="numpy")
 def nearest_passable(costs: Costs, table: Floats, cell: Cell, towards: Cell) -> Cell:
-    """The passable cell nearest to `cell`, of equally near ones that nearer to `towards`; (-1, -1): there is none."""
+    """The passable cell nearest to `cell`, in a tie the one nearer to `towards`; (-1, -1) if there is none."""
     rows, columns = costs.shape
     best, best_away, found_i, found_j = np.inf, np.inf, -1, -1
     for ring in range(max(rows, columns)):
@@ -143,8 +143,8 @@ def nearest_passable(costs: Costs, table: Floats, cell: Cell, towards: Cell) -> 
 
 
 @njit(cache=True, error_model="numpy")
-def _line_cost(costs, table, a, b, enough):  # type: ignore[no-untyped-def]
-    """Cost of the straight line between two cells, sampled twice a cell; no further than `enough`."""
+def _line_cost(costs, table, a, b, enough):
+    """Cost of the straight line between two cells, sampled twice per cell; stops once it exceeds `enough`."""
     di, dj = b[0] - a[0], b[1] - a[1]
     length = math.hypot(di, dj)
     pieces = math.ceil(2.0 * length)
@@ -161,8 +161,8 @@ def _line_cost(costs, table, a, b, enough):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def _step(costs, table, i, j, di, dj):  # type: ignore[no-untyped-def]
-    """Cost of a move; inf where there is none."""
+def _step(costs, table, i, j, di, dj):
+    """Cost of a move; inf if it is not possible."""
     a, b = i + di, j + dj
     if a < 0 or b < 0 or a >= costs.shape[0] or b >= costs.shape[1] or (di == 0 and dj == 0):
         return np.inf
@@ -175,30 +175,30 @@ def _step(costs, table, i, j, di, dj):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def _key(g, scale, i, j, start, goal):  # type: ignore[no-untyped-def]
-    """What a cell is ranked by: cost so far and to go; of equal ones, the cell nearer to the line first.
+def _key(g, scale, i, j, start, goal):
+    """Priority of a cell: cost so far plus heuristic; ties go to the cell nearer to the line from start to goal.
 
-    Which of them the search has seen when it ends would else depend on the last digits of sums, and the path with it.
+    Without the tie-break, rounding would decide which cells the search visits, and so the path.
     """
     return g + scale * _octile(i - goal[0], j - goal[1]) + _TIE * _off_line(i, j, start, goal)
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def _off_line(i, j, start, goal):  # type: ignore[no-untyped-def]
-    """Distance of a cell from the line from start to goal, times the length of that [cells²]."""
+def _off_line(i, j, start, goal):
+    """Distance of a cell from the line from start to goal, times the line's length [cells²]."""
     return abs((i - start[0]) * (goal[1] - start[1]) - (j - start[1]) * (goal[0] - start[0]))
 
 
 @njit(cache=True, error_model="numpy")
-def _octile(di, dj):  # type: ignore[no-untyped-def]
-    """Length of the shortest way over eight neighbours [cells]."""
+def _octile(di, dj):
+    """Octile distance: length of the shortest path with eight neighbours [cells]."""
     a, b = abs(di), abs(dj)
     return max(a, b) + (_SQRT2 - 1.0) * min(a, b)
 
 
 @njit(cache=True, error_model="numpy")
-def _push(keys, cells, size, key, cell):  # type: ignore[no-untyped-def]
-    """Into a binary heap; its new size."""
+def _push(keys, cells, size, key, cell):
+    """Push onto a binary heap; return its new size."""
     k = size
     while k > 0 and key < keys[(k - 1) // 2]:
         keys[k], cells[k] = keys[(k - 1) // 2], cells[(k - 1) // 2]
@@ -208,8 +208,8 @@ def _push(keys, cells, size, key, cell):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _pop(keys, cells, size):  # type: ignore[no-untyped-def]
-    """Drop the first of a binary heap; its new size."""
+def _pop(keys, cells, size):
+    """Remove the first element of a binary heap; return its new size."""
     size -= 1
     key, cell = keys[size], cells[size]
     k, child = 0, 1

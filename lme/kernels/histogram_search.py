@@ -13,21 +13,21 @@ from lme.types import Bools, Floats, Ints
 
 _TINY = 1e-9  # [m], [rad]
 _CHECK_EVERY = 0.02  # [m]
-_MAX_NODES = 2048  # more than two plies ever need: at most 2π over the least valley at each
+_MAX_NODES = 2048  # more than two steps need: at most 2π / (least width of a valley) children per node
 
 
 class Valleys(NamedTuple):
-    """How headings are read off a histogram; all angles [rad], distances [m]."""
+    """Rules for headings from a histogram; all angles [rad], distances [m]."""
 
-    window: float  # points further away count for nothing
-    block_distance: float  # a sector whose mean range is shorter is blocked
-    narrow: float  # a valley must be at least this wide
-    wide: float  # up to this width its middle is taken
-    margin: float  # from the edges of a wider one
+    window: float  # farther points are ignored
+    block_distance: float  # a sector with a shorter mean range is blocked
+    narrow: float  # least width of a valley
+    wide: float  # up to this width, the heading is the valley's middle
+    margin: float  # distance of the heading from the edges of a wider valley
 
 
 class Costs(NamedTuple):
-    """What a step of the search costs beside its length."""
+    """Costs of a step of the search in addition to its length."""
 
     step: float  # [m]
     deviation: float  # [m/rad] between the heading and the goal
@@ -37,11 +37,11 @@ class Costs(NamedTuple):
 
 @njit(cache=True, error_model="numpy")
 def histogram(points: Floats, x: float, y: float, spacing: float, window: float, num_sectors: int) -> Floats:
-    """Mean of (window − range) over each sector as seen from (x, y): (S,) [m], 0 free to `window` full.
+    """Mean of (window − range) over each sector as seen from (x, y): (S,) [m], from 0 (free) to `window`.
 
-    points (M, 2) [m], hits of beams `spacing` [rad] apart as seen from the origin. A point stands for the
-    piece of surface between its beams, so it fills the arc that this piece spans from (x, y); directions
-    without a point within `window` [m] are free. From the origin itself this is the mean over the beams.
+    points (M, 2) [m]: hits of beams that are `spacing` [rad] apart as seen from the origin. A point represents the
+    piece of surface up to half way to the neighbouring beams, so it covers the arc of this piece as seen from
+    (x, y). Directions without a point within `window` [m] are free. From the origin, it is the mean over the beams.
     """
     density = np.zeros(num_sectors)
     width = 2.0 * math.pi / num_sectors
@@ -63,7 +63,7 @@ def histogram(points: Floats, x: float, y: float, spacing: float, window: float,
 
 @njit(cache=True, error_model="numpy")
 def valleys(blocked: Bools) -> Ints:
-    """Runs of free sectors on the ring: (K, 2) [first, length]; one of full length if none is blocked."""
+    """Runs of free sectors on the ring: (K, 2) [first, length]; one full run if no sector is blocked."""
     num_sectors = len(blocked)
     runs = np.empty((num_sectors, 2), np.int64)
     count, first = 0, 0
@@ -88,7 +88,7 @@ def valleys(blocked: Bools) -> Ints:
 def headings(blocked: Bools, goal: float, narrow: float, wide: float, margin: float) -> Floats:
     """One heading for each valley at least `narrow` wide: (K,) [rad] in [−π, π].
 
-    A valley up to `wide`: its middle; a wider one: `goal`, kept `margin` inside its edges. All angles [rad].
+    Up to the width `wide` it is the valley's middle, else `goal`, limited to `margin` inside the edges [rad].
     """
     runs = valleys(blocked)
     width = 2.0 * math.pi / len(blocked)
@@ -104,7 +104,7 @@ def headings(blocked: Bools, goal: float, narrow: float, wide: float, margin: fl
             middle = _wrapped(-math.pi + (runs[k, 0] + 0.5 * runs[k, 1]) * width)
             room = max(0.5 * span - margin, 0.0) if span > wide + _TINY else 0.0
             out[count] = _wrapped(middle + min(max(_wrapped(goal - middle), -room), room))
-            if abs(out[count]) > math.pi - _TINY:  # straight behind: turn the way that the goal lies
+            if abs(out[count]) > math.pi - _TINY:  # straight behind: turn to the side of the goal
                 out[count] = math.copysign(out[count], goal)
         count += 1
     return out[:count]
@@ -122,14 +122,13 @@ def search(
 ) -> tuple[float, bool]:
     """First heading [rad] of the cheapest sequence of steps, and whether there is any.
 
-    points (M, 2) and goal (2,) in the robot frame [m]; unseen (S,): sectors in which nothing can be seen, taken
-    as blocked; previous [rad]: the heading followed until now. From each node the histogram is built anew
-    as the points look from there. The rest of the path costs at least its length, so the first node taken
-    off the queue at full depth, or at the goal, is the best; if all ways end before, the deepest, then
-    cheapest.
+    points (M, 2) and goal (2,) in the robot frame [m]; unseen (S,): sectors out of view, which count as blocked;
+    previous [rad]: the heading until now. Each node has a histogram of the points as seen from there. The rest of
+    the path costs at least its length, so the first node taken off the queue at full depth, or at the goal, is the
+    best. If there is none, the result is the cheapest of the deepest nodes.
     """
     nodes = np.empty((_MAX_NODES, 6))  # x, y, heading, first heading, cost so far, depth
-    estimate = np.empty(_MAX_NODES)  # cost so far and the least that can follow; inf once expanded
+    estimate = np.empty(_MAX_NODES)  # cost so far plus a lower bound of the rest; inf once expanded
     nodes[0, 0], nodes[0, 1], nodes[0, 2], nodes[0, 3], nodes[0, 4], nodes[0, 5] = 0, 0, previous, 0, 0, 0
     estimate[0] = 0.0
     count, best = 1, 0
@@ -139,14 +138,14 @@ def search(
             return nodes[best, 3], best > 0
         if nodes[taken, 5] >= costs.depth:
             return nodes[taken, 3], True
-        if nodes[taken, 5] > nodes[best, 5]:  # by rising cost, so the first of a depth is its cheapest
+        if nodes[taken, 5] > nodes[best, 5]:  # costs rise, so the first node of a depth is its cheapest
             best = taken
         estimate[taken] = np.inf
         count = _expand(nodes, estimate, count, taken, points, unseen, goal, spacing, rules, costs)
 
 
 @njit(cache=True, error_model="numpy")
-def _expand(nodes, estimate, count, taken, points, unseen, goal, spacing, rules, costs):  # type: ignore[no-untyped-def]
+def _expand(nodes, estimate, count, taken, points, unseen, goal, spacing, rules, costs):
     """Append the children of a node; returns the new number of nodes."""
     x, y, before, cost, depth = (
         nodes[taken, 0],
@@ -177,8 +176,8 @@ def _expand(nodes, estimate, count, taken, points, unseen, goal, spacing, rules,
 
 
 @njit(cache=True, error_model="numpy")
-def _wrapped(angle):  # type: ignore[no-untyped-def]
-    """Into [−π, π] for angles within a few turns; odd, so that mirrored angles stay mirrored."""
+def _wrapped(angle):
+    """The angle wrapped to [−π, π]; an odd function, so that mirrored angles stay mirrored."""
     while angle > math.pi:
         angle -= 2.0 * math.pi
     while angle < -math.pi:
@@ -190,7 +189,7 @@ def _wrapped(angle):  # type: ignore[no-untyped-def]
 def nearest_ahead(points: Floats, half_angle: float) -> tuple[float, float]:
     """Least distance from the origin to a point within `half_angle` [rad] of straight ahead: left, right [m].
 
-    points (M, 2) in the robot frame [m]; one dead ahead counts on both sides; inf where there is none.
+    points (M, 2) in the robot frame [m]; a point straight ahead counts on both sides; inf without points.
     """
     left, right = np.inf, np.inf
     cosine = math.cos(half_angle)
@@ -210,10 +209,10 @@ def nearest_ahead(points: Floats, half_angle: float) -> tuple[float, float]:
 def least_clearance(
     points: Floats, box: tuple[float, float, float], v: float, omega: float, time: float
 ) -> tuple[float, float]:
-    """Clearance [m] of a footprint to the points now, and the least while it drives (v, ω) for `time` [s].
+    """Clearance [m] of a footprint to the points now, and the least clearance while it drives (v, ω) for `time` [s].
 
-    points (M, 2) in the robot frame [m]; box (half_length, half_width, rounding) [m]; a point inside is at
-    most −rounding away. Exact at poses that lie no more than 2 cm of travel of any corner apart.
+    points (M, 2) in the robot frame [m]; box (half_length, half_width, rounding) [m]. The clearance is at least
+    −rounding. It is exact at sampled poses, between which no corner moves more than 2 cm.
     """
     reach = math.hypot(box[0], box[1]) + box[2]
     steps = max(1, math.ceil((abs(v) + abs(omega) * reach) * time / _CHECK_EVERY))
@@ -230,8 +229,8 @@ def least_clearance(
 
 
 @njit(cache=True, error_model="numpy")
-def _clearance(points, box, x, y, yaw):  # type: ignore[no-untyped-def]
-    """Distance from the footprint at (x, y, yaw) to the nearest point, less its rounding."""
+def _clearance(points, box, x, y, yaw):
+    """Distance from the footprint at (x, y, yaw) to the nearest point [m]."""
     cos, sin = math.cos(yaw), math.sin(yaw)
     least = np.inf
     for i in range(len(points)):

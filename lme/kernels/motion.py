@@ -18,7 +18,7 @@ def drive(
     max_step: float,
     reach: float,
 ) -> tuple[Floats, tuple[float, float]]:
-    """Poses along the way while v and ω ramp to the command, each at its own acceleration limit.
+    """Poses of the motion while v and ω ramp to the command, each at its own acceleration limit.
 
     pose (x, y, yaw), twist (v, ω), command (v, ω), limits (v_max, ω_max, α_v, α_ω). No point of a footprint
     of radius `reach` [m] moves further than `max_step` [m] between two poses.
@@ -64,7 +64,7 @@ def first_beyond(poses: Floats, start: Floats, distance: float) -> int:
 
 @njit(cache=True)
 def travelled(x: float, y: float, poses: Floats) -> float:
-    """Length of the way from (x, y) through the (K, 3) poses [m]."""
+    """Length of the path from (x, y) through the (K, 3) poses [m]."""
     length = 0.0
     for k in range(len(poses)):
         length += math.hypot(poses[k, 0] - x, poses[k, 1] - y)
@@ -74,7 +74,7 @@ def travelled(x: float, y: float, poses: Floats) -> float:
 
 @njit(cache=True)
 def _ramp(start: float, goal: float, rate: float, time: float) -> float:
-    """Value after `time` of a quantity that goes from start to goal at `rate` per second."""
+    """Value after `time` of a quantity that ramps from start to goal at `rate` per second."""
     change = goal - start
     return start + math.copysign(min(abs(change), rate * time), change)
 

@@ -1,4 +1,4 @@
-"""From beams to scan points."""
+"""Conversion of lidar ranges to scan points."""
 
 import math
 
@@ -24,11 +24,11 @@ def scan_points(
     range_max: float,
     mount: tuple[float, float, float],
 ) -> Floats:
-    """Where the beams hit, in the base frame, sorted by bearing about the base in (−π, π]: (M, 2) [m].
+    """Points hit by the beams, in the base frame, sorted by bearing about the base in (−π, π]: (M, 2) [m].
 
-    ranges (B,), directions (B, 2) in the lidar frame, mount: pose of the lidar in the base frame. Beams that
-    are not finite, below range_min, or at range_max and beyond have hit nothing; both limits are taken as
-    float32, as the ranges are. Points of equal bearing stay in the order of their beams.
+    ranges (B,), directions (B, 2) in the lidar frame, mount: pose of the lidar in the base frame. A range that is
+    not finite, below range_min or ≥ range_max is no hit; both limits are rounded to float32, like the ranges.
+    Points of equal bearing stay in the order of their beams.
     """
     points, keys = _hits(ranges, directions, np.float32(range_min), np.float32(range_max), mount)
     order = _order(keys)
@@ -39,18 +39,18 @@ def scan_points(
 
 
 @njit(cache=True, error_model="numpy")
-def _hits(ranges, directions, range_min, range_max, mount):  # type: ignore[no-untyped-def]
+def _hits(ranges, directions, range_min, range_max, mount):
     """Points (M, 2) and their diamond angles (M,), in the order of the beams."""
     cos, sin = math.cos(mount[2]), math.sin(mount[2])
     points = np.empty((len(ranges), 2))
     keys = np.empty(len(ranges))
     count = 0
     for i in range(len(ranges)):
-        if not (range_min <= ranges[i] < range_max):  # NaN fails both; range_max may be inf, a range not
+        if not (range_min <= ranges[i] < range_max):  # also drops NaN; range_max may be inf, a range may not
             continue
         along, across = ranges[i] * directions[i, 0], ranges[i] * directions[i, 1]
         x = mount[0] + cos * along - sin * across
-        y = mount[1] + sin * along + cos * across + 0.0  # −0 would put a point behind the robot at −π
+        y = mount[1] + sin * along + cos * across + 0.0  # −0 would turn a bearing of π into −π
         points[count, 0], points[count, 1] = x, y
         keys[count] = diamond(x, y)
         count += 1
@@ -58,8 +58,8 @@ def _hits(ranges, directions, range_min, range_max, mount):  # type: ignore[no-u
 
 
 @njit(cache=True, error_model="numpy")
-def _order(keys):  # type: ignore[no-untyped-def]
-    """Indices that sort the keys, stably. Fast where they rise but for one jump from π to −π."""
+def _order(keys):
+    """Indices for a stable sort of the keys; fast if they rise except for one jump from π to −π."""
     n = len(keys)
     start = 0
     for i in range(1, n):
@@ -77,5 +77,5 @@ def _order(keys):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _after(keys, a, b):  # type: ignore[no-untyped-def]
+def _after(keys, a, b):
     return keys[a] > keys[b] or (keys[a] == keys[b] and a > b)

@@ -1,7 +1,7 @@
-"""The four reductions of VFH+ (Ulrich & Borenstein 1998): cells, density, turning limits, candidate directions.
+"""The stages of VFH+ (Ulrich & Borenstein 1998): cells, density, turning limits, candidate directions.
 
-Sectors are numbered by absolute direction: sector k is centred on k·α, α = 2π / num_sectors, in the odometry
-frame, so that they hold still while the robot turns.
+Sector k is centred on the direction k·α, α = 2π / num_sectors, in the odometry frame, so that sectors do not
+rotate with the robot.
 """
 
 import math
@@ -16,8 +16,8 @@ from lme.types import Bools, Floats
 def active_cells(points: Floats, cell_size: float, reach: float) -> Floats:
     """Occupied cells of the circular active window, each at the mean of the returns in it: (C, 2) [m].
 
-    points (M, 2), cell_size, reach: radius of the window [m]. A cell counts once, however many beams hit it, so
-    that neither the lidar's resolution nor the distance changes what an obstacle weighs.
+    points (M, 2), cell_size, reach: radius of the window [m]. A cell counts once, however many beams hit it. An
+    obstacle's weight therefore depends neither on the lidar's resolution nor on the distance.
     """
     half = math.ceil(_farthest(points, reach) / cell_size)
     side = 2 * half + 1
@@ -41,8 +41,8 @@ def active_cells(points: Floats, cell_size: float, reach: float) -> Floats:
 
 
 @njit(cache=True, error_model="numpy")
-def _farthest(points, reach):  # type: ignore[no-untyped-def]
-    """Distance from the origin of the farthest point within `reach`, 0 without any [m]: no more grid is needed."""
+def _farthest(points, reach):
+    """Distance from the origin to the farthest point within `reach`, 0 without points [m]; it bounds the grid."""
     square = 0.0
     for i in range(len(points)):
         away = points[i, 0] * points[i, 0] + points[i, 1] * points[i, 1]
@@ -57,9 +57,9 @@ def polar_density(
 ) -> Floats:
     """Primary polar histogram (first stage): obstacle density of each sector, (num_sectors,).
 
-    cells (C, 2) in the robot frame [m], yaw of the robot [rad]. A cell at distance d weighs a − b·d², `peak` at
-    the robot and 1 at the `reach` [m] of the window, in every sector within asin(radius / d) of its direction:
-    obstacles are enlarged by `radius`, that of the robot and its safety distance [m].
+    cells (C, 2) in the robot frame [m], yaw of the robot [rad]. A cell at distance d has the weight a − b·d², which
+    is `peak` at the robot and 1 at the window's radius `reach` [m], in every sector within asin(radius / d) of its
+    direction. `radius` [m] enlarges the obstacles: the robot's radius plus its safety distance.
     """
     density = np.zeros(num_sectors)
     alpha = 2.0 * math.pi / num_sectors
@@ -69,7 +69,7 @@ def polar_density(
         middle = (math.atan2(cells[i, 1], cells[i, 0]) + yaw) / alpha
         half = math.asin(radius / distance) / alpha if distance > radius else 0.25 * num_sectors
         first, last = math.ceil(middle - half), math.floor(middle + half)
-        if first > last:  # narrower than a sector and between two centres
+        if first > last:  # the cell is narrower than a sector and between two centres
             first = last = _nearest(middle)
         for k in range(first, last + 1):
             density[k % num_sectors] += weight
@@ -80,7 +80,7 @@ def polar_density(
 def turning_limits(cells: Floats, turn_radius: float, radius: float) -> tuple[float, float]:
     """Directions (right ≤ 0, left ≥ 0) [rad] between which the robot can steer past every cell (third stage).
 
-    cells (C, 2) in the robot frame [m]. A cell limits the side it is on where the tightest arc to that side, of
+    cells (C, 2) in the robot frame [m]. A cell limits its side if the tightest arc to that side, with radius
     `turn_radius` [m], comes within `radius` [m] of it.
     """
     right, left = -math.pi, math.pi
@@ -99,7 +99,7 @@ def turning_limits(cells: Floats, turn_radius: float, radius: float) -> tuple[fl
 
 @njit(cache=True, error_model="numpy")
 def masked(blocked: Bools, yaw: float, right: float, left: float) -> Bools:
-    """Masked polar histogram (third stage): blocked, or not between `right` and `left` of the heading `yaw` [rad]."""
+    """Masked polar histogram (third stage): blocked, or outside [right, left] about the heading `yaw` [rad]."""
     num_sectors = len(blocked)
     alpha = 2.0 * math.pi / num_sectors
     out = np.empty(num_sectors, np.bool_)
@@ -111,10 +111,10 @@ def masked(blocked: Bools, yaw: float, right: float, left: float) -> Bools:
 
 @njit(cache=True, error_model="numpy")
 def candidate_directions(blocked: Bools, target: float, wide: float) -> Floats:
-    """Candidate directions (fourth stage), in sectors: (K,), K = 0 where every sector is blocked.
+    """Candidate directions (fourth stage), in sectors: (K,), K = 0 if every sector is blocked.
 
-    target: its direction, `wide`: s_max, both in sectors. A valley of fewer than `wide` free sectors offers its
-    middle; a wider one a direction `wide`/2 from either edge, and the target's where it lies between them.
+    target: its direction, wide: s_max, both in sectors. A valley of fewer than `wide` free sectors gives its middle.
+    A wider one gives a direction `wide`/2 from either edge, and the target's if it lies between them.
     """
     num_sectors = len(blocked)
     edge = 0
@@ -139,10 +139,10 @@ def candidate_directions(blocked: Bools, target: float, wide: float) -> Floats:
 def cheapest(
     candidates: Floats, costs: tuple[float, float, float], towards: tuple[float, float, float], n: int
 ) -> int:
-    """Index of the candidate with the least Σ μ·Δ (fourth stage), of equals that nearest to the target.
+    """Index of the candidate with the least Σ μ·Δ (fourth stage), in a tie the one nearest to the target.
 
-    costs (μ1, μ2, μ3); towards: directions of the target, of the heading, of the previous choice. Directions
-    in sectors, of which there are n.
+    costs (μ1, μ2, μ3); towards: directions of the target, of the heading, of the previous choice. All directions
+    are in sectors; n: number of sectors.
     """
     best, least, apart = -1, np.inf, np.inf
     for i in range(len(candidates)):
@@ -150,14 +150,14 @@ def cheapest(
         for j in range(3):
             cost += costs[j] * abs(_remainder(candidates[i] - towards[j], float(n)))
         aside = abs(_remainder(candidates[i] - towards[0], float(n)))
-        if cost < least - 1e-9 or (cost < least + 1e-9 and aside < apart - 1e-9):  # rounding decides nothing
+        if cost < least - 1e-9 or (cost < least + 1e-9 and aside < apart - 1e-9):  # tolerance for rounding
             best, least, apart = i, cost, aside
     return best
 
 
 @njit(cache=True, error_model="numpy")
-def _offer(first, last, target, wide, num_sectors, out, count):  # type: ignore[no-untyped-def]
-    """Append the candidates of the valley from sector `first` to `last`; return how many there are now."""
+def _offer(first, last, target, wide, num_sectors, out, count):
+    """Append the candidates of the valley from sector `first` to `last`; return the new number of candidates."""
     if last - first + 1 < wide:
         out[count] = 0.5 * (first + last)
         return count + 1
@@ -175,12 +175,12 @@ def _offer(first, last, target, wide, num_sectors, out, count):  # type: ignore[
 
 
 @njit(cache=True, error_model="numpy")
-def _nearest(value):  # type: ignore[no-untyped-def]
-    """Nearest whole number; halves away from zero, so that left and right are treated alike."""
+def _nearest(value):
+    """The nearest integer, with halves rounded away from zero, so that left and right are symmetric."""
     return int(math.copysign(math.floor(abs(value) + 0.5), value))
 
 
 @njit(cache=True, error_model="numpy")
-def _remainder(value, turn):  # type: ignore[no-untyped-def]
-    """`value` less whole turns, in [−turn/2, turn/2]."""
+def _remainder(value, turn):
+    """`value` minus whole turns, in [−turn/2, turn/2]."""
     return value - turn * np.rint(value / turn)

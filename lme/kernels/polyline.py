@@ -1,4 +1,4 @@
-"""Places on a polyline: the nearest, those at even steps, the one where it leaves a disc."""
+"""Points on a polyline: the nearest one, evenly spaced ones, and the one where it leaves a disc."""
 
 import math
 
@@ -10,9 +10,9 @@ from lme.types import Floats
 
 @njit(cache=True, error_model="numpy")
 def project(line: Floats, x: float, y: float) -> tuple[float, float, int]:
-    """Where the polyline (K, 2), K ≥ 1, comes nearest to (x, y): the first such place.
+    """The first point of the polyline (K, 2), K ≥ 1, that is nearest to (x, y).
 
-    Returns the way to there along the line [m], the distance from there [m] and the segment's number.
+    Returns its distance along the line [m], its distance from (x, y) [m] and the index of its segment.
     """
     best, along, segment = (line[0, 0] - x) ** 2 + (line[0, 1] - y) ** 2, 0.0, 0
     passed = 0.0
@@ -31,10 +31,9 @@ def project(line: Floats, x: float, y: float) -> tuple[float, float, int]:
 
 @njit(cache=True, error_model="numpy")
 def stretch(line: Floats, begin: float, end: float, spacing: float) -> Floats:
-    """Points along the polyline (K, 2), evenly from `begin` (left out) to `end` (there) [m] of its way.
+    """Evenly spaced points along the polyline (K, 2), from `begin` (excluded) to `end` (included) [m]: (P, 2).
 
-    (P, 2), no two further apart than `spacing` along the line; none where end ≤ begin. The way ends where the
-    line does.
+    Neighbours are at most `spacing` apart along the line; P = 0 if end ≤ begin. `end` is limited to the length.
     """
     length = 0.0
     for i in range(len(line) - 1):
@@ -60,9 +59,9 @@ def stretch(line: Floats, begin: float, end: float, spacing: float) -> Floats:
 
 @njit(cache=True, error_model="numpy")
 def leaves(line: Floats, radius: float) -> tuple[float, float, float]:
-    """Where the polyline (K, 2), K ≥ 1, first leaves the disc of `radius` [m] about its first point.
+    """The point where the polyline (K, 2), K ≥ 1, first leaves the disc of `radius` [m] about its first point.
 
-    Returns x and y there, or at the line's end where it stays inside, and the length of the whole line [m].
+    Returns its x and y, or those of the line's end if it stays inside, and the length of the whole line [m].
     """
     x, y = line[-1, 0], line[-1, 1]
     length, found = 0.0, False

@@ -12,13 +12,13 @@ from lme.types import Floats
 def repulsion(
     points: Floats, radius: float, influence: float, closest: float, spread: float
 ) -> tuple[float, float]:
-    """Force of the scan points on a disc for a gain η of 1, in the robot frame [1/m³]: along x, along y.
+    """Force of the scan points on a disc for a gain η of 1, in the robot frame [1/m³]: (x, y).
 
-    points (M, 2), radius of the disc [m]. A point at clearance ρ pushes with the gradient of FIRAS (Khatib
-    1986), (1/ρ − 1/influence) / ρ², straight away from it; not from beyond `influence` [m], and no harder than
-    at `closest` [m]. Its push is shared with the points within `spread` [rad] of its bearing, less with those
-    further off and with weaker ones: a post counts as one obstacle and a wall as one for every `spread` of its
-    width, whatever the lidar's resolution.
+    points (M, 2), radius of the disc [m]. A point at clearance ρ pushes straight away with the gradient of FIRAS
+    (Khatib 1986), (1/ρ − 1/influence) / ρ². The force is 0 beyond `influence` [m] and constant below `closest` [m].
+    A point's push is divided among the points within `spread` [rad] of its bearing, which count less if they are
+    farther off or weaker. A post therefore counts as one obstacle, and a wall as one for every `spread` of its
+    width, at any lidar resolution.
     """
     bearings, pushes, normals = _near(points, radius, influence, closest)
     crowds = _crowds(bearings, pushes, spread)
@@ -31,8 +31,8 @@ def repulsion(
 
 
 @njit(cache=True, error_model="numpy")
-def _near(points, radius, influence, closest):  # type: ignore[no-untyped-def]
-    """Bearing, push and direction of the points within the influence, by rising bearing."""
+def _near(points, radius, influence, closest):
+    """Bearings, pushes and directions of the points within the influence, sorted by bearing."""
     bearings, pushes = np.empty(len(points)), np.empty(len(points))
     normals = np.empty((len(points), 2))
     count = 0
@@ -51,8 +51,8 @@ def _near(points, radius, influence, closest):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _crowds(bearings, pushes, spread):  # type: ignore[no-untyped-def]
-    """How many points share the push of each, itself included; neighbours may lie across ±π."""
+def _crowds(bearings, pushes, spread):
+    """Weighted number of points that share each point's push, itself included; also across ±π."""
     n = len(bearings)
     crowds = np.ones(n)
     for i in range(n):

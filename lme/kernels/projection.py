@@ -1,4 +1,4 @@
-"""A point cloud flattened into the bins of a planar scan."""
+"""Projection of a point cloud to the bins of a planar scan."""
 
 import math
 
@@ -18,23 +18,23 @@ def nearest_per_bin(
     spans: tuple[float, float],
     empty: float,
 ) -> NDArray[np.float32]:
-    """Least horizontal range of the points in each bin, `empty` where there is none: (B,) [m].
+    """Least horizontal range of the points in each bin, `empty` for a bin without points: (B,) [m].
 
     points (N, 3) [m]; transform (4, 4) from their frame to the scan's; heights (lowest, highest) and spans
-    (nearest, farthest) that count, both ends included [m]; angles (first, last, increment, B) [rad]. Bin i
-    holds bearings from first + i · increment up to the next; the last bin also what rounding puts beyond it.
-    Points that are not finite count for nothing.
+    (nearest, farthest): limits of the points that count, inclusive [m]; angles (first, last, increment, B) [rad].
+    Bin i covers bearings from first + i · increment up to the next; the last bin also takes bearings that are
+    rounded beyond it. Points that are not finite are ignored.
     """
     ranges = np.full(angles[3], np.float32(empty))
     for k in range(len(points)):
         x, y, z = points[k, 0], points[k, 1], points[k, 2]
         up = transform[2, 0] * x + transform[2, 1] * y + transform[2, 2] * z + transform[2, 3]
-        if not (heights[0] <= up <= heights[1]):  # NaN fails this
+        if not (heights[0] <= up <= heights[1]):  # also drops NaN
             continue
         ahead = transform[0, 0] * x + transform[0, 1] * y + transform[0, 2] * z + transform[0, 3]
         left = transform[1, 0] * x + transform[1, 1] * y + transform[1, 2] * z + transform[1, 3]
         distance = math.hypot(ahead, left)
-        if not (spans[0] <= distance <= spans[1]):  # NaN fails this, and inf shortens no beam
+        if not (spans[0] <= distance <= spans[1]):  # also drops NaN
             continue
         bearing = math.atan2(left, ahead)
         if angles[0] <= bearing <= angles[1]:

@@ -1,7 +1,7 @@
-"""Lidar beams against discs and line segments.
+"""Ray casting of lidar beams against discs and line segments.
 
-A beam can only hit what it points at: each obstacle is met only with the beams in its angular extent. The
-extent comes from cheap polynomials that err on the wide side; the beams inside it are met exactly.
+Each obstacle is tested only against the beams in its angular extent. The extent is a cheap polynomial upper bound;
+the beams in it are tested exactly.
 """
 
 import math
@@ -15,7 +15,7 @@ from lme.kernels.points import beam_directions
 from lme.types import Floats, Pose
 
 _TWO_PI = 2.0 * math.pi
-_BEARING_ERROR = 2e-5  # [rad], more than `_bearing` is ever off
+_BEARING_ERROR = 2e-5  # [rad] upper bound of the error of `_bearing`
 _ASIN_CUBIC = math.pi / 2.0 - 1.0  # asin(z) ≤ z + (π/2 − 1) z³ on [0, 1], with equality at both ends
 
 
@@ -26,11 +26,11 @@ def cast(
     circles: Floats,
     edges: Floats,
 ) -> NDArray[np.float32]:
-    """Distance along each beam to the first obstacle, or range_max where nothing is nearer: (B,) [m].
+    """Distance along each beam to the first obstacle, or range_max if none is nearer: (B,) [m].
 
-    lidar_pose: in the world; angles: (angle_min, angle_increment, num_beams), the increment positive, at
-    most two turns in all; circles (C, 3) solid [x, y, r]; edges (E, 4) thin [x0, y0, x1, y1]. Inside a disc
-    every beam reads 0. A beam does not hit an edge that it runs along.
+    lidar_pose: in the world; angles: (angle_min, angle_increment, num_beams), with a positive increment and at
+    most two turns; circles (C, 3) solid [x, y, r]; edges (E, 4) thin [x0, y0, x1, y1]. Inside a disc all ranges
+    are 0. A beam does not hit an edge that it runs along.
     """
     x, y, yaw = lidar_pose
     angle_min, increment, num_beams = angles
@@ -43,13 +43,13 @@ def cast(
 
 @lru_cache(maxsize=16)
 def _table(angle_increment: float, num_beams: int) -> Floats:
-    """(2, B) cosines and sines of the beams relative to the first."""
+    """Cosines and sines of the beams relative to the first one: (2, B)."""
     return np.ascontiguousarray(beam_directions(0.0, angle_increment, num_beams).T)
 
 
 @njit(cache=True, error_model="numpy")
-def _cast(x, y, heading, increment, range_max, table, circles, edges):  # type: ignore[no-untyped-def]
-    """`cast` in the frame at the lidar with the first beam, at `heading`, along +x."""
+def _cast(x, y, heading, increment, range_max, table, circles, edges):
+    """`cast` in the lidar's frame, rotated so that the first beam, at `heading` in the world, is along +x."""
     ranges = np.full(table.shape[1], range_max)
     frame = (x, y, math.cos(heading), math.sin(heading))
     if _cast_circles(frame, increment, range_max, table, circles, ranges):
@@ -60,8 +60,8 @@ def _cast(x, y, heading, increment, range_max, table, circles, edges):  # type: 
 
 
 @njit(cache=True, error_model="numpy")
-def _cast_circles(frame, increment, range_max, table, circles, ranges):  # type: ignore[no-untyped-def]
-    """Shorten ranges to the discs; True if the lidar is inside one."""
+def _cast_circles(frame, increment, range_max, table, circles, ranges):
+    """Shorten ranges to the discs; return True if the lidar is inside one."""
     u, v, low, high, inside = _circle_extents(frame, increment, circles)
     if inside:
         return True
@@ -80,10 +80,10 @@ def _cast_circles(frame, increment, range_max, table, circles, ranges):  # type:
 
 
 @njit(cache=True, error_model="numpy")
-def _circle_extents(frame, increment, circles):  # type: ignore[no-untyped-def]
-    """Centres (u, v) in the lidar's frame, extents [low, high] in beams, and whether any disc holds the lidar.
+def _circle_extents(frame, increment, circles):
+    """Centres (u, v) in the lidar's frame, extents [low, high] in beams, and whether a disc contains the lidar.
 
-    Free of branches, so that it is compiled to vector instructions.
+    No branches, for vectorisation.
     """
     x, y, cos, sin = frame
     u, v = np.empty(len(circles)), np.empty(len(circles))
@@ -103,8 +103,8 @@ def _circle_extents(frame, increment, circles):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _meet_disc(u, v, square, low, high, table, ranges):  # type: ignore[no-untyped-def]
-    """Beams low…high against a disc of squared radius `square` centred on (u, v)."""
+def _meet_disc(u, v, square, low, high, table, ranges):
+    """Test beams low…high against a disc of squared radius `square` centred on (u, v)."""
     first, last = max(math.ceil(low), 0), min(math.floor(high), len(ranges) - 1)
     for i in range(first, last + 1):
         c, s = table[0, i], table[1, i]
@@ -116,7 +116,7 @@ def _meet_disc(u, v, square, low, high, table, ranges):  # type: ignore[no-untyp
 
 
 @njit(cache=True, error_model="numpy")
-def _cast_edges(frame, increment, range_max, table, edges, ranges):  # type: ignore[no-untyped-def]
+def _cast_edges(frame, increment, range_max, table, edges, ranges):
     """Shorten ranges to the edges."""
     x, y, cos, sin = frame
     turn = _TWO_PI / increment
@@ -135,16 +135,16 @@ def _cast_edges(frame, increment, range_max, table, edges, ranges):  # type: ign
 
 
 @njit(cache=True, error_model="numpy")
-def _beyond(ax, ay, bx, by, range_max):  # type: ignore[no-untyped-def]
-    """Whether the box around the edge from a to b lies beyond range_max from the origin."""
+def _beyond(ax, ay, bx, by, range_max):
+    """Whether the bounding box of the edge from a to b is farther than range_max from the origin."""
     gap_x = max(min(ax, bx), -max(ax, bx), 0.0)
     gap_y = max(min(ay, by), -max(ay, by), 0.0)
     return gap_x * gap_x + gap_y * gap_y >= range_max * range_max
 
 
 @njit(cache=True, error_model="numpy")
-def _edge_extent(start, end, increment):  # type: ignore[no-untyped-def]
-    """Extent [low, high] in beams of an edge; a whole turn where the lidar is on it or all but."""
+def _edge_extent(start, end, increment):
+    """Extent [low, high] of an edge in beams; a whole turn if the lidar is on it or almost."""
     cross = start[0] * end[1] - start[1] * end[0]
     dot = start[0] * end[0] + start[1] * end[1]
     if abs(cross) <= -1e-6 * dot or start == (0.0, 0.0) or end == (0.0, 0.0):
@@ -158,11 +158,11 @@ def _edge_extent(start, end, increment):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _meet_edge(start, end, low, high, table, ranges):  # type: ignore[no-untyped-def]
-    """Beams low…high against the edge from start to end.
+def _meet_edge(start, end, low, high, table, ranges):
+    """Test beams low…high against the edge from start to end.
 
-    Whether a beam passes between the ends is decided by the side of each end that it passes on: edges that
-    share a corner agree on its side, so that no beam slips through between them.
+    A beam hits the edge if it passes the two ends on different sides. Edges with a shared corner agree on the
+    corner's side, so no beam passes between them.
     """
     first, last = max(math.ceil(low), 0), min(math.floor(high), len(ranges) - 1)
     lever = start[0] * end[1] - start[1] * end[0]
@@ -176,8 +176,8 @@ def _meet_edge(start, end, low, high, table, ranges):  # type: ignore[no-untyped
 
 
 @njit(cache=True, error_model="numpy")
-def _bearing(x, y):  # type: ignore[no-untyped-def]
-    """atan2(y, x) in [0, 2π], to 1e-5 rad: Abramowitz & Stegun 4.4.47."""
+def _bearing(x, y):
+    """atan2(y, x) in [0, 2π] with an error below 1e-5 rad. Source: Abramowitz & Stegun 4.4.47."""
     ax, ay = abs(x), abs(y)
     z = min(ax, ay) / max(ax, ay)
     zz = z * z

@@ -1,7 +1,7 @@
-"""Rays in space against upright obstacles of finite height, the ground and a ceiling.
+"""Ray casting in 3D against upright obstacles of finite height, the ground and a ceiling.
 
-A ray meets only what stands in its horizontal direction: obstacles are listed by the buckets of bearing that
-they cover, and each ray is held against its bucket's list exactly.
+A ray can only hit obstacles in its horizontal direction. Obstacles are therefore listed by the buckets of bearing
+that they cover, and each ray is tested exactly against its bucket's list.
 """
 
 import math
@@ -13,7 +13,7 @@ from lme.kernels.bearing import diamond
 from lme.types import Floats
 
 _BUCKETS = 720
-_FLAT = 1e-12  # share of a ray's direction that is horizontal, below which it stands upright
+_FLAT = 1e-12  # a ray with a smaller horizontal component is vertical
 
 
 @njit(cache=True, error_model="numpy")
@@ -26,12 +26,12 @@ def cast_rays(
     planes: tuple[float, float],
     range_max: float,
 ) -> Floats:
-    """Distance along each ray to what it meets first, inf where nothing is within range_max: (N,) [m].
+    """Distance along each ray to the first hit, inf if there is none within range_max: (N,) [m].
 
     origin (3,); directions (N, 3) unit vectors; circles (C, 5) solid [x, y, r, bottom, top]; edges (E, 6) thin
     upright walls [x0, y0, x1, y1, bottom, top]; solids (P, 4) [first edge, edge after the last, bottom, top]:
-    polygons with a lid at the top and one at the bottom; planes (ground, ceiling), heights of endless floors,
-    −inf and inf for none. Inside a disc a ray reads 0; inside a polygon it meets the wall.
+    polygons with a lid at the top and at the bottom; planes (ground, ceiling): heights of infinite planes, −inf and
+    inf for none. From inside a disc the distance is 0; from inside a polygon a ray hits the wall.
     """
     starts, items = _by_bearing(origin, circles, edges, range_max)
     x, y, z = origin[0], origin[1], origin[2]
@@ -56,14 +56,14 @@ def cast_rays(
 
 
 @njit(cache=True, error_model="numpy")
-def _bucket(place):  # type: ignore[no-untyped-def]
-    """Number of the bucket of a diamond angle in [−2, 2]."""
+def _bucket(place):
+    """Bucket index of a diamond angle in [−2, 2]."""
     return min(int((place + 2.0) * (_BUCKETS / 4.0)), _BUCKETS - 1)
 
 
 @njit(cache=True, error_model="numpy")
-def _by_bearing(origin, circles, edges, range_max):  # type: ignore[no-untyped-def]
-    """Obstacles in each bucket: items[starts[b]:starts[b + 1]], circles first, then edges from C on."""
+def _by_bearing(origin, circles, edges, range_max):
+    """`starts` and `items`: bucket b holds items[starts[b]:starts[b + 1]]. Item i < C is a circle, else edge i − C."""
     count = len(circles) + len(edges)
     first, number = np.empty(count, np.int64), np.empty(count, np.int64)
     starts = np.zeros(_BUCKETS + 1, np.int64)
@@ -90,8 +90,8 @@ def _by_bearing(origin, circles, edges, range_max):  # type: ignore[no-untyped-d
 
 
 @njit(cache=True, error_model="numpy")
-def _circle_buckets(x, y, r, range_max):  # type: ignore[no-untyped-def]
-    """First bucket and number of buckets that a disc around (x, y) may cover."""
+def _circle_buckets(x, y, r, range_max):
+    """First bucket and number of the buckets that a disc around (x, y) may cover."""
     distance = math.hypot(x, y)
     if distance - r > range_max:
         return 0, 0
@@ -103,8 +103,8 @@ def _circle_buckets(x, y, r, range_max):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _edge_buckets(ax, ay, bx, by):  # type: ignore[no-untyped-def]
-    """First bucket and number of buckets that an edge may cover; all where the origin is on it or all but."""
+def _edge_buckets(ax, ay, bx, by):
+    """First bucket and number of the buckets that an edge may cover; all if the origin is on it or almost."""
     cross, dot = ax * by - ay * bx, ax * bx + ay * by
     if abs(cross) <= -1e-6 * dot or (ax == 0.0 and ay == 0.0) or (bx == 0.0 and by == 0.0):
         return 0, _BUCKETS
@@ -112,24 +112,24 @@ def _edge_buckets(ax, ay, bx, by):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _span(ax, ay, bx, by):  # type: ignore[no-untyped-def]
-    """Buckets counter-clockwise from direction a to direction b, and one more at both ends for rounding."""
+def _span(ax, ay, bx, by):
+    """Buckets counter-clockwise from direction a to direction b, and one more at either end for rounding."""
     low, high = _bucket(diamond(ax, ay)), _bucket(diamond(bx, by))
     return (low - 1) % _BUCKETS, min((high - low) % _BUCKETS + 3, _BUCKETS)
 
 
 @njit(cache=True, error_model="numpy")
-def _to_height(z, rise, height):  # type: ignore[no-untyped-def]
-    """Distance along a ray from height z to another height; inf where it does not get there."""
+def _to_height(z, rise, height):
+    """Distance along a ray from height z to another height; inf if the ray does not reach it."""
     gap = height - z
     return gap / rise if gap * rise > 0.0 else np.inf
 
 
 @njit(cache=True, error_model="numpy")
-def _to_circle(ray, centre, bottom, top):  # type: ignore[no-untyped-def]
-    """Distance along a ray from the origin to an upright cylinder, lids included: 0 inside, inf past it.
+def _to_circle(ray, centre, bottom, top):
+    """Distance along a ray from the origin to an upright cylinder with lids: 0 inside, inf if the ray misses.
 
-    What lies within the cylinder is what lies both within its endless pillar and between its two heights.
+    The cylinder is the intersection of an infinite cylinder and the space between two heights.
     """
     dx, dy, rise = ray
     x, y, r = centre
@@ -153,10 +153,10 @@ def _to_circle(ray, centre, bottom, top):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _to_edge(ray, ends, bottom, top):  # type: ignore[no-untyped-def]
-    """Distance along a ray from the origin to an upright wall; inf past it, and along it.
+def _to_edge(ray, ends, bottom, top):
+    """Distance along a ray from the origin to an upright wall; inf if the ray misses it or runs along it.
 
-    The side of each end decides, as in the planar kernel, so that no ray slips through a shared corner.
+    A hit depends on the sides of the wall's ends, as in the planar kernel, so that no ray passes a shared corner.
     """
     dx, dy, rise = ray
     ax, ay, bx, by = ends
@@ -169,8 +169,8 @@ def _to_edge(ray, ends, bottom, top):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _to_lids(origin, ray, edges, solids, nearer):  # type: ignore[no-untyped-def]
-    """Distance along a ray to the nearest lid that it comes to from outside, where that is less than `nearer`."""
+def _to_lids(origin, ray, edges, solids, nearer):
+    """Distance along a ray to the nearest lid that it hits from outside, at most `nearer`."""
     for p in range(len(solids)):
         height = solids[p, 3] if ray[2] < 0.0 else solids[p, 2]
         distance = _to_height(origin[2], ray[2], height)
@@ -182,8 +182,8 @@ def _to_lids(origin, ray, edges, solids, nearer):  # type: ignore[no-untyped-def
 
 
 @njit(cache=True, error_model="numpy")
-def _inside(x, y, edges, first, last):  # type: ignore[no-untyped-def]
-    """Whether a point lies within the polygon of edges first…last−1: a line from it crosses an odd number."""
+def _inside(x, y, edges, first, last):
+    """Whether a point lies in the polygon of edges first…last−1, by the even–odd rule."""
     odd = False
     for i in range(first, last):
         x0, y0, x1, y1 = edges[i, 0], edges[i, 1], edges[i, 2], edges[i, 3]

@@ -1,10 +1,10 @@
-"""Which scan points belong to one obstacle: those a robot cannot pass between (paper Algorithm 2).
+"""Clustering of scan points into obstacles that a robot cannot pass through (paper Algorithm 2).
 
-Two points nearer than the gap span the arc between them, and what counts is only which gaps between
-neighbours in bearing are spanned. Neighbours come first; they chain the points into runs, and runs are cut
-into blocks of a few points with a box around each. Then every block looks counter-clockwise for the farthest
-block with a point near enough to one of its own: only beyond what is spanned already, only as far in bearing
-as a point so near can lie, and point by point only where the boxes are near.
+Two points nearer than the gap span the arc between them. The result depends only on which gaps between
+neighbours in bearing are spanned. First, near neighbours are joined into runs, and runs are divided into blocks
+of a few points with a bounding box. Then, for each block, a counter-clockwise search finds the farthest block with
+a point near enough to one of its points. The search skips gaps that are spanned already and ends at the largest
+bearing at which a point can be near enough. It compares points only if the boxes are near.
 """
 
 import math
@@ -14,19 +14,19 @@ from numba import njit
 
 from lme.types import Floats, Ints
 
-_BLOCK = 16  # points at most
-_SLACK = 1e-9  # cones are widened by more than rounding could ever matter
+_BLOCK = 16  # [points] greatest size of a block
+_SLACK = 1e-9  # widening of cones, more than any rounding error
 
 
 @njit(cache=True, error_model="numpy")
 def cluster(points: Floats, gap: float, full_circle: bool) -> tuple[Ints, bool]:
-    """Sectors of scan points that belong together, and whether they close all round.
+    """Sectors of scan points that belong together, and whether they form a closed ring.
 
     points (M, 2) in the robot frame [m], sorted by bearing in (−π, π]. Two points nearer than `gap` [m] belong
-    together, with all points on the shorter arc between them as seen from the origin; unless full_circle,
-    nothing is joined over the blind arc from the last point to the first.
-    Returns (K, 2) [first, last] counter-clockwise by rising first, first > last across ±π. One sector of all
-    points is closed if every gap is spanned, the one from last to first too.
+    together, with all points on the shorter arc between them as seen from the origin. Unless full_circle, no
+    points are joined across the blind arc from the last point to the first.
+    Returns (K, 2) [first, last], counter-clockwise, sorted by `first`; first > last across ±π. The ring is closed
+    if every gap is spanned, also the one from the last point to the first.
     """
     num_points = len(points)
     spanned = np.zeros(num_points, np.bool_)  # the gap from each point to the next, cyclic
@@ -40,14 +40,14 @@ def cluster(points: Floats, gap: float, full_circle: bool) -> tuple[Ints, bool]:
 
 
 @njit(cache=True, error_model="numpy")
-def _ahead(xi, yi, xj, yj):  # type: ignore[no-untyped-def]
-    """For i before j in order of bearing: whether the shorter arc from i to j is the counter-clockwise one."""
+def _ahead(xi, yi, xj, yj):
+    """For i before j by bearing: whether the counter-clockwise arc from i to j is the shorter one."""
     return (yi < 0.0) == (yj < 0.0) or xi * yj - yi * xj >= 0.0
 
 
 @njit(cache=True, error_model="numpy")
-def _span_neighbours(points, gap_square, full_circle, spanned):  # type: ignore[no-untyped-def]
-    """Mark the gaps between neighbours that are near each other, on the shorter arc."""
+def _span_neighbours(points, gap_square, full_circle, spanned):
+    """Mark the gaps between neighbours that are near each other on the shorter arc."""
     last = len(points) - 1
     for i in range(last):
         xi, yi, xj, yj = points[i, 0], points[i, 1], points[i + 1, 0], points[i + 1, 1]
@@ -60,8 +60,8 @@ def _span_neighbours(points, gap_square, full_circle, spanned):  # type: ignore[
 
 
 @njit(cache=True, error_model="numpy")
-def _blocks(points, spanned):  # type: ignore[no-untyped-def]
-    """Runs of spanned neighbours in pieces: starts (K + 1,), boxes (K, 4), least squared distance (K,)."""
+def _blocks(points, spanned):
+    """Divide runs into blocks: starts (K + 1,), boxes (K, 4), least squared distances from the origin (K,)."""
     start = np.empty(len(points) + 1, np.int64)
     boxes = np.empty((len(points), 4))  # x min, x max, y min, y max
     nearest = np.empty(len(points))
@@ -82,10 +82,10 @@ def _blocks(points, spanned):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _span_blocks(points, gap, full_circle, start, boxes, nearest, spanned):  # type: ignore[no-untyped-def]
-    """Mark the gaps between blocks that are joined directly or over others.
+def _span_blocks(points, gap, full_circle, start, boxes, nearest, spanned):
+    """Mark the gaps between blocks that are joined directly or through other blocks.
 
-    Block numbers count on past the last block into the next turn: b ≥ K is block b − K, reached across ±π.
+    Block numbers continue into the next turn: b ≥ K is block b − K, reached across ±π.
     """
     num_blocks = len(nearest)
     joined = 0  # every gap from the present block up to this one is spanned
@@ -106,11 +106,11 @@ def _span_blocks(points, gap, full_circle, start, boxes, nearest, spanned):  # t
 
 
 @njit(cache=True, error_model="numpy")
-def _last_in_view(points, gap, start, nearest, a, joined, end):  # type: ignore[no-untyped-def]
-    """Last of the blocks after `joined`, up to `end`, that may hold a point within the gap of one in block a.
+def _last_in_view(points, gap, start, nearest, a, joined, end):
+    """Last block after `joined`, up to `end`, that may contain a point within the gap of a point in block a.
 
-    A point within the gap of one at distance d lies at most asin(gap / d) further in bearing, and less than
-    π further whatever d is.
+    The bearings of two points within the gap differ by at most asin(gap / d), where d is the distance of one of
+    them from the origin, and always by less than π.
     """
     num_blocks = len(start) - 1
     i = start[a + 1] - 1
@@ -129,8 +129,8 @@ def _last_in_view(points, gap, start, nearest, a, joined, end):  # type: ignore[
 
 
 @njit(cache=True, error_model="numpy")
-def _farthest_linked(points, gap_square, start, boxes, a, joined, farthest):  # type: ignore[no-untyped-def]
-    """Farthest block b, joined < b ≤ farthest, with a point that links to one in block a; else `joined`."""
+def _farthest_linked(points, gap_square, start, boxes, a, joined, farthest):
+    """Farthest block b, joined < b ≤ farthest, with a point linked to one in block a; else `joined`."""
     num_blocks = len(start) - 1
     left, right, bottom, top = boxes[a, 0], boxes[a, 1], boxes[a, 2], boxes[a, 3]
     for b in range(farthest, joined, -1):
@@ -145,8 +145,8 @@ def _farthest_linked(points, gap_square, start, boxes, a, joined, farthest):  # 
 
 
 @njit(cache=True, error_model="numpy")
-def _linked(points, gap_square, start, boxes, a, b, turned):  # type: ignore[no-untyped-def]
-    """Whether a point of block a is near one of block b that lies ahead of it; turned: b is reached across ±π."""
+def _linked(points, gap_square, start, boxes, a, b, turned):
+    """Whether a point of block b is near a point of block a and ahead of it; turned: b is reached across ±π."""
     left, right, bottom, top = boxes[b, 0], boxes[b, 1], boxes[b, 2], boxes[b, 3]
     for i in range(start[a], start[a + 1]):
         xi, yi = points[i, 0], points[i, 1]
@@ -164,8 +164,8 @@ def _linked(points, gap_square, start, boxes, a, b, turned):  # type: ignore[no-
 
 
 @njit(cache=True, error_model="numpy")
-def _sectors(spanned):  # type: ignore[no-untyped-def]
-    """[first, last] between the gaps that are not spanned, by rising first: (K, 2)."""
+def _sectors(spanned):
+    """Sectors [first, last] between the gaps that are not spanned, sorted by `first`: (K, 2)."""
     num_points = len(spanned)
     across = num_points > 0 and spanned[num_points - 1]  # the first points belong to the last sector
     sectors = np.empty((num_points, 2), np.int64)

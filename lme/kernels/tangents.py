@@ -1,7 +1,7 @@
-"""What a point robot sees among scan points grown to discs: how far it can go, and where obstacles end.
+"""Free distances of a point robot among scan points grown to discs, and the ends of obstacles.
 
-A robot of radius R among points is a point among discs of radius R, so a jump of the free way from one
-direction to the next is a place where a robot of that size passes by the end of an obstacle.
+A robot of radius R among points is equivalent to a point among discs of radius R. A jump of the free distance
+from one direction to the next is therefore an end of an obstacle, which a robot of that size can pass.
 """
 
 import math
@@ -14,9 +14,9 @@ from lme.types import Floats, Ints
 
 @njit(cache=True, error_model="numpy")
 def first_on_way(points: Floats, radii: Floats, end: Floats) -> int:
-    """Index of the disc that the segment from the origin to `end` (2,) meets first; −1 where it meets none.
+    """Index of the disc that the segment from the origin to `end` (2,) meets first; −1 if it meets none.
 
-    points (M, 2) and radii (M,) of the discs [m]. A segment at a distance of exactly the radius passes.
+    points (M, 2) and radii (M,) of the discs [m]. A segment at a distance of exactly the radius is free.
     """
     length = math.hypot(end[0], end[1])
     best, least = -1, np.inf
@@ -34,17 +34,17 @@ def first_on_way(points: Floats, radii: Floats, end: Floats) -> int:
 
 
 def directions(number: int) -> Floats:
-    """(K, 2) unit vectors, that of direction k at bearing −π + (k + ½)·2π/K: as many to the left as to the right."""
+    """Unit vectors (K, 2) at bearings −π + (k + ½)·2π/K, symmetric about the x axis."""
     bearings = (np.arange(number) + 0.5) * (2.0 * math.pi / number) - math.pi
     return np.column_stack((np.cos(bearings), np.sin(bearings)))
 
 
 @njit(cache=True, error_model="numpy")
 def free_ways(points: Floats, radii: Floats, units: Floats) -> tuple[Floats, Ints]:
-    """How far the way is free in each of the `directions`, and the disc that ends it.
+    """Free distance in each of the `directions`, (K,) [m], and the index of the disc that ends it, (K,).
 
     points (M, 2), radii (M,) [m], units (K, 2). A disc narrower than the angle between two directions counts in
-    the nearest one; one that holds the origin is left out. Returns (K,) [m], inf and −1 where there is none.
+    the nearest one; a disc that contains the origin is ignored. Without a disc: inf and −1.
     """
     num_directions = len(units)
     ways, owners = np.full(num_directions, np.inf), np.full(num_directions, -1)
@@ -70,10 +70,10 @@ def free_ways(points: Floats, radii: Floats, units: Floats) -> tuple[Floats, Int
 
 @njit(cache=True, error_model="numpy")
 def breaks_before(points: Floats, gap: float, slope: float) -> Ints:
-    """How many breaks of the scan lie before each point: (M + 1,); the last counts that from last to first too.
+    """Number of breaks of the scan before each point, and of all breaks, including last to first: (M + 1,).
 
-    points (M, 2) in the order of the beams. A break is where neighbours are more than `gap` + `slope` · the distance of
-    the nearer one apart [m].
+    points (M, 2) in the order of the beams. A break is a gap between neighbours of more than `gap` [m] plus `slope`
+    times the distance of the nearer one.
     """
     num_points = len(points)
     out = np.zeros(num_points + 1, np.int64)
@@ -96,12 +96,12 @@ def sweep(
     step: int,
     target: Floats,
 ) -> tuple[int, bool, float]:
-    """Turn from direction `start` by `step` (±1) until the obstacle seen there ends.
+    """Turn from direction `start` by `step` (±1) to the end of the obstacle seen there.
 
-    It ends at a break where the way gets longer, or shorter because something nearer hides the rest, by more
-    than `slope` · the shorter of the two.
-    Returns the last direction before the end, −1 where there is none all round; whether the way gets longer
-    there; and the least distance from the ends of the ways passed to `target` (2,) [m].
+    The end is a break at which the free distance grows, or drops because a nearer obstacle hides the rest, by more
+    than `slope` times the shorter distance.
+    Returns the last direction before the end, −1 if there is no end; whether the free distance grows there; and
+    the least distance of the visible boundary to `target` (2,) [m].
     """
     num_directions = len(ways)
     least = np.inf
@@ -121,7 +121,7 @@ def sweep(
 
 @njit(cache=True, error_model="numpy")
 def all_ends(ways: Floats, owners: Ints, breaks: Ints, slope: float) -> Ints:
-    """(E, 2) directions at which an obstacle ends as in `sweep`, and the step (±1) in which it does."""
+    """Directions at which an obstacle ends, as in `sweep`, and the steps (±1) to the end: (E, 2)."""
     num_directions = len(ways)
     out = np.empty((2 * num_directions, 2), np.int64)
     count = 0
@@ -136,16 +136,16 @@ def all_ends(ways: Floats, owners: Ints, breaks: Ints, slope: float) -> Ints:
 
 
 @njit(cache=True, error_model="numpy")
-def _longer(near, far, slope):  # type: ignore[no-untyped-def]
-    """Whether `far` is beyond `near` by more than a wall seen at a grazing angle would make it."""
+def _longer(near, far, slope):
+    """Whether `far` exceeds `near` by more than on a wall seen at a grazing angle."""
     return far - near > slope * near
 
 
 @njit(cache=True, error_model="numpy")
-def _broken(i, j, breaks, step):  # type: ignore[no-untyped-def]
-    """Whether there is a break between points i and j, turning from i by `step`; −1 is no point at all.
+def _broken(i, j, breaks, step):
+    """Whether there is a break between points i and j, turning from i by `step`; −1 stands for no point.
 
-    From an origin off the lidar, neighbours may change places: the shorter way round counts, in points.
+    Neighbours may swap places as seen from the base, so the direction with fewer points between i and j counts.
     """
     if i < 0 or j < 0:
         return i != j
@@ -159,13 +159,13 @@ def _broken(i, j, breaks, step):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, error_model="numpy")
 def joined(i: int, j: int, breaks: Ints) -> bool:
-    """Whether points i and j have no break between them, one way round or the other; −1 is no point."""
+    """Whether points i and j have no break between them in at least one direction; −1 stands for no point."""
     return not (_broken(i, j, breaks, 1) and _broken(i, j, breaks, -1))
 
 
 @njit(cache=True, error_model="numpy")
 def first_longer(ways: Floats, start: int, step: int, length: float) -> int:
-    """First direction from `start` on by `step` in which the way is at least `length` [m]; −1 if none is."""
+    """First direction from `start` on, by `step`, with a free distance of at least `length` [m]; −1 if none."""
     num_directions = len(ways)
     for turned in range(num_directions):
         k = (start + step * turned) % num_directions

@@ -1,4 +1,4 @@
-"""Motion tubes against scans: what the lidar must see past, and which tube serves best."""
+"""Motion tubes: the ranges that free beams must exceed, and selection of the best free tube."""
 
 import math
 
@@ -11,12 +11,12 @@ from lme.types import Bools, Floats, Ints
 Ranges = NDArray[np.float32]
 
 _TWO_PI = 2.0 * math.pi
-_STRAIGHT = 1e-9  # [1/m] a smaller curvature is none
+_STRAIGHT = 1e-9  # [1/m] smaller curvatures are straight
 
 
 @njit(cache=True, error_model="numpy")
 def arc_pose(curvature: float, way: float) -> tuple[float, float, float]:
-    """Pose (x, y, yaw) after `way` [m] along an arc from the origin; a negative way is driven backwards."""
+    """Pose (x, y, yaw) after the distance `way` [m] along an arc from the origin; negative is backwards."""
     turn = curvature * way
     if abs(curvature) < _STRAIGHT:
         return way, 0.0, turn
@@ -34,12 +34,12 @@ def swept_ranges(
     increment: float,
     num_beams: int,
 ) -> tuple[Ranges, Bools]:
-    """How far each beam must reach to see past each tube, (N, B) [m], and which tubes are partly out of view (N,).
+    """Range that each beam needs to see past each tube, (N, B) [m], and whether a tube is partly out of view, (N,).
 
-    A tube is what the outline (V, 2), convex, anticlockwise and around the lidar at the start, newly sweeps while
-    its base drives `length` [m] along an arc: on the outside of the turn what lies beyond `front` [m], on the
-    inside what lies beyond the axle (x = 0). 0 where a beam does not meet it. lidar: (x, y) in the base frame and
-    the bearing of its first beam there.
+    A tube is the area that the outline newly sweeps while the base drives `length` [m] along an arc: beyond `front`
+    [m] on the outside of the turn, beyond the axle (x = 0) on the inside. outline (V, 2): convex, anticlockwise,
+    around the lidar. lidar: (x, y) and the bearing of the first beam, in the base frame. The range is 0 if the
+    beam does not meet the tube.
     """
     needs = np.zeros((len(curvatures), num_beams))
     hidden = np.zeros(len(curvatures), np.bool_)
@@ -61,8 +61,8 @@ def swept_ranges(
 
 
 @njit(cache=True, error_model="numpy")
-def _place(outline, pose, lidar, increment, corners, beams):  # type: ignore[no-untyped-def]
-    """Corners of the outline at `pose` relative to the lidar, and their bearings in beams from the first."""
+def _place(outline, pose, lidar, increment, corners, beams):
+    """Fill in the outline's corners at `pose` relative to the lidar, and their bearings in beams from the first."""
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
     for i in range(len(outline)):
         x = pose[0] + cos * outline[i, 0] - sin * outline[i, 1] - lidar[0]
@@ -72,16 +72,16 @@ def _place(outline, pose, lidar, increment, corners, beams):  # type: ignore[no-
 
 
 @njit(cache=True, error_model="numpy")
-def _counts(x, y, rule):  # type: ignore[no-untyped-def]
-    """Whether a point relative to the lidar belongs to what is newly swept."""
+def _counts(x, y, rule):
+    """Whether a point, relative to the lidar, is in the newly swept area."""
     side, front, lidar_x, lidar_y = rule
     ahead, across = x + lidar_x, side * (y + lidar_y)
     return ahead >= front or (ahead >= 0.0 and across > 0.0)
 
 
 @njit(cache=True, error_model="numpy")
-def _out_of_view(corners, beams, rule, increment, num_beams):  # type: ignore[no-untyped-def]
-    """Whether a corner that counts lies more than half a beam outside the field of view."""
+def _out_of_view(corners, beams, rule, increment, num_beams):
+    """Whether a corner in the newly swept area is more than half a beam outside the field of view."""
     last = _TWO_PI / increment - 0.5
     for i in range(len(corners)):
         outside = num_beams - 0.5 < beams[i] < last
@@ -91,8 +91,8 @@ def _out_of_view(corners, beams, rule, increment, num_beams):  # type: ignore[no
 
 
 @njit(cache=True, error_model="numpy")
-def _raise(a, b, beam, rule, increment, directions, need):  # type: ignore[no-untyped-def]
-    """Let the beams that meet the edge from a to b reach at least there; `beam`: bearing of a in beams."""
+def _raise(a, b, beam, rule, increment, directions, need):
+    """Raise the ranges of the beams that meet the edge from a to b; `beam`: bearing of a in beams."""
     cross, dot = a[0] * b[1] - a[1] * b[0], a[0] * b[0] + a[1] * b[1]
     span = math.atan2(cross, dot) / increment
     low, high = min(beam, beam + span), max(beam, beam + span)
@@ -108,7 +108,7 @@ def _raise(a, b, beam, rule, increment, directions, need):  # type: ignore[no-un
 
 @njit(cache=True, error_model="numpy")
 def free_ranges(ranges: Ranges, range_min: float, range_max: float) -> Ranges:
-    """How far each beam saw nothing: (B,) [m], inf where it hit nothing (see `lme.sensing.scan_points`)."""
+    """Free range of each beam: (B,) [m], inf without a hit (see `lme.sensing.scan_points`)."""
     low, high = np.float32(range_min), np.float32(range_max)
     seen = np.empty(len(ranges), np.float32)
     for i in range(len(ranges)):
@@ -118,10 +118,10 @@ def free_ranges(ranges: Ranges, range_min: float, range_max: float) -> Ranges:
 
 @njit(cache=True, error_model="numpy")
 def free_tubes(seen: Ranges, needs: Ranges, spans: Ints, hidden: Bools) -> Bools:
-    """Which tubes are free, (N,): in view, and every beam sees as far as it must.
+    """Whether each tube is free: it is in view, and every beam sees past it: (N,).
 
     seen (B,) from `free_ranges`; needs (N, B) and hidden (N,) from `swept_ranges`; spans (N, 2): first and last
-    beam of each that must see anything.
+    beam that meet each tube.
     """
     free = np.empty(len(needs), np.bool_)
     for n in range(len(needs)):
@@ -135,7 +135,7 @@ def free_tubes(seen: Ranges, needs: Ranges, spans: Ints, hidden: Bools) -> Bools
 
 @njit(cache=True, error_model="numpy")
 def whisker_free(seen: Ranges, beams: Ints, ranges: Ranges) -> bool:
-    """Whether every sample of a whisker is in view and within its beam: beams (S,), −1 out of view; ranges (S,)."""
+    """Whether every sample of a whisker is in view and free: beams (S,), −1 out of view; ranges (S,)."""
     for k in range(len(beams)):  # noqa: SIM110
         if beams[k] < 0 or seen[beams[k]] < ranges[k]:
             return False
@@ -154,12 +154,13 @@ def choose(
     whisker_beams: Ints,
     whisker_ranges: Ranges,
 ) -> tuple[int, int]:
-    """The best free tube and the bin of its distance to the goal; (−1, −1) where none serves.
+    """The best free tube and the bin of its distance to the goal; (−1, −1) if none is suitable.
 
-    Compared in turn: distance from goal (x, y) to the pose after `reach` [m], in bins; outer, front and inner whisker
-    free; deviation from the goal's heading, in bins; change of the turn rate at the present v; distance.
-    A tube more than bins[2] bins off, or more than 90° from the goal's heading, does not serve. bins: (width of
-    a bin of distance [m], of heading [rad], greatest bin). whisker_beams, whisker_ranges (3, N, S) in that order.
+    Sort keys in order: distance from goal (x, y) to the pose after `reach` [m], in bins; outer, front and inner
+    whisker free; deviation from the goal's heading, in bins; change of the turn rate at the present v; distance.
+    A tube more than bins[2] bins away, or more than 90° from the goal's heading, is not suitable. bins: (width of a
+    distance bin [m], width of a heading bin [rad], greatest bin). whisker_beams, whisker_ranges (3, N, S): outer,
+    front, inner.
     """
     best, best_bin = -1, bins[2] + 1
     key, best_key = np.empty(6), np.empty(6)
@@ -185,8 +186,8 @@ def choose(
 
 
 @njit(cache=True, error_model="numpy")
-def _less(a, b):  # type: ignore[no-untyped-def]
-    """Whether a comes before b in the order of a dictionary."""
+def _less(a, b):
+    """Whether a comes before b in lexicographic order."""
     for k in range(len(a)):
         if a[k] != b[k]:
             return a[k] < b[k]
@@ -195,9 +196,9 @@ def _less(a, b):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, error_model="numpy")
 def points_along(path: Floats, distances: Floats, window: float) -> tuple[Floats, float]:
-    """Points (D, 2) at distances [m] along a polyline (K, 2) from its point nearest to the origin; the way left [m].
+    """Points (D, 2) at distances [m] along a polyline (K, 2) from its point nearest to the origin, and its rest [m].
 
-    The nearest point is looked for in the first `window` [m]. A distance past the end gives the end.
+    The nearest point is searched for in the first `window` [m]. A distance past the end gives the end point.
     """
     start, part = _nearest(path, window)
     x = path[start, 0] + part * (path[min(start + 1, len(path) - 1), 0] - path[start, 0])
@@ -217,8 +218,8 @@ def points_along(path: Floats, distances: Floats, window: float) -> tuple[Floats
 
 
 @njit(cache=True, error_model="numpy")
-def _nearest(path, window):  # type: ignore[no-untyped-def]
-    """Segment nearest to the origin, and the share of it passed."""
+def _nearest(path, window):
+    """Index of the segment nearest to the origin, and the nearest point as a share of its length."""
     best, at, at_part, way = np.inf, 0, 0.0, 0.0
     for i in range(len(path) - 1):
         dx, dy = path[i + 1, 0] - path[i, 0], path[i + 1, 1] - path[i, 1]
@@ -243,10 +244,10 @@ def known_free(
     increment: float,
     box: tuple[float, float, float],
 ) -> Bools:
-    """Which points (P, 2) the robot has stood on or seen past, (P,), in the frame that the poses are given in.
+    """Whether the robot has stood on or seen past each of the points (P, 2): (P,).
 
-    bodies, lidars (M, 3): poses of the base, and of the lidar turned to its first beam, when the scans ranges
-    (M, B) from `free_ranges` were taken; box (half_length, half_width, rounding) [m].
+    bodies, lidars (M, 3): poses of the base and of the lidar, with the yaw of its first beam, at the scans, in the
+    frame of the points; ranges (M, B): the scans from `free_ranges`; box (half_length, half_width, rounding) [m].
     """
     turn = _TWO_PI / increment
     known = np.zeros(len(points), np.bool_)
@@ -277,9 +278,9 @@ def out_of_sight(
     num_beams: int,
     reach: float,
 ) -> Floats:
-    """Those of the points (P, 2) within `reach` [m] of the base that no beam can show, in the base frame: (K, 2).
+    """The points within `reach` [m] of the base and outside the field of view, in the base frame: (K, 2).
 
-    pose: of the base in the frame of the points; lidar as in `swept_ranges`.
+    points (P, 2); pose: of the base in the frame of the points; lidar as in `swept_ranges`.
     """
     cos, sin, turn = math.cos(pose[2]), math.sin(pose[2]), _TWO_PI / increment
     kept = np.empty_like(points)

@@ -1,4 +1,4 @@
-"""Artificial potential field: drawn by the subgoal, pushed by what the scan hits."""
+"""Artificial potential field: attraction by the subgoal, repulsion by scan points."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from lme.robots import Robot
 from lme.sensing.blind_arc import BlindArc
 from lme.types import Floats, Guidance, Observation, Twist
 
-_CLOSEST = 0.01  # [m] the repulsion grows no more
+_CLOSEST = 0.01  # [m] below this clearance the repulsion is constant
 
 
 @dataclass(slots=True)
 class ApfConfig:
-    """Keys of `conf/planner/apf.yaml`, where their sources are."""
+    """Settings; `conf/planner/apf.yaml` gives their sources."""
 
     attraction: float = 5.0  # k_p [N/m]
     conic_beyond: float = 1.0  # [m]
@@ -41,11 +41,11 @@ class ApfConfig:
 class Apf:
     """Artificial potential field (Khatib 1986, DOI 10.1177/027836498600500106).
 
-    Attraction ½·k_p·d², of constant force beyond `conic_beyond`, which is what the paper's limit of speed amounts
-    to; repulsion ½·η·(1/ρ − 1/ρ_0)² (FIRAS) of the clearance ρ between a scan point and a disc of the robot's
-    collision radius, shared among neighbours in bearing (`lme.kernels.potential`). A differential drive turns
-    towards the force and drives by its part straight ahead, at v_max under the full attraction. What was seen
-    in the lidar's blind arc still pushes; a command that cannot be stopped in time is slowed.
+    Attraction ½·k_p·d² with constant force beyond `conic_beyond`, which is equivalent to the paper's speed limit.
+    Repulsion ½·η·(1/ρ − 1/ρ_0)² (FIRAS) for the clearance ρ between a scan point and a disc of the robot's
+    collision radius, shared among neighbours in bearing (`lme.kernels.potential`). The robot turns towards the
+    force; its speed is proportional to the force's component ahead, v_max under the full attraction. Points
+    remembered in the lidar's blind arc also repel. A `StoppingGuard` slows commands that are not safe.
     """
 
     Config = ApfConfig
@@ -58,7 +58,7 @@ class Apf:
         self._guard = StoppingGuard(robot, config.margin)
 
     def reset(self, rng: np.random.Generator) -> None:
-        """Forget what was seen."""
+        """Forget the remembered points."""
         self._blind = BlindArc(self._mount, self._radius + self._config.influence)
 
     def plan(self, observation: Observation, guidance: Guidance) -> Twist:
@@ -69,7 +69,7 @@ class Apf:
         return self._guard.guard(self._follow(force, distance, observation), observation, points)
 
     def _force(self, subgoal: Floats, points: Floats) -> tuple[float, float]:
-        """Minus the gradient of the potential, as a share of the attraction's most: (2,)."""
+        """Negative gradient of the potential, relative to the greatest attraction: (x, y)."""
         config = self._config
         x, y = map(float, subgoal)
         pull = 1.0 / max(math.hypot(x, y), config.conic_beyond)
@@ -78,7 +78,7 @@ class Apf:
         return pull * x + push * along, pull * y + push * across
 
     def _follow(self, force: tuple[float, float], distance: float, observation: Observation) -> Twist:
-        """Turn towards the force, drive as far as it points ahead."""
+        """Turn towards the force, with a speed proportional to its component ahead."""
         limits, now = observation.limits, observation.twist
         bearing = math.atan2(force[1], force[0])
         fastest = approach(bearing, now.omega, limits.omega_max, limits.alpha_omega, self._dt)

@@ -1,4 +1,4 @@
-"""Velocity commands that a robot with limited velocities and accelerations can carry out."""
+"""Velocity commands within a robot's limits of velocity and acceleration."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from lme.types import Observation, Twist
 
 
 def limited(v: float, omega: float, observation: Observation, dt: float) -> Twist:
-    """The command nearest to (v, ω) that the limits allow one period of `dt` [s] after the present twist."""
+    """The command nearest to (v, ω) that the limits allow within one period of `dt` [s]."""
     limits, now = observation.limits, observation.twist
     v = min(max(v, -limits.v_max), limits.v_max)
     omega = min(max(omega, -limits.omega_max), limits.omega_max)
@@ -19,10 +19,10 @@ def limited(v: float, omega: float, observation: Observation, dt: float) -> Twis
 
 
 def approach(error: float, rate: float, rate_max: float, alpha: float, dt: float) -> float:
-    """Rate that drives `error` to zero fastest and still stops there.
+    """Rate that drives `error` to zero as fast as possible without overshoot.
 
-    Speeds up at `alpha` up to `rate_max`, then slows down at `alpha`. It is the largest rate from which,
-    after one more period that begins at `rate`, braking at `alpha` ends no further than `error` ahead.
+    Accelerates at `alpha` up to `rate_max`, then brakes at `alpha`. It is the largest rate such that braking at
+    `alpha` after one more period, which starts at `rate`, covers no more than `error`.
     """
     sign = math.copysign(1.0, error)
     ahead, now = abs(error), max(sign * rate, 0.0)
@@ -37,5 +37,5 @@ def approach(error: float, rate: float, rate_max: float, alpha: float, dt: float
 
 
 def towards(wanted: float, rate: float, alpha: float, dt: float) -> float:
-    """`wanted`, as near as one period at `alpha` comes to it from `rate`."""
+    """The rate nearest to `wanted` that is reachable from `rate` in one period at `alpha`."""
     return min(max(wanted, rate - alpha * dt), rate + alpha * dt)

@@ -1,4 +1,4 @@
-"""The Dynamic Window Approach: of the velocities that are in reach and leave room to stop, the best."""
+"""The Dynamic Window Approach: the best of the reachable velocities from which the robot can stop in time."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ from lme.types import Floats, Guidance, Limits, Observation, Twist
 
 @dataclass(slots=True)
 class DwaConfig:
-    """Gains of the objective, safety margin, and how finely the window is sampled."""
+    """Gains of the objective, safety margin and sampling of the window."""
 
     heading: float = 2.0  # gain of heading for the subgoal; Fox et al. 1997: α
-    clearance: float = 0.2  # gain of the way to the first obstacle; Fox et al. 1997: β
+    clearance: float = 0.2  # gain of the distance to the first obstacle; Fox et al. 1997: β
     velocity: float = 0.2  # gain of forward velocity; Fox et al. 1997: γ
     heading_time: float | None = (
-        None  # [s] at (v, ω) before heading is measured; null: one period, as Fox et al.
+        None  # [s] time at (v, ω) before the heading is predicted; null: one period, as in Fox et al.
     )
-    clear_way: float = 2.0  # [m] a way this long is as good as one without end
-    margin: float = 0.02  # [m] by which the footprint grows at rest
-    margin_time: float = 0.05  # [s] by which it grows with velocity: [m] per [m/s]
+    clear_way: float = 2.0  # [m] longer distances count the same
+    margin: float = 0.02  # [m] growth of the footprint at rest
+    margin_time: float = 0.05  # [s] further growth per velocity
     v_samples: int = 9
-    omega_samples: int = 31  # odd, so that straight ahead is one of them
+    omega_samples: int = 31  # odd, so that 0 is one of them
 
     def __post_init__(self) -> None:
         for key in ("heading", "clearance", "velocity", "margin", "margin_time"):
@@ -47,10 +47,10 @@ class DwaConfig:
 
 
 class _Window(NamedTuple):
-    """Velocities reachable within a period, and what becomes of each pair: v (V, 1) rising, omega (1, W).
+    """Velocities reachable within a period, v (V, 1) rising and omega (1, W), and times for each pair.
 
-    stopping (V, W): least time until contact that leaves room to stop after one more period [s]. contact (V, W):
-    time until contact [s], the first one where that is no less than `stopping`.
+    stopping (V, W): least time until contact that allows a stop after one more period [s]. contact (V, W):
+    time until contact [s]; exact if it is at least `stopping`.
     """
 
     v: Floats
@@ -62,9 +62,9 @@ class _Window(NamedTuple):
 class Dwa:
     """Dynamic Window Approach (Fox, Burgard, Thrun 1997, IEEE RAM 4(1):23–33, doi:10.1109/100.580977).
 
-    As there: circular arcs; velocities from which the robot can stop before contact; heading, clearance and
-    velocity, each in [0, 1]; a safety margin that grows with velocity; turning away where no arc is free. The
-    period until the next command counts as part of the way to a stop. The objective is not smoothed.
+    As in the paper: circular arcs; only velocities from which the robot can stop before contact; heading,
+    clearance and velocity, each in [0, 1]; a safety margin that grows with velocity; turning away if no arc is
+    free. The stopping time includes the period until the next command. The objective is not smoothed.
     """
 
     Config = DwaConfig
@@ -79,7 +79,7 @@ class Dwa:
         self._omega_share = np.concatenate((-half[:0:-1], half))  # symmetric to the last bit
 
     def reset(self, rng: np.random.Generator) -> None:
-        """Nothing to forget."""
+        """No state to reset."""
 
     def plan(self, observation: Observation, guidance: Guidance) -> Twist:
         """Command for one control period."""
@@ -97,12 +97,12 @@ class Dwa:
         return limited(float(command[0]), float(command[1]), observation, self._dt)
 
     def _window(self, observation: Observation, subgoal: Floats, points: Floats) -> _Window:
-        """Velocities that one period allows, and that let the robot come to rest at the subgoal."""
+        """Velocities that are reachable in one period and allow a stop at the subgoal."""
         limits, now, dt, config = observation.limits, observation.twist, self._dt, self._config
         distance = math.hypot(*subgoal)
         v_low = max(now.v - limits.alpha_v * dt, 0.0)
         v_high = approach(distance, now.v, limits.v_max, limits.alpha_v, dt)
-        v_high = min(v_high, limits.omega_max * distance / 2.0)  # faster, it could circle round the subgoal
+        v_high = min(v_high, limits.omega_max * distance / 2.0)  # a faster robot could circle the subgoal
         v = v_low + (max(v_high, v_low) - v_low) * self._v_share[:, None]
         omega = self._turn_rates(now, limits)[None, :]
         stopping = dt + np.maximum(v / (2.0 * limits.alpha_v), np.abs(omega) / (2.0 * limits.alpha_omega))
@@ -113,7 +113,7 @@ class Dwa:
         return _Window(v, omega, contact.reshape(stopping.shape), stopping)
 
     def _turn_rates(self, now: Twist, limits: Limits) -> Floats:
-        """Turn rates that one period allows; the one nearest to straight ahead is straight ahead."""
+        """Turn rates that are reachable in one period; the one nearest to 0 is set to 0."""
         low = max(now.omega - limits.alpha_omega * self._dt, -limits.omega_max)
         high = min(now.omega + limits.alpha_omega * self._dt, limits.omega_max)
         omega: Floats = (low + high) / 2.0 + (high - low) / 2.0 * self._omega_share
@@ -121,7 +121,7 @@ class Dwa:
         return omega
 
     def _objective(self, window: _Window, subgoal: Floats, limits: Limits) -> Floats:
-        """G(v, ω) of the paper: (V, W). Clearance is the way to contact; a robot that stays has none before it."""
+        """G(v, ω) of the paper: (V, W). Clearance is the distance driven until contact, 0 for a standing robot."""
         config = self._config
         way = np.zeros_like(window.contact)
         np.multiply(window.v, window.contact, out=way, where=window.v > 0.0)
@@ -131,25 +131,25 @@ class Dwa:
         return config.heading * heading + config.clearance * clear + config.velocity * velocity
 
     def _heading(self, window: _Window, subgoal: Floats, limits: Limits) -> Floats:
-        """1 where the robot would face the subgoal once it has braked, 0 where it would face away: (V, W).
+        """1 if the robot would face the subgoal after braking, 0 if it would face away: (V, W).
 
-        The way there counts half-way to the subgoal at most: at the subgoal its bearing says nothing.
+        The predicted distance is at most half the distance to the subgoal, since the bearing is undefined there.
         """
         v, omega = window.v, window.omega
         time = self._dt if self._config.heading_time is None else self._config.heading_time
         way = np.minimum(v * time + v * v / (2.0 * limits.alpha_v), math.hypot(*subgoal) / 2.0)
         turned = omega * time + omega * np.abs(omega) / (2.0 * limits.alpha_omega)
-        chord = way * np.sinc(turned / (2.0 * np.pi))  # of an arc, which bears half its turn
+        chord = way * np.sinc(turned / (2.0 * np.pi))  # of the arc; its bearing is half the turn
         x, y = subgoal[0] - chord * np.cos(turned / 2.0), subgoal[1] - chord * np.sin(turned / 2.0)
         error = np.abs(np.arctan2(y, x) - turned)
         facing: Floats = 1.0 - np.abs((error + np.pi) % (2.0 * np.pi) - np.pi) / np.pi
         return facing
 
     def _turn_away(self, window: _Window, points: Floats, now: Twist) -> tuple[float, float]:
-        """No arc is free: brake and, at rest, turn in place, as it turns already or else from what is nearest."""
+        """If no arc is free: brake, then turn in place, as before or away from the nearest point."""
         v_low, omega = window.v[0, 0], window.omega[0]
         if v_low > 0.0:
-            return 0.0, now.omega * v_low / now.v  # on the arc it is on, where it could stop a period ago
+            return 0.0, now.omega * v_low / now.v  # stay on the present arc, on which a stop was possible
         free = omega[(window.contact[0] >= window.stopping[0]) & (omega != 0.0)]
         if not free.size:
             return 0.0, 0.0

@@ -15,9 +15,9 @@ from lme.types import Guidance, Observation, Twist
 
 @dataclass(slots=True)
 class SimpleConfig:
-    """Gains that the paper leaves open, and the cone in which it drives."""
+    """Gains that the paper leaves open, and the heading tolerance."""
 
-    heading_tolerance: float = math.radians(9.0)  # [rad] Algorithm 3: forward only within 9°
+    heading_tolerance: float = math.radians(9.0)  # [rad] Algorithm 3: drive only within 9°
     pd_below: float = 0.2  # [rad] PD control below this error
     kp: float = 4.0  # [1/s]
     kd: float = 0.1  # [-]
@@ -37,7 +37,7 @@ class Simple:
         self._dt = robot.dt
 
     def reset(self, rng: np.random.Generator) -> None:
-        """Nothing to forget."""
+        """No state to reset."""
 
     def plan(self, observation: Observation, guidance: Guidance) -> Twist:
         """Command for one control period."""
@@ -52,7 +52,7 @@ class Simple:
         return Twist(v_rate, self._turn(bearing, omega, limits.omega_max, limits.alpha_omega))
 
     def _turn(self, bearing: float, omega: float, omega_max: float, alpha: float) -> float:
-        """Acceleration-limited; near the subgoal's direction PD, but never faster than it can stop there."""
+        """Acceleration-limited turn rate; PD control at small errors, never too fast to stop at the bearing."""
         limit = approach(bearing, omega, omega_max, alpha, self._dt)
         if abs(bearing) >= self._config.pd_below:
             return limit

@@ -1,4 +1,4 @@
-"""The last word before a command goes out: can the robot still stop short of everything it sees?"""
+"""Last check of a command: can the robot still stop before every obstacle point?"""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from lme.planners.commands import limited
 from lme.robots import Robot
 from lme.types import Floats, Observation, Pose, Twist
 
-_SHARES = (1.0, 0.7, 0.45, 0.25, 0.12, 0.05)  # of the wanted twist: the same arc, slower
+_SHARES = (1.0, 0.7, 0.45, 0.25, 0.12, 0.05)  # of the wanted twist, on the same arc
 _STEP = 0.02  # [m] no point of the outline moves further between two checks
 _SHORTEST_STOP = 1e-3  # [s]
-_NOISE = 1.0  # standard deviations of the lidar's noise kept beyond the margin
+_NOISE = 1.0  # standard deviations of the lidar's noise added to the margin
 _NO_EDGES = np.empty((0, 4))
 _CENTRE = (0.0, 0.0, 0.0)
 _HERE = Pose(0.0, 0.0, 0.0)
 
 
 class StoppingGuard:
-    """Slows a command along its arc, or to a turn in place, until one period of it and a full stop are free."""
+    """Slows a command along its arc, or to a turn in place, until one period and a full stop are collision-free."""
 
     def __init__(self, robot: Robot, margin: float) -> None:
         self._robot = robot
@@ -30,12 +30,12 @@ class StoppingGuard:
         self._room = robot.r + self._margin
 
     def guard(self, wanted: Twist, observation: Observation, points: Floats) -> Twist:
-        """The first of: the command, slower ones on its arc, its turn alone, that keeps clear of the points.
+        """The first clear command of: `wanted`, slower ones on its arc, its turn in place; else brake.
 
-        points (M, 2): what the scan hit, in the robot frame [m]. Clear is: the outline `margin` [m] and one
-        deviation of the lidar's noise away; and, for what does not only turn, the disc of the collision radius
-        too, so that the robot can still turn where it stops. A robot that stands nearer already may do what
-        brings it no nearer. Brakes where nothing is clear. The result is within the limits.
+        points (M, 2): obstacle points in the robot frame [m]. A command is clear if the outline keeps `margin` [m]
+        plus one standard deviation of the lidar's noise. Unless it turns in place, the disc of the collision
+        radius must keep the same distance, so that the robot can still turn where it stops. A robot that is nearer
+        already may use commands that bring it no nearer. The result is within the limits.
         """
         command = limited(*wanted, observation, self._dt)
         if len(points) == 0:
@@ -53,7 +53,7 @@ class StoppingGuard:
     def _clear(
         self, command: Twist, observation: Observation, circles: Floats, least: float, room: float
     ) -> bool:
-        """Whether a period of the command and braking keep the outline `least`, the centre `room` [m] away."""
+        """Whether the outline keeps `least` [m], and the centre `room` [m], over one period and braking."""
         poses = until_rest(command, observation, self._robot)
         clearance, contact = sweep(poses, self._box, circles, _NO_EDGES)
         if contact >= 0 or clearance < least:
@@ -64,7 +64,7 @@ class StoppingGuard:
 def until_rest(command: Twist, observation: Observation, robot: Robot, max_step: float = _STEP) -> Floats:
     """Poses (K, 3) in the robot frame over one period of the command and a full stop after it.
 
-    No point of the outline moves further than `max_step` [m] between two of them.
+    No point of the outline moves further than `max_step` [m] between two poses.
     """
     limits, reach = observation.limits, robot.footprint.r_max
     way, twist = drive(_HERE, observation.twist, command, limits, robot.dt, max_step, reach)
@@ -74,6 +74,6 @@ def until_rest(command: Twist, observation: Observation, robot: Robot, max_step:
 
 
 def _slower(wanted: Twist) -> list[tuple[float, float]]:
-    """The command, slower on the same arc, then its turn without the way."""
+    """The command, slower ones on the same arc, then turns in place."""
     on_arc = [(share * wanted.v, share * wanted.omega) for share in _SHARES]
     return [*on_arc, (0.0, wanted.omega), (0.0, 0.3 * wanted.omega)]

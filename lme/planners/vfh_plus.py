@@ -1,4 +1,4 @@
-"""VFH+: steer into the cheapest gap of a polar histogram."""
+"""VFH+: steers towards the cheapest gap of a polar histogram."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ from lme.robots import Robot
 from lme.sensing.blind_arc import BlindArc
 from lme.types import Bools, Floats, Guidance, Observation, Twist
 
-_LEAST_CELL = 0.01  # [m] the grid of finer ones would take longer than a control period
+_LEAST_CELL = 0.01  # [m] a finer grid would take longer than a control period
 
 
 @dataclass(slots=True)
 class VfhPlusConfig:
-    """Keys of `conf/planner/vfh_plus.yaml`, where their sources are."""
+    """Settings; `conf/planner/vfh_plus.yaml` gives their sources."""
 
     cell_size: float = 0.1  # [m]
     window: float = 1.6  # [m] radius
@@ -69,11 +69,10 @@ class VfhPlusConfig:
 class VfhPlus:
     """Vector Field Histogram + (Ulrich & Borenstein 1998, DOI 10.1109/ROBOT.1998.677362).
 
-    The histogram grid's active window is filled from the present scan, and in the lidar's blind arc from what
-    was seen there before: a cell that is hit has certainty 1. Obstacles behind the subgoal are left out. The
-    speed is that of the first VFH (Borenstein & Koren 1991, DOI 10.1109/70.88137): less in dense directions, and
-    less in turns. Where the robot cannot steer into any gap at its speed, it stops and turns; a command that
-    cannot be stopped in time is slowed.
+    The active window of the histogram grid contains the present scan and the points remembered in the lidar's
+    blind arc; a cell with a point has certainty 1. Obstacles behind the subgoal are left out. The speed is that
+    of VFH (Borenstein & Koren 1991, DOI 10.1109/70.88137): lower in dense directions and in turns. If the robot
+    cannot steer into any gap at its speed, it stops and turns. A `StoppingGuard` slows commands that are not safe.
     """
 
     Config = VfhPlusConfig
@@ -90,7 +89,7 @@ class VfhPlus:
         self._guard = StoppingGuard(robot, config.margin)
 
     def reset(self, rng: np.random.Generator) -> None:
-        """Forget the cells seen, the binary histogram and the direction taken."""
+        """Forget the remembered points, the binary histogram and the previous direction."""
         self._blind = BlindArc(self._mount, self._config.window)
         self._blocked = np.zeros(self._num_sectors, dtype=np.bool_)
         self._previous: float | None = None  # direction in the odometry frame, in sectors
@@ -115,7 +114,7 @@ class VfhPlus:
         return (density > config.density_high) | (self._blocked & (density >= config.density_low))
 
     def _direction(self, cells: Floats, target: float, observation: Observation) -> tuple[float | None, bool]:
-        """Where to turn to, relative to the heading [rad], and whether to stop first; None: nowhere."""
+        """Direction relative to the heading [rad], None if all are blocked, and whether to stop first."""
         yaw = observation.odometry.yaw
         turn_radius = abs(observation.twist.v) / observation.limits.omega_max
         limits = turning_limits(cells, turn_radius, self._radius)
@@ -129,14 +128,14 @@ class VfhPlus:
         return None, True
 
     def _cheapest(self, candidates: Floats, target: float, yaw: float) -> float:
-        """Candidate of the least cost, in sectors; with nothing chosen before, the heading was."""
+        """Candidate of the least cost, in sectors; without a previous choice, the heading takes its place."""
         heading = yaw / self._alpha
         previous = heading if self._previous is None else self._previous
         towards = (target / self._alpha, heading, previous)
         return float(candidates[cheapest(candidates, self._costs, towards, self._num_sectors)])
 
     def _turn(self, chosen: float, target: float, yaw: float) -> float:
-        """Direction chosen relative to the heading [rad]; one straight behind is reached past the target."""
+        """Chosen direction relative to the heading [rad]; straight behind, the turn passes the target."""
         turn = math.remainder(chosen * self._alpha - yaw, math.tau)
         if abs(turn) > math.pi - 1e-9:
             return math.copysign(turn, math.remainder(target - yaw, math.tau))
@@ -145,7 +144,7 @@ class VfhPlus:
     def _drive(
         self, direction: float | None, stop: bool, density: Floats, distance: float, observation: Observation
     ) -> Twist:
-        """Turn towards the direction, at a speed that density and turn allow."""
+        """Turn towards the direction, with a speed limited by density and turn."""
         if direction is None:
             return Twist(0.0, 0.0)
         limits, now, config = observation.limits, observation.twist, self._config

@@ -1,4 +1,4 @@
-"""Candidate points (paper §III.C, Fig. 2a): random positions inside the lidar's view."""
+"""Candidate points (paper §III.C, Fig. 2a): random positions in the lidar's field of view."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ DISTRIBUTIONS = ("polar", "area")
 
 @dataclass(slots=True)
 class CandidateConfig:
-    """How many candidates, how far, how spread. The paper says only: randomly, within lidar range."""
+    """Number, range and distribution of candidates. The paper says only: random, within lidar range."""
 
     number: int = 300
     max_range: float = 5.0  # [m]
     distribution: str = "polar"  # "polar": uniform in range and bearing; "area": uniform per square metre
-    target: bool = True  # the target itself is one more candidate when in view and free
+    target: bool = True  # add the target itself as a candidate if it is in view and free
 
     def __post_init__(self) -> None:
         require("guide.candidates.number", self.number, at_least=1)
@@ -45,7 +45,7 @@ def sample(
 
 @njit(cache=True)
 def _spread(uniform: Floats, max_range: float, bearing_min: float, fov: float, by_area: bool) -> Floats:
-    """Map (N, 2) uniform numbers to the sector, the first to range, the second to bearing."""
+    """Map (N, 2) uniform numbers to the sector: the first to range, the second to bearing."""
     points = np.empty(uniform.shape)
     for i in range(len(uniform)):
         distance = max_range * (math.sqrt(uniform[i, 0]) if by_area else uniform[i, 0])

@@ -1,9 +1,8 @@
 """The six criteria that score a candidate (paper §III.C, Eqs. 2–6 and Algorithm 2).
 
-Each takes (N, 2) candidates in the robot frame and a `View`, and returns (N,) values to be weighted; larger
-is better. The collision features c are returned as I(c) of Eq. 7: 1 where favourable (free), 0 where not,
-because all weights are positive. A criterion of your own is one more such function, named in
-`guide.criteria` with a weight of the same name.
+Each takes (N, 2) candidates in the robot frame and a `View`, and returns (N,) unweighted values; larger is
+better. The collision features c are returned as I(c) of Eq. 7, 1 if free and else 0, because all weights are
+positive. To add a criterion, write such a function, name it in `guide.criteria` and give a weight of that name.
 """
 
 from __future__ import annotations
@@ -22,9 +21,9 @@ ORIGIN = np.zeros(2)
 
 
 class View(NamedTuple):
-    """What the criteria see, in the robot frame.
+    """Input of the criteria, in the robot frame [m].
 
-    points: (M, 2) scan points sorted by bearing. target: (2,) p_T. radius: r [m].
+    points: (M, 2) scan points sorted by bearing. target: (2,) p_T. radius: r.
     history: (H, 2) recent positions P_his. blockage: the blocking sector, if any.
     """
 
@@ -49,32 +48,33 @@ def a_close(candidates: Floats, view: View) -> Floats:
 def a_dev(candidates: Floats, view: View) -> Floats:
     """Directional deviation: minus the angle to turn to face the candidate [rad]. Straight ahead is best.
 
-    Eq. 3. The paper's heading is +y and its angle unwrapped; here it is +x and the bearing lies in (−π, π].
+    Eq. 3. The paper's heading is +y and its angle is not wrapped; here the heading is +x and the bearing is in
+    (−π, π].
     """
     return -np.abs(bearings(candidates))
 
 
 def c_o(candidates: Floats, view: View) -> Floats:
-    """Collision-free reachability: 1 if the straight way to the candidate is free of obstacles, else 0.
+    """Collision-free reachability: 1 if the straight line to the candidate is free of obstacles, else 0.
 
-    Eq. 4: the segment from the origin to the candidate keeps r from every scan point.
+    Eq. 4: free if the segment from the origin to the candidate is at least r away from every scan point.
     """
     return _free(fan_blocked(ORIGIN, candidates, view.points, view.radius))
 
 
 def c_t(candidates: Floats, view: View) -> Floats:
-    """Optimistic target reachability: 1 if no obstacle seen blocks the way from the candidate to the target, else 0.
+    """Optimistic target reachability: 1 if no seen obstacle blocks the line from the candidate to the target, else 0.
 
-    Eq. 5: the segment from the candidate to the target keeps r from every scan point.
+    Eq. 5: free if the segment from the candidate to the target is at least r away from every scan point.
     """
     return _free(fan_blocked(view.target, candidates, view.points, view.radius))
 
 
 def a_mount(candidates: Floats, view: View) -> Floats:
-    """Surmount feature: minus the distance to B, past the obstacle's end [m], where it hides the target; else 0.
+    """Surmount feature: minus the distance to B, past the obstacle's end [m], if it hides the target; else 0.
 
-    Algorithm 2: the obstacle is the blocking sector; it hides the target where it comes within r of the segment
-    from the candidate to the target.
+    Algorithm 2: the obstacle is the blocking sector. It hides the target if one of its points is within r of the
+    segment from the candidate to the target.
     """
     if view.blockage is None:
         return np.zeros(len(candidates))
@@ -83,9 +83,9 @@ def a_mount(candidates: Floats, view: View) -> Floats:
 
 
 def c_h(candidates: Floats, view: View) -> Floats:
-    """Historical avoidance: 1 if the straight way to the candidate avoids the robot's recent positions, else 0.
+    """Historical avoidance: 1 if the straight line to the candidate avoids the robot's recent positions, else 0.
 
-    Eq. 6: the segment from the origin to the candidate keeps r from every recent position.
+    Eq. 6: free if the segment from the origin to the candidate is at least r away from every recent position.
     """
     return _free(fan_blocked(ORIGIN, candidates, view.history, view.radius))
 

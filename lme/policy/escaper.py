@@ -29,12 +29,12 @@ PAPER_CRITERIA: Mapping[str, Criterion] = {name: getattr(paper, name) for name i
 
 @dataclass(slots=True)
 class EscaperConfig:
-    """What the paper leaves open, and the length of the history."""
+    """Settings that the paper leaves open, and the length of the history."""
 
     candidates: CandidateConfig = field(default_factory=CandidateConfig)
-    blocking: str = "corridor"  # which sector blocks; see `lme.policy.surmount.find_blockage`
+    blocking: str = "corridor"  # rule for the blocking sector; see `lme.policy.surmount.find_blockage`
     history_length: int = 8  # k, paper §III.C(6)
-    history_min_distance: float = 1.0  # [r] history points nearer than this many r do not count
+    history_min_distance: float = 1.0  # [r] nearer history points are ignored
 
     def __post_init__(self) -> None:
         if self.blocking not in RULES:
@@ -44,7 +44,7 @@ class EscaperConfig:
 
 
 class LocalMinimumEscaper:
-    """Subgoal generation and maintenance; the local planner is somebody else's."""
+    """Generates subgoals and maintains the current one. It needs a local planner to drive to them."""
 
     def __init__(
         self,
@@ -53,7 +53,7 @@ class LocalMinimumEscaper:
         config: EscaperConfig | None = None,
         criteria: Mapping[str, Criterion] = PAPER_CRITERIA,
     ) -> None:
-        """parameters: a weight for each criterion by name, and d1 [m], d2. criteria: c_o among them."""
+        """parameters: a weight for each criterion by name, and d1 [m], d2. criteria: must include c_o."""
         self._robot = robot
         self._config = config or EscaperConfig()
         self._names = tuple(criteria)
@@ -70,11 +70,11 @@ class LocalMinimumEscaper:
         config: EscaperConfig | None = None,
         criteria: Mapping[str, Criterion] = PAPER_CRITERIA,
     ) -> Self:
-        """With the parameters of a weight file. Raises InputError where it is missing or not right."""
+        """Create it with the parameters of a weight file. Raises InputError if the file is missing or invalid."""
         return cls(robot, read_parameters(Path(path), tuple(criteria)), config, criteria)
 
     def reset(self, rng: np.random.Generator) -> None:
-        """Forget the last episode; candidates are drawn from `rng`."""
+        """Start a new episode; `rng` draws the candidates."""
         self._rng = rng
         self._history = History(
             self._config.history_length, self._config.history_min_distance * self._robot.r
@@ -89,7 +89,7 @@ class LocalMinimumEscaper:
         return self._last.decision
 
     def explanation(self) -> Explanation | None:
-        """Everything behind the last decision; None before the first."""
+        """All quantities behind the last decision; None before the first."""
         return None if self._last is None else explain(self._last)
 
     def _step(self, observation: Observation) -> Step:
@@ -107,7 +107,7 @@ class LocalMinimumEscaper:
         new = int(np.argmax(scores[:old]))
         choice = self._choose(scores, new)
         if choice is not Choice.KEPT:
-            self._subgoal = pool[new].copy()  # whoever is given the pool may write to it
+            self._subgoal = pool[new].copy()  # callers may write to the pool
         assert self._subgoal is not None
         blocked = not features[self._reachable, :old].any()
         decision = Decision(self._subgoal.copy(), choice, blocked)
@@ -115,7 +115,7 @@ class LocalMinimumEscaper:
         return Step(decision, names, parameters, observation.scan, view, pool, features, scores, new, old)
 
     def _advance(self, twist: Twist) -> None:
-        """Carry history and old subgoal from the last robot frame into the present one."""
+        """Transform the history and the old subgoal from the last robot frame to the present one."""
         if self._twist is not None:
             self._history.step(self._twist, twist, self._robot.dt)
         if self._twist is not None and self._subgoal is not None:
@@ -131,11 +131,11 @@ class LocalMinimumEscaper:
         return View(points, target, radius, self._history.points(), blockage)
 
     def _generate(self, observation: Observation, view: View) -> Floats:
-        """Random candidates in the field of view, and the target itself where it is in view and free.
+        """Random candidates in the field of view, and the target itself if it is in view and free.
 
-        Ranges and bearings are about the base, as the paper has them, and so is the field of view: a lidar
-        mounted off the base sees all but a strip as wide as the mount's offset. Candidates about the lidar
-        would crowd ahead of the base, and a robot that wants to stay would creep.
+        Ranges, bearings and the field of view are about the base, as in the paper: a lidar mounted off the base
+        misses only a strip as wide as the mount's offset. Candidates drawn about the lidar would be denser ahead
+        of the base, so a robot that should stay in place would creep forward.
         """
         config, scan = self._config.candidates, observation.scan
         reach = min(config.max_range, scan.range_max)
@@ -157,6 +157,6 @@ class LocalMinimumEscaper:
 
 
 def _in_view(point: Floats, reach: float, bearing_min: float, fov: float) -> bool:
-    """Whether a point lies in the sector [bearing_min, bearing_min + fov], up to `reach`."""
+    """Whether a point lies in the sector [bearing_min, bearing_min + fov], within `reach` [m]."""
     off_centre = math.remainder(math.atan2(point[1], point[0]) - bearing_min - fov / 2, 2 * math.pi)
     return math.hypot(point[0], point[1]) <= reach and abs(off_centre) <= fov / 2

@@ -1,4 +1,4 @@
-"""One step of Algorithm 1 as it was decided, and its explanation."""
+"""One step of Algorithm 1 and its explanation."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from lme.types import Floats, Ints, LaserScan
 class Decision(NamedTuple):
     """The outcome of one step.
 
-    subgoal: (2,) in the robot frame [m]. blocked: no candidate is reachable, the best of them stands.
+    subgoal: (2,) in the robot frame [m]. blocked: no candidate is reachable.
     """
 
     subgoal: Floats
@@ -24,9 +24,9 @@ class Decision(NamedTuple):
 
 
 class Step(NamedTuple):
-    """Everything that one step computed; P points in the pool, C criteria.
+    """All quantities of one step; P points in the pool, C criteria.
 
-    pool: (P, 2) the candidates and, at index `old` where there is one, the old subgoal. features: (C, P), rows
+    pool: (P, 2) the candidates and, at index `old`, the old subgoal if there is one. features: (C, P), rows
     named by `names`. scores: (P,). new: index of the best candidate. parameters: weights in the order of `names`.
     """
 
@@ -43,12 +43,13 @@ class Step(NamedTuple):
 
 
 class Explanation(NamedTuple):
-    """Everything behind one decision; N candidates, C criteria, M scan points, K sectors.
+    """All quantities behind one decision; N candidates, C criteria, M scan points, K sectors.
 
-    candidates: (N, 2). features: (C, N), rows named by `names`. scores: (N,). new: index of the best.
-    old, old_features, old_score: the old subgoal where it lies now (2,), its (C,) features and its score;
-    None at the first step. view: what the criteria saw. sectors: (K, 2) first and last scan point of each;
-    closed: one ring all round. E1, E2, A, B are in `view.blockage`. parameters: weights in the order of `names`.
+    candidates: (N, 2). features: (C, N), rows named by `names`. scores: (N,). new: index of the best candidate.
+    old, old_features, old_score: the old subgoal in the present robot frame (2,), its (C,) features and its score;
+    None at the first step. view: input of the criteria. sectors: (K, 2) first and last scan point of each;
+    closed: they form one closed ring. E1, E2, A, B are in `view.blockage`. parameters: weights in the order of
+    `names`.
     """
 
     decision: Decision
@@ -67,7 +68,7 @@ class Explanation(NamedTuple):
 
 
 def explain(step: Step) -> Explanation:
-    """Separate the old subgoal from the candidates and find the sectors of the scan. Arrays are the step's own."""
+    """Separate the old subgoal from the candidates and find the sectors of the scan. Arrays are not copied."""
     has_old = step.old is not None
     sectors, closed = cluster(step.view.points, 2.0 * step.view.radius, is_full_circle(step.scan))
     return Explanation(

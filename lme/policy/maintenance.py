@@ -12,7 +12,7 @@ from lme.types import Floats, Twist
 
 
 class Choice(StrEnum):
-    """What was done with the subgoal, and why."""
+    """Whether the subgoal was kept or switched, and why."""
 
     FIRST = "first"  # there was no old one
     REACHED = "reached"  # the old one is nearer than d1
@@ -25,10 +25,10 @@ class Choice(StrEnum):
 
 
 def update_position(points: Floats, before: Twist, now: Twist, dt: float) -> Floats:
-    """UpdatePos (§III.D): where fixed points lie after one control period, seen from the robot.
+    """UpdatePos (§III.D): transform fixed points to the robot frame of one control period later.
 
-    points: (N, 2) in the old robot frame [m]. Translates by the mean forward velocity, then turns by the
-    mean turn rate: first order, as in the paper.
+    points: (N, 2) in the old robot frame [m]. First order, as in the paper: translate by the mean forward
+    velocity, then rotate by the mean turn rate.
     """
     return _shift_and_turn(points, (before.v + now.v) / 2 * dt, (before.omega + now.omega) / 2 * dt)
 
@@ -46,7 +46,7 @@ def _shift_and_turn(points: Floats, forward: float, angle: float) -> Floats:
 
 @njit(cache=True)
 def _at_least(points: Floats, distance: float) -> Floats:
-    """Those of the (N, 2) points that lie at least this far from the origin."""
+    """The (N, 2) points whose distance from the origin is at least `distance` [m]."""
     kept = np.empty(points.shape)
     count = 0
     for i in range(len(points)):
@@ -57,7 +57,7 @@ def _at_least(points: Floats, distance: float) -> Floats:
 
 
 def choose(old_distance: float, old_score: float, new_score: float, d1: float, d2: float) -> Choice:
-    """Algorithm 1, lines 9–13: switch when the old subgoal is reached or clearly beaten."""
+    """Algorithm 1, lines 9–13: switch if the old subgoal is reached or scores lower by more than d2."""
     if old_distance < d1:
         return Choice.REACHED
     return Choice.BETTER if new_score - old_score > d2 else Choice.KEPT
@@ -67,16 +67,16 @@ class History:
     """The robot's last `length` positions, in its present frame (§III.C(6))."""
 
     def __init__(self, length: int, min_distance: float) -> None:
-        """min_distance [m]: positions nearer than this do not count; every path starts inside them."""
+        """min_distance [m]: nearer positions are ignored, since every path starts among them."""
         self._length = length
         self._min_distance = min_distance
         self._positions = np.empty((0, 2))
 
     def step(self, before: Twist, now: Twist, dt: float) -> None:
-        """Add the position of one control period ago, the old origin, and move all to the present frame."""
+        """Add the position of one control period ago and transform all positions to the present frame."""
         recent = np.concatenate((self._positions, np.zeros((1, 2))))[-self._length :]
         self._positions = update_position(recent, before, now, dt)
 
     def points(self) -> Floats:
-        """(H, 2) positions that count [m], oldest first."""
+        """(H, 2) positions at least `min_distance` away [m], oldest first."""
         return _at_least(self._positions, self._min_distance)

@@ -1,4 +1,4 @@
-"""Why the robot goes where it goes, in words: a sentence for every decision of Algorithm 1."""
+"""The reason for each decision of Algorithm 1, as a sentence."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from lme.policy.explanation import Explanation
 from lme.policy.maintenance import Choice
 from lme.types import Floats
 
-LEFT_OUT = 0.25  # of a difference of scores: what its terms that go unnamed come to at most, signs aside
-_BEST = {"c_o": 1.0, "c_t": 1.0, "a_mount": 0.0, "c_h": 1.0}  # values that the paper's features fall from
+LEFT_OUT = 0.25  # share of a score difference that the unnamed terms sum to at most, in absolute value
+_BEST = {"c_o": 1.0, "c_t": 1.0, "a_mount": 0.0, "c_h": 1.0}  # best values of the paper's features
 _FELL = {
     "c_o": "stopped being reachable",
     "c_t": "lost its free line to the target",
@@ -24,17 +24,17 @@ _FELL = {
 
 
 class Term(NamedTuple):
-    """The part w·f of one criterion in a difference of scores."""
+    """Contribution w·Δf of one criterion to a score difference."""
 
     name: str
     value: float
 
 
 def reason(now: Explanation, before: Explanation | None = None) -> str:
-    """One decision in one plain sentence; two where no candidate is reachable.
+    """The reason for one decision: one sentence, or two if no candidate is reachable.
 
-    before: the decision one control period earlier, which tells what has changed; None at the first step.
-    Source: Algorithm 1, its second half.
+    before: the decision one control period earlier, for naming what has changed; None at the first step.
+    Source: second half of Algorithm 1.
     """
     choice = now.decision.choice
     if choice is Choice.BETTER:
@@ -48,24 +48,24 @@ def reason(now: Explanation, before: Explanation | None = None) -> str:
 
 
 def reasons(steps: Sequence[Explanation]) -> list[tuple[int, int, str]]:
-    """(first step, last step, why) of consecutive decisions from the first on.
+    """(first step, last step, reason) for all steps of an episode, in order.
 
-    Decisions in a row that kept the subgoal, or that replaced a reached one, share one sentence.
+    Consecutive decisions that kept the subgoal, or that replaced a reached one, share one sentence.
     """
-    told = []
-    for _, row in groupby(enumerate(steps), lambda one: _kind(*one)):
-        first, *others = [step for step, _ in row]
+    found = []
+    for _, group in groupby(enumerate(steps), lambda one: _kind(*one)):
+        first, *others = [step for step, _ in group]
         last = others[-1] if others else first
         before = steps[first - 1] if first else None
         text = _together(steps[first : last + 1]) if others else reason(steps[first], before)
-        told.append((first, last, text))
-    return told
+        found.append((first, last, text))
+    return found
 
 
 def difference_terms(now: Explanation) -> list[Term]:
-    """How the best candidate's score differs from the old subgoal's, criterion by criterion, largest first.
+    """Difference of the best candidate's score from the old subgoal's, by criterion, largest first.
 
-    At the first step there is no old one, and it is the difference from the candidates' average.
+    At the first step: the difference from the average of the candidates.
     """
     rival = now.features.mean(axis=1) if now.old_features is None else now.old_features
     values = now.parameters.weights * (now.features[:, now.new] - rival)
@@ -74,20 +74,20 @@ def difference_terms(now: Explanation) -> list[Term]:
 
 
 def main_terms(terms: Sequence[Term]) -> list[Term]:
-    """The first of the terms, as many as it takes for the rest to come to no more than LEFT_OUT of their sum."""
+    """The fewest leading terms such that Σ|rest| is at most LEFT_OUT of the sum of all terms."""
     most = LEFT_OUT * abs(sum(term.value for term in terms))
     rests = np.cumsum([abs(term.value) for term in reversed(terms)])[::-1]
     return [term for term, rest in zip(terms, rests, strict=True) if rest > most]
 
 
 def _kind(step: int, now: Explanation) -> Choice | int:
-    """What decisions that can be told together have in common; of others the step, which they share with none."""
+    """Group key: the choice if consecutive decisions share one sentence, else the step's number."""
     choice = now.decision.choice
     return choice if choice in (Choice.KEPT, Choice.REACHED) else step
 
 
 def _together(steps: Sequence[Explanation]) -> str:
-    """Two decisions or more that are all kept, or all reached."""
+    """One sentence for two or more decisions that are all KEPT or all REACHED."""
     blocked = sum(step.decision.blocked for step in steps)
     aside = f". No candidate was reachable at {blocked} of them" if blocked else ""
     if steps[0].decision.choice is Choice.KEPT:
@@ -143,19 +143,19 @@ def _beside_d2(now: Explanation, at_most: str = "") -> str:
 
 
 def _old_distance(now: Explanation) -> float:
-    """From the robot to the old subgoal [m]."""
+    """Distance from the robot to the old subgoal [m]."""
     assert now.old is not None
     return math.hypot(now.old[0], now.old[1])
 
 
 def _gain(now: Explanation) -> float:
-    """By how much the best candidate beats the old subgoal."""
+    """Score of the best candidate minus that of the old subgoal."""
     assert now.old_score is not None
     return float(now.scores[now.new] - now.old_score)
 
 
 def _change(now: Explanation, before: Explanation | None, named: Sequence[Term]) -> str:
-    """What befell the old subgoal since the step before, as far as it speaks for the new one."""
+    """How the old subgoal's features fell since the step before, for the criteria that favour the new one."""
     if before is None or now.old_features is None:
         return ""
     then = _features_of_chosen(before)
@@ -163,20 +163,20 @@ def _change(now: Explanation, before: Explanation | None, named: Sequence[Term])
     for term in named:
         row = now.names.index(term.name)
         falls.append(_fall(term, then[row], now.old_features[row], now.parameters.weights[row]))
-    if _FELL["a_mount"] in falls:  # says it already
+    if _FELL["a_mount"] in falls:  # it implies the lost line to the target
         falls = [fall for fall in falls if fall != _FELL["c_t"]]
     return _listed([fall for fall in falls if fall])
 
 
 def _features_of_chosen(step: Explanation) -> Floats:
-    """(C,) features of the subgoal that a step decided on."""
+    """(C,) features of the subgoal that a step chose."""
     if step.decision.choice is Choice.KEPT and step.old_features is not None:
         return step.old_features
     return step.features[:, step.new]
 
 
 def _fall(term: Term, then: float, now: float, weight: float) -> str:
-    """How the old subgoal lost by a criterion, if that is at least half of what the new one has gained by it."""
+    """How the old subgoal fell in a criterion, if its loss is at least half of the term; else ""."""
     lost = weight * (then - now)
     if term.value <= 0.0 or lost < term.value / 2:
         return ""
@@ -199,14 +199,14 @@ def _compared(gain: float) -> str:
 
 
 def _shown(value: float, whole_from: float = 100.0) -> str:
-    """A positive number in few digits; without decimals from `whole_from` on."""
+    """A positive number with few digits; no decimals if it is at least `whole_from`."""
     if value < 0.001:
         return "less than 0.001"
     return f"{value:.2g}" if value < 1.0 else f"{value:.{0 if value >= whole_from else 1}f}"
 
 
 def _apart(value: float, bound: float) -> str:
-    """A number in as few digits as leave it on its own side of the bound."""
+    """A number with the fewest digits that keep it on its side of the bound."""
     digits = 0 if value >= 100.0 else 1 if value >= 1.0 else 2
     while digits < 9 and np.sign(round(value, digits) - bound) != np.sign(value - bound):
         digits += 1

@@ -1,4 +1,4 @@
-"""The score S (paper Eq. 7) and the eight parameters that training finds (§III.F)."""
+"""The score S (paper Eq. 7) and the eight trained parameters (§III.F)."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ import numpy as np
 from lme.errors import InputError, nearest
 from lme.types import Floats
 
-CRITERIA = ("a_close", "a_dev", "c_o", "c_t", "a_mount", "c_h")  # of the paper, in the order of w1…w6
+CRITERIA = ("a_close", "a_dev", "c_o", "c_t", "a_mount", "c_h")  # the paper's criteria in the order of w1…w6
 
 
 @dataclass(frozen=True, slots=True)
 class Parameters:
-    """weights: (C,) one per criterion, in the order of the criteria. d1 [m], d2: of the maintenance program."""
+    """weights: (C,) one per criterion, in their order. d1 [m], d2: thresholds of subgoal maintenance."""
 
     weights: Floats
     d1: float
@@ -26,7 +26,7 @@ class Parameters:
     def from_mapping(cls, values: Mapping[str, float], criteria: Sequence[str]) -> Parameters:
         """Take the weight of each criterion by name, then d1 and d2.
 
-        Raises InputError where a name is missing or unknown, a value negative or NaN, or a weight infinite.
+        Raises InputError if a name is missing or unknown, a value is negative or NaN, or a weight is infinite.
         """
         names = [*criteria, "d1", "d2"]
         for name, value in values.items():
@@ -50,7 +50,7 @@ class Parameters:
 def score(features: Floats, weights: Floats) -> Floats:
     """S of Eq. 7 for (C, N) features and (C,) weights: (N,).
 
-    Summed in the order of the criteria: a matrix product may round equal candidates differently, by their place.
+    Sums in the order of the criteria, because a matrix product may round equal candidates differently.
     """
     scores: Floats = (weights[:, None] * features).sum(axis=0)
     return scores

@@ -1,4 +1,4 @@
-"""Which obstacle blocks the way to the target, and the point that leads around it (paper Algorithm 2)."""
+"""The obstacle that blocks the path to the target, and a point for passing it (paper Algorithm 2)."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ RULES = ("corridor", "line_of_sight")
 
 
 class Blockage(NamedTuple):
-    """The blocking sector and its way around.
+    """The blocking sector and the point for passing it.
 
     points: (P, 2) the sector's scan points, counter-clockwise. E1, E2: (2,) its ends. A: the end nearer in
-    angle to the target. B: (2,) `r` beyond A on the ray OA [m].
+    angle to the target. B: (2,) the point r beyond A on the ray OA. All in the robot frame [m].
     """
 
     points: Floats
@@ -32,12 +32,11 @@ class Blockage(NamedTuple):
 def find_blockage(
     points: Floats, target: Floats, radius: float, full_circle: bool, rule: str
 ) -> Blockage | None:
-    """The sector between robot and target, or None where nothing blocks or all of it does.
+    """The sector between robot and target; None if there is none, or if the sectors form a closed ring.
 
     points: (M, 2) scan points sorted by bearing; target: (2,); radius: r [m].
-    rule "corridor": the sector that owns the nearest scan point within r of the segment O–T;
-    "line_of_sight": the one hit by the ray towards T nearer than T.
-    A ring closed all round has no ends, so no way around: None.
+    rule "corridor": the sector of the nearest scan point within r of the segment O–T;
+    "line_of_sight": the sector that the ray towards T hits before T. A closed ring has no ends to pass.
     """
     owner = _blocking_point(points, target, radius, rule)
     if owner < 0:
@@ -53,7 +52,7 @@ def find_blockage(
 
 @njit(cache=True)
 def sector_of(sectors: Ints, index: int) -> int:
-    """Row of the (K, 2) sectors [first, last] that holds scan point `index`; −1 where none does."""
+    """Row of the (K, 2) sectors [first, last] that contains scan point `index`; −1 if none does."""
     for k in range(len(sectors)):
         first, last = sectors[k, 0], sectors[k, 1]
         if first <= index <= last or (first > last and (index >= first or index <= last)):
@@ -62,7 +61,7 @@ def sector_of(sectors: Ints, index: int) -> int:
 
 
 def sector_points(points: Floats, sector: Ints) -> Floats:
-    """Scan points of one sector [first, last], counter-clockwise, across ±π if need be: (P, 2)."""
+    """Scan points of one sector [first, last], counter-clockwise, also across ±π: (P, 2)."""
     first, last = sector
     if first <= last:
         return points[first : last + 1]
@@ -76,7 +75,7 @@ def _blocking_point(points: Floats, target: Floats, radius: float, rule: str) ->
 
 
 def _point_on_ray(points: Floats, target: Floats, radius: float) -> int:
-    """Scan point nearest in angle to the target if it is nearer than the target, and ahead; else −1."""
+    """Index of the scan point nearest in angle to the target, if it is on the ray and before the target; else −1."""
     if len(points) == 0:
         return -1
     ahead = points @ target > 0.0

@@ -1,4 +1,4 @@
-"""Weight files: the learned parameters as YAML, `parameters: {a_close: 1.51, …}` and what else is told of them."""
+"""Weight files: YAML with the trained parameters, `parameters: {a_close: 1.51, …}`, and their metadata."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from lme.yaml_entry import read_yaml
 
 
 def read_parameters(path: Path, criteria: Sequence[str]) -> dict[str, float]:
-    """The parameters in a weight file: one per criterion, d1 [m] and d2.
+    """Read the parameters of a weight file: one weight per criterion, d1 [m] and d2.
 
-    Raises InputError naming the file where it cannot be read, and where a parameter is missing, unknown, no
+    Raises InputError, naming the file, if it cannot be read or if a parameter is missing, unknown, not a
     number, negative or NaN.
     """
     content = read_yaml(path)

@@ -1,4 +1,4 @@
-"""What lies in the arc that a lidar cannot see, from what it saw there before."""
+"""Memory of the obstacle points in a lidar's blind arc."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from lme.kernels.polar_histogram import active_cells
 from lme.sensing.scan_points import is_full_circle, obstacle_points
 from lme.types import Bools, Floats, LaserScan, Observation, Pose
 
-_CELL = 0.05  # [m] of what is remembered, one point in each
+_CELL = 0.05  # [m] cell size; one remembered point per cell
 _NONE = np.empty((0, 2))
 
 
 class BlindArc:
-    """Remembers obstacle points by odometry, for as long as they are within `reach` [m] and out of sight.
+    """Remembers obstacle points in the odometry frame while they are within `reach` [m] and in the blind arc.
 
-    A lidar of a full circle leaves nothing to remember.
+    A lidar with a full circle has no blind arc.
     """
 
     def __init__(self, mount: Pose, reach: float) -> None:
@@ -27,9 +27,9 @@ class BlindArc:
         self._seen = _NONE  # in the odometry frame
 
     def points(self, observation: Observation) -> Floats:
-        """What the scan hits now and what it hit before where it cannot see, in the robot frame: (M, 2) [m].
+        """Points of the present scan and remembered points in the blind arc, in the robot frame: (M, 2) [m].
 
-        In no particular order. To be called at every step.
+        The order is arbitrary. Call it at every step.
         """
         points = obstacle_points(observation.scan, self._mount)
         if is_full_circle(observation.scan):

@@ -1,7 +1,7 @@
-"""From a 3D point cloud to the planar scan that the policy takes.
+"""Conversion of a 3D point cloud to a planar scan.
 
-The conventions are those of the ROS package `pointcloud_to_laserscan`, so that a projection tuned on a robot
-carries over number by number; clouds are read as ROS `sensor_msgs/PointCloud2` lays them out.
+The conventions are those of the ROS package `pointcloud_to_laserscan`, so its parameters carry over unchanged.
+Clouds have the layout of ROS `sensor_msgs/PointCloud2`.
 """
 
 from __future__ import annotations
@@ -24,16 +24,16 @@ _TYPE_NAMES = dict(
     enumerate(("INT8", "UINT8", "INT16", "UINT16", "INT32", "UINT32", "FLOAT32", "FLOAT64"), start=1)
 )
 _MOST_BEAMS = 100_000
-_ROUNDING = 1e-6  # of π written with six digits or as float32
-_NOT_RIGID = 1e-3  # how far from orthonormal: a rotation written with four digits will do
+_ROUNDING = 1e-6  # for π written with six digits or as float32
+_NOT_RIGID = 1e-3  # deviation from orthonormal; accepts a rotation written with four digits
 
 
 @dataclass(slots=True)
 class Projection:
-    """Which points count and into which bins; names and defaults of ROS 2 `pointcloud_to_laserscan`.
+    """Selection and binning of points; names and defaults of ROS 2 `pointcloud_to_laserscan`.
 
-    Heights are in the frame of the scan. The default for min_height is the smallest positive number, as
-    there: nothing at or below the frame's origin counts.
+    Heights are in the frame of the scan. The default of min_height is the smallest positive number, as in ROS:
+    points at or below the height of the frame's origin are dropped.
     """
 
     min_height: float = sys.float_info.min  # [m]
@@ -87,10 +87,10 @@ class PointField(Protocol):
 
 
 class PointCloud2(Protocol):
-    """What is read of a ROS `sensor_msgs/PointCloud2`; a message of any ROS library will do."""
+    """The fields of a ROS `sensor_msgs/PointCloud2` that are read; a message of any ROS library fits."""
 
     @property
-    def height(self) -> int: ...  # rows; 1 where the cloud is not organised
+    def height(self) -> int: ...  # rows; 1 for an unorganised cloud
     @property
     def width(self) -> int: ...  # points per row
     @property
@@ -106,9 +106,9 @@ class PointCloud2(Protocol):
 
 
 def cloud_points(cloud: PointCloud2) -> Floats:
-    """The points of a PointCloud2, row by row: (N, 3) [m], NaN where the sensor saw nothing.
+    """The points of a PointCloud2, row by row: (N, 3) [m], NaN for no return.
 
-    Raises InputError where x, y or z is missing or no float, and where the layout does not fit the data.
+    Raises InputError if x, y or z is missing or not a float, or if the layout does not fit the data.
     """
     layout = _layout(cloud)
     height, width = cloud.height, cloud.width
@@ -124,11 +124,11 @@ def cloud_points(cloud: PointCloud2) -> Floats:
 
 
 def rigid_transform(mount: ArrayLike) -> Floats:
-    """(4, 4) from the sensor's frame to the base frame.
+    """Homogeneous transform (4, 4) from the sensor's frame to the base frame.
 
-    mount: that matrix already, or where the sensor sits, (x, y, z [m], roll, pitch, yaw [rad]), about the fixed
-    axes as in URDF: first roll about x, then pitch about y, then yaw about z. Raises InputError for anything
-    else, a matrix that stretches or mirrors included.
+    mount: that matrix, or the sensor's pose (x, y, z [m], roll, pitch, yaw [rad]) about fixed axes as in URDF:
+    first roll about x, then pitch about y, then yaw about z. Raises InputError for anything else, such as a
+    matrix that scales or mirrors.
     """
     given = np.asarray(mount, dtype=np.float64)
     if given.shape == (6,) and np.isfinite(given).all():
@@ -143,11 +143,11 @@ def rigid_transform(mount: ArrayLike) -> Floats:
 
 
 def to_scan(points: ArrayLike, projection: Projection, mount: ArrayLike = (0, 0, 0, 0, 0, 0)) -> LaserScan:
-    """Flatten a cloud into a scan: in each bin the point at the least horizontal range.
+    """Project a cloud to a scan: each bin gets the point at the least horizontal range.
 
-    points: (N, 3) [m] in the sensor's frame; mount: see `rigid_transform`. The scan lies in the base frame,
-    heights are measured there. A beam stands for the bearings from its own up to the next, as in ROS, where
-    other scans mean the middle. Raises InputError for points or mounts of another shape.
+    points: (N, 3) [m] in the sensor's frame; mount: see `rigid_transform`. The scan and its heights are in the
+    base frame. A beam's bin starts at its bearing and ends at the next one's, as in ROS; in other scans the
+    bearing is the middle of the bin. Raises InputError for points or mounts of another shape.
     """
     cloud = np.ascontiguousarray(points, dtype=np.float64)
     if cloud.ndim != 2 or cloud.shape[1] != 3:
@@ -167,7 +167,7 @@ def to_scan(points: ArrayLike, projection: Projection, mount: ArrayLike = (0, 0,
 
 
 def _layout(cloud: PointCloud2) -> np.dtype[np.void]:
-    """Where x, y and z lie within a point."""
+    """Layout of x, y and z within a point."""
     fields: dict[str, PointField] = {field.name: field for field in cloud.fields}
     missing = [name for name in "xyz" if name not in fields]
     if missing:
@@ -199,7 +199,7 @@ def _format(field: PointField, point_step: int) -> str:
 
 
 def _row_step(cloud: PointCloud2, num_bytes: int) -> int:
-    """Bytes from row to row; InputError where rows overlap or the buffer is too short for them."""
+    """Bytes from row to row. Raises InputError if rows overlap or if the buffer is too short."""
     row = cloud.width * cloud.point_step
     row_step = cloud.row_step if cloud.height > 1 else row
     if row_step < row:

@@ -1,4 +1,4 @@
-"""Any planar scan as the policy takes it: counter-clockwise, right way up, one way to say "no return"."""
+"""Conversion of any planar scan to the policy's form: counter-clockwise, upright, inf for "no return"."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from lme.types import LaserScan, Pose
 
 Ranges = NDArray[np.float32]
 
-# Neighbours farther apart than on a wall that the beams meet at this angle of incidence are on two surfaces.
+# Angle of incidence: neighbours farther apart than on a wall hit at this angle are on two surfaces.
 _GRAZING = math.radians(80.0)
-_TURNS = (-2.0 * math.pi, 0.0, 2.0 * math.pi)  # a direction has many bearings
+_TURNS = (-2.0 * math.pi, 0.0, 2.0 * math.pi)  # the bearings of one direction differ by whole turns
 
 
 def tidied(scan: LaserScan, upside_down: bool = False) -> LaserScan:
-    """The same sweep, counter-clockwise in the frame of a lidar that stands upright, no direction twice.
+    """The same scan, counter-clockwise in the frame of an upright lidar, without repeated directions.
 
-    A beam without a return is inf: those that are not finite, 0 or less (many drivers), below range_min, or at
-    range_max and beyond (sensor_msgs/LaserScan, REP-117). angle_increment [rad] may be negative. upside_down: the
-    lidar is mounted with its z axis down, so that its bearings run the other way. Raises InputError for a scan
-    of fewer than two beams or one whose angles or limits are no numbers.
+    A beam without a return becomes inf: a range that is not finite, ≤ 0 (many drivers), below range_min or
+    ≥ range_max (sensor_msgs/LaserScan, REP-117). angle_increment [rad] may be negative. upside_down: the lidar
+    is mounted with its z axis down, so its bearings are reversed. Raises InputError for fewer than two beams, and
+    for angles or limits that are not numbers.
     """
     _check(scan)
     sign = -1.0 if upside_down else 1.0
@@ -35,7 +35,7 @@ def tidied(scan: LaserScan, upside_down: bool = False) -> LaserScan:
     if increment < 0.0:
         first, increment = first + (len(ranges) - 1) * increment, -increment
         ranges = ranges[::-1].copy()
-    ranges = ranges[: max(2, round(2.0 * math.pi / increment))]  # drivers that end where they began
+    ranges = ranges[: max(2, round(2.0 * math.pi / increment))]  # some drivers repeat the first beam
     with np.errstate(invalid="ignore"):
         seen = (ranges > 0.0) & (ranges >= np.float32(scan.range_min)) & (ranges < np.float32(scan.range_max))
     ranges[~seen] = np.inf
@@ -43,10 +43,10 @@ def tidied(scan: LaserScan, upside_down: bool = False) -> LaserScan:
 
 
 def own_lidar(scan: LaserScan, mount: Pose) -> tuple[Lidar, LaserScan]:
-    """The lidar that a tidied scan comes from, and the scan in it; no range is changed.
+    """The lidar that produced a tidied scan, and the scan in that lidar's frame with unchanged ranges.
 
-    mount: pose of the scan's frame in the base frame. The lidar's frame points to the middle of the field of view,
-    so a scan that reaches further to one side comes from a lidar that is turned.
+    mount: pose of the scan's frame in the base frame. A `Lidar` faces the middle of its field of view, so an
+    asymmetric scan gives a rotated lidar.
     """
     num_beams = len(scan.ranges)
     full = (num_beams + 0.5) * scan.angle_increment >= 2.0 * math.pi
@@ -57,7 +57,7 @@ def own_lidar(scan: LaserScan, mount: Pose) -> tuple[Lidar, LaserScan]:
 
 
 def same_lidar(one: Lidar, other: Lidar) -> bool:
-    """Whether two lidars look alike to what a message can say: its angles and ranges are float32."""
+    """Whether two lidars are the same to the precision of a message, whose angles and ranges are float32."""
     if one.num_beams != other.num_beams:
         return False
     pairs = ((getattr(one, key), getattr(other, key)) for key in ("fov", "range_min", "range_max", "x", "y"))
@@ -66,11 +66,11 @@ def same_lidar(one: Lidar, other: Lidar) -> bool:
 
 
 def resampled(scan: LaserScan, mount: Pose, lidar: Lidar) -> LaserScan:
-    """A tidied scan as another lidar on the same robot would have made it.
+    """A tidied scan as another lidar on the same robot would have measured it.
 
-    mount: pose of the scan's frame in the base frame. Every return goes to the beam nearest to its direction, the
-    nearest return wins; between neighbours on one surface beams are interpolated along the straight line, across
-    a depth edge they are not. inf where nothing is known: beyond the old field of view too.
+    mount: pose of the scan's frame in the base frame. Each return goes to the beam nearest in direction; the
+    nearest return of a beam counts. Beams between neighbours on one surface are interpolated along the straight
+    line, but not across a depth edge. A beam without data, e.g. outside the old field of view, is inf.
     """
     ranges = _resample(
         scan.ranges, (scan.angle_min, scan.angle_increment), mount, lidar.mount,
@@ -96,11 +96,11 @@ def _check(scan: LaserScan) -> None:
 
 
 @njit(cache=True, error_model="numpy")
-def _resample(ranges, source, mount, onto_mount, onto, cos_grazing):  # type: ignore[no-untyped-def]
-    """(num_beams,) float32 [m]; source (angle_min, increment), onto (angle_min, increment, num_beams)."""
+def _resample(ranges, source, mount, onto_mount, onto, cos_grazing):
+    """Ranges (num_beams,) float32 [m]; source (angle_min, increment), onto (angle_min, increment, num_beams)."""
     angle_min, increment, num_beams = onto
     out = np.full(num_beams, np.inf, np.float32)
-    widest = 2.0 * math.sin(source[1] / 2.0) / cos_grazing  # [1] gap of neighbours on one surface, per range
+    widest = 2.0 * math.sin(source[1] / 2.0) / cos_grazing  # [-] greatest gap on one surface, per range
     full = (len(ranges) + 0.5) * source[1] >= 2.0 * math.pi
     for i in range(len(ranges)):
         if not math.isfinite(ranges[i]):
@@ -121,8 +121,8 @@ def _resample(ranges, source, mount, onto_mount, onto, cos_grazing):  # type: ig
 
 
 @njit(cache=True, error_model="numpy")
-def _span(out, x, y, u, v, angle_min, increment):  # type: ignore[no-untyped-def]
-    """Lower the beams that cross the straight line from (x, y) to (u, v)."""
+def _span(out, x, y, u, v, angle_min, increment):
+    """Shorten the beams that cross the segment from (x, y) to (u, v)."""
     start = math.atan2(y, x) - angle_min
     end = start + math.atan2(x * v - y * u, x * u + y * v)
     low, high = min(start, end), max(start, end)
@@ -137,8 +137,8 @@ def _span(out, x, y, u, v, angle_min, increment):  # type: ignore[no-untyped-def
 
 
 @njit(cache=True, error_model="numpy")
-def _point(distance, angle, mount, onto_mount):  # type: ignore[no-untyped-def]
-    """Where a beam ends, in the frame of the lidar at `onto_mount`."""
+def _point(distance, angle, mount, onto_mount):
+    """End point of a beam in the frame of the lidar at `onto_mount`."""
     bearing = angle + mount[2]
     x = mount[0] + distance * math.cos(bearing) - onto_mount[0]
     y = mount[1] + distance * math.sin(bearing) - onto_mount[1]

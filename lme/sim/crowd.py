@@ -1,4 +1,4 @@
-"""Pedestrians and doors on their way: where every mover of a world is, moment by moment."""
+"""Motion of pedestrians and doors: the poses of all movers of a world over time."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ _CYCLE = REPEATS.index("cycle")
 
 
 class Crowd:
-    """All movers of a world. Stands at the beginning of every path until `advance` is called.
+    """All movers of a world. Each is at the start of its path until `advance` is called.
 
     poses: (M, 3) of the movers, in the world. circles: (C, 3) discs; edges: (E, 4) sides of polygons, both as
-    in `World` and in the order of the movers. top_speed: no point of any mover goes faster [m/s].
+    in `World` and in the order of the movers. top_speed: the greatest speed of any point of a mover [m/s].
     """
 
     def __init__(self, movers: Sequence[Mover]) -> None:
@@ -40,7 +40,7 @@ class Crowd:
         return len(self.poses)
 
     def advance(self, robot: Pose, dt: float) -> None:
-        """Let `dt` [s] pass; movers heed where the robot's base stands at the beginning of it."""
+        """Advance by `dt` [s]. Movers react to the pose of the robot's base at the start of the step."""
         if len(self):
             state = (self._progress, self._begun, self.poses)
             _advance(self._rules, self._first, self._waypoints, state, robot[0], robot[1], self._time, dt)
@@ -48,27 +48,27 @@ class Crowd:
         self._time += dt
 
     def _pack_paths(self, movers: Sequence[Mover]) -> None:
-        """Waypoints (W, 4) [x, y, yaw, when it is reached] of all movers, and their rules (M, 6)."""
+        """Store waypoints (W, 4) [x, y, yaw, arrival time] of all movers and their rules (M, 6)."""
         timed = [_timed(mover) for mover in movers]
         self._waypoints = np.vstack([np.empty((0, 4)), *timed])
         self._first = np.cumsum([0, *map(len, timed)])
         self._rules = np.array([_rules(mover) for mover in movers]).reshape(-1, 6)
 
     def _pack_outlines(self, movers: Sequence[Mover]) -> None:
-        """Sides (E, 4) of all polygons about their own origins, and whose they are (E,)."""
+        """Store the sides (E, 4) of all polygons in their movers' frames, and the movers' indices (E,)."""
         outlines = [(i, mover.outline) for i, mover in enumerate(movers) if mover.outline is not None]
         sides = [np.hstack([outline, np.roll(outline, -1, axis=0)]) for _, outline in outlines]
         self._sides = np.vstack([np.empty((0, 4)), *sides])
         self._owner = np.repeat([i for i, _ in outlines], [len(side) for side in sides]).astype(np.int64)
 
     def _place(self) -> None:
-        """Put the shapes where the poses are."""
+        """Move the shapes to the present poses."""
         self.circles[:, :2] = self.poses[self._discs, :2]
         _turn_sides(self._sides, self._owner, self.poses, self.edges)
 
 
 def _timed(mover: Mover) -> Floats:
-    """(P, 4) waypoints with the time at which each is reached; a cycle comes back to its first."""
+    """(P, 4) waypoints with their arrival times; a cycle ends at its first waypoint."""
     path = np.vstack([mover.path, mover.path[:1]]) if mover.repeat == "cycle" else mover.path
     legs = np.diff(path, axis=0)
     times = np.maximum(np.hypot(legs[:, 0], legs[:, 1]) / mover.speed, np.abs(legs[:, 2]) / mover.turn_rate)
@@ -76,13 +76,13 @@ def _timed(mover: Mover) -> Floats:
 
 
 def _top_speed(mover: Mover) -> float:
-    """No point of it goes faster [m/s]."""
+    """The greatest speed of any of its points [m/s]."""
     turns = np.ptp(mover.path[:, 2]) > 0.0
     return mover.speed + (mover.turn_rate * mover.reach if turns else 0.0)
 
 
 def _rules(mover: Mover) -> tuple[float, ...]:
-    """start_after, starts_within, trigger x and y (NaN: itself), waits_within, repeat."""
+    """start_after, starts_within, trigger x and y (NaN: the mover's own position), waits_within, repeat."""
     starts = math.inf if mover.starts_within is None else mover.starts_within
     waits = -1.0 if mover.waits_within is None else mover.waits_within
     trigger = mover.trigger or (math.nan, math.nan)
@@ -90,8 +90,8 @@ def _rules(mover: Mover) -> tuple[float, ...]:
 
 
 @njit(cache=True, error_model="numpy")
-def _advance(rules, first, waypoints, state, x, y, time, dt):  # type: ignore[no-untyped-def]
-    """One step of every mover past a robot at (x, y); changes progress (M,), begun (M,) and poses (M, 3)."""
+def _advance(rules, first, waypoints, state, x, y, time, dt):
+    """Advance every mover by one step, with the robot at (x, y); updates progress (M,), begun (M,), poses (M, 3)."""
     progress, begun, poses = state
     for i in range(len(rules)):
         start_after, starts_within, trigger_x, trigger_y, waits_within, repeat = rules[i]
@@ -114,8 +114,8 @@ def _advance(rules, first, waypoints, state, x, y, time, dt):  # type: ignore[no
 
 
 @njit(cache=True, error_model="numpy")
-def _is_ahead(path, progress, repeat, dx, dy):  # type: ignore[no-untyped-def]
-    """Whether (dx, dy) from the mover lies in the half-plane ahead of it; all around where it only turns."""
+def _is_ahead(path, progress, repeat, dx, dy):
+    """Whether the point (dx, dy) from the mover lies ahead of it; every point does while it turns on the spot."""
     leg, _, sign = _leg(path, progress, repeat)
     last = min(leg + 1, len(path) - 1)
     along_x, along_y = path[last, 0] - path[leg, 0], path[last, 1] - path[leg, 1]
@@ -123,8 +123,8 @@ def _is_ahead(path, progress, repeat, dx, dy):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _leg(path, progress, repeat):  # type: ignore[no-untyped-def]
-    """Which leg it is on after `progress` seconds of walking, how much of it lies behind, and which way."""
+def _leg(path, progress, repeat):
+    """Leg of the path after `progress` seconds of motion, share of the leg done, and direction (±1) along the path."""
     run = path[-1, 3]
     sign = 1.0
     if run > 0.0 and repeat == _CYCLE:
@@ -143,8 +143,8 @@ def _leg(path, progress, repeat):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _turn_sides(sides, owner, poses, edges):  # type: ignore[no-untyped-def]
-    """Sides (E, 4) about their owners' origins, in the world, into `edges` (E, 4)."""
+def _turn_sides(sides, owner, poses, edges):
+    """Transform sides (E, 4) from their movers' frames to the world, into `edges` (E, 4)."""
     for i in range(len(sides)):
         x, y, yaw = poses[owner[i]]
         cos, sin = math.cos(yaw), math.sin(yaw)

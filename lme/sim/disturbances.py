@@ -1,4 +1,4 @@
-"""What comes between a robot and its idea of the world: delay, slip, noise, lost beams, a goal in the mist."""
+"""Disturbances: command latency, wheel slip, scan noise, lost beams and localisation error of the goal."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ Ranges = NDArray[np.float32]
 
 @dataclass(slots=True, kw_only=True)
 class Disturbances:
-    """Keys of every simulator; the defaults disturb nothing."""
+    """Settings of the disturbances, the same in every simulator. By default there are none."""
 
     latency: float = 0.0  # [s] from a command to its effect
-    slip: float = 0.0  # [-] standard deviation of what each wheel gains or loses, drawn per control period
-    scan_noise: float = 0.0  # [m] standard deviation, on top of robot.lidar.noise_std
+    slip: float = 0.0  # [-] standard deviation of each wheel's relative slip, drawn per control period
+    scan_noise: float = 0.0  # [m] standard deviation, in addition to robot.lidar.noise_std
     scan_dropout: float = 0.0  # [-] share of beams that return nothing
-    goal_noise: float = 0.0  # [m] standard deviation in x and in y of where the robot believes to be
-    goal_noise_yaw: float = 0.0  # [rad] standard deviation of its believed heading
-    goal_rate: float | None = None  # [Hz] at which the target is found anew; None: with every scan
+    goal_noise: float = 0.0  # [m] standard deviation of the robot's estimated position, in x and in y
+    goal_noise_yaw: float = 0.0  # [rad] standard deviation of its estimated heading
+    goal_rate: float | None = None  # [Hz] rate of goal fixes; None: one with every scan
 
     def __post_init__(self) -> None:
         for key in ("latency", "slip", "scan_noise", "goal_noise", "goal_noise_yaw"):
@@ -38,29 +38,29 @@ class Disturbances:
 
 
 class Delay:
-    """Commands on their way to the wheels. Before the first one arrives, the robot is told to stand."""
+    """Queue of commands on their way to the wheels. The command is zero before the first one arrives."""
 
     def __init__(self, latency: float) -> None:
         self._latency = latency
-        self._under_way: deque[tuple[float, Twist]] = deque()
-        self._now = Twist(0.0, 0.0)
+        self._pending: deque[tuple[float, Twist]] = deque()
+        self._arrived = Twist(0.0, 0.0)
 
     def send(self, command: Twist, time: float) -> None:
-        """A command given at `time` [s]."""
-        self._under_way.append((time + self._latency, command))
+        """Queue a command given at `time` [s]."""
+        self._pending.append((time + self._latency, command))
 
     def at(self, time: float) -> Twist:
-        """The last command that has arrived by `time` [s]; times do not go back."""
-        while self._under_way and self._under_way[0][0] <= time:
-            _, self._now = self._under_way.popleft()
-        return self._now
+        """The last command that has arrived by `time` [s]. Times must not decrease from call to call."""
+        while self._pending and self._pending[0][0] <= time:
+            _, self._arrived = self._pending.popleft()
+        return self._arrived
 
 
-class Target:
-    """Where the robot believes its goal to be.
+class TargetEstimate:
+    """The robot's estimate of its target, from localisation and odometry.
 
-    A fix is the goal seen from the pose that localisation (AMCL, a UWB tag) reports: the true one with an
-    error of its own in x, y and yaw, drawn per fix. Between fixes odometry carries the target along.
+    A fix is the goal as seen from the pose that localisation (AMCL, a UWB tag) reports: the true pose with an
+    error in x, y and yaw, drawn for each fix. Between fixes the target is updated by odometry.
     """
 
     def __init__(self, config: Disturbances, goal: Floats, rng: np.random.Generator) -> None:
@@ -73,17 +73,17 @@ class Target:
         self._fix = goal
 
     def seen_from(self, pose: Pose, odometry: Pose, time: float) -> Floats:
-        """(2,) target in the robot frame [m]. pose: the truth; odometry: the robot's own."""
+        """(2,) target in the robot frame [m]. pose: the true pose; odometry: pose by the wheel encoders."""
         if self._exact:
             return to_robot(self._goal, pose)
         if self._rate is None or time >= self._due - 1e-9:
-            self._fix = to_world(to_robot(self._goal, self._believed(pose)), odometry)
+            self._fix = to_world(to_robot(self._goal, self._estimated(pose)), odometry)
             self._due = (
                 math.inf if self._rate is None else (math.floor(time * self._rate + 1e-9) + 1) / self._rate
             )
         return to_robot(self._fix, odometry)
 
-    def _believed(self, pose: Pose) -> Pose:
+    def _estimated(self, pose: Pose) -> Pose:
         """The pose that localisation reports."""
         return Pose(*(np.asarray(pose) + self._rng.normal(0.0, self._deviation)).tolist())
 
@@ -97,7 +97,7 @@ def slip_factors(slip: float, rng: np.random.Generator) -> tuple[float, float]:
 
 
 def slipped(motion: tuple[float, float], factors: tuple[float, float], track: float) -> tuple[float, float]:
-    """Distance [m] and turn [rad] (or their rates) over ground, from those of the wheels `track` [m] apart."""
+    """Distance [m] and turn [rad] over ground, or their rates, from those of wheels `track` [m] apart."""
     forward, turn = motion
     left = (forward - turn * track / 2) * factors[0]
     right = (forward + turn * track / 2) * factors[1]
@@ -105,13 +105,13 @@ def slipped(motion: tuple[float, float], factors: tuple[float, float], track: fl
 
 
 def lose_beams(ranges: Ranges, share: float, range_max: float, rng: np.random.Generator) -> None:
-    """Let this share of the beams return nothing, in place: they read range_max."""
+    """Set a random share of the beams to range_max, in place, as if they had no return."""
     ranges[rng.random(len(ranges), dtype=np.float32) < share] = range_max
 
 
 @njit(cache=True)
 def add_noise(ranges: Ranges, noise: Ranges, std: float, range_max: float) -> None:
-    """Gaussian noise on every return, in place; beams that hit nothing stay at range_max."""
+    """Add Gaussian noise to every return, in place; beams without a return stay at range_max."""
     for i in range(len(ranges)):
         if ranges[i] < np.float32(range_max):
             ranges[i] = min(max(ranges[i] + std * noise[i], 0.0), range_max)

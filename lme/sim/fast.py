@@ -14,17 +14,17 @@ from lme.kernels.motion import drive, first_within
 from lme.robots import Robot
 from lme.sim.crowd import Crowd
 from lme.sim.disturbances import Disturbances
-from lme.sim.ride import Ride, rolled
-from lme.sim.simulator import Senses, State
+from lme.sim.simulator import Sensors, State
+from lme.sim.substeps import Substepper, rolled
 from lme.types import Floats, Limits, Observation, Pose, Twist
 from lme.worlds.world import Task
 
-MAX_SLICE = 0.01  # [s] a ride in slices is cut at least this finely, so that latency is
+MAX_SUBSTEP = 0.01  # [s] resolution of latency
 
 
 @dataclass(slots=True)
 class FastConfig(Disturbances):
-    """How finely motion is checked for contact, and how velocity follows the command."""
+    """Resolution of the contact check, and how velocity follows the command."""
 
     max_step: float = 0.025  # [m] no point of the footprint moves further between two checks
     even_ramp: bool = False  # spread a change of velocity over the control period instead of α, then hold
@@ -35,10 +35,10 @@ class FastConfig(Disturbances):
 
 
 class FastSimulator:
-    """Differential drive, a footprint that may not touch, a noisy lidar.
+    """Differential drive with a footprint and a noisy lidar; any contact ends the episode.
 
-    Where nothing moves, slips or comes late, a whole control period is checked at once; otherwise slice by
-    slice (`Ride`).
+    Without movers, slip and latency, a whole control period is checked at once; otherwise in substeps
+    (`Substepper`).
     """
 
     Config = FastConfig
@@ -49,8 +49,8 @@ class FastSimulator:
 
     @property
     def obstacles(self) -> tuple[Floats, Floats]:
-        """Circles (C, 3) and edges (E, 4) as they stand now; those that move follow those that do not."""
-        return self._ride.obstacles if self._ride else (self._circles, self._edges)
+        """Circles (C, 3) and edges (E, 4) at their present poses, static ones first."""
+        return self._substepper.obstacles if self._substepper else (self._circles, self._edges)
 
     def reset(self, task: Task, rng: np.random.Generator) -> Observation:
         """Put the robot at the task's start, at rest."""
@@ -58,39 +58,39 @@ class FastSimulator:
         self._edges = task.world.edges
         self._goal = np.asarray(task.goal, dtype=np.float64)
         self._goal_tolerance = task.goal_tolerance
-        self._senses = Senses(self._robot, self._config, self._goal, rng)
+        self._sensors = Sensors(self._robot, self._config, self._goal, rng)
         self._start = Pose(*map(float, task.start))
-        self._ride = self._slow_ride(task, rng)
-        if self._ride:
-            self.state = self._ride.start()
+        self._substepper = self._make_substepper(task, rng)
+        if self._substepper:
+            self.state = self._substepper.start()
         else:
-            self.state = self._settle(np.array([self._start]), Twist(0.0, 0.0), 0.0, 0.0)
+            self.state = self._end_at_event(np.array([self._start]), Twist(0.0, 0.0), 0.0, 0.0)
         return self._observe()
 
     def step(self, command: Twist) -> Observation:
         """Drive for one control period, or until contact or arrival, whichever comes first."""
-        if self._ride:
-            self.state = self._ride.period(command, self._slices, self._limits)
+        if self._substepper:
+            self.state = self._substepper.period(command, self._substeps, self._limits)
             return self._observe()
         robot, state = self._robot, self.state
         limits = self._limits(command, state.twist)
         travel, twist = drive(
             state.pose, state.twist, command, limits, robot.dt, self._config.max_step, robot.footprint.r_max
         )
-        self.state = self._settle(travel, Twist(*twist), state.time, robot.dt)
+        self.state = self._end_at_event(travel, Twist(*twist), state.time, robot.dt)
         return self._observe()
 
-    def _slow_ride(self, task: Task, rng: np.random.Generator) -> Ride | None:
-        """A ride in slices, where one is needed: `max_step` then holds at full speed, movers' included."""
+    def _make_substepper(self, task: Task, rng: np.random.Generator) -> Substepper | None:
+        """A substepper if one is needed. `max_step` then bounds robot and movers at their top speeds together."""
         robot, config, crowd = self._robot, self._config, Crowd(task.world.movers)
         if not (len(crowd) or config.latency or config.slip):
             return None
         fastest = robot.v_max + robot.footprint.r_max * robot.omega_max + crowd.top_speed
-        self._slices = math.ceil(max(fastest * robot.dt / config.max_step, robot.dt / MAX_SLICE) - 1e-9)
-        return Ride(task, robot, config, rng.spawn(1)[0], crowd, _Point(self._start))
+        self._substeps = math.ceil(max(fastest * robot.dt / config.max_step, robot.dt / MAX_SUBSTEP) - 1e-9)
+        return Substepper(task, robot, config, rng.spawn(1)[0], crowd, _MasslessBody(self._start))
 
     def _limits(self, command: Twist, twist: Twist) -> Limits:
-        """Limits; for an even ramp such that the change of velocity takes the whole period, where α allows."""
+        """The robot's limits; for an even ramp, α is lowered so that velocity changes over the whole period."""
         limits, dt = self._robot.limits, self._robot.dt
         if not self._config.even_ramp:
             return limits
@@ -100,8 +100,8 @@ class FastSimulator:
         alpha_omega = min(limits.alpha_omega, max(abs(omega - twist.omega) / dt, 1e-9))
         return limits._replace(alpha_v=alpha_v, alpha_omega=alpha_omega)
 
-    def _settle(self, travel: Floats, twist: Twist, start_time: float, dt: float) -> State:
-        """Cut the motion at contact or arrival; touching on arrival is contact."""
+    def _end_at_event(self, travel: Floats, twist: Twist, start_time: float, dt: float) -> State:
+        """Cut the motion at contact or arrival. Contact on arrival counts as contact only."""
         steps = len(travel)
         arrival = first_within(travel, self._goal, self._goal_tolerance)
         if arrival >= 0:
@@ -114,22 +114,23 @@ class FastSimulator:
         return State(pose, twist, time, travel, clearance, contact >= 0, arrival >= 0 and contact < 0)
 
     def _observe(self) -> Observation:
-        state, ride = self.state, self._ride
-        if ride:
-            return self._senses.observe(state, ride.wheels.twist, ride.wheels.odometry, *ride.obstacles)
+        state = self.state
+        if self._substepper:
+            wheels = self._substepper.wheels
+            return self._sensors.observe(state, wheels.twist, wheels.odometry, *self.obstacles)
         odometry = relative(state.pose, self._start)
-        return self._senses.observe(state, state.twist, odometry, self._circles, self._edges)
+        return self._sensors.observe(state, state.twist, odometry, self._circles, self._edges)
 
 
-class _Point:
-    """A body without mass: it goes where its wheels roll."""
+class _MasslessBody:
+    """A body that moves exactly as its wheels roll."""
 
     def __init__(self, pose: Pose) -> None:
         self.pose = pose
         self.twist = Twist(0.0, 0.0)
 
     def move(self, motion: tuple[float, float], dt: float) -> None:
-        """Roll on."""
+        """Roll by a distance [m] and a turn [rad]."""
         self.pose = rolled(self.pose, motion)
         self.twist = Twist(motion[0] / dt, motion[1] / dt)
 

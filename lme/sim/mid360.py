@@ -1,6 +1,6 @@
-"""A simulated Livox Mid-360: the cloud that a solid-state 3D lidar sees in a world that has heights.
+"""A simulated Livox Mid-360: point clouds of a solid-state 3D lidar in a world with heights.
 
-Scans are taken at one instant; a real one is smeared by the robot's motion over its frame.
+A cloud is taken at one instant; the robot's motion distorts a real one.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ Cloud = NDArray[np.float32]
 
 @dataclass(frozen=True, slots=True)
 class ExtrudedWorld:
-    """A world whose obstacles stand upright between two heights, over a ground and under a ceiling.
+    """A world with upright obstacles of given heights, a ground and a ceiling.
 
     circles (C, 2), segments (S, 2), polygons (P, 2): [bottom, top] of each obstacle of the world, or one such
     pair for all of a kind [m]; top may be inf. ground, ceiling: their heights [m], −inf and inf for none.
-    Movers are left out: put them among the circles and polygons of the world where they are to be seen.
+    Movers are left out; add them to the circles and polygons of the world if the lidar should see them.
     Raises InputError for heights of another shape, NaN, or a bottom above its top.
     """
 
@@ -46,7 +46,7 @@ class ExtrudedWorld:
             raise InputError(f"ceiling is {self.ceiling:g} m: must be above the ground, {self.ground:g} m")
 
     def obstacles(self) -> tuple[Floats, Floats, Floats]:
-        """Circles (C, 5), edges (E, 6) and solids (P, 4) as `lme.kernels.raycast3d.cast_rays` takes them."""
+        """Circles (C, 5), edges (E, 6) and solids (P, 4) for `lme.kernels.raycast3d.cast_rays`."""
         world, sides = self.world, [len(polygon) for polygon in self.world.polygons]
         polygons = np.asarray(self.polygons)
         last = len(world.segments) + np.cumsum(sides, dtype=np.int64)
@@ -61,7 +61,7 @@ class ExtrudedWorld:
 
 @dataclass(slots=True)
 class Mid360Config:
-    """The sensor and where it sits; figures from the Livox Mid-360 User Manual, v1.0 (2023)."""
+    """Properties of the sensor and its mount. Source: Livox Mid-360 User Manual, v1.0 (2023)."""
 
     mount: list[float]  # x, y, z [m], roll, pitch, yaw [rad] in the base frame, whose origin is on the ground
     point_rate: float = 200_000.0  # [points/s]
@@ -82,10 +82,10 @@ class Mid360Config:
 
 
 class Mid360:
-    """Fires in a pattern that never repeats and covers the field of view more densely the longer it lasts.
+    """A lidar whose scan pattern never repeats and covers the field of view ever more densely.
 
-    ASSUMED: Livox does not publish the curve of the beam; ours is a sequence that fills azimuth and elevation
-    evenly. Noise is the manual's figure for 10 m at every range.
+    ASSUMED: Livox does not publish the pattern; this one fills azimuth and elevation evenly. The noise at
+    every range is the manual's value for 10 m.
     """
 
     Config = Mid360Config
@@ -95,15 +95,15 @@ class Mid360:
         self._mount = rigid_transform(config.mount)
 
     def reset(self, rng: np.random.Generator) -> None:
-        """Start the pattern anywhere; `rng` is the source of the noise from here on."""
+        """Start the pattern at a random beam; `rng` also gives the noise from now on."""
         self._rng = rng
         self._phase = rng.random(2)
         self._fired = 0
 
     def cloud(self, extruded: ExtrudedWorld, pose: Pose, duration: float) -> Cloud:
-        """What returns from the next `duration` [s] of the pattern: (N, 3) [m] in the sensor's frame.
+        """Returns of the next `duration` [s] of the pattern: (N, 3) [m] in the sensor's frame.
 
-        pose: of the base in the world. Beams that meet nothing, or something in the blind zone, leave no point.
+        pose: of the base in the world. A beam that hits nothing, or hits within the blind zone, gives no point.
         """
         config = self._config
         beams = self._beams(round(config.point_rate * duration))
@@ -126,7 +126,7 @@ class Mid360:
         return (beams * distances[:, None]).astype(np.float32)
 
     def _beams(self, number: int) -> Floats:
-        """The next unit vectors of the pattern in the sensor's frame (number, 3)."""
+        """The pattern's next unit vectors in the sensor's frame: (number, 3)."""
         config, first = self._config, self._fired
         self._fired += number
         azimuth, elevation = self._phase
@@ -137,7 +137,7 @@ class Mid360:
 
 
 def _heights(kind: str, given: ArrayLike, count: int) -> Floats:
-    """(count, 2) bottoms and tops."""
+    """(count, 2) bottoms and tops [m]."""
     heights = np.asarray(given, dtype=np.float64)
     if heights.shape == (2,):
         heights = np.tile(heights, (count, 1))

@@ -1,4 +1,4 @@
-"""Rigid-body simulator: a robot with mass on wheels with grip; contact is what the physics engine reports."""
+"""Rigid-body simulator: a robot with mass on wheels with limited grip; the physics engine reports contact."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from lme.errors import require
 from lme.robots import Footprint, Robot
 from lme.sim.crowd import Crowd
 from lme.sim.disturbances import Disturbances
-from lme.sim.ride import Ride, track
-from lme.sim.simulator import Senses
+from lme.sim.simulator import Sensors
+from lme.sim.substeps import Substepper, track
 from lme.types import Floats, Limits, Observation, Pose, Twist
 from lme.worlds.movers import Mover
 from lme.worlds.world import Task, World
 
-MASS = 1.0  # [kg] cancels out: grip grows with it, and nothing that the robot meets gives way
+MASS = 1.0  # [kg] any value: grip is proportional to mass, and no obstacle gives way
 GRAVITY = 9.81  # [m/s²]
 CONTACT_FRICTION = 0.5  # [-] between hull and obstacle, once in contact
 
@@ -29,10 +29,10 @@ _ROBOT, _OBSTACLE = 1, 2  # collision types
 
 @dataclass(slots=True)
 class PhysicsConfig(Disturbances):
-    """How finely time is cut, and what the tyres hold."""
+    """Time step of the physics engine, and grip of the tyres."""
 
     substep: float = 0.01  # [s] longest step of the physics engine
-    grip: float | None = None  # [-] friction coefficient of the tyres; None: they never break loose
+    grip: float | None = None  # [-] friction coefficient of the tyres; None: they never slip
 
     def __post_init__(self) -> None:
         Disturbances.__post_init__(self)
@@ -49,37 +49,37 @@ class PhysicsSimulator:
     def __init__(self, config: PhysicsConfig, robot: Robot) -> None:
         self._robot = robot
         self._config = config
-        self._slices = max(1, math.ceil(robot.dt / config.substep - 1e-9))
+        self._substeps = max(1, math.ceil(robot.dt / config.substep - 1e-9))
 
     @property
     def obstacles(self) -> tuple[Floats, Floats]:
-        """Circles (C, 3) and edges (E, 4) as they stand now; those that move follow those that do not."""
-        return self._ride.obstacles
+        """Circles (C, 3) and edges (E, 4) at their present poses, static ones first."""
+        return self._substepper.obstacles
 
     def reset(self, task: Task, rng: np.random.Generator) -> Observation:
         """Put the robot at the task's start, at rest."""
         crowd = Crowd(task.world.movers)
-        self._senses = Senses(self._robot, self._config, np.asarray(task.goal, dtype=np.float64), rng)
+        self._sensors = Sensors(self._robot, self._config, np.asarray(task.goal, dtype=np.float64), rng)
         body = RigidBody(task.world, Pose(*map(float, task.start)), self._robot, crowd, self._config.grip)
-        self._ride = Ride(task, self._robot, self._config, rng.spawn(1)[0], crowd, body)
-        self.state = self._ride.start()
+        self._substepper = Substepper(task, self._robot, self._config, rng.spawn(1)[0], crowd, body)
+        self.state = self._substepper.start()
         return self._observe()
 
     def step(self, command: Twist) -> Observation:
         """Drive for one control period, or until contact or arrival, whichever comes first."""
-        self.state = self._ride.period(command, self._slices, self._limits)
+        self.state = self._substepper.period(command, self._substeps, self._limits)
         return self._observe()
 
     def _limits(self, _command: Twist, _twist: Twist) -> Limits:
         return self._robot.limits
 
     def _observe(self) -> Observation:
-        wheels = self._ride.wheels
-        return self._senses.observe(self.state, wheels.twist, wheels.odometry, *self._ride.obstacles)
+        wheels = self._substepper.wheels
+        return self._sensors.observe(self.state, wheels.twist, wheels.odometry, *self.obstacles)
 
 
 class RigidBody:
-    """The robot in a pymunk space with its obstacles. pose and twist: of the base, over ground."""
+    """The robot in a pymunk space with the obstacles. pose, twist: of the base, over ground."""
 
     def __init__(self, world: World, start: Pose, robot: Robot, crowd: Crowd, grip: float | None) -> None:
         self._crowd = crowd
@@ -87,19 +87,19 @@ class RigidBody:
         self._track = track(robot.footprint)
         self._touching = 0
         self._space = pymunk.Space()
-        self._space.collision_slop = 1e-4  # [m]; made for pixels, the engine would let bodies overlap by 0.1
+        self._space.collision_slop = 1e-4  # [m] the default, 0.1, is meant for pixels
         self._space.collision_bias = (
-            1e-200  # of an overlap left after a second: a hull is hard, within a substep
+            1e-200  # share of an overlap left after a second: bodies separate within one substep
         )
         self._space.on_collision(_ROBOT, _OBSTACLE, begin=self._begin, separate=self._separate)
         self._add(self._space.static_body, _static_shapes(self._space.static_body, world))
         self._movers = [self._add_mover(mover) for mover in world.movers]
         self._robot = self._add_robot(robot.footprint, start)
         self.pose, self.twist = start, Twist(0.0, 0.0)
-        self._space.step(1e-9)  # a start in contact is reported at once
+        self._space.step(1e-9)  # so that a start in contact is reported at once
 
     def move(self, motion: tuple[float, float], dt: float) -> None:
-        """Push with the wheels so that the body rolls by this distance [m] and turn [rad], as far as they grip."""
+        """Drive the wheels so that the body rolls by this distance [m] and turn [rad], if they grip."""
         heading = self._robot.angle + motion[1] / 2
         self._push(motion[0] / dt, motion[1] / dt, heading, dt)
         self._walk(dt)
@@ -110,13 +110,13 @@ class RigidBody:
         self.twist = Twist(along, self._robot.angular_velocity)
 
     def touches(self, clearance: float) -> bool:
-        """Whether the engine has reported a contact that lasts."""
+        """Whether the engine has reported a contact and not its end."""
         return self._touching > 0
 
     def _push(self, v: float, omega: float, heading: float, dt: float) -> None:
-        """Impulses of both wheels that bring the body to roll at v along the heading and to turn at omega.
+        """Apply the impulses of both wheels that make the body roll at v along the heading and turn at omega.
 
-        A wheel drives along its tread and holds across it; both together are bounded by what it grips.
+        A wheel pushes along its tread and resists sideways slip. Grip bounds the sum of both impulses.
         """
         body, cos, sin = self._robot, math.cos(heading), math.sin(heading)
         vx, vy = body.velocity
@@ -133,7 +133,7 @@ class RigidBody:
             body.apply_impulse_at_world_point(impulse, (x - lever * sin, y + lever * cos))
 
     def _walk(self, dt: float) -> None:
-        """Velocities that take every mover to where the crowd is at the end of the step."""
+        """Set the velocities that bring every mover to its pose in the crowd within `dt` [s]."""
         for body, (x, y, yaw) in zip(self._movers, self._crowd.poses.tolist(), strict=True):
             at_x, at_y = body.position
             body.velocity = ((x - at_x) / dt, (y - at_y) / dt)
@@ -186,7 +186,7 @@ def _static_shapes(body: pymunk.Body, world: World) -> Iterator[pymunk.Shape]:
 
 
 def _polygon(body: pymunk.Body, outline: Floats) -> Iterator[pymunk.Shape]:
-    """A convex polygon in one piece; of any other its sides, since the engine would fill its hollows."""
+    """One shape for a convex polygon, else one per side, since the engine would fill a concave polygon's hollows."""
     points = outline.tolist()
     if _is_convex(outline):
         yield pymunk.Poly(body, points)
@@ -196,7 +196,7 @@ def _polygon(body: pymunk.Body, outline: Floats) -> Iterator[pymunk.Shape]:
 
 
 def _is_convex(outline: Floats) -> bool:
-    """Whether a polygon that does not cross itself turns one way only."""
+    """Whether a polygon that does not cross itself is convex."""
     sides = np.roll(outline, -1, axis=0) - outline
     following = np.roll(sides, -1, axis=0)
     turns = sides[:, 0] * following[:, 1] - sides[:, 1] * following[:, 0]

@@ -1,4 +1,4 @@
-"""What every simulator offers, and what a robot perceives in every one of them."""
+"""The interface of every simulator, and the robot's sensors, which all simulators share."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ import numpy as np
 from lme.geometry.frames import compose
 from lme.kernels.raycast import cast
 from lme.robots import Robot
-from lme.sim.disturbances import Disturbances, Target, add_noise, lose_beams
+from lme.sim.disturbances import Disturbances, TargetEstimate, add_noise, lose_beams
 from lme.types import Floats, LaserScan, Observation, Pose, Twist
 from lme.worlds.world import Task
 
 
 class State(NamedTuple):
-    """The truth after a reset or a step.
+    """The true state after a reset or a step.
 
-    time: since reset [s]. travel: (K, 3) poses passed in the last period, the last of them `pose`.
+    time: since reset [s]. travel: (K, 3) poses passed in the last period; the last one is `pose`.
     clearance: least distance from footprint to obstacle over the period [m]; 0 in contact.
     """
 
@@ -31,13 +31,13 @@ class State(NamedTuple):
 
 
 class Simulator(Protocol):
-    """A robot in a world. Owns its state; `state` is the truth, which no guide or planner sees."""
+    """A robot in a world. `state` is the true state, which no guide or planner sees."""
 
     state: State
 
     @property
     def obstacles(self) -> tuple[Floats, Floats]:
-        """Circles (C, 3) and edges (E, 4) as they stand now; those that move follow those that do not."""
+        """Circles (C, 3) and edges (E, 4) at their present poses, static ones first."""
 
     def reset(self, task: Task, rng: np.random.Generator) -> Observation:
         """Put the robot at the task's start, at rest."""
@@ -46,21 +46,21 @@ class Simulator(Protocol):
         """Drive for one control period, or until contact or arrival, whichever comes first."""
 
 
-class Senses:
-    """Lidar, wheel encoders and localisation of a robot, with the disturbances asked for."""
+class Sensors:
+    """Lidar, wheel encoders and localisation of a robot, with the configured disturbances."""
 
     def __init__(self, robot: Robot, config: Disturbances, goal: Floats, rng: np.random.Generator) -> None:
-        """`rng` is drawn from for the lidar's own noise; what disturbs draws from streams of its own."""
+        """`rng` gives the lidar's own noise; the disturbances draw from streams spawned from it."""
         self._robot = robot
         self._config = config
         self._rng = rng
         self._scan_rng, goal_rng = rng.spawn(2)
-        self._target = Target(config, goal, goal_rng)
+        self._target = TargetEstimate(config, goal, goal_rng)
 
     def observe(
         self, state: State, twist: Twist, odometry: Pose, circles: Floats, edges: Floats
     ) -> Observation:
-        """What it perceives: twist and odometry as its wheels count them, obstacles (C, 3) and (E, 4) now."""
+        """The observation; twist, odometry: by the wheel encoders; circles (C, 3), edges (E, 4): the obstacles now."""
         scan = self._scan(state.pose, circles, edges)
         target = self._target.seen_from(state.pose, odometry, state.time)
         return Observation(scan, target, twist, self._robot.limits, odometry)

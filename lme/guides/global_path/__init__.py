@@ -1,4 +1,4 @@
-"""A shortest path on a costmap, from scans or from the true map."""
+"""Shortest paths on a costmap of the scans or of the true map."""
 
 from lme.guides.global_path.guide import GlobalPath
 

@@ -1,8 +1,8 @@
-"""A grid of what obstacles cost, in the odometry frame: the part of ROS costmap_2d that a global planner needs.
+"""A costmap in the odometry frame, like the one of ROS costmap_2d for a global planner.
 
-Its layers of obstacles and of inflation, with their parameters and defaults: Lu, Hershberger & Smart 2014,
+It has the obstacle layer and the inflation layer with their parameters and defaults: Lu, Hershberger & Smart 2014,
 "Layered costmaps for context-sensitive navigation", DOI 10.1109/IROS.2014.6942636, and wiki.ros.org/costmap_2d.
-Unknown ground is free.
+Unknown space is free.
 """
 
 from __future__ import annotations
@@ -32,21 +32,21 @@ from lme.worlds.world import World
 Cell = tuple[int, int]
 
 _MOST_CELLS = 20_000_000
-_WIDEST_STAMP = 200  # [cells] from an obstacle as far as it costs something
+_WIDEST_STAMP = 200  # [cells] greatest radius of inflation
 
 
 @dataclass(slots=True)
 class CostmapConfig:
-    """Size of the grid, what scans change in it, and how obstacles are inflated."""
+    """Size of the grid, marking and clearing by scans, and inflation of obstacles."""
 
     cell_size: float = 0.05  # [m]
-    margin: float = 5.0  # [m] around the box of start and goal; there is no way outside
+    margin: float = 5.0  # [m] around the box of start and goal; paths stay inside
     obstacle_range: float = 2.5  # [m] hits up to here are marked
-    raytrace_range: float = 3.0  # [m] beams free cells up to here
-    observation_persistence: float = 1.0  # [s] nothing frees a cell hit so short a time ago
+    raytrace_range: float = 3.0  # [m] beams clear cells up to here
+    observation_persistence: float = 1.0  # [s] after a hit, a cell is not cleared for this time
     footprint_padding: float = 0.1  # [m] added to the footprint's inner radius
-    inflation_radius: float = 0.3  # [m] obstacles cost something up to here
-    cost_scaling_factor: float = 10.0  # [1/m] how fast their cost falls
+    inflation_radius: float = 0.3  # [m] obstacles raise the cost up to here
+    cost_scaling_factor: float = 10.0  # [1/m] decay of the cost with distance
 
     def __post_init__(self) -> None:
         for key in ("cell_size", "obstacle_range", "raytrace_range"):
@@ -62,9 +62,9 @@ class CostmapConfig:
 
 
 class Costmap:
-    """Obstacles seen, or known, between a start at the origin and a goal.
+    """Seen or known obstacles around a start at the origin and a goal.
 
-    costs: (I, J) uint8; `TOUCHING` and `INSCRIBED` forbid a cell, up to `HIGHEST` it is only dear.
+    costs: (I, J) uint8; `TOUCHING` and `INSCRIBED` forbid a cell, costs up to `HIGHEST` do not.
     """
 
     def __init__(self, config: CostmapConfig, robot: Robot, goal: Floats) -> None:
@@ -78,7 +78,7 @@ class Costmap:
         self._scans = 0
 
     def observe(self, observation: Observation) -> None:
-        """Mark what the scan hits, free what it passes; see `lme.kernels.costmap.observe`."""
+        """Mark the cells that the scan hits and clear those it passes; see `lme.kernels.costmap.observe`."""
         scan, config = observation.scan, self._config
         self._scans += 1
         observe(
@@ -95,7 +95,7 @@ class Costmap:
         )
 
     def draw(self, world: World, start: Pose) -> None:
-        """Occupy what the world's obstacles touch; `start`: where in the world the origin lies."""
+        """Mark the cells of the world's obstacles; `start`: pose of the odometry frame in the world."""
         circles = np.column_stack([to_robot(world.circles[:, :2], start), world.circles[:, 2]])
         ends = to_robot(world.edges.reshape(-1, 2, 2), start)
         draw_discs(self._hits, self._grid, circles)
@@ -104,11 +104,11 @@ class Costmap:
             self._hits[_inside(self._centres(), to_robot(polygon, start))] = 1
 
     def refresh(self) -> None:
-        """Make the costs those of the obstacles as they are now."""
+        """Recompute the costs from the present obstacles."""
         inflate(self._hits, self._stamp, self.costs)
 
     def cell(self, point: Floats) -> Cell:
-        """Array index of the cell that holds a point (2,) [m], or of the nearest on the grid."""
+        """Array index of the cell that contains a point (2,) [m], or of the nearest cell of the grid."""
         low_i, low_j, cell_size = self._grid
         i, j = lattice(point[0] / cell_size) - low_i, lattice(point[1] / cell_size) - low_j
         return min(max(i, 0), self.costs.shape[0] - 1), min(max(j, 0), self.costs.shape[1] - 1)
@@ -118,29 +118,29 @@ class Costmap:
         return np.asarray((cells + np.array(self._grid[:2])) * self._grid[2], dtype=np.float64)
 
     def forbidden(self, points: Floats) -> Bools:
-        """(K,) whether each of the points (K, 2) [m] lies in a forbidden cell; outside the grid none does."""
+        """Whether each of the points (K, 2) [m] lies in a forbidden cell: (K,). False outside the grid."""
         index = np.rint(points / self._grid[2]).astype(np.int64) - np.array(self._grid[:2])
         on_grid = ((index >= 0) & (index < self.costs.shape)).all(axis=1)
         i, j = np.where(on_grid[:, None], index, 0).T
         return np.asarray((self.costs[i, j] >= INSCRIBED) & on_grid, dtype=np.bool_)
 
     def _centres(self) -> Floats:
-        """(I, J, 2) [m]."""
+        """Centres of all cells: (I, J, 2) [m]."""
         return self.points(np.moveaxis(np.indices(self.costs.shape, dtype=np.int64), 0, -1))
 
 
 def stamp(config: CostmapConfig, r_min: float) -> Ints:
     """Costs around one occupied cell, (K, 3) rows (di, dj, cost), for a footprint of inner radius r_min [m].
 
-    Forbidden up to the padded inner radius; beyond it, to the inflation radius,
-    HIGHEST · exp(−cost_scaling_factor · (distance − padded radius)). Raises InputError if that is too far.
+    Cells are forbidden up to the padded inner radius. From there to the inflation radius the cost is
+    HIGHEST · exp(−cost_scaling_factor · (distance − padded radius)). Raises InputError if the stamp is too wide.
     """
     inscribed = r_min + config.footprint_padding
     reach = max(inscribed, config.inflation_radius)
     if reach > _WIDEST_STAMP * config.cell_size:
         key = "footprint_padding" if inscribed > config.inflation_radius else "inflation_radius"
         raise InputError(
-            f"guide.costmap.{key} is {getattr(config, key):g}: obstacles would cost something up to {reach:g} m: "
+            f"guide.costmap.{key} is {getattr(config, key):g}: obstacles would raise costs up to {reach:g} m: "
             f"must be at most {_WIDEST_STAMP} cells, {_WIDEST_STAMP * config.cell_size:g} m"
         )
     cells = math.floor(reach / config.cell_size + 1e-9)
@@ -153,7 +153,7 @@ def stamp(config: CostmapConfig, r_min: float) -> Ints:
 
 
 def _layout(config: CostmapConfig, goal: Floats) -> tuple[Grid, tuple[int, int]]:
-    """The grid around start and goal, and its (I, J)."""
+    """The grid around start and goal, and its shape (I, J)."""
     cells = [math.ceil((config.margin + abs(side)) / config.cell_size) for side in goal]
     margin = math.ceil(config.margin / config.cell_size)
     if (margin + cells[0]) * (margin + cells[1]) > _MOST_CELLS:
@@ -167,8 +167,7 @@ def _layout(config: CostmapConfig, goal: Floats) -> tuple[Grid, tuple[int, int]]
 
 
 def _inside(points: Floats, polygon: Floats) -> Bools:
-    """Which of the points (..., 2) lie in the polygon (V, 2): a ray to the right crosses its sides an odd number
-    of times."""
+    """Whether each of the points (..., 2) lies in the polygon (V, 2), by the even–odd rule: (...)."""
     inside = np.zeros(points.shape[:-1], dtype=np.bool_)
     for (x0, y0), (x1, y1) in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
         spans = (points[..., 1] < y0) != (points[..., 1] < y1)

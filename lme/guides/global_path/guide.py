@@ -1,4 +1,4 @@
-"""The shortest way on a map of the obstacles seen so far, or on the true map."""
+"""The shortest path on a map of the obstacles seen so far, or on the true map."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ from lme.worlds.world import World
 
 MAPS = ("observed", "known")
 
-# Navfn's cost of a cell (its COST_NEUTRAL and COST_FACTOR): near obstacles up to five times as dear.
+# Navfn's cost of a cell (its COST_NEUTRAL and COST_FACTOR): near obstacles up to five times as high.
 _NEUTRAL, _FACTOR = 50.0, 0.8
 _TABLE = np.where(np.arange(256) < INSCRIBED, _NEUTRAL + _FACTOR * np.arange(256), np.inf)
 
 _ORIGIN = np.zeros(2)
 _SPACING_M = 0.05  # between points of a path
-_AHEAD = 40  # points: the robot's place on the path is looked for so far ahead of its last place
+_AHEAD = 40  # [points] search window for the robot's next position on the path
 
 
 @dataclass(slots=True)
 class GlobalPathConfig:
-    """Which map, how often to plan on it, how far ahead the subgoal lies."""
+    """Map, search, rate of planning and distance of the subgoal."""
 
     global_map: str = "observed"  # "observed": from scans in the odometry frame; "known": the true map
     costmap: CostmapConfig = field(default_factory=CostmapConfig)
@@ -49,20 +49,19 @@ class GlobalPathConfig:
 
 @dataclass(slots=True)
 class _Route:
-    """A planned path in the odometry frame, and where on it the robot is."""
+    """A planned path in the odometry frame, and the robot's position on it."""
 
-    points: Floats  # (K, 2) [m], evenly spaced, from where the robot was to the target
-    found: bool  # False: the straight line, for want of a way
-    forbidden: Bools  # (K,) when it was planned
+    points: Floats  # (K, 2) [m], evenly spaced, from the robot to the target
+    found: bool  # False: no path exists, the points are a straight line
+    forbidden: Bools  # (K,) at the time of planning
     at: int = 0  # index of the point nearest to the robot
 
 
 class GlobalPath:
-    """Dijkstra or A* on a costmap, replanned as the map grows: the part of Navfn in ROS move_base.
+    """Dijkstra or A* on a costmap with replanning, like navfn in ROS move_base.
 
-    Costs of cells as in navfn (Konolige & Marder-Eppstein, docs.ros.org/en/noetic/api/navfn), on `costmap.py`; the
-    search is that of `lme.kernels.grid_search`. Unlike navfn it does not interpolate between cells but replaces
-    pieces of the path by straight lines that cost no more.
+    Cell costs are those of navfn (Konolige & Marder-Eppstein, docs.ros.org/en/noetic/api/navfn). Unlike navfn, it
+    does not interpolate between cells; it replaces pieces of the path by straight lines that cost no more.
     """
 
     Config = GlobalPathConfig
@@ -81,14 +80,14 @@ class GlobalPath:
         self._age = 0  # [steps] since the last plan
 
     def read_map(self, world: World, start: Pose) -> None:
-        """Keep the true map, should it be asked for."""
+        """Keep the true map for `global_map: known`."""
         self._world = (world, start)
 
     def guide(self, observation: Observation) -> Guidance:
-        """The path from the robot to the target, and the farthest point on it that is in sight.
+        """The path from the robot to the target; the subgoal is the farthest point on it in sight.
 
-        Without a way the path is the straight line, and the subgoal where the robot stands. Raises InputError
-        if the true map is asked for and none was given.
+        If no path exists, the path is the straight line and the subgoal is the robot's position. Raises
+        InputError if the true map is needed and none was given.
         """
         costmap = self._updated(observation)
         before, self._age = self._route, self._age + 1
@@ -105,7 +104,7 @@ class GlobalPath:
         return Guidance(subgoal, path, switched, not route.found)
 
     def _updated(self, observation: Observation) -> Costmap:
-        """The map, with this scan in it where scans make it."""
+        """The map; an observed one includes this scan."""
         if self.costmap is None:
             goal = to_world(observation.target, observation.odometry)
             self.costmap = Costmap(self._config.costmap, self._robot, goal)
@@ -123,12 +122,12 @@ class GlobalPath:
         costmap.draw(*self._world)
 
     def _obstructed(self, route: _Route, costmap: Costmap) -> bool:
-        """Whether something now stands on what was free of the path ahead."""
+        """Whether a point of the path ahead has become forbidden since planning."""
         now = costmap.forbidden(route.points[route.at :])
         return bool((now & ~route.forbidden[route.at :]).any())
 
     def _plan(self, observation: Observation, costmap: Costmap) -> _Route:
-        """A new route on the map as it is."""
+        """A new route on the present map."""
         if self._config.global_map == "observed" or self._route is None:
             costmap.refresh()
         robot = np.array(observation.odometry[:2])
@@ -139,10 +138,10 @@ class GlobalPath:
         return _Route(points, corners is not None, costmap.forbidden(points))
 
     def _corners(self, costmap: Costmap, robot: Floats, target: Floats) -> Floats | None:
-        """(C, 2) [m] of the cheapest way; None where there is none.
+        """Corners (C, 2) [m] of the cheapest path; None if there is none.
 
-        From or to a forbidden place it leads straight to the nearest passable cell; it ends there if at the target
-        the robot would touch something.
+        From a forbidden start it leads straight to the nearest passable cell, and likewise to a forbidden target;
+        it ends at that cell if the robot would touch an obstacle at the target.
         """
         costs, here, there = costmap.costs, costmap.cell(robot), costmap.cell(target)
         start = nearest_passable(costs, _TABLE, here, there)
@@ -160,10 +159,10 @@ class GlobalPath:
         return np.vstack([robot, way] if touching else [robot, way, target])
 
     def _in_sight(self, path: Floats, observation: Observation) -> Floats:
-        """The farthest point of the path within lookahead to which nothing stands in the robot's way: (2,) [m].
+        """The farthest path point within the lookahead that the robot can reach in a straight line: (2,) [m].
 
-        The way is as wide as the padded robot, else as the robot, else as its inner disc, but no wider than there
-        is room now. Should all points be hidden: one robot's radius along the path.
+        The corridor has the radius of the padded robot, else of the robot, else of its inner disc, limited to the
+        present clearance. If no point is in sight: the point one robot radius along the path.
         """
         robot, padding = self._robot, self._config.costmap.footprint_padding
         near = path[1 : 1 + max(1, round(self._config.lookahead / _SPACING_M))]
@@ -177,19 +176,19 @@ class GlobalPath:
         return np.array(near[step - 1])
 
     def _switched(self, route: _Route, before: _Route) -> bool:
-        """Whether the route leaves the old one by more than the robot's width."""
+        """Whether the route departs from the old one by more than the robot's width."""
         return departs(route.points, before.points[before.at :], 2.0 * self._robot.r)
 
 
 def _follow(route: _Route, pose: Pose) -> None:
-    """Note where on the route the robot is: the nearest point from its last place on."""
+    """Update the robot's position on the route: the nearest point from the last position on."""
     ahead = route.points[route.at : route.at + _AHEAD]
     away = np.hypot(ahead[:, 0] - pose.x, ahead[:, 1] - pose.y)
     route.at = min(route.at + int(away.argmin()), len(route.points) - 2)
 
 
 def _spaced(corners: Floats) -> Floats:
-    """Points (K, 2), K ≥ 2, at most `_SPACING_M` apart along a polyline (C, 2), evenly, both ends included."""
+    """Evenly spaced points (K, 2), K ≥ 2, at most `_SPACING_M` apart along a polyline (C, 2), ends included."""
     along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(corners, axis=0).T))])
     places = np.linspace(0.0, along[-1], max(2, math.ceil(along[-1] / _SPACING_M) + 1))
     return np.column_stack([np.interp(places, along, corners[:, k]) for k in (0, 1)])

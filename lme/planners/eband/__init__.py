@@ -1,4 +1,4 @@
-"""Elastic band: a path deformed by the obstacles that are seen, and a controller that follows it."""
+"""Elastic band: a path deformed by seen obstacles, and a controller that follows it."""
 
 from lme.planners.eband.planner import EBand
 

@@ -1,4 +1,4 @@
-"""An elastic band: a chain of bubbles of free space that obstacles push aside and tension shortens."""
+"""An elastic band: bubbles of free space along a path, moved by repulsion from obstacles and by contraction."""
 
 from __future__ import annotations
 
@@ -12,24 +12,24 @@ from lme.kernels.band import bubble_radii, covered, mend, relax
 from lme.kernels.polyline import project, stretch
 from lme.types import Floats
 
-_CAPACITY = 256  # bubbles; a band of any use has far fewer
+_CAPACITY = 256  # [bubbles] useful bands have far fewer
 
 
 @dataclass(slots=True)
 class BandConfig:
     """Bubbles and forces."""
 
-    horizon: float = 2.0  # [m] of the path that becomes a band
-    spacing: float = 0.05  # [m] bubbles are put in down to this distance
-    min_radius: float = 0.1  # [m] smaller bubbles do not join: no passage
+    horizon: float = 2.0  # [m] length of path that becomes a band
+    spacing: float = 0.05  # [m] least distance of inserted bubbles
+    min_radius: float = 0.1  # [m] smaller bubbles do not join: the passage is too narrow
     max_radius: float = 1.0  # [m] of a bubble
-    overlap: float = 0.7  # [-] joined bubbles lie at most this share of the sum of their radii apart
+    overlap: float = 0.7  # [-] greatest distance of joined bubbles, as a share of the sum of their radii
     internal_gain: float = 1.0  # [-] of the contraction
     external_gain: float = 2.0  # [1/m] of the repulsion
     influence: float = 0.55  # [m] smaller bubbles are repelled
-    min_force: float = 0.15  # [-] smaller ones move nothing
-    iterations: int = 3  # times along the band in each control period
-    recursion: int = 4  # halvings of a step that has gone too far
+    min_force: float = 0.15  # [-] smaller forces have no effect
+    iterations: int = 3  # passes along the band in each control period
+    recursion: int = 4  # halvings of a step that overshoots
 
     def __post_init__(self) -> None:
         for key in ("horizon", "spacing", "max_radius"):
@@ -44,12 +44,12 @@ class BandConfig:
 class Band:
     """Bubbles from the robot along a path, in the odometry frame (Quinlan & Khatib 1993, §3).
 
-    centres: (N, 2) [m], the first at the robot. radii: (N,) [m]. chain: how many bubbles from the first one on
-    are joined one to the next; less than N where the band is torn.
+    centres: (N, 2) [m], the first at the robot. radii: (N,) [m]. chain: number of bubbles, from the first one
+    on, that are joined one to the next; less than N if the band is torn.
     """
 
     def __init__(self, config: BandConfig, inner: float) -> None:
-        """`inner`: radius of the disc inside the robot's outline that must fit everywhere [m]."""
+        """`inner`: radius of the inscribed disc of the robot's outline [m]."""
         self._config = config
         self._inner = inner
         self.reset()
@@ -63,16 +63,16 @@ class Band:
 
     @property
     def torn(self) -> bool:
-        """Whether some neighbours do not join, however many bubbles are put between them."""
+        """Whether some neighbours do not join even after insertion of bubbles."""
         return self.chain < len(self.centres)
 
     def update(self, path: Floats, robot: Floats, points: Floats, *, planned: bool) -> None:
-        """Follow the robot and the path, then let the obstacles and the tension act.
+        """Update the band for the robot's position and the path, then apply the forces.
 
-        path (K, 2), K ≥ 1, robot (2,), points (M, 2): odometry frame [m]. For as long as it can, a band goes on
-        to where it led, whatever other way the path takes by now: two ways of equal length must not make the
-        robot waver. A torn band is made anew if the path is `planned` around obstacles, and otherwise left to
-        the forces; a new end of the path makes a new band in any case.
+        path (K, 2), K ≥ 1, robot (2,), points (M, 2): odometry frame [m]. The band keeps its route even if the
+        path changes, so that the robot does not oscillate between two paths of equal length. A torn band is
+        rebuilt if the path is `planned` around obstacles, and otherwise left to the forces. A path to another
+        end always gives a new band.
         """
         if self._leads_elsewhere(path) or (self.torn and planned and self._differs(path)):
             self._path, self.centres = path, robot[None]
@@ -82,11 +82,11 @@ class Band:
         self._deform(np.ascontiguousarray(points[:, 0]), np.ascontiguousarray(points[:, 1]))
 
     def _leads_elsewhere(self, path: Floats) -> bool:
-        """Whether there is no band to the path's end."""
+        """Whether there is no band, or the path has another end."""
         return len(self.centres) == 0 or math.dist(path[-1], self._path[-1]) > self._config.spacing
 
     def _differs(self, path: Floats) -> bool:
-        """Whether the path would make another band than the one that the band was made from."""
+        """Whether the path differs from the path of the band within the horizon."""
         spacing = self._config.spacing
         old = np.vstack([self._path[:1], stretch(self._path, 0.0, math.inf, spacing)])
         new = stretch(path, 0.0, self._config.horizon, spacing)
@@ -101,7 +101,7 @@ class Band:
         return off <= max(self.radii[-1], reach) and covered(between, self.centres, self.radii, reach)
 
     def _advance(self, robot: Floats) -> None:
-        """Drop the bubbles that the robot has passed, and go on along the path; from the robot alone, afresh."""
+        """Drop the bubbles that the robot has passed, and extend the band along the path."""
         passed = project(self.centres, robot[0], robot[1])[2]
         start = project(self._path, robot[0], robot[1])[0]
         end = project(self._path, *self.centres[-1])[0] if len(self.centres) > 1 else start
@@ -111,7 +111,7 @@ class Band:
             self.centres[-1] = self._path[-1]
 
     def _deform(self, xs: Floats, ys: Floats) -> None:
-        """Let the forces move the bubbles among the points (xs, ys)."""
+        """Move the bubbles by the forces of the points (xs, ys) and of their neighbours."""
         config = self._config
         shape = (self._inner, config.max_radius, config.spacing)
         forces = (config.internal_gain, config.external_gain, config.influence, config.min_force)

@@ -1,4 +1,4 @@
-"""Elastic bands: deform the path in real time, and drive along it no faster than its free space allows."""
+"""Elastic bands: deform the path in real time and follow it with a speed limited by the free space."""
 
 from __future__ import annotations
 
@@ -21,28 +21,26 @@ from lme.types import Floats, Guidance, Observation, Pose, Twist
 
 _NO_EDGES = np.empty((0, 4))
 _AT_REST = np.zeros((1, 3))
-_ARRIVED = 0.02  # [m] of band left: nothing to turn towards any more
-_MAX_STEP = 0.025  # [m] between two poses of a motion that are checked for contact
-_RELIEF = 0.005  # [m] by which a motion must widen a clearance that is less than the margin
+_ARRIVED = 0.02  # [m] the robot stops if the aim is nearer
+_MAX_STEP = 0.025  # [m] between two poses of a motion in the contact check
+_RELIEF = 0.005  # [m] least gain of clearance if it is below the margin
 _SLOWER = (1.0, 0.5, 0.25, 0.0)  # shares of the velocity tried before backing off
 
 
 @dataclass(slots=True)
 class EBandConfig(BandConfig):
-    """A band's settings, and how to drive along it."""
+    """Settings of the band and of the controller."""
 
     v_max: float = 0.75  # [m/s]
-    v_min: float = 0.1  # [m/s] never slowed below this by a small bubble; also backwards
+    v_min: float = 0.1  # [m/s] lower bound of the limit by bubbles; also the speed backwards
     omega_max: float = 1.0  # [rad/s]
-    bubble_velocity: float = 2.0  # [1/s] velocity per radius of the bubble that the robot is in
+    bubble_velocity: float = 2.0  # [1/s] velocity limit per radius of the robot's bubble
     heading_gain: float = 4.0  # [1/s]
-    rotation_threshold: float = 0.5  # [rad] turns in place above this
-    margin: float = 0.02  # [m] clearance kept by every motion, besides twice the lidar's noise
+    rotation_threshold: float = 0.5  # [rad] at greater heading errors the robot turns in place
+    margin: float = 0.02  # [m] clearance of every motion, plus twice the lidar's noise
 
     def __post_init__(self) -> None:
-        BandConfig.__post_init__(
-            self
-        )  # a dataclass with slots is made anew: super() would look for the old one
+        BandConfig.__post_init__(self)  # super() fails in a dataclass with slots
         for key in ("v_max", "omega_max", "bubble_velocity", "heading_gain", "rotation_threshold"):
             require(f"planner.{key}", getattr(self, key), above=0.0)
         for key in ("v_min", "margin"):
@@ -53,11 +51,10 @@ class EBandConfig(BandConfig):
 class EBand:
     """Elastic bands (Quinlan & Khatib 1993, DOI 10.1109/ROBOT.1993.291936), for a differential drive.
 
-    The robot steers to where the band leaves the bubble around the robot: as far as it may go straight. Its
-    velocity is at most a multiple of that bubble's radius, and it slows down, at last backs off, rather than
-    carry out a motion after which its outline could not stop clear of every obstacle that it knows of. Those
-    are the present scan's points and the ones seen before that are hidden now, behind others or in the blind
-    arc: turning away from an obstacle does not remove it.
+    The robot steers to the point where the band leaves the bubble around the robot, since it may drive straight
+    that far. The bubble's radius limits the speed. The robot slows down, or finally backs up, if its outline could
+    not stop clear of every known obstacle point. Known are the points of the present scan and earlier points that
+    are hidden now, behind others or in the blind arc.
     """
 
     Config = EBandConfig
@@ -66,14 +63,12 @@ class EBand:
         self._config = config
         self._robot = robot
         self._margin = config.margin + 2.0 * robot.lidar.noise_std
-        self._reach = (
-            config.horizon + config.max_radius + robot.footprint.r_max
-        )  # [m] farther points are no matter
+        self._reach = config.horizon + config.max_radius + robot.footprint.r_max  # [m] of known points
         self.band = Band(config, robot.footprint.r_min)
         self._known: Floats = np.empty((0, 2))  # obstacle points near the robot, odometry frame [m]
 
     def reset(self, rng: np.random.Generator) -> None:
-        """Forget the band and what was seen."""
+        """Forget the band and the known points."""
         self.band.reset()
         self._known = np.empty((0, 2))
 
@@ -89,7 +84,7 @@ class EBand:
         return self._safe(v, omega, points, observation)
 
     def _look(self, observation: Observation) -> Floats:
-        """Obstacle points in sight, and those seen before that are hidden now: (M, 2), robot frame [m]."""
+        """Visible obstacle points and earlier ones that are hidden now: (M, 2), robot frame [m]."""
         here, scan, mount = observation.odometry, observation.scan, self._robot.lidar.mount
         seen = obstacle_points(scan, mount)
         seen = seen[np.hypot(seen[:, 0], seen[:, 1]) < self._reach]
@@ -114,28 +109,28 @@ class EBand:
         if abs(error) > config.rotation_threshold:
             return 0.0, turn
         fastest = min(self._allowed(), limits.v_max)
-        if error != 0.0:  # no faster than turning at that rate leads to the aim, on an arc
+        if error != 0.0:  # so that the arc at this turn rate reaches the aim
             fastest = min(fastest, wanted * math.hypot(x, y) / (2.0 * math.sin(abs(error))))
         return approach(left, observation.twist.v, fastest, limits.alpha_v, dt), turn
 
     def _aim(self, here: Pose) -> tuple[float, float, float]:
-        """Where the band leaves the bubble around the robot, and how long it is to its end or its tear [m].
+        """Point where the band leaves the bubble around the robot, and length of the band to its end or tear [m].
 
-        Torn at the robot, it still leads to the next bubble.
+        A band that is torn at the robot still includes the next bubble.
         """
         line = to_robot(self.band.centres[: max(self.band.chain, 2)], here)
         x, y, left = leaves(line, max(self.band.radii[0], self._robot.footprint.r_min))
         return x, y, left
 
     def _allowed(self) -> float:
-        """Velocity in the bubble around the robot [m/s]; where the band is torn there, the least."""
+        """Velocity limit in the bubble around the robot [m/s]; v_min if the band is torn there."""
         config, band = self._config, self.band
         if band.torn and band.chain < 2:
             return config.v_min
         return min(config.v_max, max(config.bubble_velocity * float(band.radii[0]), config.v_min))
 
     def _safe(self, v: float, omega: float, points: Floats, observation: Observation) -> Twist:
-        """The first of slower and slower commands, at last backwards, after which the robot can stop clear."""
+        """The first safe command: as given, slower, or backwards; else brake."""
         circles = np.column_stack([points, np.zeros(len(points))])
         now = self._clearance(_AT_REST, circles)
         ahead = [(share * v, omega) for share in _SLOWER]
@@ -145,20 +140,20 @@ class EBand:
             poses = until_rest(command, observation, self._robot, _MAX_STEP)
             if now > self._margin:
                 clear = self._clearance(poses, circles) > self._margin
-            else:  # noise alone may have brought it so low: whatever does not help makes it worse in the end
+            else:  # possibly by noise: only motions that gain clearance are safe
                 clear = self._clearance(poses[-1:], circles) > now + _RELIEF
             if clear:
                 return command
         return limited(0.0, 0.0, observation, self._robot.dt)
 
     def _clearance(self, poses: Floats, circles: Floats) -> float:
-        """Least distance of the outline at the (K, 3) poses to an obstacle point [m]."""
+        """Least distance of the outline at the (K, 3) poses to the obstacle points [m]."""
         clearance, _ = sweep(poses, self._robot.footprint.box, circles, _NO_EDGES)
         return clearance
 
 
 def _thinned(points: Floats, spacing: float) -> Floats:
-    """In each square of a grid the point nearest to its middle: the same in whichever order they come."""
+    """The point nearest to the centre of each grid cell; independent of the order of the points."""
     cells = np.rint(points / spacing)
     off = np.abs(points - cells * spacing).sum(axis=1)
     order = np.lexsort((off, cells[:, 1], cells[:, 0]))

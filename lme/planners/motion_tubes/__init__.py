@@ -1,4 +1,4 @@
-"""Motion tubes: arcs of constant curvature that are checked against the scan, and the choice among them (KUL+FM)."""
+"""Motion tubes (KUL+FM): arcs of constant curvature, checked against the scan."""
 
 from lme.planners.motion_tubes.planner import MotionTubes
 

@@ -1,4 +1,4 @@
-"""Which motion tube to drive, and how fast."""
+"""Selection of a motion tube and its speed."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from lme.planners.motion_tubes.tubes import LidarView, Tubes, TubeSpec, forward_
 from lme.robots import Robot
 from lme.types import Bools, Floats, Guidance, Twist
 
-_AT_GOAL = 1  # bins: a tube that would pass the path's end must not miss it by more, lest the robot circle it
+_AT_GOAL = 1  # [bins] greatest miss of a tube that reaches the path's end, so the robot does not circle it
 _POSITIVE = (
     "long_length",
     "short_length",
@@ -32,7 +32,7 @@ _NOT_NEGATIVE = ("front_margin", "side_margin", "front_whisker", "side_whisker",
 
 @dataclass(slots=True)
 class TubeChoiceConfig:
-    """Geometry of the tubes ahead, rules of choice, speeds."""
+    """Geometry of the forward tubes, selection rules and speeds."""
 
     long_length: float = 2.0  # [m]
     short_length: float = 0.9  # [m]
@@ -68,15 +68,15 @@ class TubeChoiceConfig:
         require("planner.free_high", self.free_high, above=self.free_low)
 
 
-class Way(NamedTuple):
-    """A path (K, 2), K ≥ 2, in the robot frame [m], and what is left of it from here [m]."""
+class Route(NamedTuple):
+    """A path (K, 2), K ≥ 2, in the robot frame [m], and its remaining length from the robot [m]."""
 
     path: Floats
     left: float
 
 
-class Goal(NamedTuple):
-    """Where a tube should end: position [m] and heading [rad], after how much of its way [m]."""
+class TubeGoal(NamedTuple):
+    """Desired pose on a tube: position [m] and heading [rad] at the distance `reach` [m] along it."""
 
     x: float
     y: float
@@ -84,8 +84,8 @@ class Goal(NamedTuple):
     reach: float
 
 
-class Chosen(NamedTuple):
-    """A tube's curvature [1/m] and speed [m/s], its bin of distance to its goal, the share of its set that is free."""
+class ChosenTube(NamedTuple):
+    """A tube's curvature [1/m], speed [m/s], bin of its distance to the goal, and share of free tubes in its set."""
 
     curvature: float
     speed: float
@@ -94,7 +94,7 @@ class Chosen(NamedTuple):
 
 
 class TubeChoice:
-    """Picks among the tubes that the lidar sees to be free the one that follows a path best."""
+    """Selects the free tube that follows a path best."""
 
     def __init__(self, config: TubeChoiceConfig, robot: Robot) -> None:
         self._config = config
@@ -105,24 +105,24 @@ class TubeChoice:
         self._long, self._short, self._near = (self.spec(length, config.heading_step) for length in lengths)
 
     def spec(self, length: float, heading_step: float) -> TubeSpec:
-        """A set of tubes like those ahead."""
+        """A set of tubes with the margins and whiskers of the forward tubes."""
         return TubeSpec(
             length, self._config.heading_max, heading_step, self._box, self._margins, self._whiskers
         )
 
-    def way(self, guidance: Guidance) -> Way:
-        """The guide's path, or the straight line to its subgoal where it has none."""
+    def route(self, guidance: Guidance) -> Route:
+        """The guide's path, or the straight line to its subgoal if it has none."""
         path = guidance.path
         if path is None or len(path) < 2:
             path = np.vstack((np.zeros(2), guidance.subgoal))
         path = np.ascontiguousarray(path, dtype=np.float64)
         _, left = points_along(path, np.empty(0), self._config.long_length)
-        return Way(path, max(left, math.hypot(*path[-1])))
+        return Route(path, max(left, math.hypot(*path[-1])))
 
-    def ahead(self, way: Way, twist: Twist, view: LidarView, seen: Ranges) -> Chosen | None:
-        """The best of the long tubes if all of them are free, else of the short, else of the shortest ones.
+    def ahead(self, route: Route, twist: Twist, view: LidarView, seen: Ranges) -> ChosenTube | None:
+        """The best long tube if all long tubes are free, else the best short one, else the best near one.
 
-        None if no tube serves. view, seen: see `lme.planners.motion_tubes.tubes.lidar_view`.
+        None if no tube is suitable. view, seen: see `lme.planners.motion_tubes.tubes.lidar_view`.
         """
         config = self._config
         for spec in (self._long, self._short, self._near):
@@ -130,32 +130,34 @@ class TubeChoice:
             free = free_tubes(seen, tubes.needs, tubes.spans, tubes.hidden)
             if spec is self._long and not free.all():
                 continue
-            index, bin_ = self._choose(way, twist, tubes, free, seen)
+            index, bin_ = self._choose(route, twist, tubes, free, seen)
             if index < 0:
                 continue
             curvature, share = float(tubes.curvatures[index]), float(free.mean())
             if spec is self._short:
-                return Chosen(curvature, self._short_speed(curvature, share), bin_, share)
-            return Chosen(
+                return ChosenTube(curvature, self._short_speed(curvature, share), bin_, share)
+            return ChosenTube(
                 curvature, config.long_speed if spec is self._long else config.near_speed, bin_, share
             )
         return None
 
-    def goal(self, way: Way, length: float) -> Goal:
+    def goal(self, route: Route, length: float) -> TubeGoal:
         """The path's point at `length` [m], or its end, and its direction there."""
-        reach = min(length, way.left)
+        reach = min(length, route.left)
         places = np.array([max(reach - self._config.heading_span, 0.0), reach])
-        (before, point), _ = points_along(way.path, places, self._config.long_length)
+        (before, point), _ = points_along(route.path, places, self._config.long_length)
         heading = _bearing(point - before) if (point != before).any() else _bearing(point)
-        return Goal(float(point[0]), float(point[1]), heading, reach)
+        return TubeGoal(float(point[0]), float(point[1]), heading, reach)
 
-    def bearing(self, way: Way) -> float:
-        """Direction in which the path sets out [rad]."""
-        (point,), _ = points_along(way.path, np.array([self._config.heading_span]), self._config.long_length)
+    def bearing(self, route: Route) -> float:
+        """Direction of the path at its start [rad]."""
+        (point,), _ = points_along(
+            route.path, np.array([self._config.heading_span]), self._config.long_length
+        )
         return _bearing(point)
 
-    def _choose(self, way: Way, twist: Twist, tubes: Tubes, free: Bools, seen: Ranges) -> tuple[int, int]:
-        config, goal = self._config, self.goal(way, tubes.length)
+    def _choose(self, route: Route, twist: Twist, tubes: Tubes, free: Bools, seen: Ranges) -> tuple[int, int]:
+        config, goal = self._config, self.goal(route, tubes.length)
         distance_bin = config.goal_bin * min(1.0, goal.reach / config.short_length)
         most = config.goal_bins if goal.reach == tubes.length else min(config.goal_bins, _AT_GOAL)
         bins = (distance_bin, float(config.heading_bin), int(most))
@@ -164,7 +166,7 @@ class TubeChoice:
         return choose(free, tubes.curvatures, goal.reach, target, bins, rates, seen, *whiskers)
 
     def _short_speed(self, curvature: float, share: float) -> float:
-        """From near_speed to short_speed with the share of tubes that are free."""
+        """Speed of a short tube [m/s]: near_speed to short_speed, rising with the share of free tubes."""
         config = self._config
         if share < config.free_low:
             return config.near_speed

@@ -1,4 +1,4 @@
-"""Free-space motion tubes along a path: the KU Leuven and Flanders Make entry of the BARN Challenge."""
+"""Motion tubes along a path: the BARN Challenge entry of KU Leuven and Flanders Make."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from lme.errors import require
 from lme.kernels.collision import sweep
 from lme.kernels.tubes import Ranges
 from lme.planners.commands import approach, limited, towards
-from lme.planners.motion_tubes.choice import Goal, TubeChoice, TubeChoiceConfig, Way
+from lme.planners.motion_tubes.choice import Route, TubeChoice, TubeChoiceConfig, TubeGoal
 from lme.planners.motion_tubes.surroundings import Surroundings
 from lme.planners.motion_tubes.tubes import BackwardTubes, LidarView, backward_tubes, lidar_view
 from lme.planners.stopping import until_rest
@@ -22,13 +22,13 @@ from lme.sensing.scan_points import obstacle_points
 from lme.types import Bools, Floats, Guidance, Observation, Pose, Twist
 
 _STANDSTILL = 0.025  # [m/s, rad/s] authors' public code
-_NEAR = 1.5  # [m] farther off, nothing can be touched within a period and a stop
-_KEPT = 3.0  # [m] what a scan hit farther off is not kept
-_SCANS, _SCAN_SPACING, _SCAN_TURN = 60, 0.15, math.radians(20.0)  # kept: up to 9 m of driving
+_NEAR = 1.5  # [m] farther points are out of reach within one period and a stop
+_KEPT = 3.0  # [m] farther points are not remembered
+_SCANS, _SCAN_SPACING, _SCAN_TURN = 60, 0.15, math.radians(20.0)  # memory of 9 m of driving
 _BACK_STEP = math.radians(5.0)  # between final headings of backward tubes
-_SLOWER = ((1.0, 1.0), (0.5, 0.5), (0.25, 0.25))  # shares of v and ω: on the same arc
-_OTHERWISE_BACK = ((0.25, 0.0), (0.25, -0.25))  # out of a place so tight that the arc cannot be entered
-_GAP = 0.02  # [m] to keep while stopping; a robot that is nearer already comes no nearer
+_SLOWER = ((1.0, 1.0), (0.5, 0.5), (0.25, 0.25))  # shares of v and ω, on the same arc
+_OTHERWISE_BACK = ((0.25, 0.0), (0.25, -0.25))  # off the arc, if there is no room to enter it
+_GAP = 0.02  # [m] least clearance while stopping; a nearer robot must not come any nearer
 _HERE = Pose(0.0, 0.0, 0.0)
 _NO_EDGES = np.empty((0, 4))
 _POSITIVE = (
@@ -46,7 +46,7 @@ _POSITIVE = (
 
 @dataclass(slots=True)
 class MotionTubesConfig(TubeChoiceConfig):
-    """Tubes and their choice, accelerations, recovery."""
+    """Settings of tubes and their selection, accelerations and recovery."""
 
     acceleration: float = 1.5  # [m/s²]
     deceleration: float = 0.75  # [m/s²]
@@ -76,32 +76,32 @@ class _State(Enum):
 
 
 class _Scene(NamedTuple):
-    """What one step is decided on. points: (M, 2) seen or remembered, in the robot frame [m]."""
+    """Input of one decision. points: (M, 2) seen or remembered, in the robot frame [m]."""
 
     observation: Observation
-    way: Way
+    route: Route
     view: LidarView
     seen: Ranges
     points: Floats
 
 
 class MotionTubes:
-    """Follows a path through tubes that the lidar sees to be free (KUL+FM, winner of BARN's physical round 2023).
+    """Follows a path through tubes of free space (KUL+FM, winner of BARN's physical round 2023).
 
-    A tube is what the footprint sweeps along an arc. It is free if each beam sees past its edge: one comparison
-    per beam, with ranges worked out beforehand (Teixeira Rodrigues et al., "Clutter-resilient autonomous mobile
-    robot navigation with computationally efficient free-space features", DOI 10.1007/978-3-031-25555-7_35). Of the
-    free tubes the one that ends nearest to the path's point at the tube's length is driven; without one the robot
-    stops, turns along the path if there is room for it, else backs up (Xiao et al., "Lessons Learned From the
+    A tube is the area that the footprint sweeps along an arc. It is free if each beam sees past its edge. This
+    takes one comparison per beam with precomputed ranges (Teixeira Rodrigues et al., "Clutter-resilient autonomous
+    mobile robot navigation with computationally efficient free-space features", DOI 10.1007/978-3-031-25555-7_35).
+    The robot drives the free tube that ends nearest to the path's point at the tube's length. If no tube is free,
+    it stops, turns along the path if there is room, and else backs up (Xiao et al., "Lessons Learned From the
     Second BARN Challenge at ICRA 2023", DOI 10.1109/MRA.2023.3322920). Rules and values are those of the authors'
-    public code. They are for Jackal: margins are added to whatever footprint, speeds are capped by the robot's
-    limits, and lengths stay, for they follow from the speeds.
+    public code for Jackal. On other robots, the margins are added to the robot's footprint, the robot's limits cap
+    the speeds, and the lengths stay, since they follow from the speeds.
 
-    Ours: a third, short set of tubes, for goals near walls and narrow places (the authors' BARN code had lengths
-    from 0.1 m); tubes end at the goal when it is nearer, and miss it by no more than a bin; what the lidar cannot
-    see is not free ahead, and behind it is free only where an earlier scan saw past it or the robot stood; turning
-    on the spot ends as soon as there is a way ahead; no command after which the robot could not stop short of what
-    it sees or remembers. Obstacles are taken to stand still.
+    Differences: a third, short set of tubes for goals near walls and for narrow places (the authors' BARN code had
+    lengths from 0.1 m). If the goal is nearer, tubes end there and miss it by at most one bin. Ahead, the area out
+    of view is not free; behind, it is free only if an earlier scan saw past it or the robot stood there. Turning on
+    the spot ends as soon as a forward tube is free. After any command, the robot can stop before every point that
+    it sees or remembers. Obstacles are assumed to be static.
     """
 
     Config = MotionTubesConfig
@@ -116,17 +116,17 @@ class MotionTubes:
         )
         self._back = (far, near, near._replace(margins=(_GAP, _GAP)))
         self._around = Surroundings(robot.footprint, _SCANS, _SCAN_SPACING, _SCAN_TURN)
-        self._stuck: Pose | None = None  # where the free tube could not be entered: back off from there
+        self._stuck: Pose | None = None  # pose where the free tube could not be entered
         self._forget()
 
     def reset(self, rng: np.random.Generator) -> None:
-        """Forget what was seen, and any recovery."""
+        """Forget the scans and the state of recovery."""
         self._forget()
 
     def plan(self, observation: Observation, guidance: Guidance) -> Twist:
         """Command for one control period."""
         scene = self._scene(observation, guidance)
-        if scene.way.left <= self._config.rest_within:
+        if scene.route.left <= self._config.rest_within:
             self._state = _State.FOLLOW
             return self._stopping_in_time(self._brake(scene), scene)
         steps = {
@@ -138,11 +138,11 @@ class MotionTubes:
         wanted = steps[self._state](scene)
         command = self._stopping_in_time(wanted, scene)
         if command == Twist(0.0, 0.0) != wanted:
-            self._out_of(observation.odometry)
+            self._leave_unsafe_tube(observation.odometry)
         return command
 
-    def _out_of(self, here: Pose) -> None:
-        """Another way than the one that was not safe to enter."""
+    def _leave_unsafe_tube(self, here: Pose) -> None:
+        """Change the state if the chosen tube was not safe to enter."""
         if self._state is _State.FOLLOW:
             self._state, self._stuck = _State.BACK, here
         elif self._state is _State.BACK:
@@ -154,30 +154,30 @@ class MotionTubes:
         self._stuck = None
 
     def _scene(self, observation: Observation, guidance: Guidance) -> _Scene:
-        """Take in the scan."""
+        """Remember the scan and collect the input of the decision."""
         mount = self._robot.lidar.mount
         view, seen = lidar_view(observation.scan, mount)
         points = obstacle_points(observation.scan, mount)
         self._around.see(observation.odometry, view, seen, _within(points, _KEPT))
         points = np.concatenate((_within(points, _NEAR), self._around.hidden_hits(_NEAR)))
-        return _Scene(observation, self._tubes.way(guidance), view, seen, points)
+        return _Scene(observation, self._tubes.route(guidance), view, seen, points)
 
     def _follow(self, scene: _Scene) -> Twist:
-        """Along the best tube; without one, brake."""
+        """Drive the best tube; brake if there is none."""
         config, now, dt = self._config, scene.observation.twist, self._dt
-        chosen = self._tubes.ahead(scene.way, now, scene.view, scene.seen)
+        chosen = self._tubes.ahead(scene.route, now, scene.view, scene.seen)
         if chosen is None:
             self._state = _State.STOP
             return self._brake(scene)
         limits = scene.observation.limits
         speed, braking = min(chosen.speed, limits.v_max), min(config.stop_deceleration, limits.alpha_v)
         v = min(max(speed, now.v - config.deceleration * dt), now.v + config.acceleration * dt)
-        v = min(v, approach(scene.way.left, now.v, speed, braking, dt))
-        v = self._no_faster_than_it_turns(v, chosen.curvature, scene.observation)
+        v = min(v, approach(scene.route.left, now.v, speed, braking, dt))
+        v = self._limited_by_turn_rate(v, chosen.curvature, scene.observation)
         return Twist(v, v * chosen.curvature)
 
-    def _no_faster_than_it_turns(self, v: float, curvature: float, observation: Observation) -> float:
-        """The speed at which the turn rate within reach keeps the robot in the tube."""
+    def _limited_by_turn_rate(self, v: float, curvature: float, observation: Observation) -> float:
+        """The speed [m/s], limited so that the reachable turn rate keeps the robot in the tube."""
         limits = observation.limits
         wanted = min(max(v * curvature, -limits.omega_max), limits.omega_max)
         omega = towards(wanted, observation.twist.omega, limits.alpha_omega, self._dt)
@@ -188,7 +188,7 @@ class MotionTubes:
     def _stop(self, scene: _Scene) -> Twist:
         """Brake until a tube is free; at a standstill, recover."""
         v, omega = scene.observation.twist
-        if v > -_STANDSTILL and self._tubes.ahead(scene.way, Twist(v, omega), scene.view, scene.seen):
+        if v > -_STANDSTILL and self._tubes.ahead(scene.route, Twist(v, omega), scene.view, scene.seen):
             self._state = _State.FOLLOW
             return self._follow(scene)
         if max(abs(v), abs(omega)) > _STANDSTILL:
@@ -202,9 +202,9 @@ class MotionTubes:
         return self._turn(scene) if self._state is _State.TURN else self._back_up(scene)
 
     def _turn(self, scene: _Scene) -> Twist:
-        """On the spot, until the robot looks along the path or has a way ahead."""
-        bearing, config = self._tubes.bearing(scene.way), self._config
-        done = abs(bearing) <= config.turn_tolerance or self._way_ahead(scene)
+        """Turn on the spot until the robot faces along the path or can drive ahead."""
+        bearing, config = self._tubes.bearing(scene.route), self._config
+        done = abs(bearing) <= config.turn_tolerance or self._can_drive_ahead(scene)
         if done or not self._room_to_turn(scene, 0.0):
             self._state = _State.STOP
             return self._brake(scene)
@@ -212,7 +212,7 @@ class MotionTubes:
         return Twist(0.0, approach(bearing, rate, config.turn_speed, config.turn_acceleration, self._dt))
 
     def _back_up(self, scene: _Scene) -> Twist:
-        """Backwards, until there is room to turn or a way ahead."""
+        """Back up until there is room to turn or the robot can drive ahead."""
         curvature = self._behind(scene)
         if curvature is None or self._backed_off(scene):
             self._state, self._stuck = _State.STOP, None
@@ -221,7 +221,7 @@ class MotionTubes:
         return Twist(v, v * curvature)
 
     def _brake(self, scene: _Scene) -> Twist:
-        """To a stop, on the arc that the robot is on."""
+        """Brake to a stop on the present arc."""
         v, omega = scene.observation.twist
         if abs(v) <= _STANDSTILL:
             return Twist(0.0, 0.0)
@@ -229,7 +229,7 @@ class MotionTubes:
         return Twist(slower, omega * slower / v)
 
     def _stopping_in_time(self, wanted: Twist, scene: _Scene) -> Twist:
-        """The command, or one like it after which the robot can stop short of every point; else brake."""
+        """The command, or a similar one after which the robot can stop before every point; else brake."""
         circles = np.column_stack((scene.points, np.zeros(len(scene.points))))
         here, _ = sweep(np.array([_HERE]), self._robot.footprint.box, circles, _NO_EDGES)
         for v_share, omega_share in _SLOWER if wanted.v >= 0.0 else (*_SLOWER, *_OTHERWISE_BACK):
@@ -245,30 +245,30 @@ class MotionTubes:
         return clearance if contact < 0 else -1.0
 
     def _turns_usefully(self, scene: _Scene, margin: float) -> bool:
-        off = abs(self._tubes.bearing(scene.way)) > self._config.turn_tolerance
+        off = abs(self._tubes.bearing(scene.route)) > self._config.turn_tolerance
         return off and self._room_to_turn(scene, margin)
 
     def _room_to_turn(self, scene: _Scene, margin: float) -> bool:
-        """Whether nothing lies within the circle that the footprint turns in; a disc needs no room."""
+        """Whether the circle that the footprint sweeps in a turn is free; a disc needs no room."""
         footprint = self._robot.footprint
         least = float(np.hypot(*scene.points.T).min(initial=math.inf))
         return footprint.radius is not None or least > footprint.r_max + margin
 
     def _backed_off(self, scene: _Scene) -> bool:
-        """Whether a place too tight is far enough off, and there is room to turn or a way ahead."""
+        """Whether the robot is far enough from where it got stuck and can turn or drive ahead."""
         here = scene.observation.odometry
         if self._stuck is not None and math.dist(here[:2], self._stuck[:2]) < self._config.near_length:
             return False
-        return self._turns_usefully(scene, self._config.turn_margin) or self._way_ahead(scene)
+        return self._turns_usefully(scene, self._config.turn_margin) or self._can_drive_ahead(scene)
 
-    def _way_ahead(self, scene: _Scene) -> bool:
-        """Whether enough tubes are free, one of them to the path (authors' public code: within one bin)."""
-        chosen = self._tubes.ahead(scene.way, scene.observation.twist, scene.view, scene.seen)
+    def _can_drive_ahead(self, scene: _Scene) -> bool:
+        """Whether enough tubes are free, and one ends near the path (authors' public code: within one bin)."""
+        chosen = self._tubes.ahead(scene.route, scene.observation.twist, scene.view, scene.seen)
         return chosen is not None and chosen.share >= self._config.free_low and chosen.bin <= 1
 
     def _behind(self, scene: _Scene) -> float | None:
-        """Curvature of the best backward tube [1/m], of the short ones where no long one is free."""
-        goal = self._tubes.goal(scene.way, self._config.short_length)
+        """Curvature of the best backward tube [1/m], a short one if no long one is free; None if none is free."""
+        goal = self._tubes.goal(scene.route, self._config.short_length)
         for spec in self._back:
             tubes = backward_tubes(spec)
             unknown = ~self._around.known_free(tubes.samples)
@@ -277,8 +277,8 @@ class MotionTubes:
                 return self._middle(tubes, free, goal)
         return None
 
-    def _middle(self, tubes: BackwardTubes, free: Bools, goal: Goal) -> float:
-        """Of the free tubes that end nearest to the goal, in bins, the middle of the widest fan."""
+    def _middle(self, tubes: BackwardTubes, free: Bools, goal: TubeGoal) -> float:
+        """Curvature of the middle tube in the widest fan of free tubes that end in the bin nearest to the goal."""
         away = np.hypot(tubes.ends[:, 0] - goal.x, tubes.ends[:, 1] - goal.y)
         bins = np.floor(away / self._config.back_bin)
         good = np.flatnonzero(free & (bins == bins[free].min()))
@@ -289,6 +289,6 @@ class MotionTubes:
 
 
 def _within(points: Floats, reach: float) -> Floats:
-    """Those of the points (M, 2) that are nearer than `reach` [m]."""
+    """The points (M, 2) that are nearer than `reach` [m]."""
     near: Floats = points[points[:, 0] ** 2 + points[:, 1] ** 2 < reach * reach]
     return near

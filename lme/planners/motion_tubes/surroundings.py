@@ -1,4 +1,4 @@
-"""What lies around the robot where its lidar does not look now, from what it saw before."""
+"""Memory of earlier scans for the area outside the lidar's present field of view."""
 
 from __future__ import annotations
 
@@ -14,10 +14,9 @@ from lme.types import Bools, Floats, Pose
 
 
 class Surroundings:
-    """The latest scans, kept by odometry: what was seen and where the robot stood, also where it cannot see now.
+    """The latest scans and the robot's poses in the odometry frame. Obstacles are assumed to be static.
 
-    A scan stays when the robot has driven or turned on since the last that stayed; the oldest gives way. What was
-    seen is taken to stand still.
+    A scan is kept if the robot has moved or turned enough since the last kept scan; the oldest scan is dropped.
     """
 
     def __init__(self, footprint: Footprint, capacity: int, spacing: float, turn: float) -> None:
@@ -26,16 +25,16 @@ class Surroundings:
         self.forget()
 
     def forget(self) -> None:
-        """Start over."""
+        """Forget all scans."""
         self._poses: list[Pose] = []
         self._ranges: list[Ranges] = []
         self._hits: list[Floats] = []  # of each scan, in the odometry frame
         self._view: LidarView | None = None
 
     def see(self, odometry: Pose, view: LidarView, seen: Ranges, points: Floats) -> None:
-        """Take in a scan; it takes the place of the last one unless the robot has moved on from the one before.
+        """Add a scan. It replaces the last one if the robot has not moved enough between the last two.
 
-        points (M, 2): what it hit, in the base frame [m].
+        points (M, 2): its obstacle points in the base frame [m].
         """
         if view != self._view:
             self.forget()
@@ -51,7 +50,7 @@ class Surroundings:
             del kept[: -self._capacity]
 
     def hidden_hits(self, reach: float) -> Floats:
-        """What was hit within `reach` [m] of the base where the lidar cannot see now, in the base frame: (K, 2) [m]."""
+        """Earlier points within `reach` [m] of the base and out of view now, in the base frame: (K, 2) [m]."""
         view = self._view
         assert view is not None
         lidar = (view.x, view.y, view.first)
@@ -59,7 +58,7 @@ class Surroundings:
         return np.asarray(out_of_sight(hits, self._poses[-1], lidar, view.increment, view.num_beams, reach))
 
     def known_free(self, points: Floats) -> Bools:
-        """Which points (P, 2) in the base frame the robot has stood on or seen past: (P,)."""
+        """Whether the robot has stood on or seen past each of the points (P, 2) in the base frame: (P,)."""
         view, bodies, lidars, ranges = self._from_here()
         return np.asarray(known_free(points, bodies, lidars, ranges, view.increment, self._box))
 
@@ -68,7 +67,7 @@ class Surroundings:
         return math.dist(before[:2], after[:2]) >= self._spacing or abs(turn) >= self._turn
 
     def _from_here(self) -> tuple[LidarView, Floats, Floats, Ranges]:
-        """The view, poses of base and lidar (M, 3) in the present base frame, ranges (M, B); newest first."""
+        """The view, poses of base and lidar (M, 3) in the present base frame, and ranges (M, B); newest first."""
         view = self._view
         assert view is not None
         bodies = np.array([relative(pose, self._poses[-1]) for pose in reversed(self._poses)])

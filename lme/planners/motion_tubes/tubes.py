@@ -1,4 +1,4 @@
-"""Geometry of motion tubes: what they sweep, and which beams must see past them."""
+"""Geometry of motion tubes: swept areas and the ranges that free beams must exceed."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from lme.types import Bools, Floats, Ints, LaserScan, Pose
 Box = tuple[float, float, float]  # half_length, half_width, rounding [m]
 
 _ALONG = 0.03  # [m] between placements of the outline along a tube
-_CORNER_SIDES = 8  # of the polygon that stands for a rounded corner
+_CORNER_SIDES = 8  # of the polygon that approximates a rounded corner
 _WHISKER_SAMPLES = 3
 _LATTICE = 0.05  # [m] between samples behind the robot
 
 
 class LidarView(NamedTuple):
-    """Where a scan's beams start and point in the base frame, the increment positive."""
+    """Origin and directions of a scan's beams in the base frame; the increment is positive."""
 
     x: float  # [m]
     y: float  # [m]
@@ -30,9 +30,9 @@ class LidarView(NamedTuple):
 
 
 class TubeSpec(NamedTuple):
-    """What a set of tubes is made of; equal specs share one set."""
+    """Specification of a set of tubes; equal specifications share one set."""
 
-    length: float  # [m] way of the base
+    length: float  # [m] distance driven by the base
     heading_max: float  # [rad] at the end of the most curved tube
     heading_step: float  # [rad]
     box: Box
@@ -41,7 +41,7 @@ class TubeSpec(NamedTuple):
 
 
 class Tubes(NamedTuple):
-    """Tubes of one length in the eyes of one lidar, straight on first, then left and right by turns.
+    """Tubes of one length for one lidar: the straight one first, then left and right in turn.
 
     curvatures (N,) [1/m]; needs (N, B) [m], spans (N, 2) and hidden (N,) as in `lme.kernels.tubes.free_tubes`;
     whisker_beams and whisker_ranges (3, N, S): samples of the outer, front and inner whisker.
@@ -57,7 +57,7 @@ class Tubes(NamedTuple):
 
 
 def lidar_view(scan: LaserScan, mount: Pose) -> tuple[LidarView, Ranges]:
-    """The scan's beams in the base frame, anticlockwise, and how far each saw nothing (B,) [m]."""
+    """The scan's beams in the base frame, anticlockwise, and the free range of each (B,) [m]."""
     seen = free_ranges(scan.ranges, scan.range_min, scan.range_max)
     first, increment, count = scan.angle_min, scan.angle_increment, len(seen)
     if increment < 0.0:
@@ -67,7 +67,7 @@ def lidar_view(scan: LaserScan, mount: Pose) -> tuple[LidarView, Ranges]:
 
 @lru_cache(maxsize=16)
 def forward_tubes(spec: TubeSpec, view: LidarView) -> Tubes:
-    """The tubes ahead."""
+    """The forward tubes."""
     curvatures = _curvatures(spec)
     outline = grown_outline(spec.box, *spec.margins)
     front = spec.box[0] + spec.box[2] + spec.margins[0]
@@ -81,7 +81,7 @@ def forward_tubes(spec: TubeSpec, view: LidarView) -> Tubes:
 
 
 def grown_outline(box: Box, front: float, side: float) -> Floats:
-    """The footprint grown at the front and the sides, (V, 2) [m], anticlockwise; rounded corners as polygons around."""
+    """The footprint grown at the front and the sides, anticlockwise, with circumscribed corners: (V, 2) [m]."""
     half_length, half_width, rounding = box
     turns = np.array([0.0])
     if rounding > 0.0:
@@ -97,21 +97,21 @@ def grown_outline(box: Box, front: float, side: float) -> Floats:
 
 
 def _curvatures(spec: TubeSpec) -> Floats:
-    """0, then left and right by turns, to the most curved: (N,) [1/m]."""
+    """0, then left and right in turn, with rising curvature: (N,) [1/m]."""
     count = max(1, math.floor(spec.heading_max / spec.heading_step + 1e-9))
     left = spec.heading_step * np.arange(1, count + 1) / spec.length
     return np.concatenate(([0.0], np.column_stack((left, -left)).ravel()))
 
 
 def _spans(needs: Ranges) -> Ints:
-    """First and last beam of each tube that must see anything, (N, 2); (0, −1) where none must."""
+    """First and last beam that meet each tube: (N, 2); (0, −1) if none does."""
     met = np.pad(needs > 0.0, ((0, 0), (1, 1)))
     first, last = met.argmax(axis=1) - 1, needs.shape[1] - met[:, ::-1].argmax(axis=1)
     return np.where(np.any(met, axis=1, keepdims=True), np.column_stack((first, last)), (0, -1))
 
 
 def _whiskers(spec: TubeSpec, curvatures: Floats, view: LidarView) -> tuple[Ints, Ranges]:
-    """Samples of the whiskers at the end of each tube, (3, N, S); a straight tube has its side whiskers twice over."""
+    """Samples of the whiskers at the end of each tube, (3, N, S); a straight tube's outer and inner are equal."""
     half_length, half_width, rounding = spec.box
     x, y = half_length + spec.margins[0], half_width + spec.margins[1]
     across = y + rounding + spec.whiskers[1] * np.arange(1, _WHISKER_SAMPLES + 1) / _WHISKER_SAMPLES
@@ -131,14 +131,14 @@ def _whiskers(spec: TubeSpec, curvatures: Floats, view: LidarView) -> tuple[Ints
 
 
 def _placed(points: Floats, pose: tuple[float, float, float]) -> Floats:
-    """Points (..., 2) given in the frame at `pose`, in its parent frame."""
+    """Transform points (..., 2) from the frame at `pose` to its parent frame."""
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
     x, y = points[..., 0], points[..., 1]
     return np.stack((pose[0] + cos * x - sin * y, pose[1] + sin * x + cos * y), axis=-1)
 
 
 def _beams(points: Floats, view: LidarView) -> tuple[Ints, Ranges]:
-    """The beam nearest to each point (..., 2), −1 out of view, and the point's range [m]."""
+    """The beam nearest to each point (..., 2), −1 if out of view, and the point's range [m]."""
     dx, dy = points[..., 0] - view.x, points[..., 1] - view.y
     bearings = ((np.arctan2(dy, dx) - view.first) % math.tau) / view.increment
     beams = np.where(bearings >= math.tau / view.increment - 0.5, 0, np.rint(bearings))
@@ -147,9 +147,9 @@ def _beams(points: Floats, view: LidarView) -> tuple[Ints, Ranges]:
 
 
 class BackwardTubes(NamedTuple):
-    """Tubes behind the robot, from the most curved to the left to the most to the right.
+    """Tubes behind the robot, from the greatest curvature to the least.
 
-    curvatures (N,) [1/m]; ends (N, 2) of the base [m]; samples (P, 2) [m]; inside (N, P): which of them lie in each.
+    curvatures (N,) [1/m]; ends (N, 2) of the base [m]; samples (P, 2) [m]; inside (N, P): which samples each contains.
     """
 
     curvatures: Floats
@@ -160,7 +160,7 @@ class BackwardTubes(NamedTuple):
 
 @lru_cache(maxsize=16)
 def backward_tubes(spec: TubeSpec) -> BackwardTubes:
-    """Tubes driven backwards; the front margin is behind, whiskers they have none."""
+    """Tubes driven backwards, with the front margin at the rear and without whiskers."""
     curvatures = np.sort(_curvatures(spec))
     half_length, half_width, rounding = spec.box
     grown = (half_length + spec.margins[0], half_width + spec.margins[1], rounding)
@@ -179,7 +179,7 @@ def backward_tubes(spec: TubeSpec) -> BackwardTubes:
 
 
 def _within(points: Floats, box: Box, pose: tuple[float, float, float]) -> Bools:
-    """Which points (P, 2) lie in the rounded rectangle at `pose`: (P,)."""
+    """Whether each of the points (P, 2) lies in the rounded rectangle at `pose`: (P,)."""
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
     dx, dy = points[:, 0] - pose[0], points[:, 1] - pose[1]
     beside_x = np.maximum(np.abs(cos * dx + sin * dy) - box[0], 0.0)

@@ -1,4 +1,4 @@
-"""S3-FISVFH: a polar histogram searched two steps ahead, with fuzzy velocities."""
+"""S3-FISVFH: two-step search on a polar histogram, with fuzzy velocity control."""
 
 from lme.planners.s3_fisvfh.planner import S3Fisvfh
 

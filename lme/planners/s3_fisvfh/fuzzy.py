@@ -1,4 +1,4 @@
-"""Fuzzy inference with one input and one output: a curve through rules in words."""
+"""Fuzzy inference with one input and one output."""
 
 from __future__ import annotations
 
@@ -6,23 +6,22 @@ import numpy as np
 
 from lme.types import Floats
 
-_INPUTS = 257  # where the curve is tabulated; linear between
-_OUTPUTS = 513  # where the output sets are sampled
+_INPUTS = 257  # samples of the curve, interpolated linearly
+_OUTPUTS = 513  # samples of the output sets
 
 
 class FuzzyCurve:
-    """Rules "where the input is about a_k, the output is about b_k", answered by one number.
+    """Mamdani inference for rules "if the input is about a_k, then the output is about b_k".
 
-    Each set is a triangle that reaches to its neighbours' peaks. The output sets are cut off at how far the
-    input belongs to its own (min) and joined (max); the answer is the centroid of what they cover. Inputs
-    beyond the outermost peaks belong to the outermost sets. At the ends the sets are halves, so that the
-    outermost outputs are not quite reached.
+    Each set is a triangle between its neighbours' peaks. Output sets are clipped at the membership of the input
+    (min) and joined (max); the output is the centroid of the result. Inputs beyond the outermost peaks belong to
+    the outermost sets. The outermost sets are half triangles, so the outermost outputs are not quite reached.
     Source: Mamdani & Assilian 1975, DOI 10.1016/S0020-7373(75)80002-2.
     """
 
     def __init__(self, inputs: Floats, outputs: Floats) -> None:
         """Peaks (K,) of the input sets, rising, and of the output sets, rising or falling."""
-        if outputs[0] > outputs[-1]:  # sets are sampled from low to high; the pairs stay together
+        if outputs[0] > outputs[-1]:  # sort the output peaks, and keep the pairs
             rows = np.eye(len(outputs))[::-1]
             peaks = outputs[::-1]
         else:
@@ -43,7 +42,7 @@ class FuzzyCurve:
 
 
 def _trapezoid_weights(count: int) -> Floats:
-    """Of the samples of an integral over even steps: the two at the ends count half."""
+    """Weights of the trapezoidal rule for `count` evenly spaced samples."""
     weights = np.ones(count)
     weights[[0, -1]] = 0.5
     return weights

@@ -1,4 +1,4 @@
-"""S3-FISVFH: search, smooth and safeguard around a vector field histogram with fuzzy control."""
+"""S3-FISVFH: a vector field histogram with search, smoothing, fuzzy control and a safeguard."""
 
 from __future__ import annotations
 
@@ -15,27 +15,27 @@ from lme.robots import Robot
 from lme.sensing.scan_points import obstacle_points
 from lme.types import Bools, Floats, Guidance, LaserScan, Observation, Pose, Twist
 
-_ENTRY_PERIOD = 0.1  # [s] the entry smooths once in that time
-_NEAR = 0.01  # [m] no command may bring the footprint this near to a point, and twice the lidar's noise more
-_EQUAL = 1e-9  # [m] sides that differ by less are as clear as each other
-_ROOM_MIN = 0.05  # [m] backing up waits until so much ground lies behind
+_ENTRY_PERIOD = 0.1  # [s] period of the entry's smoothing
+_NEAR = 0.01  # [m] least clearance of a command, plus twice the standard deviation of the lidar's noise
+_EQUAL = 1e-9  # [m] clearances of two sides that differ by less are equal
+_ROOM_MIN = 0.05  # [m] least room for backing up
 
 
 @dataclass(slots=True)
 class S3FisvfhConfig:
-    """Settings of the entry; counts of beams and sectors as angles, turn rates as shares of the limit."""
+    """Settings of the entry, with angles instead of counts of beams and sectors, and shares of the limits."""
 
     window: float = 4.0  # [m]
     sector: float = math.pi / 60  # [rad]
     block_distance: float = 1.1  # [m]
-    size_factor: float = 1.15  # [-] of the collision radius's double
+    size_factor: float = 1.15  # [-] of twice the collision radius
     size_distance: float = 0.9  # [m]
-    wide_factor: float = 22 / 12  # [-] of the least width of a valley
+    wide_factor: float = 22 / 12  # [-] of a valley's least width
     depth: int = 2  # [steps]
     deviation_cost: float = 0.1 / math.radians(3.0)  # [m/rad]
     switch_cost: float = 0.2 / math.radians(3.0)  # [m/rad]
-    smoothing: float = 0.5  # [-] share of the new heading every 0.1 s
-    speed: float = 0.7  # [m/s] v_max where that is less
+    smoothing: float = 0.5  # [-] weight of the new heading every 0.1 s
+    speed: float = 0.7  # [m/s] at most v_max
     turn: float = math.pi / 4.0  # [-] share of ω_max
     turn_span: float = math.radians(135.0)  # [rad]
     look_ahead: float = math.radians(30.0)  # [rad]
@@ -66,17 +66,16 @@ class S3FisvfhConfig:
 class S3Fisvfh:
     """Search-Smooth-Safeguard Fuzzy Inference System Vector Field Histogram, winner of BARN's physical round 2025.
 
-    A polar histogram of the scan (VFH, Borenstein & Koren 1991, DOI 10.1109/70.88137) has valleys; a
-    best-first search looks which of them leads on (VFH*, Ulrich & Borenstein 2000, DOI
-    10.1109/ROBOT.2000.846405); the heading found is smoothed; fuzzy rules turn the heading into a turn rate
-    and the free space ahead into a speed (FISVFH, Balan et al. 2019); a safeguard backs up before obstacles.
-    The LME paper describes the entry; its public package gives the values.
+    The planner finds the valleys of a polar histogram of the scan (VFH, Borenstein & Koren 1991, DOI
+    10.1109/70.88137). A best-first search selects a valley (VFH*, Ulrich & Borenstein 2000, DOI
+    10.1109/ROBOT.2000.846405), and its heading is smoothed. Fuzzy rules map the heading to a turn rate and the
+    free space ahead to a speed (FISVFH, Balan et al. 2019). A safeguard backs up before obstacles. The LME paper
+    describes the entry; its public package gives the values.
 
-    The entry counts beams and sectors of Jackal's lidar; here they are angles. Turn rates and the speed of
-    backing up are shares of the robot's limits, and what it derives from its size follows the robot's. Its
-    search looks twice at the same histogram, which comes to the cheapest first step: `depth: 1` is that.
-    Added for any robot: it stops at the goal, backs up no further than it has driven ahead, and takes no command
-    that would bring the footprint to a scan point.
+    Differences: the entry counts beams and sectors of Jackal's lidar, here they are angles. Turn rates and the
+    backing speed are shares of the robot's limits, and sizes follow from the robot. The entry searches the same
+    histogram at both steps, which is equivalent to the cheapest first step, `depth: 1`. Added for any robot: it
+    stops at the goal, backs up no further than it has driven ahead, and never drives into a scan point.
     """
 
     Config = S3FisvfhConfig
@@ -100,7 +99,7 @@ class S3Fisvfh:
         self._front = half_length + rounding
 
     def reset(self, rng: np.random.Generator) -> None:
-        """Forget the heading followed and the ground covered."""
+        """Forget the smoothed heading and the room behind."""
         self._heading: float | None = None
         self._pose: Pose | None = None
         self._room = 0.0
@@ -113,7 +112,7 @@ class S3Fisvfh:
         bearing, distance = math.atan2(goal[1], goal[0]), math.hypot(*goal)
         guard = self._front + min(
             self._config.guard_clearance, distance
-        )  # beyond the goal nothing is in the way
+        )  # obstacles beyond the goal do not count
         heading = self._smoothed(self._wanted(points, goal, bearing, observation.scan))
         if min(nearest_ahead(points, self._config.guard_ahead)) >= guard:
             omega = math.copysign(self._turn(abs(heading)), heading) * observation.limits.omega_max
@@ -129,7 +128,7 @@ class S3Fisvfh:
         return self._retreat(points, guard, heading, observation)
 
     def _wanted(self, points: Floats, goal: Floats, bearing: float, scan: LaserScan) -> float:
-        """Heading that the search finds [rad]; without one, towards the goal as far as one can see."""
+        """Heading of the search [rad]; without a result, the goal's bearing limited to the field of view."""
         before, spacing = bearing if self._heading is None else self._heading, abs(scan.angle_increment)
         heading, found = search(points, self._unseen, goal, before, spacing, self._rules, self._costs)
         if found:
@@ -139,7 +138,7 @@ class S3Fisvfh:
         return math.remainder(middle + min(max(off, -half), half), math.tau)
 
     def _smoothed(self, heading: float) -> float:
-        """Exponential moving average of headings [rad], on the circle."""
+        """Exponential moving average of the headings, on the circle [rad]."""
         if self._heading is not None:
             change = math.remainder(heading - self._heading, math.tau)
             heading = math.remainder(self._heading + (1.0 - self._keep) * change, math.tau)
@@ -147,12 +146,12 @@ class S3Fisvfh:
         return heading
 
     def _towards(self, bearing: float) -> bool:
-        """Whether the heading followed is that of the goal."""
+        """Whether the smoothed heading is towards the goal."""
         assert self._heading is not None
         return abs(math.remainder(self._heading - bearing, math.tau)) < self._config.clear_deviation
 
     def _cruise(self, points: Floats, bearing: float, observation: Observation) -> float:
-        """Speed by the clearest sector ahead [m/s]; full where all is clear and the goal lies there."""
+        """Speed for the clearest sector ahead [m/s]; v_max if all is clear and the heading is towards the goal."""
         config, v_max = self._config, observation.limits.v_max
         clear = min(nearest_ahead(points, config.clear_ahead)) >= config.window
         if clear and self._towards(bearing):
@@ -167,10 +166,9 @@ class S3Fisvfh:
     def _arrival(
         self, v: float, omega: float, distance: float, bearing: float, observation: Observation
     ) -> float:
-        """No faster than can stop at the goal [m/s], nor, on the way to it, than the arc that leads there.
+        """Limit the speed so that the robot can stop at the goal and does not circle it [m/s].
 
-        A robot that turns at ω drives a circle; faster than v = ω·d / (2 sin bearing), it passes outside the goal
-        and may circle it for ever.
+        A robot that turns at ω drives a circle. Above v = ω·d / (2 sin bearing) the circle passes outside the goal.
         """
         limits = observation.limits
         v = min(v, approach(distance, observation.twist.v, limits.v_max, limits.alpha_v, self._robot.dt))
@@ -183,10 +181,10 @@ class S3Fisvfh:
         return min(v, turning * distance / (2.0 * math.sin(min(off, math.pi / 2))))
 
     def _retreat(self, points: Floats, guard: float, heading: float, observation: Observation) -> Twist:
-        """Backwards over ground just covered, turning to the clearer side; else turn on the spot; else stop."""
+        """Back up over ground just driven, turning to the clearer side; else turn on the spot; else stop."""
         limits, config, dt = observation.limits, self._config, self._robot.dt
         sides = nearest_ahead(points, config.guard_ahead)
-        if min(sides) >= guard:  # what stands in the way stands beside
+        if min(sides) >= guard:  # the obstacle is beside the robot
             sides = nearest_ahead(points, math.pi / 2)
         clearer_left = sides[0] - sides[1] if abs(sides[0] - sides[1]) > _EQUAL else heading
         omega = math.copysign(config.retreat_turn * limits.omega_max, clearer_left)
@@ -198,7 +196,7 @@ class S3Fisvfh:
         return limited(0.0, 0.0, observation, dt)
 
     def _note_travel(self, pose: Pose) -> None:
-        """Keep count of how far the robot may back up into what its lidar may not see [m]."""
+        """Update how far the robot may back up into the lidar's blind arc [m]."""
         if self._pose is not None:
             before = self._pose
             ahead = (pose.x - before.x) * math.cos(before.yaw) + (pose.y - before.y) * math.sin(before.yaw)
@@ -206,7 +204,7 @@ class S3Fisvfh:
         self._pose = pose
 
     def _is_free(self, twist: Twist, points: Floats, observation: Observation) -> bool:
-        """Whether the footprint clears all points with this command and its braking."""
+        """Whether the footprint stays clear of all points during this command and braking."""
         limits = observation.limits
         braking = max(abs(twist.v) / limits.alpha_v, abs(twist.omega) / limits.alpha_omega) / 2.0
         time = self._robot.dt + braking
@@ -215,7 +213,7 @@ class S3Fisvfh:
 
 
 def _unseen(robot: Robot, num_sectors: int) -> Bools:
-    """Sectors whose middle no beam comes near: (num_sectors,)."""
+    """Whether each sector's middle is outside the field of view: (num_sectors,)."""
     lidar = robot.lidar
     middles = -math.pi + (np.arange(num_sectors) + 0.5) * math.tau / num_sectors
     off_axis = np.abs(np.remainder(middles - lidar.yaw + math.pi, math.tau) - math.pi)

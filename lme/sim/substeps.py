@@ -1,4 +1,4 @@
-"""A ride in short slices of time: what delay, slip, movers and rigid bodies need."""
+"""Motion in short substeps, as delay, slip, movers and rigid bodies need it."""
 
 from __future__ import annotations
 
@@ -19,22 +19,22 @@ from lme.worlds.world import Task
 
 
 class Body(Protocol):
-    """What the wheels move. Owns its pose."""
+    """The robot's body, which the wheels move. It owns its pose."""
 
     pose: Pose
     twist: Twist  # over ground
 
     def move(self, motion: tuple[float, float], dt: float) -> None:
-        """Roll on by a distance [m] and a turn [rad] within `dt` [s]; the movers are already ahead by dt."""
+        """Roll by a distance [m] and a turn [rad] within `dt` [s]. The movers have already moved for dt."""
 
     def touches(self, clearance: float) -> bool:
-        """Whether it is in contact; `clearance` is the distance between the bare shapes [m]."""
+        """Whether the body is in contact; `clearance`: distance from the footprint to the obstacles [m]."""
 
 
 class Wheels:
-    """Two driven wheels that follow commands within the limits and count their turns.
+    """Two driven wheels that follow commands within the limits, with encoders.
 
-    twist: of the tread; odometry: pose of the base in the frame where the ride began, as the wheels count it.
+    twist: of the tread. odometry: pose of the base by the encoders, in the frame of the start.
     """
 
     def __init__(self) -> None:
@@ -42,7 +42,7 @@ class Wheels:
         self.odometry = Pose(0.0, 0.0, 0.0)
 
     def turn(self, command: Twist, limits: Limits, dt: float) -> tuple[float, float]:
-        """Distance [m] and turn [rad] of the tread in `dt` [s], each velocity ramping at its own limit."""
+        """Distance [m] and turn [rad] of the tread in `dt` [s]. Each velocity ramps at its own limit."""
         v_goal = min(max(command.v, -limits.v_max), limits.v_max)
         omega_goal = min(max(command.omega, -limits.omega_max), limits.omega_max)
         v, distance = _ramp(self.twist.v, v_goal, limits.alpha_v, dt)
@@ -52,8 +52,8 @@ class Wheels:
         return distance, angle
 
 
-class Ride:
-    """One episode's way through a world with all that moves in it."""
+class Substepper:
+    """Moves robot and movers through one episode, substep by substep."""
 
     def __init__(
         self,
@@ -77,7 +77,7 @@ class Ride:
 
     @property
     def obstacles(self) -> tuple[Floats, Floats]:
-        """Circles (C, 3) and edges (E, 4) as they stand now."""
+        """Circles (C, 3) and edges (E, 4) at their present poses."""
         circles, edges = self._static
         if not len(self.crowd):
             return circles, edges
@@ -85,28 +85,28 @@ class Ride:
 
     def start(self) -> State:
         """The state before the first command."""
-        clearance, contact, arrived = self._verdict()
+        clearance, contact, arrived = self._check()
         travel = np.array([self._body.pose])
         return State(self._body.pose, self._body.twist, 0.0, travel, clearance, contact, arrived)
 
-    def period(self, command: Twist, slices: int, limits: Callable[[Twist, Twist], Limits]) -> State:
-        """One control period in equal slices; ends with the first slice that brings contact or arrival.
+    def period(self, command: Twist, substeps: int, limits: Callable[[Twist, Twist], Limits]) -> State:
+        """Simulate one control period in equal substeps, or until the first contact or arrival.
 
-        A delayed command takes effect with the slice whose middle is past its time. limits: for a command
-        and the twist of the wheels at the moment when it takes effect.
+        A delayed command takes effect in the first substep whose middle is at or past its time.
+        limits: function of a command and of the twist of the wheels when the command takes effect.
         """
-        dt, least, travel = self._robot.dt / slices, math.inf, np.empty((slices, 3))
+        dt, least, travel = self._robot.dt / substeps, math.inf, np.empty((substeps, 3))
         factors = slip_factors(self._slip, self._rng)
         self._delay.send(command, self._time)
-        obeyed: Twist | None = None
-        for k in range(slices):
-            told = self._delay.at(self._time + (k + 0.5) * dt)
-            if told is not obeyed:
-                obeyed, allowed = told, limits(told, self.wheels.twist)
+        previous: Twist | None = None
+        for k in range(substeps):
+            active = self._delay.at(self._time + (k + 0.5) * dt)
+            if active is not previous:
+                previous, allowed = active, limits(active, self.wheels.twist)
             self.crowd.advance(self._body.pose, dt)
-            self._body.move(slipped(self.wheels.turn(told, allowed, dt), factors, self._track), dt)
+            self._body.move(slipped(self.wheels.turn(active, allowed, dt), factors, self._track), dt)
             travel[k] = self._body.pose
-            clearance, contact, arrived = self._verdict()
+            clearance, contact, arrived = self._check()
             least = min(least, clearance)
             if contact or arrived:
                 break
@@ -114,8 +114,8 @@ class Ride:
         pose, twist = self._body.pose, self._body.twist
         return State(pose, twist, self._time, travel[: k + 1], least, contact, arrived)
 
-    def _verdict(self) -> tuple[float, bool, bool]:
-        """Clearance [m], contact, arrival; touching on arrival is contact."""
+    def _check(self) -> tuple[float, bool, bool]:
+        """Clearance [m], contact, arrival. Contact on arrival counts as contact only."""
         pose, box = self._body.pose, self._robot.footprint.box
         here = np.array([pose])
         clearance, _ = sweep(here, box, *self._static)
@@ -128,19 +128,19 @@ class Ride:
 
 
 def track(footprint: Footprint) -> float:
-    """Distance between the wheels [m]. ASSUMED: they stand at the sides of the footprint."""
+    """Distance between the wheels [m]. ASSUMED: the wheels are at the sides of the footprint."""
     _, half_width, rounding = footprint.box
     return 2 * (half_width + rounding)
 
 
 def rolled(pose: Pose, motion: tuple[float, float]) -> Pose:
-    """The pose after a distance [m] along the middle heading of a turn [rad]."""
+    """The pose after a turn [rad] and a distance [m] along the turn's middle heading."""
     distance, angle = motion
     return compose(pose, Pose(distance * math.cos(angle / 2), distance * math.sin(angle / 2), angle))
 
 
 def _ramp(start: float, goal: float, rate: float, dt: float) -> tuple[float, float]:
-    """Value after `dt` of a quantity that goes from start to goal at `rate` per second, and its integral."""
+    """Value after `dt` of a quantity that ramps from start to goal at `rate` per second, and its integral."""
     change = goal - start
     ramp_time = min(abs(change) / rate, dt)
     end = goal if ramp_time < dt else start + math.copysign(rate * dt, change)
