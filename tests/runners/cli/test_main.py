@@ -150,7 +150,7 @@ def test_eval_help_teaches(capsys):
     shown = capsys.readouterr().out
     for expected in (
         "usage: lme eval", "examples:", "* jackal", "turtlebot2", "no_maintenance", "* barn",
-        "seed=0", "of every random draw", "runs=3", "weights=published",
+        "seed=0", "draws its random numbers", "runs=3", "weights=published",
         "-m", "resume=true", "--config-dir", "--cfg job",
     ):  # fmt: skip
         assert expected in shown
