@@ -8,7 +8,6 @@ docs/assumptions.md. What is in FOLDER already is not run again. About half a mi
 """
 
 import argparse
-import numbers
 import re
 import subprocess
 import sys
@@ -104,7 +103,7 @@ def changes(name: str) -> Iterator[str]:
     group = name.partition("/")[0]
     for key in catalogue.shipped().keys(name):
         value = yaml.safe_load(key.value)
-        if "ASSUMED" in key.comment and isinstance(value, numbers.Real):
+        if "ASSUMED" in key.comment and isinstance(value, int | float):
             for factor in FACTORS:
                 yield f"{group}.{key.name}={type(value)(value * factor)}"
 

@@ -10,30 +10,30 @@ import math
 import time
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-import yaml
 
 from benchmarks.recording import parser, show
-from benchmarks.speed import load_robot, machine
+from benchmarks.speed import machine
 from lme.episode import Episode, run_episode
 from lme.guides.lme import Lme, LmeConfig
 from lme.guides.target import Target, TargetConfig
 from lme.navigator import Navigator
 from lme.planners.simple import Simple, SimpleConfig
-from lme.resources import resource_dir
+from lme.presets import load_parameters, load_robot
 from lme.robots import Robot
 from lme.sim.fast import FastConfig, FastSimulator
 from lme.sim.physics import PhysicsConfig, PhysicsSimulator
 from lme.sim.simulator import Simulator, State
-from lme.types import Observation, Twist
+from lme.types import Floats, Observation, Twist
 from lme.worlds.barn.map_set import Barn, BarnConfig
 from lme.worlds.world import Task
 
 FRESH_SEED = 4
 DISTURBED = 100  # worlds per row of the table of disturbances
-DISTURBANCES: tuple[dict[str, float], ...] = (
+Settings = dict[str, Any]  # keys of `sim`
+DISTURBANCES: tuple[Settings, ...] = (
     {},
     {"latency": 0.05},
     {"latency": 0.1},
@@ -69,19 +69,22 @@ class Tape:
         self._simulator = simulator
 
     @property
-    def state(self) -> State:
-        """The simulator's own."""
-        return self._simulator.state
+    def obstacles(self) -> tuple[Floats, Floats]:
+        """The obstacles of the simulator."""
+        return self._simulator.obstacles
 
     def reset(self, task: Task, rng: np.random.Generator) -> Observation:
         """Begin anew."""
         self.commands: list[Twist] = []
         self.poses: list[tuple[float, ...]] = []
-        return self._simulator.reset(task, rng)
+        observation = self._simulator.reset(task, rng)
+        self.state: State = self._simulator.state
+        return observation
 
     def step(self, command: Twist) -> Observation:
         """Pass it on."""
         observation = self._simulator.step(command)
+        self.state = self._simulator.state
         self.commands.append(command)
         self.poses.append(tuple(self.state.pose))
         return observation
@@ -185,7 +188,7 @@ def furthest_apart(one: Sequence[tuple[float, ...]], other: Sequence[tuple[float
     )
 
 
-def closed_loop_row(sim: str, tasks: Sequence[Task], settings: dict[str, float]) -> str:
+def closed_loop_row(sim: str, tasks: Sequence[Task], settings: Settings) -> str:
     """LME in one of the simulators, the same seed per world in both."""
     begin = time.process_time()
     episodes = closed_loop(sim, tasks, settings)
@@ -198,7 +201,7 @@ def closed_loop_row(sim: str, tasks: Sequence[Task], settings: dict[str, float])
     return f"| `{label}` | {success:.3f} | {collision:.3f} | {timeout:.3f} | {seconds:.2f} | {rate:,.0f} |"
 
 
-def disturbed_row(tasks: Sequence[Task], settings: dict[str, float]) -> str:
+def disturbed_row(tasks: Sequence[Task], settings: Settings) -> str:
     """LME under a disturbance, in both."""
     label = " ".join(f"`sim.{key}={value}`" for key, value in settings.items()) or "none"
     both = [closed_loop(sim, tasks, settings) for sim in ("fast", "physics")]
@@ -206,7 +209,7 @@ def disturbed_row(tasks: Sequence[Task], settings: dict[str, float]) -> str:
     return f"| {label} | {' | '.join(rates)} |"
 
 
-def closed_loop(sim: str, tasks: Sequence[Task], settings: dict[str, float]) -> list[Episode]:
+def closed_loop(sim: str, tasks: Sequence[Task], settings: Settings) -> list[Episode]:
     """One episode of LME on jackal in each world."""
     robot = load_robot("jackal")
     simulator: Simulator = (
@@ -228,9 +231,8 @@ def share(episodes: Sequence[Episode], outcome: str) -> float:
 
 def navigator(robot: Robot, guide: str) -> Navigator:
     """LME with the published weights, or the bare simple planner, which runs into things."""
-    published = yaml.safe_load((resource_dir("conf") / "weight_set" / "published.yaml").read_text("utf-8"))
     chosen = (
-        Lme(LmeConfig(parameters=published["parameters"]), robot)
+        Lme(LmeConfig(parameters=load_parameters("published")), robot)
         if guide == "lme"
         else Target(TargetConfig(), robot)
     )

@@ -3,6 +3,8 @@
 import math
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
+from typing import Any
 
 import numpy as np
 import pymunk
@@ -31,7 +33,7 @@ def measure(function: Callable[[], object], seconds: float = 0.4) -> tuple[float
     start = time.perf_counter()
     function()
     calls = max(1, int(2e-3 / (time.perf_counter() - start)))
-    times = []
+    times: list[float] = []
     begin = time.perf_counter()
     while len(times) < 5 or time.perf_counter() - begin < seconds:
         start = time.perf_counter()
@@ -68,7 +70,7 @@ def rows(circles: np.ndarray) -> dict[str, tuple[Callable[[], object], Callable[
     ends, origin = candidates(), np.zeros(2)
     ahead = np.linspace(0.025, 0.2, 8)
     poses = np.column_stack([np.full(8, LIDAR.x), LIDAR.y + ahead, np.full(8, LIDAR.yaw)])
-    calls = {
+    calls: dict[str, tuple[Callable[..., object], Callable[..., object], tuple[Any, ...]]] = {
         "cast": (cast, oracles.cast, (LIDAR, FULL_CIRCLE, RANGE_MAX, circles, NO_EDGES)),
         "scan_points": (
             scan_points,
@@ -80,10 +82,7 @@ def rows(circles: np.ndarray) -> dict[str, tuple[Callable[[], object], Callable[
         "cluster": (cluster, oracles.cluster, (points, 2 * RADIUS, True)),
         "sweep": (sweep, oracles.sweep, (poses, (0.21, 0.155, 0.0), circles, NO_EDGES)),
     }
-    return {
-        name: (lambda f=fast, a=args: f(*a), lambda f=slow, a=args: f(*a))
-        for name, (fast, slow, args) in calls.items()
-    }
+    return {name: (partial(fast, *args), partial(slow, *args)) for name, (fast, slow, args) in calls.items()}
 
 
 def kernel_rows() -> Iterator[str]:

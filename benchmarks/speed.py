@@ -19,7 +19,6 @@ from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
-import yaml
 
 from benchmarks.kernels import kernel_rows, measure
 from benchmarks.recording import parser, show
@@ -27,12 +26,9 @@ from lme.episode import run_episode
 from lme.guides.lme import Lme, LmeConfig
 from lme.navigator import Navigator
 from lme.planners.simple import Simple, SimpleConfig
-from lme.resources import resource_dir
-from lme.robots import Robot
+from lme.presets import load_parameters, load_robot
 from lme.sim.fast import FastConfig, FastSimulator
 from lme.worlds.barn.map_set import Barn, BarnConfig
-from runners.config import catalogue
-from runners.config.instantiate import filled
 
 PEERS = (
     "Stage 4.3 2,800–5,600, navground 1,600–2,700, pymunk rays 540, ir-sim 8–14 (measured earlier, elsewhere)"
@@ -68,8 +64,7 @@ def report() -> Iterator[str]:
 def loop_rows(name: str, lidar: str) -> Iterator[str]:
     """One decision in BARN world 200, and closed-loop steps per second over twenty worlds."""
     robot = load_robot(name)
-    parameters = yaml.safe_load((resource_dir("conf") / "weight_set" / "published.yaml").read_text())
-    guide = Lme(LmeConfig(parameters=parameters["parameters"]), robot)
+    guide = Lme(LmeConfig(parameters=load_parameters("published")), robot)
     navigator = Navigator(guide, Simple(SimpleConfig(), robot))
     simulator = FastSimulator(FastConfig(), robot)
     barn = Barn(BarnConfig())
@@ -100,13 +95,6 @@ def closed_loop(barn: Barn, navigator: Navigator, simulator: FastSimulator) -> f
     begin = time.perf_counter()
     episodes = [run_episode(task, navigator, simulator, np.random.default_rng(1)) for task in tasks]
     return sum(episode.steps for episode in episodes) / (time.perf_counter() - begin)
-
-
-def load_robot(name: str) -> Robot:
-    """A shipped robot."""
-    robot = filled(Robot, catalogue.shipped().values(f"robot/{name}"), "robot")
-    assert isinstance(robot, Robot)
-    return robot
 
 
 def command_rows() -> Iterator[str]:
@@ -147,8 +135,8 @@ def memory_of_session(session: int) -> float:
     for folder in Path("/proc").glob("[0-9]*"):
         try:
             if int((folder / "stat").read_text().rpartition(")")[2].split()[3]) == session:
-                total += int(re.search(r"Pss: +(\d+)", (folder / "smaps_rollup").read_text()).group(1))
-        except (OSError, ValueError, AttributeError):
+                total += int(re.findall(r"Pss: +(\d+)", (folder / "smaps_rollup").read_text())[0])
+        except (OSError, ValueError, IndexError):
             continue  # ended meanwhile
     return total / 1024
 

@@ -56,8 +56,9 @@ def search_time(journal: Path) -> float:
 
     storage = JournalStorage(JournalFileBackend(str(journal)))
     trials = storage.get_all_trials(storage.get_all_studies()[0]._study_id)
-    begin = min(trial.datetime_start for trial in trials)
-    return (max(trial.datetime_complete for trial in trials) - begin).total_seconds()
+    begin = min(trial.datetime_start for trial in trials if trial.datetime_start)
+    end = max(trial.datetime_complete for trial in trials if trial.datetime_complete)
+    return (end - begin).total_seconds()
 
 
 if __name__ == "__main__":

@@ -9,6 +9,7 @@ import argparse
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import yaml
 
@@ -50,7 +51,7 @@ def tune(planner: str, seed: int) -> Path:
     return path
 
 
-def variant(planner: str, found: dict, command: str) -> str:
+def variant(planner: str, found: dict[str, Any], command: str) -> str:
     """The planner's own file with the values found in their place, each beside the one that it replaces."""
     own = (resource_dir("conf") / "planner" / f"{planner}.yaml").read_text(encoding="utf-8")
     title, before = own.splitlines()[0].removeprefix("# "), yaml.safe_load(own)

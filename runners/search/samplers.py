@@ -18,7 +18,12 @@ from lme.errors import InputError, require
 from runners.config.extras import install
 
 if TYPE_CHECKING:
+    from optuna import Study
+    from optuna.distributions import BaseDistribution
     from optuna.samplers import BaseSampler
+    from optuna.trial import FrozenTrial
+
+    Distributions = dict[str, BaseDistribution]
 
 
 class Search(Protocol):
@@ -152,20 +157,24 @@ def per_trial(make: Callable[[int], BaseSampler], seed: int) -> BaseSampler:
 
     class PerTrial(Base):
         _number: int | None = None
-        _sampler: Any = None
+        _sampler: BaseSampler
 
-        def _of(self, trial: Any) -> Any:
+        def _of(self, trial: FrozenTrial) -> BaseSampler:
             if trial.number != self._number:
                 self._number, self._sampler = trial.number, _quietly(make, trial_seed(seed, trial.number))
             return self._sampler
 
-        def infer_relative_search_space(self, study: Any, trial: Any) -> Any:
+        def infer_relative_search_space(self, study: Study, trial: FrozenTrial) -> Distributions:
             return self._of(trial).infer_relative_search_space(study, trial)
 
-        def sample_relative(self, study: Any, trial: Any, search_space: Any) -> Any:
+        def sample_relative(
+            self, study: Study, trial: FrozenTrial, search_space: Distributions
+        ) -> dict[str, Any]:
             return self._of(trial).sample_relative(study, trial, search_space)
 
-        def sample_independent(self, study: Any, trial: Any, param_name: str, param_distribution: Any) -> Any:
+        def sample_independent(
+            self, study: Study, trial: FrozenTrial, param_name: str, param_distribution: BaseDistribution
+        ) -> Any:
             return self._of(trial).sample_independent(study, trial, param_name, param_distribution)
 
     return PerTrial()

@@ -64,7 +64,7 @@ class Study:
     @property
     def best(self) -> float | None:
         """The best reward so far."""
-        return max((trial.value for trial in self._in_state("COMPLETE")), default=None)
+        return max(self._rewards(), default=None)
 
     @property
     def num_elsewhere(self) -> int:
@@ -120,8 +120,8 @@ class Study:
         """
         from optuna.importance import PedAnovaImportanceEvaluator, get_param_importances
 
-        values = [trial.value for trial in self._in_state("COMPLETE")]
-        if len(values) < 20 or len(set(values)) < 3:
+        rewards = self._rewards()
+        if len(rewards) < 20 or len(set(rewards)) < 3:
             return {}
         found = get_param_importances(self._study, evaluator=PedAnovaImportanceEvaluator())
         return {name: float(share) for name, share in found.items()}
@@ -135,6 +135,9 @@ class Study:
         if OWNER not in trial.user_attrs:
             trial.set_user_attr(OWNER, self._owner)
         return Proposal(trial.number, values)
+
+    def _rewards(self) -> list[float]:
+        return [trial.value for trial in self._in_state("COMPLETE") if trial.value is not None]
 
     def _in_state(self, state: str) -> list[FrozenTrial]:
         import optuna

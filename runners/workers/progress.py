@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from time import perf_counter
 from types import TracebackType
-from typing import Self
+from typing import Any, Self
 
 from rich.console import Console
 from rich.progress import (
@@ -25,7 +25,7 @@ _COMPILING = "Compiling kernels, once after installation: this takes about half 
 class _Bar:
     """A bar on standard error: what, how far, `columns`, time taken, time left."""
 
-    def __init__(self, label: str, total: int, *columns: str, **fields: str) -> None:
+    def __init__(self, label: str, total: int, *columns: str, **fields: Any) -> None:
         self._bar = Progress(
             TextColumn("{task.description}"),
             BarColumn(),
