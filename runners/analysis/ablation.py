@@ -78,7 +78,7 @@ class Variant:
 
 
 @dataclass(frozen=True, slots=True)
-class Study:
+class AblationStudy:
     """Variants of one system in one place, the complete one first. heading, place: what it was."""
 
     heading: str
@@ -86,7 +86,7 @@ class Study:
     variants: tuple[Variant, ...]
 
 
-def studies(frame: pd.DataFrame) -> list[Study]:
+def studies(frame: pd.DataFrame) -> list[AblationStudy]:
     """One for each system and place that was driven complete and with something missing; the rest is left out."""
     return [_study(block) for block in paired.blocks(frame, COLUMN, COMPLETE)]
 
@@ -98,7 +98,7 @@ def in_text(ablation: str) -> str:
     return f"No {', '.join(part.removeprefix('no_') for part in ablation.split(JOIN))}"
 
 
-def words(found: list[Study]) -> list[str]:
+def words(found: list[AblationStudy]) -> list[str]:
     """Where ours agrees with the paper and where it does not, a line for each statement of the paper."""
     lines = []
     for study in found:
@@ -109,7 +109,7 @@ def words(found: list[Study]) -> list[str]:
     return lines
 
 
-def write(found: list[Study], place: Path) -> list[Path]:
+def write(found: list[AblationStudy], place: Path) -> list[Path]:
     """`ablation.md` and `ablation.csv` below `place`; the paths."""
     markdown, table = place / f"{NAME}.md", place / f"{NAME}.csv"
     write_whole(markdown, to_markdown(found))
@@ -117,7 +117,7 @@ def write(found: list[Study], place: Path) -> list[Path]:
     return [markdown, table]
 
 
-def to_markdown(found: list[Study]) -> str:
+def to_markdown(found: list[AblationStudy]) -> str:
     """Tables, the words below each, and at the end what a reader must know."""
     parts = [part for study in found for part in (_table(study), _list(study)) if part]
     said = any(variant.agrees for study in found for variant in study.variants)
@@ -125,7 +125,7 @@ def to_markdown(found: list[Study]) -> str:
     return "\n\n".join([*parts, "  \n".join(notes)]) + "\n"
 
 
-def _study(block: Block) -> Study:
+def _study(block: Block) -> AblationStudy:
     changes = {measure: paired.compare(block, measure) for measure in (SUCCESS, METRIC)}
     claims = CLAIMS if _is_the_papers(block) else {}
     names = [
@@ -139,7 +139,7 @@ def _study(block: Block) -> Study:
         verdict = _verdict(name, changes[SUCCESS], claims) if name in claims else None
         said = claims[name].words if verdict else ""
         variants.append(Variant(name, row, change, said, *(verdict or ())))
-    return Study(block.heading, title(block.baseline), tuple(variants))
+    return AblationStudy(block.heading, title(block.baseline), tuple(variants))
 
 
 def _is_the_papers(block: Block) -> bool:
@@ -214,7 +214,7 @@ def _surpassed(
             yield in_text(other)
 
 
-def _table(study: Study) -> str:
+def _table(study: AblationStudy) -> str:
     change = ["Difference", "95 %", "p (Holm)", "Beyond the noise"]
     header = ["Variant", "Success", *change, "BARN metric", *change, "The paper says", "Agrees", "Pairs"]
     lines = [_cells(variant) for variant in study.variants]
@@ -243,11 +243,11 @@ def _change(change: Difference | None) -> list[str]:
     return [signed(change.mean), interval(change), p, "yes" if change.beyond_noise else "no"]
 
 
-def _list(study: Study) -> str:
+def _list(study: AblationStudy) -> str:
     return "\n".join(f"- {in_text(v.ablation)}: {v.words}" for v in study.variants if v.agrees)
 
 
-def _numbers(study: Study, variant: Variant) -> dict[str, object]:
+def _numbers(study: AblationStudy, variant: Variant) -> dict[str, object]:
     """A line of the CSV, unrounded."""
     pairs = {"pairs": variant.change[SUCCESS].pairs} if variant.change else {}
     said = {"paper_says": variant.claim, "agrees": variant.agrees}

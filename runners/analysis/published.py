@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 PUBLISHED_IN = {"barn": "Gazebo"}  # the paper's other maps ran in ROS Stage
 
 
-class Place(NamedTuple):
+class PublishedSetting(NamedTuple):
     """Where a system was measured."""
 
     map: str
@@ -28,16 +28,18 @@ class Figures(NamedTuple):
     stats: dict[str, tuple[float, float]]
 
 
-def figures(systems: Mapping[str, System]) -> dict[tuple[str, Place], Figures]:
+def figures(systems: Mapping[str, System]) -> dict[tuple[str, PublishedSetting], Figures]:
     """Published figures by the system's name in `conf/system/` and by place."""
     return {
-        (name, Place(place, given["robot"])): Figures(system.label, system.global_planner, _stats(given))
+        (name, PublishedSetting(place, given["robot"])): Figures(
+            system.label, system.global_planner, _stats(given)
+        )
         for name, system in systems.items()
         for place, given in (system.published or {}).items()
     }
 
 
-def place_of(group: pd.DataFrame) -> Place | None:
+def setting_of(group: pd.DataFrame) -> PublishedSetting | None:
     """Where published figures for these records would be found, were there any.
 
     Only the whole policy compares, whoever trained it, with nothing changed, and on BARN only the hundred hard worlds.
@@ -46,7 +48,7 @@ def place_of(group: pd.DataFrame) -> Place | None:
     first = {key: str(group[key].iloc[0]) for key in known}
     whole = first.get("ablation", "none") == "none" and not (first.get("scale") or first.get("changes"))
     same_worlds = first.get("map") != "barn" or first.get("subset") == "hard100"
-    return Place(first.get("map", ""), first.get("robot", "")) if whole and same_worlds else None
+    return PublishedSetting(first.get("map", ""), first.get("robot", "")) if whole and same_worlds else None
 
 
 def notes(maps: set[str]) -> list[str]:

@@ -66,7 +66,7 @@ class Curve:
 
 
 @dataclass(frozen=True, slots=True)
-class Study:
+class SensitivityStudy:
     """Curves of one system in one place, in the order of the sweep. heading, place: what it was."""
 
     heading: str
@@ -74,7 +74,7 @@ class Study:
     curves: tuple[Curve, ...]
 
 
-def studies(frame: pd.DataFrame) -> list[Study]:
+def studies(frame: pd.DataFrame) -> list[SensitivityStudy]:
     """One for each system and place that was driven with parameters as they are, and with one multiplied.
 
     Runs with several parameters multiplied at once belong to no curve.
@@ -83,7 +83,7 @@ def studies(frame: pd.DataFrame) -> list[Study]:
     return [study for study in found if study.curves]
 
 
-def words(found: list[Study]) -> list[str]:
+def words(found: list[SensitivityStudy]) -> list[str]:
     """Which parameters matter, the most first."""
     lines = []
     for study in found:
@@ -92,7 +92,7 @@ def words(found: list[Study]) -> list[str]:
     return lines
 
 
-def write(found: list[Study], place: Path) -> list[Path]:
+def write(found: list[SensitivityStudy], place: Path) -> list[Path]:
     """`sensitivity.md` and `sensitivity.csv` below `place`; the paths."""
     markdown, table = place / f"{NAME}.md", place / f"{NAME}.csv"
     write_whole(markdown, to_markdown(found))
@@ -101,7 +101,7 @@ def write(found: list[Study], place: Path) -> list[Path]:
     return [markdown, table]
 
 
-def to_markdown(found: list[Study]) -> str:
+def to_markdown(found: list[SensitivityStudy]) -> str:
     """Success rates by factor, and the words below each table."""
     parts = []
     for study in found:
@@ -127,7 +127,7 @@ def _single(frame: pd.DataFrame) -> pd.DataFrame:
     return frame[[len(from_words(text)) <= 1 for text in frame[COLUMN].fillna(UNCHANGED)]]
 
 
-def _study(block: Block) -> Study:
+def _study(block: Block) -> SensitivityStudy:
     changes = {measure: paired.compare(block, measure) for measure in (SUCCESS, METRIC)}
     base = Point(1.0, paired.row(block.baseline), {})
     by_parameter: dict[str, list[Point]] = {}
@@ -139,7 +139,7 @@ def _study(block: Block) -> Study:
         Curve(name, _value(block, name), tuple(sorted(points, key=lambda point: point.factor)))
         for name, points in by_parameter.items()
     )
-    return Study(block.heading, title(block.baseline), tuple(curves))
+    return SensitivityStudy(block.heading, title(block.baseline), tuple(curves))
 
 
 def _value(block: Block, parameter: str) -> str:
@@ -166,7 +166,7 @@ def _beyond(curve: Curve, measure: str) -> str:
     return f"{NAMES[measure]} {shown}" if shown else ""
 
 
-def _table(study: Study, measure: str) -> str:
+def _table(study: SensitivityStudy, measure: str) -> str:
     """A line for each parameter, a column for each factor; bold where it differs beyond the noise."""
     columns = factors(study.curves)
     if not any(measure in point.row.stats for curve in study.curves for point in curve.points):
@@ -187,7 +187,7 @@ def _cell(point: Point, measure: str) -> str:
     return f"**{text}** ({signed(change.mean)})" if change and change.beyond_noise else text
 
 
-def _numbers(study: Study, curve: Curve, point: Point) -> dict[str, object]:
+def _numbers(study: SensitivityStudy, curve: Curve, point: Point) -> dict[str, object]:
     """A line of the CSV, unrounded."""
     known = {
         "block": study.heading,

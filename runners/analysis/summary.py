@@ -88,11 +88,11 @@ def summarise(
     keys = row_keys(frame)
     grouping = ["system", *keys]
     texts = frame.assign(**{key: as_text(frame[key]) for key in grouping})
-    ours: dict[str, list[tuple[Row, published.Place | None]]] = {name: [] for name in order}
+    ours: dict[str, list[tuple[Row, published.PublishedSetting | None]]] = {name: [] for name in order}
     for values, group in texts.groupby(grouping, sort=False):
         row = measure(group, str(values[0]), dict(zip(keys, map(str, values[1:]), strict=True)))
         name = names.get(str(values[0]), str(values[0]))
-        ours.setdefault(name, []).append((row, published.place_of(group)))
+        ours.setdefault(name, []).append((row, published.setting_of(group)))
     places = {place: row for rows in ours.values() for row, place in rows if place}
     figures = published.figures(systems)
     return [row for name, rows in ours.items() for row in _with_published(name, rows, places, figures)]
@@ -190,9 +190,9 @@ def as_text(column: pd.Series) -> pd.Series:
 
 def _with_published(
     name: str,
-    ours: Sequence[tuple[Row, published.Place | None]],
-    places: Mapping[published.Place, Row],
-    figures: Mapping[tuple[str, published.Place], published.Figures],
+    ours: Sequence[tuple[Row, published.PublishedSetting | None]],
+    places: Mapping[published.PublishedSetting, Row],
+    figures: Mapping[tuple[str, published.PublishedSetting], published.Figures],
 ) -> Iterator[Row]:
     """A system's rows, its published figures for each place once, after the last row that they compare with.
 
@@ -208,7 +208,7 @@ def _with_published(
                 yield _published_row(figures[name, place], place, like)
 
 
-def _published_row(found: published.Figures, place: published.Place, ours: Row) -> Row:
+def _published_row(found: published.Figures, place: published.PublishedSetting, ours: Row) -> Row:
     keys = {key: value if key in ("map", "subset") else "" for key, value in ours.keys.items()}
     return Row(
         label=f"{found.label} (published)",

@@ -21,11 +21,11 @@ from lme.robots import Robot
 from lme.sensing.scan_points import obstacle_points
 from lme.types import Floats, Observation, Pose, Twist
 from runners.replay.bags import Message
-from runners.replay.goals import Goal
+from runners.replay.goals import GoalSource
 from runners.replay.messages import twist_of
 from runners.replay.recording import SECOND, Recording
 from runners.replay.scan_source import ScanSource
-from runners.replay.track import Motion, Order, Track
+from runners.replay.track import Order, StampedMotion, Track
 
 _HERE = Pose(0.0, 0.0, 0.0)
 _NO_EDGES = np.empty((0, 4))
@@ -37,7 +37,7 @@ class ReplayStep(NamedTuple):
     """One tick: what was seen, what was decided. points (M, 2) in the robot frame [m]."""
 
     time_s: float
-    motion: Motion
+    motion: StampedMotion
     target: Floats
     points: Floats
     subgoal: Floats
@@ -71,7 +71,7 @@ class Driver:
         recording: Recording,
         scan_source: ScanSource,
         navigator: Navigator,
-        goal: Goal,
+        goal: GoalSource,
         horizon: float,
         stale: int,
     ) -> None:
@@ -159,7 +159,9 @@ class Driver:
         decision_us = (perf_counter_ns() - began) / 1000.0
         self._note(observation, motion, command, decision_us)
 
-    def _note(self, observation: Observation, motion: Motion, command: Twist, decision_us: float) -> None:
+    def _note(
+        self, observation: Observation, motion: StampedMotion, command: Twist, decision_us: float
+    ) -> None:
         guidance = self._navigator.guidance
         assert guidance is not None
         points = obstacle_points(observation.scan, self._robot.lidar.mount)

@@ -13,19 +13,19 @@ from lme.types import Floats
 from runners.replay.bags import Message
 from runners.replay.messages import frame, planar, planar_matrix
 from runners.replay.recording import Recording
-from runners.replay.track import Motion, Track
+from runners.replay.track import StampedMotion, Track
 from runners.replay.transforms import TransformTree
 
 LAST = "last"
 
 
-class Goal(Protocol):
+class GoalSource(Protocol):
     """A goal that may move."""
 
     def take(self, message: Message, track: Track, tree: TransformTree) -> None:
         """Look at a message of the goal's topic."""
 
-    def target(self, motion: Motion) -> Floats | None:
+    def target(self, motion: StampedMotion) -> Floats | None:
         """(2,) in the robot frame [m]; None while there is none."""
 
 
@@ -38,7 +38,7 @@ class FixedGoal:
     def take(self, message: Message, track: Track, tree: TransformTree) -> None:
         """It does not move."""
 
-    def target(self, motion: Motion) -> Floats | None:
+    def target(self, motion: StampedMotion) -> Floats | None:
         """The point from where the robot is."""
         return to_robot(self._point, motion.pose)
 
@@ -66,7 +66,7 @@ class TopicGoal:
         else:
             self._point = to_world(place, planar_matrix(self._to_odom(tree, name))[0])
 
-    def target(self, motion: Motion) -> Floats | None:
+    def target(self, motion: StampedMotion) -> Floats | None:
         """Exactly as the topic has it where it is told for this very instant."""
         if self._newest is not None and self._newest[0] == motion.stamp:
             return self._newest[1]
@@ -88,7 +88,7 @@ class TopicGoal:
         return matrix
 
 
-def goal_of(asked: Any, recording: Recording, stop: int | None, tolerance: int) -> Goal:
+def goal_of(asked: Any, recording: Recording, stop: int | None, tolerance: int) -> GoalSource:
     """The goal that `goal=` asks for; stop: where the replay ends [ns of the file's clock]."""
     if recording.topics.goal is not None:
         return TopicGoal(recording, tolerance)

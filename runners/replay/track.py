@@ -17,7 +17,7 @@ _TRIMMED_AT = 4096  # poses
 _JITTER = _SECOND // 10  # messages of several threads may overtake each other by so much: left out
 
 
-class Motion(NamedTuple):
+class StampedMotion(NamedTuple):
     """Pose in the odometry frame and twist in the robot's, at `stamp` [ns]."""
 
     stamp: int
@@ -70,7 +70,7 @@ class Track:
         """Stamp of the last pose [ns]."""
         return self._stamps[-1] if self._stamps else None
 
-    def at(self, stamp: int, tolerance: int) -> Motion | None:
+    def at(self, stamp: int, tolerance: int) -> StampedMotion | None:
         """The motion at `stamp`, exactly as recorded where a pose has that very stamp.
 
         Beyond the last pose or before the first, theirs, if no further off than `tolerance` [ns]; else None.
@@ -79,22 +79,24 @@ class Track:
             return None
         k = bisect_left(self._stamps, stamp)
         if k < len(self._stamps) and self._stamps[k] == stamp:
-            return Motion(stamp, self._poses[k], self._twist(k))
+            return StampedMotion(stamp, self._poses[k], self._twist(k))
         if 0 < k < len(self._stamps):
             near = min(stamp - self._stamps[k - 1], self._stamps[k] - stamp)
             return self._between(k, stamp) if near <= tolerance else None
         end = k - 1 if k else 0
         if abs(self._stamps[end] - stamp) > tolerance:
             return None
-        return Motion(stamp, self._poses[end], self._twist(end))
+        return StampedMotion(stamp, self._poses[end], self._twist(end))
 
-    def _between(self, k: int, stamp: int) -> Motion:
+    def _between(self, k: int, stamp: int) -> StampedMotion:
         a, b = self._poses[k - 1], self._poses[k]
         share = (stamp - self._stamps[k - 1]) / (self._stamps[k] - self._stamps[k - 1])
         turn = wrap_angle(b.yaw - a.yaw)
         pose = Pose(a.x + share * (b.x - a.x), a.y + share * (b.y - a.y), wrap_angle(a.yaw + share * turn))
         (v, omega), (v_then, omega_then) = self._twist(k - 1), self._twist(k)
-        return Motion(stamp, pose, Twist(v + share * (v_then - v), omega + share * (omega_then - omega)))
+        return StampedMotion(
+            stamp, pose, Twist(v + share * (v_then - v), omega + share * (omega_then - omega))
+        )
 
     def _twist(self, k: int) -> Twist:
         """As recorded, or the slope over the last fifth of a second."""
