@@ -1,4 +1,4 @@
-"""Each kernel from Python, beside its plain twin and, for the scan, pymunk's ray queries."""
+"""Times each kernel, called from Python, beside its plain twin and, for the scan, pymunk's ray queries."""
 
 import math
 import time
@@ -28,7 +28,7 @@ NO_EDGES = np.empty((0, 4))
 
 
 def measure(function: Callable[[], object], seconds: float = 0.4) -> tuple[float, float]:
-    """Least and median time of one call [µs]."""
+    """Least and median time of one call [µs], measured for `seconds`."""
     function()
     start = time.perf_counter()
     function()
@@ -44,7 +44,7 @@ def measure(function: Callable[[], object], seconds: float = 0.4) -> tuple[float
 
 
 def pymunk_scan(circles: np.ndarray) -> Callable[[], list[object]]:
-    """One scan by one ray query per beam."""
+    """A function that makes one scan, with a ray query for each beam."""
     space = pymunk.Space()
     for x, y, r in circles:
         space.add(pymunk.Circle(space.static_body, r, (x, y)))
@@ -56,7 +56,7 @@ def pymunk_scan(circles: np.ndarray) -> Callable[[], list[object]]:
 
 
 def candidates(count: int = 302) -> np.ndarray:
-    """Uniform in range up to 5 m and in bearing."""
+    """Points (count, 2) [m], uniform in range up to 5 m and in bearing."""
     rng = np.random.default_rng(0)
     reach, bearing = rng.uniform(0, 5, count), rng.uniform(-math.pi, math.pi, count)
     return np.column_stack([reach * np.cos(bearing), reach * np.sin(bearing)])
@@ -86,7 +86,7 @@ def rows(circles: np.ndarray) -> dict[str, tuple[Callable[[], object], Callable[
 
 
 def kernel_rows() -> Iterator[str]:
-    """Rows of a Markdown table: least and median, the twin, and for the scan pymunk's ray queries."""
+    """Yield rows of a Markdown table: least and median, the twin, and for the scan pymunk's ray queries."""
     barn = Barn(BarnConfig(subset="all"))
     for number in (0, 200):
         circles = barn.task(number).world.circles

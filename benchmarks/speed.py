@@ -1,9 +1,9 @@
-"""How fast it is: kernels beside their plain twins, one decision, the closed loop, whole commands.
+"""Measures the speed of kernels beside their plain twins, of a decision, the closed loop and whole commands.
 
     python -m benchmarks.speed [--record]
 
-All in one run, the library on one core, so that ratios hold on a busy machine too. --record also writes
-benchmarks/results/speed.md.
+Everything runs one after the other, the library on one core, so ratios are valid on a busy machine too.
+--record also writes benchmarks/results/speed.md.
 """
 
 import os
@@ -36,12 +36,12 @@ PEERS = (
 
 
 def main() -> None:
-    """Print, and record where asked."""
+    """Print the report, and write it with --record."""
     show(report(), "speed", parser(__doc__, "speed").parse_args().record)
 
 
 def report() -> Iterator[str]:
-    """Markdown, line by line."""
+    """Yield the lines of the report in Markdown."""
     yield "# Speed\n"
     yield f"`python -m benchmarks.speed --record`, {time.strftime('%Y-%m-%d')}, {machine()}\n"
     yield "## Kernels, called from Python, one core\n"
@@ -62,7 +62,7 @@ def report() -> Iterator[str]:
 
 
 def loop_rows(name: str, lidar: str) -> Iterator[str]:
-    """One decision in BARN world 200, and closed-loop steps per second over twenty worlds."""
+    """Rows for one decision in BARN world 200, and for closed-loop steps per second over twenty worlds."""
     robot = load_robot(name)
     guide = Lme(LmeConfig(parameters=load_parameters("published")), robot)
     navigator = Navigator(guide, Simple(SimpleConfig(), robot))
@@ -98,7 +98,7 @@ def closed_loop(barn: Barn, navigator: Navigator, simulator: FastSimulator) -> f
 
 
 def command_rows() -> Iterator[str]:
-    """Commands as a user types them, compiled code already in its cache."""
+    """Rows for commands as a user types them, with compiled code in the cache."""
     lme = str(Path(sys.executable).parent / "lme")
     two = ["executor.workers=2"]
     for words in (
@@ -116,7 +116,7 @@ def command_rows() -> Iterator[str]:
 
 
 def timed(command: list[str], folder: str) -> tuple[float, float]:
-    """Wall time [s] and peak memory of all its processes together [MB], by proportional set size."""
+    """Wall time [s], and peak memory of all processes together [MB], as proportional set size."""
     begin = time.perf_counter()
     process = subprocess.Popen(
         command, cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True
@@ -130,19 +130,19 @@ def timed(command: list[str], folder: str) -> tuple[float, float]:
 
 
 def memory_of_session(session: int) -> float:
-    """Memory of every process of a session [MB]; shared pages count once. Linux only, 0 elsewhere."""
+    """Memory of all processes of a session [MB]; shared pages count once. 0 except on Linux."""
     total = 0
     for folder in Path("/proc").glob("[0-9]*"):
         try:
             if int((folder / "stat").read_text().rpartition(")")[2].split()[3]) == session:
                 total += int(re.findall(r"Pss: +(\d+)", (folder / "smaps_rollup").read_text())[0])
         except (OSError, ValueError, IndexError):
-            continue  # ended meanwhile
+            continue  # the process has ended
     return total / 1024
 
 
 def machine() -> str:
-    """What it ran on."""
+    """The processor, Python and packages of this machine."""
     cpu = next(
         (line.split(":")[1].strip() for line in cpu_info() if line.startswith("model name")),
         platform.machine(),

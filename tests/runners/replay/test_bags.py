@@ -81,7 +81,8 @@ def test_damaged_bytes_within(path, tmp_path):
 
 @pytest.mark.parametrize("suffix", FORMATS)
 @pytest.mark.parametrize(
-    ("content", "message"), [(b"", "is empty"), (b"no recording at all" * 9, "is not a .*file, or is damaged")]
+    ("content", "message"),
+    [(b"", "is empty"), (b"no recording at all" * 9, "is not a .*file, or is damaged")],
 )
 def test_what_is_no_recording(tmp_path, suffix, content, message):
     path = tmp_path / f"drive{suffix}"
