@@ -190,7 +190,7 @@ def add_files(run_dir: Path, files: Sequence[Path], folder: str) -> None:
         uri, run_id = str(known.get("uri", DEFAULT_URI)), str(known["run"])
         store = sqlite_path(uri)
         if store is not None and not store.is_file():
-            raise FileNotFoundError(f"there is none; the path is relative to {Path.cwd()}")
+            raise FileNotFoundError(f"there is none at {store.resolve()}")
         client = open_client(uri)
         for path in files:
             client.log_artifact(run_id, str(path), folder)
