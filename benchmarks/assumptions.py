@@ -1,14 +1,13 @@
-"""How far the BARN result moves with each value that the paper leaves open.
+"""Measures how much the BARN result changes with each value that the paper does not give.
 
     python -m benchmarks.assumptions [--baselines] [--out FOLDER]
 
-Each value is changed alone: LME on hard100, three seeds of three runs, 900 episodes. With --baselines, every
-number that a baseline's YAML marks ASSUMED, halved and doubled, on 200 fresh worlds. Prints a table of
-docs/assumptions.md. What is in FOLDER already is not run again. About half a minute a row on two cores.
+Changes one value at a time: LME on hard100, three seeds of three runs, 900 episodes. With --baselines, halves and
+doubles every number that a baseline's YAML marks ASSUMED, on 200 fresh worlds. Prints a table of docs/assumptions.md.
+Results that are already in FOLDER are not run again. About half a minute per row on two cores.
 """
 
 import argparse
-import numbers
 import re
 import subprocess
 import sys
@@ -48,7 +47,7 @@ CHANGES = (
     "robot=jackal_wheels",
 )
 SEEDS = (0, 1, 2)
-BASELINES = {  # the file whose values are changed, and what is driven with it
+BASELINES = {  # the file whose values are changed, and the overrides of its run
     "planner/dwa": "guide=target planner=dwa",
     "planner/s3_fisvfh": "guide=target planner=s3_fisvfh",
     "planner/vfh_plus": "guide=target planner=vfh_plus",
@@ -60,14 +59,16 @@ BASELINES = {  # the file whose values are changed, and what is driven with it
 }
 FRESH = "map.subset=fresh map.count=200 runs=1"
 FACTORS = (0.5, 2.0)
-REFUSED = 2  # exit status of a user's mistake
+REFUSED = 2  # exit code of an invalid value
 OUTCOMES = ("success", "collision", "timeout")
 
 
 def main() -> None:
-    """Run what is missing and print the table."""
+    """Run what is missing, and print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--baselines", action="store_true", help="those of the baselines, not LME's")
+    parser.add_argument(
+        "--baselines", action="store_true", help="change values of the baselines instead of LME"
+    )
     parser.add_argument("--out", type=Path, default=Path("outputs/assumptions"))
     given = parser.parse_args()
     print("| changed | success | collision | timeout | BARN metric | success moves by |")
@@ -79,7 +80,7 @@ def main() -> None:
 
 
 def table(words: str, changed: Sequence[str], seeds: Sequence[int], out: Path) -> None:
-    """Lines for these words of a command, alone and with each change."""
+    """Print the lines of the table for these overrides, alone and with each change."""
     base = None
     for change in changed:
         frame = episodes(f"{words} {change}".strip(), seeds, out)
@@ -100,17 +101,17 @@ def table(words: str, changed: Sequence[str], seeds: Sequence[int], out: Path) -
 
 
 def changes(name: str) -> Iterator[str]:
-    """Every assumed number of a YAML, halved and doubled."""
+    """Overrides that halve and double every assumed number of a YAML file."""
     group = name.partition("/")[0]
     for key in catalogue.shipped().keys(name):
         value = yaml.safe_load(key.value)
-        if "ASSUMED" in key.comment and isinstance(value, numbers.Real):
+        if "ASSUMED" in key.comment and isinstance(value, int | float):
             for factor in FACTORS:
                 yield f"{group}.{key.name}={type(value)(value * factor)}"
 
 
 def episodes(change: str, seeds: Sequence[int], out: Path) -> pd.DataFrame | None:
-    """Records of one change, from disk where they are complete; None where the value is not allowed."""
+    """Records of one change, from disk if they are complete; None if the value is not allowed."""
     frames = []
     for seed in seeds:
         folder = out / (re.sub(r"[ =]", "_", change) or "nothing") / str(seed)

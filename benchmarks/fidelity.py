@@ -1,8 +1,8 @@
-"""How far sim=physics and sim=fast agree: the same commands in both, the same worlds in both, and disturbed.
+"""Compares sim=physics with sim=fast: the same commands in both, the same worlds in both, and disturbances.
 
     python -m benchmarks.fidelity [--episodes 300] [--record]
 
-On fresh BARN worlds, none of the official ones. The tables of docs/fidelity.md.
+Uses fresh BARN worlds, none of the official ones. Prints the tables of docs/fidelity.md.
 """
 
 import itertools
@@ -10,30 +10,30 @@ import math
 import time
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-import yaml
 
 from benchmarks.recording import parser, show
-from benchmarks.speed import load_robot, machine
+from benchmarks.speed import machine
 from lme.episode import Episode, run_episode
 from lme.guides.lme import Lme, LmeConfig
 from lme.guides.target import Target, TargetConfig
 from lme.navigator import Navigator
 from lme.planners.simple import Simple, SimpleConfig
-from lme.resources import resource_dir
+from lme.presets import load_parameters, load_robot
 from lme.robots import Robot
 from lme.sim.fast import FastConfig, FastSimulator
 from lme.sim.physics import PhysicsConfig, PhysicsSimulator
 from lme.sim.simulator import Simulator, State
-from lme.types import Observation, Twist
+from lme.types import Floats, Observation, Twist
 from lme.worlds.barn.map_set import Barn, BarnConfig
 from lme.worlds.world import Task
 
 FRESH_SEED = 4
 DISTURBED = 100  # worlds per row of the table of disturbances
-DISTURBANCES: tuple[dict[str, float], ...] = (
+Settings = dict[str, Any]  # keys of `sim`
+DISTURBANCES: tuple[Settings, ...] = (
     {},
     {"latency": 0.05},
     {"latency": 0.1},
@@ -55,7 +55,7 @@ DISTURBANCES: tuple[dict[str, float], ...] = (
 
 
 class Drive(NamedTuple):
-    """commands: as given; poses: (T, 3) where they led; end: contact, arrival, or still driving."""
+    """A drive. poses: (T, 3), one after each command. end: contact, arrival, or still driving."""
 
     commands: list[Twist]
     poses: list[tuple[float, ...]]
@@ -63,37 +63,40 @@ class Drive(NamedTuple):
 
 
 class Tape:
-    """A simulator that keeps the commands which pass through it, and where they led."""
+    """A simulator that keeps its commands and the poses after them."""
 
     def __init__(self, simulator: Simulator) -> None:
         self._simulator = simulator
 
     @property
-    def state(self) -> State:
-        """The simulator's own."""
-        return self._simulator.state
+    def obstacles(self) -> tuple[Floats, Floats]:
+        """The obstacles of the simulator."""
+        return self._simulator.obstacles
 
     def reset(self, task: Task, rng: np.random.Generator) -> Observation:
-        """Begin anew."""
+        """Reset the simulator and forget the last drive."""
         self.commands: list[Twist] = []
         self.poses: list[tuple[float, ...]] = []
-        return self._simulator.reset(task, rng)
+        observation = self._simulator.reset(task, rng)
+        self.state: State = self._simulator.state
+        return observation
 
     def step(self, command: Twist) -> Observation:
-        """Pass it on."""
+        """Step the simulator, and keep the command and the pose."""
         observation = self._simulator.step(command)
+        self.state = self._simulator.state
         self.commands.append(command)
         self.poses.append(tuple(self.state.pose))
         return observation
 
     def drive(self) -> Drive:
-        """What was kept."""
+        """The drive since the reset."""
         end = "contact" if self.state.contact else "arrival" if self.state.arrived else "still driving"
         return Drive(self.commands, self.poses, end)
 
 
 def main() -> None:
-    """Print, and record where asked."""
+    """Print the report, and write it with --record."""
     options = parser(__doc__, "fidelity")
     options.add_argument("--episodes", type=int, default=300, help="fresh worlds, one episode each")
     arguments = options.parse_args()
@@ -101,7 +104,7 @@ def main() -> None:
 
 
 def report(episodes: int) -> Iterator[str]:
-    """Markdown, line by line."""
+    """Yield the lines of the report in Markdown."""
     yield "# Fidelity\n"
     yield f"`python -m benchmarks.fidelity --record`, {time.strftime('%Y-%m-%d')}, {machine()}\n"
     tasks = fresh_tasks(episodes)
@@ -126,13 +129,13 @@ def report(episodes: int) -> Iterator[str]:
 
 
 def fresh_tasks(count: int) -> list[Task]:
-    """New worlds, from a stream that nothing was tuned on."""
+    """New worlds, from a seed that no tuning has used."""
     barn = Barn(BarnConfig(subset="fresh", count=count, fresh_seed=FRESH_SEED))
     return [barn.task(number) for number in barn.numbers]
 
 
 def open_loop_row(name: str, guide: str, tasks: Sequence[Task]) -> str:
-    """Commands of drives in sim=fast, given to sim=physics as they were, without a look at what it says."""
+    """Compare drives in sim=fast with the same commands in sim=physics, open loop."""
     robot = load_robot(name)
     drives = [drive(robot, guide, task, seed) for seed, task in enumerate(tasks)]
     replays = [replay(robot, task, one.commands) for task, one in zip(tasks, drives, strict=True)]
@@ -157,7 +160,7 @@ def drive(robot: Robot, guide: str, task: Task, seed: int) -> Drive:
 
 
 def wander(task: Task, tape: Tape, rng: np.random.Generator) -> None:
-    """Random commands, mostly ahead, for half a minute: all kinds of contact, corners and flanks too."""
+    """Give random commands, mostly forward, for half a minute, to make contact in many ways."""
     limits = tape.reset(task, rng).limits
     for _ in range(300):
         if tape.state.contact or tape.state.arrived:
@@ -167,7 +170,7 @@ def wander(task: Task, tape: Tape, rng: np.random.Generator) -> None:
 
 
 def replay(robot: Robot, task: Task, commands: Sequence[Twist]) -> Drive:
-    """The same commands in sim=physics, to their end or to its own."""
+    """The same commands in sim=physics, until they or the drive end."""
     tape = Tape(PhysicsSimulator(PhysicsConfig(), robot))
     tape.reset(task, np.random.default_rng(0))
     for command in commands:
@@ -178,15 +181,15 @@ def replay(robot: Robot, task: Task, commands: Sequence[Twist]) -> Drive:
 
 
 def furthest_apart(one: Sequence[tuple[float, ...]], other: Sequence[tuple[float, ...]]) -> float:
-    """Greatest distance between positions of the same moment [m]; the last of a drive may be cut short."""
+    """Greatest distance between positions at the same time [m]; without the last, whose period may be cut short."""
     together = min(len(one), len(other)) - 1
     return max(
         (math.dist(a[:2], b[:2]) for a, b in zip(one[:together], other[:together], strict=True)), default=0.0
     )
 
 
-def closed_loop_row(sim: str, tasks: Sequence[Task], settings: dict[str, float]) -> str:
-    """LME in one of the simulators, the same seed per world in both."""
+def closed_loop_row(sim: str, tasks: Sequence[Task], settings: Settings) -> str:
+    """LME in one of the simulators, with the same seed per world in both."""
     begin = time.process_time()
     episodes = closed_loop(sim, tasks, settings)
     rate = sum(episode.steps for episode in episodes) / (time.process_time() - begin)
@@ -198,15 +201,15 @@ def closed_loop_row(sim: str, tasks: Sequence[Task], settings: dict[str, float])
     return f"| `{label}` | {success:.3f} | {collision:.3f} | {timeout:.3f} | {seconds:.2f} | {rate:,.0f} |"
 
 
-def disturbed_row(tasks: Sequence[Task], settings: dict[str, float]) -> str:
-    """LME under a disturbance, in both."""
+def disturbed_row(tasks: Sequence[Task], settings: Settings) -> str:
+    """LME under a disturbance, in both simulators."""
     label = " ".join(f"`sim.{key}={value}`" for key, value in settings.items()) or "none"
     both = [closed_loop(sim, tasks, settings) for sim in ("fast", "physics")]
     rates = [f"{share(episodes, end):.2f}" for episodes in both for end in ("success", "collision")]
     return f"| {label} | {' | '.join(rates)} |"
 
 
-def closed_loop(sim: str, tasks: Sequence[Task], settings: dict[str, float]) -> list[Episode]:
+def closed_loop(sim: str, tasks: Sequence[Task], settings: Settings) -> list[Episode]:
     """One episode of LME on jackal in each world."""
     robot = load_robot("jackal")
     simulator: Simulator = (
@@ -222,15 +225,14 @@ def closed_loop(sim: str, tasks: Sequence[Task], settings: dict[str, float]) -> 
 
 
 def share(episodes: Sequence[Episode], outcome: str) -> float:
-    """Of episodes that ended so."""
+    """Share of episodes with this outcome."""
     return float(np.mean([episode.outcome == outcome for episode in episodes]))
 
 
 def navigator(robot: Robot, guide: str) -> Navigator:
-    """LME with the published weights, or the bare simple planner, which runs into things."""
-    published = yaml.safe_load((resource_dir("conf") / "weight_set" / "published.yaml").read_text("utf-8"))
+    """LME with the published weights, or the simple planner alone, which does not avoid obstacles."""
     chosen = (
-        Lme(LmeConfig(parameters=published["parameters"]), robot)
+        Lme(LmeConfig(parameters=load_parameters("published")), robot)
         if guide == "lme"
         else Target(TargetConfig(), robot)
     )

@@ -1,9 +1,9 @@
-"""How fast the explainer page scrubs through an episode of 300 steps × 300 candidates, and how large it is.
+"""Measures the size of an explainer page and the speed of scrubbing, for 300 steps with 300 candidates each.
 
     python -m benchmarks.page [--record]
 
-In headless Chromium without a graphics card, at every frame one step further; needs playwright and a browser.
---record also writes benchmarks/results/page.md.
+Advances one step per frame in headless Chromium without a graphics card. Needs playwright and a browser. --record also
+writes benchmarks/results/page.md.
 """
 
 import shutil
@@ -23,7 +23,10 @@ from runners.explainer.write import write_page
 from runners.workers.trace import Trace, rerun
 
 WANTED_PER_S, WANTED_MB = 30, 5.0
-EPISODE = ("map.worlds=[250]", "map.time_limit=30")  # of hard100; LME does not arrive within that time
+EPISODE = (
+    "map.worlds=[250]",
+    "map.time_limit=30",
+)  # of hard100; LME does not reach the goal within this time
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 ARGUMENTS = ["--no-sandbox", "--disable-gpu", "--disable-background-networking"]
 SIZES = {"desktop": (1440, 900, 1), "phone": (390, 844, 3)}
@@ -50,12 +53,12 @@ JUDGE = """() => {
 
 
 def main() -> None:
-    """Print, and record where asked."""
+    """Print the report, and write it with --record."""
     show(report(), "page", parser(__doc__, "page").parse_args().record)
 
 
 def report() -> Iterator[str]:
-    """Markdown, line by line."""
+    """Yield the lines of the report in Markdown."""
     from playwright.sync_api import sync_playwright
 
     yield "# Explainer page\n"
@@ -85,7 +88,7 @@ def _rows(browser: Any, path: Path, name: str, width: int, height: int, ratio: i
         "map": {"follow": False, "truth": False},
         "heading up, true map": {"follow": True, "truth": True},
     }.items():
-        page.evaluate(SCRUB, settings)  # what is compiled on the way does not count
+        page.evaluate(SCRUB, settings)  # a first pass compiles the page's code and is not measured
         frames = page.evaluate(SCRUB, settings)
         cuts = statistics.quantiles(frames, n=100)
         rate = 1000 / statistics.mean(frames)

@@ -1,8 +1,9 @@
-"""Closed-loop speed of every guide × planner pair, on one core.
+"""Measures the closed-loop speed of every guide × planner pair on one core.
 
     python -m benchmarks.planners [--record]
 
-All in one run: ratios hold on a busy machine too. --record also writes benchmarks/results/planners.md.
+All pairs run one after the other, so ratios are valid on a busy machine too. --record also writes
+benchmarks/results/planners.md.
 """
 
 import time
@@ -19,18 +20,18 @@ from runners.config.composer import Composer
 from runners.config.overrides import CUSTOM
 
 ROBOT = "jackal"  # the longest scan, 720 beams
-WORLDS = [1000, 1003, 1006, 1009, 1011]  # fresh ones, one of each kind of density and smoothing
+WORLDS = [1000, 1003, 1006, 1009, 1011]  # fresh worlds, one of each density and smoothing
 WANTED = {("lme", "simple"): 6000, ("target", "dwa"): 2000}  # steps/s
 LEAST = 500
 
 
 def main() -> None:
-    """Print, and record where asked."""
+    """Print the report, and write it with --record."""
     show(report(), "planners", parser(__doc__, "planners").parse_args().record)
 
 
 def report() -> Iterator[str]:
-    """Markdown, line by line."""
+    """Yield the lines of the report in Markdown."""
     yield "# Speed of every pair\n"
     yield f"`python -m benchmarks.planners --record`, {time.strftime('%Y-%m-%d')}, {machine()}\n"
     yield f"{ROBOT}, {len(WORLDS)} fresh BARN worlds, one core; a step is scan, decision, motion and collision check.\n"
@@ -46,7 +47,7 @@ def report() -> Iterator[str]:
 
 
 def row(composer: Composer, guide: str, planner: str) -> str:
-    """One pair."""
+    """The row of one pair."""
     words = [f"robot={ROBOT}", f"guide={guide}", f"planner={planner}", "map=barn", "map.subset=fresh"]
     config = compose_job(composer, words).config
     maps, navigator, simulator = build.map_set(config), build.navigator(config), build.simulator(config)

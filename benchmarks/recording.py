@@ -1,4 +1,4 @@
-"""Print a report as it is made, and keep it where asked."""
+"""Prints a report line by line, and can write it to a file."""
 
 import argparse
 from collections.abc import Iterable
@@ -8,14 +8,14 @@ RESULTS = Path(__file__).parent / "results"
 
 
 def parser(doc: str, name: str) -> argparse.ArgumentParser:
-    """A parser with --record, which keeps the report as benchmarks/results/NAME.md."""
+    """A parser with --record, which writes the report to benchmarks/results/NAME.md."""
     made = argparse.ArgumentParser(description=doc.splitlines()[0])
     made.add_argument("--record", action="store_true", help=f"write benchmarks/results/{name}.md")
     return made
 
 
 def show(lines: Iterable[str], name: str, record: bool) -> None:
-    """Print each line at once; write all of them once they are there."""
+    """Print each line as it is made; write all of them at the end if `record`."""
     kept = []
     for line in lines:
         print(line, flush=True)

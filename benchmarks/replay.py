@@ -1,8 +1,8 @@
-"""How fast `lme replay` is: a recording of our own against the time that it took, and one decision.
+"""Measures the speed of `lme replay`: a whole replay against real time, and one decision.
 
     python -m benchmarks.replay [--record]
 
-A recording of `lme eval record=mcap`, of each of two robots; needs the extra `replay`. --record also writes
+Replays a recording of `lme eval record=mcap` for each of two robots. Needs the extra `replay`. --record also writes
 benchmarks/results/replay.md.
 """
 
@@ -22,12 +22,12 @@ DRIVES = {"turtlebot2": ["map=traps", "map.worlds=[0]"], "jackal": ["map.subset=
 
 
 def main() -> None:
-    """Print, and record where asked."""
+    """Print the report, and write it with --record."""
     show(report(), "replay", parser(__doc__, "replay").parse_args().record)
 
 
 def report() -> Iterator[str]:
-    """Markdown, line by line."""
+    """Yield the lines of the report in Markdown."""
     yield "# Replay\n"
     yield f"`python -m benchmarks.replay --record`, {time.strftime('%Y-%m-%d')}, {machine()}\n"
     yield f"Wanted: {WANTED_TIMES} × real time, 99 % of decisions within {WANTED_P99_MS:g} ms.\n"
@@ -45,7 +45,7 @@ def report() -> Iterator[str]:
 
 
 def measured(robot: str, words: list[str]) -> dict[str, float]:
-    """The figures of a replay of a drive."""
+    """Record an episode and replay it; return the figures of the replay."""
     with tempfile.TemporaryDirectory() as folder:
         drive = [f"robot={robot}", *words, "runs=1", "executor=serial", "hydra.run.dir=drive", "record=mcap"]
         lme(folder, "eval", *drive)
@@ -55,7 +55,7 @@ def measured(robot: str, words: list[str]) -> dict[str, float]:
 
 
 def lme(folder: str, *words: str) -> None:
-    """Run a command in a folder, untracked."""
+    """Run an lme command in a folder, without tracking."""
     program = str(Path(sys.executable).parent / "lme")
     subprocess.run([program, *words, "tracking=none"], cwd=folder, check=True, stdout=subprocess.DEVNULL)
 

@@ -1,9 +1,9 @@
-"""How fast it is: kernels beside their plain twins, one decision, the closed loop, whole commands.
+"""Measures the speed of kernels beside their plain twins, of a decision, the closed loop and whole commands.
 
     python -m benchmarks.speed [--record]
 
-All in one run, the library on one core, so that ratios hold on a busy machine too. --record also writes
-benchmarks/results/speed.md.
+Everything runs one after the other, the library on one core, so ratios are valid on a busy machine too.
+--record also writes benchmarks/results/speed.md.
 """
 
 import os
@@ -19,7 +19,6 @@ from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
-import yaml
 
 from benchmarks.kernels import kernel_rows, measure
 from benchmarks.recording import parser, show
@@ -27,12 +26,9 @@ from lme.episode import run_episode
 from lme.guides.lme import Lme, LmeConfig
 from lme.navigator import Navigator
 from lme.planners.simple import Simple, SimpleConfig
-from lme.resources import resource_dir
-from lme.robots import Robot
+from lme.presets import load_parameters, load_robot
 from lme.sim.fast import FastConfig, FastSimulator
 from lme.worlds.barn.map_set import Barn, BarnConfig
-from runners.config import catalogue
-from runners.config.instantiate import filled
 
 PEERS = (
     "Stage 4.3 2,800–5,600, navground 1,600–2,700, pymunk rays 540, ir-sim 8–14 (measured earlier, elsewhere)"
@@ -40,12 +36,12 @@ PEERS = (
 
 
 def main() -> None:
-    """Print, and record where asked."""
+    """Print the report, and write it with --record."""
     show(report(), "speed", parser(__doc__, "speed").parse_args().record)
 
 
 def report() -> Iterator[str]:
-    """Markdown, line by line."""
+    """Yield the lines of the report in Markdown."""
     yield "# Speed\n"
     yield f"`python -m benchmarks.speed --record`, {time.strftime('%Y-%m-%d')}, {machine()}\n"
     yield "## Kernels, called from Python, one core\n"
@@ -66,10 +62,9 @@ def report() -> Iterator[str]:
 
 
 def loop_rows(name: str, lidar: str) -> Iterator[str]:
-    """One decision in BARN world 200, and closed-loop steps per second over twenty worlds."""
+    """Rows for one decision in BARN world 200, and for closed-loop steps per second over twenty worlds."""
     robot = load_robot(name)
-    parameters = yaml.safe_load((resource_dir("conf") / "weight_set" / "published.yaml").read_text())
-    guide = Lme(LmeConfig(parameters=parameters["parameters"]), robot)
+    guide = Lme(LmeConfig(parameters=load_parameters("published")), robot)
     navigator = Navigator(guide, Simple(SimpleConfig(), robot))
     simulator = FastSimulator(FastConfig(), robot)
     barn = Barn(BarnConfig())
@@ -102,15 +97,8 @@ def closed_loop(barn: Barn, navigator: Navigator, simulator: FastSimulator) -> f
     return sum(episode.steps for episode in episodes) / (time.perf_counter() - begin)
 
 
-def load_robot(name: str) -> Robot:
-    """A shipped robot."""
-    robot = filled(Robot, catalogue.shipped().values(f"robot/{name}"), "robot")
-    assert isinstance(robot, Robot)
-    return robot
-
-
 def command_rows() -> Iterator[str]:
-    """Commands as a user types them, compiled code already in its cache."""
+    """Rows for commands as a user types them, with compiled code in the cache."""
     lme = str(Path(sys.executable).parent / "lme")
     two = ["executor.workers=2"]
     for words in (
@@ -128,7 +116,7 @@ def command_rows() -> Iterator[str]:
 
 
 def timed(command: list[str], folder: str) -> tuple[float, float]:
-    """Wall time [s] and peak memory of all its processes together [MB], by proportional set size."""
+    """Wall time [s], and peak memory of all processes together [MB], as proportional set size."""
     begin = time.perf_counter()
     process = subprocess.Popen(
         command, cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True
@@ -142,19 +130,19 @@ def timed(command: list[str], folder: str) -> tuple[float, float]:
 
 
 def memory_of_session(session: int) -> float:
-    """Memory of every process of a session [MB]; shared pages count once. Linux only, 0 elsewhere."""
+    """Memory of all processes of a session [MB]; shared pages count once. 0 except on Linux."""
     total = 0
     for folder in Path("/proc").glob("[0-9]*"):
         try:
             if int((folder / "stat").read_text().rpartition(")")[2].split()[3]) == session:
-                total += int(re.search(r"Pss: +(\d+)", (folder / "smaps_rollup").read_text()).group(1))
-        except (OSError, ValueError, AttributeError):
-            continue  # ended meanwhile
+                total += int(re.findall(r"Pss: +(\d+)", (folder / "smaps_rollup").read_text())[0])
+        except (OSError, ValueError, IndexError):
+            continue  # the process has ended
     return total / 1024
 
 
 def machine() -> str:
-    """What it ran on."""
+    """The processor, Python and packages of this machine."""
     cpu = next(
         (line.split(":")[1].strip() for line in cpu_info() if line.startswith("model name")),
         platform.machine(),

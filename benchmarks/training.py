@@ -1,9 +1,9 @@
-"""How long `lme train` takes, against the paper's 1.5 hours.
+"""Measures the time of `lme train`, against the paper's 1.5 hours.
 
     python -m benchmarks.training [--record] [--gp]
 
-Two worker processes, compiled code already in its cache. --record also writes benchmarks/results/training.md;
---gp measures the Gaussian process too (needs the extra `gp`).
+Two worker processes, with compiled code in the cache. --record also writes benchmarks/results/training.md. --gp also
+measures the Gaussian process (needs the extra `gp`).
 """
 
 import sys
@@ -18,15 +18,15 @@ PAPER_S = 5400.0  # "approximately 1.5 hours" on an Intel i9-13900KF with ROS St
 
 
 def main() -> None:
-    """Print, and record where asked."""
+    """Print the report, and write it with --record."""
     words = parser(__doc__, "training")
-    words.add_argument("--gp", action="store_true", help="also search=gp")
+    words.add_argument("--gp", action="store_true", help="also measure search=gp")
     given = words.parse_args()
     show(report(given.gp), "training", given.record)
 
 
 def report(with_gp: bool) -> Iterator[str]:
-    """Markdown, line by line."""
+    """Yield the lines of the report in Markdown."""
     yield "# Training\n"
     yield f"`python -m benchmarks.training --record`, {machine()}\n"
     yield "Two workers. The search is the time from the first trial to the last: 4 episodes a trial, the search's own"
@@ -42,7 +42,7 @@ def report(with_gp: bool) -> Iterator[str]:
 
 
 def measured(words: list[str]) -> tuple[float, float]:
-    """Wall time of a training command, and of its trials from first to last [s]."""
+    """Wall times of a training command and of its search [s]."""
     lme = str(Path(sys.executable).parent / "lme")
     with tempfile.TemporaryDirectory() as folder:
         whole, _ = timed([lme, "train", *words, "executor.workers=2", "hydra.run.dir=run"], folder)
@@ -50,14 +50,15 @@ def measured(words: list[str]) -> tuple[float, float]:
 
 
 def search_time(journal: Path) -> float:
-    """From the first trial asked to the last told [s]."""
+    """Time from the start of the first trial to the end of the last [s]."""
     from optuna.storages import JournalStorage
     from optuna.storages.journal import JournalFileBackend
 
     storage = JournalStorage(JournalFileBackend(str(journal)))
     trials = storage.get_all_trials(storage.get_all_studies()[0]._study_id)
-    begin = min(trial.datetime_start for trial in trials)
-    return (max(trial.datetime_complete for trial in trials) - begin).total_seconds()
+    begin = min(trial.datetime_start for trial in trials if trial.datetime_start)
+    end = max(trial.datetime_complete for trial in trials if trial.datetime_complete)
+    return (end - begin).total_seconds()
 
 
 if __name__ == "__main__":

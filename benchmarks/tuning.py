@@ -1,20 +1,21 @@
-"""Tune every baseline alike and write what ships: conf/planner/*_tuned.yaml.
+"""Tunes every baseline in the same way, and writes the shipped conf/planner/*_tuned.yaml.
 
     python -m benchmarks.tuning [PLANNER …] [--seed 0]
 
-Each is one `lme train +experiment=tune guide=… planner=…`: 600 episodes on fresh BARN worlds, no official one.
+Each takes one `lme train +experiment=tune guide=… planner=…`: 600 episodes on fresh BARN worlds, none official.
 """
 
 import argparse
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import yaml
 
 from lme.resources import resource_dir
 
-GUIDES = {  # that the published systems have
+GUIDES = {  # of the published systems
     "dwa": "target",
     "s3_fisvfh": "target",
     "vfh_plus": "target",
@@ -22,12 +23,12 @@ GUIDES = {  # that the published systems have
     "eband": "global_path",
     "motion_tubes": "global_path",
 }
-DIGITS = 4  # significant ones of a value that ships
+DIGITS = 4  # significant digits of a shipped value
 OUT = Path("outputs") / "tuning"
 
 
 def main() -> None:
-    """Train, and write one YAML for each planner."""
+    """Tune the planners, and write a YAML file for each."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument(
         "planners", nargs="*", choices=[*GUIDES, []], metavar="PLANNER", help=", ".join(GUIDES)
@@ -39,7 +40,7 @@ def main() -> None:
 
 
 def tune(planner: str, seed: int) -> Path:
-    """Run the search, or what is left of it, and write what it found."""
+    """Run or resume the search, and write the YAML file with the values found."""
     words = ["train", "+experiment=tune", f"guide={GUIDES[planner]}", f"planner={planner}", f"seed={seed}"]
     place = OUT / f"{planner}-{seed}"
     options = [f"hydra.run.dir={place}", "resume=true", "tracking=none"]
@@ -50,8 +51,8 @@ def tune(planner: str, seed: int) -> Path:
     return path
 
 
-def variant(planner: str, found: dict, command: str) -> str:
-    """The planner's own file with the values found in their place, each beside the one that it replaces."""
+def variant(planner: str, found: dict[str, Any], command: str) -> str:
+    """The text of the tuned YAML file: the planner's file with the values found, each beside the textbook value."""
     own = (resource_dir("conf") / "planner" / f"{planner}.yaml").read_text(encoding="utf-8")
     title, before = own.splitlines()[0].removeprefix("# "), yaml.safe_load(own)
     settings = {key.removeprefix("planner."): value for key, value in found["settings"].items()}

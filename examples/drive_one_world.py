@@ -1,4 +1,4 @@
-"""Drive one world of BARN with LME, and plot its path: world_218.png in the folder where this is called."""
+"""Drive LME through a BARN world and plot the path as world_218.png in the current folder."""
 
 import sys
 
@@ -26,7 +26,7 @@ def main(world: int) -> None:
     for x, y, radius in task.world.circles:
         axes.add_patch(Circle((x, y), radius, color="0.4"))
     axes.plot(episode.trajectory[:, 1], episode.trajectory[:, 2], label="path")
-    subgoals = episode.trajectory[episode.trajectory[:, 8] == 1.0, 6:8]  # where a new one was chosen
+    subgoals = episode.trajectory[episode.trajectory[:, 8] == 1.0, 6:8]  # new subgoals only
     axes.plot(*subgoals.T, "+", label="subgoals")
     axes.plot(*task.goal, "*", markersize=12, label="goal")
     axes.set(title=f"BARN world {world}: {episode.outcome}", xlabel="x [m]", ylabel="y [m]", aspect="equal")

@@ -1,6 +1,6 @@
-"""The escaper on a scan of your own: ranges in, a subgoal and the reason for it out.
+"""Run the escaper on your own scan: it takes ranges and gives a subgoal with the reason for it.
 
-A wall stands across the way to the target. On a robot the ranges come from its lidar, once per control period.
+A wall blocks the path to the target. On a robot, the ranges come from its lidar, once per control period.
 """
 
 import numpy as np
@@ -20,7 +20,7 @@ robot = lme.Robot(
 
 
 def wall_ahead(lidar: lme.Lidar) -> lme.LaserScan:
-    """What the lidar sees of a wall at x = 1.5 m from y = -1 m to 2 m; inf where a beam returns nothing."""
+    """A scan of a wall at x = 1.5 m from y = -1 m to 2 m; inf for a beam without a return."""
     bearing = lidar.angle_min + lidar.angle_increment * np.arange(lidar.num_beams)
     ahead = np.cos(bearing) > 1e-6
     distance = 1.5 / np.where(ahead, np.cos(bearing), 1.0)  # [m] along each beam
@@ -31,7 +31,7 @@ def wall_ahead(lidar: lme.Lidar) -> lme.LaserScan:
 
 def main() -> None:
     escaper = lme.LocalMinimumEscaper(robot, lme.load_parameters("published"))
-    escaper.reset(np.random.default_rng(0))  # candidates are drawn from it
+    escaper.reset(np.random.default_rng(0))  # the source of random candidates
     observation = lme.Observation(
         scan=wall_ahead(robot.lidar),
         target=np.array([5.0, 0.0]),  # [m] in the robot frame

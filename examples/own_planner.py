@@ -1,6 +1,6 @@
-"""A planner of your own under LME, in one world of BARN.
+"""Use your own planner with LME in a BARN world.
 
-`lme eval planner._target_=own_planner.MyPlanner`, called in this folder, drives it through a hundred worlds.
+In this folder, `lme eval planner._target_=own_planner.MyPlanner` runs it in a hundred worlds.
 """
 
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ class MyConfig:
 
 
 class MyPlanner:
-    """Drives ahead while the subgoal lies ahead, and turns towards it."""
+    """Drives forward while the subgoal is ahead, and turns towards it."""
 
     Config = MyConfig
 
@@ -24,7 +24,7 @@ class MyPlanner:
         self.speed = config.speed
 
     def reset(self, rng: np.random.Generator) -> None:
-        """A new episode: there is nothing to forget."""
+        """Start a new episode. This planner has no state."""
 
     def plan(self, observation: lme.Observation, guidance: lme.Guidance) -> lme.Twist:
         x, y = guidance.subgoal  # [m] in the robot frame

@@ -1,7 +1,7 @@
-"""What each part of the method is worth: variants against the complete one, and against what the paper says.
+"""The ablation study: what each part of the method contributes, and whether that agrees with the paper.
 
-The paper says in words, without numbers, what its figure shows (§IV, Ablation Studies). Its statements are data
-here, and whether ours agree follows from our paired differences by the rules in `NOTES`.
+The paper describes its figure in words, without numbers (§IV, Ablation Studies). Its statements are data here. The
+rules in `NOTES` decide from our paired differences whether we agree.
 """
 
 from __future__ import annotations
@@ -22,15 +22,15 @@ if TYPE_CHECKING:
 
 COLUMN, COMPLETE = "ablation", "none"
 NAME = "ablation"
-JOIN = "+"  # of ablations that are combined
+JOIN = "+"  # between the names of combined ablations
 SOURCE = "the LME paper, §IV, Ablation Studies (words without numbers)"
 ABOUT = {"system": "LME", "map": "barn", "robot": "jackal"}  # what the paper's statements are about
 
 
 class Claim(NamedTuple):
-    """What the paper says of removing a part. tier: 3 loses most … 0 loses nothing; None: it loses, no more is said.
+    """What the paper says about removing a part. tier: 3 the largest loss, 0 none; None: a loss of unknown size.
 
-    ASSUMED: that "noticeable" (2) is more than "moderate" (1); so the paper puts them in order.
+    ASSUMED: "noticeable" (2) is more than "moderate" (1); the paper lists them in this order.
     """
 
     tier: int | None
@@ -48,9 +48,9 @@ CLAIMS = {  # in the order of the paper's figure
 }
 MOST = 3
 _ANSWERS = {"yes": "Agrees", "in part": "Agrees in part", "no": "Does not agree", "open": "Open"}
-FEWEST = 20  # worlds that a verdict takes where nothing is beyond the noise
-LEAST_P = 0.001  # that is shown
-MARGIN = 0.1  # of success: an interval that reaches farther has room for what the paper says
+FEWEST = 20  # worlds needed for a verdict if no difference is beyond the noise
+LEAST_P = 0.001  # smaller ones are shown as less than this
+MARGIN = 0.1  # of success rate: an interval that reaches farther may contain the loss that the paper states
 NOTES = (
     f"Said of it: {SOURCE}. Ours is a 2D simulator, not Gazebo, and the paper does not list its hundred worlds.",
     "Agrees, where a loss is said: yes for a loss beyond the noise; in part where, besides, "
@@ -64,9 +64,10 @@ NOTES = (
 
 @dataclass(frozen=True, slots=True)
 class Variant:
-    """A line of the table. change: by measure, to the complete method; empty for that itself.
+    """A line of the table. change: difference to the complete method, by measure; empty for the complete method.
 
-    agrees: "yes", "in part", "no" or "open" with what the paper says, and words why; empty where it says nothing.
+    claim: what the paper says. agrees: "yes", "in part", "no" or "open". words: a sentence with the reason. All three
+    are empty if the paper says nothing.
     """
 
     ablation: str
@@ -78,16 +79,16 @@ class Variant:
 
 
 @dataclass(frozen=True, slots=True)
-class Study:
-    """Variants of one system in one place, the complete one first. heading, place: what it was."""
+class AblationStudy:
+    """Variants of one system in one setting, the complete one first. heading: the system. place: the setting."""
 
     heading: str
     place: str
     variants: tuple[Variant, ...]
 
 
-def studies(frame: pd.DataFrame) -> list[Study]:
-    """One for each system and place that was driven complete and with something missing; the rest is left out."""
+def studies(frame: pd.DataFrame) -> list[AblationStudy]:
+    """One study for each system and setting with the complete method and an ablation; other records are ignored."""
     return [_study(block) for block in paired.blocks(frame, COLUMN, COMPLETE)]
 
 
@@ -98,8 +99,8 @@ def in_text(ablation: str) -> str:
     return f"No {', '.join(part.removeprefix('no_') for part in ablation.split(JOIN))}"
 
 
-def words(found: list[Study]) -> list[str]:
-    """Where ours agrees with the paper and where it does not, a line for each statement of the paper."""
+def words(found: list[AblationStudy]) -> list[str]:
+    """Whether our results agree with the paper: a line for each of its statements."""
     lines = []
     for study in found:
         said = [variant for variant in study.variants if variant.agrees]
@@ -109,23 +110,23 @@ def words(found: list[Study]) -> list[str]:
     return lines
 
 
-def write(found: list[Study], place: Path) -> list[Path]:
-    """`ablation.md` and `ablation.csv` below `place`; the paths."""
+def write(found: list[AblationStudy], place: Path) -> list[Path]:
+    """Write `ablation.md` and `ablation.csv` into `place`; return their paths."""
     markdown, table = place / f"{NAME}.md", place / f"{NAME}.csv"
     write_whole(markdown, to_markdown(found))
     paired.write_csv([_numbers(study, variant) for study in found for variant in study.variants], table)
     return [markdown, table]
 
 
-def to_markdown(found: list[Study]) -> str:
-    """Tables, the words below each, and at the end what a reader must know."""
+def to_markdown(found: list[AblationStudy]) -> str:
+    """The tables, a list of verdicts below each, and notes at the end."""
     parts = [part for study in found for part in (_table(study), _list(study)) if part]
     said = any(variant.agrees for study in found for variant in study.variants)
     notes = [*paired.NOTES, *(NOTES if said else ())]
     return "\n\n".join([*parts, "  \n".join(notes)]) + "\n"
 
 
-def _study(block: Block) -> Study:
+def _study(block: Block) -> AblationStudy:
     changes = {measure: paired.compare(block, measure) for measure in (SUCCESS, METRIC)}
     claims = CLAIMS if _is_the_papers(block) else {}
     names = [
@@ -139,11 +140,11 @@ def _study(block: Block) -> Study:
         verdict = _verdict(name, changes[SUCCESS], claims) if name in claims else None
         said = claims[name].words if verdict else ""
         variants.append(Variant(name, row, change, said, *(verdict or ())))
-    return Study(block.heading, title(block.baseline), tuple(variants))
+    return AblationStudy(block.heading, title(block.baseline), tuple(variants))
 
 
 def _is_the_papers(block: Block) -> bool:
-    """Whether the block is what the paper speaks of: its own method on its own benchmark, with successes to lose."""
+    """Whether the paper's statements apply: its method on its benchmark, with some successes."""
     first = block.baseline.iloc[0]
     about = {**ABOUT, "scale": ""}
     same = all(str(first.get(key, value)) == value for key, value in about.items())
@@ -153,7 +154,7 @@ def _is_the_papers(block: Block) -> bool:
 def _verdict(
     name: str, found: Mapping[str, Difference], claims: Mapping[str, Claim]
 ) -> tuple[str, str] | None:
-    """Whether the change agrees with what is said, and a sentence; None where nothing was compared."""
+    """Whether the change agrees with the claim, and a sentence with the reason; None if nothing was compared."""
     change = found.get(name)
     if change is None:
         return None
@@ -188,7 +189,7 @@ def _judged(
 
 
 def _is_open(change: Difference, tier: int | None) -> bool:
-    """Whether nothing was found because too little was driven."""
+    """Whether there are too few worlds, or too wide an interval, to show a difference."""
     reach = max(-change.low, change.high) if tier == 0 else -change.low
     return not change.beyond_noise and (change.worlds < FEWEST or reach > MARGIN)
 
@@ -207,14 +208,14 @@ def _the_largest(
 def _surpassed(
     name: str, change: Difference, found: Mapping[str, Difference], claims: Mapping[str, Claim]
 ) -> Iterator[str]:
-    """Variants of which the paper says more, and that lose less here, the intervals apart."""
+    """Variants with a larger loss in the paper that lose less here, with disjoint intervals."""
     tier = claims[name].tier or 0
     for other, claim in claims.items():
         if claim.tier is not None and claim.tier > tier and other in found and change.high < found[other].low:
             yield in_text(other)
 
 
-def _table(study: Study) -> str:
+def _table(study: AblationStudy) -> str:
     change = ["Difference", "95 %", "p (Holm)", "Beyond the noise"]
     header = ["Variant", "Success", *change, "BARN metric", *change, "The paper says", "Agrees", "Pairs"]
     lines = [_cells(variant) for variant in study.variants]
@@ -243,12 +244,12 @@ def _change(change: Difference | None) -> list[str]:
     return [signed(change.mean), interval(change), p, "yes" if change.beyond_noise else "no"]
 
 
-def _list(study: Study) -> str:
+def _list(study: AblationStudy) -> str:
     return "\n".join(f"- {in_text(v.ablation)}: {v.words}" for v in study.variants if v.agrees)
 
 
-def _numbers(study: Study, variant: Variant) -> dict[str, object]:
-    """A line of the CSV, unrounded."""
+def _numbers(study: AblationStudy, variant: Variant) -> dict[str, object]:
+    """A line of the CSV, not rounded."""
     pairs = {"pairs": variant.change[SUCCESS].pairs} if variant.change else {}
     said = {"paper_says": variant.claim, "agrees": variant.agrees}
     known = {"block": study.heading, "place": study.place, "ablation": variant.ablation}

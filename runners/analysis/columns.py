@@ -1,4 +1,4 @@
-"""A table as plain lines, for a pipe as well as for a terminal."""
+"""Formats a table as lines of plain text."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Collection, Sequence
 
 
 def aligned(rows: Sequence[Sequence[str]], right: Collection[int]) -> list[str]:
-    """One line a row, cells padded to their column's width. right: columns that end alike instead of beginning so."""
+    """One line per row, with cells padded to the width of their column. right: columns that are right-aligned."""
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     return [
         "  ".join(

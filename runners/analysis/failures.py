@@ -1,4 +1,4 @@
-"""Episodes that failed, and where their explainer pages lie: the section of a results table that links them."""
+"""The section of a results table on failed episodes, with links to their explainer pages."""
 
 from __future__ import annotations
 
@@ -20,31 +20,31 @@ if TYPE_CHECKING:
     import pandas as pd
 
 FOLDER, INDEX = "explain", "index.html"
-HEADER = ("World", "Run", "Outcome", "Time [s]", "Closest to goal [m]")  # what `cells` gives
+HEADER = ("World", "Run", "Outcome", "Time [s]", "Closest to goal [m]")  # of `cells`
 _EPISODE = ["run_dir", *KEY_COLUMNS]
-_TEXT = ("Outcome", "Page", "Job")  # columns that stand at the left
-_MOST_TOLD = 3  # settings of a job that its name tells
+_TEXT = ("Outcome", "Page", "Job")  # left-aligned columns
+_MOST_SETTINGS = 3  # in the name of a job
 
 
 def page_path(run_dir: Path, key: EpisodeKey) -> Path:
-    """Where the page of an episode lies unless it is wanted elsewhere."""
+    """The default path of an episode's page."""
     return run_dir / FOLDER / f"{key.world}-{key.run}.html"
 
 
 def folder(run_dir: Path) -> list[Path]:
-    """The folder of a run's pages, where there is one."""
+    """The folder of a run's pages; empty if there is none."""
     return [run_dir / FOLDER] if (run_dir / FOLDER / INDEX).is_file() else []
 
 
 def is_failure(episodes: pd.DataFrame) -> pd.Series:
-    """Which of the episodes did not arrive."""
+    """A mask of the episodes that did not reach the goal."""
     return episodes["outcome"] != str(Outcome.SUCCESS)
 
 
 def failed_section(frame: pd.DataFrame, place: Path) -> str:
-    """The part of `table.md` in `place` on failed episodes, with links; empty where no episode has a page.
+    """The section of `place`/table.md on failed episodes, with links; empty if no episode has a page.
 
-    frame: records of one or more runs, each with its `run_dir`.
+    frame: records of one or more runs, with their `run_dir`.
     """
     explained = [Path(run_dir) for run_dir in frame["run_dir"].unique() if _has_pages(frame, Path(run_dir))]
     if not explained:
@@ -62,7 +62,7 @@ def failed_section(frame: pd.DataFrame, place: Path) -> str:
 
 
 def episodes_told(frame: pd.DataFrame) -> Iterator[tuple[Path, dict[str, Any]]]:
-    """Rows in their order with the run that each is of, and how near its goal each episode came [m]."""
+    """Yield the run directory and the row of each episode, with its least distance to the goal, `closest_m` [m]."""
     closest = _closest_m(frame)
     for episode in frame.to_dict("records"):
         key = tuple(episode[name] for name in _EPISODE)
@@ -70,7 +70,7 @@ def episodes_told(frame: pd.DataFrame) -> Iterator[tuple[Path, dict[str, Any]]]:
 
 
 def cells(episode: Mapping[str, Any]) -> list[str]:
-    """One episode of `episodes_told`, as a table shows it."""
+    """The cells of a table for one episode of `episodes_told`."""
     closest = episode["closest_m"]
     return [
         str(episode["world"]),
@@ -82,7 +82,7 @@ def cells(episode: Mapping[str, Any]) -> list[str]:
 
 
 def _closest_m(frame: pd.DataFrame) -> Mapping[Any, float]:
-    """Smallest distance to the goal [m] by (run_dir, world, run); none where records do not tell the goal."""
+    """Least distance to the goal [m] by (run_dir, world, run); empty if the records have no goal."""
     if frame.empty or not {"goal_x_m", "goal_y_m"} <= set(frame.columns):
         return {}
     steps = read_trajectories([Path(run_dir) for run_dir in frame["run_dir"].unique()])
@@ -97,9 +97,9 @@ def _page_link(episode: Mapping[str, Any], run_dir: Path, place: Path) -> str:
 
 
 def _link(path: Path, place: Path) -> str:
-    """A link of Markdown to a file, as it is reached from the folder `place`."""
-    way = Path(os.path.relpath(path, place)).as_posix()
-    return f"[{way}]({quote(way)})"
+    """A Markdown link to a file, relative to the folder `place`."""
+    relative = Path(os.path.relpath(path, place)).as_posix()
+    return f"[{relative}]({quote(relative)})"
 
 
 def _has_pages(frame: pd.DataFrame, run_dir: Path) -> bool:
@@ -109,7 +109,7 @@ def _has_pages(frame: pd.DataFrame, run_dir: Path) -> bool:
 
 
 def _job_names(frame: pd.DataFrame) -> dict[Path, str]:
-    """What tells the runs of a sweep apart, by directory: its folder, and settings that are not those of all."""
+    """A name for each run of a sweep, by directory: its folder and the settings that not all runs share."""
     runs = [Path(run_dir) for run_dir in frame["run_dir"].unique()]
     launches = {run_dir: launch_record.read_launch(run_dir) for run_dir in runs}
     settings = {run: launch.overrides if launch is not None else [] for run, launch in launches.items()}
@@ -117,4 +117,4 @@ def _job_names(frame: pd.DataFrame) -> dict[Path, str]:
         run: [one for one in given if not all(one in others for others in settings.values())]
         for run, given in settings.items()
     }
-    return {run: " ".join([run.name, *own[run][:_MOST_TOLD]]).replace("|", r"\|") for run in runs}
+    return {run: " ".join([run.name, *own[run][:_MOST_SETTINGS]]).replace("|", r"\|") for run in runs}

@@ -1,10 +1,12 @@
-"""Whether a change made a difference: paired by world and run, with the world as the unit.
+"""Paired comparison of a variant with a baseline, by world and run, with the world as the unit.
 
-Runs of one world are not independent, so what is resampled and what changes its sign are worlds, each with the
-mean of its paired differences. Seeds are fixed: the same records give the same figures.
+Runs in one world are not independent, so the bootstrap resamples worlds and the permutation test flips the signs of
+worlds. The value of a world is the mean of its paired differences. Seeds are fixed: the same records give the same
+figures.
 
-Bootstrap and permutation test are written out here: `scipy.stats` draws other signs, treats sums that differ by a
-rounding as different, takes ten times as long, and a second to import. It has no Holm. The tests compare with it.
+The bootstrap and the permutation test are implemented here because `scipy.stats` draws other signs, does not treat
+sums that differ by rounding as ties, takes ten times as long and a second to import. It does not have Holm's method.
+The tests compare with it.
 """
 
 from __future__ import annotations
@@ -27,11 +29,11 @@ if TYPE_CHECKING:
     import pandas as pd
 
 SUCCESS, METRIC = "success", "barn_metric"
-LEVEL = 0.05  # of the tests; intervals hold 1 − LEVEL
+LEVEL = 0.05  # significance level; intervals have the confidence 1 − LEVEL
 RESAMPLES = 9999
 SEED = 0
-TIE = 1e-9
-IN_TITLE = ("map", "subset", "robot")  # of `runners.analysis.summary.title`
+TIE = 1e-9  # sums that differ by less are equal
+IN_TITLE = ("map", "subset", "robot")  # shown by `runners.analysis.summary.title`
 NOTES = (
     "Differences are paired by world and run and averaged over worlds; the world is the unit, as runs of one "
     "world are not independent.",
@@ -43,9 +45,9 @@ NOTES = (
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """Mean paired difference to the baseline. low, high, p: NaN where there are fewer than two worlds.
+    """Mean paired difference to the baseline. low, high: interval. p: p-value. NaN with fewer than two worlds.
 
-    adjusted: p by Holm over all differences that were made together. pairs: episodes on either side.
+    adjusted: p adjusted by Holm's method over all differences compared together. pairs: number of paired episodes.
     """
 
     mean: float
@@ -58,13 +60,13 @@ class Difference:
 
     @property
     def beyond_noise(self) -> bool:
-        """Whether it is there at all, at the level of the test."""
+        """Whether the difference is significant."""
         return self.adjusted < LEVEL
 
 
 @dataclass(frozen=True, slots=True)
 class Block:
-    """Records that differ in one column alone. keys: what tells this block from the others, by column."""
+    """Records that differ in one column only. keys: values that distinguish this block from others, by column."""
 
     keys: dict[str, str]
     baseline: pd.DataFrame
@@ -72,13 +74,13 @@ class Block:
 
     @property
     def heading(self) -> str:
-        """The system, and what else tells the block apart, beside map, subset and robot, which its title has."""
-        told = {key: value for key, value in self.keys.items() if value and key not in IN_TITLE}
-        return ", ".join(value if key == "system" else f"{key} {value}" for key, value in told.items())
+        """The system and the other keys, without map, subset and robot, which the title shows."""
+        shown = {key: value for key, value in self.keys.items() if value and key not in IN_TITLE}
+        return ", ".join(value if key == "system" else f"{key} {value}" for key, value in shown.items())
 
 
 def blocks(frame: pd.DataFrame, column: str, baseline: str) -> Iterator[Block]:
-    """Split records by whatever else varies; blocks without the baseline or without a variant are left out."""
+    """Split records by all other columns that vary. Blocks without the baseline or without a variant are left out."""
     if column not in frame:
         return
     keys = ["system", *(key for key in row_keys(frame) if key != column)]
@@ -91,7 +93,7 @@ def blocks(frame: pd.DataFrame, column: str, baseline: str) -> Iterator[Block]:
 
 
 def compare(block: Block, quantity: str) -> dict[str, Difference]:
-    """Every variant of a block that has pairs against its baseline, by the variant's name."""
+    """The difference of each variant to the baseline, by name of variant; variants without pairs are left out."""
     pairs = {name: difference(block.baseline, part, quantity) for name, part in block.variants.items()}
     found = {name: value for name, value in pairs.items() if value is not None}
     adjusted = holm([value.p for value in found.values()])
@@ -101,7 +103,7 @@ def compare(block: Block, quantity: str) -> dict[str, Difference]:
 
 
 def difference(baseline: pd.DataFrame, variant: pd.DataFrame, quantity: str) -> Difference | None:
-    """`variant` minus `baseline` in a quantity, over the episodes that both have; None where there are none."""
+    """`variant` minus `baseline` in a quantity, over the episodes that both have; None if there are none."""
     one, other = (_values(part, quantity) for part in (baseline, variant))
     changes = (other - one).dropna()
     if changes.empty:
@@ -112,7 +114,7 @@ def difference(baseline: pd.DataFrame, variant: pd.DataFrame, quantity: str) -> 
 
 
 def holm(p_values: Sequence[float]) -> list[float]:
-    """p-values adjusted for being several (Holm 1979, https://www.jstor.org/stable/4615733); NaN stay NaN."""
+    """p-values adjusted for multiple comparisons (Holm 1979, https://www.jstor.org/stable/4615733); NaN stays NaN."""
     order = sorted((p, index) for index, p in enumerate(p_values) if not math.isnan(p))
     adjusted = [math.nan] * len(p_values)
     least = 0.0
@@ -123,23 +125,23 @@ def holm(p_values: Sequence[float]) -> list[float]:
 
 
 def signed(value: float) -> str:
-    """Three digits, with a sign that is as wide as a plus; no sign for what rounds to zero."""
+    """Three decimals and a sign, a minus as wide as a plus; no sign if the value rounds to zero."""
     text = f"{value:+.3f}".replace("-", "\u2212")
     return "0.000" if float(f"{value:.3f}") == 0 else text
 
 
 def interval(value: Difference) -> str:
-    """ "−0.500 to −0.333"; empty where there is none."""
+    """ "−0.500 to −0.333"; empty if there is no interval."""
     return "" if math.isnan(value.low) else f"{signed(value.low)} to {signed(value.high)}"
 
 
 def row(part: pd.DataFrame) -> Row:
-    """The figures of the baseline or of a variant."""
+    """The figures of the baseline or of a variant, as a row of a table."""
     return measure(part, str(part["system"].iloc[0]), {})
 
 
 def to_mapping(figures: Row, found: Mapping[str, Difference]) -> dict[str, float | bool | None]:
-    """A row and its differences by measure as columns of a CSV, unrounded."""
+    """Columns of a CSV for a row and its differences by measure, not rounded."""
     columns: dict[str, float | bool | None] = {
         "episodes": figures.episodes,
         "worlds": figures.worlds,
@@ -159,7 +161,7 @@ def to_mapping(figures: Row, found: Mapping[str, Difference]) -> dict[str, float
 
 
 def write_csv(lines: Sequence[Mapping[str, object]], path: Path) -> None:
-    """All columns that any line has, in the order in which they come up."""
+    """Write a CSV with every column that any line has, in order of first appearance."""
     names = list(dict.fromkeys(name for line in lines for name in line))
     with replacing(path) as draft, draft.open("w", encoding="utf-8", newline="") as file:
         writer = csv.DictWriter(file, names, lineterminator="\n")
@@ -168,7 +170,7 @@ def write_csv(lines: Sequence[Mapping[str, object]], path: Path) -> None:
 
 
 def _values(part: pd.DataFrame, quantity: str) -> pd.Series:
-    """The quantity of every episode, by world and run."""
+    """The quantity of each episode, indexed by world and run."""
     indexed = part.set_index(["world", "run"])
     if quantity == SUCCESS:
         return (indexed["outcome"] == SUCCESS).astype(float)
@@ -176,13 +178,13 @@ def _values(part: pd.DataFrame, quantity: str) -> pd.Series:
 
 
 def _tested(by_world: Floats) -> tuple[float, float, float]:
-    """Interval of the mean of the (W,) differences, and p of its being zero; NaN for fewer than two."""
+    """Interval of the mean of the differences (W,), and p-value of a mean of zero; NaN for fewer than two worlds."""
     worlds = len(by_world)
     if worlds < 2:
         return math.nan, math.nan, math.nan
     low, high = np.quantile(by_world[_draws(worlds)].mean(axis=1), [LEVEL / 2, 1 - LEVEL / 2])
     signs = _signs(worlds)
-    # Sums that are equal on paper must not differ by a rounding.
+    # TIE: sums that are equal in exact arithmetic must not differ by rounding.
     as_far = np.abs(signs @ by_world) >= abs(by_world.sum()) - TIE
     every = len(signs) == 2**worlds
     p = as_far.mean() if every else (1 + as_far.sum()) / (1 + len(signs))
@@ -191,13 +193,13 @@ def _tested(by_world: Floats) -> tuple[float, float, float]:
 
 @cache
 def _draws(worlds: int) -> Ints:
-    """(RESAMPLES, W) worlds drawn with replacement: the bootstrap."""
+    """Indices (RESAMPLES, W) of worlds drawn with replacement, for the bootstrap."""
     return np.random.default_rng(SEED).integers(worlds, size=(RESAMPLES, worlds))
 
 
 @cache
 def _signs(worlds: int) -> Floats:
-    """(S, W) of +1 and -1: every combination where there are few, else RESAMPLES at random."""
+    """Signs (S, W), +1 or -1: all combinations if there are at most RESAMPLES, else RESAMPLES random ones."""
     if 2**worlds <= RESAMPLES:
         bits = np.arange(2**worlds)[:, None] >> np.arange(worlds) & 1
         return np.where(bits, -1.0, 1.0).astype(np.float64)

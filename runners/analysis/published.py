@@ -1,4 +1,4 @@
-"""Published figures of the named pairs, and what they may stand beside."""
+"""Published figures of the named systems, and the records with which they can be compared."""
 
 from __future__ import annotations
 
@@ -10,47 +10,49 @@ from runners.config.systems import System
 if TYPE_CHECKING:
     import pandas as pd
 
-PUBLISHED_IN = {"barn": "Gazebo"}  # the paper's other maps ran in ROS Stage
+PUBLISHED_IN = {"barn": "Gazebo"}  # the paper ran its other maps in ROS Stage
 
 
-class Place(NamedTuple):
-    """Where a system was measured."""
+class PublishedSetting(NamedTuple):
+    """The map and the robot of a measurement."""
 
     map: str
     robot: str
 
 
 class Figures(NamedTuple):
-    """stats: (mean, standard deviation) by metric, the deviation NaN where none was published."""
+    """Published figures. stats: (mean, standard deviation) by metric; a deviation that was not published is NaN."""
 
     label: str
     global_planner: bool
     stats: dict[str, tuple[float, float]]
 
 
-def figures(systems: Mapping[str, System]) -> dict[tuple[str, Place], Figures]:
-    """Published figures by the system's name in `conf/system/` and by place."""
+def figures(systems: Mapping[str, System]) -> dict[tuple[str, PublishedSetting], Figures]:
+    """Published figures by the name of the system in `conf/system/` and by setting."""
     return {
-        (name, Place(place, given["robot"])): Figures(system.label, system.global_planner, _stats(given))
+        (name, PublishedSetting(map_name, given["robot"])): Figures(
+            system.label, system.global_planner, _stats(given)
+        )
         for name, system in systems.items()
-        for place, given in (system.published or {}).items()
+        for map_name, given in (system.published or {}).items()
     }
 
 
-def place_of(group: pd.DataFrame) -> Place | None:
-    """Where published figures for these records would be found, were there any.
+def setting_of(group: pd.DataFrame) -> PublishedSetting | None:
+    """The setting whose published figures can be compared with these records; None if no figures can.
 
-    Only the whole policy compares, whoever trained it, with nothing changed, and on BARN only the hundred hard worlds.
+    Only the complete method is compared, with any weights and no changed key, and on BARN only the hundred hard worlds.
     """
     known = [key for key in ("ablation", "scale", "changes", "map", "subset", "robot") if key in group]
     first = {key: str(group[key].iloc[0]) for key in known}
     whole = first.get("ablation", "none") == "none" and not (first.get("scale") or first.get("changes"))
     same_worlds = first.get("map") != "barn" or first.get("subset") == "hard100"
-    return Place(first.get("map", ""), first.get("robot", "")) if whole and same_worlds else None
+    return PublishedSetting(first.get("map", ""), first.get("robot", "")) if whole and same_worlds else None
 
 
 def notes(maps: set[str]) -> list[str]:
-    """What must be said where published figures of these maps are shown."""
+    """Notes for a table with published figures of these maps."""
     lines = []
     if maps:
         others = " and ".join(sorted({PUBLISHED_IN.get(name, "ROS Stage") for name in maps}))
@@ -61,7 +63,7 @@ def notes(maps: set[str]) -> list[str]:
 
 
 def _stats(given: Mapping[str, Sequence[float]]) -> dict[str, tuple[float, float]]:
-    """[mean, std], or [mean] where no deviation was published."""
+    """(mean, std) by metric, from [mean, std], or from [mean] if no deviation was published."""
     return {
         key: (float(values[0]), float(values[1]) if len(values) > 1 else float("nan"))
         for key, values in given.items()

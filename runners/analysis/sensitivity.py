@@ -1,4 +1,4 @@
-"""Which parameters matter: one at a time multiplied, the others kept, against all as they are."""
+"""The sensitivity study: how the results change when one parameter is multiplied by a factor."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ NOTES = (
 
 @dataclass(frozen=True, slots=True)
 class Point:
-    """One factor of one parameter. change: by measure, to all parameters as they are; empty at factor 1."""
+    """One factor of one parameter. change: difference to factor 1, by measure; empty at factor 1."""
 
     factor: float
     row: Row
@@ -43,7 +43,7 @@ class Point:
 
 @dataclass(frozen=True, slots=True)
 class Curve:
-    """Points of one parameter by rising factor. value: of the parameter at factor 1; empty where unknown."""
+    """Points of one parameter by increasing factor. value: of the parameter at factor 1; empty if unknown."""
 
     parameter: str
     value: str
@@ -51,40 +51,40 @@ class Curve:
 
     @property
     def unchanged(self) -> Point:
-        """That at factor 1."""
+        """The point at factor 1."""
         return next(point for point in self.points if point.factor == 1)
 
     @property
     def range(self) -> float:
-        """Of the success rate over the factors."""
+        """Largest minus smallest success rate over the factors."""
         rates = [point.success for point in self.points]
         return max(rates) - min(rates)
 
     def beyond(self, measure: str) -> list[Point]:
-        """Points that differ in the measure from that at factor 1 beyond the noise."""
+        """Points whose difference to factor 1 in the measure is beyond the noise."""
         return [each for each in self.points if measure in each.change and each.change[measure].beyond_noise]
 
 
 @dataclass(frozen=True, slots=True)
-class Study:
-    """Curves of one system in one place, in the order of the sweep. heading, place: what it was."""
+class SensitivityStudy:
+    """Curves of one system in one setting, in the order of the sweep. heading: the system. place: the setting."""
 
     heading: str
     place: str
     curves: tuple[Curve, ...]
 
 
-def studies(frame: pd.DataFrame) -> list[Study]:
-    """One for each system and place that was driven with parameters as they are, and with one multiplied.
+def studies(frame: pd.DataFrame) -> list[SensitivityStudy]:
+    """One study for each system and setting with both unchanged and multiplied parameters.
 
-    Runs with several parameters multiplied at once belong to no curve.
+    Runs with several multiplied parameters are ignored.
     """
     found = [_study(block) for block in paired.blocks(_single(frame), COLUMN, UNCHANGED)]
     return [study for study in found if study.curves]
 
 
-def words(found: list[Study]) -> list[str]:
-    """Which parameters matter, the most first."""
+def words(found: list[SensitivityStudy]) -> list[str]:
+    """A line for each parameter, the one with the largest range first."""
     lines = []
     for study in found:
         lines.append(f"{study.heading}, {study.place}: success over the factors of each parameter.")
@@ -92,8 +92,8 @@ def words(found: list[Study]) -> list[str]:
     return lines
 
 
-def write(found: list[Study], place: Path) -> list[Path]:
-    """`sensitivity.md` and `sensitivity.csv` below `place`; the paths."""
+def write(found: list[SensitivityStudy], place: Path) -> list[Path]:
+    """Write `sensitivity.md` and `sensitivity.csv` into `place`; return their paths."""
     markdown, table = place / f"{NAME}.md", place / f"{NAME}.csv"
     write_whole(markdown, to_markdown(found))
     points = [(study, curve, point) for study in found for curve in study.curves for point in curve.points]
@@ -101,8 +101,8 @@ def write(found: list[Study], place: Path) -> list[Path]:
     return [markdown, table]
 
 
-def to_markdown(found: list[Study]) -> str:
-    """Success rates by factor, and the words below each table."""
+def to_markdown(found: list[SensitivityStudy]) -> str:
+    """Success rate and BARN metric by factor, with a list of sentences below the tables of each study."""
     parts = []
     for study in found:
         lines = "\n".join(f"- {line}" for line in words([study])[1:])
@@ -116,18 +116,18 @@ def to_markdown(found: list[Study]) -> str:
 
 
 def factors(curves: Sequence[Curve]) -> list[float]:
-    """All factors of some curves, rising."""
+    """All factors of some curves, increasing."""
     return sorted({point.factor for curve in curves for point in curve.points})
 
 
 def _single(frame: pd.DataFrame) -> pd.DataFrame:
-    """Records of runs with no factor, or with one."""
+    """Records of runs with at most one multiplied parameter."""
     if COLUMN not in frame:
         return frame
     return frame[[len(from_words(text)) <= 1 for text in frame[COLUMN].fillna(UNCHANGED)]]
 
 
-def _study(block: Block) -> Study:
+def _study(block: Block) -> SensitivityStudy:
     changes = {measure: paired.compare(block, measure) for measure in (SUCCESS, METRIC)}
     base = Point(1.0, paired.row(block.baseline), {})
     by_parameter: dict[str, list[Point]] = {}
@@ -139,11 +139,11 @@ def _study(block: Block) -> Study:
         Curve(name, _value(block, name), tuple(sorted(points, key=lambda point: point.factor)))
         for name, points in by_parameter.items()
     )
-    return Study(block.heading, title(block.baseline), tuple(curves))
+    return SensitivityStudy(block.heading, title(block.baseline), tuple(curves))
 
 
 def _value(block: Block, parameter: str) -> str:
-    """The parameter as it is; empty where the records do not tell."""
+    """The unchanged value of the parameter; empty if unknown."""
     launch = read_launch(Path(block.baseline["run_dir"].iloc[0])) if "run_dir" in block.baseline else None
     parameters = launch.configs[0]["guide"].get("parameters", {}) if launch is not None else {}
     return str(parameters.get(parameter, ""))
@@ -160,14 +160,14 @@ def _sentence(curve: Curve) -> str:
 
 
 def _beyond(curve: Curve, measure: str) -> str:
-    """ "success 0.020 at × 0", or nothing."""
+    """ "success 0.020 at × 0"; empty if no point is beyond the noise."""
     points = curve.beyond(measure)
     shown = ", ".join(f"{point.row.stats[measure][0]:.3f} at {TIMES} {point.factor:g}" for point in points)
     return f"{NAMES[measure]} {shown}" if shown else ""
 
 
-def _table(study: Study, measure: str) -> str:
-    """A line for each parameter, a column for each factor; bold where it differs beyond the noise."""
+def _table(study: SensitivityStudy, measure: str) -> str:
+    """A line for each parameter and a column for each factor; bold beyond the noise."""
     columns = factors(study.curves)
     if not any(measure in point.row.stats for curve in study.curves for point in curve.points):
         return ""
@@ -187,8 +187,8 @@ def _cell(point: Point, measure: str) -> str:
     return f"**{text}** ({signed(change.mean)})" if change and change.beyond_noise else text
 
 
-def _numbers(study: Study, curve: Curve, point: Point) -> dict[str, object]:
-    """A line of the CSV, unrounded."""
+def _numbers(study: SensitivityStudy, curve: Curve, point: Point) -> dict[str, object]:
+    """A line of the CSV, not rounded."""
     known = {
         "block": study.heading,
         "place": study.place,

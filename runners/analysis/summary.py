@@ -1,7 +1,7 @@
-"""From episode records to the rows of a result table.
+"""Summarises episode records as the rows of a result table.
 
-One row per system and whatever else varies among the records (ablation, map subset, seed, swept keys); the
-published figures of a system follow its own row where they were measured on the same map.
+There is one row for each system and combination of other values that vary (ablation, map subset, seed, swept keys).
+The published figures of a system follow its row if they were measured in the same setting.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 class Metric(NamedTuple):
-    """A column of the table. spread: show ± over runs. of_successes: failed episodes do not count."""
+    """A column of the table. spread: show ± over runs. of_successes: only successful episodes count."""
 
     key: str
     header: str
@@ -40,10 +40,15 @@ METRICS = (
     Metric("spl", "SPL", 3),
 )
 GROUP_KEYS = ("ablation", "weights", "scale", "sim", "robot", "map", "subset", "seed")
-TIMES, DASH = "\u00d7", "\u2013"  # typographic signs that are easily taken for letters
+TIMES, DASH = "\u00d7", "\u2013"  # typographic signs that look like letters
 INTERVAL_HEADER = "95 % CI"
 GLOBAL_PLANNER = {"": "no", "observed": "yes", "known": "yes, true map"}  # by the guide's global_map
-NAMED = ("ablation", "weights", "scale", "sim")  # shown even where all rows have the same, unless it is usual
+NAMED = (
+    "ablation",
+    "weights",
+    "scale",
+    "sim",
+)  # shown even if all rows have the same value, unless that is usual
 USUAL = frozenset({"none", "published", "fast", ""})
 
 
@@ -51,9 +56,9 @@ USUAL = frozenset({"none", "published", "fast", ""})
 class Row:
     """One line of the table.
 
-    keys: what tells this row from the others, by column. stats: (mean, std over runs) by metric; std is NaN
-    where there is one run. interval: Wilson's 95 % of the success rate. global_planner: "no", "yes" or more.
-    changes: keys, not among `keys`, that have other values than the files of the chosen options, in words.
+    keys: values that distinguish this row from others, by column. stats: (mean, std over runs) by metric; std is NaN
+    for a single run. interval: Wilson's 95 % interval of the success rate. global_planner: a value of
+    GLOBAL_PLANNER. changes: "key=value, …" of keys, other than `keys`, that differ from the files of their options.
     """
 
     label: str
@@ -69,7 +74,7 @@ class Row:
 
     @property
     def complete(self) -> bool:
-        """Every world has every run."""
+        """Whether every world has every run."""
         return self.episodes is None or self.episodes == (self.worlds or 0) * (self.runs or 0)
 
 
@@ -78,34 +83,34 @@ def summarise(
     order: Sequence[str] = (),
     systems: Mapping[str, System] | None = None,
 ) -> list[Row]:
-    """Rows of the table for `frame` (one line per episode), each system's own and then its published ones.
+    """Rows of the table for `frame` (one line per episode): for each system our rows, then the published ones.
 
-    order: names of systems whose rows come first, in this order; of those that were not driven the published
-    figures are shown all the same. systems: named pairs by name; the project's own unless given.
+    order: names of systems whose rows come first, in this order. A system without episodes has its published figures
+    only. systems: named systems by name; by default those of `conf/system/`.
     """
     systems = named_systems() if systems is None else systems
     names = {system.label: name for name, system in systems.items()}
     keys = row_keys(frame)
     grouping = ["system", *keys]
     texts = frame.assign(**{key: as_text(frame[key]) for key in grouping})
-    ours: dict[str, list[tuple[Row, published.Place | None]]] = {name: [] for name in order}
+    ours: dict[str, list[tuple[Row, published.PublishedSetting | None]]] = {name: [] for name in order}
     for values, group in texts.groupby(grouping, sort=False):
         row = measure(group, str(values[0]), dict(zip(keys, map(str, values[1:]), strict=True)))
         name = names.get(str(values[0]), str(values[0]))
-        ours.setdefault(name, []).append((row, published.place_of(group)))
-    places = {place: row for rows in ours.values() for row, place in rows if place}
+        ours.setdefault(name, []).append((row, published.setting_of(group)))
+    settings = {setting: row for rows in ours.values() for row, setting in rows if setting}
     figures = published.figures(systems)
-    return [row for name, rows in ours.items() for row in _with_published(name, rows, places, figures)]
+    return [row for name, rows in ours.items() for row in _with_published(name, rows, settings, figures)]
 
 
 def metrics(frame: pd.DataFrame) -> dict[str, float]:
-    """Every number of the first row by name, as CSV has them: what a tracker stores of one run."""
+    """All numbers of the first row by name, as in the CSV: the metrics of one tracked run."""
     row = summarise(frame, systems={})[0]
     return {"episodes": float(row.episodes or 0), **numbers(row)}
 
 
 def measure(group: pd.DataFrame, system: str, keys: dict[str, str]) -> Row:
-    """The figures of records that are one row of the table. keys: what tells the row from the others."""
+    """The row of the table for these records. keys: values that distinguish it from other rows, by column."""
     successes = group["outcome"] == "success"
     runs = int(group["run"].nunique())
     stats = {}
@@ -129,7 +134,7 @@ def measure(group: pd.DataFrame, system: str, keys: dict[str, str]) -> Row:
 
 
 def numbers(row: Row) -> dict[str, float]:
-    """Means, deviations over runs (`_std`) and bounds of the success rate of a row, where it has them."""
+    """Means, deviations over runs (`_std`) and bounds of the success rate of a row, if it has them."""
     pairs = {
         f"{key}{end}": value
         for key, both in row.stats.items()
@@ -141,7 +146,7 @@ def numbers(row: Row) -> dict[str, float]:
 
 
 def title(frame: pd.DataFrame) -> str:
-    """What all rows have in common: map, subset, robot, changed keys; and how much was driven."""
+    """What all rows have in common (map, subset, robot, changed keys), and the numbers of worlds and runs."""
     common = [
         str(frame[key].iloc[0])
         for key in ("map", "subset", "robot")
@@ -152,7 +157,7 @@ def title(frame: pd.DataFrame) -> str:
 
 
 def notes(rows: Sequence[Row]) -> list[str]:
-    """What a reader must know to read the table right."""
+    """Notes that explain the table."""
     lines = []
     if any(row.runs is not None and row.runs > 1 for row in rows):
         lines.append("± is the standard deviation over runs.")
@@ -167,60 +172,66 @@ def notes(rows: Sequence[Row]) -> list[str]:
 
 
 def row_keys(frame: pd.DataFrame) -> list[str]:
-    """Columns, beside `system`, that tell rows apart: what varies within a system, and what is unusual."""
+    """Columns besides `system` that distinguish rows: those that vary within a system, and unusual values."""
     keys = [
         key
         for key in [*(key for key in GROUP_KEYS if key in frame), *changed_keys(frame)]
         if (key in NAMED and not set(as_text(frame[key])) <= USUAL) or _varies(frame, key)
     ]
     if "run_dir" in frame and frame.duplicated(["system", *keys, "world", "run"]).any():
-        keys.append("run_dir")  # two runs of one config, or of configs that differ in what nobody recorded
+        keys.append(
+            "run_dir"
+        )  # two runs of the same config, or of configs that differ in a key without a column
     return keys
 
 
 def changed_keys(frame: pd.DataFrame) -> list[str]:
-    """Columns that hold config keys: those that some run has changed."""
+    """Columns for config keys that some run has changed."""
     return [column for column in frame.columns if "." in column]
 
 
 def as_text(column: pd.Series) -> pd.Series:
-    """Values of a column as a table shows them; empty where there are none."""
+    """Values of a column as text, as a table shows them; empty for a missing value."""
     return column.astype(object).where(column.notna(), "").astype(str)
 
 
 def _with_published(
     name: str,
-    ours: Sequence[tuple[Row, published.Place | None]],
-    places: Mapping[published.Place, Row],
-    figures: Mapping[tuple[str, published.Place], published.Figures],
+    ours: Sequence[tuple[Row, published.PublishedSetting | None]],
+    settings: Mapping[published.PublishedSetting, Row],
+    figures: Mapping[tuple[str, published.PublishedSetting], published.Figures],
 ) -> Iterator[Row]:
-    """A system's rows, its published figures for each place once, after the last row that they compare with.
+    """Yield a system's rows, and its published figures for each setting after the last row of that setting.
 
-    places: every place that was driven in, with one of its rows; all of them where the system was not driven.
+    settings: every setting of the records, with one of its rows. A system without rows gets its figures for all.
     """
-    for index, (row, place) in enumerate(ours):
+    for index, (row, setting) in enumerate(ours):
         yield row
-        if place and (name, place) in figures and place not in (later for _, later in ours[index + 1 :]):
-            yield _published_row(figures[name, place], place, row)
+        if (
+            setting
+            and (name, setting) in figures
+            and setting not in (later for _, later in ours[index + 1 :])
+        ):
+            yield _published_row(figures[name, setting], setting, row)
     if not ours:
-        for place, like in places.items():
-            if (name, place) in figures:
-                yield _published_row(figures[name, place], place, like)
+        for setting, like in settings.items():
+            if (name, setting) in figures:
+                yield _published_row(figures[name, setting], setting, like)
 
 
-def _published_row(found: published.Figures, place: published.Place, ours: Row) -> Row:
+def _published_row(found: published.Figures, setting: published.PublishedSetting, ours: Row) -> Row:
     keys = {key: value if key in ("map", "subset") else "" for key, value in ours.keys.items()}
     return Row(
         label=f"{found.label} (published)",
         keys=keys,
         stats=found.stats,
         global_planner=GLOBAL_PLANNER["observed" if found.global_planner else ""],
-        published_map=place.map,
+        published_map=setting.map,
     )
 
 
 def _global_planner(group: pd.DataFrame) -> str:
-    """Whether the guide planned on a map, and on which; records of before it was noted used none."""
+    """Whether the guide planned on a global map, and on which; "no" for records without this column."""
     return GLOBAL_PLANNER.get(str(group["global_map"].iloc[0]), "no") if "global_map" in group else "no"
 
 
@@ -230,7 +241,7 @@ def _changes(group: pd.DataFrame, keys: Iterable[str]) -> str:
 
 
 def _changed_notes(rows: Sequence[Row]) -> list[str]:
-    """Which keys have other values than the files of the chosen options."""
+    """Notes on keys that differ from the files of their options."""
     ours = [row for row in rows if not row.published_map]
     if len({row.changes for row in ours}) == 1:
         return [f"Changed: {ours[0].changes}."] if ours[0].changes else []
@@ -238,7 +249,7 @@ def _changed_notes(rows: Sequence[Row]) -> list[str]:
 
 
 def _counted(frame: pd.DataFrame, column: str) -> str:
-    """How many worlds, or runs, every row of the table has; the fewest and the most where rows differ in it."""
+    """Number of worlds, or runs, per row of the table; the fewest and the most if rows differ."""
     keys = ["system", *row_keys(frame)]
     counts = frame.assign(**{key: as_text(frame[key]) for key in keys}).groupby(keys)[column].nunique()
     fewest, most = int(counts.min()), int(counts.max())
@@ -247,7 +258,7 @@ def _counted(frame: pd.DataFrame, column: str) -> str:
 
 
 def _varies(frame: pd.DataFrame, column: str) -> bool:
-    """Whether a column has several values for one system."""
+    """Whether a column has several values within a system."""
     return bool((frame.groupby("system")[column].nunique(dropna=False) > 1).any())
 
 

@@ -1,4 +1,4 @@
-"""Result tables as text: Markdown, CSV, LaTeX, and for the terminal."""
+"""Writes result tables as Markdown, CSV, LaTeX and HTML, and prints them on the terminal."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ GAP = 2  # between columns on the terminal
 
 
 def to_markdown(rows: Sequence[Row]) -> str:
-    """The table in GitHub's Markdown, notes below."""
+    """The table in GitHub's Markdown, with notes below."""
     header, *lines = _cells(rows, " ± ")
     first = 1 + len(rows[0].keys)
     rule = ["---"] * first + ["---:"] * (len(header) - first)
@@ -43,7 +43,7 @@ def to_markdown(rows: Sequence[Row]) -> str:
 
 
 def to_csv(rows: Sequence[Row]) -> str:
-    """The table's numbers, unrounded; empty where there are none."""
+    """The numbers of the table, not rounded; a missing one is empty."""
     values = [numbers(row) for row in rows]
     names = list(dict.fromkeys(name for value in values for name in value))
     text = io.StringIO()
@@ -56,7 +56,7 @@ def to_csv(rows: Sequence[Row]) -> str:
 
 
 def to_html(rows: Sequence[Row]) -> str:
-    """The table and its notes as elements of a page."""
+    """The table and its notes as HTML elements."""
     header, *lines = ([html.escape(cell) for cell in line] for line in _cells(rows, " ± "))
     head = "".join(f"<th>{cell}</th>" for cell in header)
     body = "\n".join("<tr>" + "".join(f"<td>{cell}</td>" for cell in line) + "</tr>" for line in lines)
@@ -65,7 +65,7 @@ def to_html(rows: Sequence[Row]) -> str:
 
 
 def to_latex(rows: Sequence[Row]) -> str:
-    """A `tabular` with booktabs rules, notes as comments."""
+    """The table as a `tabular` with booktabs rules, and the notes as comments."""
     header, *lines = ([_escape_latex(cell) for cell in line] for line in _cells(rows, " ± "))
     first = 1 + len(rows[0].keys)
     body = [" & ".join(line) + r" \\" for line in lines]
@@ -85,7 +85,7 @@ def to_latex(rows: Sequence[Row]) -> str:
 
 
 def to_rich(rows: Sequence[Row], heading: str, width: int) -> rich.table.Table:
-    """The table for a terminal of `width` columns; in a narrow one ± goes below its mean (80 are enough)."""
+    """The table for a terminal of `width` columns, at least 80. If it is too wide, ± stands below its mean."""
     from rich.box import SIMPLE_HEAD
     from rich.table import Table
     from rich.text import Text
@@ -96,7 +96,7 @@ def to_rich(rows: Sequence[Row], heading: str, width: int) -> rich.table.Table:
         gap = GAP if _width(columns, GAP) <= width else 1
     table = Table(title=Text(heading), caption=Text("\n".join(notes(rows))), caption_justify="left")
     table.box, table.show_edge, table.pad_edge, table.padding = SIMPLE_HEAD, False, False, (0, gap - 1, 0, 0)
-    # Text, not str: a unit or a key in brackets is no markup.
+    # Text, not str: Rich would read a unit in brackets as markup.
     for number, (header, *_) in enumerate(columns):
         left = number <= len(rows[0].keys)
         table.add_column(Text(header), justify="left" if left else "right", overflow="fold")
@@ -114,9 +114,9 @@ def print_table(frame: pd.DataFrame, rows: Sequence[Row]) -> None:
 
 
 def write_tables(frame: pd.DataFrame, rows: Sequence[Row], run_dir: Path) -> list[Path]:
-    """Write the rows of the table for `frame` into `run_dir`, as Markdown, CSV and LaTeX; their paths.
+    """Write the rows of the table for `frame` into `run_dir` as Markdown, CSV and LaTeX; return the paths.
 
-    Where episodes have explainer pages, `table.md` links those that failed.
+    If episodes have explainer pages, `table.md` links to those that failed.
     """
     texts = {
         "table.md": f"**{title(frame)}**\n\n{to_markdown(rows)}{failed_section(frame, run_dir)}",
@@ -133,7 +133,7 @@ def _shown_metrics(rows: Sequence[Row]) -> list[Metric]:
 
 
 def _cells(rows: Sequence[Row], plus_minus: str, to: str = DASH) -> list[list[str]]:
-    """Header and lines, as text; the interval stands beside the success rate."""
+    """Header and lines as text; the interval stands beside the success rate."""
     metrics = _shown_metrics(rows)
     headers = [metric.header for metric in metrics]
     keys = [key.capitalize() if key in GROUP_KEYS else key for key in rows[0].keys]
@@ -151,19 +151,19 @@ def _cells(rows: Sequence[Row], plus_minus: str, to: str = DASH) -> list[list[st
 
 
 def _compares_planners(rows: Sequence[Row]) -> bool:
-    """Whether the table says who used a global planner: with several systems, or where one did."""
+    """Whether to show the column on global planners: with several systems, or if one used a global planner."""
     names = {row.label.rpartition(" ")[0] for row in rows}
     return len(names) > 1 or any(row.global_planner != "no" for row in rows)
 
 
 def _width(columns: Sequence[Sequence[str]], gap: int) -> int:
-    """Of the table on the terminal, in characters."""
+    """Width of the table on the terminal, in characters."""
     widest = (max(len(line) for cell in column for line in cell.split("\n")) for column in columns)
     return sum(width + gap for width in widest) - gap
 
 
 def _folded(column: Sequence[str]) -> tuple[str, ...]:
-    """Cells as narrow as their longest word."""
+    """The cells, wrapped to the width of their longest word."""
     narrow = max(len(word) for cell in column for word in cell.split())
     return tuple("\n".join(textwrap.wrap(cell, narrow, break_on_hyphens=False)) for cell in column)
 

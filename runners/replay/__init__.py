@@ -1,1 +1,1 @@
-"""Replay of recordings: what a guide and a planner would have done where a robot has driven."""
+"""Replay: the decisions that a guide and a planner make on what a robot recorded."""

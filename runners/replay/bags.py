@@ -1,6 +1,6 @@
-"""Recordings of ROS 1 (`.bag`) and ROS 2 (`.db3`, `.mcap`, or their folder), read as a stream.
+"""Reads recordings of ROS 1 (`.bag`) and ROS 2 (`.db3`, `.mcap`, or their folder) as a stream.
 
-The library is rosbags (extra `replay`). Whatever is wrong with a file, the user reads one line about it.
+Uses the package rosbags (extra `replay`). Any error in a file becomes an InputError of one line.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ _MAGIC = {".bag": _ROS1_MAGIC, ".mcap": _MCAP_MAGIC, ".db3": _SQLITE_MAGIC}
 
 
 class Topic(NamedTuple):
-    """One topic of a recording. types: of its messages, most have one. number: of messages. rate: of them [Hz]."""
+    """One topic of a recording. types: message types, usually one. number: of messages. rate: of messages [Hz]."""
 
     name: str
     types: tuple[str, ...]
@@ -30,7 +30,7 @@ class Topic(NamedTuple):
 
 
 class Message(NamedTuple):
-    """One message. recorded: when it was written to the file [ns]. content: fields as in its definition."""
+    """One message. recorded: time of recording [ns]. content: object with the fields of the message type."""
 
     topic: str
     type: str
@@ -39,10 +39,10 @@ class Message(NamedTuple):
 
 
 class Bag:
-    """An open recording. Messages come one at a time, whatever the size of the file."""
+    """An open recording. It reads one message at a time, so a file may be of any size."""
 
     def __init__(self, path: Path) -> None:
-        """Raises InputError for what is no recording, is cut off or holds nothing, and without rosbags."""
+        """Open `path`. Raises InputError if it is no recording, is damaged or empty, or if rosbags is missing."""
         self.path = path
         self._reader = _opened(path)
 
@@ -56,21 +56,21 @@ class Bag:
 
     @property
     def start(self) -> int:
-        """When the first message was recorded [ns]."""
+        """Time of recording of the first message [ns]."""
         return int(self._reader.start_time)
 
     @property
     def end(self) -> int:
-        """When the last message was recorded [ns]."""
+        """Time of recording of the last message [ns]."""
         return int(self._reader.end_time)
 
     @property
     def duration_s(self) -> float:
-        """From the first message to the last [s]."""
+        """Time from the first message to the last [s]."""
         return (self.end - self.start) / _SECOND
 
     def topics(self) -> list[Topic]:
-        """All topics by name."""
+        """All topics, sorted by name."""
         found: dict[str, tuple[set[str], int]] = {}
         for connection in self._reader.connections:
             types, count = found.get(connection.topic, (set(), 0))
@@ -81,9 +81,9 @@ class Bag:
     def messages(
         self, topics: Collection[str], start: int | None = None, stop: int | None = None
     ) -> Iterator[Message]:
-        """Messages of these topics in the order of recording, from `start` to before `stop` [ns].
+        """Yield the messages of these topics in the order of recording, from `start` to just before `stop` [ns].
 
-        Raises InputError where the file turns out to be damaged.
+        Raises InputError if the file is damaged.
         """
         wanted = [c for c in self._reader.connections if c.topic in topics]
         if not wanted:
@@ -92,7 +92,7 @@ class Bag:
             for connection, recorded, raw in self._reader.messages(wanted, start=start, stop=stop):
                 content = self._reader.deserialize(raw, connection.msgtype)
                 yield Message(connection.topic, connection.msgtype, recorded, content)
-        except Exception as error:  # rosbags lets through whatever decoding damaged bytes raises
+        except Exception as error:  # decoding damaged bytes can raise anything
             raise _unreadable(self.path, error, "damaged") from error
 
 
@@ -104,7 +104,7 @@ def _opened(path: Path) -> Any:
     except ImportError as error:
         raise InputError(f"replay needs the package rosbags: {install('rosbags')}") from error
     try:
-        # ROS 2 files of SQLite carry no message definitions before Iron.
+        # Before ROS 2 Iron, .db3 files do not contain message definitions.
         reader = AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE))
         reader.open()
     except Exception as error:  # rosbags raises AssertionError on some bags of 2010, struct.error on others
@@ -122,7 +122,7 @@ def _check_path(path: Path) -> None:
     if path.is_dir():
         if not (path / "metadata.yaml").is_file():
             raise InputError(
-                f"bag {path}: a folder without metadata.yaml; give the {', '.join(SUFFIXES)} in it"
+                f"bag {path}: the folder has no metadata.yaml: give a file in it, one of {', '.join(SUFFIXES)}"
             )
         return
     if path.suffix not in SUFFIXES:
@@ -135,17 +135,17 @@ def _check_path(path: Path) -> None:
     if not head:
         raise InputError(f"bag {path}: the file is empty")
     if not head.startswith(_MAGIC[path.suffix]):
-        raise InputError(f"bag {path}: does not begin like a {path.suffix} file: not one, or damaged")
+        raise InputError(f"bag {path}: is not a {path.suffix} file, or is damaged")
 
 
 def _unreadable(path: Path, error: Exception, what: str) -> InputError:
     reason = (str(error).splitlines() or [""])[0].partition(": (")[0].rstrip(".") or type(error).__name__
     hint = ""
     if "index" in reason.lower():
-        hint = ": it was cut off while recording; repair a copy with `rosbag reindex`"
+        hint = ": the recording was cut off; repair a copy with `rosbag reindex`"
     elif isinstance(error, AssertionError):
-        reason = "its structure is not what the format says"
+        reason = "its structure does not follow the format"
         hint = ": try `rosbag filter` or `rosbags-convert` on it"
     elif any(word in reason for word in ("magic", "footer", "malformed")):
-        hint = ": it may have been cut off while recording or copying"
+        hint = ": the recording or a copy of it may have been cut off"
     return InputError(f"bag {path}: {what} ({reason}){hint}")

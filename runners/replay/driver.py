@@ -1,4 +1,4 @@
-"""A navigator on what a robot saw: one decision per control period, nothing of it carried out."""
+"""Runs a navigator on recorded messages: one decision per control period. No command is executed."""
 
 from __future__ import annotations
 
@@ -21,23 +21,23 @@ from lme.robots import Robot
 from lme.sensing.scan_points import obstacle_points
 from lme.types import Floats, Observation, Pose, Twist
 from runners.replay.bags import Message
-from runners.replay.goals import Goal
+from runners.replay.goals import GoalSource
 from runners.replay.messages import twist_of
 from runners.replay.recording import SECOND, Recording
 from runners.replay.scan_source import ScanSource
-from runners.replay.track import Motion, Order, Track
+from runners.replay.track import Order, StampedMotion, Track
 
 _HERE = Pose(0.0, 0.0, 0.0)
 _NO_EDGES = np.empty((0, 4))
-_STEP = 0.02  # [m] no point of the outline moves further between two checks
-_SAMPLE = 60  # decisions at least are kept for pictures, where there are so many
+_STEP = 0.02  # [m] no point of the footprint moves further between two collision checks
+_SAMPLE = 60  # decisions at least are kept for the pictures, if there are as many
 
 
 class ReplayStep(NamedTuple):
-    """One tick: what was seen, what was decided. points (M, 2) in the robot frame [m]."""
+    """One tick: the input and the decision. target, subgoal (2,) and scan points (M, 2) in the robot frame [m]."""
 
     time_s: float
-    motion: Motion
+    motion: StampedMotion
     target: Floats
     points: Floats
     subgoal: Floats
@@ -49,21 +49,25 @@ Listener = Callable[[ReplayStep], None]
 
 @dataclass(slots=True)
 class Log:
-    """What a replay came to. rows: one per tick. commands: (stamp [ns], v, ω) as recorded. skipped: by reason."""
+    """The results of a replay.
+
+    rows: columns by name, one row per tick. commands: the recorded (stamp [ns], v [m/s], ω [rad/s]). skipped: number
+    of ticks without a decision, by reason. scans: number of scans. sample: steps spread over the recording.
+    """
 
     rows: list[dict[str, Any]] = field(default_factory=list)
     commands: list[tuple[int, float, float]] = field(default_factory=list)
     skipped: dict[str, int] = field(default_factory=lambda: {"no pose": 0, "no goal": 0})
     scans: int = 0
-    sample: list[ReplayStep] = field(default_factory=list)  # spread over the recording
+    sample: list[ReplayStep] = field(default_factory=list)
 
 
 class Driver:
-    """Takes messages in the order of recording and decides once per control period of the robot.
+    """Takes messages in the order of recording and makes a decision once per control period of the robot.
 
-    A tick is the scan nearest to when a decision is due. The pose is that at the scan's stamp, so that what the
-    robot sees and where it is belong together. horizon [s]: how far the clearance of commands is looked at;
-    stale [ns]: a pose that is older or younger than this by the scan's stamp does not count.
+    Each decision uses the scan nearest to the time at which it is due, and the pose at the stamp of that scan.
+    horizon [s]: time for which the clearance of a command is predicted. stale [ns]: largest difference between the
+    stamps of a pose and of the scan.
     """
 
     def __init__(
@@ -71,7 +75,7 @@ class Driver:
         recording: Recording,
         scan_source: ScanSource,
         navigator: Navigator,
-        goal: Goal,
+        goal: GoalSource,
         horizon: float,
         stale: int,
     ) -> None:
@@ -93,7 +97,7 @@ class Driver:
         self._listeners.append(listener)
 
     def take(self, message: Message) -> None:
-        """The next message. Raises InputError where time goes backwards."""
+        """Process the next message. Raises InputError if time goes backwards."""
         topics, name = self._recording.topics, message.topic
         self._decide(message)
         sample = self._recording.pose(message, self._tree)
@@ -108,11 +112,11 @@ class Driver:
             self._goal.take(message, self._track, self._tree)
 
     def finish(self) -> Log:
-        """Decide on what is left. Raises InputError where there was nothing to decide on."""
+        """Make the remaining decisions. Raises InputError if there was no decision at all."""
         self._decide(None)
         if not self.log.rows:
             reasons = ", ".join(
-                f"{count} for want of {key[3:]}s" for key, count in self.log.skipped.items() if count
+                f"{count} without a {key[3:]}" for key, count in self.log.skipped.items() if count
             )
             raise InputError(
                 f"bag {self._recording.bag.path}: nothing to replay: {self.log.scans} scans"
@@ -130,7 +134,11 @@ class Driver:
             self._waiting.append((message, stamp))
 
     def _decide(self, coming: Message | None) -> None:
-        """Make the decisions for which all is there: the pose after the scan, and what came along with it."""
+        """Decide on the waiting scans that have a later pose, or that have waited for one longer than `stale`.
+
+        coming: the next message, None at the end. It must be recorded after the scan, so that every message
+        recorded together with the scan has been processed.
+        """
         while self._waiting:
             scan, stamp = self._waiting[0]
             if coming is not None:
@@ -159,7 +167,9 @@ class Driver:
         decision_us = (perf_counter_ns() - began) / 1000.0
         self._note(observation, motion, command, decision_us)
 
-    def _note(self, observation: Observation, motion: Motion, command: Twist, decision_us: float) -> None:
+    def _note(
+        self, observation: Observation, motion: StampedMotion, command: Twist, decision_us: float
+    ) -> None:
         guidance = self._navigator.guidance
         assert guidance is not None
         points = obstacle_points(observation.scan, self._robot.lidar.mount)
@@ -191,13 +201,13 @@ class Driver:
             listener(step)
 
     def _clearances(self, points: Floats, twist: Twist, command: Twist) -> dict[str, float]:
-        """Distance from the footprint to the scan points [m]: now, and the least on the way of each command."""
+        """Distances from the footprint to the scan points [m]: now, and the least while each command is held."""
         circles = np.column_stack((points, np.zeros(len(points))))
         box, robot = self._robot.footprint.box, self._robot
 
         def least(wanted: Twist) -> float:
-            way, _ = drive(_HERE, twist, wanted, robot.limits, self._horizon, _STEP, robot.footprint.r_max)
-            return sweep(way, box, circles, _NO_EDGES)[0]
+            poses, _ = drive(_HERE, twist, wanted, robot.limits, self._horizon, _STEP, robot.footprint.r_max)
+            return sweep(poses, box, circles, _NO_EDGES)[0]
 
         return {
             "clearance_m": sweep(np.array([_HERE]), box, circles, _NO_EDGES)[0],
@@ -207,7 +217,7 @@ class Driver:
 
 
 class _Ticks:
-    """When decisions are due."""
+    """Selects the scans on which decisions are made."""
 
     def __init__(self, dt: float, scan_rate: float) -> None:
         self._period = round(dt * SECOND)
@@ -215,7 +225,7 @@ class _Ticks:
         self._next: int | None = None
 
     def due(self, stamp: int) -> bool:
-        """Whether a decision is to be made on the scan of this stamp [ns]; the first always is."""
+        """Whether to decide on the scan with this stamp [ns]; always true for the first."""
         if self._next is not None and stamp < self._next - self._slack:
             return False
         late = self._next is None or stamp > self._next + self._slack
@@ -224,7 +234,7 @@ class _Ticks:
 
 
 def _features(explanation: Explanation | None) -> dict[str, Any]:
-    """The criteria of the subgoal that is followed, and its score."""
+    """How the current subgoal was chosen, its score, and its value of each criterion."""
     if explanation is None:
         return {}
     kept = explanation.decision.choice is Choice.KEPT and explanation.old_features is not None
@@ -239,7 +249,7 @@ def _features(explanation: Explanation | None) -> dict[str, Any]:
 
 
 class _Sampler:
-    """Keeps some of many, evenly spread, without knowing how many will come."""
+    """Keeps an evenly spaced sample of steps. The number of steps need not be known beforehand."""
 
     def __init__(self) -> None:
         self.kept: list[ReplayStep] = []

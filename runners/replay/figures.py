@@ -1,4 +1,4 @@
-"""Pictures of a replay: where the robot drove and what was proposed, and which way a scan looks."""
+"""Pictures of a replay: the path of the robot with the proposed subgoals, and the first scan with its orientation."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ if TYPE_CHECKING:
 
 PROPOSED, RECORDED, GOAL = "#D55E00", "#0072B2", "#009E73"
 _FADED: dict[str, Any] = {"linewidth": 0.8, "alpha": 0.6}
-_SEEN_M = 8.0  # at most shown around the robot in a picture of one scan
+_SEEN_M = 8.0  # largest distance shown around the robot in the picture of one scan
 
 
 def write(
     frame: pd.DataFrame, log: Log, scan_source: ScanSource, recording: Recording, run_dir: Path
 ) -> list[Path]:
-    """`replay.png` and `orientation.png` in `run_dir`; their paths."""
+    """Write `replay.png` and `orientation.png` into `run_dir`; return their paths."""
     replay, orientation = run_dir / "replay.png", run_dir / "orientation.png"
     replay_figure(frame, log, recording.bag.path.name, scan_source.robot.dt, replay)
     orientation_figure(scan_source, recording, orientation)
@@ -35,12 +35,12 @@ def write(
 
 
 def replay_figure(frame: pd.DataFrame, log: Log, name: str, period_s: float, path: Path) -> None:
-    """The way driven with what was seen and the subgoals; speeds, clearances and decision times over time."""
+    """Draw the driven path with scan points and subgoals; and velocities, clearances and decision times over time."""
     figure = new_figure(11.0, 6.6, layout=None)
     grid = figure.add_gridspec(
         4, 2, width_ratios=(1.2, 1), hspace=0.4, wspace=0.16, left=0.06, right=0.98, bottom=0.08, top=0.9
     )
-    _draw_way(figure.add_subplot(grid[:, 0]), frame, log)
+    _draw_path(figure.add_subplot(grid[:, 0]), frame, log)
     time = frame["time_s"].to_numpy()
     axes = [figure.add_subplot(grid[row, 1]) for row in range(4)]
     for axis, key, label in ((axes[0], "v_mps", "v [m/s]"), (axes[1], "omega_radps", "ω [rad/s]")):
@@ -64,7 +64,7 @@ def replay_figure(frame: pd.DataFrame, log: Log, name: str, period_s: float, pat
 
 
 def orientation_figure(scan_source: ScanSource, recording: Recording, path: Path) -> None:
-    """The first scan as the policy takes it, seen from above, ahead up: a user sees at once if left is right."""
+    """Draw the first scan as the policy gets it, from above, ahead up. It shows whether left and right are swapped."""
     lidar = scan_source.robot.lidar
     scan = scan_source.read(recording.first_scan.content)
     points = obstacle_points(scan, lidar.mount)
@@ -90,8 +90,8 @@ def orientation_figure(scan_source: ScanSource, recording: Recording, path: Path
     save(figure, path.with_suffix(""))
 
 
-def _draw_way(axes: Axes, frame: pd.DataFrame, log: Log) -> None:
-    """The odometry frame."""
+def _draw_path(axes: Axes, frame: pd.DataFrame, log: Log) -> None:
+    """Draw the map, in the odometry frame."""
     clouds = [to_world(one.points, one.motion.pose) for one in log.sample]
     seen = np.concatenate(clouds) if clouds else np.empty((0, 2))
     axes.plot(seen[:, 0], seen[:, 1], ".", color=OBSTACLE, markersize=0.8, alpha=0.5, zorder=1)
@@ -115,7 +115,7 @@ def _draw_way(axes: Axes, frame: pd.DataFrame, log: Log) -> None:
 
 
 def _beam_shares(points: np.ndarray, scan_source: ScanSource) -> np.ndarray:
-    """Where in the sweep each point was seen, 0 at the first beam and 1 at the last."""
+    """Position of each point's beam in the sweep, (M,): 0 for the first beam and 1 for the last."""
     lidar = scan_source.robot.lidar
     at_lidar = to_robot(points, lidar.mount)
     bearings = np.arctan2(at_lidar[:, 1], at_lidar[:, 0]) - lidar.angle_min

@@ -1,4 +1,4 @@
-"""ROS messages in the words of `lme.types`; the definitions are those of common_interfaces and geometry2."""
+"""Converts ROS messages of common_interfaces and geometry2 to the types of `lme.types`."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ TWIST, TWIST_STAMPED = "geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStampe
 
 
 def stamp_of(header: Any) -> int:
-    """The header's stamp [ns]; 0 where the driver left it empty."""
+    """The stamp of a header [ns]; 0 if the driver did not set it."""
     return int(header.stamp.sec) * 1_000_000_000 + int(header.stamp.nanosec)
 
 
 def frame(name: str) -> str:
-    """A frame's name as tf2 has it, without the slash of ROS 1."""
+    """The name of a frame as in tf2, without the leading slash of ROS 1."""
     return str(name).lstrip("/")
 
 
 def scan_of(message: Any) -> LaserScan:
-    """A LaserScan as it is in the message; its angles are float32 there."""
+    """The scan of a LaserScan message, unchanged. Its angles have the precision of float32."""
     return LaserScan(
         np.asarray(message.ranges, dtype=np.float32),
         float(message.angle_min),
@@ -39,7 +39,7 @@ def scan_of(message: Any) -> LaserScan:
 
 
 def pose_of(message: Any, kind: str) -> Pose:
-    """The planar pose that an Odometry, a pose or a transform holds."""
+    """The planar pose of a message of type `kind`: Odometry, a pose or a transform."""
     if kind == TRANSFORM:
         return planar(message.transform.translation, message.transform.rotation)
     pose = message.pose.pose if kind in (ODOMETRY, POSE_WITH_COVARIANCE) else message.pose
@@ -47,12 +47,12 @@ def pose_of(message: Any, kind: str) -> Pose:
 
 
 def planar(position: Any, orientation: Any) -> Pose:
-    """x, y [m] and the heading [rad] of a pose in space."""
+    """x, y [m] and yaw [rad] of a pose in 3D."""
     return Pose(float(position.x), float(position.y), _yaw(orientation))
 
 
 def twist_of(message: Any, kind: str) -> Twist:
-    """Forward velocity and turn rate of an Odometry or a command."""
+    """Forward velocity [m/s] and turn rate [rad/s] of an Odometry or a command."""
     stamped = {ODOMETRY: 2, TWIST_STAMPED: 1, TWIST: 0}[kind]
     for _ in range(stamped):
         message = message.twist
@@ -60,10 +60,10 @@ def twist_of(message: Any, kind: str) -> Twist:
 
 
 def matrix_of(translation: Any, rotation: Any) -> Floats:
-    """(4, 4) from the child frame to the parent frame, from a translation [m] and a quaternion."""
+    """Transform (4, 4) from the child to the parent frame, from a translation [m] and a quaternion."""
     x, y, z, w = (float(getattr(rotation, key)) for key in "xyzw")
     norm = x * x + y * y + z * z + w * w
-    s = 2.0 / norm if norm > 0.0 else 0.0  # a quaternion that was never filled in is no turn
+    s = 2.0 / norm if norm > 0.0 else 0.0  # an unset quaternion is no rotation
     matrix = np.eye(4)
     matrix[:3, :3] = [
         [1 - s * (y * y + z * z), s * (x * y - z * w), s * (x * z + y * w)],
@@ -75,12 +75,12 @@ def matrix_of(translation: Any, rotation: Any) -> Floats:
 
 
 def planar_matrix(matrix: Floats) -> tuple[Pose, bool]:
-    """A mount (4, 4) seen from above: its pose in the plane, and whether it is upside down."""
+    """The planar pose of a transform (4, 4), and whether its z axis points down."""
     upside_down = bool(matrix[2, 2] < 0.0)
     return Pose(float(matrix[0, 3]), float(matrix[1, 3]), math.atan2(matrix[1, 0], matrix[0, 0])), upside_down
 
 
 def _yaw(q: Any) -> float:
-    if q.x == 0.0 and q.y == 0.0:  # exact for what was written as a planar heading
+    if q.x == 0.0 and q.y == 0.0:  # exact for a rotation about z alone
         return math.remainder(2.0 * math.atan2(q.z, q.w), math.tau)
     return math.atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y * q.y + q.z * q.z))

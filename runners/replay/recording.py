@@ -1,4 +1,4 @@
-"""What must be known of a recording before it is replayed: its clock, its frames, where its lidar sits."""
+"""Finds what a replay must know of a recording beforehand: its clock, its frames, the mount of its lidar."""
 
 from __future__ import annotations
 
@@ -18,23 +18,23 @@ from runners.replay.transforms import TransformTree
 
 CLOCKS = ("auto", "header", "recorded")
 SECOND = 1_000_000_000
-_LOOK_S = 10  # of the recording are looked at for a transform to the lidar
-_SCANS = 20  # of which the rate is measured
+_LOOK_S = 10  # [s] of the recording that are searched for a transform to the lidar
+_SCANS = 20  # used to measure the rate
 _BASES = ("base_footprint", "base_link")
 _ODOMS = ("odom", "map")
-_TAIL_S = (2, 30)  # of the recording are looked at for the last pose, before all of it is
+_TAIL_S = (2, 30)  # [s] at the end that are searched for the last pose, before the whole recording is
 
 
 @dataclass(slots=True)
 class FramesConfig:
-    """Names of frames; null: those of the odometry messages, else the usual ones."""
+    """Names of frames; null: from the odometry messages, else the usual names."""
 
     odom: str | None = None
     base: str | None = None
 
 
 class Sample(NamedTuple):
-    """A pose as it came: stamp [ns], pose of the base, twist where the message has one."""
+    """A recorded pose: stamp [ns], pose of the base, twist if the message has one."""
 
     stamp: int
     pose: Pose
@@ -43,11 +43,11 @@ class Sample(NamedTuple):
 
 @dataclass(slots=True)
 class Recording:
-    """A recording, its topics, and what its first messages tell.
+    """A recording, its topics, and what its first messages show.
 
-    odom, base: names of the two frames. headers: whether time is that of the headers. offset: from the clock of
-    the stamps to that of the file [ns]. mount: (4, 4) from the scan's frame to the base frame, None where nothing
-    tells. scan_rate [Hz]. tree: what tf said at the beginning.
+    odom, base: names of the two frames. headers: whether stamps come from the headers. offset: clock of the file
+    minus clock of the stamps [ns]. mount: (4, 4) from the scan's frame to the base frame; None if tf has none.
+    scan_rate [Hz]. tree: the transforms at the beginning.
     """
 
     bag: Bag
@@ -62,7 +62,7 @@ class Recording:
     tree: TransformTree
 
     def stamp(self, message: Message) -> int:
-        """When a message was true [ns]: of what bears no stamp, when it was recorded, on the same clock."""
+        """The stamp of a message [ns]; for a message without one, its time of recording on the clock of the stamps."""
         header = getattr(message.content, "header", None)
         return stamp_of(header) if self.headers and header is not None else message.recorded - self.offset
 
@@ -71,7 +71,7 @@ class Recording:
         return (stamp + self.offset - self.bag.start) / SECOND
 
     def pose(self, message: Message, tree: TransformTree) -> Sample | None:
-        """The pose that a message brings, None where it brings none; tf messages go into `tree` first."""
+        """The pose that a message contains, if any. Transforms of a tf message are first added to `tree`."""
         if message.topic in self.topics.tf:
             named = tree.update(message.content)
             return self._tf_pose(message, tree, named) if self.topics.pose is None else None
@@ -82,7 +82,7 @@ class Recording:
         return Sample(self.stamp(message), messages.pose_of(message.content, kind), twist)
 
     def last_pose(self, stop: int | None) -> Pose:
-        """The last pose recorded before `stop` [ns]. Raises InputError where there is none."""
+        """The last pose recorded before `stop` [ns]. Raises InputError if there is none."""
         end = self.bag.end + 1 if stop is None else stop
         for seconds in (*_TAIL_S, None):
             start = None if seconds is None else end - seconds * SECOND
@@ -91,10 +91,10 @@ class Recording:
                 last = self.pose(message, tree) or last
             if last is not None:
                 return last.pose
-        raise InputError(f"bag {self.bag.path}: no pose of {self.base} in {self.odom} to take for the goal")
+        raise InputError(f"bag {self.bag.path}: no pose of {self.base} in {self.odom} that could be the goal")
 
     def _tf_pose(self, message: Message, tree: TransformTree, named: set[str]) -> Sample | None:
-        """Where the base is now, if these transforms moved it."""
+        """The pose of the base, if one of the transforms of the message changes it."""
         chain = tree.chain(self.odom, self.base)
         moved = [t for t in message.content.transforms if frame(t.child_frame_id) in chain & named]
         matrix = tree.lookup(self.odom, self.base) if moved else None
@@ -105,7 +105,7 @@ class Recording:
 
 
 def look(bag: Bag, topics: Topics, frames: FramesConfig, clock: str) -> Recording:
-    """Read the beginning of a recording. Raises InputError where scans, poses or their frames are missing."""
+    """Read the beginning of a recording. Raises InputError if scans, poses or their frames are missing."""
     first = _Beginning(topics)
     for message in _statics(bag, topics):
         first.tree.update(message.content)
@@ -134,13 +134,11 @@ class _Beginning:
         self._topics = topics
         self.scans: list[Message] = []
         self._pose: Message | None = None
-        self._moved: dict[
-            str, int
-        ] = {}  # by child frame, how far the file's clock is ahead of its stamp [ns]
+        self._tf_ahead: dict[str, int] = {}  # [ns] clock of the file minus stamp, by child frame
         self.tree = TransformTree()
 
     def take(self, message: Message) -> None:
-        """Keep what is the first of its kind."""
+        """Keep the message if it is among the first of its kind."""
         pose = self._topics.pose
         if message.topic == self._topics.scan.name and len(self.scans) < _SCANS:
             self.scans.append(message)
@@ -149,15 +147,15 @@ class _Beginning:
         elif message.topic in self._topics.tf:
             self.tree.update(message.content)
             for one in message.content.transforms:
-                self._moved[frame(one.child_frame_id)] = message.recorded - stamp_of(one.header)
+                self._tf_ahead[frame(one.child_frame_id)] = message.recorded - stamp_of(one.header)
 
     @property
     def complete(self) -> bool:
-        """Whether there are scans enough to tell their rate, and a pose where a topic is to bring one."""
+        """Whether there are enough scans to measure their rate, and a pose if a topic provides poses."""
         return len(self.scans) == _SCANS and (self._topics.pose is None or self._pose is not None)
 
     def mounted(self, frames: FramesConfig) -> bool:
-        """Whether it is known where lidar and base are."""
+        """Whether the transforms to the base and to the lidar are known."""
         if self._topics.pose is None and self.tf_frames(frames) is None:
             return False
         _, base = self.frames(frames)
@@ -176,35 +174,35 @@ class _Beginning:
         return frames.odom or odom or _ODOMS[0], frames.base or base or known
 
     def tf_frames(self, frames: FramesConfig) -> tuple[str, str] | None:
-        """The two frames between which tf has a chain."""
+        """Names of an odometry frame and a base frame that tf connects; None if there are none."""
         odoms = (frames.odom,) if frames.odom else _ODOMS
         bases = (frames.base,) if frames.base else _BASES
         pairs = ((odom, base) for odom in odoms for base in bases)
         return next((pair for pair in pairs if self.tree.lookup(*pair) is not None), None)
 
     def clock(self, asked: str, frames: tuple[str, str]) -> tuple[bool, int]:
-        """Whether to go by the headers' stamps, and how far the file's clock is ahead of that [ns]."""
+        """Whether to use the stamps of the headers, and the clock of the file minus that of the stamps [ns]."""
         if asked == "recorded":
             return False, 0
         offset = min(_ahead(message) for message in self.scans)
         stamped = all(stamp_of(message.content.header) for message in self.scans)
-        # Some drivers leave stamps empty, some robots have computers whose clocks differ.
+        # Some drivers do not set stamps; on some robots, the clocks of the computers differ.
         alike = all(abs(ahead - offset) < SECOND for ahead in self._poses_ahead(frames))
         return (True, offset) if asked == "header" or (stamped and alike) else (False, 0)
 
     def _poses_ahead(self, frames: tuple[str, str]) -> list[int]:
         if self._topics.pose is not None:
             return [] if self._pose is None else [_ahead(self._pose)]
-        return [self._moved[name] for name in self.tree.chain(*frames) if self._moved.get(name)][:1]
+        return [self._tf_ahead[name] for name in self.tree.chain(*frames) if self._tf_ahead.get(name)][:1]
 
 
 def _ahead(message: Message) -> int:
-    """How far the file's clock is ahead of a message's stamp [ns]."""
+    """Clock of the file minus stamp of a message [ns]."""
     return message.recorded - stamp_of(message.content.header)
 
 
 def _statics(bag: Bag, topics: Topics) -> Iterator[Message]:
-    """Transforms that never change may come late; they are few."""
+    """Messages of static transforms; they may come late in the recording, but they are few."""
     return bag.messages([name for name in topics.tf if name.endswith("tf_static")])
 
 

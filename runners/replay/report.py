@@ -1,4 +1,4 @@
-"""What a replay comes to: its table, and figures of agreement and of time. Pure functions of the log."""
+"""The results of a replay: its table, and figures of agreement and of decision time, from the log alone."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ if TYPE_CHECKING:
 
 TABLE = "replay.parquet"
 FIGURES = "agreement.json"
-_MOVING = 0.02  # [m/s] below it the robot stands, and its heading says nothing
-_TURNING = 0.1  # [rad/s] below it nobody turns
-_CLOSE = math.radians(30.0)  # headings that agree
+_MOVING = 0.02  # [m/s] a slower robot counts as standing
+_TURNING = 0.1  # [rad/s] a slower turn counts as none
+_CLOSE = math.radians(30.0)  # [rad] headings that differ by less agree
 
 
 def frame_of(log: Log, period_s: float, ahead: float) -> pd.DataFrame:
-    """One row per tick, what the robot did beside it.
+    """The table of a replay: the rows of the log, with what the robot did.
 
-    recorded_command_*: the command recorded next within a period, else the last one before. robot_heading_rad:
-    bearing of the place where the robot was once it was `ahead` [m] further, heading_error_rad: of the subgoal
-    against that; NaN where it did not come that far.
+    recorded_command_*: the next command recorded within a period, else the last one before. robot_heading_rad:
+    bearing of the position where the robot was first `ahead` [m] away. heading_error_rad: bearing of the subgoal
+    minus that. Both are NaN if the robot did not get that far.
     """
     import pandas as pd
 
@@ -44,7 +44,7 @@ def frame_of(log: Log, period_s: float, ahead: float) -> pd.DataFrame:
 
 
 def headings_ahead(poses: Floats, ahead: float) -> Floats:
-    """Bearing (T,) from each of the poses (T, 3) of the first later one at least `ahead` [m] away; NaN: none."""
+    """Bearings (T,) [rad] from each of the poses (T, 3) to the first later one at least `ahead` [m] away; NaN: none."""
     bearings = np.full(len(poses), np.nan)
     later = 0
     for k, (x, y, yaw) in enumerate(poses):
@@ -59,7 +59,7 @@ def headings_ahead(poses: Floats, ahead: float) -> Floats:
 
 
 def figures(frame: pd.DataFrame, log: Log, period_s: float, wall_s: float) -> dict[str, float]:
-    """Agreement with the robot, clearance, and time; units in the names, shares from 0 to 1."""
+    """Agreement with the robot, clearance, and decision time. Names give the units; shares are from 0 to 1."""
     heading = frame["heading_error_rad"].abs().dropna().to_numpy()
     speed = (frame["command_v_mps"] - frame["v_mps"]).to_numpy()
     turn = (frame["command_omega_radps"] - frame["omega_radps"]).to_numpy()
@@ -86,7 +86,7 @@ def figures(frame: pd.DataFrame, log: Log, period_s: float, wall_s: float) -> di
 
 
 def lines(found: Mapping[str, float]) -> list[str]:
-    """The figures in words, a few lines."""
+    """The figures as a few lines of text."""
     ticks = f"{found['ticks']:.0f} decisions over {found['duration_s']:.1f} s"
     skipped = found["skipped_no_pose"] + found["skipped_no_goal"]
     left_out = f", {skipped:.0f} ticks left out" if skipped else ""
@@ -106,7 +106,7 @@ def lines(found: Mapping[str, float]) -> list[str]:
 
 
 def write(frame: pd.DataFrame, found: Mapping[str, float], run_dir: Path) -> list[Path]:
-    """The table and the figures as files; their paths."""
+    """Write the table and the figures; return their paths."""
     import json
 
     table, numbers = run_dir / TABLE, run_dir / FIGURES
@@ -118,7 +118,7 @@ def write(frame: pd.DataFrame, found: Mapping[str, float], run_dir: Path) -> lis
 
 
 def _answers(log: Log, stamps: Floats, period_s: float) -> Floats:
-    """(T, 2) the recorded command that belongs to each tick; NaN where there is none."""
+    """Recorded commands (T, 2) [m/s, rad/s], one for each tick; NaN if there is none."""
     if not log.commands:
         return np.full((len(stamps), 2), np.nan)
     commands = sorted(log.commands)
@@ -149,14 +149,14 @@ def _times(decision_us: Floats, period_s: float) -> dict[str, float]:
 
 
 def _same_way(frame: pd.DataFrame) -> float:
-    """Share of the ticks on which both turn that they turn to the same side."""
+    """Share of ticks with the same direction of turn, among those at which robot and command both turn."""
     one, other = frame["command_omega_radps"].to_numpy(), frame["omega_radps"].to_numpy()
     both = (np.abs(one) > _TURNING) & (np.abs(other) > _TURNING)
     return _mean(np.sign(one[both]) == np.sign(other[both]))
 
 
 def _same_command(frame: pd.DataFrame) -> float:
-    """Share of the ticks whose command is the recorded one to the last bit."""
+    """Share of ticks whose command equals the recorded one to the last bit."""
     v = frame["command_v_mps"].to_numpy() == frame["recorded_command_v_mps"].to_numpy()
     omega = frame["command_omega_radps"].to_numpy() == frame["recorded_command_omega_radps"].to_numpy()
     return _mean(v & omega)

@@ -1,4 +1,4 @@
-"""The replay as an interactive recording for the rerun viewer (extra `rerun`)."""
+"""Writes a replay as a file for the rerun viewer (extra `rerun`)."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _BLUE, _ORANGE, _GREEN, _GREY = (0, 114, 178), (213, 94, 0), (0, 158, 115), (120
 
 
 def check_installed() -> None:
-    """Raise InputError where rerun-sdk, which writes the file, is missing."""
+    """Raise InputError unless rerun-sdk is installed, which writes the file."""
     try:
         import rerun  # noqa: F401
     except ImportError as error:
@@ -27,9 +27,9 @@ def check_installed() -> None:
 
 
 class RerunFile:
-    """Writes every decision as it is made, in the odometry frame over the recording's time.
+    """Writes each decision as it is made, in the odometry frame and at its time in the recording.
 
-    The map is flat, but of 3D shapes: rerun draws 2D ones as images, with y downwards, which swaps left and right.
+    Points and lines are 3D at height 0: rerun draws 2D ones as images with y downwards, which swaps left and right.
     """
 
     def __init__(self, path: Path, name: str, robot: Robot) -> None:
@@ -79,5 +79,5 @@ class RerunFile:
 
 
 def _flat(points: Floats) -> Floats:
-    """(N, 3) at height 0, of (N, 2)."""
+    """Points (N, 2) as (N, 3) at height 0."""
     return np.column_stack([points, np.zeros(len(points))])

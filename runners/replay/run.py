@@ -1,4 +1,4 @@
-"""Replay one composed config: a recording to decisions, decisions to a table, figures, pictures, a tracked run."""
+"""Runs `lme replay`: reads a recording, makes decisions on it, and writes the table, figures and pictures."""
 
 from __future__ import annotations
 
@@ -25,19 +25,19 @@ from runners.replay.recording import CLOCKS, SECOND, FramesConfig, Recording, lo
 from runners.replay.scan_source import ScanConfig, ScanSource
 from runners.replay.topics import TopicsConfig, choose
 
-_SLOWER = 0.9  # scans that come at less than this share of the robot's rate set the pace
+_SLOWER = 0.9  # scans at less than this share of the robot's control rate set the rate of decisions
 
 
 @dataclass(frozen=True, slots=True)
 class _Part:
-    """What of the recording is replayed [ns of its clock]."""
+    """The part of the recording that is replayed [ns, clock of the file]."""
 
     start: int | None
     stop: int | None
 
 
 def validate(job: Job[ReplayConfig]) -> None:
-    """Raise InputError for what can be known to be wrong before anything runs: the recording is opened, too."""
+    """Raise InputError for a mistake in the config or a recording without the topics that a replay needs."""
     config = job.config
     path = _path(config)
     systems.check_implemented(config.system)
@@ -61,7 +61,7 @@ def validate(job: Job[ReplayConfig]) -> None:
 
 
 def replay(job: Job[ReplayConfig]) -> None:
-    """Replay the recording and write everything below the run directory."""
+    """Replay the recording and write all results into the run directory."""
     run_dir = job.run_dir
     if (run_dir / report.TABLE).exists():
         raise InputError(f"{run_dir}: already holds a replay: choose another directory")
@@ -88,12 +88,14 @@ def _replay(
     run_dir: Path,
     stack: ExitStack,
 ) -> tuple[dict[str, float], list[Path]]:
-    """Figures and files."""
+    """Replay and write the results; return the figures and the paths of the files."""
     from runners.replay import figures
 
     recording, part = _recording(bag, config, episode)
     stale = round(config.stale * SECOND)
-    scan_source = ScanSource(filled(ScanConfig, config.scan, "scan"), recording, _paced(config, recording))
+    scan_source = ScanSource(
+        filled(ScanConfig, config.scan, "scan"), recording, _at_scan_rate(config, recording)
+    )
     navigator = build.navigator(config, scan_source.robot)
 
     def driver() -> Driver:
@@ -124,7 +126,7 @@ def _replay(
     found = report.figures(frame, log, scan_source.robot.dt, wall_s)
     artifacts += report.write(frame, found, run_dir)
     artifacts += figures.write(frame, log, scan_source, recording, run_dir)
-    _tell(recording, scan_source, episode, found, run_dir)
+    _print_results(recording, scan_source, episode, found, run_dir)
     return found, artifacts
 
 
@@ -139,15 +141,15 @@ def _recording(
     return recording, _Part(start, stop)
 
 
-def _paced(config: ReplayConfig, recording: Recording) -> Robot:
-    """The robot; where scans come more slowly than it decides, at their pace, for without one there is no decision."""
+def _at_scan_rate(config: ReplayConfig, recording: Recording) -> Robot:
+    """The robot, with its control rate reduced to the rate of the scans if they come more slowly."""
     if 0.0 < recording.scan_rate < _SLOWER * config.robot.control_rate:
         return replace(config.robot, control_rate=recording.scan_rate)
     return config.robot
 
 
 def _warm_up(driver: Driver, recording: Recording, part: _Part) -> None:
-    """Some decisions that nobody counts: first ones load compiled code, and would spoil the timings."""
+    """Make a few decisions that are not recorded: the first ones load compiled code, which takes time."""
     for message in recording.bag.messages(recording.topics.names, part.start, part.stop):
         driver.take(message)
         if len(driver.log.rows) >= 3:
@@ -155,7 +157,7 @@ def _warm_up(driver: Driver, recording: Recording, part: _Part) -> None:
 
 
 def _as_recorded(job: Job[ReplayConfig], episode: simulated.SimulatedEpisode | None) -> ReplayConfig:
-    """The config with the system that drove in the recording, where it says so."""
+    """The config with the recorded system and seed, if `lme eval` made the recording."""
     if episode is None:
         return job.config
     chosen = {override.lstrip("+").partition("=")[0] for override in job.overrides}
@@ -164,21 +166,21 @@ def _as_recorded(job: Job[ReplayConfig], episode: simulated.SimulatedEpisode | N
     )
     if asked:
         raise InputError(
-            f"{asked[0]}: the recording is of lme eval and brings its own robot, guide and planner; "
+            f"{asked[0]}: lme eval made the recording, which is replayed with its own robot, guide and planner; "
             "add as_recorded=false to choose others"
         )
     groups = {group: getattr(episode.config, group) for group in simulated.GROUPS}
     return replace(job.config, **groups, seed=episode.seed)
 
 
-def _tell(
+def _print_results(
     recording: Recording,
     scan_source: ScanSource,
     episode: simulated.SimulatedEpisode | None,
     found: Mapping[str, float],
     run_dir: Path,
 ) -> None:
-    """What was read, and what came of it."""
+    """Print what was read, and the results."""
     topics, lidar = recording.topics, scan_source.robot.lidar
     command = topics.command.name if topics.command else "none"
     poses = f"{topics.pose_name} ({recording.odom} to {recording.base})"

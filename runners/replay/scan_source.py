@@ -1,4 +1,4 @@
-"""Where the replayed robot's scans come from: scans and clouds of a recording as those of its lidar."""
+"""Converts recorded scans and point clouds to scans of the replayed robot's lidar."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ LIDARS = ("recorded", "robot")
 
 @dataclass(slots=True)
 class CloudConfig:
-    """How a 3D cloud becomes a scan; heights in the base frame."""
+    """How a point cloud becomes a scan. Heights are in the base frame."""
 
     min_height: float = 0.05  # [m]
     max_height: float = 0.5  # [m]
@@ -56,10 +56,10 @@ class ScanConfig:
 
 
 class ScanSource:
-    """Turns messages into scans of one lidar, which is that of `robot`.
+    """Turns messages into scans of the lidar of `robot`.
 
-    lidar "recorded": the robot has the lidar that the first scan came from; "robot": it keeps its own. A scan
-    that is the lidar's own is passed on bit by bit.
+    With lidar "recorded", the robot gets the lidar of the first scan; with "robot", it keeps its own, and scans are
+    resampled. Ranges of a scan with exactly the geometry of the lidar stay the same to the last bit.
     """
 
     def __init__(self, config: ScanConfig, recording: Recording, robot: Robot) -> None:
@@ -78,7 +78,7 @@ class ScanSource:
         self._own = self._untouched = False
 
     def read(self, message: Any) -> LaserScan:
-        """The scan of a LaserScan or PointCloud2 message, as the robot's lidar would give it."""
+        """The scan of a LaserScan or PointCloud2 message, as a scan of the robot's lidar."""
         raw, lidar = self.raw(message), self.robot.lidar
         geometry = (len(raw.ranges), *raw[1:])
         if geometry != self._geometry:
@@ -91,7 +91,7 @@ class ScanSource:
         return _of(lidar, scan.ranges) if self._own else resampled(scan, self._pose, lidar)
 
     def raw(self, message: Any) -> LaserScan:
-        """The scan as the message has it, limits of range set right."""
+        """The scan of a message in its own geometry, with valid range limits."""
         if self._cloud:
             return self._flattened(message)
         scan, config = scan_of(message), self._config
@@ -101,7 +101,7 @@ class ScanSource:
         return scan._replace(range_min=low, range_max=high if low < high < math.inf else self._spare_range)
 
     def _reads_alike(self, raw: LaserScan) -> bool:
-        """Whether the message can be passed on: upright, from the same beam on, 0 no range."""
+        """Whether the ranges need no conversion: same beams in the same order, and 0 is not a valid range."""
         lidar = self.robot.lidar
         first = math.isclose(raw.angle_min, lidar.angle_min, abs_tol=1e-5)
         upright = raw.angle_increment > 0.0 and not self.upside_down
@@ -117,14 +117,12 @@ class ScanSource:
             range_max=self._config.range_max or cloud.range_max,
         )
         scan = to_scan(cloud_points(message), projection, self._matrix)
-        middle = (
-            scan.angle_min + scan.angle_increment / 2.0
-        )  # a bin stands for the bearings from its start on
+        middle = scan.angle_min + scan.angle_increment / 2.0  # of the first bin, which begins at angle_min
         return scan._replace(ranges=np.asarray(scan.ranges, np.float32), angle_min=middle)
 
 
 def _mount(config: ScanConfig, recording: Recording, robot: Robot) -> tuple[str, Floats]:
-    """Who says where the lidar sits, and where: (4, 4) from its frame to the base."""
+    """The source of the lidar's mount, and the mount: (4, 4) from the lidar's frame to the base frame."""
     if config.mount is not None:
         return "scan.mount", _matrix(config.mount)
     if recording.mount is not None:

@@ -1,4 +1,4 @@
-"""Recordings that `lme eval record=mcap` wrote. They name the system that drove and the seed."""
+"""Recognises recordings that `lme eval record=mcap` wrote. They contain the config and the seed."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ GROUPS = ("robot", "guide", "planner")
 
 
 class SimulatedEpisode(NamedTuple):
-    """The simulated episode that a recording holds. config: of the evaluation."""
+    """The simulated episode of a recording. config: of the evaluation."""
 
     seed: int
     world: int
@@ -29,25 +29,25 @@ class SimulatedEpisode(NamedTuple):
     config: RecordedConfig
 
     def rng(self) -> np.random.Generator:
-        """The navigator's stream, as the episode spawned it."""
+        """The random generator of the navigator, spawned as in the episode."""
         return episode_rng(self.seed, self.world, self.run).spawn(2)[0]
 
     def read_map(self, navigator: Navigator) -> None:
-        """Give the true map to a guide that had it."""
+        """Give the true map to a guide that reads it."""
         if isinstance(navigator.guide, MapReader):
             task = build.map_set(self.config, [self.world]).task(self.world)
             navigator.read_map(task.world, task.start)
 
 
 def episode_of(bag: Bag) -> SimulatedEpisode | None:
-    """Which episode the recording is of; None for one of a real robot. Raises InputError where it is garbled."""
+    """The simulated episode of a recording; None for a real robot. Raises InputError if its data are not valid."""
     if not any(topic.name == TOPIC and TYPE in topic.types for topic in bag.topics()):
         return None
     text = next((message.content.data for message in bag.messages([TOPIC])), "")
     try:
-        told = json.loads(text)
-        seed, world, run = (int(told[name]) for name in ("seed", "world", "run"))
-        return SimulatedEpisode(seed, world, run, recorded_config(told["config"]))
+        about = json.loads(text)
+        seed, world, run = (int(about[name]) for name in ("seed", "world", "run"))
+        return SimulatedEpisode(seed, world, run, recorded_config(about["config"]))
     except (ValueError, TypeError, KeyError, AttributeError) as error:
         raise InputError(
             f"bag {bag.path}: {TOPIC} does not say which episode this is: set as_recorded=false"

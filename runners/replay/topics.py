@@ -1,4 +1,4 @@
-"""Which topics of a recording say what: found by type, chosen by name where there are several."""
+"""Chooses the topics of a recording to read: by type, or by name if there are several of a type."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from runners.analysis.columns import aligned
 from runners.replay import messages
 from runners.replay.bags import Bag, Topic
 
-# Roles in order of preference of their types, and the name that ROS gives such a topic.
+# Message types of each role in order of preference, and the usual name of such a topic in ROS.
 _SCANS = (messages.LASER_SCAN, messages.POINT_CLOUD)
-_POSES = (messages.ODOMETRY,)  # then tf, then
+_POSES = (messages.ODOMETRY,)  # tf comes second, then _OTHER_POSES
 _OTHER_POSES = (messages.POSE, messages.POSE_WITH_COVARIANCE, messages.TRANSFORM)
 _COMMANDS = (messages.TWIST, messages.TWIST_STAMPED)
 _GOALS = (messages.POSE,)
@@ -22,7 +22,7 @@ _USUAL = {"scan": "/scan", "pose": "/odom", "command": "/cmd_vel"}
 
 @dataclass(slots=True)
 class TopicsConfig:
-    """Names of topics; null: found by type."""
+    """Names of topics; null: chosen by type."""
 
     scan: str | None = None
     pose: str | None = None
@@ -30,14 +30,14 @@ class TopicsConfig:
 
 
 class ChosenTopic(NamedTuple):
-    """A topic and the type of its messages that is read."""
+    """A topic and the message type that is read."""
 
     name: str
     type: str
 
 
 class Topics(NamedTuple):
-    """What is read of a recording. pose: None where poses come from tf. tf: names, maybe none."""
+    """The topics that are read. pose: None if poses come from tf. tf: names of the tf topics, if any."""
 
     scan: ChosenTopic
     pose: ChosenTopic | None
@@ -47,20 +47,20 @@ class Topics(NamedTuple):
 
     @property
     def names(self) -> set[str]:
-        """All of them."""
+        """Names of all topics that are read."""
         single = (topic.name for topic in self[:4] if isinstance(topic, ChosenTopic))
         return {*single, *self.tf}
 
     @property
     def pose_name(self) -> str:
-        """Where poses come from."""
+        """The source of poses: a topic, or tf."""
         return "tf" if self.pose is None else self.pose.name
 
 
 def choose(bag: Bag, config: TopicsConfig, goal: str | None) -> Topics:
-    """Topics by type and name; goal: the name of its topic where there is one.
+    """Choose the topics by type and name. goal: name of the goal's topic, if it has one.
 
-    Raises InputError where a topic is missing, of another type, or one of several without a usual name.
+    Raises InputError if a topic is missing or of the wrong type, or if there are several and none has the usual name.
     """
     known = bag.topics()
     tf = tuple(topic.name for topic in known if set(topic.types) & set(messages.TF) and topic.number)
@@ -78,7 +78,7 @@ def choose(bag: Bag, config: TopicsConfig, goal: str | None) -> Topics:
 
 
 def other_pose(bag: Bag, topics: Topics) -> ChosenTopic:
-    """A topic of poses that is no odometry, as of motion capture. Raises InputError where there is none."""
+    """A topic of poses other than odometry, e.g. of motion capture. Raises InputError if there is none."""
     known = bag.topics()
     pose = _choose(known, "pose", None, _OTHER_POSES, taken=topics.goal.name if topics.goal else None)
     if pose is None:
@@ -90,7 +90,7 @@ def other_pose(bag: Bag, topics: Topics) -> ChosenTopic:
 
 
 def table(bag: Bag) -> list[str]:
-    """One line per topic: name, type, messages, rate, and what it would be taken for."""
+    """One line per topic: name, type, number of messages, rate, and the roles that it can have."""
     known = bag.topics()
     uses = [("scan", _SCANS), ("pose", (*_POSES, *_OTHER_POSES)), ("command", _COMMANDS), ("tf", messages.TF)]
     rows = [("topic", "type", "messages", "Hz", "can be")]
@@ -107,7 +107,7 @@ def table(bag: Bag) -> list[str]:
 def _choose(
     known: Sequence[Topic], role: str, asked: str | None, types: Sequence[str], taken: str | None = None
 ) -> ChosenTopic | None:
-    """The topic asked for, or the only one of the first of these types that there is."""
+    """The topic asked for, else the only or usual one of the first of these types that occurs; None: no such type."""
     key = "goal" if role == "goal" else f"topics.{role}"
     if asked is not None:
         return _asked(known, key, asked, types)

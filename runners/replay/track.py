@@ -1,4 +1,4 @@
-"""Where the robot was, and how fast, at any instant of the last seconds."""
+"""The recorded motion of the robot: its pose and twist at any time of the last seconds."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from lme.types import Pose, Twist
 
 _SECOND = 1_000_000_000
 _KEPT = 5 * _SECOND
-_SLOPE = _SECOND // 5  # over so long a time speed is measured where nobody tells it
+_SLOPE = _SECOND // 5  # interval over which velocity is computed from poses that have no twist
 _TRIMMED_AT = 4096  # poses
-_JITTER = _SECOND // 10  # messages of several threads may overtake each other by so much: left out
+_JITTER = _SECOND // 10  # messages out of order by up to this much are ignored: threads may swap them
 
 
-class Motion(NamedTuple):
-    """Pose in the odometry frame and twist in the robot's, at `stamp` [ns]."""
+class StampedMotion(NamedTuple):
+    """Pose in the odometry frame and twist in the robot frame, at `stamp` [ns]."""
 
     stamp: int
     pose: Pose
@@ -26,14 +26,14 @@ class Motion(NamedTuple):
 
 
 class Order:
-    """Watches that the time of a topic does not go backwards."""
+    """Checks that the stamps of a topic increase."""
 
     def __init__(self, topic: str) -> None:
         self._topic = topic
         self._last: int | None = None
 
     def takes(self, stamp: int) -> bool:
-        """Whether a message comes after all before it. Raises InputError where time jumps back [ns]."""
+        """Whether `stamp` [ns] is later than all before it. Raises InputError if time jumps back."""
         if self._last is not None and stamp < self._last - _JITTER:
             back = (self._last - stamp) / _SECOND
             raise InputError(
@@ -47,7 +47,7 @@ class Order:
 
 
 class Track:
-    """The recorded motion as it comes in, interpolated between its poses."""
+    """Collects recorded poses and interpolates between them."""
 
     def __init__(self, topic: str) -> None:
         self._order = Order(topic)
@@ -56,7 +56,7 @@ class Track:
         self._twists: list[Twist | None] = []
 
     def add(self, stamp: int, pose: Pose, twist: Twist | None) -> None:
-        """One more pose; without a twist, speed is the slope of the poses. Raises InputError where time jumps back."""
+        """Add a pose. Without a twist, velocity is the slope of the poses. Raises InputError if time jumps back."""
         if not self._order.takes(stamp):
             return
         self._stamps.append(stamp)
@@ -67,40 +67,42 @@ class Track:
 
     @property
     def newest(self) -> int | None:
-        """Stamp of the last pose [ns]."""
+        """Stamp of the last pose [ns]; None if there is none."""
         return self._stamps[-1] if self._stamps else None
 
-    def at(self, stamp: int, tolerance: int) -> Motion | None:
-        """The motion at `stamp`, exactly as recorded where a pose has that very stamp.
+    def at(self, stamp: int, tolerance: int) -> StampedMotion | None:
+        """The motion at `stamp` [ns], exactly as recorded if a pose has this stamp, else interpolated.
 
-        Beyond the last pose or before the first, theirs, if no further off than `tolerance` [ns]; else None.
+        Before the first pose and after the last, the motion there. None if no pose is within `tolerance` [ns].
         """
         if not self._stamps:
             return None
         k = bisect_left(self._stamps, stamp)
         if k < len(self._stamps) and self._stamps[k] == stamp:
-            return Motion(stamp, self._poses[k], self._twist(k))
+            return StampedMotion(stamp, self._poses[k], self._twist(k))
         if 0 < k < len(self._stamps):
             near = min(stamp - self._stamps[k - 1], self._stamps[k] - stamp)
             return self._between(k, stamp) if near <= tolerance else None
         end = k - 1 if k else 0
         if abs(self._stamps[end] - stamp) > tolerance:
             return None
-        return Motion(stamp, self._poses[end], self._twist(end))
+        return StampedMotion(stamp, self._poses[end], self._twist(end))
 
-    def _between(self, k: int, stamp: int) -> Motion:
+    def _between(self, k: int, stamp: int) -> StampedMotion:
         a, b = self._poses[k - 1], self._poses[k]
         share = (stamp - self._stamps[k - 1]) / (self._stamps[k] - self._stamps[k - 1])
         turn = wrap_angle(b.yaw - a.yaw)
         pose = Pose(a.x + share * (b.x - a.x), a.y + share * (b.y - a.y), wrap_angle(a.yaw + share * turn))
         (v, omega), (v_then, omega_then) = self._twist(k - 1), self._twist(k)
-        return Motion(stamp, pose, Twist(v + share * (v_then - v), omega + share * (omega_then - omega)))
+        return StampedMotion(
+            stamp, pose, Twist(v + share * (v_then - v), omega + share * (omega_then - omega))
+        )
 
     def _twist(self, k: int) -> Twist:
-        """As recorded, or the slope over the last fifth of a second."""
-        told = self._twists[k]
-        if told is not None:
-            return told
+        """The twist as recorded, or the slope of the poses over the last fifth of a second."""
+        recorded = self._twists[k]
+        if recorded is not None:
+            return recorded
         j = max(bisect_right(self._stamps, self._stamps[k] - _SLOPE) - 1, 0)
         seconds = (self._stamps[k] - self._stamps[j]) / _SECOND
         if seconds <= 0.0:

@@ -1,4 +1,4 @@
-"""The frames of a recording: what tf said last about each."""
+"""The transforms of a recording: the last one of each frame."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from runners.replay.messages import frame, matrix_of
 
 
 class TransformTree:
-    """Latest transform of each frame in its parent; time is the recording's, nothing is interpolated."""
+    """The latest transform from each frame to its parent, without interpolation in time."""
 
     def __init__(self) -> None:
         self._parents: dict[str, tuple[str, Floats]] = {}
 
     def update(self, message: Any) -> set[str]:
-        """Take in a TFMessage; the child frames that it names."""
+        """Add the transforms of a TFMessage; return the child frames that it names."""
         named = set()
         for one in message.transforms:
             child = frame(one.child_frame_id)
@@ -27,32 +27,32 @@ class TransformTree:
         return named
 
     def copy(self) -> TransformTree:
-        """Another tree that knows the same now."""
+        """An independent copy."""
         twin = TransformTree()
         twin._parents = dict(self._parents)
         return twin
 
     @property
     def names(self) -> set[str]:
-        """All frames."""
+        """Names of all frames."""
         return {*self._parents, *(parent for parent, _ in self._parents.values())}
 
     def chain(self, ancestor: str, name: str) -> set[str]:
-        """Frames on the way up from `name` to `ancestor`, the last left out; empty where there is no such way."""
-        way = list(self._to_ancestors(name))
-        return set(way[: way.index(ancestor)]) if ancestor in way else set()
+        """Frames from `name` up to `ancestor`, without `ancestor`; empty if it is no ancestor of `name`."""
+        found = list(self._to_ancestors(name))
+        return set(found[: found.index(ancestor)]) if ancestor in found else set()
 
     def lookup(self, target: str, source: str) -> Floats | None:
-        """(4, 4) from `source` to `target`; None where no chain of transforms joins them."""
+        """Transform (4, 4) from `source` to `target`; None if no chain of transforms connects them."""
         up, down = self._to_ancestors(source), self._to_ancestors(target)
         common = next((name for name in up if name in down), None)
         return None if common is None else np.asarray(np.linalg.inv(down[common]) @ up[common])
 
     def _to_ancestors(self, name: str) -> dict[str, Floats]:
-        """Transforms from a frame to itself, its parent, and so on up."""
+        """Transforms (4, 4) from a frame to itself and to each of its ancestors, nearest first."""
         matrix = np.eye(4)
         found = {name: matrix}
-        while name in self._parents and self._parents[name][0] not in found:  # else the frames form a ring
+        while name in self._parents and self._parents[name][0] not in found:  # stop at a cycle
             name, transform = self._parents[name]
             matrix = transform @ matrix
             found[name] = matrix

@@ -1,4 +1,4 @@
-"""Black-box search for parameters: samplers, the study, and its journal."""
+"""Black-box search for parameters: samplers, the study and its journal."""
 
 from runners.search.samplers import Cmaes, Gp, Random, Tpe
 

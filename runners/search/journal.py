@@ -1,8 +1,8 @@
-"""Optuna's journal in a file that one process owns: the file's format is Optuna's, the writing is in whole steps.
+"""A journal in Optuna's file format that only one process uses and that is written in whole steps.
 
-Entries wait in memory until `flush`, which writes them with a mark behind them: how many entries there are now.
-What a kill or a power cut leaves behind the last mark does not count, so a batch of trials is there with all
-its parameters or not at all. It also costs one write to disk rather than one for each parameter.
+Entries stay in memory until `flush` writes them, followed by a mark with the number of entries in the file. Entries
+after the last mark are discarded, so after a kill or a power cut a batch of trials is complete or absent. A step
+also takes one write to disk instead of one for each parameter.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from optuna.storages.journal import BaseJournalBackend
 
 from lme.errors import InputError
 
-_SET_STUDY_SYSTEM_ATTR = 3  # op_code of the entry that serves as a mark
+_SET_STUDY_SYSTEM_ATTR = 3  # op_code of the entry that is used as a mark
 _MARK = "lme:entries"
 _BEGINNING = b'{"op_code":'
 
 
 class Journal(BaseJournalBackend):
-    """A journal of one study. Raises InputError where the file holds what is none, or where lines are missing."""
+    """The journal of one study. Raises InputError if the file is not a journal, or if lines are missing."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -31,18 +31,18 @@ class Journal(BaseJournalBackend):
         self._waiting: list[str] = []
 
     def read_logs(self, log_number_from: int) -> Iterator[dict[str, Any]]:
-        """Entries from this number on."""
+        """Entries from this number on, in order."""
         return iter(self._entries[log_number_from:])
 
     def append_logs(self, logs: list[dict[str, Any]]) -> None:
-        """Keep entries for the next flush."""
+        """Keep entries until the next flush."""
         lines = [json.dumps(entry, separators=(",", ":")) for entry in logs]
-        # As they will be read again: whoever resumes must see what this process sees.
+        # Decoded again, so that this process sees the same values as one that resumes from the file.
         self._entries += map(json.loads, lines)
         self._waiting += lines
 
     def flush(self) -> None:
-        """Put what waits on disk, as one step."""
+        """Write the waiting entries to disk as one step."""
         if not self._waiting:
             return
         last = self._entries[-1]
@@ -56,9 +56,9 @@ class Journal(BaseJournalBackend):
 
 
 def _whole_steps(path: Path) -> Iterator[dict[str, Any]]:
-    """The entries of a journal up to its last mark; cuts what lies behind it off the file."""
+    """Yield the entries of a journal up to its last mark, and cut off the rest of the file."""
     content = path.read_bytes() if path.is_file() else b""
-    if not _BEGINNING.startswith(content[: len(_BEGINNING)]):  # not ours: nothing may be cut off it
+    if not _BEGINNING.startswith(content[: len(_BEGINNING)]):  # another file: leave it as it is
         raise _no_entry(path, 1)
     lines = content.splitlines(keepends=True)
     mark = f'"{_MARK}":'.encode()

@@ -1,4 +1,4 @@
-"""Run trials until a study has as many as were asked for."""
+"""Runs trials until a study has the number that was asked for."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ def run_trials(
     run_all: Map,
     note: Callable[[float | None], None],
 ) -> None:
-    """Bring a study to `total` trials, beginning with those that a killed run left.
+    """Run trials until the study has `total`, starting with the unfinished ones of a killed run.
 
-    run_all: attempts to scores, in any order. note: called after each trial with the best reward so far.
+    run_all: maps attempts to scores, in any order. note: called after each trial with the best reward so far.
     """
     while count := opened.room(total, batch):
         proposals = opened.unfinished() or opened.ask(count)
@@ -30,7 +30,7 @@ def run_trials(
 
 
 def _run_batch(opened: Study, batch: list[Proposal], worlds: list[int], run_all: Map) -> None:
-    """Every episode of a batch; a trial is kept as soon as its last one ends."""
+    """Run all episodes of a batch. The scores of a trial are stored when its last episode ends."""
     todo = [proposal for proposal in batch if not opened.scored(proposal.number)]
     attempts = [
         trials.Attempt(proposal.number, world, tuple(proposal.values.items()))

@@ -1,7 +1,7 @@
-"""Who proposes the next trial: Optuna's samplers, seeded anew for every trial.
+"""Optuna's samplers, which propose the next trial, with a new seed for every trial.
 
-A sampler that is made from (seed, number of the trial) keeps nothing in memory that the study does not hold,
-so a study that was killed goes on as if nothing had happened.
+A sampler is made from the seed and the number of the trial. All other state is in the study, so a killed study
+resumes with the same proposals.
 """
 
 from __future__ import annotations
@@ -18,23 +18,28 @@ from lme.errors import InputError, require
 from runners.config.extras import install
 
 if TYPE_CHECKING:
+    from optuna import Study
+    from optuna.distributions import BaseDistribution
     from optuna.samplers import BaseSampler
+    from optuna.trial import FrozenTrial
+
+    Distributions = dict[str, BaseDistribution]
 
 
 class Search(Protocol):
-    """One file in `conf/search/` each."""
+    """A search algorithm; `conf/search/` has one file for each."""
 
     @property
     def batch(self) -> int:
-        """How many trials are asked before any of them is told."""
+        """Number of trials that are proposed before any of their rewards is known."""
 
     def sampler(self, seed: int) -> BaseSampler:
-        """A sampler that has proposed nothing yet."""
+        """A new sampler."""
 
 
 @dataclass(slots=True)
 class TpeConfig:
-    """startup: random trials before the model is used; multivariate: one model of all parameters together."""
+    """startup: random trials before the model is used. multivariate: one joint model of all parameters."""
 
     batch: int = 4
     startup: int = 10
@@ -60,7 +65,7 @@ class Tpe:
         return TPESampler(
             n_startup_trials=self._config.startup,
             multivariate=self._config.multivariate,
-            constant_liar=True,  # trials in flight count as bad, so that a batch does not crowd one place
+            constant_liar=True,  # running trials count as bad, so a batch does not cluster at one point
             seed=seed,
         )
 
@@ -78,7 +83,7 @@ class GpConfig:
 
 
 class Gp:
-    """Gaussian process, Matérn 5/2, logarithm of the expected improvement (paper §III.F; Snoek et al. 2012)."""
+    """Gaussian process, Matérn 5/2 kernel, log expected improvement (paper §III.F; Snoek et al. 2012)."""
 
     Config = GpConfig
 
@@ -93,13 +98,13 @@ class Gp:
 
         torch.set_num_threads(
             1
-        )  # sums in one order, whatever the machine: results do not depend on its cores
+        )  # the order of sums, and so the result, must not depend on the number of cores
         return GPSampler(n_startup_trials=self._config.startup, deterministic_objective=False, seed=seed)
 
 
 @dataclass(slots=True)
 class CmaesConfig:
-    """batch: also the size of a generation."""
+    """batch: number of trials at once, and the size of a generation."""
 
     batch: int = 10
 
@@ -108,7 +113,7 @@ class CmaesConfig:
 
 
 class Cmaes:
-    """Covariance matrix adaptation evolution strategy (Hansen 2016), one batch a generation."""
+    """Covariance matrix adaptation evolution strategy (Hansen 2016); each batch is a generation."""
 
     Config = CmaesConfig
 
@@ -124,7 +129,7 @@ class Cmaes:
 
 @dataclass(slots=True)
 class RandomConfig:
-    """batch: how many trials run at once; it changes no result."""
+    """batch: number of trials at once; it does not change the result."""
 
     batch: int = 8
 
@@ -133,7 +138,7 @@ class RandomConfig:
 
 
 class Random:
-    """Independent draws."""
+    """Independent random draws."""
 
     Config = RandomConfig
 
@@ -147,37 +152,41 @@ class Random:
 
 
 def per_trial(make: Callable[[int], BaseSampler], seed: int) -> BaseSampler:
-    """A sampler that proposes trial n as `make(seed of n)` would, whatever it has proposed before."""
+    """A sampler that proposes trial n as a new sampler `make(trial_seed(seed, n))` would."""
     from optuna.samplers import BaseSampler as Base
 
     class PerTrial(Base):
         _number: int | None = None
-        _sampler: Any = None
+        _sampler: BaseSampler
 
-        def _of(self, trial: Any) -> Any:
+        def _of(self, trial: FrozenTrial) -> BaseSampler:
             if trial.number != self._number:
                 self._number, self._sampler = trial.number, _quietly(make, trial_seed(seed, trial.number))
             return self._sampler
 
-        def infer_relative_search_space(self, study: Any, trial: Any) -> Any:
+        def infer_relative_search_space(self, study: Study, trial: FrozenTrial) -> Distributions:
             return self._of(trial).infer_relative_search_space(study, trial)
 
-        def sample_relative(self, study: Any, trial: Any, search_space: Any) -> Any:
+        def sample_relative(
+            self, study: Study, trial: FrozenTrial, search_space: Distributions
+        ) -> dict[str, Any]:
             return self._of(trial).sample_relative(study, trial, search_space)
 
-        def sample_independent(self, study: Any, trial: Any, param_name: str, param_distribution: Any) -> Any:
+        def sample_independent(
+            self, study: Study, trial: FrozenTrial, param_name: str, param_distribution: BaseDistribution
+        ) -> Any:
             return self._of(trial).sample_independent(study, trial, param_name, param_distribution)
 
     return PerTrial()
 
 
 def trial_seed(seed: int, number: int) -> int:
-    """32 bits from the study's seed and the trial's number."""
+    """A 32-bit seed from the study's seed and the trial's number."""
     return int(np.random.SeedSequence([seed, number]).generate_state(1)[0])
 
 
 def _quietly(make: Callable[[int], BaseSampler], seed: int) -> BaseSampler:
-    """Optuna calls `multivariate` and the Gaussian process experimental each time."""
+    """Make a sampler without Optuna's warning that it is experimental."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         return make(seed)

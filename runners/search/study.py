@@ -1,8 +1,8 @@
-"""The study: trials proposed, run and told, in a journal beside the run or in a storage that machines share.
+"""The study of a search: its trials, in a journal in the run directory or in a storage that machines share.
 
-A batch of trials is asked before any of it is run, and told in the order of its numbers once all of it has
-run. What the sampler sees is therefore the same for any number of workers, and for a study that was killed: its
-unfinished trials keep their parameters and are run again.
+A batch of trials is proposed before any of them runs, and told to the sampler in the order of their numbers after all
+have run. The sampler therefore sees the same for any number of workers. The unfinished trials of a killed study keep
+their parameters and run again.
 """
 
 from __future__ import annotations
@@ -27,19 +27,19 @@ if TYPE_CHECKING:
 
 JOURNAL = "study.journal"
 IDENTITY, CONFIGURATIONS, OWNER, SCORES = "identity", "configurations", "owner", "scores"
-# What is done with the result, or how long is searched, is no part of what a study is.
+# Keys that do not identify a study: the length of the search, and what is done with the result.
 _NOT_SEARCHED = ("trials", "runs", "held_out", "name", "storage", "study")
 
 
 class Proposal(NamedTuple):
-    """A trial that is to be run: its number and its values by dotted config key."""
+    """A trial to run: its number, and its values by dotted config key."""
 
     number: int
     values: dict[str, float]
 
 
 class Trial(NamedTuple):
-    """A trial that has been told. scores: one per configuration, in their order."""
+    """A finished trial. values: by dotted config key. scores: one per configuration, in their order."""
 
     number: int
     reward: float
@@ -48,7 +48,7 @@ class Trial(NamedTuple):
 
 
 class Study:
-    """The trials of one search. Only one process works on a run directory; others may share the storage."""
+    """The trials of one search. One process works on a run directory; several may share a storage."""
 
     def __init__(self, study: optuna.Study, space: Space, owner: str, flush: Callable[[], None]) -> None:
         self._study = study
@@ -58,76 +58,76 @@ class Study:
 
     @property
     def told(self) -> list[Trial]:
-        """Finished trials by number."""
+        """Finished trials, by number."""
         return [_trial(trial) for trial in self._in_state("COMPLETE")]
 
     @property
     def best(self) -> float | None:
-        """The best reward so far."""
-        return max((trial.value for trial in self._in_state("COMPLETE")), default=None)
+        """The best reward so far; None before the first trial ends."""
+        return max(self._rewards(), default=None)
 
     @property
     def num_elsewhere(self) -> int:
-        """Trials in flight on other machines."""
+        """Number of trials that other machines are running."""
         owners = [trial.user_attrs.get(OWNER, self._owner) for trial in self._in_state("RUNNING")]
         return sum(owner != self._owner for owner in owners)
 
     def room(self, total: int, batch: int) -> int:
-        """How many trials to ask next: a batch, or what is left of `total`."""
+        """Number of trials to propose next: `batch`, or the rest of `total`."""
         taken = len(self._in_state("COMPLETE")) + self.num_elsewhere
         return max(min(batch, total - taken), 0)
 
     def ask(self, count: int) -> list[Proposal]:
-        """New trials."""
+        """Propose new trials."""
         proposals = [self._proposal(self._study.ask()) for _ in range(count)]
         self._flush()
         return proposals
 
     def unfinished(self) -> list[Proposal]:
-        """Trials asked by this run directory but not told: it was killed."""
+        """Trials that a killed run in this directory proposed but did not finish."""
         import optuna
 
         mine = [t for t in self._in_state("RUNNING") if t.user_attrs.get(OWNER) == self._owner]
         return [self._proposal(optuna.trial.Trial(self._study, trial._trial_id)) for trial in mine]
 
     def scored(self, number: int) -> bool:
-        """Whether every episode of a trial that is not told yet has been run."""
+        """Whether the scores of an unfinished trial are stored."""
         return SCORES in self._frozen(number).user_attrs
 
     def keep(self, number: int, scores: Sequence[Score]) -> None:
-        """Note how a trial went, before it is told."""
+        """Store the scores of a trial, before `tell`."""
         attributes = [list(score) for score in scores]
         self._study._storage.set_trial_user_attr(self._frozen(number)._trial_id, SCORES, attributes)
         self._flush()
 
     def tell(self, number: int) -> None:
-        """Tell the mean reward of a trial that has been kept."""
+        """Finish a trial with the mean reward of its stored scores."""
         scores = [Score(*score) for score in self._frozen(number).user_attrs[SCORES]]
         self._study.tell(number, fmean(score.reward for score in scores))
         self._flush()
 
     def settle(self, name: str, value: Any) -> Any:
-        """An attribute of the whole study: `value` where it has none yet, else the one that it has."""
+        """The study's attribute `name`, which is set to `value` if the study has none yet."""
         if name not in self._study.user_attrs:
             self._study.set_user_attr(name, value)
             self._flush()
         return self._study.user_attrs[name]
 
     def importances(self) -> dict[str, float]:
-        """Share of each parameter in what tells the best tenth of trials from the rest; {} with too few.
+        """Share of each parameter in the difference between the best tenth of trials and the rest; {} with too few.
 
         PED-ANOVA (Watanabe, Bansal and Hutter 2023, arXiv 2304.10255).
         """
         from optuna.importance import PedAnovaImportanceEvaluator, get_param_importances
 
-        values = [trial.value for trial in self._in_state("COMPLETE")]
-        if len(values) < 20 or len(set(values)) < 3:
+        rewards = self._rewards()
+        if len(rewards) < 20 or len(set(rewards)) < 3:
             return {}
         found = get_param_importances(self._study, evaluator=PedAnovaImportanceEvaluator())
         return {name: float(share) for name, share in found.items()}
 
     def _proposal(self, trial: optuna.Trial) -> Proposal:
-        # Every trial in one order of parameters: the sampler's random numbers depend on it.
+        # The parameters have a fixed order, because the sampler's random numbers depend on it.
         values = {
             key: trial.suggest_float(key, found.low, found.high, log=found.log)
             for key, found in self._space.items()
@@ -135,6 +135,9 @@ class Study:
         if OWNER not in trial.user_attrs:
             trial.set_user_attr(OWNER, self._owner)
         return Proposal(trial.number, values)
+
+    def _rewards(self) -> list[float]:
+        return [trial.value for trial in self._in_state("COMPLETE") if trial.value is not None]
 
     def _in_state(self, state: str) -> list[FrozenTrial]:
         import optuna
@@ -155,11 +158,11 @@ def open_study(
     search: Search,
     first: Mapping[str, float],
 ) -> Study:
-    """The study of a run, made if need be.
+    """Open the study of a run, or create it.
 
-    storage, name: as in the config. identity: of the config. first: values that the first trial has, where the
-    search does not choose them. Raises InputError where the storage cannot be
-    used, or holds under this name a study of another robot, map, search space or seed.
+    storage, name: as in the config. identity: of the config. first: values for the first trial; the search chooses
+    the others. Raises InputError if the storage cannot be used, or has a study of this name with another robot, map,
+    search space or seed.
     """
     import optuna
 
@@ -183,22 +186,22 @@ def open_study(
 
 
 def open_storage(url: str) -> BaseStorage:
-    """The storage at an Optuna URL: a database, or redis:// for a journal. Raises InputError without one."""
+    """The storage at an Optuna URL: a database, or redis:// for a journal. Raises InputError if it cannot be used."""
     from optuna.storages import JournalStorage, RDBStorage
     from optuna.storages.journal import JournalRedisBackend
 
     try:
         if url.startswith(("redis://", "rediss://", "unix://")):
             with warnings.catch_warnings():
-                warnings.simplefilter("ignore")  # experimental, says Optuna
+                warnings.simplefilter("ignore")  # Optuna's warning that it is experimental
                 return JournalStorage(JournalRedisBackend(url))
         return RDBStorage(url, engine_kwargs=_patience(url))
-    except Exception as error:  # whatever the driver raises, or that there is none
+    except Exception as error:  # any error of the driver, or of its import
         raise unreachable(url, error) from error
 
 
 def unreachable(url: str, error: Exception) -> InputError:
-    """One line about a storage that does not answer."""
+    """The error for a storage that cannot be used, in one line."""
     reason = (str(error).splitlines() or [type(error).__name__])[0]
     return InputError(
         f"storage is {masked(url)}: cannot be used ({reason.replace(url, masked(url))[:200]}); must be an Optuna "
@@ -244,11 +247,11 @@ def _journal(path: Path) -> tuple[BaseStorage, Callable[[], None]]:
 
 
 def _nothing() -> None:
-    """Databases write at once."""
+    """A database needs no flush."""
 
 
 def _patience(url: str) -> dict[str, Any]:
-    """Give up on a dead server in seconds."""
+    """Options that give up on an unreachable server after seconds."""
     if url.startswith(("postgresql", "mysql")):
         return {"connect_args": {"connect_timeout": 10}}
     return {}

@@ -1,7 +1,7 @@
-"""Where a run is booked: MLflow, or nowhere.
+"""Tracks runs in MLflow, or not at all.
 
-MLflow takes seconds to import and to open its store, so that happens in a thread while worker processes
-drive. Tracking never stops a run: what cannot be booked is warned of in one line, and results stay on disk.
+Importing MLflow and opening its store take seconds, so a thread does both while worker processes run the episodes.
+Tracking never stops a run: an error becomes a warning of one line, and the results stay on disk.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ Series = Mapping[str, Sequence[float]]
 
 
 class Tracking(Protocol):
-    """Books one run. `start` returns at once; `finish` is called once, at the end."""
+    """Logs one run. `start` returns at once; `finish` is called once, at the end."""
 
     def start(
         self,
@@ -49,23 +49,24 @@ class Tracking(Protocol):
         tags: Mapping[str, Any],
         sweep_dir: Path | None = None,
     ) -> None:
-        """Open a run with these parameters, below the run of `sweep_dir` where it is part of a sweep."""
+        """Open a run with the config as parameters; in a sweep, as a child of the run of `sweep_dir`."""
 
     def finish(
         self, metrics: Mapping[str, float], artifacts: Sequence[Path], series: Series | None = None
     ) -> None:
-        """Book results and close the run. artifacts: files, and folders with all that is in them. series: by name,
-        one value per step from 0 on.
+        """Log the results and close the run.
+
+        artifacts: files, and folders with their contents. series: one value per step from 0 on, by name.
         """
 
 
 @dataclass(slots=True)
 class NoTrackingConfig:
-    """Nothing to choose."""
+    """No settings."""
 
 
 class NoTracking:
-    """Books nothing: results are on disk anyway."""
+    """Logs nothing. The results are on disk anyway."""
 
     Config = NoTrackingConfig
 
@@ -89,7 +90,7 @@ class NoTracking:
 
 @dataclass(slots=True)
 class MlflowConfig:
-    """uri: of the store, a database or a server; experiment: the name that runs are grouped by."""
+    """uri: of the store, a database or a server. experiment: MLflow's name for a group of runs."""
 
     uri: str = DEFAULT_URI
     experiment: str = "lme"
@@ -101,7 +102,7 @@ class MlflowConfig:
 
 
 class MlflowTracking:
-    """Books a run in MLflow: parameters, metrics, files, commit and versions. Resuming continues its run."""
+    """Logs a run in MLflow: parameters, metrics, files, commit and versions. A resumed run continues its MLflow run."""
 
     Config = MlflowConfig
 
@@ -127,7 +128,7 @@ class MlflowTracking:
             except Exception as error:
                 self._error = error
 
-        # A daemon: an interrupted run need not wait for a server that does not answer.
+        # A daemon, so that an interrupted run does not wait for a server that does not answer.
         self._opening = threading.Thread(target=open_run, name="mlflow", daemon=True)
         self._opening.start()
 
@@ -175,9 +176,9 @@ class MlflowTracking:
 
 
 def add_files(run_dir: Path, files: Sequence[Path], folder: str) -> None:
-    """Book files below `folder` of the run that `run_dir` was booked as; nothing where it was not booked.
+    """Add files to the MLflow run of `run_dir`, in its `folder`; do nothing if `run_dir` has no MLflow run.
 
-    Warns where that is not possible.
+    Warns if that fails.
     """
     note = run_dir / RUN_ID_FILE
     if not note.is_file():
@@ -185,11 +186,11 @@ def add_files(run_dir: Path, files: Sequence[Path], folder: str) -> None:
     set_defaults()
     uri = DEFAULT_URI
     try:
-        booked = json.loads(note.read_text())
-        uri, run_id = str(booked.get("uri", DEFAULT_URI)), str(booked["run"])
+        known = json.loads(note.read_text())
+        uri, run_id = str(known.get("uri", DEFAULT_URI)), str(known["run"])
         store = sqlite_path(uri)
         if store is not None and not store.is_file():
-            raise FileNotFoundError(f"there is none in {Path.cwd()}, where its path begins")
+            raise FileNotFoundError(f"there is none at {store.resolve()}")
         client = open_client(uri)
         for path in files:
             client.log_artifact(run_id, str(path), folder)
@@ -200,18 +201,18 @@ def add_files(run_dir: Path, files: Sequence[Path], folder: str) -> None:
 def _warn(uri: str, error: Exception) -> None:
     reason = (str(error).splitlines() or [type(error).__name__])[0]
     warnings.warn(
-        f"not booked in MLflow at {uri}; the results are on disk ({reason[:300]})",
+        f"not logged in MLflow at {uri}; the results are on disk ({reason[:300]})",
         stacklevel=3,
     )
 
 
 def environment_tags() -> dict[str, str]:
-    """What the results may depend on besides the config: commit, versions, platform."""
+    """Tags for what the results may depend on besides the config: commit, versions, platform."""
     return {"platform": platform.platform(), **versions("numpy", "numba"), **_git_tags()}
 
 
 def _git_tags() -> dict[str, str]:
-    """Commit of the checkout that this file is part of, and whether it was changed since; {} in a wheel."""
+    """Commit of this file's checkout, and whether it has uncommitted changes; {} in an installed wheel."""
     root = Path(__file__).resolve().parents[2]
 
     def git(*arguments: str) -> str:

@@ -1,4 +1,4 @@
-"""An MLflow store: where it is, how it is made, and how runs and parameters get into it."""
+"""MLflow stores: checks their URIs, creates them, and writes runs, parameters and metrics to them."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ TAG_LENGTH = 5000
 BATCH = 100
 METRICS_BATCH = 1000
 
-# Unless the user has set them: give up on a dead server in seconds, keep quiet, and report to nobody.
+# Defaults for unset variables: give up on an unreachable server in seconds, print nothing, send no telemetry.
 DEFAULTS = {
     "MLFLOW_HTTP_REQUEST_MAX_RETRIES": "2",
     "MLFLOW_HTTP_REQUEST_TIMEOUT": "10",
@@ -43,13 +43,13 @@ DEFAULTS = {
 
 
 def set_defaults() -> None:
-    """Give MLflow's environment variables our defaults; before it is imported."""
+    """Set our defaults for MLflow's environment variables. Call it before MLflow is imported."""
     for name, value in DEFAULTS.items():
         os.environ.setdefault(name, value)
 
 
 def check_uri(key: str, uri: str) -> None:
-    """Raise InputError, naming `key`, unless `uri` is one that MLflow can keep runs at."""
+    """Raise InputError, which names `key`, unless MLflow can store runs at `uri`."""
     scheme, found, _ = uri.partition(":")
     if not found or scheme.partition("+")[0] not in SCHEMES:
         raise InputError(
@@ -63,11 +63,11 @@ def sqlite_path(uri: str) -> Path | None:
 
 
 def open_client(uri: str) -> MlflowClient:
-    """A client of the store at `uri`, which is made if it is a file that is not there yet."""
+    """A client of the store at `uri`; an SQLite store that does not exist is created."""
     _quieten()
     from mlflow import MlflowClient
 
-    _quieten()  # its import sets levels of its own
+    _quieten()  # again, because the import of MLflow sets logging levels
     path = sqlite_path(uri)
     if path is not None and not path.exists():
         _create_store(path)
@@ -75,9 +75,9 @@ def open_client(uri: str) -> MlflowClient:
 
 
 def _create_store(path: Path) -> None:
-    """Make the database beside its place and move it there when it is whole.
+    """Create the database under another name, and give it its own name when it is complete.
 
-    MLflow builds its tables in seconds of migrations; one killed half-way would be refused ever after.
+    MLflow creates the tables by migrations, which take seconds. It refuses a database with incomplete migrations.
     """
     from mlflow import MlflowClient
 
@@ -85,7 +85,7 @@ def _create_store(path: Path) -> None:
     unfinished = path.with_name(f".{path.name}.{os.getpid()}")
     try:
         MlflowClient(tracking_uri=f"{SQLITE}{unfinished}").search_experiments(max_results=1)
-        # A link, not a move: whoever was first with it keeps what is in it already.
+        # A link, not a rename, which would replace a database that another process created meanwhile.
         with contextlib.suppress(FileExistsError):
             os.link(unfinished, path)
     finally:
@@ -93,7 +93,7 @@ def _create_store(path: Path) -> None:
 
 
 def experiment_id(client: MlflowClient, uri: str, name: str) -> str:
-    """Id of the experiment, made if need be, with its files beside the database or in a server's care."""
+    """Id of the experiment, which is created if needed. Its files are stored beside the database, or by the server."""
     found = client.get_experiment_by_name(name)
     if found is not None:
         return str(found.experiment_id)
@@ -105,7 +105,7 @@ def experiment_id(client: MlflowClient, uri: str, name: str) -> str:
 
 
 def run_of(directory: Path, client: MlflowClient, uri: str, experiment: str, tags: Mapping[str, Any]) -> str:
-    """Id of the run that `directory` belongs to: the one noted there, if it still exists, else a new one."""
+    """Id of the MLflow run of `directory`: the one noted there if it still exists, else a new one."""
     note = directory / RUN_ID_FILE
     with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
         known = json.loads(note.read_text())
@@ -135,7 +135,7 @@ def _run_name(directory: Path) -> str:
 
 
 def log_params(client: MlflowClient, run_id: str, config: Mapping[str, Any]) -> None:
-    """Log what is not logged yet: a parameter cannot change, and a resumed run differs in `resume` alone."""
+    """Log the parameters that the run does not have yet: MLflow does not allow changes."""
     from mlflow.entities import Param
 
     known = client.get_run(run_id).data.params
@@ -149,7 +149,7 @@ def log_params(client: MlflowClient, run_id: str, config: Mapping[str, Any]) -> 
 
 
 def log_series(client: MlflowClient, run_id: str, series: Mapping[str, Sequence[float]]) -> None:
-    """Log metrics that change from step to step; those logged before, by a run now resumed, are left out."""
+    """Log metrics with a value for each step; steps that were logged before the run was resumed are left out."""
     from mlflow.entities import Metric
 
     now = int(time.time() * 1000)
@@ -165,6 +165,6 @@ def log_series(client: MlflowClient, run_id: str, series: Mapping[str, Sequence[
 
 
 def _quieten() -> None:
-    """MLflow, its migrations and its retries speak through logging; what fails is raised anyway."""
+    """Silence the log messages of MLflow, its migrations and its retries; errors are raised anyway."""
     for name in ("mlflow", "alembic", "urllib3"):
         logging.getLogger(name).setLevel(logging.ERROR)

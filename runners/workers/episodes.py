@@ -1,4 +1,4 @@
-"""Drive one episode of a config and make its record. Worker processes run this."""
+"""Runs the episodes of a config and makes their records. Worker processes call this module."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from runners.workers.recorder import Recorder, recording_path
 
 @dataclass(frozen=True, slots=True)
 class Recordings:
-    """Where recordings are written. config: what decides the results of the run; it is stored in each recording."""
+    """Where recordings are written. config: the part of the config that decides results; each recording contains it."""
 
     folder: Path
     config: Mapping[str, Any]
@@ -43,7 +43,7 @@ class EpisodePayload:
 
 
 def initialise(payload: EpisodePayload) -> Callable[[EpisodeKey], EpisodeResult]:
-    """Build everything once per process; the function that drives one episode. Raises InputError."""
+    """Build everything once per process; return the function that runs one episode. Raises InputError."""
     config, seed, robot = payload.config, payload.config.seed, payload.config.robot
     maps = build.map_set(config)
     navigator = build.navigator(config)
@@ -65,14 +65,14 @@ def initialise(payload: EpisodePayload) -> Callable[[EpisodeKey], EpisodeResult]
 
 
 def episode_rng(seed: int, world: int, run: int) -> np.random.Generator:
-    """The only source of randomness of an episode. `run_episode` spawns the navigator's stream from it first."""
+    """The only source of randomness of an episode. `run_episode` first spawns the navigator's generator from it."""
     return np.random.default_rng(np.random.SeedSequence([seed, world, run]))
 
 
 def _recorder(
     recordings: Recordings | None, seed: int, key: EpisodeKey, robot: Robot
 ) -> AbstractContextManager[Observer | None]:
-    """What records the episode, if recordings are written."""
+    """The recorder of the episode, if recordings are written."""
     if recordings is None:
         return nullcontext()
     about = {"seed": seed, "world": key.world, "run": key.run, "config": recordings.config}

@@ -3,8 +3,8 @@
 `initialise(payload)` builds what every episode needs, once per process, and returns the function that runs one
 item. Results come as they finish. `map` runs one list of items; `open` keeps the processes for several lists.
 
-`concurrent.futures.ProcessPoolExecutor` would not do: it does not say which item a killed worker had, swallows the
-error of an initializer, cannot stop a running item (before Python 3.14), and its workers outlive a killed parent.
+`concurrent.futures.ProcessPoolExecutor` is not used because it does not tell which item a killed worker had, hides
+the error of an initializer, cannot stop a running item (before Python 3.14), and its workers outlive a killed parent.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ _JOIN_S = 5.0
 
 
 class EpisodeError(RuntimeError):
-    """An episode failed, and not by a user's mistake. Names its world and run."""
+    """An episode failed for another reason than a user's mistake. The message names its world and run."""
 
 
 class WorkerDiedError(RuntimeError):
@@ -150,13 +150,13 @@ def available_cores() -> int:
     return os.cpu_count() or 1
 
 
-@functools.cache  # once
+@functools.cache  # print it once
 def _say_serial() -> None:
     print("executor=process: inside a launcher's worker process, episodes run one by one", file=sys.stderr)
 
 
 def _hand_out(workers: dict[Connection, BaseProcess], items: Iterable[Item]) -> Iterator[Any]:
-    """One item at a time to each worker: an episode takes far longer than the hand-over."""
+    """Give each worker one item at a time: an episode takes far longer than sending an item."""
     waiting = iter(items)
     busy: dict[Connection, Item] = {}
 
@@ -164,7 +164,7 @@ def _hand_out(workers: dict[Connection, BaseProcess], items: Iterable[Item]) -> 
         item = next(waiting, None)
         if item is not None:
             busy[worker] = item
-            # If the worker is gone, reading its answer will tell.
+            # If the worker has died, `_receive` raises the error.
             with contextlib.suppress(BrokenPipeError, ConnectionResetError):
                 worker.send(item)
 

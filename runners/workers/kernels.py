@@ -1,4 +1,4 @@
-"""Whether the kernels are compiled already: the first drive after installation waits for that."""
+"""Checks whether the kernels are already compiled; the first episode after installation waits for that."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from pathlib import Path
 
 
 def compiled() -> bool:
-    """Whether Numba's cache holds `travelled` as it is now: the first step of an episode calls it last.
+    """Whether Numba's cache has the current `travelled`, the last kernel that the first step of an episode calls.
 
-    The cache may still lack kernels of a guide, planner or simulator that was never driven here.
+    The cache may still lack the kernels of a guide, planner or simulator that has not been used yet.
     """
     from lme.kernels.motion import travelled
 
@@ -25,9 +25,9 @@ def compiled() -> bool:
 
 
 def _is_for(source: Path, index: Path) -> bool:
-    """Whether an index of Numba's cache is of this Numba and this source.
+    """Whether an index of Numba's cache belongs to this version of Numba and of the source.
 
-    Numba knows a source by its hash; older versions by the time of its last change.
+    Numba identifies a source by its hash; older versions use the time of its last change.
     """
     import numba
 

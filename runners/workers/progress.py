@@ -1,11 +1,11 @@
-"""Progress bars that also say how it goes."""
+"""Progress bars with intermediate results."""
 
 from __future__ import annotations
 
 from collections import Counter
 from time import perf_counter
 from types import TracebackType
-from typing import Self
+from typing import Any, Self
 
 from rich.console import Console
 from rich.progress import (
@@ -23,9 +23,9 @@ _COMPILING = "Compiling kernels, once after installation: this takes about half 
 
 
 class _Bar:
-    """A bar on standard error: what, how far, `columns`, time taken, time left."""
+    """A bar on standard error: label, progress, `columns`, time elapsed and time left."""
 
-    def __init__(self, label: str, total: int, *columns: str, **fields: str) -> None:
+    def __init__(self, label: str, total: int, *columns: str, **fields: Any) -> None:
         self._bar = Progress(
             TextColumn("{task.description}"),
             BarColumn(),
@@ -52,14 +52,14 @@ class _Bar:
 
 
 class EpisodeProgress(_Bar):
-    """Episodes done, how they ended, and the time left; on a terminal a bar, elsewhere one closing line."""
+    """Finished episodes, their outcomes, and the time left. Without a terminal it prints one line at the end."""
 
     def __init__(self, label: str, total: int) -> None:
         super().__init__(label, total, "{task.fields[outcomes]}", outcomes="")
         self._outcomes: Counter[str] = Counter()
 
     def skip(self, done: int) -> None:
-        """Count episodes that an earlier run finished."""
+        """Count the episodes that an earlier run finished."""
         self._bar.update(self._task, completed=done)
 
     def add(self, outcome: str) -> None:
@@ -70,19 +70,19 @@ class EpisodeProgress(_Bar):
 
 
 class TrialProgress(_Bar):
-    """Trials done, the best reward so far, trials per second and the time left."""
+    """Finished trials, the best reward so far, trials per second and the time left."""
 
     def __init__(self, label: str, total: int) -> None:
         best, rate = "best reward {task.fields[best]}", "{task.fields[rate]}"
         super().__init__(label, total, best, rate, best="–", rate="")
-        self._here = 0  # trials of this process
+        self._here = 0  # trials that this process finished
 
     def __enter__(self) -> Self:
         self._began = perf_counter()
         return super().__enter__()
 
     def skip(self, done: int, best: float | None) -> None:
-        """Count trials that an earlier run, or another machine, finished."""
+        """Count the trials that an earlier run or another machine finished."""
         self._bar.update(self._task, completed=done, best=_reward_text(best))
 
     def add(self, best: float | None) -> None:

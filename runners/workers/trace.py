@@ -1,7 +1,7 @@
-"""Traces of episodes: all that the robot saw and decided, from a rerun.
+"""Traces of episodes: every observation and decision, from a rerun.
 
-Records say where the robot went. What it saw and why it went there would fill disks. An episode is a function of
-its config, its world and its run, so it can be driven again and watched.
+Records contain only the path of the robot, because observations and explanations would fill the disk. An episode is a
+function of its config, world and run, so it can be run again and observed.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ from runners.workers.episodes import episode_rng
 if TYPE_CHECKING:
     import pandas as pd
 
-SAME_M = 1e-6  # [m] a rerun keeps to its record so closely
+SAME_M = 1e-6  # [m] largest distance between the poses of a rerun and its record
 
 
 class TracedStep(NamedTuple):
     """One decision.
 
-    pose: of the robot in the world. subgoal: (2,) in the world [m]. obstacles: circles (C, 3) and edges (E, 4) as
-    they stand, movers last. explanation: why the guide decided so; None where it does not say.
+    time [s]. pose: of the robot in the world. subgoal: (2,) in the world [m]. obstacles: circles (C, 3) and edges
+    (E, 4) at this time, movers last. explanation: of the guide's decision; None if the guide gives none.
     """
 
     time: float
@@ -49,7 +49,7 @@ class TracedStep(NamedTuple):
 
 
 class TraceEnd(NamedTuple):
-    """The end of the episode, on which no decision follows."""
+    """The end of the episode, without a decision."""
 
     time: float
     pose: Pose
@@ -58,7 +58,7 @@ class TraceEnd(NamedTuple):
 
 
 class Trace(NamedTuple):
-    """An episode with all that was seen and decided. config: what it was driven with."""
+    """An episode with all observations and decisions. config: of the episode."""
 
     config: DriveConfig
     world: int
@@ -71,17 +71,17 @@ class Trace(NamedTuple):
 
     @property
     def frames(self) -> tuple[TracedStep | TraceEnd, ...]:
-        """Every step, and the end."""
+        """All steps, and the end."""
         return (*self.steps, self.end)
 
     def moving(self, frame: TracedStep | TraceEnd) -> tuple[Floats, Floats]:
-        """Circles (C, 3) and edges (E, 4) of what moves, where they stand in one of the frames."""
+        """Circles (C, 3) and edges (E, 4) of the moving obstacles in one of the frames."""
         circles, edges = frame.obstacles
         return circles[len(self.task.world.circles) :], edges[len(self.task.world.edges) :]
 
 
 def rerun(config: DriveConfig, world: int, run: int) -> Trace:
-    """Drive one episode of a config as `lme eval` does, and keep all of it. Raises InputError."""
+    """Run one episode of a config as `lme eval` does, and return its trace. Raises InputError."""
     task, simulator = build.map_set(config, [world]).task(world), build.simulator(config)
     navigator = build.navigator(config)
     tracer = _Tracer(simulator, navigator)
@@ -90,20 +90,18 @@ def rerun(config: DriveConfig, world: int, run: int) -> Trace:
 
 
 def rerun_recorded(run_dir: Path, world: int, run: int, trajectories: pd.DataFrame) -> Trace:
-    """Drive an episode of a run again, and compare it with its record among the run's `trajectories`.
+    """Run a recorded episode again, and compare it with its record in the run's `trajectories`.
 
-    Raises InputError where the run has no such episode or no config, or where another version of the program
-    drove another way.
+    Raises InputError if the run has no config or no such episode, or if the paths differ, because another version of
+    the program made the record.
     """
     launch = launch_record.read_launch(run_dir)
     if launch is None:
-        raise InputError(
-            f"{run_dir}: holds no {launch_record.LAUNCH}, so its episodes cannot be driven again"
-        )
+        raise InputError(f"{run_dir}: has no {launch_record.LAUNCH}, so its episodes cannot be run again")
     steps = trajectories[(trajectories["world"] == world) & (trajectories["run"] == run)]
     if steps.empty:
         raise InputError(
-            f"{run_dir}: holds no episode of world {world}, run {run}; lme table {run_dir} lists"
+            f"{run_dir}: has no episode of world {world}, run {run}: episodes.parquet lists those that it has"
         )
     trace = rerun(launch.config, world, run)
     recorded = steps[["x_m", "y_m"]].to_numpy()
@@ -117,7 +115,7 @@ def rerun_recorded(run_dir: Path, world: int, run: int, trajectories: pd.DataFra
 
 
 class _Tracer:
-    """Keeps each step of an episode, and why the guide decided so."""
+    """Keeps each step of an episode with the explanation of its decision."""
 
     end: TraceEnd
 
@@ -138,7 +136,7 @@ class _Tracer:
         self.end = TraceEnd(state.time, state.pose, observation, self._simulator.obstacles)
 
     def _new_explanation(self) -> Explanation | None:
-        """None where the guide's last decision is an earlier step's: one made from LME may not ask it every time."""
+        """The explanation if LME made a decision in this step, else None: a guide may not ask LME in every step."""
         why = self._navigator.explanation()
         if why is None or why.decision is self._explained:
             return None

@@ -1,4 +1,4 @@
-"""Drive the episodes of a trial and score them. Worker processes run this during a search."""
+"""Runs the episodes of a trial and scores them. Worker processes call this module during a search."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class Score(NamedTuple):
 
 
 def initialise(config: TrainConfig) -> Callable[[Attempt], Score]:
-    """Build everything once per process; the function that runs one attempt.
+    """Build everything once per process; return the function that runs one attempt.
 
     config: its `map` holds the training configurations. Raises InputError.
     """

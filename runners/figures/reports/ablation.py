@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from runners.analysis.ablation import COMPLETE, JOIN, NAME, Study, Variant
+from runners.analysis.ablation import COMPLETE, JOIN, NAME, AblationStudy, Variant
 from runners.analysis.paired import SUCCESS, Difference, signed
 from runners.figures.parts.style import GRID, INK, STYLES, new_figure, save, symbol
 from runners.figures.reports.comparison import HATCHES, OUTCOMES
@@ -26,7 +26,7 @@ NOTES = (
 )
 
 
-def ablation_figure(studies: Sequence[Study], place: Path) -> list[Path]:
+def ablation_figure(studies: Sequence[AblationStudy], place: Path) -> list[Path]:
     """Draw outcomes and paired differences of every variant, save them in `place` as PNG and PDF, return the paths."""
     shown = studies[:STUDIES]
     width = max(WIDTH_IN, VARIANT_IN * (1 + max(len(study.variants) for study in shown)))

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from runners.analysis.paired import METRIC, SUCCESS
-from runners.analysis.sensitivity import NAME, Curve, Point, Study, factors
+from runners.analysis.sensitivity import NAME, Curve, Point, SensitivityStudy, factors
 from runners.figures.parts.style import BLUE, FRAME, GRID, INK, VERMILION, new_figure, save, symbol
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ NOTES = (
 )
 
 
-def sensitivity_figure(studies: Sequence[Study], place: Path) -> list[Path]:
+def sensitivity_figure(studies: Sequence[SensitivityStudy], place: Path) -> list[Path]:
     """Draw a panel for each parameter, save them in `place` as PNG and PDF, and return the paths."""
     shown = studies[:STUDIES]
     columns = min(COLUMNS, max(len(study.curves) for study in shown))

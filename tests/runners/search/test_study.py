@@ -27,6 +27,7 @@ from runners.search.samplers import (
 )
 from runners.search.study import JOURNAL, masked, open_study
 from runners.workers.trials import Score
+from tests.composing import jobs_of
 
 SPACE = {
     "guide.parameters.a": Range(0.01, 10.0, True),
@@ -283,5 +284,8 @@ def test_the_first_trial_may_be_what_the_config_has(tmp_path, search):
 
 
 def test_own_values_are_those_within_the_ranges():
-    config = {"planner": {"b": 0.5, "c": None}, "guide": {"parameters": {"a": 11.0}}}
+    with jobs_of("train", "planner=dwa") as job:
+        config = job().config
+    config.planner |= {"b": 0.5, "c": None}
+    config.guide["parameters"] = {"a": 11.0}
     assert own_values(config, SPACE) == {"planner.b": 0.5}

@@ -18,6 +18,7 @@ from runners.tracking.mlflow import (
     MlflowTracking,
     NoTracking,
     NoTrackingConfig,
+    add_files,
     environment_tags,
 )
 from runners.tracking.store import DEFAULTS, RUN_ID_FILE
@@ -95,7 +96,7 @@ def test_a_folder_is_booked_as_a_folder_and_more_can_be_added_later(store, tmp_p
     book(store, tmp_path, artifacts=[pages])
     before = booked(store, tmp_path)
     (pages / "201-0.html").write_text("two")
-    MlflowTracking(MlflowConfig(uri=store)).add(tmp_path, [pages / "201-0.html"], "explain")
+    add_files(tmp_path, [pages / "201-0.html"], "explain")
     from mlflow import MlflowClient
 
     found = MlflowClient(tracking_uri=store).list_artifacts(before.info.run_id, "explain")
@@ -108,13 +109,15 @@ def test_nothing_is_added_to_what_was_never_booked_or_lies_elsewhere(store, tmp_
     page.write_text("one")
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        MlflowTracking(MlflowConfig(uri=store)).add(tmp_path, [page], "explain")
-    (tmp_path / RUN_ID_FILE).write_text(json.dumps({"experiment": "1", "run": "0" * 32}))
-    with pytest.warns(UserWarning, match=r"not booked in MLflow at sqlite:///\S+/none\.db.*there is none"):
-        MlflowTracking(MlflowConfig(uri=f"sqlite:///{tmp_path}/none.db")).add(tmp_path, [page], "explain")
+        add_files(tmp_path, [page], "explain")
+    elsewhere = f"sqlite:///{tmp_path}/none.db"
+    (tmp_path / RUN_ID_FILE).write_text(json.dumps({"uri": elsewhere, "experiment": "1", "run": "0" * 32}))
+    with pytest.warns(UserWarning, match=r"not logged in MLflow at sqlite:///\S+/none\.db.*there is none"):
+        add_files(tmp_path, [page], "explain")
     assert not (tmp_path / "none.db").exists()
-    with pytest.warns(UserWarning, match="not booked in MLflow"):
-        MlflowTracking(MlflowConfig(uri=store)).add(tmp_path, [page], "explain")  # no such run
+    (tmp_path / RUN_ID_FILE).write_text(json.dumps({"uri": store, "experiment": "1", "run": "0" * 32}))
+    with pytest.warns(UserWarning, match="not logged in MLflow"):
+        add_files(tmp_path, [page], "explain")  # no such run
 
 
 def test_a_resumed_run_is_the_same_run(store, tmp_path):
@@ -154,7 +157,7 @@ def test_a_store_that_cannot_be_used_is_one_warning_that_names_it(tmp_path, brok
         (tmp_path / "mlflow.db").write_text("no database " * 500)
         uri = f"sqlite:///{tmp_path}/mlflow.db"
     began = time.monotonic()
-    with pytest.warns(UserWarning, match="not booked in MLflow") as caught:
+    with pytest.warns(UserWarning, match="not logged in MLflow") as caught:
         book(uri, tmp_path / "run")
     assert len(caught) == 1
     message = str(caught[0].message)
@@ -169,7 +172,7 @@ def test_a_server_that_never_answers_is_given_up_on(tmp_path, monkeypatch):
     with socket.socket() as silent:
         silent.bind(("127.0.0.1", 0))
         silent.listen()
-        with pytest.warns(UserWarning, match="not booked"):
+        with pytest.warns(UserWarning, match="not logged"):
             book(f"http://127.0.0.1:{silent.getsockname()[1]}", tmp_path)
 
 

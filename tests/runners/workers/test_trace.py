@@ -54,7 +54,7 @@ class Own:
 @pytest.fixture(scope="module")
 def composed():
     with jobs_of("eval", *CLUTTERED) as job:
-        yield lambda words: job(*words).config
+        yield lambda *words: job(*words).config
 
 
 def driven(config, world):
