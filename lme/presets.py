@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from lme.errors import InputError, nearest
+from lme.policy.parameter_file import read_parameters
 from lme.policy.score import CRITERIA
-from lme.policy.weights import read_parameters
 from lme.resources import resource_dir
 from lme.robots import Footprint, Lidar, Robot
 from lme.yaml_entry import Entry, read_yaml

@@ -17,9 +17,9 @@ from lme.policy.candidates import CandidateConfig, sample
 from lme.policy.criteria import ORIGIN, Criterion, View
 from lme.policy.explanation import Decision, Explanation, Step, explain
 from lme.policy.maintenance import Choice, History, choose, update_position
+from lme.policy.parameter_file import read_parameters
 from lme.policy.score import CRITERIA, Parameters, score
 from lme.policy.surmount import RULES, find_blockage
-from lme.policy.weights import read_parameters
 from lme.robots import Robot
 from lme.sensing.scan_points import is_full_circle, obstacle_points
 from lme.types import Floats, Observation, Twist

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from runners.analysis import paired
 from runners.analysis.paired import METRIC, SUCCESS, Block, Difference, signed
 from runners.analysis.summary import DASH, TIMES, Row, title
-from runners.config.weights import from_words
+from runners.config.weights import scale_from_words
 from runners.records.launch_record import read_launch
 from runners.records.whole_file import write_whole
 
@@ -124,7 +124,7 @@ def _single(frame: pd.DataFrame) -> pd.DataFrame:
     """Records of runs with at most one multiplied parameter."""
     if COLUMN not in frame:
         return frame
-    return frame[[len(from_words(text)) <= 1 for text in frame[COLUMN].fillna(UNCHANGED)]]
+    return frame[[len(scale_from_words(text)) <= 1 for text in frame[COLUMN].fillna(UNCHANGED)]]
 
 
 def _study(block: Block) -> SensitivityStudy:
@@ -132,7 +132,7 @@ def _study(block: Block) -> SensitivityStudy:
     base = Point(1.0, paired.row(block.baseline), {})
     by_parameter: dict[str, list[Point]] = {}
     for name, part in block.variants.items():
-        ((parameter, factor),) = from_words(name).items()
+        ((parameter, factor),) = scale_from_words(name).items()
         change = {measure: found[name] for measure, found in changes.items() if name in found}
         by_parameter.setdefault(parameter, [base]).append(Point(factor, paired.row(part), change))
     curves = (

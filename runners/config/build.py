@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
-from typing import Any, cast
+from collections.abc import Sequence
+from typing import cast
 
 from lme.errors import require
 from lme.navigator import Navigator
@@ -27,11 +26,6 @@ def map_set(config: DriveConfig, worlds: Sequence[int] | None = None) -> MapSet:
     if "radius" in node and node["radius"] is None:
         node = {**node, "radius": config.robot.footprint.r_max}
     return cast(MapSet, build(node, "map"))
-
-
-def on_map(config: DriveConfig, node: Mapping[str, Any]) -> DriveConfig:
-    """The same config with another map."""
-    return replace(config, map=dict(node))
 
 
 def navigator(config: SystemConfig, robot: Robot | None = None) -> Navigator:

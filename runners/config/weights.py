@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from lme.errors import InputError, nearest
+from lme.policy.parameter_file import read_parameters
 from lme.policy.score import CRITERIA
-from lme.policy.weights import read_parameters
 from lme.resources import resource_dir
 from runners.config.hydra_errors import unknown_key
 
@@ -44,13 +44,13 @@ def check_scale(scale: Mapping[str, float], guide: Mapping[str, Any]) -> None:
         )
 
 
-def in_words(scale: Mapping[str, float]) -> str:
+def scale_in_words(scale: Mapping[str, float]) -> str:
     """A scale as a table shows it: "a_close × 0.5", several with commas between; empty where it changes nothing."""
     return ", ".join(f"{name} {TIMES} {float(factor):.12g}" for name, factor in scale.items() if factor != 1)
 
 
-def from_words(text: str) -> dict[str, float]:
-    """The scale that `in_words` put so."""
+def scale_from_words(text: str) -> dict[str, float]:
+    """The scale that `scale_in_words` put so."""
     pairs = [part.split(f" {TIMES} ") for part in text.split(", ") if part]
     return {name: float(factor) for name, factor in pairs}
 

@@ -22,7 +22,7 @@ from runners.records.episode_record import EpisodeKey, EpisodeResult
 APPEND_LOG = "parts/episodes.jsonl"
 
 
-class Entry(NamedTuple):
+class LogEntry(NamedTuple):
     """One line, by column name. Another version of the program may have written it, with other columns.
 
     row: of `episodes.parquet`. trajectory: 1-D arrays of equal length.
@@ -50,7 +50,7 @@ def encode(result: EpisodeResult) -> bytes:
     return json.dumps(entry, default=lambda scalar: scalar.item()).encode() + b"\n"
 
 
-def read_log(path: Path) -> Iterator[Entry]:
+def read_log(path: Path) -> Iterator[LogEntry]:
     """Entries of an append log, the first of each key. A last line without a newline is left out.
 
     Raises InputError for a line that is not an episode.
@@ -68,14 +68,14 @@ def read_log(path: Path) -> Iterator[Entry]:
                 yield entry
 
 
-def _decode(line: bytes, path: Path, number: int) -> Entry:
+def _decode(line: bytes, path: Path, number: int) -> LogEntry:
     try:
         fields = json.loads(line)
         arrays = {
             name: np.frombuffer(base64.b64decode(data), dtype=np.dtype(kind))
             for name, (kind, data) in fields["trajectory"].items()
         }
-        entry = Entry(fields["record"], arrays)
+        entry = LogEntry(fields["record"], arrays)
         _ = entry.key
     except (ValueError, TypeError, KeyError, AttributeError):
         raise InputError(f"{path} line {number} is not an episode record: remove that line") from None

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lme.errors import InputError
-from runners.records.append_log import Entry
+from runners.records.append_log import LogEntry
 from runners.records.episode_record import COLUMNS, KEY_COLUMNS, EpisodeKey
 from runners.records.whole_file import replacing
 
@@ -26,7 +26,7 @@ def keys_of(run_dir: Path) -> set[EpisodeKey]:
     return _keys(_read_table(path)) if path.is_file() else set()
 
 
-def episode_table(run_dir: Path, entries: Sequence[Entry]) -> pa.Table:
+def episode_table(run_dir: Path, entries: Sequence[LogEntry]) -> pa.Table:
     """Episodes of the run's Parquet file and of its append log, sorted by key, each once."""
     import pyarrow as pa
 
@@ -38,7 +38,7 @@ def episode_table(run_dir: Path, entries: Sequence[Entry]) -> pa.Table:
     return pa.table({name: [row.get(name) for row in ordered] for name in names})
 
 
-def trajectory_table(run_dir: Path, entries: Sequence[Entry]) -> pa.Table:
+def trajectory_table(run_dir: Path, entries: Sequence[LogEntry]) -> pa.Table:
     """Control steps in the run's Parquet file and of its append log, sorted; those of each episode once."""
     import pyarrow as pa
 
@@ -88,7 +88,7 @@ def _keys(table: pa.Table) -> set[EpisodeKey]:
     return {EpisodeKey.of(row) for row in distinct.to_pylist()}
 
 
-def _steps(entry: Entry) -> pa.Table:
+def _steps(entry: LogEntry) -> pa.Table:
     import pyarrow as pa
 
     num_steps = max(map(len, entry.trajectory.values()), default=0)

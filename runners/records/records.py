@@ -19,8 +19,8 @@ from typing import TYPE_CHECKING, Any
 from lme.errors import InputError
 from runners.config.changes import in_words
 from runners.config.flatten import flatten
-from runners.config.weights import in_words as scale_in_words
-from runners.records.append_log import APPEND_LOG, Entry, cut_torn_line, encode, lock, read_log
+from runners.config.weights import scale_in_words
+from runners.records.append_log import APPEND_LOG, LogEntry, cut_torn_line, encode, lock, read_log
 from runners.records.episode_record import KEY_COLUMNS, EpisodeKey, EpisodeResult
 from runners.records.launch_record import Launch, read_launch
 from runners.records.parquet import (
@@ -198,7 +198,7 @@ def _natural_order(path: Path) -> tuple[bool, int, str]:
     return not path.name.isdigit(), int(path.name) if path.name.isdigit() else 0, path.name
 
 
-def _log_entries(run_dir: Path) -> list[Entry]:
+def _log_entries(run_dir: Path) -> list[LogEntry]:
     if not _has_records(run_dir):
         raise InputError(f"{run_dir} holds no records: expected {EPISODES} or {APPEND_LOG}")
     return list(read_log(run_dir / APPEND_LOG))

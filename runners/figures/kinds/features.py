@@ -16,7 +16,7 @@ from lme.policy.score import CRITERIA
 from lme.types import Bools, Floats
 from runners.figures.parts import robot_view as view
 from runners.figures.parts.driven_runs import DrivenRun
-from runners.figures.parts.feature_page import Page
+from runners.figures.parts.feature_page import FeaturePage
 from runners.figures.parts.moment import Shot, candidate_reach, draw_shots, shots
 from runners.figures.parts.style import BLUE, INK, symbol
 
@@ -91,7 +91,7 @@ def features_figure(shot: Shot, config: FeaturesConfig) -> Figure:
     """Draw the page of one decision. Raises InputError for an unknown criterion."""
     layers = [_layer(shot.why, name, config.values) for name in chosen_criteria(shot.why, config.criteria)]
     layers.append(_Layer("$S$, the weighted sum", shot.why.scores, lettered=True))
-    page = Page(shot, len(layers))
+    page = FeaturePage(shot, len(layers))
     for index, layer in enumerate(layers):
         axes = page.panel(index, layer.title)
         _draw_scene(axes, shot, layer.lettered)
@@ -157,7 +157,7 @@ def _draw_scene(axes: Axes, shot: Shot, lettered: bool) -> None:
 
 
 def _draw_many(
-    page: Page, index: int, axes: Axes, layer: _Layer, why: Explanation, percentiles: Sequence[float]
+    page: FeaturePage, index: int, axes: Axes, layer: _Layer, why: Explanation, percentiles: Sequence[float]
 ) -> None:
     """Draw the candidates coloured by value, and a colour bar."""
     values = layer.values + 0.0  # turns -0.0 into 0.0
@@ -188,7 +188,7 @@ def clipped_range(values: Floats, percentiles: Sequence[float]) -> tuple[float, 
     return (float(low), float(high)) if low < high else (float(values.min()), float(values.max()))
 
 
-def _draw_two(page: Page, index: int, axes: Axes, layer: _Layer, why: Explanation) -> None:
+def _draw_two(page: FeaturePage, index: int, axes: Axes, layer: _Layer, why: Explanation) -> None:
     """Draw the candidates in two colours, and a key with the count of each."""
     from matplotlib.lines import Line2D
 

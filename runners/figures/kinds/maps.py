@@ -43,7 +43,7 @@ WALL: dict[str, Any] = {"edgecolor": OBSTACLE, "linewidth": 0.6}
 WAY: dict[str, Any] = {"color": BLUE, "linewidth": 1.1, "linestyle": (0, (4, 1.5))}
 
 
-class Panel(NamedTuple):
+class MapPanel(NamedTuple):
     """One world. detail: text below the name. way: (P, 2) path [m] that the optimal time is based on."""
 
     name: str
@@ -97,19 +97,19 @@ class Maps:
         return save(sheet(panels, self.config.columns), stem, formats)
 
 
-def panels_of(chosen: Chosen) -> list[Panel]:
+def panels_of(chosen: Chosen) -> list[MapPanel]:
     """One panel per chosen world; if none is chosen, the first world stands for the whole set."""
     maps = chosen.maps
     if not chosen.worlds:
         task = maps.task(maps.numbers[0])
-        return [Panel(chosen.name, about_set(chosen, task), task, None)]
+        return [MapPanel(chosen.name, about_set(chosen, task), task, None)]
     return [
-        Panel(f"{chosen.name} {task.number}", _about_world(task), task, known_path(maps, task))
+        MapPanel(f"{chosen.name} {task.number}", _about_world(task), task, known_path(maps, task))
         for task in map(maps.task, chosen.worlds)
     ]
 
 
-def sheet(panels: Sequence[Panel], columns: int) -> Figure:
+def sheet(panels: Sequence[MapPanel], columns: int) -> Figure:
     """Draw all panels in rows, each as large as fits, with a scale bar; a single panel gets axes in metres.
 
     Raises InputError for too many panels.
@@ -192,7 +192,7 @@ def _placed(figure: Figure, top_middle: tuple[float, float], size: tuple[float, 
     return figure.add_axes((left / page, bottom / height, size[0] / page, size[1] / height))
 
 
-def _draw(axes: Axes, panel: Panel, box: Box, numbered: bool) -> None:
+def _draw(axes: Axes, panel: MapPanel, box: Box, numbered: bool) -> None:
     """Draw the world, with a grid in metres if `numbered`, else with a scale bar below."""
     from matplotlib.collections import PolyCollection
     from matplotlib.patches import Polygon
@@ -225,7 +225,7 @@ def _number(axes: Axes, box: Box) -> None:
     axes.set_axisbelow(True)
 
 
-def _head(figure: Figure, panel: Panel, top_middle: tuple[float, float]) -> None:
+def _head(figure: Figure, panel: MapPanel, top_middle: tuple[float, float]) -> None:
     """Write the name and, below it, the detail, from `top_middle` [in] down."""
     page, height = figure.get_size_inches()
     x, top = top_middle
@@ -234,7 +234,7 @@ def _head(figure: Figure, panel: Panel, top_middle: tuple[float, float]) -> None
     figure.text(x / page, (top - 0.195) / height, panel.detail, fontsize=7, **look)
 
 
-def _keys(panels: Sequence[Panel]) -> list[Line2D]:
+def _keys(panels: Sequence[MapPanel]) -> list[Line2D]:
     """Entries of the key, for what the panels show."""
     from matplotlib.lines import Line2D
 

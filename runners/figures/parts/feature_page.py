@@ -27,7 +27,7 @@ def columns(panels: int) -> int:
     return panels + 1 if panels < 4 else 3 if panels in (5, 6) else 4
 
 
-class Page:
+class FeaturePage:
     """A page of equal panels, each with a title above and a colour bar below."""
 
     def __init__(self, shot: Shot, panels: int) -> None:

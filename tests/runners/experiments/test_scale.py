@@ -11,7 +11,7 @@ from runners.analysis.summary import summarise
 from runners.cli.main import main
 from runners.config import schema
 from runners.config.composer import Composer
-from runners.config.weights import from_words, in_words, parameters
+from runners.config.weights import parameters, scale_from_words, scale_in_words
 from runners.experiments import sweeps
 from runners.figures.parts.driven_runs import read_runs
 from runners.records.records import find_runs, read_episodes
@@ -47,10 +47,10 @@ def test_mistakes(scale, message):
 
 
 def test_words_are_read_back():
-    assert in_words({"a_close": 0.5, "d1": 2}) == "a_close × 0.5, d1 × 2"
-    assert in_words({"a_close": 1.0, "d1": 2}) == "d1 × 2"
+    assert scale_in_words({"a_close": 0.5, "d1": 2}) == "a_close × 0.5, d1 × 2"
+    assert scale_in_words({"a_close": 1.0, "d1": 2}) == "d1 × 2"
     for scale in ({}, {"c_o": 0.0}, {"a_close": 1 / 3, "d2": 1e-7}):
-        assert from_words(in_words(scale)) == pytest.approx(scale)
+        assert scale_from_words(scale_in_words(scale)) == pytest.approx(scale)
 
 
 def test_the_guide_has_the_product_and_other_commands_do_without():
