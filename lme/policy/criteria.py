@@ -3,6 +3,7 @@
 Each takes (N, 2) candidates in the robot frame and a `View`, and returns (N,) unweighted values; larger is
 better. The collision features c are returned as I(c) of Eq. 7, 1 if free and else 0, because all weights are
 positive. To add a criterion, write such a function, name it in `guide.criteria` and give a weight of that name.
+The first line of each docstring is shown in explainer pages.
 """
 
 from __future__ import annotations
@@ -55,7 +56,7 @@ def a_dev(candidates: Floats, view: View) -> Floats:
 
 
 def c_o(candidates: Floats, view: View) -> Floats:
-    """Collision-free reachability: 1 if the straight line to the candidate is free of obstacles, else 0.
+    """Collision-free reachability: 1 if the straight way to the candidate is free of obstacles, else 0.
 
     Eq. 4: free if the segment from the origin to the candidate is at least r away from every scan point.
     """
@@ -63,7 +64,7 @@ def c_o(candidates: Floats, view: View) -> Floats:
 
 
 def c_t(candidates: Floats, view: View) -> Floats:
-    """Optimistic target reachability: 1 if no seen obstacle blocks the line from the candidate to the target, else 0.
+    """Optimistic target reachability: 1 if no obstacle seen blocks the way from the candidate to the target, else 0.
 
     Eq. 5: free if the segment from the candidate to the target is at least r away from every scan point.
     """
@@ -71,7 +72,7 @@ def c_t(candidates: Floats, view: View) -> Floats:
 
 
 def a_mount(candidates: Floats, view: View) -> Floats:
-    """Surmount feature: minus the distance to B, past the obstacle's end [m], if it hides the target; else 0.
+    """Surmount feature: minus the distance to B, past the obstacle's end [m], where it hides the target; else 0.
 
     Algorithm 2: the obstacle is the blocking sector. It hides the target if one of its points is within r of the
     segment from the candidate to the target.
@@ -83,7 +84,7 @@ def a_mount(candidates: Floats, view: View) -> Floats:
 
 
 def c_h(candidates: Floats, view: View) -> Floats:
-    """Historical avoidance: 1 if the straight line to the candidate avoids the robot's recent positions, else 0.
+    """Historical avoidance: 1 if the straight way to the candidate avoids the robot's recent positions, else 0.
 
     Eq. 6: free if the segment from the origin to the candidate is at least r away from every recent position.
     """
