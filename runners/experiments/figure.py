@@ -79,10 +79,10 @@ def _draw(config: FigureConfig, driven: Sequence[Path], folder: Path) -> None:
 
 
 def _drive(job: Job[FigureConfig]) -> None:
-    config = _with_worlds(job.config)
-    maps = build.map_set(config)
+    job = replace(job, config=_with_worlds(job.config))
+    maps = build.map_set(job.config)
     try:
-        evaluate.drive(config, run_labels(job, maps), maps, job.run_dir)
+        evaluate.drive(job.config, run_labels(job, maps), maps, job.run_dir)
     except KeyboardInterrupt:
         print(f"\nStopped. Go on with: lme figure resume={job.run_dir}", file=sys.stderr)
         raise

@@ -27,6 +27,7 @@ def test_the_systems_of_a_sweep_are_driven_in_the_world_asked_for(sweep):
     assert [job.label for job in jobs] == ["Simple", "LME"]
     assert [chosen_world(job, [206]) for job in jobs] == [(206, 0)] * 2
     assert all(job.frame["world"].tolist() == [206] for job in jobs)
+    assert all(job.frame["subset"].tolist() == ["custom"] for job in jobs)
 
 
 def test_one_figure_of_all_of_them(sweep):
@@ -83,7 +84,7 @@ def test_a_world_that_was_not_driven_is_named(sweep):
         chosen_world(read_runs([sweep])[0], [7])
 
 
-def test_a_world_that_the_map_set_does_not_choose_is_driven_and_told_again(tmp_path, monkeypatch):
+def test_a_world_that_the_map_set_does_not_choose_is_driven_and_run_again(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     words = ["trajectories", "world=3", "moment=2", "hydra.run.dir=out", *WORDS]
     assert main(["figure", *words]) == 0  # hard100 begins at 200
