@@ -146,7 +146,10 @@ def test_what_all_runs_have_changed_is_named_and_stands_beside_nothing_published
     for text in (to_markdown(rows), to_latex(rows), to_html(rows)):
         assert "Changed: robot.v_max=1.0, sim.latency=0.1." in text.replace(r"\_", "_")
     assert r"\par Changed: robot.v\_max=1.0, sim.latency=0.1." in to_latex(rows).splitlines()
-    assert next(csv.DictReader(io.StringIO(tables.to_csv(rows))))["changes"] == "robot.v_max=1.0, sim.latency=0.1"
+    assert (
+        next(csv.DictReader(io.StringIO(tables.to_csv(rows))))["changes"]
+        == "robot.v_max=1.0, sim.latency=0.1"
+    )
 
 
 def test_what_some_rows_have_changed_is_named_with_them():
