@@ -11,12 +11,14 @@ from typing import Any
 
 from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig, OmegaConf
+from omegaconf.errors import OmegaConfBaseException
 
 from lme.errors import InputError
 from runners.cli import arguments, hydra_jobs, show
 from runners.config import command_line, schema
 from runners.config.catalogue import Catalogue
 from runners.config.composer import Composer
+from runners.config.hydra_errors import translated
 from runners.config.job import Job
 from runners.records import launch_record, run_directories
 
@@ -116,7 +118,10 @@ def _directory(
 
 
 def _asked_directory(config: DictConfig, multirun: bool) -> Path | None:
-    """The directory that the command line or a config file names; None if neither does."""
+    """The directory that the command line or a config file names; None if neither does.
+
+    Raises InputError where its interpolations lead nowhere.
+    """
     before = HydraConfig.instance().cfg
     HydraConfig.instance().set_config(config)  # for ${hydra:...}
     try:
@@ -125,6 +130,8 @@ def _asked_directory(config: DictConfig, multirun: bool) -> Path | None:
             assert isinstance(written, dict)
             if not str(written["dir"]).startswith(_HYDRAS_OWN):
                 return Path(str(config.hydra[name].dir))
+    except OmegaConfBaseException as error:
+        raise translated(error) from error
     finally:
         HydraConfig.instance().cfg = before
     return None

@@ -204,6 +204,13 @@ def test_a_directory_that_cannot_be_made(probe, place):
     assert not probe.runs
 
 
+@pytest.mark.parametrize("key", ["run", "sweep"])
+def test_a_directory_with_an_interpolation_of_nothing(probe, key):
+    with pytest.raises(InputError, match=rf"hydra\.{key}\.dir: .*'x' not found"):
+        probe.launch(*(["-m"] if key == "sweep" else []), f"hydra.{key}.dir=o/q${{x}}")
+    assert everything() == []
+
+
 # Resuming
 
 
@@ -311,6 +318,19 @@ def test_the_config_is_shown_with_every_value_resolved(probe, capsys):
     with pytest.raises(InputError, match="--package nothing: the config has no such key"):
         probe.launch("--cfg", "job", "--package", "nothing")
     assert everything() == []
+
+
+@pytest.mark.parametrize("what", ["hydra", "all"])
+def test_hydras_own_part_is_shown_resolved(probe, capsys, what):
+    assert probe.launch("--cfg", what, "--resolve", "seed=3", "hydra.run.dir=out/${seed}") == 0
+    shown = yaml.safe_load(capsys.readouterr().out)["hydra"]
+    assert shown["run"]["dir"] == "out/3"
+    assert shown["sweep"]["subdir"] == shown["job"]["num"] == "???"
+
+
+def test_an_interpolation_of_nothing_is_not_shown_resolved(probe):
+    with pytest.raises(InputError, match=r"hydra\.run\.dir: .*'x' not found"):
+        probe.launch("--cfg", "hydra", "--resolve", "hydra.run.dir=o/${x}")
 
 
 def test_a_home_directory_is_known_behind_the_equals_sign(probe, monkeypatch, tmp_path):
