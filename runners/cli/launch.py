@@ -68,9 +68,9 @@ def _with_resumed(given: arguments.Arguments) -> tuple[arguments.Arguments, Path
         return given, None
     saved = launch_record.read_launch(directory)
     if saved is None:
-        missing = f"holds no {launch_record.LAUNCH}, so it is no run"
-        what = missing if directory.is_dir() else "no such directory"
-        raise InputError(f"resume={directory}: {what}; give true, or the directory of a run")
+        raise InputError(
+            f"resume={directory}: {_why_no_run(directory)}; give true, or the directory of a run"
+        )
     keys = {_key(override) for override in given.overrides}
     if keys & {*_DIRECTORY_KEYS}:
         raise InputError(f"resume={directory}: names the directory already; omit hydra.run.dir")
@@ -82,6 +82,14 @@ def _with_resumed(given: arguments.Arguments) -> tuple[arguments.Arguments, Path
         config_dir=given.config_dir or (Path(saved.config_dir) if saved.config_dir else None),
         config_name=given.config_name or saved.config_name,
     ), directory
+
+
+def _why_no_run(directory: Path) -> str:
+    try:
+        found = directory.is_dir()
+    except OSError as error:
+        return f"cannot be read ({error.strerror})"
+    return f"holds no {launch_record.LAUNCH}, so it is no run" if found else "no such directory"
 
 
 def _key(override: str) -> str:

@@ -31,7 +31,10 @@ def config(composed: DictConfig, what: str, package: str | None, resolve: bool) 
         whole = OmegaConf.create({"hydra": own})
     part: Any = whole
     if package and package != "_global_":
-        part = OmegaConf.select(part, package)
+        try:
+            part = OmegaConf.select(part, package)
+        except OmegaConfBaseException as error:
+            raise translated(error) from error
         if part is None:
             raise InputError(f"--package {package}: the config has no such key")
         print(f"# @package {package}")

@@ -52,7 +52,20 @@ def check_same(launch: Launch, directory: Path) -> None:
 
 
 def holds_run(directory: Path) -> bool:
-    """Whether the directory, or one right below it, holds records or a study."""
+    """Whether the directory, or one right below it, holds records or a study.
+
+    Raises InputError where it cannot be read.
+    """
+    try:
+        return _holds_run(directory)
+    except OSError as error:
+        raise InputError(
+            f"output directory {directory}: cannot be read ({error.strerror}): "
+            "choose another with hydra.run.dir=PATH"
+        ) from error
+
+
+def _holds_run(directory: Path) -> bool:
     for place in ("", "*/"):
         if any(True for name in _RESULTS for _ in directory.glob(f"{place}{name}")):
             return True

@@ -3,6 +3,7 @@
 import errno
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -211,6 +212,30 @@ def test_a_directory_with_an_interpolation_of_nothing(probe, key):
     assert everything() == []
 
 
+@pytest.mark.parametrize(
+    ("word", "said"),
+    [
+        ("hydra.run.dir=locked/x", "output directory locked/x: cannot be read (Permission denied): choose"),
+        ("resume=locked/x", "resume=locked/x: cannot be read (Permission denied); give true, or"),
+    ],
+)
+def test_a_directory_that_cannot_be_read(probe, monkeypatch, word, said):
+    for name in ("glob", "is_dir", "read_text"):  # root, who may run the tests, can read everything
+        monkeypatch.setattr(Path, name, denied_below("locked", getattr(Path, name)))
+    with pytest.raises(InputError, match=re.escape(said)):
+        probe.launch(word)
+    assert not probe.runs
+
+
+def denied_below(folder, method):
+    def denied(path, *args, **kwargs):
+        if folder in path.parts:
+            raise PermissionError(errno.EACCES, "Permission denied", str(path))
+        return method(path, *args, **kwargs)
+
+    return denied
+
+
 # Resuming
 
 
@@ -328,7 +353,9 @@ def test_hydras_own_part_is_shown_resolved(probe, capsys, what):
     assert shown["sweep"]["subdir"] == shown["job"]["num"] == "???"
 
 
-def test_an_interpolation_of_nothing_is_not_shown_resolved(probe):
+def test_an_interpolation_of_nothing_is_not_shown(probe):
+    with pytest.raises(InputError, match=r"hydra\.sweep\.subdir has no value"):
+        probe.launch("--cfg", "hydra", "--package", "hydra.sweep.subdir")
     with pytest.raises(InputError, match=r"hydra\.run\.dir: .*'x' not found"):
         probe.launch("--cfg", "hydra", "--resolve", "hydra.run.dir=o/${x}")
 
