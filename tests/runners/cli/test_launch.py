@@ -321,6 +321,15 @@ def test_a_sweep_of_other_jobs_is_not_the_same(probe):
             probe.launch("-m", f"seed={seeds}", "hydra.sweep.dir=here", "resume=true")
 
 
+def test_a_folder_that_a_larger_sweep_left_behind_is_no_job(probe):
+    probe.launch("-m", "seed=0,1,2", "hydra.sweep.dir=here")
+    for path in [Path("here/launch.json"), *Path("here").rglob("episodes.jsonl")]:
+        path.unlink()
+    assert probe.launch("-m", "seed=3,4", "hydra.sweep.dir=here") == 0
+    assert Path("here/2/launch.json").is_file()
+    assert probe.finished[-1] == (Path("here"), [Path("here/0"), Path("here/1")])
+
+
 # Looking before running
 
 
