@@ -75,6 +75,8 @@ def _with_resumed(given: arguments.Arguments) -> tuple[arguments.Arguments, Path
     if keys & {*_DIRECTORY_KEYS}:
         raise InputError(f"resume={directory}: names the directory already; omit hydra.run.dir")
     kept = [override for override in saved.overrides if _key(override) not in keys]
+    if not saved.multirun and "hydra.mode" not in keys:
+        kept.append("hydra.mode=RUN")  # one job of a sweep, though its experiment may ask for the whole sweep
     return replace(
         given,
         overrides=kept + given.overrides,

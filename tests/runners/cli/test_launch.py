@@ -164,12 +164,13 @@ def test_an_own_config_folder_adds_options_and_experiments(probe, tmp_path, word
     assert (config.robot.name, config.runs, config.seed) == ("mine", 1, 8)
 
 
+SEEDS = "# @package _global_\nhydra:\n  mode: MULTIRUN\n  sweeper:\n    params:\n      seed: 5,6\n"
+
+
 def test_an_experiment_may_sweep(probe, tmp_path):
     own = tmp_path / "experiment"
     own.mkdir()
-    (own / "seeds.yaml").write_text(
-        "# @package _global_\nhydra:\n  mode: MULTIRUN\n  sweeper:\n    params:\n      seed: 5,6\n"
-    )
+    (own / "seeds.yaml").write_text(SEEDS)
     assert probe.launch("experiment=seeds", "-cd", str(tmp_path)) == 0
     assert [config.seed for config, _ in probe.runs] == [5, 6]
 
@@ -312,6 +313,17 @@ def test_one_job_of_a_sweep_resumes_and_still_belongs_to_it(probe):
     assert (probe.runs[-1][0].seed, probe.directory) == (1, run_dirs[1])
     probe.launch(f"resume={sweep_dir}")
     assert probe.finished[-1] == (sweep_dir, run_dirs)
+
+
+def test_one_job_of_an_experiments_sweep_resumes(probe, tmp_path):
+    (tmp_path / "experiment").mkdir()
+    (tmp_path / "experiment" / "seeds.yaml").write_text(SEEDS)
+    probe.launch("experiment=seeds", "-cd", str(tmp_path))
+    sweep_dir, run_dirs = probe.finished[0]
+    assert probe.launch(f"resume={run_dirs[1]}") == 0
+    assert (probe.runs[-1][0].seed, probe.directory, len(probe.runs)) == (6, run_dirs[1], 3)
+    assert probe.launch(f"resume={sweep_dir}") == 0
+    assert probe.finished[1:] == [(sweep_dir, run_dirs)]
 
 
 def test_a_sweep_of_other_jobs_is_not_the_same(probe):
