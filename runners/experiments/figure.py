@@ -101,5 +101,5 @@ def _kind(config: FigureConfig) -> Kind:
 
 def _with_worlds(config: FigureConfig) -> FigureConfig:
     """The config with the worlds to be driven: those asked for, those that the map set names, or its first."""
-    worlds = worlds_of(config.world) or config.map["worlds"] or [build.map_set(config).numbers[0]]
+    worlds = worlds_of(config.world) or config.map.get("worlds") or [build.map_set(config).numbers[0]]
     return replace(config, map={**config.map, "worlds": worlds})
