@@ -168,7 +168,7 @@ def _start(
         return 130
     if plan.multirun and status == 0 and command.finish_sweep is not None:
         first = replace(jobs[0], sweep_dir=directory)
-        command.finish_sweep(first, launch_record.jobs_of_sweep(directory, plan.num_jobs))
+        command.finish_sweep(first, run_directories.jobs_of_sweep(directory, plan.num_jobs))
     return status
 
 

@@ -111,17 +111,6 @@ def launch_of(
     )
 
 
-def jobs_of_sweep(sweep_dir: Path, num_jobs: int) -> list[Path]:
-    """The directories of a sweep's jobs in the order of the jobs.
-
-    num_jobs: of the sweep. A folder with a higher number was left by a larger sweep that was stopped there before.
-    """
-    places = [path.parent for path in sweep_dir.rglob(LAUNCH)]
-    found = [(read_launch(place), place) for place in places]
-    jobs = {record.job: path for record, path in found if record is not None and record.job is not None}
-    return [jobs[number] for number in sorted(jobs) if number < num_jobs]
-
-
 def identity(config: SystemConfig) -> dict[str, Any]:
     """What decides the results of a config, as plain JSON values."""
     return {

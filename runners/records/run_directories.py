@@ -74,6 +74,18 @@ def _holds_run(directory: Path) -> bool:
     return False
 
 
+def jobs_of_sweep(sweep_dir: Path, num_jobs: int) -> list[Path]:
+    """The directories of a sweep's jobs in the order of the jobs.
+
+    num_jobs: that the command line names; a sweeper plugin may run more. A folder beyond them without records was
+    left by a larger sweep that was stopped.
+    """
+    places = [path.parent for path in sweep_dir.rglob(LAUNCH)]
+    found = [(read_launch(place), place) for place in places]
+    jobs = {record.job: path for record, path in found if record is not None and record.job is not None}
+    return [jobs[number] for number in sorted(jobs) if number < num_jobs or holds_run(jobs[number])]
+
+
 def make_fresh(launch: Launch, given: Path | None, root: Path = ROOT) -> Path:
     """Make the directory of a new run and write its `launch.json`. Returns `given`, or a new one under `root`.
 
