@@ -17,7 +17,7 @@ from lme.errors import InputError
 from runners.cli import arguments, hydra_jobs, show
 from runners.config import command_line, schema
 from runners.config.catalogue import Catalogue
-from runners.config.composer import Composer
+from runners.config.composer import Composer, resume_command, unquoted
 from runners.config.hydra_errors import translated
 from runners.config.job import Job
 from runners.records import launch_record, run_directories
@@ -47,7 +47,7 @@ def launch(command: Command, argv: Sequence[str]) -> int:
     Raises InputError for what the user can put right.
     """
     schema.register()
-    given, resumed = _with_resumed(arguments.parse(argv))
+    given, resumed = _with_resumed(command.name, arguments.parse(argv))
     config_name = given.config_name or command.name
     if given.info:
         return show.hydras_own(command.name, config_name, given)
@@ -61,7 +61,7 @@ def launch(command: Command, argv: Sequence[str]) -> int:
         return _start(command, given.config_name, plan, composer, jobs, directory)
 
 
-def _with_resumed(given: arguments.Arguments) -> tuple[arguments.Arguments, Path | None]:
+def _with_resumed(command: str, given: arguments.Arguments) -> tuple[arguments.Arguments, Path | None]:
     """Add the overrides of the run that `resume=PATH` names; those given now win. Returns the PATH too."""
     directory = _resume_path(given.overrides)
     if directory is None:
@@ -70,6 +70,11 @@ def _with_resumed(given: arguments.Arguments) -> tuple[arguments.Arguments, Path
     if saved is None:
         raise InputError(
             f"resume={directory}: {_why_no_run(directory)}; give true, or the directory of a run"
+        )
+    if saved.command != command:
+        hint = resume_command(saved.command, directory)
+        raise InputError(
+            f"resume={directory}: holds a run of lme {saved.command}, not of lme {command}: use {hint}"
         )
     keys = {_key(override) for override in given.overrides}
     if keys & {*_DIRECTORY_KEYS}:
@@ -99,10 +104,10 @@ def _key(override: str) -> str:
 
 
 def _resume_path(words: Sequence[str]) -> Path | None:
-    values = [word.partition("=")[2].strip("'\"") for word in words if _key(word) == "resume"]
-    if not values or values[-1].lower() in ("", "true", "false"):
+    values = [word.partition("=")[2] for word in words if _key(word) == "resume"]
+    if not values or values[-1].strip("'\"").lower() in ("", "true", "false"):
         return None
-    return Path(values[-1])
+    return Path(unquoted(values[-1]))
 
 
 def _directory(
@@ -164,7 +169,7 @@ def _start(
         return end.code if isinstance(end.code, int) else 1
     except KeyboardInterrupt:
         if plan.multirun:
-            print(f"The whole sweep: lme {command.name} resume={directory}", file=sys.stderr)
+            print(f"The whole sweep: {resume_command(command.name, directory)}", file=sys.stderr)
         return 130
     if plan.multirun and status == 0 and command.finish_sweep is not None:
         first = replace(jobs[0], sweep_dir=directory)

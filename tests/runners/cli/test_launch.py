@@ -4,6 +4,7 @@ import errno
 import json
 import os
 import re
+import shlex
 import signal
 import subprocess
 import sys
@@ -17,6 +18,7 @@ import yaml
 from lme.errors import InputError
 from runners.cli.launch import Command, launch
 from runners.config import command_line
+from runners.config.composer import quoted, resume_command
 from runners.records import launch_record
 from tests.places import ROOT
 
@@ -276,6 +278,29 @@ def test_resume_by_path_refuses_another_config_and_names_it(probe):
 def test_resume_of_what_is_no_run(probe, place):
     with pytest.raises(InputError, match=f"resume={place}: "):
         probe.launch(f"resume={place}")
+
+
+def test_resume_by_path_with_another_command(probe):
+    probe.launch("hydra.run.dir=here")
+    said = "resume=here: holds a run of lme eval, not of lme train: use lme eval resume=here"
+    with pytest.raises(InputError, match=re.escape(said)):
+        launch(Command("train", probe.run, lambda job: None), ["resume=here"])
+
+
+@pytest.mark.parametrize(
+    "name", ["a=b", "my runs", "it's [1], {2}", "3", "back\\slash", "outputs/eval/2026-01"]
+)
+def test_the_printed_command_resumes_as_typed(probe, name):
+    probe.launch(f"hydra.run.dir={quoted(name)}")
+    words = shlex.split(resume_command("eval", Path(name)))
+    assert words[:2] == ["lme", "eval"]
+    assert probe.launch(*words[2:]) == 0
+    assert [run_dir for _, run_dir in probe.runs] == [Path(name)] * 2
+
+
+def test_a_plain_path_is_printed_without_quotes():
+    path = "/tmp/x/outputs/eval/2026-11-22_01-54-48-sweep-1a2b3c4d-2/0"
+    assert resume_command("eval", Path(path)) == f"lme eval resume={path}"
 
 
 def test_resume_by_path_and_another_directory_contradict(probe):
