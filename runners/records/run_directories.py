@@ -13,6 +13,8 @@ from runners.records.launch_record import LAUNCH, Launch, differences, read_laun
 
 ROOT = Path("outputs")
 _RESULTS = ("episodes.parquet", "study.journal")
+_ADVICE = "resume it with resume=PATH alone, or choose another directory"
+_OUTDATED = "the options that it was started with have changed since; start it anew in another directory"
 
 
 def resumable(launch: Launch, root: Path = ROOT) -> Path:
@@ -43,12 +45,28 @@ def check_same(launch: Launch, directory: Path) -> None:
             f"{directory}: holds {saved.command} with {len(saved.configs)} jobs, "
             f"not {launch.command} with {len(launch.configs)}: cannot be resumed as that"
         )
+    if saved.multirun != launch.multirun:
+        held, now = ("a sweep", "one run") if saved.multirun else ("one run", "a sweep")
+        raise InputError(f"{directory}: holds {held}, not {now}: {_ADVICE}")
     pairs = zip(saved.configs, launch.configs, strict=True)
     found = list(dict.fromkeys(change for old, new in pairs for change in differences(old, new)))
     raise InputError(
         f"{directory}: holds a run with another config ({shortened(found)}): "
-        "resume it with resume=PATH alone, or choose another directory"
+        f"{_OUTDATED if _same_words(saved, launch) else _ADVICE}"
     )
+
+
+def _same_words(saved: Launch, launch: Launch) -> bool:
+    """Whether both were started with the same overrides and config, apart from Hydra's own part."""
+    before, now = (
+        (
+            [word for word in each.overrides if not word.startswith("hydra.")],
+            each.config_dir,
+            each.config_name,
+        )
+        for each in (saved, launch)
+    )
+    return before == now
 
 
 def holds_run(directory: Path) -> bool:

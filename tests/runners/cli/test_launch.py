@@ -140,6 +140,16 @@ def test_the_weights_contents_are_part_of_the_fingerprint(probe, tmp_path):
         probe.launch(f"weights={path}", "hydra.run.dir=out", "resume=true")
 
 
+def test_resume_by_path_alone_after_a_change_of_the_options_does_not_advise_itself(probe, tmp_path):
+    path = tmp_path / "mine.yaml"
+    path.write_text(PUBLISHED)
+    probe.launch(f"weights={path}", "-m", "ablation.c_t=3,4", "hydra.sweep.dir=out")
+    path.write_text(PUBLISHED.replace("a_close: 1.51", "a_close: 2.6"))
+    for place in ("out", "out/1"):
+        with pytest.raises(InputError, match=r"have changed since; start it anew in another directory"):
+            probe.launch(f"resume={place}")
+
+
 def test_a_system_is_its_pair(probe):
     probe.launch("system=lme")
     config, with_system = probe.runs[0]
