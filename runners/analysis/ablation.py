@@ -53,11 +53,11 @@ LEAST_P = 0.001  # smaller ones are shown as less than this
 MARGIN = 0.1  # of success rate: an interval that reaches farther may contain the loss that the paper states
 NOTES = (
     f"Said of it: {SOURCE}. Ours is a 2D simulator, not Gazebo, and the paper does not list its hundred worlds.",
-    "Agrees, where a loss is said: yes for a loss beyond the noise; in part where, besides, "
-    "a variant of which the paper says more loses less, their intervals apart; no for anything else. "
-    "The most significant is more than noticeable, and that more than moderate.",
-    'Agrees, where "almost no effect" is said: yes unless there is a change beyond the noise.',
-    f"Open, where nothing is beyond the noise: with fewer than {FEWEST} worlds, or an interval that reaches farther "
+    "Agrees, if the paper states a loss: yes for a loss beyond the noise; in part if another variant, with a larger "
+    "stated loss, loses less, and the two intervals do not overlap; no otherwise. "
+    'The order of the stated losses is "most significant", "noticeable", "moderate".',
+    'Agrees, if the paper states "almost no effect": yes unless a change is beyond the noise.',
+    f"Open: nothing is beyond the noise, and there are fewer than {FEWEST} worlds or an interval reaches farther "
     f"than {MARGIN:g}.",
 )
 

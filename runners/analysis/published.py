@@ -42,12 +42,13 @@ def figures(systems: Mapping[str, System]) -> dict[tuple[str, PublishedSetting],
 def setting_of(group: pd.DataFrame) -> PublishedSetting | None:
     """The setting whose published figures can be compared with these records; None if no figures can.
 
-    Only the complete method is compared, with any weights and no changed key, and on BARN only the hundred hard worlds.
+    Only the complete method is compared, with any weights and no changed key, on all worlds of the map; on BARN on
+    the hundred hard ones.
     """
     known = [key for key in ("ablation", "scale", "changes", "map", "subset", "robot") if key in group]
     first = {key: str(group[key].iloc[0]) for key in known}
     whole = first.get("ablation", "none") == "none" and not (first.get("scale") or first.get("changes"))
-    same_worlds = first.get("map") != "barn" or first.get("subset") == "hard100"
+    same_worlds = first.get("subset", "") == ("hard100" if first.get("map") == "barn" else "")
     return PublishedSetting(first.get("map", ""), first.get("robot", "")) if whole and same_worlds else None
 
 

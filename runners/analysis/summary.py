@@ -40,6 +40,7 @@ METRICS = (
     Metric("spl", "SPL", 3),
 )
 GROUP_KEYS = ("ablation", "weights", "scale", "sim", "robot", "map", "subset", "seed")
+SETTING = ("robot", "map", "subset", "seed")  # the same for all systems of a fair comparison
 TIMES, DASH = "\u00d7", "\u2013"  # typographic signs that look like letters
 INTERVAL_HEADER = "95 % CI"
 GLOBAL_PLANNER = {"": "no", "observed": "yes", "known": "yes, true map"}  # by the guide's global_map
@@ -163,7 +164,7 @@ def notes(rows: Sequence[Row]) -> list[str]:
         lines.append("± is the standard deviation over runs.")
     lines.append(f"{INTERVAL_HEADER}: Wilson interval of the success rate.")
     lines.append("Time and path are means over successful episodes.")
-    lines += _changed_notes(rows)
+    lines += changed_notes(rows)
     lines += published.notes({row.published_map for row in rows if row.published_map})
     unfinished = [row.label for row in rows if not row.complete]
     if unfinished:
@@ -172,7 +173,7 @@ def notes(rows: Sequence[Row]) -> list[str]:
 
 
 def row_keys(frame: pd.DataFrame) -> list[str]:
-    """Columns besides `system` that distinguish rows: those that vary within a system, and unusual values."""
+    """Columns besides `system` that distinguish rows: those that vary, and those with unusual values."""
     keys = [
         key
         for key in [*(key for key in GROUP_KEYS if key in frame), *changed_keys(frame)]
@@ -240,7 +241,7 @@ def _changes(group: pd.DataFrame, keys: Iterable[str]) -> str:
     return ", ".join(part for part in text.split(", ") if part.partition("=")[0] not in keys)
 
 
-def _changed_notes(rows: Sequence[Row]) -> list[str]:
+def changed_notes(rows: Sequence[Row]) -> list[str]:
     """Notes on keys that differ from the files of their options."""
     ours = [row for row in rows if not row.published_map]
     if len({row.changes for row in ours}) == 1:
@@ -258,7 +259,9 @@ def _counted(frame: pd.DataFrame, column: str) -> str:
 
 
 def _varies(frame: pd.DataFrame, column: str) -> bool:
-    """Whether a column has several values within a system."""
+    """Whether a column has several values: one of SETTING in the table, any other within a system."""
+    if column in SETTING:
+        return bool(frame[column].nunique(dropna=False) > 1)
     return bool((frame.groupby("system")[column].nunique(dropna=False) > 1).any())
 
 

@@ -19,6 +19,7 @@ from runners.analysis.summary import (
     METRICS,
     Metric,
     Row,
+    changed_notes,
     notes,
     numbers,
     title,
@@ -43,15 +44,18 @@ def to_markdown(rows: Sequence[Row]) -> str:
 
 
 def to_csv(rows: Sequence[Row]) -> str:
-    """The numbers of the table, not rounded; a missing one is empty."""
+    """The numbers of the table, not rounded; a missing one is empty. Changed keys have a column if there are any."""
     values = [numbers(row) for row in rows]
     names = list(dict.fromkeys(name for value in values for name in value))
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(["label", *rows[0].keys, "global_planner", "episodes", "worlds", "runs", *names])
+    changed = any(row.changes for row in rows)
+    before = [*rows[0].keys, *["changes"] * changed, "global_planner", "episodes", "worlds", "runs"]
+    writer.writerow(["label", *before, *names])
     for row, value in zip(rows, values, strict=True):
+        keys = [*row.keys.values(), *[row.changes] * changed]
         counts = (row.global_planner, row.episodes, row.worlds, row.runs)
-        writer.writerow([row.label, *row.keys.values(), *counts, *(value.get(name) for name in names)])
+        writer.writerow([row.label, *keys, *counts, *(value.get(name) for name in names)])
     return text.getvalue()
 
 
@@ -65,7 +69,7 @@ def to_html(rows: Sequence[Row]) -> str:
 
 
 def to_latex(rows: Sequence[Row]) -> str:
-    """The table as a `tabular` with booktabs rules, and the notes as comments."""
+    """The table as a `tabular` with booktabs rules, changed keys below it, and all notes as comments."""
     header, *lines = ([_escape_latex(cell) for cell in line] for line in _cells(rows, " ± "))
     first = 1 + len(rows[0].keys)
     body = [" & ".join(line) + r" \\" for line in lines]
@@ -79,6 +83,7 @@ def to_latex(rows: Sequence[Row]) -> str:
             *body,
             r"\bottomrule",
             r"\end{tabular}",
+            *(rf"\par {_escape_latex(note)}" for note in changed_notes(rows)),
             "",
         ]
     )

@@ -50,7 +50,7 @@ def overview(commands: Mapping[str, str]) -> str:
 def command(name: str, title: str, examples: Sequence[str], words: Sequence[str] = ()) -> str:
     """Help of a command that is configured by `conf/NAME.yaml`.
 
-    words: of the command line. Of a command that takes a kind, `lme NAME KIND`, they choose whose keys are told.
+    words: of the command line. For a command with kinds, `lme NAME KIND`, they choose the kind whose keys are shown.
     """
     configs = catalogue.shipped()
     kinds = configs.options(name)

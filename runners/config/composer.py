@@ -91,7 +91,7 @@ class Composer:
 
 
 def quoted(text: str) -> str:
-    """`text` as a string in Hydra's override grammar, whatever it holds."""
+    """`text` as a string in Hydra's override grammar, with any characters."""
     return QuotedString(text, Quote.single).with_quotes()
 
 

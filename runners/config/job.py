@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Generic, TypeVar, cast
@@ -10,7 +10,7 @@ from typing import Any, Generic, TypeVar, cast
 from omegaconf import DictConfig, OmegaConf
 
 from runners.config.catalogue import Catalogue
-from runners.config.changes import changed_keys, in_words
+from runners.config.changes import SEVERAL, changed_keys, in_words
 from runners.config.schema import SystemConfig
 
 C = TypeVar("C", bound=SystemConfig, covariant=True)
@@ -20,9 +20,10 @@ C = TypeVar("C", bound=SystemConfig, covariant=True)
 class Job(Generic[C]):
     """A run of a command.
 
-    config: validated. choices: the option of every config group. overrides: as given for this job. changes: keys
-    of the chosen options that have other values than the options' files, by dotted name. folders: of the configs,
-    the shipped one first. run_dir: where the job writes. sweep_dir: of the sweep that the job is part of, if any.
+    config: validated. choices: the option of every config group; several are joined by +. overrides: as given for
+    this job. changes: keys of the chosen options that have other values than the options' files, by dotted name.
+    folders: of the configs, the shipped one first. run_dir: where the job writes. sweep_dir: of the sweep that the
+    job is part of, if any.
     """
 
     config: C
@@ -44,12 +45,24 @@ class Job(Generic[C]):
 
         Raises what OmegaConf raises, and InputError.
         """
-        runtime = hydra.runtime.choices
-        choices = {str(group): str(option) for group, option in runtime.items() if isinstance(option, str)}
+        overrides = tuple(hydra.overrides.task)
+        choices = {**_several(overrides), **_single(hydra.runtime.choices)}
         return cls(
             config=cast(C, OmegaConf.to_object(config)),
             choices=choices,
-            overrides=tuple(hydra.overrides.task),
+            overrides=overrides,
             changes=changed_keys(config, choices, catalogue),
             folders=catalogue.folders,
         )
+
+
+def _single(choices: Mapping[Any, Any]) -> dict[str, str]:
+    return {str(group): str(option) for group, option in choices.items() if isinstance(option, str)}
+
+
+def _several(overrides: Sequence[str]) -> dict[str, str]:
+    """The choice of several ablations at once, which Hydra does not note. One in a file is not known."""
+    lists = [text.partition("=")[2] for text in overrides if text.startswith("ablation=[")]
+    return (
+        {"ablation": SEVERAL.join(name.strip() for name in lists[-1].strip("[]").split(","))} if lists else {}
+    )

@@ -1,4 +1,4 @@
-"""Map sets by name, with settings and world numbers: what `lme maps` and `lme figure maps` are told."""
+"""Map sets by name, with settings and world numbers: what `lme maps` and `lme figure maps` take."""
 
 from __future__ import annotations
 

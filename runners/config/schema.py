@@ -51,7 +51,7 @@ class DriveConfig(SystemConfig):
 
 @dataclass(slots=True, kw_only=True)
 class RecordedConfig(DriveConfig):
-    """What `launch.json` tells of the drives of a run. table: rows of a sweep's table."""
+    """The part of a driving run's config that `launch.json` keeps. table: rows of a sweep's table."""
 
     scale: dict[str, float] = field(default_factory=dict)
     table: list[str] = field(default_factory=list)

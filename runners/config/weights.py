@@ -29,7 +29,7 @@ def parameters(
 
     weights: a name in `conf/weight_set/` or `outputs/weights/`, the directory of a training run, or the path of
     a YAML with a mapping `parameters`. criteria: names of criteria beside the paper's six. scale: factors by
-    name; an ablation comes after them and has the last word.
+    name; an ablation replaces what they give.
     Raises InputError naming the file where it is missing or malformed, and for a scale of no parameter or a
     factor that is negative or not finite.
     """
@@ -51,7 +51,7 @@ def scale_in_words(scale: Mapping[str, float]) -> str:
 
 
 def scale_from_words(text: str) -> dict[str, float]:
-    """The scale that `scale_in_words` put so."""
+    """The scale of a text that `scale_in_words` made."""
     pairs = [part.split(f" {TIMES} ") for part in text.split(", ") if part]
     return {name: float(factor) for name, factor in pairs}
 

@@ -74,7 +74,7 @@ def _draw(config: FigureConfig, driven: Sequence[Path], folder: Path) -> None:
     kind = _kind(config)
     driven_runs = read_runs(runs) if kind.drives else []
     if kind.drives and not driven_runs:
-        raise InputError(f"run is {config.run}: no {LAUNCH} there tells of the config, so it cannot be drawn")
+        raise InputError(f"run is {config.run}: there is no {LAUNCH} with its config, so it cannot be drawn")
     paths = kind.draw(driven_runs, worlds_of(config.world), folder / kind.name, config.formats)
     print("\n".join(map(str, paths)))
 

@@ -6,6 +6,7 @@ from dataclasses import fields, replace
 from typing import TYPE_CHECKING, Any
 
 from runners.config import build
+from runners.config.changes import HELD_OUT
 from runners.config.instantiate import build as build_target
 from runners.config.job import Job
 from runners.config.schema import EvalConfig, TrainConfig
@@ -49,16 +50,26 @@ def _evaluation(
     names = {field.name for field in fields(EvalConfig)} & {field.name for field in fields(TrainConfig)}
     shared = {each: getattr(trained, each) for each in names}
     config = EvalConfig(**{**shared, "map": node, "weights": name, "resume": False})
-    elsewhere = bool(job.config.held_out)  # the changes of the training map say nothing of another map
-    changes = {key: value for key, value in job.changes.items() if not (elsewhere and key.startswith("map."))}
     return Job(
         config=config,
-        choices=job.choices,
+        choices={**job.choices, "map": job.choices.get(f"map@{HELD_OUT}{place}", place)},
         overrides=job.overrides,
-        changes=changes | _settings(best),
+        changes=_changes(job, place) | _settings(best),
         folders=job.folders,
         run_dir=job.run_dir / place,
     )
+
+
+def _changes(job: Job[TrainConfig], place: str) -> dict[str, Any]:
+    """The changed keys of the evaluation on one map: those of the training map say nothing of a held-out one."""
+    if not job.config.held_out:
+        return dict(job.changes)
+    of_map = f"{HELD_OUT}{place}."
+    return {
+        key.replace(of_map, "map.", 1): value
+        for key, value in job.changes.items()
+        if key.startswith(of_map) or not key.startswith((HELD_OUT, "map."))
+    }
 
 
 def _evaluate_on(place: str, job: Job[EvalConfig], best: Trial) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from lme.worlds.world import MapSet, Named
 from runners.config import systems
+from runners.config.changes import SEVERAL
 from runners.config.job import Job
 from runners.config.overrides import CUSTOM
 from runners.config.schema import DriveConfig
@@ -43,13 +44,5 @@ def _chosen(group: str, job: Job[DriveConfig]) -> str:
 
 
 def _ablation(job: Job[DriveConfig]) -> str:
-    """The option; of several at once their names with + between them.
-
-    Hydra notes no choice of several, so they are read from the command line; where they stand in a file, the
-    parameters that they set are named.
-    """
-    if "ablation" in job.choices:
-        return job.choices["ablation"]
-    given = [text.partition("=")[2] for text in job.overrides if text.startswith("ablation=[")]
-    several = given[-1].strip("[]").split(",") if given else list(job.config.ablation)
-    return "+".join(name.strip() for name in several)
+    """The option, or the options joined by +. Where a file chooses several, the parameters that they set."""
+    return job.choices.get("ablation") or SEVERAL.join(job.config.ablation)

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from runners.analysis.summary import Row, numbers, summarise
+from runners.config.changes import in_words
 from runners.config.instantiate import build as build_target
 from runners.config.job import Job
 from runners.config.schema import ReportConfig
@@ -59,8 +60,8 @@ def report(frame: pd.DataFrame, rows: Sequence[Row], run_dirs: Sequence[Path], p
         *comparison_figure(frame, rows, place),
         *side_by_side_figure(frame, run_dirs, place),
     ]
-    told = _studied(frame, place)
-    return Report(files + told.files, told.words)
+    studied = _studied(frame, place)
+    return Report(files + studied.files, studied.words)
 
 
 def _studied(frame: pd.DataFrame, place: Path) -> Report:
@@ -90,7 +91,8 @@ def _track(
     launches = [record for record in map(launch_record.read_launch, run_dirs) if record is not None]
     tracking = build_target(config.tracking, "tracking")
     shared = launch_record.common([record.configs[0] for record in launches])
-    tracking.start(shared, sweep_dir, {"command": "sweep"})
+    changes = launch_record.common([record.changes[0] for record in launches])
+    tracking.start(shared, sweep_dir, {"command": "sweep", "changes": in_words(changes)})
     rows = [row for row in summarise(frame, systems={}) if row.episodes]
     tracking.finish(
         {f"{_name(row)}/{key}": value for row in rows for key, value in numbers(row).items()}, artifacts

@@ -85,6 +85,7 @@ def test_one_run_has_no_deviation():
     [
         ({}, True),
         ({"map": "env1", "subset": "", "robot": "stage"}, True),
+        ({"map": "env1", "subset": "custom", "robot": "stage"}, False),
         ({"robot": "go2"}, False),
         ({"subset": "official50"}, False),
         ({"ablation": "no_c_o"}, False),
@@ -144,6 +145,11 @@ def test_what_all_runs_have_changed_is_named_and_stands_beside_nothing_published
     assert "robot.v_max=1.0 · sim.latency=0.1" in title(frame)
     for text in (to_markdown(rows), to_latex(rows), to_html(rows)):
         assert "Changed: robot.v_max=1.0, sim.latency=0.1." in text.replace(r"\_", "_")
+    assert r"\par Changed: robot.v\_max=1.0, sim.latency=0.1." in to_latex(rows).splitlines()
+    assert (
+        next(csv.DictReader(io.StringIO(tables.to_csv(rows))))["changes"]
+        == "robot.v_max=1.0, sim.latency=0.1"
+    )
 
 
 def test_what_some_rows_have_changed_is_named_with_them():
@@ -166,6 +172,12 @@ def test_all_that_differs_between_two_runs_is_a_column():
     rows = summarise(pd.concat(frames), systems={})
     assert list(rows[0].keys) == ["sim", "robot", "map", "subset", "robot.v_max"]
     assert title(pd.concat([frames[0], frames[1].iloc[:4]])).endswith("4–10 worlds × 1–2 runs")
+
+
+def test_robot_and_map_are_columns_where_systems_differ_in_them():
+    frames = [records(), records(run_dir="two", system="Other", robot="go2", map="env1", subset="")]
+    rows = summarise(pd.concat(frames), systems={})
+    assert [tuple(row.keys.values()) for row in rows] == [("jackal", "barn", "hard100"), ("go2", "env1", "")]
 
 
 def test_two_runs_of_one_config_are_not_added_up():

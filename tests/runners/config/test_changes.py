@@ -4,8 +4,10 @@ import pytest
 
 from runners.analysis.summary import title
 from runners.cli.main import main
+from runners.experiments.held_out import _evaluation
 from runners.records.launch_record import read_launch
 from runners.records.records import read_episodes
+from runners.search.study import Trial
 from tests.composing import jobs_of
 
 QUICK = ["map.worlds=[0]", "map.time_limit=0.3", "runs=1", "executor=serial", "tracking=none"]
@@ -23,6 +25,17 @@ system:
   planner: simple
 """
 
+OWN_ROBOT = """\
+name: own
+footprint: {radius: 0.2}
+v_max: 1e0
+omega_max: 1
+alpha_v: 2
+alpha_omega: 2
+control_rate: 5
+lidar: {num_beams: 90, fov: 6, range_min: 0.1, range_max: 5}
+"""
+
 
 @pytest.mark.parametrize(
     ("words", "changes"),
@@ -35,12 +48,39 @@ system:
         (["planner=dwa", "planner.v_samples=5"], {"planner.v_samples": 5}),
         (["ablation=no_c_o", "weights=published", "scale={a_dev:2}"], {}),  # parameters have columns
         (["ablation.c_t=0.5"], {"ablation.c_t": 0.5}),
+        (["ablation=[no_c_t,no_c_h]"], {}),
+        (["ablation=[no_c_t,no_c_h]", "ablation.d1=3"], {"ablation.d1": 3.0}),
+        (
+            ["guide.parameters={a_close: 1}"],
+            {"guide.parameters.a_close": 1},
+        ),  # instead of those of the weights
         (["sim.latency=0.1", "map.start=[0,0,0]"], {"map.start": [0.0, 0.0, 0.0], "sim.latency": 0.1}),
     ],
 )
 def test_changes_are_what_the_files_say_otherwise(words, changes):
     with jobs_of() as job:
         assert job(*words).changes == changes
+
+
+def test_a_robot_of_ones_own_is_as_its_file_and_the_defaults_say(tmp_path):
+    (tmp_path / "robot").mkdir()
+    (tmp_path / "robot" / "own.yaml").write_text(OWN_ROBOT)
+    with jobs_of(config_dir=tmp_path) as job:
+        assert job("robot=own").changes == {}
+        assert job("robot=own", "robot.lidar.x=0.1").changes == {"robot.lidar.x": 0.1}
+
+
+def test_changed_keys_of_a_held_out_map_are_those_of_its_evaluation_alone():
+    with jobs_of("train") as job:
+        training = job("+experiment=table1", "held_out.env2.goal_tolerance=3", "map.time_limit=5")
+    assert training.changes == {"map.time_limit": 5.0, "held_out.env2.goal_tolerance": 3}
+    found = Trial(0, 0.5, {}, [])
+    first, second = (
+        _evaluation(training, found, place, training.config.held_out[place], "mine")
+        for place in ("env1", "env2")
+    )
+    assert (first.changes, first.choices["map"]) == ({}, "env1")
+    assert (second.changes, second.choices["map"]) == ({"map.goal_tolerance": 3}, "env2")
 
 
 def test_values_that_a_file_inherits_are_its_own():

@@ -122,7 +122,7 @@ def test_records_without_a_config_cannot_be_drawn(sweep, tmp_path, monkeypatch, 
     shutil.copytree(sweep / "1", "bare")
     Path("bare/launch.json").unlink()
     assert main(["figure", "trajectories", "run=bare"]) == 2
-    assert "run is bare: no launch.json there tells of the config" in capsys.readouterr().err
+    assert "run is bare: there is no launch.json with its config" in capsys.readouterr().err
 
 
 def test_help_tells_the_keys_of_the_kind(capsys):
