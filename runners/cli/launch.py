@@ -11,12 +11,14 @@ from typing import Any
 
 from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig, OmegaConf
+from omegaconf.errors import OmegaConfBaseException
 
 from lme.errors import InputError
 from runners.cli import arguments, hydra_jobs, show
 from runners.config import command_line, schema
 from runners.config.catalogue import Catalogue
-from runners.config.composer import Composer
+from runners.config.composer import Composer, resume_command, unquoted
+from runners.config.hydra_errors import translated
 from runners.config.job import Job
 from runners.records import launch_record, run_directories
 
@@ -45,7 +47,7 @@ def launch(command: Command, argv: Sequence[str]) -> int:
     Raises InputError for what the user can put right.
     """
     schema.register()
-    given, resumed = _with_resumed(arguments.parse(argv))
+    given, resumed = _with_resumed(command.name, arguments.parse(argv))
     config_name = given.config_name or command.name
     if given.info:
         return show.hydras_own(command.name, config_name, given)
@@ -59,20 +61,27 @@ def launch(command: Command, argv: Sequence[str]) -> int:
         return _start(command, given.config_name, plan, composer, jobs, directory)
 
 
-def _with_resumed(given: arguments.Arguments) -> tuple[arguments.Arguments, Path | None]:
+def _with_resumed(command: str, given: arguments.Arguments) -> tuple[arguments.Arguments, Path | None]:
     """Add the overrides of the run that `resume=PATH` names; those given now win. Returns the PATH too."""
     directory = _resume_path(given.overrides)
     if directory is None:
         return given, None
     saved = launch_record.read_launch(directory)
     if saved is None:
-        missing = f"holds no {launch_record.LAUNCH}, so it is no run"
-        what = missing if directory.is_dir() else "no such directory"
-        raise InputError(f"resume={directory}: {what}; give true, or the directory of a run")
+        raise InputError(
+            f"resume={directory}: {_why_no_run(directory)}; give true, or the directory of a run"
+        )
+    if saved.command != command:
+        hint = resume_command(saved.command, directory)
+        raise InputError(
+            f"resume={directory}: holds a run of lme {saved.command}, not of lme {command}: use {hint}"
+        )
     keys = {_key(override) for override in given.overrides}
     if keys & {*_DIRECTORY_KEYS}:
         raise InputError(f"resume={directory}: names the directory already; omit hydra.run.dir")
     kept = [override for override in saved.overrides if _key(override) not in keys]
+    if not saved.multirun and "hydra.mode" not in keys:
+        kept.append("hydra.mode=RUN")  # one job of a sweep, though its experiment may ask for the whole sweep
     return replace(
         given,
         overrides=kept + given.overrides,
@@ -82,15 +91,23 @@ def _with_resumed(given: arguments.Arguments) -> tuple[arguments.Arguments, Path
     ), directory
 
 
+def _why_no_run(directory: Path) -> str:
+    try:
+        found = directory.is_dir()
+    except OSError as error:
+        return f"cannot be read ({error.strerror})"
+    return f"holds no {launch_record.LAUNCH}, so it is no run" if found else "no such directory"
+
+
 def _key(override: str) -> str:
     return override.partition("=")[0].lstrip("+")
 
 
 def _resume_path(words: Sequence[str]) -> Path | None:
-    values = [word.partition("=")[2].strip("'\"") for word in words if _key(word) == "resume"]
-    if not values or values[-1].lower() in ("", "true", "false"):
+    values = [word.partition("=")[2] for word in words if _key(word) == "resume"]
+    if not values or values[-1].strip("'\"").lower() in ("", "true", "false"):
         return None
-    return Path(values[-1])
+    return Path(unquoted(values[-1]))
 
 
 def _directory(
@@ -116,7 +133,10 @@ def _directory(
 
 
 def _asked_directory(config: DictConfig, multirun: bool) -> Path | None:
-    """The directory that the command line or a config file names; None if neither does."""
+    """The directory that the command line or a config file names; None if neither does.
+
+    Raises InputError where its interpolations lead nowhere.
+    """
     before = HydraConfig.instance().cfg
     HydraConfig.instance().set_config(config)  # for ${hydra:...}
     try:
@@ -125,6 +145,8 @@ def _asked_directory(config: DictConfig, multirun: bool) -> Path | None:
             assert isinstance(written, dict)
             if not str(written["dir"]).startswith(_HYDRAS_OWN):
                 return Path(str(config.hydra[name].dir))
+    except OmegaConfBaseException as error:
+        raise translated(error) from error
     finally:
         HydraConfig.instance().cfg = before
     return None
@@ -147,11 +169,11 @@ def _start(
         return end.code if isinstance(end.code, int) else 1
     except KeyboardInterrupt:
         if plan.multirun:
-            print(f"The whole sweep: lme {command.name} resume={directory}", file=sys.stderr)
+            print(f"The whole sweep: {resume_command(command.name, directory)}", file=sys.stderr)
         return 130
     if plan.multirun and status == 0 and command.finish_sweep is not None:
         first = replace(jobs[0], sweep_dir=directory)
-        command.finish_sweep(first, launch_record.jobs_of_sweep(directory))
+        command.finish_sweep(first, run_directories.jobs_of_sweep(directory, plan.num_jobs))
     return status
 
 

@@ -3,42 +3,64 @@
 from __future__ import annotations
 
 import sys
+from typing import Any
 
 import hydra
 import yaml
 from hydra.core.hydra_config import HydraConfig
-from omegaconf import DictConfig, OmegaConf
+from omegaconf import MISSING, DictConfig, ListConfig, OmegaConf
+from omegaconf.errors import InterpolationToMissingValueError, OmegaConfBaseException
 
 from lme.errors import InputError
 from lme.resources import resource_dir
 from runners.cli.arguments import Arguments
 from runners.config.composer import without_hydra
+from runners.config.hydra_errors import full_key, translated
 
 
 def config(composed: DictConfig, what: str, package: str | None, resolve: bool) -> None:
     """Print a composed config as YAML. what: job, hydra or all. package: a dotted key, to print that part alone.
 
-    Raises InputError for a key that is not there.
+    Raises InputError for a key that is not there, or an interpolation of one.
     """
     HydraConfig.instance().set_config(composed)  # for ${hydra:...}
-    shown = {
-        "job": without_hydra(composed),
-        "hydra": OmegaConf.create({"hydra": composed.hydra}),
-        "all": composed,
-    }
-    part = shown[what]
+    OmegaConf.set_readonly(composed.hydra, None)  # set_config sets it; _resolved replaces values
+    whole = without_hydra(composed) if what == "job" else composed
+    if what == "hydra":
+        own = _resolved(composed.hydra, composed) if resolve else composed.hydra  # may interpolate other keys
+        whole = OmegaConf.create({"hydra": own})
+    part: Any = whole
     if package and package != "_global_":
-        part = OmegaConf.select(part, package)
+        try:
+            part = OmegaConf.select(part, package)
+        except OmegaConfBaseException as error:
+            raise translated(error) from error
         if part is None:
             raise InputError(f"--package {package}: the config has no such key")
         print(f"# @package {package}")
     if not OmegaConf.is_config(part):
         print(part)
     elif resolve:
-        plain = OmegaConf.to_container(part, resolve=True, enum_to_str=True)
-        print(yaml.safe_dump(plain, sort_keys=False, allow_unicode=True), end="")
+        print(yaml.safe_dump(_resolved(part, whole), sort_keys=False, allow_unicode=True), end="")
     else:
         print(OmegaConf.to_yaml(part), end="")
+
+
+def _resolved(part: DictConfig | ListConfig, root: DictConfig) -> Any:
+    """A part of `root` as plain values; ??? for one that is known only in the run, such as a job's number.
+
+    Raises InputError for an interpolation of a key that is not there.
+    """
+    unset: set[str] = set()
+    while True:
+        try:
+            return OmegaConf.to_container(part, resolve=True, enum_to_str=True)
+        except OmegaConfBaseException as error:
+            key = full_key(error)
+            if not isinstance(error, InterpolationToMissingValueError) or key in {"", *unset}:
+                raise translated(error, OmegaConf.get_type(root)) from error
+            unset.add(key)
+            OmegaConf.update(root, key, MISSING)
 
 
 def hydras_own(command: str, config_name: str, given: Arguments) -> int:

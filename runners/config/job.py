@@ -45,10 +45,11 @@ class Job(Generic[C]):
 
         Raises what OmegaConf raises, and InputError.
         """
+        typed = cast(C, OmegaConf.to_object(config))  # first: its errors name the key
         overrides = tuple(hydra.overrides.task)
         choices = {**_several(overrides), **_single(hydra.runtime.choices)}
         return cls(
-            config=cast(C, OmegaConf.to_object(config)),
+            config=typed,
             choices=choices,
             overrides=overrides,
             changes=changed_keys(config, choices, catalogue),

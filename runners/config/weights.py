@@ -11,6 +11,7 @@ from lme.errors import InputError, nearest
 from lme.policy.parameter_file import read_parameters
 from lme.policy.score import CRITERIA
 from lme.resources import resource_dir
+from runners.config.composer import resume_command
 from runners.config.hydra_errors import unknown_key
 
 WEIGHTS = "weights.yaml"  # in the directory of a training run
@@ -89,6 +90,6 @@ def _of_run(directory: Path) -> Path:
     if not (directory / WEIGHTS).is_file():
         raise InputError(
             f"weights is {directory}: holds no {WEIGHTS}; must be the directory of a finished lme train "
-            f"(finish it with lme train resume={directory})"
+            f"(finish it with {resume_command('train', directory)})"
         )
     return directory / WEIGHTS

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from lme.worlds.world import MapSet
 from runners.analysis import failures
 from runners.config import build, systems, weights
+from runners.config.composer import resume_command
 from runners.config.instantiate import build as build_target
 from runners.config.instantiate import configured
 from runners.config.job import Job
@@ -60,7 +61,7 @@ def evaluate(job: Job[EvalConfig]) -> None:
         drive(job.config, labels, maps, run_dir)
         pages.as_asked(job.config.explain, run_dir, build_target(job.config.executor, "executor"))
     except KeyboardInterrupt:
-        print(f"\nStopped. Go on with: lme eval resume={run_dir}", file=sys.stderr)
+        print(f"\nStopped. Go on with: {resume_command('eval', run_dir)}", file=sys.stderr)
         raise
     frame, rows, artifacts = report(maps, job)
     artifacts += [*_film(job.config, maps, run_dir), *failures.folder(run_dir)]

@@ -11,6 +11,7 @@ from typing import Any
 
 from lme.errors import InputError
 from runners.config import build, weights
+from runners.config.composer import resume_command
 from runners.config.instantiate import build as build_target
 from runners.config.job import Job
 from runners.config.schema import FigureConfig
@@ -84,7 +85,7 @@ def _drive(job: Job[FigureConfig]) -> None:
     try:
         evaluate.drive(job.config, run_labels(job, maps), maps, job.run_dir)
     except KeyboardInterrupt:
-        print(f"\nStopped. Go on with: lme figure resume={job.run_dir}", file=sys.stderr)
+        print(f"\nStopped. Go on with: {resume_command('figure', job.run_dir)}", file=sys.stderr)
         raise
 
 
@@ -101,5 +102,5 @@ def _kind(config: FigureConfig) -> Kind:
 
 def _with_worlds(config: FigureConfig) -> FigureConfig:
     """The config with the worlds to be driven: those asked for, those that the map set names, or its first."""
-    worlds = worlds_of(config.world) or config.map["worlds"] or [build.map_set(config).numbers[0]]
+    worlds = worlds_of(config.world) or config.map.get("worlds") or [build.map_set(config).numbers[0]]
     return replace(config, map={**config.map, "worlds": worlds})

@@ -15,6 +15,7 @@ from lme.errors import InputError, require
 from lme.worlds.world import MapSet
 from runners.analysis import failures
 from runners.config import build
+from runners.config.composer import resume_command
 from runners.config.instantiate import build as build_target
 from runners.config.job import Job
 from runners.config.schema import TrainConfig
@@ -70,7 +71,7 @@ def train(job: Job[TrainConfig]) -> None:
             pictures = _pictures(found, read_space(config), run_dir)
             frame = evaluate_held_out(job, best, weights_name(config))
     except KeyboardInterrupt:
-        print(f"\nStopped. Go on with: lme train resume={run_dir}", file=sys.stderr)
+        print(f"\nStopped. Go on with: {resume_command('train', run_dir)}", file=sys.stderr)
         raise
     pages = [page for place in frame["run_dir"].unique() for page in failures.folder(Path(place))]
     _track(tracking, found.told, best, frame, [weights, *pictures, *pages])

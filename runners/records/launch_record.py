@@ -111,14 +111,6 @@ def launch_of(
     )
 
 
-def jobs_of_sweep(sweep_dir: Path) -> list[Path]:
-    """The directories of a sweep's jobs in the order of the jobs."""
-    places = [path.parent for path in sweep_dir.rglob(LAUNCH)]
-    found = [(read_launch(place), place) for place in places]
-    jobs = {record.job: path for record, path in found if record is not None and record.job is not None}
-    return [jobs[number] for number in sorted(jobs)]
-
-
 def identity(config: SystemConfig) -> dict[str, Any]:
     """What decides the results of a config, as plain JSON values."""
     return {

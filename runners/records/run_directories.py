@@ -13,6 +13,8 @@ from runners.records.launch_record import LAUNCH, Launch, differences, read_laun
 
 ROOT = Path("outputs")
 _RESULTS = ("episodes.parquet", "study.journal")
+_ADVICE = "resume it with resume=PATH alone, or choose another directory"
+_OUTDATED = "the options that it was started with have changed since; start it anew in another directory"
 
 
 def resumable(launch: Launch, root: Path = ROOT) -> Path:
@@ -43,22 +45,63 @@ def check_same(launch: Launch, directory: Path) -> None:
             f"{directory}: holds {saved.command} with {len(saved.configs)} jobs, "
             f"not {launch.command} with {len(launch.configs)}: cannot be resumed as that"
         )
+    if saved.multirun != launch.multirun:
+        held, now = ("a sweep", "one run") if saved.multirun else ("one run", "a sweep")
+        raise InputError(f"{directory}: holds {held}, not {now}: {_ADVICE}")
     pairs = zip(saved.configs, launch.configs, strict=True)
     found = list(dict.fromkeys(change for old, new in pairs for change in differences(old, new)))
     raise InputError(
         f"{directory}: holds a run with another config ({shortened(found)}): "
-        "resume it with resume=PATH alone, or choose another directory"
+        f"{_OUTDATED if _same_words(saved, launch) else _ADVICE}"
     )
 
 
+def _same_words(saved: Launch, launch: Launch) -> bool:
+    """Whether both were started with the same overrides and config, apart from Hydra's own part."""
+    before, now = (
+        (
+            [word for word in each.overrides if not word.startswith("hydra.")],
+            each.config_dir,
+            each.config_name,
+        )
+        for each in (saved, launch)
+    )
+    return before == now
+
+
 def holds_run(directory: Path) -> bool:
-    """Whether the directory, or one right below it, holds records or a study."""
+    """Whether the directory, or one right below it, holds records or a study.
+
+    Raises InputError where it cannot be read.
+    """
+    try:
+        return _holds_run(directory)
+    except OSError as error:
+        raise InputError(
+            f"output directory {directory}: cannot be read ({error.strerror}): "
+            "choose another with hydra.run.dir=PATH"
+        ) from error
+
+
+def _holds_run(directory: Path) -> bool:
     for place in ("", "*/"):
         if any(True for name in _RESULTS for _ in directory.glob(f"{place}{name}")):
             return True
         if any(part.stat().st_size for part in directory.glob(f"{place}parts/*") if part.is_file()):
             return True
     return False
+
+
+def jobs_of_sweep(sweep_dir: Path, num_jobs: int) -> list[Path]:
+    """The directories of a sweep's jobs in the order of the jobs.
+
+    num_jobs: that the command line names; a sweeper plugin may run more. A folder beyond them without records was
+    left by a larger sweep that was stopped.
+    """
+    places = [path.parent for path in sweep_dir.rglob(LAUNCH)]
+    found = [(read_launch(place), place) for place in places]
+    jobs = {record.job: path for record, path in found if record is not None and record.job is not None}
+    return [jobs[number] for number in sorted(jobs) if number < num_jobs or holds_run(jobs[number])]
 
 
 def make_fresh(launch: Launch, given: Path | None, root: Path = ROOT) -> Path:

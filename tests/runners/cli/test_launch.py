@@ -3,6 +3,8 @@
 import errno
 import json
 import os
+import re
+import shlex
 import signal
 import subprocess
 import sys
@@ -16,6 +18,7 @@ import yaml
 from lme.errors import InputError
 from runners.cli.launch import Command, launch
 from runners.config import command_line
+from runners.config.composer import quoted, resume_command
 from runners.records import launch_record
 from tests.places import ROOT
 
@@ -137,6 +140,16 @@ def test_the_weights_contents_are_part_of_the_fingerprint(probe, tmp_path):
         probe.launch(f"weights={path}", "hydra.run.dir=out", "resume=true")
 
 
+def test_resume_by_path_alone_after_a_change_of_the_options_does_not_advise_itself(probe, tmp_path):
+    path = tmp_path / "mine.yaml"
+    path.write_text(PUBLISHED)
+    probe.launch(f"weights={path}", "-m", "ablation.c_t=3,4", "hydra.sweep.dir=out")
+    path.write_text(PUBLISHED.replace("a_close: 1.51", "a_close: 2.6"))
+    for place in ("out", "out/1"):
+        with pytest.raises(InputError, match=r"have changed since; start it anew in another directory"):
+            probe.launch(f"resume={place}")
+
+
 def test_a_system_is_its_pair(probe):
     probe.launch("system=lme")
     config, with_system = probe.runs[0]
@@ -163,12 +176,13 @@ def test_an_own_config_folder_adds_options_and_experiments(probe, tmp_path, word
     assert (config.robot.name, config.runs, config.seed) == ("mine", 1, 8)
 
 
+SEEDS = "# @package _global_\nhydra:\n  mode: MULTIRUN\n  sweeper:\n    params:\n      seed: 5,6\n"
+
+
 def test_an_experiment_may_sweep(probe, tmp_path):
     own = tmp_path / "experiment"
     own.mkdir()
-    (own / "seeds.yaml").write_text(
-        "# @package _global_\nhydra:\n  mode: MULTIRUN\n  sweeper:\n    params:\n      seed: 5,6\n"
-    )
+    (own / "seeds.yaml").write_text(SEEDS)
     assert probe.launch("experiment=seeds", "-cd", str(tmp_path)) == 0
     assert [config.seed for config, _ in probe.runs] == [5, 6]
 
@@ -202,6 +216,37 @@ def test_a_directory_that_cannot_be_made(probe, place):
         probe.launch(f"hydra.run.dir={place}")
     assert everything() == ["a_file"]
     assert not probe.runs
+
+
+@pytest.mark.parametrize("key", ["run", "sweep"])
+def test_a_directory_with_an_interpolation_of_nothing(probe, key):
+    with pytest.raises(InputError, match=rf"hydra\.{key}\.dir: .*'x' not found"):
+        probe.launch(*(["-m"] if key == "sweep" else []), f"hydra.{key}.dir=o/q${{x}}")
+    assert everything() == []
+
+
+@pytest.mark.parametrize(
+    ("word", "said"),
+    [
+        ("hydra.run.dir=locked/x", "output directory locked/x: cannot be read (Permission denied): choose"),
+        ("resume=locked/x", "resume=locked/x: cannot be read (Permission denied); give true, or"),
+    ],
+)
+def test_a_directory_that_cannot_be_read(probe, monkeypatch, word, said):
+    for name in ("glob", "is_dir", "read_text"):  # root, who may run the tests, can read everything
+        monkeypatch.setattr(Path, name, denied_below("locked", getattr(Path, name)))
+    with pytest.raises(InputError, match=re.escape(said)):
+        probe.launch(word)
+    assert not probe.runs
+
+
+def denied_below(folder, method):
+    def denied(path, *args, **kwargs):
+        if folder in path.parts:
+            raise PermissionError(errno.EACCES, "Permission denied", str(path))
+        return method(path, *args, **kwargs)
+
+    return denied
 
 
 # Resuming
@@ -245,6 +290,29 @@ def test_resume_of_what_is_no_run(probe, place):
         probe.launch(f"resume={place}")
 
 
+def test_resume_by_path_with_another_command(probe):
+    probe.launch("hydra.run.dir=here")
+    said = "resume=here: holds a run of lme eval, not of lme train: use lme eval resume=here"
+    with pytest.raises(InputError, match=re.escape(said)):
+        launch(Command("train", probe.run, lambda job: None), ["resume=here"])
+
+
+@pytest.mark.parametrize(
+    "name", ["a=b", "my runs", "it's [1], {2}", "3", "back\\slash", "outputs/eval/2026-01"]
+)
+def test_the_printed_command_resumes_as_typed(probe, name):
+    probe.launch(f"hydra.run.dir={quoted(name)}")
+    words = shlex.split(resume_command("eval", Path(name)))
+    assert words[:2] == ["lme", "eval"]
+    assert probe.launch(*words[2:]) == 0
+    assert [run_dir for _, run_dir in probe.runs] == [Path(name)] * 2
+
+
+def test_a_plain_path_is_printed_without_quotes():
+    path = "/tmp/x/outputs/eval/2026-11-22_01-54-48-sweep-1a2b3c4d-2/0"
+    assert resume_command("eval", Path(path)) == f"lme eval resume={path}"
+
+
 def test_resume_by_path_and_another_directory_contradict(probe):
     probe.launch()
     with pytest.raises(InputError, match=r"omit hydra\.run\.dir"):
@@ -282,11 +350,31 @@ def test_one_job_of_a_sweep_resumes_and_still_belongs_to_it(probe):
     assert probe.finished[-1] == (sweep_dir, run_dirs)
 
 
+def test_one_job_of_an_experiments_sweep_resumes(probe, tmp_path):
+    (tmp_path / "experiment").mkdir()
+    (tmp_path / "experiment" / "seeds.yaml").write_text(SEEDS)
+    probe.launch("experiment=seeds", "-cd", str(tmp_path))
+    sweep_dir, run_dirs = probe.finished[0]
+    assert probe.launch(f"resume={run_dirs[1]}") == 0
+    assert (probe.runs[-1][0].seed, probe.directory, len(probe.runs)) == (6, run_dirs[1], 3)
+    assert probe.launch(f"resume={sweep_dir}") == 0
+    assert probe.finished[1:] == [(sweep_dir, run_dirs)]
+
+
 def test_a_sweep_of_other_jobs_is_not_the_same(probe):
     probe.launch("-m", "seed=0,1", "hydra.sweep.dir=here")
     for seeds in ("1,0", "0,1,2"):
         with pytest.raises(InputError, match="here: holds"):
             probe.launch("-m", f"seed={seeds}", "hydra.sweep.dir=here", "resume=true")
+
+
+def test_a_folder_that_a_larger_sweep_left_behind_is_no_job(probe):
+    probe.launch("-m", "seed=0,1,2", "hydra.sweep.dir=here")
+    for path in [Path("here/launch.json"), *Path("here").rglob("episodes.jsonl")]:
+        path.unlink()
+    assert probe.launch("-m", "seed=3,4", "hydra.sweep.dir=here") == 0
+    assert Path("here/2/launch.json").is_file()
+    assert probe.finished[-1] == (Path("here"), [Path("here/0"), Path("here/1")])
 
 
 # Looking before running
@@ -311,6 +399,21 @@ def test_the_config_is_shown_with_every_value_resolved(probe, capsys):
     with pytest.raises(InputError, match="--package nothing: the config has no such key"):
         probe.launch("--cfg", "job", "--package", "nothing")
     assert everything() == []
+
+
+@pytest.mark.parametrize("what", ["hydra", "all"])
+def test_hydras_own_part_is_shown_resolved(probe, capsys, what):
+    assert probe.launch("--cfg", what, "--resolve", "seed=3", "hydra.run.dir=out/${seed}") == 0
+    shown = yaml.safe_load(capsys.readouterr().out)["hydra"]
+    assert shown["run"]["dir"] == "out/3"
+    assert shown["sweep"]["subdir"] == shown["job"]["num"] == "???"
+
+
+def test_an_interpolation_of_nothing_is_not_shown(probe):
+    with pytest.raises(InputError, match=r"hydra\.sweep\.subdir has no value"):
+        probe.launch("--cfg", "hydra", "--package", "hydra.sweep.subdir")
+    with pytest.raises(InputError, match=r"hydra\.run\.dir: .*'x' not found"):
+        probe.launch("--cfg", "hydra", "--resolve", "hydra.run.dir=o/${x}")
 
 
 def test_a_home_directory_is_known_behind_the_equals_sign(probe, monkeypatch, tmp_path):

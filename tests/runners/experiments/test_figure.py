@@ -8,6 +8,7 @@ import pytest
 from lme.errors import InputError
 from runners.cli.main import main
 from runners.figures.parts.driven_runs import chosen_world, read_runs
+from tests.places import ROOT
 
 WORDS = ["runs=1", "executor=serial", "map.time_limit=1", "formats=[png]"]
 
@@ -47,6 +48,18 @@ def test_records_are_drawn_without_driving(sweep, tmp_path, monkeypatch, capsys)
 def test_nobody_asked_for_a_world_so_the_first_is_driven(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert main(["figure", "trajectories", "map=env1", "robot=stage", "hydra.run.dir=out", *WORDS]) == 0
+    (job,) = read_runs([Path("out")])
+    assert job.frame["world"].tolist() == [0]
+
+
+def test_an_own_map_set_need_not_name_its_worlds(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    lines = (ROOT / "conf" / "map" / "_room.yaml").read_text().splitlines()
+    kept = [line for line in lines if not line.startswith(("worlds:", "name:"))]
+    Path("own/map").mkdir(parents=True)
+    Path("own/map/mine.yaml").write_text("\n".join([*kept, "name: env1"]))
+    words = ["trajectories", "--config-dir", "own", "map=mine", "robot=stage", "hydra.run.dir=out"]
+    assert main(["figure", *words, *WORDS]) == 0
     (job,) = read_runs([Path("out")])
     assert job.frame["world"].tolist() == [0]
 

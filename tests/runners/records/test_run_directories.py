@@ -1,0 +1,48 @@
+"""Which folders are jobs of a sweep, and whether a run may be resumed."""
+
+import pytest
+
+from lme.errors import InputError
+from runners.records.launch_record import Launch
+from runners.records.run_directories import check_same, jobs_of_sweep
+
+
+def launch(**fields):
+    return Launch(
+        **{
+            "command": "eval",
+            "fingerprint": "0",
+            "multirun": False,
+            "overrides": [],
+            "configs": [{}],
+            **fields,
+        }
+    )
+
+
+def test_jobs_beyond_those_named_need_records(tmp_path):
+    """A sweeper plugin may run more jobs than the command line names; a larger sweep may leave empty folders."""
+    for number in (2, 0, 1, 3):
+        place = tmp_path / f"job{number}"
+        place.mkdir()
+        launch(job=number).write(place)
+    (tmp_path / "job2" / "episodes.parquet").touch()
+    assert [place.name for place in jobs_of_sweep(tmp_path, 1)] == ["job0", "job2"]
+
+
+@pytest.mark.parametrize(
+    ("now", "said"),
+    [
+        ({"overrides": ["seed=2"]}, r"\(seed: 1 there, 2 now\): resume it with resume=PATH alone, or choose"),
+        (
+            {"overrides": ["seed=x", "hydra.mode=RUN"]},
+            "have changed since; start it anew in another directory",
+        ),
+        ({"overrides": ["seed=x"], "config_dir": "own"}, "resume it with resume=PATH alone"),
+        ({"overrides": ["seed=x"], "multirun": True}, "holds one run, not a sweep: resume it with"),
+    ],
+)
+def test_another_config_is_refused_with_advice_that_helps(tmp_path, now, said):
+    launch(overrides=["seed=x"], configs=[{"seed": 1}]).write(tmp_path)
+    with pytest.raises(InputError, match=said):
+        check_same(launch(fingerprint="1", configs=[{"seed": 2}], **now), tmp_path)
