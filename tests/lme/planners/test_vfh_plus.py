@@ -7,16 +7,18 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lme.episode import run_episode
 from lme.errors import InputError
-from lme.guides.target import Target, TargetConfig
-from lme.navigator import Navigator
 from lme.planners.vfh_plus import VfhPlus, VfhPlusConfig
-from lme.sim.fast import FastConfig, FastSimulator
-from lme.types import Guidance, Outcome, Pose, Twist
+from lme.types import Outcome, Pose, Twist
 from lme.worlds.world import World
-from tests.builders import SHIPPED, observation, shipped, stage, task
-from tests.tolerances import KERNEL
+from tests.builders import SHIPPED, observation, shipped, stage
+from tests.lme.planners import checks
+from tests.lme.planners.checks import (
+    assert_finite_within_limits,
+    assert_mirrored,
+    assert_straight_to_rest,
+    plan,
+)
 
 ALPHA = math.radians(5.0)
 
@@ -29,10 +31,6 @@ def planner(robot=None, **settings):
     made = VfhPlus(VfhPlusConfig(**settings), robot or stage())
     made.reset(np.random.default_rng(0))
     return made
-
-
-def plan(made, view):
-    return made.plan(view, Guidance(view.target))
 
 
 def ranges_of(robot, shape):
@@ -111,46 +109,18 @@ def test_denser_ahead_is_slower():
     st.floats(-1, 1),
 )
 def test_a_mirrored_scene_gives_the_mirrored_command(name, arcs, x, y, v, omega):
-    robot = shipped(name)
-    lidar = robot.lidar
-    ranges = (
-        np.float32(1.0137)
-        * np.repeat(np.array(arcs, dtype=np.float32), -(-lidar.num_beams // 12))[: lidar.num_beams]
-    )
-    shift = lidar.angle_min + lidar.angle_increment * (lidar.num_beams - 1) / 2
-
-    def view(mirrored):
-        side = -1 if mirrored else 1
-        seen = observation(
-            target=(x, side * y),
-            ranges=(ranges[::-1] if mirrored else ranges).copy(),
-            twist=Twist(v, side * omega),
-            robot=robot,
-        )
-        return seen._replace(scan=seen.scan._replace(angle_min=lidar.angle_min - shift))
-
-    one, other = plan(planner(robot), view(False)), plan(planner(robot), view(True))
-    assert other.v == pytest.approx(one.v, abs=1e-6)
-    assert other.omega == pytest.approx(-one.omega, abs=1e-6)
+    arcs = np.float32(1.0137) * np.array(arcs, dtype=np.float32)
+    assert_mirrored(planner, shipped(name), arcs, (x, y), Twist(v, omega))
 
 
 @pytest.mark.parametrize("name", SHIPPED)
 @pytest.mark.parametrize("value", [0.0, math.nan, math.inf, 0.2, 1e9])
 def test_any_scan_gives_a_finite_command_within_limits(name, value):
-    robot = shipped(name)
-    made = planner(robot)
-    for target in [(0.0, 0.0), (3.0, 1.0), (-2.0, 0.0)]:
-        ranges = np.full(robot.lidar.num_beams, value, dtype=np.float32)
-        command = plan(made, observation(target=target, ranges=ranges, robot=robot))
-        assert np.isfinite(command).all()
-        assert abs(command.v) <= robot.alpha_v * robot.dt + KERNEL
-        assert abs(command.omega) <= min(robot.omega_max, robot.alpha_omega * robot.dt) + KERNEL
+    assert_finite_within_limits(planner, shipped(name), value)
 
 
-def drive(robot, world=None, time_limit=60.0, **changes):
-    made = Navigator(Target(TargetConfig(), robot), VfhPlus(VfhPlusConfig(), robot))
-    place = task(world, time_limit=time_limit, **changes)
-    return run_episode(place, made, FastSimulator(FastConfig(), robot), np.random.default_rng(0))
+def drive(robot, world=None, **changes):
+    return checks.drive(VfhPlus(VfhPlusConfig(), robot), robot, world, **changes)
 
 
 @pytest.mark.parametrize("name", SHIPPED)
@@ -158,12 +128,7 @@ def test_in_an_empty_world_it_drives_straight_and_comes_to_rest(name):
     episode = drive(
         shipped(name), goal=(10.0, 0.0), start=Pose(0, 0, 0.3), goal_tolerance=0.0, time_limit=35.0
     )
-    track = episode.trajectory
-    assert np.abs(track[:, 2]).max() < 0.5
-    there = np.argmax(np.hypot(track[:, 1] - 10.0, track[:, 2]) < 0.2)
-    assert np.hypot(track[there:, 1] - 10.0, track[there:, 2]).max() < 0.2
-    assert there > 0
-    assert abs(track[-1, 4]) < 1e-3
+    assert_straight_to_rest(episode)
 
 
 def box(half_x, half_y):
