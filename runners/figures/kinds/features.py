@@ -18,6 +18,7 @@ from runners.figures.parts import robot_view as view
 from runners.figures.parts.driven_runs import DrivenRun
 from runners.figures.parts.feature_page import FeaturePage
 from runners.figures.parts.moment import Shot, candidate_reach, draw_shots, shots
+from runners.figures.parts.robot_view_key import draw_key
 from runners.figures.parts.style import BLUE, INK, symbol
 
 if TYPE_CHECKING:
@@ -211,7 +212,7 @@ def _draw_two(page: FeaturePage, index: int, axes: Axes, layer: _Layer, why: Exp
         "borderaxespad": 0.2,
         "handletextpad": 0.1,
     }
-    view.draw_key(page.figure, marks, page.below(index), "upper center", labelspacing=0.15, **legend)
+    draw_key(page.figure, marks, page.below(index), "upper center", labelspacing=0.15, **legend)
 
 
 def _draw_points(axes: Axes, candidates: Floats, values: Floats, low: float = 0.0, high: float = 1.0) -> Any:

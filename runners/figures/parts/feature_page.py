@@ -10,6 +10,7 @@ import numpy as np
 
 from runners.figures.parts import robot_view as view
 from runners.figures.parts.moment import Shot, candidate_reach, draw_heading, heading, heading_height
+from runners.figures.parts.robot_view_key import draw_key, key
 from runners.figures.parts.scene import frame_panel
 from runners.figures.parts.style import INK, new_figure
 
@@ -35,7 +36,7 @@ class FeaturePage:
         self._panels, self._columns = panels, columns(panels)
         self._box = view.reach_box(shot.why.candidates, candidate_reach(shot.trace))
         self._lines = heading(shot)
-        self._key = view.key(shot.why, candidate_reach(shot.trace), self._box)
+        self._key = key(shot.why, candidate_reach(shot.trace), self._box)
         inner = PAGE_IN - 2 * EDGE_IN - (self._columns - 1) * GAP_IN
         self._width = min(inner / self._columns, WIDEST_IN)
         self._tall = self._width * (self._box.y1 - self._box.y0) / (self._box.x1 - self._box.x0)
@@ -101,11 +102,11 @@ class FeaturePage:
         look = {"frameon": False, "fontsize": 7, "labelcolor": INK, "borderaxespad": 0.0, "handlelength": 1.6}
         if not self._has_place:
             at = (0.5, (NOTE_IN + 0.02) / self._height)
-            view.draw_key(self.figure, self._key, at, "lower center", ncols=KEY_COLUMNS, **look)
+            draw_key(self.figure, self._key, at, "lower center", ncols=KEY_COLUMNS, **look)
             return
         x, y = self._corner(self._rows * self._columns - 1)
         at = (x / PAGE_IN, (y + self._tall) / self._height)
-        view.draw_key(self.figure, self._key, at, "upper left", labelspacing=0.35, **look)
+        draw_key(self.figure, self._key, at, "upper left", labelspacing=0.35, **look)
 
     def _corner(self, index: int) -> tuple[float, float]:
         """Lower left corner of a panel [in]; the grid is centred on the page."""

@@ -17,9 +17,7 @@ from runners.figures.parts.scene import Box, outline
 from runners.figures.parts.style import BLUE, GREEN, INK, PURPLE, VERMILION
 
 if TYPE_CHECKING:
-    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 SECTORS = ((VERMILION, "o"), (PURPLE, "s"), (INK, "^"))  # colour and marker; neighbours never share one
 MARGIN = 1.09  # the view reaches this many times the candidates' range
@@ -174,7 +172,7 @@ def letters(blockage: Blockage, brief: bool = False) -> list[Letter]:
 def blockage_seen(why: Explanation, box: Box) -> Blockage | None:
     """The blocking sector if any of its points lies in the box, else None."""
     blockage = why.view.blockage
-    if blockage is None or not any(_is_inside(point, box) for point in blockage.points):
+    if blockage is None or not any(is_inside(point, box) for point in blockage.points):
         return None
     return blockage
 
@@ -187,7 +185,7 @@ def draw_letters(
         face = BLUE if letter.text == "$B$" else "white"
         x, y = upwards(letter.point)
         axes.plot(x, y, "o", markersize=size_pt, markerfacecolor=face, markeredgecolor=BLUE, zorder=8)
-        if written and _is_inside(letter.point, Box(*_corners(axes))):
+        if written and is_inside(letter.point, Box(*_corners(axes))):
             write(axes, _beside(axes, letter, 7 + size_pt / 2, clear_of), 7 + size_pt / 2)
 
 
@@ -227,59 +225,7 @@ def halo() -> list[Any]:
     return [withStroke(linewidth=HALO_PT, foreground="white")]
 
 
-def key(why: Explanation, reach_m: float, box: Box) -> list[Any]:
-    """Entries of the key, for the marks that the view has."""
-    rival, blockage = rival_subgoal(why), blockage_seen(why, box)
-    outlined = {"marker": "*" if why.decision.choice.switched else "o", "markeredgecolor": GREEN}
-    entries = [
-        _mark("chosen subgoal", color=GREEN, **STAR),
-        rival and _mark(rival[0], markerfacecolor="none", markersize=7, **outlined),
-        _mark("robot, heading up", marker="s", color="white", markeredgecolor=INK, markersize=6),
-        _line("target direction", color=INK, linewidth=0.9),
-        _is_inside(why.view.target, box)
-        and _mark("target", marker="x", color=INK, markersize=6, markeredgewidth=1.8),
-        len(why.view.points) and sectors_mark("scan, by sector", "ooo"),
-        blockage and _line("blocking sector", color=BLUE, linewidth=1.2),
-        blockage
-        and _mark("its ends $E_1$, $E_2$", color="white", marker="o", markeredgecolor=BLUE, markersize=4),
-        blockage and _mark("$B$, $r$ beyond $A$", color=BLUE, marker="o", markersize=4),
-        len(why.view.history) and _mark("recent positions", color=greens(2)[1], marker="o", markersize=4),
-        _line(f"range of candidates, {reach_m:g} m", color=INK, linestyle=":", linewidth=0.9),
-    ]
-    return [entry for entry in entries if entry]
-
-
-def sectors_mark(label: str, markers: str) -> tuple[Any, ...]:
-    """One entry of a key with a mark in each sector colour."""
-    colours = [colour for colour, _ in SECTORS]
-    return tuple(
-        _mark(label, color=colour, marker=marker, markersize=3, markeredgewidth=0)
-        for colour, marker in zip(colours, markers, strict=True)
-    )
-
-
-def draw_key(figure: Figure, entries: Sequence[Any], at: tuple[float, float], loc: Any, **look: Any) -> None:
-    """Draw a legend with its corner or edge `loc` at this point of the page."""
-    from matplotlib.legend_handler import HandlerTuple
-
-    labels = [(entry[0] if isinstance(entry, tuple) else entry).get_label() for entry in entries]
-    handlers = {tuple: HandlerTuple(ndivide=None, pad=0.0)}
-    figure.legend(entries, labels, loc=loc, bbox_to_anchor=at, handler_map=handlers, **look)
-
-
-def _mark(label: str, **look: Any) -> Artist:
-    from matplotlib.lines import Line2D
-
-    return Line2D([], [], label=label, **{"linestyle": "", **look})
-
-
-def _line(label: str, **look: Any) -> Artist:
-    from matplotlib.lines import Line2D
-
-    return Line2D([], [], label=label, **look)
-
-
-def _is_inside(point: Floats, box: Box) -> bool:
+def is_inside(point: Floats, box: Box) -> bool:
     """Whether a point of the robot frame lies in this box of the page."""
     x, y = upwards(point)
     return _part_inside(x, y, box) == 1.0

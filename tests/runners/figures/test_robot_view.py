@@ -8,6 +8,7 @@ import pytest
 from lme.policy.surmount import Blockage
 from lme.robots import Footprint
 from runners.figures.parts import robot_view as view
+from runners.figures.parts.robot_view_key import key
 from runners.figures.parts.scene import Box, outline
 from runners.figures.parts.style import new_figure
 
@@ -107,7 +108,5 @@ def test_names_hide_no_subgoal(axes):
 def test_a_sector_off_the_page_is_not_in_the_key(shot):
     far = shot.why.view.blockage._replace(points=np.array([[60.0, 0.0]]))
     why = shot.why._replace(view=shot.why.view._replace(blockage=far))
-    labels = [
-        entry[0] if isinstance(entry, tuple) else entry for entry in view.key(why, 5.0, Box(-5, -5, 5, 5))
-    ]
+    labels = [entry[0] if isinstance(entry, tuple) else entry for entry in key(why, 5.0, Box(-5, -5, 5, 5))]
     assert "blocking sector" not in [entry.get_label() for entry in labels]
