@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 from lme.errors import InputError, nearest
 from lme.policy.parameter_file import read_parameters
 from lme.policy.score import CRITERIA
-from lme.resources import resource_dir
+from lme.resources import overlaid, resource_dir
 from lme.robots import Footprint, Lidar, Robot
 from lme.yaml_entry import Entry, read_yaml
 
@@ -53,11 +53,7 @@ def _with_base(path: Path) -> object:
     merged: dict[str, Any] = {}
     bases = [_with_base(_find("robot", name)) for name in own.pop("defaults") if name != "_self_"]
     for layer in (*bases, own):
-        for key, value in layer.items() if isinstance(layer, dict) else ():
-            below = merged.get(key)
-            if isinstance(below, dict) and isinstance(value, dict):
-                value = {**below, **value}
-            merged[key] = value
+        merged = overlaid(merged, layer) if isinstance(layer, dict) else merged
     return merged
 
 

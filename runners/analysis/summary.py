@@ -153,7 +153,7 @@ def title(frame: pd.DataFrame) -> str:
         for key in ("map", "subset", "robot")
         if key in frame and frame[key].nunique() == 1 and str(frame[key].iloc[0])
     ]
-    changes = [f"{key}={frame[key].iloc[0]}" for key in changed_keys(frame) if frame[key].nunique() == 1]
+    changes = [f"{key}={frame[key].iloc[0]}" for key in changed_columns(frame) if frame[key].nunique() == 1]
     return " · ".join([*common, *changes, f"{_counted(frame, 'world')} {TIMES} {_counted(frame, 'run')}"])
 
 
@@ -176,7 +176,7 @@ def row_keys(frame: pd.DataFrame) -> list[str]:
     """Columns besides `system` that distinguish rows: those that vary, and those with unusual values."""
     keys = [
         key
-        for key in [*(key for key in GROUP_KEYS if key in frame), *changed_keys(frame)]
+        for key in [*(key for key in GROUP_KEYS if key in frame), *changed_columns(frame)]
         if (key in NAMED and not set(as_text(frame[key])) <= USUAL) or _varies(frame, key)
     ]
     if "run_dir" in frame and frame.duplicated(["system", *keys, "world", "run"]).any():
@@ -186,7 +186,7 @@ def row_keys(frame: pd.DataFrame) -> list[str]:
     return keys
 
 
-def changed_keys(frame: pd.DataFrame) -> list[str]:
+def changed_columns(frame: pd.DataFrame) -> list[str]:
     """Columns for config keys that some run has changed."""
     return [column for column in frame.columns if "." in column]
 

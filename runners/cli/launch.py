@@ -104,10 +104,10 @@ def _key(override: str) -> str:
 
 
 def _resume_path(words: Sequence[str]) -> Path | None:
-    values = [word.partition("=")[2] for word in words if _key(word) == "resume"]
-    if not values or values[-1].strip("'\"").lower() in ("", "true", "false"):
+    values = [unquoted(word.partition("=")[2]) for word in words if _key(word) == "resume"]
+    if not values or values[-1].lower() in ("", "true", "false"):
         return None
-    return Path(unquoted(values[-1]))
+    return Path(values[-1])
 
 
 def _directory(

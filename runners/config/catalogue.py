@@ -9,7 +9,7 @@ from typing import Any
 
 import yaml
 
-from lme.resources import resource_dir
+from lme.resources import overlaid, resource_dir
 
 _Loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
@@ -81,7 +81,7 @@ class Catalogue:
         """What the YAML `name` holds, with what it inherits, without its defaults list."""
         merged: dict[str, Any] = {}
         for file in self.files(name):
-            merged = _merged(merged, _plain(file))
+            merged = overlaid(merged, _plain(file))
         merged.pop("defaults", None)
         return merged
 
@@ -121,17 +121,6 @@ def shipped(*more: Path) -> Catalogue:
 def _plain(file: Path) -> dict[str, Any]:
     content = yaml.load(file.read_text(encoding="utf-8"), _Loader)
     return content if isinstance(content, dict) else {}
-
-
-def _merged(base: dict[str, Any], own: dict[str, Any]) -> dict[str, Any]:
-    """`own` over `base`, mapping by mapping."""
-    merged = dict(base)
-    for key, value in own.items():
-        inherited = merged.get(key)
-        if isinstance(inherited, dict) and isinstance(value, dict):
-            value = _merged(inherited, value)
-        merged[key] = value
-    return merged
 
 
 def _walk(node: Any, lines: list[str], prefix: str) -> Iterator[Key]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -10,12 +9,12 @@ from typing import TYPE_CHECKING
 from lme.worlds.world import MapSet
 from runners.analysis import failures
 from runners.config import build, systems, weights
-from runners.config.composer import resume_command
 from runners.config.instantiate import build as build_target
 from runners.config.instantiate import configured
 from runners.config.job import Job
 from runners.config.schema import EpisodesConfig, EvalConfig, Record, ReportConfig
 from runners.experiments.labels import run_labels
+from runners.experiments.resume_hint import resume_hint
 from runners.explainer import pages
 from runners.records.episode_record import EpisodeKey, RunLabels
 from runners.records.launch_record import identity
@@ -57,12 +56,9 @@ def evaluate(job: Job[EvalConfig]) -> None:
     tracking = build_target(job.config.tracking, "tracking")
     tags = {**asdict(labels), "changes": job.changes_text, "command": "eval"}
     tracking.start(asdict(job.config), run_dir, tags, job.sweep_dir)
-    try:
+    with resume_hint("eval", run_dir):
         drive(job.config, labels, maps, run_dir)
         pages.as_asked(job.config.explain, run_dir, build_target(job.config.executor, "executor"))
-    except KeyboardInterrupt:
-        print(f"\nStopped. Go on with: {resume_command('eval', run_dir)}", file=sys.stderr)
-        raise
     frame, rows, artifacts = report(maps, job)
     artifacts += [*_film(job.config, maps, run_dir), *failures.folder(run_dir)]
     print_table(frame, rows)

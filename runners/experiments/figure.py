@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shutil
-import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -11,12 +10,12 @@ from typing import Any
 
 from lme.errors import InputError
 from runners.config import build, weights
-from runners.config.composer import resume_command
 from runners.config.instantiate import build as build_target
 from runners.config.job import Job
 from runners.config.schema import FigureConfig
 from runners.experiments import evaluate
 from runners.experiments.labels import run_labels
+from runners.experiments.resume_hint import resume_hint
 from runners.figures.parts.driven_runs import Kind, read_runs
 from runners.figures.parts.style import FORMATS
 from runners.records.launch_record import LAUNCH
@@ -82,11 +81,8 @@ def _draw(config: FigureConfig, driven: Sequence[Path], folder: Path) -> None:
 def _drive(job: Job[FigureConfig]) -> None:
     job = replace(job, config=_with_worlds(job.config))
     maps = build.map_set(job.config)
-    try:
+    with resume_hint("figure", job.run_dir):
         evaluate.drive(job.config, run_labels(job, maps), maps, job.run_dir)
-    except KeyboardInterrupt:
-        print(f"\nStopped. Go on with: {resume_command('figure', job.run_dir)}", file=sys.stderr)
-        raise
 
 
 def _leave(run_dir: Path) -> None:

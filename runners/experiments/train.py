@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import sys
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -15,7 +14,6 @@ from lme.errors import InputError, require
 from lme.worlds.world import MapSet
 from runners.analysis import failures
 from runners.config import build
-from runners.config.composer import resume_command
 from runners.config.instantiate import build as build_target
 from runners.config.job import Job
 from runners.config.schema import TrainConfig
@@ -23,6 +21,7 @@ from runners.config.space import PARAMETERS, Space, own_values, read_space, with
 from runners.experiments import evaluate
 from runners.experiments.held_out import evaluate_held_out
 from runners.experiments.labels import run_labels
+from runners.experiments.resume_hint import resume_hint
 from runners.records import weight_file
 from runners.records.append_log import lock
 from runners.records.launch_record import LAUNCH, fingerprint, identity
@@ -63,16 +62,12 @@ def train(job: Job[TrainConfig]) -> None:
     labels = replace(run_labels(job, build.map_set(config)), weights=weights_name(config))
     tags = {**asdict(labels), "changes": job.changes_text, "command": "train"}
     tracking.start(asdict(_without_password(config)), run_dir, tags, job.sweep_dir)
-    try:
-        with _held(run_dir):
-            found = _search(config, run_dir)
-            best = max(found.told, key=lambda trial: (trial.reward, -trial.number))
-            weights = _write_weights(job, found, best)
-            pictures = _pictures(found, read_space(config), run_dir)
-            frame = evaluate_held_out(job, best, weights_name(config))
-    except KeyboardInterrupt:
-        print(f"\nStopped. Go on with: {resume_command('train', run_dir)}", file=sys.stderr)
-        raise
+    with resume_hint("train", run_dir), _held(run_dir):
+        found = _search(config, run_dir)
+        best = max(found.told, key=lambda trial: (trial.reward, -trial.number))
+        weights = _write_weights(job, found, best)
+        pictures = _pictures(found, read_space(config), run_dir)
+        frame = evaluate_held_out(job, best, weights_name(config))
     pages = [page for place in frame["run_dir"].unique() for page in failures.folder(Path(place))]
     _track(tracking, found.told, best, frame, [weights, *pictures, *pages])
 

@@ -68,7 +68,7 @@ class Launch:
         try:
             write_whole(directory / LAUNCH, text + "\n")
         except OSError as error:
-            raise unwritable(directory, error) from error
+            raise unusable(directory, "written", error) from error
 
 
 def read_launch(directory: Path) -> Launch | None:
@@ -144,9 +144,10 @@ def common(configs: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     return {key: value for key, value in first.items() if all(other.get(key) == value for other in others)}
 
 
-def unwritable(directory: Path, error: OSError) -> InputError:
+def unusable(directory: Path, what: str, error: OSError) -> InputError:
+    """what: cannot be done with the directory, "read" or "written"."""
     return InputError(
-        f"output directory {directory}: cannot be written ({error.strerror}): "
+        f"output directory {directory}: cannot be {what} ({error.strerror}): "
         "choose another with hydra.run.dir=PATH"
     )
 

@@ -9,7 +9,7 @@ from itertools import count
 from pathlib import Path
 
 from lme.errors import InputError
-from runners.records.launch_record import LAUNCH, Launch, differences, read_launch, shortened, unwritable
+from runners.records.launch_record import LAUNCH, Launch, differences, read_launch, shortened, unusable
 
 ROOT = Path("outputs")
 _RESULTS = ("episodes.parquet", "study.journal")
@@ -77,10 +77,7 @@ def holds_run(directory: Path) -> bool:
     try:
         return _holds_run(directory)
     except OSError as error:
-        raise InputError(
-            f"output directory {directory}: cannot be read ({error.strerror}): "
-            "choose another with hydra.run.dir=PATH"
-        ) from error
+        raise unusable(directory, "read", error) from error
 
 
 def _holds_run(directory: Path) -> bool:
@@ -140,7 +137,7 @@ def _made(directory: Path, exist_ok: bool) -> Path:
     except FileExistsError as error:
         if not exist_ok and directory.is_dir():
             raise
-        raise unwritable(directory, error) from error
+        raise unusable(directory, "written", error) from error
     except OSError as error:
-        raise unwritable(directory, error) from error
+        raise unusable(directory, "written", error) from error
     return directory

@@ -1,0 +1,20 @@
+"""What Ctrl-C leaves: a run that can be resumed."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from runners.config.composer import resume_command
+
+
+@contextmanager
+def resume_hint(command: str, run_dir: Path) -> Iterator[None]:
+    """Print the command that resumes the run in `run_dir` if Ctrl-C ends the block."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        print(f"\nStopped. Go on with: {resume_command(command, run_dir)}", file=sys.stderr)
+        raise
