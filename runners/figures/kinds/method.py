@@ -157,8 +157,8 @@ def _about_blockage(seen: View) -> str:
     first, second = (math.degrees(abs(_between(end, seen.target))) for end in (E1, E2))
     return (
         f"The blue one blocks the way to the target T: ∠E₁OT = {first:.0f}°, ∠E₂OT = {second:.0f}°, so A is "
-        f"{'E₁' if np.array_equal(A, E1) else 'E₂'}. B lies on the ray OA, |AB| = r = {seen.radius:.2f} m, the "
-        "distance of the outline from the points."
+        f"{'E₁' if np.array_equal(A, E1) else 'E₂'}. B lies on the ray OA, |AB| = r = {seen.radius:.2f} m, as far as "
+        "the outline."
     )
 
 
