@@ -47,7 +47,7 @@ def finish(job: Job[ReportConfig], run_dirs: Sequence[Path]) -> None:
 
 
 def report(frame: pd.DataFrame, rows: Sequence[Row], run_dirs: Sequence[Path], place: Path) -> Report:
-    """Write the table and pictures of several runs into `place`, with the study of ablations and scales, if any.
+    """Write the table and pictures of several runs into `place`, and the studies that the records allow.
 
     frame: their records. rows: of their table.
     """
@@ -65,14 +65,19 @@ def report(frame: pd.DataFrame, rows: Sequence[Row], run_dirs: Sequence[Path], p
 
 
 def _studied(frame: pd.DataFrame, place: Path) -> Report:
-    """The studies of ablations and scales, if the records have any."""
-    from runners.analysis import ablation, sensitivity
+    """The studies of ablations, scales and values of a key, if the records have any."""
+    from runners.analysis import ablation, curves, sensitivity
     from runners.figures.reports.ablation import ablation_figure
+    from runners.figures.reports.curves import curves_figure
     from runners.figures.reports.sensitivity import sensitivity_figure
 
     files: list[Path] = []
     words: list[str] = []
-    for study, figure in ((ablation, ablation_figure), (sensitivity, sensitivity_figure)):
+    for study, figure in (
+        (ablation, ablation_figure),
+        (sensitivity, sensitivity_figure),
+        (curves, curves_figure),
+    ):
         found = study.studies(frame)
         if found:
             files += [*study.write(found, place), *figure(found, place)]

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 EXAMPLES = (
     "lme table outputs/eval/RUN",
     "lme table RUN1 RUN2 --format csv",
+    "lme table SWEEP1 SWEEP2 --into outputs/robustness",
 )
 
 
@@ -26,8 +27,8 @@ def main(argv: list[str]) -> int:
     frame = read_episodes(runs)
     rows = _rows(frame, runs, is_sweep=runs != arguments.runs[:1])
     _print(frame, rows, arguments.format)
-    if len(arguments.runs) == 1:
-        words = _rewrite(frame, rows, runs, arguments.runs[0])
+    if len(arguments.runs) == 1 or arguments.into:
+        words = _rewrite(frame, rows, runs, arguments.into or arguments.runs[0])
         for line in words if arguments.format == "rich" else []:
             print(line)
     return 0
@@ -38,10 +39,13 @@ def _parser() -> argparse.ArgumentParser:
         prog="lme table",
         description=__doc__,
         epilog="One run or sweep: its own files are written anew, not those of a sweep's jobs.\n"
-        "Several: nothing is written.\n\nexamples:\n  " + "\n  ".join(EXAMPLES),
+        "Several: nothing is written without --into.\n\nexamples:\n  " + "\n  ".join(EXAMPLES),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("runs", nargs="+", type=Path, metavar="RUN", help="a run's directory, or a sweep's")
+    parser.add_argument(
+        "--into", type=Path, metavar="DIR", help="write the tables and pictures of all runs there"
+    )
     parser.add_argument(
         "--format", choices=("rich", "md", "csv", "tex"), default="rich", help="default: rich"
     )
@@ -78,6 +82,7 @@ def _rewrite(frame: pd.DataFrame, rows: list[Row], runs: list[Path], place: Path
     from runners.experiments import sweeps
 
     try:
+        place.mkdir(parents=True, exist_ok=True)
         if runs != [place]:
             return sweeps.report(frame, rows, runs, place).words
         write_tables(frame, rows, place)

@@ -96,3 +96,22 @@ def test_several_runs_are_printed_and_nothing_is_written(tmp_path, capsys):
 def test_a_folder_without_records(tmp_path):
     with pytest.raises(InputError, match="holds no records: give a run directory"):
         table.main([str(tmp_path)])
+
+
+def test_several_runs_are_written_into_a_new_folder(tmp_path, capsys):
+    for name, worlds in (("one", (200, 201)), ("two", (202, 203))):
+        write_run(tmp_path / name, worlds=worlds)
+    place = tmp_path / "both" / "of"
+    assert (
+        table.main([str(tmp_path / "one"), str(tmp_path / "two"), "--into", str(place), "--format", "md"])
+        == 0
+    )
+    assert capsys.readouterr().out in (place / "table.md").read_text(encoding="utf-8")
+    assert not (tmp_path / "one" / "table.md").exists()
+
+
+def test_a_folder_that_cannot_be_made_is_named(tmp_path):
+    write_run(tmp_path / "one")
+    (tmp_path / "file").touch()
+    with pytest.raises(InputError, match=r"cannot write to .*file"):
+        table.main([str(tmp_path / "one"), "--into", str(tmp_path / "file" / "below")])
