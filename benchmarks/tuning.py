@@ -1,6 +1,6 @@
-"""Tunes every baseline in the same way, and writes the shipped conf/planner/*_tuned.yaml.
+"""Tunes every baseline in the same way, and writes the shipped conf/planner/*_tuned.yaml or *_skid.yaml.
 
-    python -m benchmarks.tuning [PLANNER …] [--seed 0]
+    python -m benchmarks.tuning [PLANNER …] [--seed 0] [--variant tuned|skid]
 
 Each takes one `lme train +experiment=tune guide=… planner=…`: 600 episodes on fresh BARN worlds, none official.
 """
@@ -23,6 +23,10 @@ GUIDES = {  # of the published systems
     "eband": "global_path",
     "motion_tubes": "global_path",
 }
+VARIANTS = {  # of a planner's file: for which robot, and the words that choose it
+    "tuned": ("Jackal", ()),
+    "skid": ("Gazebo's Jackal in sim=skid", ("robot=jackal_gazebo", "sim=skid")),
+}
 DIGITS = 4  # significant digits of a shipped value
 OUT = Path("outputs") / "tuning"
 
@@ -34,32 +38,35 @@ def main() -> None:
         "planners", nargs="*", choices=[*GUIDES, []], metavar="PLANNER", help=", ".join(GUIDES)
     )
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--variant", choices=VARIANTS, default="tuned")
     given = parser.parse_args()
     for planner in given.planners or GUIDES:
-        print(tune(planner, given.seed), flush=True)
+        print(tune(planner, given.variant, given.seed), flush=True)
 
 
-def tune(planner: str, seed: int) -> Path:
-    """Run or resume the search, and write the YAML file with the values found."""
-    words = ["train", "+experiment=tune", f"guide={GUIDES[planner]}", f"planner={planner}", f"seed={seed}"]
-    place = OUT / f"{planner}-{seed}"
+def tune(planner: str, name: str, seed: int) -> Path:
+    """Run or resume the search, and write the YAML file with the values found. name: of the variant."""
+    pair = [f"guide={GUIDES[planner]}", f"planner={planner}"]
+    words = ["train", "+experiment=tune", *pair, *VARIANTS[name][1], f"seed={seed}"]
+    place = OUT / f"{planner}-{name}-{seed}"
     options = [f"hydra.run.dir={place}", "resume=true", "tracking=none"]
     subprocess.run([sys.executable, "-m", "runners.cli.main", *words, *options], check=True)
     found = yaml.safe_load((place / "weights.yaml").read_text(encoding="utf-8"))
-    path = resource_dir("conf") / "planner" / f"{planner}_tuned.yaml"
-    path.write_text(variant(planner, found, " ".join(["lme", *words])), encoding="utf-8")
+    path = resource_dir("conf") / "planner" / f"{planner}_{name}.yaml"
+    text = variant(planner, VARIANTS[name][0], found, " ".join(["lme", *words]))
+    path.write_text(text, encoding="utf-8")
     return path
 
 
-def variant(planner: str, found: dict[str, Any], command: str) -> str:
-    """The text of the tuned YAML file: the planner's file with the values found, each beside the textbook value."""
+def variant(planner: str, robot: str, found: dict[str, Any], command: str) -> str:
+    """The text of the YAML file: the planner's file with the values found, each beside the textbook value."""
     own = (resource_dir("conf") / "planner" / f"{planner}.yaml").read_text(encoding="utf-8")
     title, before = own.splitlines()[0].removeprefix("# "), yaml.safe_load(own)
     settings = {key.removeprefix("planner."): value for key, value in found["settings"].items()}
     values = "\n".join(
         f"{key}: {_short(value)}  # textbook: {_short(before[key])}" for key, value in settings.items()
     )
-    return f"""# {title.partition(":")[0]}, tuned for Jackal on fresh BARN worlds
+    return f"""# {title.partition(":")[0]}, tuned for {robot} on fresh BARN worlds
 # Found by {command}
 # Reward {found["reward"]:.3f} on {len(found["configurations"])} worlds, trial {found["trial"]} of {found["trials"]}
 defaults:
