@@ -22,7 +22,11 @@ from lme.worlds.barn.generator import (
     occupancy,
     official_recipes,
 )
+from lme.worlds.barn.measures import HARDEST_THIRD, barn_measures, difficulty
 from lme.worlds.barn.path import inflated, middle_path, random_path
+
+_SETTINGS = tuple(itertools.product(FILLS, SMOOTHINGS))
+_HARD = 0x68617264  # keeps the streams of hard worlds apart from those of the others
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,6 +47,10 @@ class Layout:
         """Share of filled cells, without the first and last row, which are always filled."""
         return float(self.grid[1:-1].mean())
 
+    def measures(self) -> dict[str, float]:
+        """The five difficulty measures by name [cells]."""
+        return barn_measures(inflated(self.grid), self.path)
+
 
 def official_layout(number: int) -> Layout:
     """Official world 0…299, regenerated from its recipe."""
@@ -56,9 +64,16 @@ def fresh_layout(fresh_seed: int, index: int) -> Layout:
 
     `index` cycles through the benchmark's twelve settings. A world does not depend on which others are made.
     """
-    layout = generated_layout(_fresh_recipe(fresh_seed, index))
-    assert layout is not None, "only accepted recipes are returned"
-    return layout
+    return _accepted_layout(_fresh_recipe(fresh_seed, index))
+
+
+def hard_layout(fresh_seed: int, index: int) -> Layout:
+    """Fresh world `index` as hard as the hardest third of the official ones, by `lme.worlds.barn.measures.difficulty`.
+
+    The first such world of a random stream of its own, in which each world has one of the benchmark's twelve settings
+    at random. A world does not depend on which others are made.
+    """
+    return _accepted_layout(_hard_recipe(fresh_seed, index))
 
 
 def generated_layout(recipe: Recipe) -> Layout | None:
@@ -84,16 +99,35 @@ def published_layout(number: int, world_file: Path) -> Layout:
 
 @lru_cache(maxsize=4096)
 def _fresh_recipe(fresh_seed: int, index: int) -> Recipe:
-    """The first accepted recipe of a fresh world; in the densest settings one in hundreds is accepted."""
-    settings = list(itertools.product(FILLS, SMOOTHINGS))
-    fill, smoothings = settings[index % len(settings)]
+    return _first_accepted((fresh_seed, index), _SETTINGS[index % len(_SETTINGS)])
+
+
+@lru_cache(maxsize=4096)
+def _hard_recipe(fresh_seed: int, index: int) -> Recipe:
+    for candidate in itertools.count():
+        stream = (fresh_seed, index, _HARD, candidate)
+        draw = int(np.random.SeedSequence(stream).generate_state(1, np.uint64)[0])
+        recipe = _first_accepted(stream, _SETTINGS[draw % len(_SETTINGS)])
+        if difficulty(_accepted_layout(recipe).measures()) > HARDEST_THIRD:
+            return recipe
+    raise AssertionError("unreachable: the candidates are endless")
+
+
+def _first_accepted(stream: tuple[int, ...], setting: tuple[float, int]) -> Recipe:
+    """The first accepted recipe of a random stream; in the densest settings one in hundreds is accepted."""
     official = {recipe.seed for recipe in official_recipes().values()}
     for attempt in itertools.count():
-        entropy = np.random.SeedSequence([fresh_seed, index, attempt])
-        recipe = Recipe(int(entropy.generate_state(1, np.uint64)[0]), fill, smoothings)
+        entropy = np.random.SeedSequence([*stream, attempt])
+        recipe = Recipe(int(entropy.generate_state(1, np.uint64)[0]), *setting)
         if recipe.seed not in official and generated_layout(recipe) is not None:
             return recipe
     raise AssertionError("unreachable: the attempts are endless")
+
+
+def _accepted_layout(recipe: Recipe) -> Layout:
+    layout = generated_layout(recipe)
+    assert layout is not None, "only accepted recipes are returned"
+    return layout
 
 
 def _matching_recipe(number: int, cylinders: Floats) -> Recipe | None:
