@@ -47,7 +47,7 @@ CLAIMS = {  # in the order of the paper's figure
     "no_maintenance": Claim(None, "an important role, a lower success rate"),
 }
 MOST = 3
-ALMOST = 0.02  # of success rate; ASSUMED: "almost no effect" up to two deviations of the published rate over runs (.009)
+ALMOST = 0.02  # of success rate: "almost no effect". ASSUMED: two deviations of the published rate over runs (.009)
 _ANSWERS = {"yes": "Agrees", "in part": "Agrees in part", "no": "Does not agree", "open": "Open"}
 FEWEST = 20  # worlds needed for a verdict if no difference is beyond the noise
 LEAST_P = 0.001  # smaller ones are shown as less than this
