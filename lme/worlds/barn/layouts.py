@@ -22,11 +22,10 @@ from lme.worlds.barn.generator import (
     occupancy,
     official_recipes,
 )
-from lme.worlds.barn.measures import HARDEST_THIRD, barn_measures, difficulty
+from lme.worlds.barn.measures import barn_measures
 from lme.worlds.barn.path import inflated, middle_path, random_path
 
-_SETTINGS = tuple(itertools.product(FILLS, SMOOTHINGS))
-_HARD = 0x68617264  # keeps the streams of hard worlds apart from those of the others
+SETTINGS = tuple(itertools.product(FILLS, SMOOTHINGS))  # the benchmark's twelve
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,16 +63,7 @@ def fresh_layout(fresh_seed: int, index: int) -> Layout:
 
     `index` cycles through the benchmark's twelve settings. A world does not depend on which others are made.
     """
-    return _accepted_layout(_fresh_recipe(fresh_seed, index))
-
-
-def hard_layout(fresh_seed: int, index: int) -> Layout:
-    """Fresh world `index` as hard as the hardest third of the official ones, by `lme.worlds.barn.measures.difficulty`.
-
-    The first such world of a random stream of its own, in which each world has one of the benchmark's twelve settings
-    at random. A world does not depend on which others are made.
-    """
-    return _accepted_layout(_hard_recipe(fresh_seed, index))
+    return accepted_layout(_fresh_recipe(fresh_seed, index))
 
 
 def generated_layout(recipe: Recipe) -> Layout | None:
@@ -81,6 +71,24 @@ def generated_layout(recipe: Recipe) -> Layout | None:
     grid, rng = occupancy(recipe)
     path = random_path(inflated(grid), rng)
     return None if path is None else Layout(cylinders_of(grid), grid, path, recipe)
+
+
+def first_accepted(stream: tuple[int, ...], setting: tuple[float, int]) -> Recipe:
+    """The first accepted recipe of a random stream; in the densest settings one in hundreds is accepted."""
+    official = {recipe.seed for recipe in official_recipes().values()}
+    for attempt in itertools.count():
+        entropy = np.random.SeedSequence([*stream, attempt])
+        recipe = Recipe(int(entropy.generate_state(1, np.uint64)[0]), *setting)
+        if recipe.seed not in official and generated_layout(recipe) is not None:
+            return recipe
+    raise AssertionError("unreachable: the attempts are endless")
+
+
+def accepted_layout(recipe: Recipe) -> Layout:
+    """The world of a recipe that has a way through."""
+    layout = generated_layout(recipe)
+    assert layout is not None, "only accepted recipes are returned"
+    return layout
 
 
 def published_layout(number: int, world_file: Path) -> Layout:
@@ -99,35 +107,7 @@ def published_layout(number: int, world_file: Path) -> Layout:
 
 @lru_cache(maxsize=4096)
 def _fresh_recipe(fresh_seed: int, index: int) -> Recipe:
-    return _first_accepted((fresh_seed, index), _SETTINGS[index % len(_SETTINGS)])
-
-
-@lru_cache(maxsize=4096)
-def _hard_recipe(fresh_seed: int, index: int) -> Recipe:
-    for candidate in itertools.count():
-        stream = (fresh_seed, index, _HARD, candidate)
-        draw = int(np.random.SeedSequence(stream).generate_state(1, np.uint64)[0])
-        recipe = _first_accepted(stream, _SETTINGS[draw % len(_SETTINGS)])
-        if difficulty(_accepted_layout(recipe).measures()) > HARDEST_THIRD:
-            return recipe
-    raise AssertionError("unreachable: the candidates are endless")
-
-
-def _first_accepted(stream: tuple[int, ...], setting: tuple[float, int]) -> Recipe:
-    """The first accepted recipe of a random stream; in the densest settings one in hundreds is accepted."""
-    official = {recipe.seed for recipe in official_recipes().values()}
-    for attempt in itertools.count():
-        entropy = np.random.SeedSequence([*stream, attempt])
-        recipe = Recipe(int(entropy.generate_state(1, np.uint64)[0]), *setting)
-        if recipe.seed not in official and generated_layout(recipe) is not None:
-            return recipe
-    raise AssertionError("unreachable: the attempts are endless")
-
-
-def _accepted_layout(recipe: Recipe) -> Layout:
-    layout = generated_layout(recipe)
-    assert layout is not None, "only accepted recipes are returned"
-    return layout
+    return first_accepted((fresh_seed, index), SETTINGS[index % len(SETTINGS)])
 
 
 def _matching_recipe(number: int, cylinders: Floats) -> Recipe | None:

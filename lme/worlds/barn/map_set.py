@@ -16,7 +16,8 @@ from lme.errors import InputError, nearest, require
 from lme.types import Pose
 from lme.worlds.barn.files import find_worlds
 from lme.worlds.barn.generator import official_recipes
-from lme.worlds.barn.layouts import Layout, fresh_layout, hard_layout, official_layout, published_layout
+from lme.worlds.barn.hard import hard_layout
+from lme.worlds.barn.layouts import Layout, fresh_layout, official_layout, published_layout
 from lme.worlds.barn.path import OPTIMAL_SPEED_M_S, benchmark_length
 from lme.worlds.barn.subsets import FRESH, OFFICIAL, SUBSETS
 from lme.worlds.rules import TaskRules, check_chosen

@@ -7,7 +7,6 @@ Source: Perille et al. 2020, arXiv:2008.13315, section on difficulty metrics.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 
 import numpy as np
 
@@ -27,15 +26,6 @@ _SIXTEEN = (
 )
 _DISPERSION_CELLS = 3
 
-# Mean and standard deviation over the 300 official worlds of the measures that follow the benchmark's order of
-# difficulty, each with a correlation of about −0.55 [cells].
-_OFFICIAL = {
-    "closest_wall": (2.3711, 0.9258),
-    "avg_visibility": (5.9045, 2.0415),
-    "characteristic_dimension": (4.0526, 2.6587),
-}
-HARDEST_THIRD = 0.583  # the difficulty that 100 of the 300 official worlds exceed
-
 Walls = list[list[bool]]
 
 
@@ -48,15 +38,6 @@ def barn_measures(blocked: Bools, path: Ints) -> dict[str, float]:
         "characteristic_dimension": characteristic_dimension(blocked, path),
         "tortuosity": tortuosity(path),
     }
-
-
-def difficulty(measures: Mapping[str, float]) -> float:
-    """How hard a world is: the mean of three measures, each in standard deviations below its official mean.
-
-    Closest wall, visibility and characteristic dimension, with equal weights: 0 for the mean of the official worlds,
-    larger for narrower ones. measures: of `barn_measures`.
-    """
-    return _mean([(mean - measures[name]) / std for name, (mean, std) in _OFFICIAL.items()])
 
 
 def closest_wall(blocked: Bools, path: Ints) -> float:
