@@ -1,4 +1,4 @@
-"""Metrics of one episode and of many: the paper's, and SPL and Wilson's interval beside them."""
+"""Metrics of one episode and of many: the paper's, and SPL and intervals beside them."""
 
 from __future__ import annotations
 
@@ -54,10 +54,11 @@ def reward(outcome: Outcome | str, steps: int, max_steps: int, crash: float, tim
     return penalties[outcome]
 
 
-def wilson_interval(successes: int, n: int, z: float = Z_95) -> tuple[float, float]:
+def wilson_interval(successes: float, n: float, z: float = Z_95) -> tuple[float, float]:
     """Wilson's confidence interval of a proportion: (low, high) in [0, 1]; (0, 1) if n is 0.
 
-    z: quantile of the standard normal; the default gives 95 %. Raises InputError unless 0 ≤ successes ≤ n.
+    z: quantile of the standard normal; the default gives 95 %. An effective number of trials need not be whole.
+    Raises InputError unless 0 ≤ successes ≤ n.
     Wilson 1927, DOI 10.1080/01621459.1927.10502953.
     """
     if not 0 <= successes <= n:
@@ -72,6 +73,34 @@ def wilson_interval(successes: int, n: int, z: float = Z_95) -> tuple[float, flo
     low = 0.0 if successes == 0 else max(0.0, centre - half)
     high = 1.0 if successes == n else min(1.0, centre + half)
     return low, high
+
+
+def interval_over_worlds(successes: ArrayLike, worlds: ArrayLike) -> tuple[float, float]:
+    """95 % interval of the success rate with worlds as independent, since runs of one world are not: (low, high).
+
+    successes: (N,) booleans. worlds: (N,) world of each episode. Wilson's interval with the effective number of
+    episodes: that of independent ones whose rate would vary as much as this one does between worlds. It lies between
+    the number of worlds, for runs that always agree, and N. One run of each world gives Wilson's interval itself.
+    Unlike a bootstrap over worlds it does not shrink to nothing where all succeed or all fail: the effective number is
+    then that of runs that always agree. Raises InputError if the shapes differ.
+    Recommended for clustered data by Franco, Little, Louis and Slud 2019, PMC6690503.
+    """
+    successes, worlds = np.asarray(successes, dtype=np.float64), np.asarray(worlds)
+    if successes.shape != worlds.shape:
+        raise InputError(f"successes has shape {successes.shape}, worlds {worlds.shape}: must be the same")
+    n = successes.size
+    if n == 0:
+        return wilson_interval(0, 0)
+    _, index = np.unique(worlds, return_inverse=True)
+    runs, hits = np.bincount(index), np.bincount(index, weights=successes)
+    rate = float(hits.sum()) / n
+    if rate in (0.0, 1.0):
+        effective = n**2 / float((runs**2).sum())  # the number of worlds, if all have as many runs
+    else:
+        # the variance of the rate, by worlds, as if it were that of `effective` independent episodes
+        variance = float(((hits - rate * runs) ** 2).sum()) / n**2
+        effective = rate * (1 - rate) / max(variance, rate * (1 - rate) / n)
+    return wilson_interval(rate * effective, effective)
 
 
 def mean_std_over_runs(values: ArrayLike, runs: ArrayLike) -> tuple[float, float]:

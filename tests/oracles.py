@@ -1,6 +1,7 @@
 """Slow obvious twins of the kernels: plain numpy and scipy, every pair looked at."""
 
 import numpy as np
+from scipy import stats
 from scipy.spatial import cKDTree
 
 
@@ -141,3 +142,19 @@ def _to_segment(point, start, end):
     length = along @ along
     part = np.clip((point - start) @ along / length, 0, 1) if length > 0 else 0.0
     return np.linalg.norm(point - start - part * along)
+
+
+def slow_interval_over_worlds(successes, worlds):
+    """Wilson's interval with the effective number of episodes, world by world."""
+    n, rate = len(successes), sum(successes) / len(successes)
+    by_world = {world: [s for s, w in zip(successes, worlds, strict=True) if w == world] for world in worlds}
+    between = sum((sum(runs) - rate * len(runs)) ** 2 for runs in by_world.values()) / n**2
+    if 0 < rate < 1:
+        effective = n if between == 0 else min(n, rate * (1 - rate) / between)
+    else:
+        effective = n**2 / sum(len(runs) ** 2 for runs in by_world.values())
+
+    # Wilson: the p whose distance to the rate is z of its own standard errors, (rate − p)² = z² p (1 − p) / effective
+    square = stats.norm.ppf(0.975) ** 2 / effective
+    low, high = sorted(np.roots([1 + square, -(2 * rate + square), rate**2]).real)
+    return low, high

@@ -6,11 +6,13 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 from runners.config.systems import System
+from runners.records.planned import WORLDS, planned
 
 if TYPE_CHECKING:
     import pandas as pd
 
 PUBLISHED_IN = {"barn": "Gazebo"}  # the paper ran its other maps in ROS Stage
+BARN_SUBSET = "lab100"  # the worlds of the paper's BARN figures, as far as is known
 
 
 class PublishedSetting(NamedTuple):
@@ -43,13 +45,15 @@ def setting_of(group: pd.DataFrame) -> PublishedSetting | None:
     """The setting whose published figures can be compared with these records; None if no figures can.
 
     Only the complete method is compared, with any weights and no changed key, on all worlds of the map; on BARN on
-    the hundred hard ones.
+    BARN_SUBSET.
     """
     known = [key for key in ("ablation", "scale", "changes", "map", "subset", "robot") if key in group]
     first = {key: str(group[key].iloc[0]) for key in known}
     whole = first.get("ablation", "none") == "none" and not (first.get("scale") or first.get("changes"))
-    same_worlds = first.get("subset", "") == ("hard100" if first.get("map") == "barn" else "")
-    return PublishedSetting(first.get("map", ""), first.get("robot", "")) if whole and same_worlds else None
+    same_worlds = first.get("subset", "") == (BARN_SUBSET if first.get("map") == "barn" else "")
+    all_worlds = group["world"].nunique() >= planned(group, WORLDS)
+    comparable = whole and same_worlds and all_worlds
+    return PublishedSetting(first.get("map", ""), first.get("robot", "")) if comparable else None
 
 
 def notes(maps: set[str]) -> list[str]:
@@ -59,7 +63,9 @@ def notes(maps: set[str]) -> list[str]:
         others = " and ".join(sorted({PUBLISHED_IN.get(name, "ROS Stage") for name in maps}))
         lines.append(f"Ours ran in this project's 2D simulator, the published ones in {others}.")
     if "barn" in maps:
-        lines.append("The paper does not list its hundred worlds; ours are hard100, worlds 200\u2013299.")
+        lines.append(
+            f"The paper does not list its hundred worlds; ours are {BARN_SUBSET}, those of its lab's test script."
+        )
     return lines
 
 

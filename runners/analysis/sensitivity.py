@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from runners.analysis import paired
 from runners.analysis.paired import METRIC, SUCCESS, Block, Difference, signed
-from runners.analysis.summary import DASH, TIMES, Row, title
+from runners.analysis.summary import DASH, INTERVAL_NOTE, TIMES, Row, title
 from runners.config.weights import scale_from_words
 from runners.records.launch_record import read_launch
 from runners.records.whole_file import write_whole
@@ -23,7 +23,7 @@ NAMES = {SUCCESS: "success", METRIC: "BARN metric"}
 NOTES = (
     "Range: the highest minus the lowest success rate over the factors, 1 included. Bold: differs from that at 1 "
     "beyond the noise, in brackets by how much.",
-    "The picture's band: Wilson's 95 % interval.",
+    f"The picture's band: 95 %, {INTERVAL_NOTE}",
 )
 
 

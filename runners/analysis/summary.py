@@ -11,10 +11,11 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
-from lme.metrics import mean_std_over_runs, wilson_interval
+from lme.metrics import interval_over_worlds, mean_std_over_runs
 from runners.analysis import published
 from runners.config.systems import System
 from runners.config.systems import systems as named_systems
+from runners.records.planned import EPISODES, WORLDS, planned
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -43,6 +44,7 @@ GROUP_KEYS = ("ablation", "weights", "scale", "sim", "robot", "map", "subset", "
 SETTING = ("robot", "map", "subset", "seed")  # the same for all systems of a fair comparison
 TIMES, DASH = "\u00d7", "\u2013"  # typographic signs that look like letters
 INTERVAL_HEADER = "95 % CI"
+INTERVAL_NOTE = "Wilson interval of the success rate; worlds are independent, runs of one world are not."
 GLOBAL_PLANNER = {"": "no", "observed": "yes", "known": "yes, true map"}  # by the guide's global_map
 NAMED = (
     "ablation",
@@ -58,8 +60,9 @@ class Row:
     """One line of the table.
 
     keys: values that distinguish this row from others, by column. stats: (mean, std over runs) by metric; std is NaN
-    for a single run. interval: Wilson's 95 % interval of the success rate. global_planner: a value of
-    GLOBAL_PLANNER. changes: "key=value, …" of keys, other than `keys`, that differ from the files of their options.
+    for a single run. interval: 95 % interval of the success rate. global_planner: a value of GLOBAL_PLANNER.
+    changes: "key=value, …" of keys, other than `keys`, that differ from the files of their options. unfinished: how
+    much of what was planned was driven, such as "12 of 100 worlds"; empty if all.
     """
 
     label: str
@@ -72,11 +75,12 @@ class Row:
     interval: tuple[float, float] | None = None
     published_map: str | None = None
     changes: str = ""
+    unfinished: str = ""
 
     @property
-    def complete(self) -> bool:
-        """Whether every world has every run."""
-        return self.episodes is None or self.episodes == (self.worlds or 0) * (self.runs or 0)
+    def name(self) -> str:
+        """What the table calls the row: its label, with what it lacks."""
+        return f"{self.label}, {self.unfinished}" if self.unfinished else self.label
 
 
 def summarise(
@@ -113,7 +117,7 @@ def metrics(frame: pd.DataFrame) -> dict[str, float]:
 def measure(group: pd.DataFrame, system: str, keys: dict[str, str]) -> Row:
     """The row of the table for these records. keys: values that distinguish it from other rows, by column."""
     successes = group["outcome"] == "success"
-    runs = int(group["run"].nunique())
+    worlds, runs = int(group["world"].nunique()), int(group["run"].nunique())
     stats = {}
     for metric in METRICS:
         column = _metric_column(group, metric.key)
@@ -127,10 +131,11 @@ def measure(group: pd.DataFrame, system: str, keys: dict[str, str]) -> Row:
         stats=stats,
         global_planner=_global_planner(group),
         episodes=len(group),
-        worlds=int(group["world"].nunique()),
+        worlds=worlds,
         runs=runs,
-        interval=wilson_interval(int(successes.sum()), len(group)),
+        interval=interval_over_worlds(successes, group["world"]),
         changes=_changes(group, keys),
+        unfinished=_unfinished(group, worlds, runs),
     )
 
 
@@ -162,13 +167,12 @@ def notes(rows: Sequence[Row]) -> list[str]:
     lines = []
     if any(row.runs is not None and row.runs > 1 for row in rows):
         lines.append("± is the standard deviation over runs.")
-    lines.append(f"{INTERVAL_HEADER}: Wilson interval of the success rate.")
+    lines.append(f"{INTERVAL_HEADER}: {INTERVAL_NOTE}")
     lines.append("Time and path are means over successful episodes.")
     lines += changed_notes(rows)
     lines += published.notes({row.published_map for row in rows if row.published_map})
-    unfinished = [row.label for row in rows if not row.complete]
-    if unfinished:
-        lines.append(f"Not finished, some worlds lack runs: {', '.join(dict.fromkeys(unfinished))}.")
+    if any(row.unfinished for row in rows):
+        lines.append("Not finished where a row says how much of it was driven; its figures are of that part.")
     return lines
 
 
@@ -229,6 +233,15 @@ def _published_row(found: published.Figures, setting: published.PublishedSetting
         global_planner=GLOBAL_PLANNER["observed" if found.global_planner else ""],
         published_map=setting.map,
     )
+
+
+def _unfinished(group: pd.DataFrame, worlds: int, runs: int) -> str:
+    """ "12 of 100 worlds", or "250 of 300 episodes" where no world is missing; empty for a finished run."""
+    all_worlds = max(worlds, planned(group, WORLDS))
+    if worlds < all_worlds:
+        return f"{worlds} of {all_worlds} worlds"
+    all_episodes = max(worlds * runs, planned(group, EPISODES))
+    return f"{len(group)} of {all_episodes} episodes" if len(group) < all_episodes else ""
 
 
 def _global_planner(group: pd.DataFrame) -> str:

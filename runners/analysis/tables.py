@@ -55,7 +55,7 @@ def to_csv(rows: Sequence[Row]) -> str:
     for row, value in zip(rows, values, strict=True):
         keys = [*row.keys.values(), *[row.changes] * changed]
         counts = (row.global_planner, row.episodes, row.worlds, row.runs)
-        writer.writerow([row.label, *keys, *counts, *(value.get(name) for name in names)])
+        writer.writerow([row.name, *keys, *counts, *(value.get(name) for name in names)])
     return text.getvalue()
 
 
@@ -148,7 +148,7 @@ def _cells(rows: Sequence[Row], plus_minus: str, to: str = DASH) -> list[list[st
         interval = MISSING if row.interval is None else f"{row.interval[0]:.3f}{to}{row.interval[1]:.3f}"
         episodes = MISSING if row.episodes is None else str(row.episodes)
         values = [value or MISSING for value in row.keys.values()]
-        lines.append([row.label, *values, first, interval, *others, episodes])
+        lines.append([row.name, *values, first, interval, *others, episodes])
     if _compares_planners(rows):
         for line, cell in zip(lines, ["Global planner", *(row.global_planner for row in rows)], strict=True):
             line.append(cell)

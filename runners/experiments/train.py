@@ -104,7 +104,7 @@ def training_maps(config: TrainConfig, worlds: list[int]) -> MapSet:
     except InputError as error:
         raise InputError(
             f"training_numbers is {config.training_numbers}: must be worlds that the map has, such as "
-            f"[0,199] beside map=barn's hard100 ({error})"
+            f"[0,299] beside map=barn's lab100 ({error})"
         ) from error
 
 

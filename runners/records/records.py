@@ -31,6 +31,7 @@ from runners.records.parquet import (
     trajectory_table,
     write_table,
 )
+from runners.records.planned import planned_columns
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -204,16 +205,17 @@ def _log_entries(run_dir: Path) -> list[LogEntry]:
     return list(read_log(run_dir / APPEND_LOG))
 
 
-def _run_columns(run_dirs: Sequence[Path]) -> list[dict[str, str]]:
+def _run_columns(run_dirs: Sequence[Path]) -> list[dict[str, object]]:
     """For each run, the columns that its launch record adds to its episodes."""
     launches = [read_launch(run_dir) for run_dir in run_dirs]
     changed = dict.fromkeys(key for launch in launches if launch for key in launch.changes[0])
     return [{} if launch is None else _columns_of(launch, changed) for launch in launches]
 
 
-def _columns_of(launch: Launch, changed: Iterable[str]) -> dict[str, str]:
+def _columns_of(launch: Launch, changed: Iterable[str]) -> dict[str, object]:
     """sim: the simulator. scale: factors on parameters. changes: keys that have other values than the files of the
-    chosen options, in words. Every key that some run has `changed` is a column too, by its dotted name.
+    chosen options, in words. Every key that some run has `changed` is a column too, by its dotted name. So are the
+    numbers of worlds and episodes that the run was to drive.
     """
     values = dict(flatten(launch.configs[0]))
     return {
@@ -221,4 +223,5 @@ def _columns_of(launch: Launch, changed: Iterable[str]) -> dict[str, str]:
         "scale": scale_in_words(launch.configs[0].get("scale", {})),
         "changes": in_words(launch.changes[0]),
         **{key: str(values.get(key, "")) for key in changed},
+        **planned_columns(launch),
     }

@@ -9,8 +9,16 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from lme.errors import InputError
-from lme.metrics import barn_metric, mean_std_over_runs, reward, spl, wilson_interval
+from lme.metrics import (
+    barn_metric,
+    interval_over_worlds,
+    mean_std_over_runs,
+    reward,
+    spl,
+    wilson_interval,
+)
 from lme.types import Outcome
+from tests.oracles import slow_interval_over_worlds
 from tests.tolerances import KERNEL
 
 lengths = st.floats(0.01, 1e3)
@@ -92,6 +100,51 @@ def test_wilson_interval_is_scipys(successes, failures):
 def test_wilson_interval_refuses_more_successes_than_trials():
     with pytest.raises(InputError, match="successes is 4 of n = 3"):
         wilson_interval(4, 3)
+
+
+@given(st.lists(st.tuples(st.integers(0, 4), st.booleans()), min_size=1, max_size=40))
+def test_interval_over_worlds_is_its_slow_twin(episodes):
+    worlds, successes = zip(*episodes, strict=True)
+    low, high = interval_over_worlds(successes, worlds)
+    assert (low, high) == pytest.approx(slow_interval_over_worlds(successes, worlds), abs=KERNEL)
+    assert 0.0 <= low <= high <= 1.0
+
+
+@given(st.lists(st.booleans(), min_size=1, max_size=60), st.integers(1, 5))
+def test_runs_that_always_agree_count_once(successes, runs):
+    worlds = np.arange(len(successes))
+    once = wilson_interval(sum(successes), len(successes))
+    assert interval_over_worlds(successes, worlds) == pytest.approx(once, abs=KERNEL)
+    again = interval_over_worlds(np.repeat(successes, runs), np.repeat(worlds, runs))
+    assert again == pytest.approx(once, abs=KERNEL)
+
+
+def test_interval_over_worlds_holds_the_rate_as_often_as_it_says():
+    """Three runs in each of a hundred worlds, most of which always or never succeed: Wilson over episodes is narrow."""
+    rng = np.random.default_rng(0)
+    worlds, held, held_by_episodes = np.repeat(np.arange(100), 3), 0, 0
+    for _ in range(1000):
+        success = rng.random(300) < rng.beta(0.9, 0.1, 100)[worlds]
+        low, high = interval_over_worlds(success, worlds)
+        held += low <= 0.9 <= high
+        low, high = wilson_interval(int(success.sum()), 300)
+        held_by_episodes += low <= 0.9 <= high
+    assert 0.93 <= held / 1000 <= 0.97
+    assert held_by_episodes / 1000 < 0.85
+
+
+def test_interval_over_worlds_agrees_with_a_bootstrap_over_worlds_where_that_works():
+    rng = np.random.default_rng(1)
+    success = rng.random((400, 3)) < rng.beta(3.0, 3.0, (400, 1))
+    rates = success.mean(axis=1)[rng.integers(400, size=(4000, 400))].mean(axis=1)
+    found = interval_over_worlds(success.ravel(), np.repeat(np.arange(400), 3))
+    assert found == pytest.approx(np.quantile(rates, [0.025, 0.975]), abs=0.004)
+
+
+def test_interval_over_worlds_of_nothing_and_of_unequal_lengths():
+    assert interval_over_worlds([], []) == (0.0, 1.0)
+    with pytest.raises(InputError, match="shape"):
+        interval_over_worlds([True], [0, 1])
 
 
 def test_mean_and_std_over_runs_reproduce_the_papers_deviation():

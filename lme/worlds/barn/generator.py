@@ -101,9 +101,19 @@ def _first_fill(rng: random.Random, fill: float) -> Bools:
     """The first grid: the first and last row are filled without a draw, the other cells are drawn one by one."""
     grid = np.ones((GRID_CELLS, GRID_CELLS), dtype=np.bool_)
     inner = GRID_CELLS - 2
-    draws = np.array([rng.random() for _ in range(inner * GRID_CELLS)])
-    grid[1:-1] = draws.reshape(inner, GRID_CELLS) < fill
+    grid[1:-1] = _draws(rng, inner * GRID_CELLS).reshape(inner, GRID_CELLS) < fill
     return grid
+
+
+def _draws(rng: random.Random, count: int) -> Floats:
+    """The next `count` values of `rng.random()`, several times as fast: fresh worlds take hundreds of attempts.
+
+    A value is made of the upper 27 and 26 bits of two 32-bit words; `getrandbits` gives the same words, first the
+    least significant ones.
+    """
+    words = np.frombuffer(rng.getrandbits(64 * count).to_bytes(8 * count, "little"), dtype="<u4")
+    upper, lower = words[::2] >> 5, words[1::2] >> 6
+    return (upper * 2.0**26 + lower) / 2.0**53
 
 
 def _smoothed(grid: Bools) -> Bools:

@@ -22,7 +22,10 @@ from lme.worlds.barn.generator import (
     occupancy,
     official_recipes,
 )
+from lme.worlds.barn.measures import barn_measures
 from lme.worlds.barn.path import inflated, middle_path, random_path
+
+SETTINGS = tuple(itertools.product(FILLS, SMOOTHINGS))  # the benchmark's twelve
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,6 +46,10 @@ class Layout:
         """Share of filled cells, without the first and last row, which are always filled."""
         return float(self.grid[1:-1].mean())
 
+    def measures(self) -> dict[str, float]:
+        """The five difficulty measures by name [cells]."""
+        return barn_measures(inflated(self.grid), self.path)
+
 
 def official_layout(number: int) -> Layout:
     """Official world 0…299, regenerated from its recipe."""
@@ -56,9 +63,7 @@ def fresh_layout(fresh_seed: int, index: int) -> Layout:
 
     `index` cycles through the benchmark's twelve settings. A world does not depend on which others are made.
     """
-    layout = generated_layout(_fresh_recipe(fresh_seed, index))
-    assert layout is not None, "only accepted recipes are returned"
-    return layout
+    return accepted_layout(_fresh_recipe(fresh_seed, index))
 
 
 def generated_layout(recipe: Recipe) -> Layout | None:
@@ -66,6 +71,24 @@ def generated_layout(recipe: Recipe) -> Layout | None:
     grid, rng = occupancy(recipe)
     path = random_path(inflated(grid), rng)
     return None if path is None else Layout(cylinders_of(grid), grid, path, recipe)
+
+
+def first_accepted(stream: tuple[int, ...], setting: tuple[float, int]) -> Recipe:
+    """The first accepted recipe of a random stream; in the densest settings one in hundreds is accepted."""
+    official = {recipe.seed for recipe in official_recipes().values()}
+    for attempt in itertools.count():
+        entropy = np.random.SeedSequence([*stream, attempt])
+        recipe = Recipe(int(entropy.generate_state(1, np.uint64)[0]), *setting)
+        if recipe.seed not in official and generated_layout(recipe) is not None:
+            return recipe
+    raise AssertionError("unreachable: the attempts are endless")
+
+
+def accepted_layout(recipe: Recipe) -> Layout:
+    """The world of a recipe that has a way through."""
+    layout = generated_layout(recipe)
+    assert layout is not None, "only accepted recipes are returned"
+    return layout
 
 
 def published_layout(number: int, world_file: Path) -> Layout:
@@ -84,16 +107,7 @@ def published_layout(number: int, world_file: Path) -> Layout:
 
 @lru_cache(maxsize=4096)
 def _fresh_recipe(fresh_seed: int, index: int) -> Recipe:
-    """The first accepted recipe of a fresh world; in the densest settings one in hundreds is accepted."""
-    settings = list(itertools.product(FILLS, SMOOTHINGS))
-    fill, smoothings = settings[index % len(settings)]
-    official = {recipe.seed for recipe in official_recipes().values()}
-    for attempt in itertools.count():
-        entropy = np.random.SeedSequence([fresh_seed, index, attempt])
-        recipe = Recipe(int(entropy.generate_state(1, np.uint64)[0]), fill, smoothings)
-        if recipe.seed not in official and generated_layout(recipe) is not None:
-            return recipe
-    raise AssertionError("unreachable: the attempts are endless")
+    return first_accepted((fresh_seed, index), SETTINGS[index % len(SETTINGS)])
 
 
 def _matching_recipe(number: int, cylinders: Floats) -> Recipe | None:

@@ -1,5 +1,6 @@
 """The BARN benchmark: the 300 official worlds, published files, or new worlds of the same kind.
 
+Subsets of the official worlds come in the order of their numbers, which is the benchmark's order of difficulty.
 Protocol: the benchmark's `run.py` (Daffan/the-barn-challenge); worlds: Perille et al. 2020, arXiv:2008.13315.
 """
 
@@ -15,23 +16,21 @@ from lme.errors import InputError, nearest, require
 from lme.types import Pose
 from lme.worlds.barn.files import find_worlds
 from lme.worlds.barn.generator import official_recipes
+from lme.worlds.barn.hard import hard_layout
 from lme.worlds.barn.layouts import Layout, fresh_layout, official_layout, published_layout
-from lme.worlds.barn.measures import barn_measures
-from lme.worlds.barn.path import OPTIMAL_SPEED_M_S, benchmark_length, inflated
+from lme.worlds.barn.path import OPTIMAL_SPEED_M_S, benchmark_length
+from lme.worlds.barn.subsets import FRESH, OFFICIAL, SUBSETS
 from lme.worlds.rules import TaskRules, check_chosen
 from lme.worlds.world import Task, World
 
-SUBSETS = ("all", "official50", "hard100", "fresh")
 FIRST_FRESH = 1000  # number of the first fresh world, so that records never mix them with official ones
-
-_OFFICIAL = {"all": range(300), "official50": range(0, 300, 6), "hard100": range(200, 300)}
 
 
 @dataclass(slots=True)
 class BarnConfig(TaskRules):
     """Keys of `conf/map/barn.yaml`."""
 
-    subset: str = "hard100"  # all | official50 | hard100 | fresh
+    subset: str = "lab100"  # all | official50 | lab100 | hard100 | fresh | fresh_hard
     source: str | None = None  # folder with the published files; None: regenerate them
     count: int = 100  # how many fresh worlds
     fresh_seed: int = 0  # seed of the fresh worlds
@@ -47,9 +46,9 @@ class BarnConfig(TaskRules):
             raise InputError(
                 f"map.subset is {self.subset!r}: {nearest(self.subset, SUBSETS)}must be one of {', '.join(SUBSETS)}"
             )
-        if self.subset == "fresh" and self.source is not None:
+        if self.subset in FRESH and self.source is not None:
             raise InputError(
-                f"map.source is {self.source}: must be null with map.subset=fresh, which is generated"
+                f"map.source is {self.source}: must be null with map.subset={self.subset}, which is generated"
             )
         require("map.count", self.count, at_least=1)
         require("map.fresh_seed", self.fresh_seed, at_least=0)
@@ -82,8 +81,9 @@ class Barn:
         check_chosen(number, self._numbers, "world", "barn")
         if self._files is not None:
             return published_layout(number, self._files[number])
-        if self.config.subset == "fresh":
-            return fresh_layout(self.config.fresh_seed, number - FIRST_FRESH)
+        if self.config.subset in FRESH:
+            generate = hard_layout if self.config.subset == "fresh_hard" else fresh_layout
+            return generate(self.config.fresh_seed, number - FIRST_FRESH)
         return official_layout(number)
 
     def _task(self, number: int, layout: Layout) -> Task:
@@ -109,16 +109,16 @@ class Barn:
 
     def _subset(self) -> Iterable[int]:
         config = self.config
-        if config.subset == "fresh":
+        if config.subset in FRESH:
             return range(FIRST_FRESH, FIRST_FRESH + config.count)
         if self._files is not None and config.subset == "all":
             return self._files
-        return _OFFICIAL[config.subset]
+        return OFFICIAL[config.subset]()
 
     def _has(self, number: int) -> bool:
         if self._files is not None:
             return number in self._files
-        return number >= FIRST_FRESH if self.config.subset == "fresh" else number in official_recipes()
+        return number >= FIRST_FRESH if self.config.subset in FRESH else number in official_recipes()
 
     def _absence(self, absent: list[int]) -> str:
         config = self.config
@@ -126,7 +126,9 @@ class Barn:
         if self._files is not None:
             key = f"map.subset is {config.subset!r}" if config.worlds is None else "map.worlds"
             return f"{key} asks for worlds that map.source {config.source} does not hold: {some}"
-        right = f"from {FIRST_FRESH} on with map.subset=fresh" if config.subset == "fresh" else "0 to 299"
+        right = (
+            f"from {FIRST_FRESH} on with map.subset={config.subset}" if config.subset in FRESH else "0 to 299"
+        )
         return f"map.worlds asks for {some}: must be {right}"
 
 
@@ -134,7 +136,7 @@ def _measures(layout: Layout) -> dict[str, float]:
     """Cylinders, fill, the five difficulty measures, and the recipe's smoothings if the recipe is known."""
     smoothings = {} if layout.recipe is None else {"smoothings": float(layout.recipe.smoothings)}
     counts = {"cylinders": float(len(layout.cylinders)), "fill": layout.fill}
-    return {**counts, **smoothings, **barn_measures(inflated(layout.grid), layout.path)}
+    return {**counts, **smoothings, **layout.measures()}
 
 
 def _check_numbers(key: str, values: list[float], right: str, count: int) -> None:

@@ -95,7 +95,7 @@ def path_digest(path: Ints) -> str:
 
 def _path_through(blocked: Bools, choose: Callable[[list[int]], int]) -> Ints | None:
     """Path from the first column to the last, in the region that is the largest at both; None if none is."""
-    if blocked[:, 0].all() or blocked[:, -1].all():
+    if blocked.all(axis=0).any():  # a closed column; most attempts at a dense world end here
         return None
     regions, count = ndimage.label(~blocked)
     sizes = np.bincount(regions.ravel(), minlength=count + 1)

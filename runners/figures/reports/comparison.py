@@ -127,7 +127,7 @@ def _notes(rows: Sequence[Row]) -> list[str]:
 
 
 def _name(row: Row) -> str:
-    parts = [row.label, *(f"{key} {value}" for key, value in row.keys.items() if value)]
+    parts = [row.name, *(f"{key} {value}" for key, value in row.keys.items() if value)]
     return f" {DASH} ".join(parts) + ("" if row.global_planner == "no" else " *")
 
 

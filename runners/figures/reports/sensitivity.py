@@ -23,9 +23,9 @@ TICK_GAP = 0.16  # least gap between two labelled factors, relative to the span 
 _SUCCESS: dict[str, Any] = {"color": BLUE, "linestyle": "-", "linewidth": 1.4, "marker": "o"}
 _METRIC: dict[str, Any] = {"color": VERMILION, "linestyle": "--", "linewidth": 1.2, "marker": "s"}
 NOTES = (
-    "Factor on one parameter, the others kept; its own value in the title. Band: 95 %, Wilson. Filled: differs from "
-    "that at 1 beyond the\nnoise (paired by world, Holm-adjusted sign-flip p < 0.05). Dashed: success with all "
-    "parameters as they are."
+    "Factor on one parameter, the others kept; its own value in the title. Band: 95 % over worlds, Wilson. "
+    "Filled: differs\nfrom that at 1 beyond the noise (paired by world, Holm-adjusted sign-flip p < 0.05). Dashed: "
+    "success with all parameters as they are."
 )
 
 
@@ -77,7 +77,7 @@ def _panel(axes: Axes, curve: Curve, places: dict[float, float]) -> None:
 
 
 def _band(axes: Axes, points: Sequence[Point], places: dict[float, float]) -> None:
-    """Draw Wilson's interval of the success rates as a band; for factor 0, which is apart, as a bar."""
+    """Draw the interval of the success rates as a band; for factor 0, which is apart, as a bar."""
     bounds = [(places[point.factor], *(point.row.interval or (math.nan, math.nan))) for point in points]
     alone, curve = (bounds[:1], bounds[1:]) if points[0].factor == 0 else ([], bounds)
     x, low, high = zip(*curve, strict=True)

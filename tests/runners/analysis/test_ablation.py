@@ -22,7 +22,7 @@ AS_THE_PAPER_SAYS = {
 
 def sweep(rates, runs=2, worlds=100, **columns):
     """The easiest share of the worlds succeeds in every run."""
-    about = {"robot": "jackal", "map": "barn", "subset": "hard100", **columns}
+    about = {"robot": "jackal", "map": "barn", "subset": "lab100", **columns}
     parts = [
         episodes(np.arange(worlds) < rate * worlds, runs, ablation=name, run_dir=name, **about)
         for name, rate in rates.items()
@@ -51,7 +51,7 @@ def test_the_experiment_is_the_figures():
         *ablation.CLAIMS,
     ]
     assert {(job.map.subset, job.runs, job.robot.name) for job in found.configs.values()} == {
-        ("hard100", 3, "jackal")
+        ("lab100", 3, "jackal")
     }
 
 
@@ -77,6 +77,29 @@ def test_what_is_otherwise_does_not_agree(name, rate, agrees, why):
     variant = next(each for each in study.variants if each.ablation == name)
     assert variant.agrees == agrees
     assert why in variant.words
+
+
+def test_almost_no_effect_is_not_none_where_there_are_worlds_enough_to_tell():
+    (study,) = ablation.studies(sweep({"none": 0.9, "no_a_dev": 0.885}, worlds=600, runs=1))
+    variant = study.variants[1]
+    assert variant.change["success"].beyond_noise
+    assert variant.agrees == "yes"
+    assert "a change beyond the noise, but not beyond 0.02" in variant.words
+
+
+@pytest.mark.parametrize(
+    ("name", "maps", "runs", "robot"),
+    [("ablation_fresh", None, 1, "jackal"), ("ablation_stage", "env1,env2", 3, "stage")],
+)
+def test_the_figures_variants_elsewhere(name, maps, runs, robot):
+    schema.register()
+    with Composer("eval") as composer:
+        config = composer.compose([f"experiment={name}"])
+    params = config.hydra.sweeper.params
+    assert params.ablation.split(",") == ["none", *ablation.CLAIMS]
+    assert (params.get("map"), config.runs, config.robot.name) == (maps, runs, robot)
+    if maps is None:
+        assert (config.map.subset, config.map.count) == ("fresh_hard", 300)
 
 
 def test_the_most_significant_is_not_so_where_another_loses_more():
@@ -176,7 +199,7 @@ def test_files(tmp_path):
     lines = list(csv.DictReader(table.open(encoding="utf-8")))
     assert [line["ablation"] for line in lines] == ["none", *ablation.CLAIMS]
     assert float(lines[3]["success_difference"]) == pytest.approx(-0.8)
-    assert float(lines[3]["success_low"]) == pytest.approx(wilson_interval(20, 200)[0])
+    assert float(lines[3]["success_low"]) == pytest.approx(wilson_interval(10, 100)[0])
     assert float(lines[3]["success_difference_low"]) < -0.8 < float(lines[3]["success_difference_high"])
     assert (lines[0]["success_difference"], lines[3]["agrees"]) == ("", "yes")
 

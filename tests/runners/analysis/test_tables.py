@@ -8,6 +8,7 @@ import pandas as pd
 import pytest
 import yaml
 
+from lme.metrics import wilson_interval
 from lme.resources import resource_dir
 from runners.analysis import tables
 from runners.analysis.summary import DASH, metrics, notes, summarise, title
@@ -38,7 +39,7 @@ def records(outcomes=("success",) * 9 + ("collision",), runs=2, **columns):
                     "weights": "published",
                     "robot": "jackal",
                     "map": "barn",
-                    "subset": "hard100",
+                    "subset": "lab100",
                     "seed": 0,
                     "world": 200 + index,
                     "run": run,
@@ -69,7 +70,8 @@ def test_figures_by_hand():
         "spl": (0.68, 0.04),
     }
     assert ours.stats == {name: pytest.approx(values) for name, values in expected.items()}
-    assert ours.interval == pytest.approx((0.6396, 0.9476), abs=5e-5)
+    # By world 1, 2 × 8 and 0 of 2: as 0.85 · 0.15 / ((0.7² + 8 · 0.3² + 1.7²) / 20²) = 12.4 independent episodes.
+    assert ours.interval == pytest.approx(wilson_interval(0.85 * 12.439, 12.439), abs=5e-5)
 
 
 def test_one_run_has_no_deviation():
@@ -88,6 +90,9 @@ def test_one_run_has_no_deviation():
         ({"map": "env1", "subset": "custom", "robot": "stage"}, False),
         ({"robot": "go2"}, False),
         ({"subset": "official50"}, False),
+        ({"subset": "hard100"}, False),
+        ({"planned_worlds": 11, "planned_episodes": 22}, False),
+        ({"planned_worlds": 10, "planned_episodes": 30}, True),
         ({"ablation": "no_c_o"}, False),
         ({"weights": "mine"}, True),
         ({"map": "elsewhere"}, False),
@@ -115,14 +120,14 @@ def test_what_varies_becomes_a_column():
     frames = [
         records(ablation=name, run_dir=name, subset=subset)
         for name in ablations
-        for subset in ("hard100", "official50")
+        for subset in ("lab100", "official50")
     ]
     rows = summarise(pd.concat(frames), systems=SYSTEMS)
     assert {tuple(row.keys) for row in rows} == {("ablation", "subset")}
     assert [tuple(row.keys.values()) for row in rows if row.published_map is None] == [
-        (name, subset) for name in ablations for subset in ("hard100", "official50")
+        (name, subset) for name in ablations for subset in ("lab100", "official50")
     ]
-    assert [row.keys for row in rows if row.published_map] == [{"ablation": "", "subset": "hard100"}]
+    assert [row.keys for row in rows if row.published_map] == [{"ablation": "", "subset": "lab100"}]
 
 
 def test_a_swept_key_that_no_record_holds_is_a_column():
@@ -177,7 +182,7 @@ def test_all_that_differs_between_two_runs_is_a_column():
 def test_robot_and_map_are_columns_where_systems_differ_in_them():
     frames = [records(), records(run_dir="two", system="Other", robot="go2", map="env1", subset="")]
     rows = summarise(pd.concat(frames), systems={})
-    assert [tuple(row.keys.values()) for row in rows] == [("jackal", "barn", "hard100"), ("go2", "env1", "")]
+    assert [tuple(row.keys.values()) for row in rows] == [("jackal", "barn", "lab100"), ("go2", "env1", "")]
 
 
 def test_two_runs_of_one_config_are_not_added_up():
@@ -193,12 +198,30 @@ def test_an_ablation_alone_is_still_named():
     assert rows[0].keys == {"ablation": "no_c_o"}
 
 
-def test_an_unfinished_run_says_so():
-    frame = records()
-    assert not any("Not finished" in note for note in notes(summarise(frame, systems=SYSTEMS)))
-    assert "Not finished, some worlds lack runs: LME (ours)." in notes(
-        summarise(frame.iloc[:-1], systems=SYSTEMS)
-    )
+@pytest.mark.parametrize(
+    ("kept", "planned", "name"),
+    [
+        (20, {}, "LME (ours)"),
+        (20, {"planned_worlds": 10, "planned_episodes": 20}, "LME (ours)"),
+        (19, {}, "LME (ours), 19 of 20 episodes"),
+        (20, {"planned_worlds": 10, "planned_episodes": 30}, "LME (ours), 20 of 30 episodes"),
+        (4, {"planned_worlds": 10, "planned_episodes": 20}, "LME (ours), 4 of 10 worlds"),
+    ],
+)
+def test_a_row_says_how_much_of_an_unfinished_run_was_driven(kept, planned, name):
+    frame = records(**planned).iloc[:kept]
+    rows = summarise(frame, systems={})
+    assert [row.name for row in rows] == [name]
+    assert any("Not finished" in note for note in notes(rows)) == ("of" in name)
+    for text in (to_markdown(rows), tables.to_csv(rows), to_latex(rows), to_html(rows)):
+        assert name in text
+
+
+def test_runs_of_different_worlds_in_one_row_were_to_drive_all_of_them():
+    one = records(runs=1, planned_worlds=10, planned_episodes=10)
+    two = one.assign(world=one["world"] + 50, run_dir="two")
+    assert [row.unfinished for row in summarise(pd.concat([one, two]), systems={})] == [""]
+    assert summarise(pd.concat([one, two.iloc[:3]]), systems={})[0].unfinished == "13 of 20 worlds"
 
 
 def test_order_of_records_does_not_matter():
@@ -215,7 +238,7 @@ def test_markdown():
     table = dict(zip(lines[0], zip(*lines[2:], strict=True), strict=True))
     assert table["System"] == ("LME (ours)", "LME (published)")
     assert table["Success"] == ("0.850 ± 0.050", "0.883 ± 0.009")
-    assert table["95 % CI"] == (f"0.640{DASH}0.948", DASH)
+    assert table["95 % CI"] == (f"0.575{DASH}0.960", DASH)
     assert table["Time [s]"] == ("14.2", DASH)
     assert table["n"] == ("20", DASH)
     assert len({len(line) for line in lines}) == 1
@@ -224,7 +247,7 @@ def test_markdown():
 def test_csv_holds_unrounded_numbers():
     rows = list(csv.DictReader(io.StringIO(tables.to_csv(summarise(records(), systems=SYSTEMS)))))
     assert float(rows[0]["success"]) == pytest.approx(0.85)
-    assert float(rows[0]["success_low"]) == pytest.approx(0.6396, abs=5e-5)
+    assert float(rows[0]["success_low"]) == pytest.approx(0.5753, abs=5e-5)
     assert (rows[1]["label"], rows[1]["success_std"], rows[1]["spl"]) == ("LME (published)", "0.0094", "")
 
 
@@ -269,14 +292,14 @@ def test_terminals_of_any_usual_width_show_every_cell_whole(width, ablations):
         *ablations[1:],
     ):
         assert word in text.split()
-    assert "barn · hard100 · jackal · 10 worlds" in text
+    assert "barn · lab100 · jackal · 10 worlds" in text
     assert max(map(len, text.splitlines())) <= width
 
 
 def test_files(tmp_path):
     paths = tables.write_tables(records(), summarise(records()), tmp_path)
     assert [path.name for path in paths] == ["table.md", "table.csv", "table.tex"]
-    assert paths[0].read_text(encoding="utf-8").startswith("**barn · hard100 · jackal · 10 worlds")
+    assert paths[0].read_text(encoding="utf-8").startswith("**barn · lab100 · jackal · 10 worlds")
     assert all(path.read_text(encoding="utf-8") for path in paths)
 
 

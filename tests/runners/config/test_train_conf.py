@@ -55,9 +55,20 @@ def test_the_space_holds_the_papers_eight_and_its_optimum(composer):
 
 def test_the_table1_experiment_is_one_study_and_two_maps(composer):
     config = composer.compose(["experiment=train/table1"])
-    assert list(config.held_out) == ["env1", "env2"]
-    assert config.held_out.env2.name == "env2"
+    limits = {name: (node.name, node.time_limit) for name, node in config.held_out.items()}
+    assert limits == {
+        "env1": ("env1", 40), "env2": ("env2", 40), "env1_60s": ("env1", 60), "env2_60s": ("env2", 60),
+        "env1_100s": ("env1", 100), "env2_100s": ("env2", 100),
+    }  # fmt: skip
     assert (config.map.name, config.runs, config.held_out.env2.configurations) == ("env1", 3, 50)
+
+
+def test_the_papers_own_search(composer):
+    """A Gaussian process with few initial points in a uniform space; evaluated as Table I."""
+    config = compose_job(composer, ["experiment=train/paper"]).config
+    assert config.search == {"_target_": "runners.search.Gp", "batch": 1, "startup": 3}
+    assert (config.trials, config.configurations, len(config.held_out)) == (150, 4, 6)
+    assert not any(found.log for found in read_space(config).values())
 
 
 # The space

@@ -100,7 +100,7 @@ def test_a_world_that_was_not_driven_is_named(sweep):
 def test_a_world_that_the_map_set_does_not_choose_is_driven_and_run_again(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     words = ["trajectories", "world=3", "moment=2", "hydra.run.dir=out", *WORDS]
-    assert main(["figure", *words]) == 0  # hard100 begins at 200
+    assert main(["figure", *words]) == 0  # no world of lab100
     assert main(["figure", "features", "run=out", "step=2", "formats=png", "hydra.run.dir=again"]) == 0
     assert Path("out/trajectories.png").is_file()
     assert Path("again/features.png").is_file()

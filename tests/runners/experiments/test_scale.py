@@ -108,7 +108,7 @@ def test_a_swept_scale_is_one_column(sweep):
 
 
 def test_one_run_with_factors_is_not_taken_for_one_without(sweep):
-    frame = read_episodes([sweep / "1"]).assign(ablation="none", subset="hard100")
+    frame = read_episodes([sweep / "1"]).assign(ablation="none", subset="lab100")
     (row, *published) = summarise(frame)
     assert row.keys["scale"] == "a_close × 0.5"
     assert published == []

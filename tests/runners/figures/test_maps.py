@@ -55,7 +55,7 @@ def test_sets_are_told_with_their_size_and_their_worlds(every_panel):
     details = {panel.name: panel.detail for panel in every_panel}
     assert details["env1"] == "10 × 10 m\n50 worlds"
     assert details["real1"] == "8 × 6 m\n20 worlds"
-    assert details["barn"] == "4.5 × 13 m\n100 worlds, subset hard100"
+    assert details["barn"] == "4.5 × 13 m\n100 worlds, subset lab100"
 
 
 def test_movers_are_hollow_where_they_start(every_panel):

@@ -17,10 +17,11 @@ def barn(**keys):
 
 
 def test_subsets():
-    assert barn().numbers == tuple(range(200, 300))
+    assert barn(subset="hard100").numbers == tuple(range(200, 300))
     assert barn(subset="all").numbers == tuple(range(300))
     assert barn(subset="official50").numbers == tuple(range(0, 300, 6))
     assert barn(subset="fresh", count=3).numbers == (1000, 1001, 1002)
+    assert barn(subset="fresh_hard", count=3).numbers == (1000, 1001, 1002)
     assert barn(worlds=[7, 3]).numbers == (7, 3)
     assert barn(subset="fresh", worlds=[1500]).numbers == (1500,)
 
@@ -44,8 +45,13 @@ def test_schema_composes_with_omegaconf():
     ("keys", "message"),
     [
         ({"subset": "hard10"}, r"map\.subset is 'hard10': did you mean hard100\? must be one of all, "),
-        ({"subset": "xyz"}, r"map\.subset is 'xyz': must be one of all, official50, hard100, fresh$"),
+        (
+            {"subset": "xyz"},
+            r"map\.subset is 'xyz': must be one of all, official50, lab100, hard100, fresh, fresh_hard$",
+        ),
         ({"subset": "fresh", "source": "here"}, r"map\.source is here: must be null"),
+        ({"subset": "fresh_hard", "source": "here"}, r"must be null with map\.subset=fresh_hard"),
+        ({"worlds": [5], "subset": "fresh_hard"}, r"5: must be from 1000 on with map\.subset=fresh_hard"),
         ({"count": 0}, r"map\.count is 0"),
         ({"fresh_seed": -1}, r"map\.fresh_seed is -1"),
         ({"goal_tolerance": 0.0}, r"map\.goal_tolerance is 0"),
@@ -72,7 +78,7 @@ def test_absent_numbers_of_a_source_are_named(tmp_path):
     with pytest.raises(
         InputError, match=r"'hard100' asks for worlds that .* does not hold: 200, 201, 202, 203, 204$"
     ):
-        barn(source=str(tmp_path))
+        barn(source=str(tmp_path), subset="hard100")
     with pytest.raises(InputError, match=r"does not hold: 0, 6, 12, 18, 24 and 30 more$"):
         barn(source=str(tmp_path), subset="official50")
     assert len(barn(source=str(tmp_path), subset="all").numbers) == 95
