@@ -33,11 +33,10 @@ class Figures(NamedTuple):
 def figures(systems: Mapping[str, System]) -> dict[tuple[str, PublishedSetting], Figures]:
     """Published figures by the name of the system in `conf/system/` and by setting."""
     return {
-        (name, PublishedSetting(map_name, given["robot"])): Figures(
-            system.label, system.global_planner, _stats(given)
-        )
+        (name, PublishedSetting(map_name, robot)): Figures(system.label, system.global_planner, _stats(given))
         for name, system in systems.items()
         for map_name, given in (system.published or {}).items()
+        for robot in given["robots"]
     }
 
 
@@ -74,5 +73,5 @@ def _stats(given: Mapping[str, Sequence[float]]) -> dict[str, tuple[float, float
     return {
         key: (float(values[0]), float(values[1]) if len(values) > 1 else float("nan"))
         for key, values in given.items()
-        if key != "robot"
+        if key != "robots"
     }

@@ -20,7 +20,7 @@ SHIPPED = (resource_dir("conf"),)
 class System:
     """A named pair. label: its name in tables. planner: None where only published figures exist.
 
-    global_planner: whether it plans on a map. published: by map, the robot and [mean, deviation] of each metric.
+    global_planner: whether it plans on a map. published: by map, the robots and [mean, deviation] of each metric.
     """
 
     label: str

@@ -16,8 +16,12 @@ from runners.analysis.tables import to_html, to_latex, to_markdown
 from runners.config.systems import System, systems
 
 FIGURES = {
-    "barn": {"robot": "jackal", "success": [0.883, 0.0094], "barn_metric": [0.419, 0.0084]},
-    "env1": {"robot": "stage", "success": [0.95, 0.01]},
+    "barn": {
+        "robots": ["jackal", "jackal_gazebo"],
+        "success": [0.883, 0.0094],
+        "barn_metric": [0.419, 0.0084],
+    },
+    "env1": {"robots": ["stage"], "success": [0.95, 0.01]},
 }
 SYSTEMS = {
     "lme": System("LME", "lme", "simple", published=FIGURES),
@@ -88,6 +92,7 @@ def test_one_run_has_no_deviation():
         ({}, True),
         ({"map": "env1", "subset": "", "robot": "stage"}, True),
         ({"map": "env1", "subset": "custom", "robot": "stage"}, False),
+        ({"robot": "jackal_gazebo"}, True),
         ({"robot": "go2"}, False),
         ({"subset": "official50"}, False),
         ({"subset": "hard100"}, False),
@@ -314,7 +319,9 @@ def test_rows_stand_in_the_order_asked_for_and_systems_not_driven_show_what_was_
             "global_path",
             None,
             global_planner=True,
-            published={"barn": {"robot": "jackal", "success": [0.653], "barn_metric": [0.288]}},
+            published={
+                "barn": {"robots": ["jackal", "jackal_gazebo"], "success": [0.653], "barn_metric": [0.288]}
+            },
         ),
     }
     frame = pd.concat([records(), records(system="Other", global_map="known", run_dir="two")])

@@ -198,9 +198,10 @@ def test_a_system_file_is_what_it_says(composer, option):
     assert isinstance(system.label, str)
     assert isinstance(system.global_planner, bool)
     for figures in (system.published or {}).values():
-        assert (CONF / "robot" / f"{figures.robot}.yaml").is_file()
+        assert figures.robots
+        assert all((CONF / "robot" / f"{robot}.yaml").is_file() for robot in figures.robots)
         rates = sum(figures[outcome][0] for outcome in ("success", "collision", "timeout"))
         assert rates == pytest.approx(1.0, abs=0.0101)  # rounded to two digits
         assert all(
-            0 <= deviation < 0.05 for key in figures if key != "robot" for deviation in figures[key][1:]
+            0 <= deviation < 0.05 for key in figures if key != "robots" for deviation in figures[key][1:]
         )
