@@ -37,7 +37,8 @@ def nearest_returns(
         if reach < best[s] or (reach == best[s] and not before):
             best[s] = reach
             points[s, 0], points[s, 1] = x, y
-    return _about_base(points, offset)
+    seen: Floats = _about_base(points, offset)
+    return seen
 
 
 @njit(cache=True, error_model="numpy")

@@ -32,10 +32,7 @@ class Network:
 
     def __init__(self, weights: Weights) -> None:
         self._alpha = float(weights["alpha"])
-        layers = [
-            tuple(np.ascontiguousarray(weights[f"{layer}.{part}"], np.float32) for part in ("kernel", "bias"))
-            for layer in LAYERS
-        ]
+        layers = [(_array(weights, f"{layer}.kernel"), _array(weights, f"{layer}.bias")) for layer in LAYERS]
         self._shared, self._joint, self._output = layers[:3], layers[3:-1], layers[-1]
 
     def mixture(self, directions: Floats, state: Floats) -> Mixture:
@@ -51,7 +48,8 @@ class Network:
         joint: NDArray[np.float32] = np.concatenate((features.max(axis=0), state.astype(np.float32)))[None]
         for kernel, bias in self._joint:
             joint = dense(joint, kernel, bias, _SLOPE)
-        output = dense(joint, *self._output, _NONE).astype(np.float64).reshape(COMPONENTS, MIXTURE)
+        kernel, bias = self._output
+        output = dense(joint, kernel, bias, _NONE).astype(np.float64).reshape(COMPONENTS, MIXTURE)
         return Mixture(output[:, 0], np.tanh(output[:, 1:3]))
 
 
@@ -65,3 +63,7 @@ def draw(mixture: Mixture, rng: np.random.Generator) -> Floats:
     chosen = int(np.searchsorted(odds, rng.random() * odds[-1], side="right"))
     means: Floats = mixture.means[min(chosen, COMPONENTS - 1)]
     return means
+
+
+def _array(weights: Weights, name: str) -> NDArray[np.float32]:
+    return np.ascontiguousarray(weights[name], np.float32)

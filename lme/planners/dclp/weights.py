@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import struct
 import zipfile
 from collections.abc import Mapping
 from pathlib import Path
@@ -19,6 +20,7 @@ DIRECTION_INPUTS, STATE_INPUTS = 6, 8
 COMPONENTS, MIXTURE = 4, 5  # of the mixture; logit, mean (2) and log deviation (2) of each
 CONVOLUTIONS, HIDDEN = (32, 64, 128), (128, 128, 128, 128)
 LAYERS = (*(f"convolution_{i}" for i in (1, 2, 3)), *(f"dense_{i}" for i in (1, 2, 3, 4)), "output")
+_DAMAGE = (zipfile.BadZipFile, EOFError, ValueError, RuntimeError, SyntaxError, OverflowError, struct.error)
 _BYTES_MAX = 2**20  # of an array with its header; the largest has 70 kB
 
 
@@ -76,8 +78,8 @@ def _array(archive: zipfile.ZipFile, name: str, path: Path) -> NDArray[np.float3
             f"{path}: {name} is missing: must hold the weights of a DCLP network; "
             "lme weights import writes such a file"
         ) from None
-    if info.file_size > _BYTES_MAX:
-        raise InputError(f"{path}: {name} has {info.file_size} bytes: must have at most {_BYTES_MAX}")
+    if info.file_size > _BYTES_MAX or info.compress_type != zipfile.ZIP_STORED:
+        raise InputError(f"{path}: {name} must have at most {_BYTES_MAX} bytes and not be compressed")
     with archive.open(info) as member:
         np.lib.format.read_magic(member)
         shape, by_columns, dtype = np.lib.format.read_array_header_1_0(member)
