@@ -66,7 +66,7 @@ class DclpConfig:
     weights: str | None = None  # path of an .npz
     no_return: float = 5.0  # [m] range of a beam without return
     blind_range: float = 5.0  # [m] range in a direction without beams
-    lookahead: float = 6.0  # [m] of the subgoal on a guide's path
+    lookahead: float = 2.0  # [m] of the subgoal on a guide's path
     told: Told = field(default_factory=Told)
 
     def __post_init__(self) -> None:

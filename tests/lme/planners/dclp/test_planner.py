@@ -107,7 +107,7 @@ def test_the_answer_is_scaled_by_what_is_told_and_limited_to_what_the_robot_can(
 )
 def test_along_a_path_the_goal_is_its_first_point_far_enough(file, length, blocked, goal):
     robot = stage()
-    planner, network = made(file, robot)
+    planner, network = made(file, robot, lookahead=6.0)
     path = np.column_stack((np.arange(0.0, length + 0.1, 0.25), np.zeros(round(length * 4) + 1)))
     planner.plan(observation(robot=robot), Guidance(np.array([1.0, 0.0]), path, blocked=blocked))
     assert network.state[0] == pytest.approx(goal)
