@@ -158,3 +158,37 @@ def slow_interval_over_worlds(successes, worlds):
     square = stats.norm.ppf(0.975) ** 2 / effective
     low, high = sorted(np.roots([1 + square, -(2 * rate + square), rate**2]).real)
     return low, high
+def crc32c(data):
+    """Bit by bit, as RFC 3720 says it."""
+    crc = 0xFFFFFFFF
+    for byte in data:
+        crc ^= byte
+        for _ in range(8):
+            crc = (crc >> 1) ^ (0x82F63B78 if crc & 1 else 0)
+    return crc ^ 0xFFFFFFFF
+
+
+def dense(inputs, kernel, bias, slope):
+    """A layer in float64."""
+    out = inputs.astype(np.float64) @ kernel.astype(np.float64) + bias
+    return np.where(out > 0, out, slope * out)
+
+
+def nearest_returns(ranges, sectors, angles, limits, unseen, offset):
+    """Every sector by itself: its beams counter-clockwise, the nearest of them, or the point of no beam."""
+    out = []
+    for s, point in enumerate(unseen):
+        beams = [i for i in range(len(ranges)) if sectors[i] == s]
+        if beams:
+            middle = np.arctan2(*unseen[s][::-1])
+            beams.sort(key=lambda i: np.remainder(angles[i] - middle + np.pi, 2 * np.pi))
+            reach = [
+                float(ranges[i]) if np.float32(limits[0]) <= ranges[i] < np.float32(limits[1]) else limits[2]
+                for i in beams
+            ]
+            k = int(np.argmin(reach))
+            point = reach[k] * np.array([np.cos(angles[beams[k]]), np.sin(angles[beams[k]])])
+        about = point + np.array(offset)
+        distance = np.hypot(*about)
+        out.append([*(about / distance if distance > 0 else (0.0, 0.0)), distance])
+    return np.array(out)

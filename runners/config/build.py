@@ -14,6 +14,7 @@ from lme.worlds.world import MapSet
 from runners.config import systems
 from runners.config.instantiate import build, configured
 from runners.config.schema import DriveConfig, EpisodesConfig, SystemConfig
+from runners.config.weights import with_network
 
 _CHECKED_TASKS = (
     20  # before anything runs; the others when they are driven, since a task may be slow to build
@@ -31,7 +32,8 @@ def map_set(config: DriveConfig, worlds: Sequence[int] | None = None) -> MapSet:
 def navigator(config: SystemConfig, robot: Robot | None = None) -> Navigator:
     """Guide and planner of a config, on its robot unless another is given."""
     robot = robot or config.robot
-    return Navigator(build(config.guide, "guide", robot), build(config.planner, "planner", robot))
+    planner = build(with_network(config.planner), "planner", robot)
+    return Navigator(build(config.guide, "guide", robot), planner)
 
 
 def simulator(config: DriveConfig) -> Simulator:

@@ -1,4 +1,4 @@
-"""Find learned parameters by name, by training run, or by file."""
+"""Find learned parameters by name, by training run, or by file; and networks by name or by file."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from runners.config.hydra_errors import unknown_key
 
 WEIGHTS = "weights.yaml"  # in the directory of a training run
 REGISTERED = Path("outputs") / "weights"
+IMPORT_NETWORK = "lme weights import dclp PATH NAME"
 TIMES = "\u00d7"  # a typographic sign that is easily taken for a letter
 
 
@@ -73,6 +74,25 @@ def find(weights: str) -> Path:
     raise InputError(
         f"weights is {weights!r}: {nearest(weights, known)}must be one of {', '.join(known)}, the directory of a "
         "training run, or the path of a weight file"
+    )
+
+
+def with_network(planner: Mapping[str, Any]) -> Mapping[str, Any]:
+    """A planner's config in which `weights`, if it is given, is the path of the network that it names."""
+    given = planner.get("weights")
+    return {**planner, "weights": str(find_network(given))} if isinstance(given, str) else planner
+
+
+def find_network(weights: str) -> Path:
+    """The network file that `planner.weights` names: in `outputs/weights/`, or by path. Raises InputError."""
+    registered = {path.stem: path for path in sorted(REGISTERED.glob("*.npz"))}
+    path = Path(weights).expanduser()
+    if weights in registered or path.is_file():
+        return registered.get(weights, path)
+    names = "".join(f"{name}, " for name in registered)
+    raise InputError(
+        f"planner.weights is {weights!r}: {nearest(weights, registered)}must be {names}or the path of an .npz; "
+        f"`{IMPORT_NETWORK}` makes one"
     )
 
 

@@ -14,14 +14,15 @@ from lme.navigator import Navigator
 from lme.sim.fast import FastConfig, FastSimulator
 from lme.types import Outcome, Pose, Twist
 from lme.worlds.world import World
-from runners.config import build, catalogue
+from runners.config import build, catalogue, weights
 from runners.config.overrides import CUSTOM
 from tests.builders import CLUTTER, SHIPPED, observation, room, task
 from tests.composing import jobs_of
+from tests.networks import network_file
 from tests.tolerances import KERNEL, MIRROR
 
 CATALOGUE = catalogue.shipped()
-TUNED_FOR = "jackal"  # planners whose name ends in _tuned
+TUNED_FOR = "jackal"  # planners whose name ends in _tuned, or that are told of this robot
 LME = ("lme", "lme_printed")  # after arrival it goes on
 GUIDES, PLANNERS = (
     [name for name in CATALOGUE.options(group) if name != CUSTOM] for group in ("guide", "planner")
@@ -29,10 +30,17 @@ GUIDES, PLANNERS = (
 SAME_CLASS = {("lme_printed", planner) for planner in PLANNERS if planner != "simple"}
 
 
+LEARNED = {
+    name for name in PLANNERS if "weights" in CATALOGUE.values(f"planner/{name}")
+}  # random networks here
+RANDOM = "random"  # the name of their weights
+TOLD = {"dclp_barn", "dclp_barn_global"}
+
+
 def cases():
     """Every robot with every guide and planner. The robots take turns, so that each meets each guide."""
     for (i, guide), (j, planner) in itertools.product(enumerate(GUIDES), enumerate(PLANNERS)):
-        tuned = planner.endswith("_tuned")
+        tuned = planner.endswith("_tuned") or planner in TOLD
         turn = TUNED_FOR if tuned else SHIPPED[(i + j) % len(SHIPPED)]
         for robot in (TUNED_FOR,) if tuned else SHIPPED:
             quick = robot == turn and (guide, planner) not in SAME_CLASS
@@ -52,10 +60,28 @@ NEAR = World(circles=np.array([[0.9, 0.25, 0.2], [0.7, -0.9, 0.2], [-0.2, 1.0, 0
 pytestmark = pytest.mark.parametrize(("robot", "guide", "planner"), list(cases()))
 
 
+@pytest.fixture(scope="module", autouse=True)
+def network(tmp_path_factory):
+    """Where learned planners look for weights there is a random network; none ship."""
+    with pytest.MonkeyPatch.context() as patch:
+        folder = tmp_path_factory.mktemp("weights")
+        patch.setattr(weights, "REGISTERED", folder)
+        network_file(folder / f"{RANDOM}.npz")
+        yield
+
+
+@pytest.fixture
+def drives(planner):
+    """For tests of good driving, which a random network knows nothing of."""
+    if planner in LEARNED:
+        pytest.skip("its network is random")
+
+
 @functools.cache
 def configs(robot, guide, planner):
     with jobs_of("eval") as job:
-        return job(f"robot={robot}", f"guide={guide}", f"planner={planner}").config
+        learned = [f"planner.weights={RANDOM}"] if planner in LEARNED else []
+        return job(f"robot={robot}", f"guide={guide}", f"planner={planner}", *learned).config
 
 
 def made(robot, guide, planner, margin=0.0):
@@ -84,6 +110,7 @@ def drive(machine, navigator: Navigator, world, goal, seconds, seed=0):
     return np.array(commands), np.array(twists), np.array(poses)
 
 
+@pytest.mark.usefixtures("drives")
 def test_an_empty_world_is_crossed_straight(robot, guide, planner):
     machine, navigator = made(robot, guide, planner)
     job = task(
@@ -97,6 +124,7 @@ def test_an_empty_world_is_crossed_straight(robot, guide, planner):
     assert np.abs(episode.trajectory[:, 2]).max() <= OFF_LINE_M.get(guide, OFF_LINE_OTHERS_M)
 
 
+@pytest.mark.usefixtures("drives")
 def test_it_comes_to_rest_at_the_goal(robot, guide, planner):
     if guide in LME:
         pytest.skip("LME knows no arrival: who runs it ends the episode at the goal (paper §III.A)")
@@ -117,6 +145,7 @@ def test_commands_keep_the_limits(robot, guide, planner):
     assert change[1] <= machine.alpha_omega * machine.dt + KERNEL
 
 
+@pytest.mark.usefixtures("drives")
 def test_a_mirrored_world_is_driven_through_mirrored(robot, guide, planner, monkeypatch):
     machine, navigator = made(robot, guide, planner)
     mirrored = World(circles=CLUTTER.circles * [1, -1, 1], segments=CLUTTER.segments * [1, -1, 1, -1])
@@ -175,6 +204,7 @@ def test_a_clockwise_scan_says_the_same(robot, guide, planner):
     assert np.array(commands[1]) == pytest.approx(np.array(commands[0]), abs=MIRROR)
 
 
+@pytest.mark.usefixtures("drives")
 def test_a_sealed_box_ends_in_time_out(robot, guide, planner):
     machine, navigator = made(robot, guide, planner, MARGIN_M)
     job = task(room(8.0 * machine.footprint.r_max), goal=(6.0, 0.3), time_limit=25.0)

@@ -1,0 +1,138 @@
+"""The tensors of a TensorFlow V2 checkpoint, read without TensorFlow.
+
+PREFIX.index is a LevelDB table of BundleEntryProto messages by tensor name; PREFIX.data-00000-of-00001 holds the
+raw tensors. Source: tensorflow/core/protobuf/tensor_bundle.proto.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lme.errors import InputError
+from lme.kernels.crc32c import crc32c
+from lme.planners.dclp import leveldb
+
+INDEX, SHARD = ".index", ".data-00000-of-00001"
+_SIZE_MAX = 64 * 2**20  # [bytes] of either file; the published checkpoint has 1.8 MB
+_FLOAT = 1  # DT_FLOAT
+_VARINT, _FIXED64, _BYTES, _FIXED32 = 0, 1, 2, 5  # wire types of protocol buffers
+_LITTLE = 0
+
+
+class Entry(NamedTuple):
+    """Where a tensor lies in the shard. dtype: TensorFlow's number; offset, size [bytes]; crc: masked."""
+
+    dtype: int
+    shape: tuple[int, ...]
+    shard: int
+    offset: int
+    size: int
+    crc: int
+
+
+def read_entries(prefix: Path) -> dict[str, Entry]:
+    """The entries of PREFIX.index by tensor name. Raises InputError, naming the file, for a wrong or damaged one."""
+    path = Path(f"{prefix}{INDEX}")
+    found: dict[str, Entry] = {}
+    try:
+        for key, value in leveldb.entries(_read(path), str(path)):
+            if key:
+                found[key.decode()] = _entry(value)
+            else:
+                _check_header(value)
+    except ValueError as error:
+        raise (
+            error if isinstance(error, InputError) else InputError(f"{path}: is damaged ({error})")
+        ) from None
+    return found
+
+
+def read_tensors(prefix: Path, entries: dict[str, Entry]) -> dict[str, NDArray[np.float32]]:
+    """The values of the tensors in PREFIX's shard, flat, each with its checksum verified.
+
+    Raises InputError, naming file and tensor, also for a tensor that is not float32.
+    """
+    path = Path(f"{prefix}{SHARD}")
+    data = _read(path)
+    return {name: _tensor(data, entry, f"{path}: {name}") for name, entry in entries.items()}
+
+
+def _tensor(data: bytes, entry: Entry, place: str) -> NDArray[np.float32]:
+    if entry.dtype != _FLOAT or entry.shard != 0 or entry.size != 4 * math.prod(entry.shape):
+        raise InputError(
+            f"{place}: must be of float32, in one shard, and as large as its shape {entry.shape}"
+        )
+    if entry.offset + entry.size > len(data):
+        raise InputError(f"{place}: lies behind the end of the file, which has {len(data)} bytes")
+    raw = data[entry.offset : entry.offset + entry.size]
+    if leveldb.masked(crc32c(raw)) != entry.crc:
+        raise InputError(f"{place}: its checksum is wrong, the file is damaged")
+    return np.frombuffer(raw, "<f4").astype(np.float32)
+
+
+def _read(path: Path) -> bytes:
+    try:
+        size = path.stat().st_size
+        if size > _SIZE_MAX:
+            raise InputError(f"{path}: has {size} bytes: must have at most {_SIZE_MAX}")
+        return path.read_bytes()
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror})") from None
+
+
+def _check_header(message: bytes) -> None:
+    """Raise ValueError unless the bundle has one shard and is little-endian."""
+    fields = dict(_fields(message))
+    if fields.get(1, 0) != 1 or fields.get(2, _LITTLE) != _LITTLE:
+        raise ValueError("a checkpoint must have one shard and be little-endian")
+
+
+def _entry(message: bytes) -> Entry:
+    fields = dict(_fields(message))
+    if 7 in fields:
+        raise ValueError("a tensor is cut into slices")
+    numbers = [fields.get(field, 0) for field in (1, 3, 4, 5, 6)]
+    shape = fields.get(2, b"")
+    if not isinstance(shape, bytes) or not all(isinstance(number, int) for number in numbers):
+        raise ValueError("an entry is malformed")
+    dtype, shard, offset, size, crc = (int(number) for number in numbers)
+    return Entry(dtype, _shape(shape), shard, offset, size, crc)
+
+
+def _shape(message: bytes) -> tuple[int, ...]:
+    """The sizes of a TensorShapeProto."""
+    sizes = []
+    for field, dimension in _fields(message):
+        if field == 2 and isinstance(dimension, bytes):
+            size = dict(_fields(dimension)).get(1, 0)
+            if not isinstance(size, int):
+                raise ValueError("a shape is malformed")
+            sizes.append(size)
+    return tuple(sizes)
+
+
+def _fields(message: bytes) -> Iterator[tuple[int, int | bytes]]:
+    """Numbers and values of the fields of a protocol buffer."""
+    at = 0
+    while at < len(message):
+        tag, at = leveldb.varint(message, at)
+        kind = tag & 7
+        if kind == _VARINT:
+            value, at = leveldb.varint(message, at)
+            yield tag >> 3, value
+            continue
+        if kind not in (_FIXED64, _BYTES, _FIXED32):
+            raise ValueError("an entry is malformed")
+        size = 8 if kind == _FIXED64 else 4
+        if kind == _BYTES:
+            size, at = leveldb.varint(message, at)
+        raw, at = message[at : at + size], at + size
+        if at > len(message):
+            raise ValueError("an entry is cut off")
+        yield tag >> 3, raw if kind == _BYTES else int.from_bytes(raw, "little")

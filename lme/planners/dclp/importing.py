@@ -1,0 +1,60 @@
+"""Import of the network that DRL-DCLP's authors published: a TensorFlow checkpoint, checked and reduced."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lme.errors import InputError
+from lme.planners.dclp.bundle import INDEX, SHARD, read_entries, read_tensors
+from lme.planners.dclp.weights import LAYERS, SHAPES
+
+_POLICY = "main/pi"  # the scope of the policy; critics and target networks lie beside it
+_LAYERS = ("conv1d", "conv1d_1", "conv1d_2", "dense", "dense_1", "dense_2", "dense_3", "dense_4")
+_ENDINGS = (INDEX, SHARD, ".meta")
+
+
+def tensor_names() -> dict[str, str]:
+    """The checkpoint's name of every array of `SHAPES`."""
+    names = {"alpha": f"{_POLICY}/Variable"}
+    for ours, theirs in zip(LAYERS, _LAYERS, strict=True):
+        names |= {f"{ours}.{part}": f"{_POLICY}/{theirs}/{part}" for part in ("kernel", "bias")}
+    return names
+
+
+def import_checkpoint(path: Path) -> dict[str, NDArray[np.float32]]:
+    """The policy's weights in a TensorFlow V2 checkpoint: the arrays of `SHAPES`.
+
+    path: what the checkpoint's files have in common, or one of them. Every tensor's checksum is verified, also
+    those of the critics. Raises InputError, naming file and tensor.
+    """
+    prefix = checkpoint_prefix(path)
+    entries, names = read_entries(prefix), tensor_names()
+    for name, tensor in names.items():
+        wanted = (
+            SHAPES[name]
+            if not name.startswith("convolution") or name.endswith("bias")
+            else (1, *SHAPES[name])
+        )
+        found = entries[tensor].shape if tensor in entries else None
+        if found != wanted:
+            what = "is missing" if found is None else f"has the shape {found}"
+            raise InputError(
+                f"{prefix}{INDEX}: {tensor} {what}: a DCLP network has one of {wanted}; is this its checkpoint?"
+            )
+    tensors = read_tensors(prefix, entries)
+    weights = {name: tensors[tensor].reshape(SHAPES[name]) for name, tensor in names.items()}
+    for name, array in weights.items():
+        if not np.isfinite(array).all():
+            raise InputError(f"{prefix}{SHARD}: {names[name]} holds values that are not finite")
+    return weights
+
+
+def checkpoint_prefix(path: Path) -> Path:
+    """What the names of a checkpoint's files have in common, from that or from one of the names."""
+    for ending in _ENDINGS:
+        if path.name.endswith(ending):
+            return path.with_name(path.name.removesuffix(ending))
+    return path

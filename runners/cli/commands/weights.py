@@ -1,0 +1,74 @@
+"""List learned weights, or import a published network."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from lme.errors import InputError
+
+EXAMPLES = (
+    "lme weights",
+    "lme weights import dclp network/configback540GMMdense101lambda0-100",
+    "lme weights import dclp network/configback540GMMdense101lambda0-100 published_dclp",
+)
+NETWORKS = ("dclp",)
+
+
+def main(argv: list[str]) -> int:
+    """`lme weights`, `lme weights import NETWORK PATH [NAME]`. Raises InputError for a wrong file or name."""
+    arguments = _parser().parse_args(argv)
+    arguments.run(arguments)
+    return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="lme weights",
+        description=f"{__doc__}\nlme eval takes parameters of LME as weights=NAME, a network as planner.weights=NAME.",
+        epilog="examples:\n  " + "\n  ".join(EXAMPLES),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.set_defaults(run=_list)
+    verbs = parser.add_subparsers(metavar="VERB")
+    bring = verbs.add_parser("import", help="check a network that its authors published, and keep it")
+    bring.add_argument("network", choices=NETWORKS, help="dclp: the TensorFlow V2 checkpoint of DRL-DCLP")
+    bring.add_argument("path", type=Path, help="the checkpoint: what its files' names have in common")
+    bring.add_argument("name", nargs="?", help="for planner.weights=; default: the network's name")
+    bring.set_defaults(run=_import)
+    return parser
+
+
+def _list(_: argparse.Namespace) -> None:
+    from runners.config import catalogue
+    from runners.config.weights import REGISTERED
+
+    for name in catalogue.shipped().options("weight_set"):
+        print(f"{name:<24}  weights={name}, ships with lme")
+    for key, ending in (("weights", "yaml"), ("planner.weights", "npz")):
+        for path in sorted(REGISTERED.glob(f"*.{ending}")):
+            print(f"{path.stem:<24}  {key}={path.stem}, {path}")
+
+
+def _import(arguments: argparse.Namespace) -> None:
+    from lme.planners.dclp.importing import import_checkpoint
+    from lme.planners.dclp.weights import write_weights
+    from runners.config.weights import REGISTERED
+    from runners.records.whole_file import replacing
+
+    name = arguments.name or arguments.network
+    if Path(name).name != name or name.startswith("."):
+        raise InputError(f"NAME is {name!r}: must be a plain file name without .npz")
+    path = REGISTERED / f"{name}.npz"
+    weights = import_checkpoint(arguments.path.expanduser())
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with replacing(path) as draft, draft.open("wb") as file:
+            write_weights(weights, file)
+    except OSError as error:
+        raise InputError(f"{path} cannot be written: {error.strerror or error}") from None
+    count = sum(array.size for array in weights.values())
+    print(
+        f"{path}: {count} weights, all checksums right. Drive: lme eval guide=target planner=dclp_barn "
+        f"planner.weights={name}"
+    )

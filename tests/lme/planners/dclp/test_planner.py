@@ -1,0 +1,137 @@
+"""DRL-DCLP with random weights: what the network is told, what is done with its answer, and what is refused."""
+
+import warnings
+
+import numpy as np
+import pytest
+
+from lme.errors import InputError
+from lme.planners.dclp.network import Mixture, Network, draw
+from lme.planners.dclp.planner import Dclp, DclpConfig, Told
+from lme.robots import Footprint
+from lme.types import Guidance, Twist
+from tests import oracles
+from tests.builders import observation, stage
+from tests.networks import network_file, random_weights
+from tests.tolerances import KERNEL, NETWORK
+
+TOLD = {"alpha_v": 3.0, "alpha_omega": 2.5}
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory):
+    return str(network_file(tmp_path_factory.mktemp("weights") / "random.npz"))
+
+
+class Recorder:
+    """A network that keeps what it is told and always answers the same."""
+
+    def __init__(self, means):
+        self.means = np.full((4, 2), means)
+
+    def mixture(self, directions, state):
+        self.directions, self.state = directions.copy(), state
+        return Mixture(np.zeros(4), self.means)
+
+
+def made(file, robot, means=(0.5, -0.25), **settings):
+    planner = Dclp(DclpConfig(weights=file, **settings), robot)
+    planner._network = network = Recorder(means)
+    planner.reset(np.random.default_rng(0))
+    return planner, network
+
+
+def test_the_network_by_hand():
+    """The layers in float64, one after the other."""
+    weights, rng = random_weights(), np.random.default_rng(1)
+    directions, state = rng.uniform(0.1, 3.0, (90, 6)), rng.normal(size=8)
+    x = directions.copy()
+    x[:, 2] = 1.0 / (x[:, 2] + weights["alpha"])
+    layer = lambda x, name, slope=0.2: oracles.dense(  # noqa: E731
+        x, weights[f"{name}.kernel"], weights[f"{name}.bias"], slope
+    )
+    for name in ("convolution_1", "convolution_2", "convolution_3"):
+        x = layer(x, name)
+    x = np.concatenate((x.max(axis=0), state))
+    for name in ("dense_1", "dense_2", "dense_3", "dense_4"):
+        x = layer(x, name)
+    out = layer(x, "output", 1.0).reshape(4, 5)
+    mixture = Network(weights).mixture(directions, state)
+    assert mixture.logits == pytest.approx(out[:, 0], abs=NETWORK)
+    assert mixture.means == pytest.approx(np.tanh(out[:, 1:3]), abs=NETWORK)
+
+
+def test_the_order_of_the_directions_means_nothing():
+    network, rng = Network(random_weights()), np.random.default_rng(2)
+    directions, state = rng.uniform(0.1, 3.0, (90, 6)), rng.normal(size=8)
+    one, other = network.mixture(directions, state), network.mixture(rng.permutation(directions), state)
+    np.testing.assert_array_equal(one.means, other.means)
+
+
+def test_components_are_drawn_by_their_probability():
+    odds = np.array([0.1, 0.2, 0.3, 0.4])
+    mixture = Mixture(np.log(odds) + 700.0, np.arange(8.0).reshape(4, 2))
+    rng = np.random.default_rng(0)
+    drawn = np.array([draw(mixture, rng)[0] / 2 for _ in range(4000)])
+    assert np.bincount(drawn.astype(int)) / 4000 == pytest.approx(odds, abs=0.03)
+
+
+def test_what_the_network_is_told(file):
+    robot = stage(footprint=Footprint(length=0.4, width=0.3))
+    planner, network = made(file, robot)
+    planner.plan(observation(twist=Twist(0.3, -0.1), robot=robot), Guidance(np.array([0.0, 2.0])))
+    assert network.state == pytest.approx([2.0, np.pi / 2, 0.3, -0.1, *robot.limits])
+    assert network.directions[7, 3:] == pytest.approx([0.2, 0.2, 0.15])
+
+
+def test_a_disc_is_told_as_a_square_and_settings_win(file):
+    robot = stage()
+    planner, network = made(file, robot, told=Told(v_max=0.4, rear=0.3, **TOLD))
+    planner.plan(observation(robot=robot), Guidance(np.array([1.0, 0.0])))
+    assert network.directions[0, 3:] == pytest.approx([0.2, 0.3, 0.2])
+    assert network.state[4:] == pytest.approx([0.4, robot.omega_max, 3.0, 2.5])
+
+
+def test_the_answer_is_scaled_by_what_is_told_and_limited_to_what_the_robot_can(file):
+    robot = stage()  # 0.4 m/s and 0.4 rad/s in a period
+    planner, _ = made(file, robot, told=Told(v_max=0.4))
+    command = planner.plan(observation(robot=robot), Guidance(np.array([1.0, 0.0])))
+    assert command == pytest.approx((0.5 * 0.4, -0.25 * robot.omega_max), abs=KERNEL)
+    planner, _ = made(file, robot, (-1.0, 1.0), told=Told(v_max=2.0))
+    command = planner.plan(observation(robot=robot), Guidance(np.array([1.0, 0.0])))
+    assert command == pytest.approx((-0.4, 0.4), abs=KERNEL)
+
+
+@pytest.mark.parametrize(
+    ("length", "blocked", "goal"), [(9.0, False, 6.0), (5.0, False, 5.0), (9.0, True, 1.0)]
+)
+def test_along_a_path_the_goal_is_its_first_point_far_enough(file, length, blocked, goal):
+    robot = stage()
+    planner, network = made(file, robot, lookahead=6.0)
+    path = np.column_stack((np.arange(0.0, length + 0.1, 0.25), np.zeros(round(length * 4) + 1)))
+    planner.plan(observation(robot=robot), Guidance(np.array([1.0, 0.0]), path, blocked=blocked))
+    assert network.state[0] == pytest.approx(goal)
+
+
+def test_without_weights(tmp_path):
+    with pytest.raises(InputError, match=r"planner\.weights is null: .*lme weights import dclp PATH NAME"):
+        Dclp(DclpConfig(), stage())
+    with pytest.raises(InputError, match=r"none\.npz: cannot be read"):
+        Dclp(DclpConfig(weights=str(tmp_path / "none.npz")), stage())
+
+
+@pytest.mark.parametrize(
+    ("settings", "says"),
+    [({"lookahead": 0.0}, "planner.lookahead is 0"), ({"told": {"front": -1.0}}, "planner.told.front is -1")],
+)
+def test_settings_that_cannot_be(settings, says):
+    with pytest.raises(InputError, match=says):
+        DclpConfig(**{**settings, **({"told": Told(**settings["told"])} if "told" in settings else {})})
+
+
+def test_a_robot_outside_of_the_training_is_named(file):
+    with pytest.warns(UserWarning, match=r"planner\.told\.alpha_v is 20: .* trained for 0\.5 to 5"):
+        Dclp(DclpConfig(weights=file), stage(alpha_v=20.0))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        Dclp(DclpConfig(weights=file, told=Told(alpha_v=5.0)), stage(alpha_v=20.0))

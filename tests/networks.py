@@ -1,0 +1,100 @@
+"""Random networks of DRL-DCLP, as weight files and as TensorFlow checkpoints, for tests."""
+
+import numpy as np
+
+from lme.kernels.crc32c import crc32c
+from lme.planners.dclp.bundle import INDEX, SHARD
+from lme.planners.dclp.importing import tensor_names
+from lme.planners.dclp.leveldb import masked
+from lme.planners.dclp.weights import SHAPES, write_weights
+
+MAGIC = (0xDB4775248B80FB57).to_bytes(8, "little")
+ENTRIES_PER_BLOCK = 5  # several blocks, with keys that share their beginnings
+
+
+def random_weights(seed=0):
+    """Weights of the published shapes, small enough that no layer saturates."""
+    rng = np.random.default_rng(seed)
+    return {
+        name: (rng.normal(size=shape) / np.sqrt(shape[0] if shape else 10)).astype(np.float32)
+        for name, shape in SHAPES.items()
+    }
+
+
+def network_file(path, seed=0):
+    """A weight file of a random network."""
+    with path.open("wb") as file:
+        write_weights(random_weights(seed), file)
+    return path
+
+
+def checkpoint(prefix, weights, changed=None, crc=None, header=b"\x08\x01"):
+    """A TensorFlow V2 checkpoint of these weights and of a critic's. Returns the prefix.
+
+    changed: entries that differ, by tensor: (dtype, shape, offset, size). crc: instead of every right one.
+    """
+    tensors = {theirs: weights[ours] for ours, theirs in tensor_names().items()}
+    tensors = {name: array[None] if _is_convolution(name) else array for name, array in tensors.items()}
+    tensors["main/values/q1/dense/bias"] = np.arange(3, dtype=np.float32)
+    data, entries = b"", {b"": header}
+    for name in sorted(tensors):
+        raw = tensors[name].astype("<f4").tobytes()
+        given = (changed or {}).get(name, (1, tensors[name].shape, len(data), len(raw)))
+        entries[name.encode()] = _entry(*given, masked(crc32c(raw)) if crc is None else crc)
+        data += raw
+    prefix.with_name(prefix.name + SHARD).write_bytes(data)
+    prefix.with_name(prefix.name + INDEX).write_bytes(table(entries))
+    return prefix
+
+
+def table(entries, kind=0):
+    """A LevelDB table. kind: the type of its blocks."""
+    items, out, index = list(entries.items()), b"", {}
+    for i in range(0, len(items), ENTRIES_PER_BLOCK):
+        part = dict(items[i : i + ENTRIES_PER_BLOCK])
+        index[list(part)[-1]] = varint(len(out)) + varint(len(_block(part)))
+        out += _with_trailer(_block(part), kind)
+    handles = varint(len(out)) + varint(len(_block({})))
+    out += _with_trailer(_block({}), kind)
+    handles += varint(len(out)) + varint(len(_block(index)))
+    return out + _with_trailer(_block(index), kind) + handles.ljust(40, b"\0") + MAGIC
+
+
+def varint(number):
+    """Seven bits a byte, the lowest first."""
+    out = b""
+    while number > 0x7F:
+        out, number = out + bytes([number & 0x7F | 0x80]), number >> 7
+    return out + bytes([number])
+
+
+def _is_convolution(name):
+    return "conv1d" in name and name.endswith("kernel")
+
+
+def _entry(dtype, shape, offset, size, crc):
+    dimensions = b"".join(_field(2, _field(1, size)) for size in shape)
+    return (
+        _field(1, dtype) + _field(2, dimensions) + _field(4, offset) + _field(5, size)
+        + bytes([6 << 3 | 5]) + crc.to_bytes(4, "little")
+    )  # fmt: skip
+
+
+def _field(number, value):
+    if isinstance(value, bytes):
+        return bytes([number << 3 | 2]) + varint(len(value)) + value
+    return bytes([number << 3]) + varint(value)
+
+
+def _block(entries):
+    out, before = b"", b""
+    for key, value in entries.items():
+        shared = next((i for i in range(len(before)) if before[: i + 1] != key[: i + 1]), len(before))
+        out += varint(shared) + varint(len(key) - shared) + varint(len(value)) + key[shared:] + value
+        before = key
+    return out + (0).to_bytes(4, "little") + (1).to_bytes(4, "little")
+
+
+def _with_trailer(block, kind):
+    checked = block + bytes([kind])
+    return checked + masked(crc32c(checked)).to_bytes(4, "little")

@@ -1,0 +1,61 @@
+"""`lme weights`: list learned weights, and import a network."""
+
+import pytest
+
+from lme.errors import InputError
+from lme.planners.dclp.weights import SHAPES, read_weights
+from runners.cli.commands import weights
+from runners.config.build import navigator
+from runners.config.weights import REGISTERED
+from tests.composing import jobs_of
+from tests.networks import checkpoint, random_weights
+
+
+@pytest.fixture(autouse=True)
+def source(tmp_path, monkeypatch):
+    """A checkpoint of a random network, in the folder that one is in."""
+    monkeypatch.chdir(tmp_path)
+    return checkpoint(tmp_path / "step-100", random_weights())
+
+
+def test_an_imported_network_is_listed_and_drives(source, capsys):
+    assert weights.main(["import", "dclp", str(source), "mine"]) == 0
+    assert "planner.weights=mine" in capsys.readouterr().out
+    found, wanted = read_weights(REGISTERED / "mine.npz"), random_weights()
+    assert all((found[name] == wanted[name]).all() for name in SHAPES)
+    assert weights.main([]) == 0
+    out = capsys.readouterr().out
+    assert "weights=published, ships with lme" in out
+    assert "planner.weights=mine, outputs/weights/mine.npz" in out
+    with jobs_of("eval", "planner=dclp_barn", "planner.weights=mine") as job:
+        for guide in ("target", "lme", "global_path"):
+            navigator(job(f"guide={guide}").config)
+
+
+def test_the_default_name_and_a_second_import(source):
+    for _ in range(2):
+        assert weights.main(["import", "dclp", str(source)]) == 0
+    assert [path.name for path in REGISTERED.iterdir()] == ["dclp.npz"]
+
+
+@pytest.mark.parametrize("name", ["a/b", "..", ".hidden", ""])
+def test_a_name_that_is_no_file_name(source, name):
+    with pytest.raises(InputError, match=r"NAME is '"):
+        weights.main(["import", "dclp", str(source), name or "/"])
+
+
+def test_nothing_is_written_for_a_checkpoint_that_is_refused(tmp_path):
+    with pytest.raises(InputError, match="cannot be read"):
+        weights.main(["import", "dclp", str(tmp_path / "none")])
+    assert not REGISTERED.exists()
+
+
+def test_a_network_that_does_not_exist(source):
+    weights.main(["import", "dclp", str(source), "first"])
+    with jobs_of("eval", "planner=dclp") as job:
+        with pytest.raises(InputError, match=r"planner\.weights is null: .*lme weights import dclp"):
+            navigator(job().config)
+        with pytest.raises(
+            InputError, match=r"planner\.weights is 'frist': did you mean first\? must be first"
+        ):
+            navigator(job("planner.weights=frist").config)
