@@ -56,14 +56,14 @@ def beam_noise(first: int, number: int, seed: int) -> Floats:
 def turn_share(beam, phase):
     """Azimuth of a beam as a share of a turn, in [0, 1)."""
     turn = phase + beam * _TURN
-    return turn - math.floor(turn)
+    return turn - np.floor(turn)
 
 
 @njit(cache=True, error_model="numpy")
 def rise_share(beam, phase):
     """Elevation of a beam as a share of the field of view, in [0, 1)."""
     rise = phase + beam * _RISE
-    return rise - math.floor(rise)
+    return rise - np.floor(rise)
 
 
 @njit(cache=True, error_model="numpy")
