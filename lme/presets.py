@@ -10,10 +10,10 @@ from lme.errors import InputError, nearest
 from lme.policy.parameter_file import read_parameters
 from lme.policy.score import CRITERIA
 from lme.resources import overlaid, resource_dir
-from lme.robots import Footprint, Lidar, Robot
+from lme.robots import Cloud, Footprint, Lidar, Robot
 from lme.yaml_entry import Entry, read_yaml
 
-_Part = TypeVar("_Part", Robot, Footprint, Lidar)
+_Part = TypeVar("_Part", Robot, Footprint, Lidar, Cloud)
 
 
 def load_robot(robot: str | Path) -> Robot:
@@ -74,8 +74,11 @@ def _value(entry: Entry, field: Field[Any]) -> Any:
         return _filled(Footprint, f"{entry.place}, {key}", given)
     if field.type == "Lidar":
         return _filled(Lidar, f"{entry.place}, {key}", given)
+    if field.type == "Cloud | None":
+        return _filled(Cloud, f"{entry.place}, {key}", given)
     if field.type == "str":
         return str(given)
-    if field.type == "int" and type(given) is not int:
+    whole = field.type in ("int", "int | None")
+    if whole and type(given) is not int:
         raise entry.mistake(key, "a whole number")
-    return given if field.type == "int" else entry.number(key, given)
+    return given if whole else entry.number(key, given)

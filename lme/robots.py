@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from lme.errors import InputError, require
 from lme.types import Limits, Pose
@@ -53,8 +53,31 @@ class Footprint:
 
 
 @dataclass(slots=True)
+class Cloud:
+    """A level 3D lidar, in simulation a Livox Mid-360. The points at some heights make the scan.
+
+    All heights are above the ground.
+    """
+
+    height: float  # [m] of the sensor
+    min_height: float  # [m] of the lowest points that count
+    max_height: float  # [m] of the highest
+    duration: float = 0.1  # [s] in which the points of one cloud are taken
+
+    def __post_init__(self) -> None:
+        require("robot.lidar.cloud.height", self.height, above=0.0)
+        require("robot.lidar.cloud.min_height", self.min_height)
+        require("robot.lidar.cloud.max_height", self.max_height, above=self.min_height)
+        require("robot.lidar.cloud.duration", self.duration, above=0.0)
+
+
+@dataclass(slots=True)
 class Lidar:
-    """A planar laser scanner, mounted on the base at (x, y, yaw)."""
+    """The source of planar scans, mounted on the base at (x, y, yaw).
+
+    native_beams: beams that the scanner fires over its field of view, if the scan is interpolated from them.
+    cloud: how a 3D lidar makes the scan; None: a planar scanner.
+    """
 
     num_beams: int
     fov: float  # [rad], 2π for a full circle
@@ -64,6 +87,8 @@ class Lidar:
     x: float = 0.0  # [m], of the mount in the base frame
     y: float = 0.0  # [m]
     yaw: float = 0.0  # [rad]
+    native_beams: int | None = None
+    cloud: Cloud | None = None
 
     def __post_init__(self) -> None:
         require("robot.lidar.num_beams", self.num_beams, above=1)
@@ -71,6 +96,20 @@ class Lidar:
         require("robot.lidar.range_min", self.range_min, at_least=0.0)
         require("robot.lidar.range_max", self.range_max, above=self.range_min)
         require("robot.lidar.noise_std", self.noise_std, at_least=0.0)
+        if self.native_beams is not None:
+            require("robot.lidar.native_beams", self.native_beams, above=1)
+        if self.cloud is not None and (self.native_beams is not None or not self.full_circle):
+            raise InputError(
+                f"robot.lidar.cloud is set with fov {self.fov:g} rad and native_beams {self.native_beams}: "
+                "a cloud makes a full circle (fov 2π) without native_beams"
+            )
+
+    @property
+    def native(self) -> Lidar:
+        """The scanner whose scans are interpolated; this one if they are not."""
+        if self.native_beams is None:
+            return self
+        return replace(self, num_beams=self.native_beams, native_beams=None)
 
     @property
     def full_circle(self) -> bool:

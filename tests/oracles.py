@@ -29,6 +29,26 @@ def cast(lidar_pose, angles, range_max, circles, edges):
     return ranges
 
 
+def cloud_scan(pose, beams, noise, height, limits, heights, spans, num_bins, circles, edges):
+    """The cloud, point by point, then its projection. beams (N, 3) level at the sensor, noise (N,) [m]."""
+    cos, sin = np.cos(pose[2]), np.sin(pose[2])
+    distances = np.full(len(beams), np.inf)
+    for k, (dx, dy, dz) in enumerate(beams):
+        flat = np.hypot(dx, dy)
+        bearing = np.arctan2(sin * dx + cos * dy, cos * dx - sin * dy)
+        upright = cast((pose[0], pose[1], bearing), (0.0, 1.0, 1), np.inf, circles, edges)[0] / flat
+        distances[k] = min(upright, -height / dz if dz < 0 else np.inf)
+    distances = np.where(distances > limits[1], np.inf, distances) + noise
+    points = (beams * distances[:, None])[(distances >= limits[0]) & (distances < np.inf)]
+    up, flat = points[:, 2] + height, np.hypot(points[:, 0], points[:, 1])
+    points = points[(heights[0] <= up) & (up <= heights[1]) & (spans[0] <= flat) & (flat <= spans[1])]
+    ranges = np.full(num_bins, np.inf)
+    for x, y, _ in points:
+        nearest = round((np.arctan2(y, x) + np.pi) / (2 * np.pi / num_bins)) % num_bins
+        ranges[nearest] = min(ranges[nearest], np.hypot(x, y))
+    return ranges
+
+
 def sweep(poses, box, circles, edges):
     """Clearance at every pose up to the first contact."""
     least = np.inf

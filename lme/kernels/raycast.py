@@ -11,11 +11,11 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from lme.kernels.bearing import BEARING_ERROR, bearing
 from lme.kernels.points import beam_directions
 from lme.types import Floats, Pose
 
 _TWO_PI = 2.0 * math.pi
-_BEARING_ERROR = 2e-5  # [rad] upper bound of the error of `_bearing`
 _ASIN_CUBIC = math.pi / 2.0 - 1.0  # asin(z) ≤ z + (π/2 − 1) z³ on [0, 1], with equality at both ends
 
 
@@ -96,8 +96,8 @@ def _circle_extents(frame, increment, circles):
         square = dx * dx + dy * dy
         inside += square <= r * r
         sine = r / math.sqrt(square)
-        half = sine + _ASIN_CUBIC * sine * sine * sine + _BEARING_ERROR
-        middle = _bearing(u[i], v[i])
+        half = sine + _ASIN_CUBIC * sine * sine * sine + BEARING_ERROR
+        middle = bearing(u[i], v[i])
         low[i], high[i] = (middle - half) * per_radian, (middle + half) * per_radian
     return u, v, low, high, inside > 0
 
@@ -149,12 +149,12 @@ def _edge_extent(start, end, increment):
     dot = start[0] * end[0] + start[1] * end[1]
     if abs(cross) <= -1e-6 * dot or start == (0.0, 0.0) or end == (0.0, 0.0):
         return 0.0, _TWO_PI / increment
-    low, high = _bearing(start[0], start[1]), _bearing(end[0], end[1])
+    low, high = bearing(start[0], start[1]), bearing(end[0], end[1])
     if cross < 0.0:
         low, high = high, low
-    if high < low - 2.0 * _BEARING_ERROR:
+    if high < low - 2.0 * BEARING_ERROR:
         high += _TWO_PI
-    return (low - _BEARING_ERROR) / increment, (high + _BEARING_ERROR) / increment
+    return (low - BEARING_ERROR) / increment, (high + BEARING_ERROR) / increment
 
 
 @njit(cache=True, error_model="numpy")
@@ -173,15 +173,3 @@ def _meet_edge(start, end, low, high, table, ranges):
         distance = lever / (across_start - across_end)
         if (across_start > 0.0) != (across_end > 0.0) and distance >= 0.0:
             ranges[i] = min(ranges[i], distance)
-
-
-@njit(cache=True, error_model="numpy")
-def _bearing(x, y):
-    """atan2(y, x) in [0, 2π] with an error below 1e-5 rad. Source: Abramowitz & Stegun 4.4.47."""
-    ax, ay = abs(x), abs(y)
-    z = min(ax, ay) / max(ax, ay)
-    zz = z * z
-    angle = z * (0.9998660 + zz * (-0.3302995 + zz * (0.1801410 + zz * (-0.0851330 + zz * 0.0208351))))
-    angle = math.pi / 2.0 - angle if ay > ax else angle
-    angle = math.pi - angle if x < 0.0 else angle
-    return _TWO_PI - angle if y < 0.0 else angle

@@ -9,10 +9,10 @@ import math
 import numpy as np
 from numba import njit
 
-from lme.kernels.bearing import diamond
+from lme.kernels.bearing import bearing
 from lme.types import Floats
 
-_BUCKETS = 720
+BUCKETS = 720  # of equal angles from bearing 0
 _FLAT = 1e-12  # a ray with a smaller horizontal component is vertical
 
 
@@ -33,22 +33,22 @@ def cast_rays(
     polygons with a lid at the top and at the bottom; planes (ground, ceiling): heights of infinite planes, −inf and
     inf for none. From inside a disc the distance is 0; from inside a polygon a ray hits the wall.
     """
-    starts, items = _by_bearing(origin, circles, edges, range_max)
+    starts, items = by_bearing(origin, circles, edges, range_max)
     x, y, z = origin[0], origin[1], origin[2]
     out = np.empty(len(directions))
     for k in range(len(directions)):
         ray = (directions[k, 0], directions[k, 1], directions[k, 2])
         best = min(_to_height(z, ray[2], planes[0]), _to_height(z, ray[2], planes[1]))
-        bucket = _bucket(diamond(ray[0], ray[1]))
+        bucket = _bucket(ray[0], ray[1])
         for j in range(starts[bucket], starts[bucket + 1]):
             i = items[j]
             if i < len(circles):
                 centre = (circles[i, 0] - x, circles[i, 1] - y, circles[i, 2])
-                best = min(best, _to_circle(ray, centre, circles[i, 3] - z, circles[i, 4] - z))
+                best = min(best, to_circle(ray, centre, circles[i, 3] - z, circles[i, 4] - z))
             else:
                 i -= len(circles)
                 ends = (edges[i, 0] - x, edges[i, 1] - y, edges[i, 2] - x, edges[i, 3] - y)
-                best = min(best, _to_edge(ray, ends, edges[i, 4] - z, edges[i, 5] - z))
+                best = min(best, to_edge(ray, ends, edges[i, 4] - z, edges[i, 5] - z))
         out[k] = _to_lids(origin, ray, edges, solids, best)
         if out[k] > range_max:
             out[k] = np.inf
@@ -56,17 +56,19 @@ def cast_rays(
 
 
 @njit(cache=True, error_model="numpy")
-def _bucket(place):
-    """Bucket index of a diamond angle in [−2, 2]."""
-    return min(int((place + 2.0) * (_BUCKETS / 4.0)), _BUCKETS - 1)
+def _bucket(x, y):
+    """Index of the bucket that holds the direction (x, y), or of its neighbour; 0 for a vertical ray."""
+    if x == 0.0 and y == 0.0:
+        return 0
+    return min(int(bearing(x, y) * (BUCKETS / (2.0 * math.pi))), BUCKETS - 1)
 
 
 @njit(cache=True, error_model="numpy")
-def _by_bearing(origin, circles, edges, range_max):
+def by_bearing(origin, circles, edges, range_max):
     """`starts` and `items`: bucket b holds items[starts[b]:starts[b + 1]]. Item i < C is a circle, else edge i − C."""
     count = len(circles) + len(edges)
     first, number = np.empty(count, np.int64), np.empty(count, np.int64)
-    starts = np.zeros(_BUCKETS + 1, np.int64)
+    starts = np.zeros(BUCKETS + 1, np.int64)
     for i in range(count):
         if i < len(circles):
             x, y = circles[i, 0] - origin[0], circles[i, 1] - origin[1]
@@ -78,12 +80,12 @@ def _by_bearing(origin, circles, edges, range_max):
                 ax - origin[0], ay - origin[1], bx - origin[0], by - origin[1]
             )
         for j in range(number[i]):
-            starts[(first[i] + j) % _BUCKETS + 1] += 1
+            starts[(first[i] + j) % BUCKETS + 1] += 1
     starts = np.cumsum(starts)
     items, filled = np.empty(starts[-1], np.int64), starts.copy()
     for i in range(count):
         for j in range(number[i]):
-            bucket = (first[i] + j) % _BUCKETS
+            bucket = (first[i] + j) % BUCKETS
             items[filled[bucket]] = i
             filled[bucket] += 1
     return starts, items
@@ -96,7 +98,7 @@ def _circle_buckets(x, y, r, range_max):
     if distance - r > range_max:
         return 0, 0
     if distance <= r:
-        return 0, _BUCKETS
+        return 0, BUCKETS
     middle, half = math.atan2(y, x), math.asin(r / distance)
     low, high = middle - half, middle + half
     return _span(math.cos(low), math.sin(low), math.cos(high), math.sin(high))
@@ -107,15 +109,15 @@ def _edge_buckets(ax, ay, bx, by):
     """First bucket and number of the buckets that an edge may cover; all if the origin is on it or almost."""
     cross, dot = ax * by - ay * bx, ax * bx + ay * by
     if abs(cross) <= -1e-6 * dot or (ax == 0.0 and ay == 0.0) or (bx == 0.0 and by == 0.0):
-        return 0, _BUCKETS
+        return 0, BUCKETS
     return _span(ax, ay, bx, by) if cross >= 0.0 else _span(bx, by, ax, ay)
 
 
 @njit(cache=True, error_model="numpy")
 def _span(ax, ay, bx, by):
     """Buckets counter-clockwise from direction a to direction b, and one more at either end for rounding."""
-    low, high = _bucket(diamond(ax, ay)), _bucket(diamond(bx, by))
-    return (low - 1) % _BUCKETS, min((high - low) % _BUCKETS + 3, _BUCKETS)
+    low, high = _bucket(ax, ay), _bucket(bx, by)
+    return (low - 1) % BUCKETS, min((high - low) % BUCKETS + 3, BUCKETS)
 
 
 @njit(cache=True, error_model="numpy")
@@ -126,7 +128,7 @@ def _to_height(z, rise, height):
 
 
 @njit(cache=True, error_model="numpy")
-def _to_circle(ray, centre, bottom, top):
+def to_circle(ray, centre, bottom, top):
     """Distance along a ray from the origin to an upright cylinder with lids: 0 inside, inf if the ray misses.
 
     The cylinder is the intersection of an infinite cylinder and the space between two heights.
@@ -153,7 +155,7 @@ def _to_circle(ray, centre, bottom, top):
 
 
 @njit(cache=True, error_model="numpy")
-def _to_edge(ray, ends, bottom, top):
+def to_edge(ray, ends, bottom, top):
     """Distance along a ray from the origin to an upright wall; inf if the ray misses it or runs along it.
 
     A hit depends on the sides of the wall's ends, as in the planar kernel, so that no ray passes a shared corner.

@@ -17,6 +17,7 @@ Ranges = NDArray[np.float32]
 
 # Angle of incidence: neighbours farther apart than on a wall hit at this angle are on two surfaces.
 _GRAZING = math.radians(80.0)
+_SAME_BEARING = 1e-6  # [rad] rounding of angles in float32
 _TURNS = (-2.0 * math.pi, 0.0, 2.0 * math.pi)  # the bearings of one direction differ by whole turns
 
 
@@ -71,11 +72,18 @@ def resampled(scan: LaserScan, mount: Pose, lidar: Lidar) -> LaserScan:
     mount: pose of the scan's frame in the base frame. Each return goes to the beam nearest in direction; the
     nearest return of a beam counts. Beams between neighbours on one surface are interpolated along the straight
     line, but not across a depth edge. A beam without data, e.g. outside the old field of view, is inf.
+
+    A lidar with `native_beams` in the scan's place is interpolated instead, as the paper does (§V.A): its ranges are
+    linear in the bearing, also across depth edges, where they invent points between two surfaces. Where one of
+    the two neighbours has no return, the beam takes the nearer one's reading.
     """
-    ranges = _resample(
-        scan.ranges, (scan.angle_min, scan.angle_increment), mount, lidar.mount,
-        (lidar.angle_min, lidar.angle_increment, lidar.num_beams), math.cos(_GRAZING),
-    )  # fmt: skip
+    onto = (lidar.angle_min, lidar.angle_increment, lidar.num_beams)
+    if lidar.native_beams is not None and (mount.x, mount.y) == (lidar.x, lidar.y):
+        first = scan.angle_min + mount.yaw - lidar.yaw
+        ranges = _interpolate(scan.ranges, (first, scan.angle_increment), onto)
+    else:
+        source = (scan.angle_min, scan.angle_increment)
+        ranges = _resample(scan.ranges, source, mount, lidar.mount, onto, math.cos(_GRAZING))
     ranges[(ranges < np.float32(lidar.range_min)) | (ranges >= np.float32(lidar.range_max))] = np.inf
     return LaserScan(ranges, lidar.angle_min, lidar.angle_increment, lidar.range_min, lidar.range_max)
 
@@ -93,6 +101,28 @@ def _check(scan: LaserScan) -> None:
             f"the scan's ranges go from {scan.range_min:g} to {scan.range_max:g} m: "
             "must be finite and rise; set scan.range_min and scan.range_max"
         )
+
+
+@njit(cache=True, error_model="numpy")
+def _interpolate(ranges, source, onto):
+    """Ranges (num_beams,) float32 [m]; source (angle_min, increment), onto (angle_min, increment, num_beams)."""
+    count, increment = len(ranges), source[1]
+    full = (count + 0.5) * increment >= 2.0 * math.pi
+    out = np.full(onto[2], np.inf, np.float32)
+    for k in range(onto[2]):
+        place = (onto[0] + k * onto[1] - source[0] + _SAME_BEARING) % (2.0 * math.pi) / increment
+        i = int(place)
+        part = max(place - i - _SAME_BEARING / increment, 0.0)
+        if not full and i >= count - 1:  # in the blind arc, or at its first beam
+            if i == count - 1 and part * increment <= _SAME_BEARING:
+                out[k] = ranges[i]
+            continue
+        near, far = ranges[i % count], ranges[(i + 1) % count]
+        if math.isfinite(near) and math.isfinite(far):
+            out[k] = near + part * (far - near)
+        else:
+            out[k] = near if part < 0.5 else far
+    return out
 
 
 @njit(cache=True, error_model="numpy")

@@ -12,8 +12,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from lme.errors import InputError, require
-from lme.kernels.beam_pattern import beam_pattern
+from lme.geometry.frames import compose
+from lme.kernels.beam_pattern import beam_noise, beam_pattern
+from lme.kernels.cloud_scan import cloud_scan
 from lme.kernels.raycast3d import cast_rays
+from lme.robots import Lidar
 from lme.sensing.point_cloud import rigid_transform
 from lme.types import Floats, Pose
 from lme.worlds.world import World
@@ -85,7 +88,7 @@ class Mid360:
     """A lidar whose scan pattern never repeats and covers the field of view ever more densely.
 
     ASSUMED: Livox does not publish the pattern; this one fills azimuth and elevation evenly. The noise at
-    every range is the manual's value for 10 m.
+    every range is the manual's value for 10 m. It belongs to the beam, so `cloud` and `scan` see the same.
     """
 
     Config = Mid360Config
@@ -95,9 +98,9 @@ class Mid360:
         self._mount = rigid_transform(config.mount)
 
     def reset(self, rng: np.random.Generator) -> None:
-        """Start the pattern at a random beam; `rng` also gives the noise from now on."""
-        self._rng = rng
-        self._phase = rng.random(2)
+        """Start the pattern at a random beam, with other noise."""
+        self._phase = tuple(rng.random(2).tolist())
+        self._seed = int(rng.integers(2**63))
         self._fired = 0
 
     def cloud(self, extruded: ExtrudedWorld, pose: Pose, duration: float) -> Cloud:
@@ -106,7 +109,8 @@ class Mid360:
         pose: of the base in the world. A beam that hits nothing, or hits within the blind zone, gives no point.
         """
         config = self._config
-        beams = self._beams(round(config.point_rate * duration))
+        first, number = self._fire(duration)
+        beams = beam_pattern(first, number, self._phase, (config.elevation_min, config.elevation_max))
         sensor = rigid_transform([pose[0], pose[1], 0.0, 0.0, 0.0, pose[2]]) @ self._mount
         circles, edges, solids = extruded.obstacles()
         planes = (float(extruded.ground), float(extruded.ceiling))
@@ -119,21 +123,44 @@ class Mid360:
             planes,
             config.range_max,
         )
+        distances += config.noise_std * beam_noise(first, number, self._seed)
         seen = (distances >= config.range_min) & (distances < math.inf)
-        distances, beams = distances[seen], beams[seen]
-        if config.noise_std > 0.0:
-            distances = distances + config.noise_std * self._rng.standard_normal(len(distances))
-        return (beams * distances[:, None]).astype(np.float32)
+        return (beams[seen] * distances[seen, None]).astype(np.float32)
 
-    def _beams(self, number: int) -> Floats:
-        """The pattern's next unit vectors in the sensor's frame: (number, 3)."""
-        config, first = self._config, self._fired
-        self._fired += number
-        azimuth, elevation = self._phase
-        beams: Floats = beam_pattern(
-            first, number, (azimuth, elevation), (config.elevation_min, config.elevation_max)
+    def scan(self, lidar: Lidar, pose: Pose, circles: Floats, edges: Floats) -> NDArray[np.float32]:
+        """The projection of the next cloud to the scan of `lidar`, which has a `cloud`: (num_beams,) [m].
+
+        The result is that of `cloud`, of `lme.sensing.point_cloud.to_scan` and of obstacles circles (C, 3) and
+        edges (E, 4) that reach from the ground beyond the highest points that count. Inf means no return.
+        """
+        config, cloud = self._config, lidar.cloud
+        assert cloud is not None
+        elevations = (config.elevation_min, config.elevation_max)
+        ranges: NDArray[np.float32] = cloud_scan(
+            compose(pose, lidar.mount),
+            (*self._fire(cloud.duration), *self._phase),
+            (self._seed, config.noise_std),
+            (cloud.height, *elevations, config.range_min, config.range_max),
+            (cloud.min_height, cloud.max_height),
+            (lidar.range_min, lidar.range_max),
+            lidar.num_beams,
+            circles,
+            edges,
         )
-        return beams
+        return ranges
+
+    def _fire(self, duration: float) -> tuple[int, int]:
+        """The first of the pattern's beams in the next `duration` [s], and their number."""
+        first, number = self._fired, round(self._config.point_rate * duration)
+        self._fired += number
+        return first, number
+
+
+def mid360_of(lidar: Lidar) -> Mid360:
+    """The sensor whose cloud makes the scans of a lidar with a `cloud`."""
+    assert lidar.cloud is not None
+    mount = [lidar.x, lidar.y, lidar.cloud.height, 0.0, 0.0, lidar.yaw]
+    return Mid360(Mid360Config(mount=mount, noise_std=lidar.noise_std))
 
 
 def _heights(kind: str, given: ArrayLike, count: int) -> Floats:

@@ -9,7 +9,9 @@ import numpy as np
 from lme.geometry.frames import compose
 from lme.kernels.raycast import cast
 from lme.robots import Robot
+from lme.sensing.resampling import resampled, tidied
 from lme.sim.disturbances import Disturbances, TargetEstimate, add_noise, lose_beams
+from lme.sim.mid360 import mid360_of
 from lme.types import Floats, LaserScan, Observation, Pose, Twist
 from lme.worlds.world import Task
 
@@ -56,6 +58,10 @@ class Sensors:
         self._rng = rng
         self._scan_rng, goal_rng = rng.spawn(2)
         self._target = TargetEstimate(config, goal, goal_rng)
+        self._fired = robot.lidar.native
+        self._mid360 = mid360_of(robot.lidar) if robot.lidar.cloud else None
+        if self._mid360:
+            self._mid360.reset(rng)
 
     def observe(
         self, state: State, twist: Twist, odometry: Pose, circles: Floats, edges: Floats
@@ -66,13 +72,19 @@ class Sensors:
         return Observation(scan, target, twist, self._robot.limits, odometry)
 
     def _scan(self, pose: Pose, circles: Floats, edges: Floats) -> LaserScan:
-        lidar, config = self._robot.lidar, self._config
-        angles = (lidar.angle_min, lidar.angle_increment, lidar.num_beams)
-        ranges = cast(compose(pose, lidar.mount), angles, lidar.range_max, circles, edges)
-        for std, rng in ((lidar.noise_std, self._rng), (config.scan_noise, self._scan_rng)):
+        """A planar scanner's beams, interpolated if it has `native_beams`, or the projection of a cloud."""
+        lidar, fired, config = self._robot.lidar, self._fired, self._config
+        if self._mid360:
+            ranges, own_noise = self._mid360.scan(lidar, pose, circles, edges), 0.0
+        else:
+            angles = (fired.angle_min, fired.angle_increment, fired.num_beams)
+            ranges = cast(compose(pose, lidar.mount), angles, lidar.range_max, circles, edges)
+            own_noise = lidar.noise_std
+        for std, rng in ((own_noise, self._rng), (config.scan_noise, self._scan_rng)):
             if std > 0.0:
-                noise = rng.standard_normal(lidar.num_beams, dtype=np.float32)
+                noise = rng.standard_normal(fired.num_beams, dtype=np.float32)
                 add_noise(ranges, noise, std, lidar.range_max)
         if config.scan_dropout > 0.0:
             lose_beams(ranges, config.scan_dropout, lidar.range_max, self._scan_rng)
-        return LaserScan(ranges, lidar.angle_min, lidar.angle_increment, lidar.range_min, lidar.range_max)
+        scan = LaserScan(ranges, fired.angle_min, fired.angle_increment, lidar.range_min, lidar.range_max)
+        return scan if fired is lidar else resampled(tidied(scan), lidar.mount, lidar)

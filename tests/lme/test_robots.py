@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from lme.episode import run_episode
 from lme.errors import InputError
-from lme.robots import Footprint, Lidar
+from lme.robots import Cloud, Footprint, Lidar
 from lme.sim.fast import FastConfig, FastSimulator
 from lme.types import Limits, Outcome, Pose
 from lme.worlds.barn.map_set import Barn, BarnConfig
@@ -48,6 +48,27 @@ def test_a_limit_must_be_positive_and_finite(key, value):
 def test_a_lidar_that_cannot_be(key, value, bound):
     with pytest.raises(InputError, match=rf"^robot\.lidar\.{key} is {value:g}: must be {bound} and finite$"):
         Lidar(**{**LIDAR, key: value})
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "said"),
+    [
+        ("height", 0.0, r"cloud\.height is 0: must be greater than 0"),
+        ("max_height", 0.0, r"cloud\.max_height is 0: must be greater than 0\.05"),
+        ("duration", -1.0, r"cloud\.duration is -1: must be greater than 0"),
+    ],
+)
+def test_a_cloud_that_cannot_be(key, value, said):
+    with pytest.raises(InputError, match=rf"^robot\.lidar\.{said}"):
+        Cloud(**{"height": 0.4, "min_height": 0.05, "max_height": 0.5, key: value})
+
+
+def test_a_cloud_makes_a_full_circle_and_native_beams_are_at_least_two():
+    cloud = Cloud(height=0.4, min_height=0.05, max_height=0.5)
+    with pytest.raises(InputError, match=r"^robot\.lidar\.cloud is set with fov 2 rad"):
+        Lidar(**LIDAR, cloud=cloud)
+    with pytest.raises(InputError, match=r"^robot\.lidar\.native_beams is 1: must be greater than 1"):
+        Lidar(**LIDAR, native_beams=1)
 
 
 @pytest.mark.parametrize("key", ["radius", "length", "width"])

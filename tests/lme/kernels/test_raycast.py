@@ -5,7 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lme.kernels.raycast import _BEARING_ERROR, _bearing, cast
+from lme.kernels.bearing import BEARING_ERROR, bearing
+from lme.kernels.raycast import cast
 from tests import oracles
 from tests.tolerances import RANGE
 
@@ -125,5 +126,5 @@ def test_a_scan_that_repeats_its_first_direction_repeats_its_first_range():
 
 def test_the_polynomial_bearing_is_off_by_less_than_it_is_widened():
     angle = np.linspace(0, 2 * math.pi, 20_001)[1:-1]
-    off = [_bearing(math.cos(a), math.sin(a)) - a for a in angle]
-    assert np.abs(off).max() < _BEARING_ERROR
+    off = [bearing(math.cos(a), math.sin(a)) - a for a in angle]
+    assert np.abs(off).max() < BEARING_ERROR

@@ -242,3 +242,36 @@ def test_the_nearest_return_wins_where_beams_grow_fewer():
     after = resampled(scan(ranges, -math.pi / 2, math.radians(0.5)), HERE, few).ranges
     assert after[9] == 1.0
     np.testing.assert_allclose(np.delete(after, 9), 5.0, atol=1e-3)
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_native_beams_are_interpolated_linearly_in_the_bearing(seed):
+    rng = np.random.default_rng(seed)
+    count = int(rng.integers(8, 60))
+    ranges = rng.uniform(0.5, 9.0, count).astype(np.float32)
+    onto = Lidar(int(rng.integers(4, 80)), math.tau, 0.1, 10.0, yaw=rng.uniform(-3, 3), native_beams=count)
+    scan = LaserScan(ranges, rng.uniform(-4, 4), math.tau / count, 0.1, 10.0)
+    mount = Pose(0.0, 0.0, rng.uniform(-3, 3))
+    bearing = onto.yaw + onto.angle_min + onto.angle_increment * np.arange(onto.num_beams)
+    source = mount.yaw + scan.angle_min + scan.angle_increment * np.arange(count)
+    expected = np.interp(bearing, source, ranges, period=math.tau)
+    assert resampled(scan, mount, onto).ranges == pytest.approx(expected, abs=1e-4)
+
+
+def test_interpolation_crosses_depth_edges_but_not_gaps():
+    ranges = np.array([1.0, 5.0, np.inf, np.inf, 2.0, 2.0, 2.0, 2.0], np.float32)
+    onto = Lidar(32, math.tau, 0.1, 10.0, native_beams=8)
+    seen = resampled(LaserScan(ranges, -math.pi, math.tau / 8, 0.1, 10.0), Pose(0.0, 0.0, 0.0), onto).ranges
+    assert seen[:5] == pytest.approx([1.0, 2.0, 3.0, 4.0, 5.0], abs=1e-4)  # points between two surfaces
+    assert seen[5] == pytest.approx(5.0)  # nearer to the return than to the gap
+    assert np.isinf(seen[7:14]).all()
+    assert seen[15:29] == pytest.approx(2.0)
+
+
+def test_interpolation_leaves_the_blind_arc_empty():
+    ranges = np.full(10, 2.0, np.float32)
+    onto = Lidar(36, math.tau, 0.1, 10.0, native_beams=10)
+    scan = LaserScan(ranges, 0.0, math.radians(10), 0.1, 10.0)  # 0° to 90°
+    seen = resampled(scan, Pose(0.0, 0.0, 0.0), onto).ranges
+    bearing = np.arange(-180, 180, 10)
+    np.testing.assert_array_equal(np.isfinite(seen), (bearing >= 0) & (bearing <= 90))

@@ -1,4 +1,5 @@
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,9 +10,10 @@ from lme.errors import InputError
 from lme.kernels.beam_pattern import beam_pattern
 from lme.kernels.raycast import cast
 from lme.sensing.point_cloud import Projection, rigid_transform, to_scan
-from lme.sim.mid360 import ExtrudedWorld, Mid360, Mid360Config
+from lme.sim.mid360 import ExtrudedWorld, Mid360, Mid360Config, mid360_of
 from lme.types import Pose
 from lme.worlds.world import World
+from tests.builders import shipped
 
 SEEDS = st.integers(0, 2**32 - 1)
 ORIGIN = Pose(0.0, 0.0, 0.0)
@@ -151,6 +153,28 @@ def test_the_transform_undoes_any_mount(seed):
     off_box = np.maximum(np.abs(x + 1.0), np.abs(y + 1.5)) - 0.25
     on_box = (np.abs(off_box) < 1e-4) & (z < 1.0 + 1e-4)
     assert (on_ground | on_circle | on_box).all()
+
+
+@pytest.mark.parametrize("std", [0.0, 0.02])
+def test_its_scan_is_the_projection_of_its_cloud(std):
+    lidar = replace(shipped("go2").lidar, noise_std=std, x=0.1, yaw=0.3)
+    cloud = lidar.cloud
+    world = World(circles=np.array([[1.5, 0.5, 0.2]]), polygons=(square(0.0, 0.0, 4.0),))
+    pose = Pose(0.2, -0.1, 0.7)
+    fast, slow = mid360_of(lidar), mid360_of(lidar)
+    fast.reset(np.random.default_rng(3))
+    slow.reset(np.random.default_rng(3))
+    low, high = cloud.min_height, cloud.max_height
+    keep = Projection(low, high, angle_increment=math.tau / 360, range_min=0.1, range_max=20.0)
+    turned = [0.0, 0.0, cloud.height, 0.0, 0.0, math.pi / 360]  # the scan's beams are the middles of its bins
+    for _ in range(3):
+        scan = fast.scan(lidar, pose, world.circles, world.edges)
+        whole = to_scan(slow.cloud(ExtrudedWorld(world), pose, cloud.duration), keep, turned)
+        off = np.abs(scan - whole.ranges)
+        assert np.isfinite(scan).all()
+        # A cloud is float32, so a point on the border of two bins may change sides.
+        assert (off > 1e-5).sum() <= 2
+        assert off.max() < 0.1
 
 
 # ---- The sensor
