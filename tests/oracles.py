@@ -178,6 +178,8 @@ def slow_interval_over_worlds(successes, worlds):
     square = stats.norm.ppf(0.975) ** 2 / effective
     low, high = sorted(np.roots([1 + square, -(2 * rate + square), rate**2]).real)
     return low, high
+
+
 def crc32c(data):
     """Bit by bit, as RFC 3720 says it."""
     crc = 0xFFFFFFFF

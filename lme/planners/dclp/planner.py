@@ -67,11 +67,16 @@ class DclpConfig:
     no_return: float = 5.0  # [m] range of a beam without return
     blind_range: float = 5.0  # [m] range in a direction without beams
     lookahead: float = 2.0  # [m] of the subgoal on a guide's path
+    full_v: float | None = None  # [m/s] command of a full answer of the network; None: v_max as told
+    full_omega: float | None = None  # [rad/s] the same for omega_max
     told: Told = field(default_factory=Told)
 
     def __post_init__(self) -> None:
         for key in ("no_return", "blind_range", "lookahead"):
             require(f"planner.{key}", getattr(self, key), above=0.0)
+        for key in ("full_v", "full_omega"):
+            if getattr(self, key) is not None:
+                require(f"planner.{key}", getattr(self, key), above=0.0)
 
 
 class Dclp:
@@ -109,7 +114,9 @@ class Dclp:
         limits = self._limits(observation.limits)
         state = np.array([math.hypot(x, y), math.atan2(y, x), *observation.twist, *limits])
         v, omega = draw(self._network.mixture(self._directions, state), self._rng)
-        return limited(float(v) * limits.v_max, float(omega) * limits.omega_max, observation, self._dt)
+        full_v = limits.v_max if config.full_v is None else config.full_v
+        full_omega = limits.omega_max if config.full_omega is None else config.full_omega
+        return limited(float(v) * full_v, float(omega) * full_omega, observation, self._dt)
 
     def _goal(self, guidance: Guidance) -> Floats:
         """The subgoal, or where the guide has a path, the first point on it that is `lookahead` away: (2,) [m]."""

@@ -102,6 +102,14 @@ def test_the_answer_is_scaled_by_what_is_told_and_limited_to_what_the_robot_can(
     assert command == pytest.approx((-0.4, 0.4), abs=KERNEL)
 
 
+def test_a_full_answer_may_mean_less_than_what_is_told(file):
+    planner, network = made(file, stage(), full_v=0.3, full_omega=1.0)
+    seen = observation(robot=stage(), twist=Twist(0.1, -0.2))
+    command = planner.plan(seen, Guidance(np.array([2.0, 0.0])))
+    assert command == pytest.approx((0.5 * 0.3, -0.25 * 1.0))
+    assert network.state[4:6] == pytest.approx(stage().limits[:2])
+
+
 @pytest.mark.parametrize(
     ("length", "blocked", "goal"), [(9.0, False, 6.0), (5.0, False, 5.0), (9.0, True, 1.0)]
 )
