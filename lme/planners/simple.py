@@ -15,26 +15,37 @@ from lme.types import Guidance, Observation, Twist
 
 @dataclass(slots=True)
 class SimpleConfig:
-    """Gains that the paper leaves open, and the heading tolerance."""
+    """Gains and accelerations that the paper leaves open, and the heading tolerance."""
 
     heading_tolerance: float = math.radians(9.0)  # [rad] Algorithm 3: drive only within 9°
     pd_below: float = 0.2  # [rad] PD control below this error
     kp: float = 4.0  # [1/s]
     kd: float = 0.1  # [-]
+    alpha_v: float | None = None  # [m/s²] None, or above the robot's limit: that limit
+    alpha_omega: float | None = None  # [rad/s²] the same
 
     def __post_init__(self) -> None:
         for key in ("heading_tolerance", "pd_below", "kp", "kd"):
             require(f"planner.{key}", getattr(self, key), at_least=0.0)
+        for key in ("alpha_v", "alpha_omega"):
+            if getattr(self, key) is not None:
+                require(f"planner.{key}", getattr(self, key), above=0.0)
 
 
 class Simple:
-    """Two independent acceleration-limited controllers (paper §III.E)."""
+    """Two independent acceleration-limited controllers (paper §III.E).
+
+    Their accelerations are the config's, at most the robot's. Out of the heading tolerance the command is 0
+    (Algorithm 3), so there the robot brakes as hard as it can.
+    """
 
     Config = SimpleConfig
 
     def __init__(self, config: SimpleConfig, robot: Robot) -> None:
         self._config = config
         self._dt = robot.dt
+        self._alpha_v = math.inf if config.alpha_v is None else config.alpha_v
+        self._alpha_omega = math.inf if config.alpha_omega is None else config.alpha_omega
 
     def reset(self, rng: np.random.Generator) -> None:
         """No state to reset."""
@@ -46,10 +57,12 @@ class Simple:
         v, omega = observation.twist
         limits = observation.limits
         if abs(bearing) < self._config.heading_tolerance:
-            v_rate = approach(math.hypot(x, y), v, limits.v_max, limits.alpha_v, self._dt)
+            alpha_v = min(self._alpha_v, limits.alpha_v)
+            v_rate = approach(math.hypot(x, y), v, limits.v_max, alpha_v, self._dt)
         else:
             v_rate = towards(0.0, v, limits.alpha_v, self._dt)
-        return Twist(v_rate, self._turn(bearing, omega, limits.omega_max, limits.alpha_omega))
+        alpha_omega = min(self._alpha_omega, limits.alpha_omega)
+        return Twist(v_rate, self._turn(bearing, omega, limits.omega_max, alpha_omega))
 
     def _turn(self, bearing: float, omega: float, omega_max: float, alpha: float) -> float:
         """Acceleration-limited turn rate; PD control at small errors, never too fast to stop at the bearing."""

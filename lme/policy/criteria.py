@@ -8,7 +8,7 @@ The first line of each docstring is shown in explainer pages.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -25,7 +25,7 @@ class View(NamedTuple):
     """Input of the criteria, in the robot frame [m].
 
     points: (M, 2) scan points sorted by bearing. target: (2,) p_T. radius: r.
-    history: (H, 2) recent positions P_his. blockage: the blocking sector, if any.
+    history: (H, 2) recent positions P_his. blockage: the blocking sector, if any. surmount: a key of `SURMOUNT`.
     """
 
     points: Floats
@@ -33,6 +33,7 @@ class View(NamedTuple):
     radius: float
     history: Floats
     blockage: Blockage | None
+    surmount: str
 
 
 Criterion = Callable[[Floats, View], Floats]
@@ -72,6 +73,24 @@ def c_t(candidates: Floats, view: View) -> Floats:
 
 
 def a_mount(candidates: Floats, view: View) -> Floats:
+    """Surmount feature: minus the distance to B, past the end of the blocking obstacle [m]; 0 if none blocks.
+
+    Which candidates have it is a question of reading (docs/surmount.md): `view.surmount` names the answer.
+    """
+    return SURMOUNT[view.surmount](candidates, view)
+
+
+def a_mount_every(candidates: Floats, view: View) -> Floats:
+    """Surmount feature: minus the distance to B [m], past the obstacle between robot and target; 0 if none blocks.
+
+    §III.C(5): "candidate points that are closer to point B are assigned higher surmount values".
+    """
+    if view.blockage is None:
+        return np.zeros(len(candidates))
+    return -distances_to(candidates, view.blockage.B)
+
+
+def a_mount_hidden(candidates: Floats, view: View) -> Floats:
     """Surmount feature: minus the distance to B, past the obstacle's end [m], where it hides the target; else 0.
 
     Algorithm 2: the obstacle is the blocking sector. It hides the target if one of its points is within r of the
@@ -80,7 +99,10 @@ def a_mount(candidates: Floats, view: View) -> Floats:
     if view.blockage is None:
         return np.zeros(len(candidates))
     hidden = fan_blocked(view.target, candidates, view.blockage.points, view.radius)
-    return np.where(hidden, -distances_to(candidates, view.blockage.B), 0.0)
+    return np.where(hidden, a_mount_every(candidates, view), 0.0)
+
+
+SURMOUNT: Mapping[str, Criterion] = {"every": a_mount_every, "hidden": a_mount_hidden}
 
 
 def c_h(candidates: Floats, view: View) -> Floats:

@@ -14,7 +14,7 @@ from lme.errors import InputError, require
 from lme.kernels.fan import fan_blocked
 from lme.policy import criteria as paper
 from lme.policy.candidates import CandidateConfig, sample
-from lme.policy.criteria import ORIGIN, Criterion, View
+from lme.policy.criteria import ORIGIN, SURMOUNT, Criterion, View
 from lme.policy.explanation import Decision, Explanation, Step, explain
 from lme.policy.maintenance import Choice, History, choose, update_position
 from lme.policy.parameter_file import read_parameters
@@ -33,12 +33,15 @@ class EscaperConfig:
 
     candidates: CandidateConfig = field(default_factory=CandidateConfig)
     blocking: str = "corridor"  # rule for the blocking sector; see `lme.policy.surmount.find_blockage`
+    surmount: str = "every"  # which candidates have a surmount feature; see `lme.policy.criteria.SURMOUNT`
     history_length: int = 8  # k, paper §III.C(6)
     history_min_distance: float = 1.0  # [r] nearer history points are ignored
 
     def __post_init__(self) -> None:
         if self.blocking not in RULES:
             raise InputError(f"guide.blocking is {self.blocking!r}: must be one of {', '.join(RULES)}")
+        if self.surmount not in SURMOUNT:
+            raise InputError(f"guide.surmount is {self.surmount!r}: must be one of {', '.join(SURMOUNT)}")
         require("guide.history_length", self.history_length, at_least=1)
         require("guide.history_min_distance", self.history_min_distance, at_least=0.0)
 
@@ -128,7 +131,7 @@ class LocalMinimumEscaper:
         radius, target = self._robot.r, observation.target
         full_circle = is_full_circle(scan)
         blockage = find_blockage(points, target, radius, full_circle, self._config.blocking)
-        return View(points, target, radius, self._history.points(), blockage)
+        return View(points, target, radius, self._history.points(), blockage, self._config.surmount)
 
     def _generate(self, observation: Observation, view: View) -> Floats:
         """Random candidates in the field of view, and the target itself if it is in view and free.

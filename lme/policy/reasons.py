@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import groupby
 from typing import NamedTuple
 
@@ -18,8 +18,11 @@ _BEST = {"c_o": 1.0, "c_t": 1.0, "a_mount": 0.0, "c_h": 1.0}  # best values of t
 _FELL = {
     "c_o": "stopped being reachable",
     "c_t": "lost its free line to the target",
-    "a_mount": "became hidden from the target behind the blocking sector",
     "c_h": "came to lie behind recent positions of the robot",
+}
+_FELL_IN_A_MOUNT = {  # by the reading of the surmount feature
+    "every": "came to lie off the way around the sector that now blocks the robot's way to the target",
+    "hidden": "became hidden from the target behind the blocking sector",
 }
 
 
@@ -159,11 +162,12 @@ def _change(now: Explanation, before: Explanation | None, named: Sequence[Term])
     if before is None or now.old_features is None:
         return ""
     then = _features_of_chosen(before)
+    words = {**_FELL, "a_mount": _FELL_IN_A_MOUNT[now.view.surmount]}
     falls = []
     for term in named:
         row = now.names.index(term.name)
-        falls.append(_fall(term, then[row], now.old_features[row], now.parameters.weights[row]))
-    if _FELL["a_mount"] in falls:  # it implies the lost line to the target
+        falls.append(_fall(term, then[row], now.old_features[row], now.parameters.weights[row], words))
+    if _FELL_IN_A_MOUNT["hidden"] in falls:  # it implies the lost line to the target
         falls = [fall for fall in falls if fall != _FELL["c_t"]]
     return _listed([fall for fall in falls if fall])
 
@@ -175,12 +179,12 @@ def _features_of_chosen(step: Explanation) -> Floats:
     return step.features[:, step.new]
 
 
-def _fall(term: Term, then: float, now: float, weight: float) -> str:
+def _fall(term: Term, then: float, now: float, weight: float, words: Mapping[str, str]) -> str:
     """How the old subgoal fell in a criterion, if its loss is at least half of the term; else ""."""
     lost = weight * (then - now)
     if term.value <= 0.0 or lost < term.value / 2:
         return ""
-    return _FELL[term.name] if then == _BEST.get(term.name) else f"fell by {_shown(lost)} in {term.name}"
+    return words[term.name] if then == _BEST.get(term.name) else f"fell by {_shown(lost)} in {term.name}"
 
 
 def _listed(parts: Sequence[str]) -> str:

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from lme.geometry.frames import to_world
+from lme.policy.criteria import SURMOUNT, View
 from lme.policy.escaper import PAPER_CRITERIA
 from lme.policy.explanation import Explanation
 from lme.policy.maintenance import Choice
@@ -78,15 +79,16 @@ def _policy(first: Explanation, sentences: Sequence[str]) -> dict[str, Any]:
     return {
         "explained": True,
         "names": first.names,
-        "about": {name: _first_line(name) for name in first.names},
+        "about": {name: _first_line(name, first.view) for name in first.names},
         "parameters": {name: value if math.isfinite(value) else "inf" for name, value in given.items()},
         "choices": CHOICES,
         "sentences": list(sentences),
     }
 
 
-def _first_line(name: str) -> str:
-    criterion = PAPER_CRITERIA.get(name)
+def _first_line(name: str, view: View) -> str:
+    """The first line of the docstring of a criterion, in the reading that is in force."""
+    criterion = SURMOUNT[view.surmount] if name == "a_mount" else PAPER_CRITERIA.get(name)
     return (criterion.__doc__ or "").partition("\n")[0] if criterion else "A criterion of your own."
 
 

@@ -4,6 +4,7 @@ import json
 
 import pytest
 
+from lme.policy.criteria import SURMOUNT
 from tests.golden import refresh
 
 PATHS = sorted(refresh.FOLDER.glob("*.json"))
@@ -28,6 +29,8 @@ def test_there_are_some_and_they_end_differently():
     assert any(result["switches"] > 3 for result in results)
     assert any(result["no_free_candidate"] > 0 for result in results)
     assert all(golden(path)["why"] for path in PATHS)
+    guides = [guide for path in PATHS if (guide := golden(path)["config"]["guide"])]
+    assert {guide["surmount"] for guide in guides} == {*SURMOUNT}
 
 
 @pytest.mark.parametrize(

@@ -80,6 +80,25 @@ def test_commands_keep_to_the_limits_observed(draws, v, omega, x, y):
     assert abs(command.omega - twist.omega) <= limits.alpha_omega * 0.2 + KERNEL
 
 
+def test_its_own_accelerations_replace_the_robots():
+    # From rest, 0.5 m/s² and 0.8 rad/s² for 0.2 s: 0.1 m/s and 0.16 rad/s, where the robot's own 2 and 2 give 0.4.
+    ahead, aside = at_bearing(0.0), at_bearing(90.0)
+    assert plan(ahead, alpha_v=0.5).v == pytest.approx(0.1, abs=KERNEL)
+    assert plan(ahead, alpha_omega=0.8).v == pytest.approx(0.4, abs=KERNEL)
+    assert plan(aside, alpha_omega=0.8).omega == pytest.approx(0.16, abs=KERNEL)
+    assert plan(aside, alpha_v=0.5).omega == pytest.approx(0.4, abs=KERNEL)
+
+
+def test_its_own_accelerations_are_at_most_the_robots():
+    for degrees in (5.0, 90.0):
+        assert plan(at_bearing(degrees), alpha_v=7.0, alpha_omega=7.0) == plan(at_bearing(degrees))
+
+
+def test_out_of_the_cone_it_brakes_as_hard_as_the_robot_can():
+    # Algorithm 3: the command is 0 there. At 0.5 m/s the robot's 2 m/s² allow 0.1 after 0.2 s.
+    assert plan(at_bearing(9.1), Twist(0.5, 0.0), alpha_v=0.5).v == pytest.approx(0.1, abs=KERNEL)
+
+
 @given(st.floats(0, 0.5), st.floats(-1.5, 1.5), st.floats(-6, 6), st.floats(-6, 6))
 def test_mirrored_subgoal_mirrored_command(v, omega, x, y):
     assume(abs(y) > 1e-6)
@@ -187,4 +206,11 @@ def test_no_shipped_robot_turns_past_its_subgoal_or_drives_past_it(name, start_r
 @pytest.mark.parametrize("value", [-0.1, math.nan, math.inf])
 def test_bad_settings_are_named(key, value):
     with pytest.raises(InputError, match=rf"planner\.{key} is {value:g}: must be at least 0 and finite"):
+        SimpleConfig(**{key: value})
+
+
+@pytest.mark.parametrize("key", ["alpha_v", "alpha_omega"])
+@pytest.mark.parametrize("value", [0.0, -0.1, math.nan, math.inf])
+def test_an_acceleration_must_be_positive(key, value):
+    with pytest.raises(InputError, match=rf"planner\.{key} is {value:g}: must be greater than 0 and finite"):
         SimpleConfig(**{key: value})

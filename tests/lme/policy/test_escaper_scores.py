@@ -16,7 +16,7 @@ from lme.policy import criteria
 from lme.policy.criteria import View
 from lme.policy.escaper import PAPER_CRITERIA, EscaperConfig
 from lme.policy.score import Parameters, score
-from lme.policy.surmount import find_blockage
+from lme.policy.surmount import RULES, find_blockage
 from lme.robots import Lidar
 from lme.types import Pose, Twist
 from tests import oracles
@@ -38,8 +38,9 @@ NAMES = tuple(PAPER_CRITERIA)
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_features_and_scores_are_those_of_the_paper(seed):
-    made = escaper(seed=seed)
+@pytest.mark.parametrize("surmount", criteria.SURMOUNT)
+def test_features_and_scores_are_those_of_the_paper(seed, surmount):
+    made = escaper(seed=seed, surmount=surmount)
     blocked_some = False
     for view in escape(seed):
         seen = explained(made, view)
@@ -64,8 +65,8 @@ def by_definition(pool, view, target):
     free = lambda apex, points: 1.0 - oracles.fan_blocked(apex, pool, points, 0.2)  # noqa: E731
     mount = np.zeros(len(pool))
     if view.blockage is not None:
-        hidden = oracles.fan_blocked(target, pool, view.blockage.points, 0.2)
-        mount = -1.0 * hidden * np.hypot(*(pool - view.blockage.B).T)
+        counts = oracles.fan_blocked(target, pool, view.blockage.points, 0.2) | (view.surmount == "every")
+        mount = -1.0 * counts * np.hypot(*(pool - view.blockage.B).T)
     return {
         "a_close": -np.hypot(*(pool - target).T),
         "a_dev": -np.abs(np.arctan2(pool[:, 1], pool[:, 0])),
@@ -109,6 +110,7 @@ def test_parameters_must_be_all_there_and_no_more():
     ("settings", "message"),
     [
         ({"blocking": "ray"}, r"guide\.blocking is 'ray': must be one of corridor, line_of_sight"),
+        ({"surmount": "all"}, r"guide\.surmount is 'all': must be one of every, hidden"),
         ({"history_length": 0}, r"guide\.history_length is 0: must be at least 1"),
         ({"history_min_distance": -0.1}, r"guide\.history_min_distance is -0.1: must be at least 0"),
         ({"history_min_distance": math.nan}, r"guide\.history_min_distance is nan"),
@@ -163,13 +165,13 @@ def mounted(fov, y, yaw):
 
 
 @settings(max_examples=40)
-@given(SEEDS, st.booleans(), st.sampled_from(["corridor", "line_of_sight"]))
-def test_a_mirrored_scene_is_answered_by_the_mirrored_subgoal(seed, full_circle, rule):
+@given(SEEDS, st.booleans(), st.sampled_from(RULES), st.sampled_from([*criteria.SURMOUNT]))
+def test_a_mirrored_scene_is_answered_by_the_mirrored_subgoal(seed, full_circle, rule, surmount):
     rng = np.random.default_rng(seed)
     fov = 2 * math.pi if full_circle else 1.5 * math.pi
     y, yaw = rng.uniform(-0.1, 0.1), rng.uniform(-0.5, 0.5)
     one, two = mounted(fov, y, yaw), mounted(fov, -y, -yaw)
-    left, right = escaper(robot=one, blocking=rule), escaper(robot=two, blocking=rule)
+    left, right = (escaper(robot=each, blocking=rule, surmount=surmount) for each in (one, two))
     for _ in range(4):
         view, draw = random_view(rng, one), rng.uniform(-4, 4, (60, 2))
         with pytest.MonkeyPatch.context() as patch:
@@ -193,8 +195,8 @@ def turned(points, angle):
 
 
 @settings(max_examples=60)
-@given(SEEDS, st.floats(-math.pi, math.pi), st.sampled_from(["corridor", "line_of_sight"]))
-def test_a_turned_scene_has_the_same_features_but_for_a_dev(seed, angle, rule):
+@given(SEEDS, st.floats(-math.pi, math.pi), st.sampled_from(RULES), st.sampled_from([*criteria.SURMOUNT]))
+def test_a_turned_scene_has_the_same_features_but_for_a_dev(seed, angle, rule, surmount):
     rng = np.random.default_rng(seed)
     made = escaper()
     seen = explained(made, random_view(rng, stage()))
@@ -203,7 +205,7 @@ def test_a_turned_scene_has_the_same_features_but_for_a_dev(seed, angle, rule):
     spun = turned(points, angle)
     spun = spun[np.argsort(np.arctan2(spun[:, 1], spun[:, 0]), kind="stable")]
     views = [
-        View(p, t, 0.2, h, find_blockage(p, t, 0.2, True, rule))
+        View(p, t, 0.2, h, find_blockage(p, t, 0.2, True, rule), surmount)
         for p, t, h in ((points, target, history), (spun, turned(target, angle), turned(history, angle)))
     ]
     for name in ("a_close", "c_o", "c_t", "a_mount", "c_h"):

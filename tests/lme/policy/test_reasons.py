@@ -17,10 +17,10 @@ from lme.policy.score import CRITERIA, Parameters, score
 from tests.builders import PUBLISHED, escape, escaper, only, stage, wander
 
 FREE = {"a_close": -4.0, "a_dev": 0.0, "c_o": 1.0, "c_t": 1.0, "a_mount": 0.0, "c_h": 1.0}
-VIEW = View(np.zeros((0, 2)), np.array([4.0, 0.0]), 0.2, np.zeros((0, 2)), None)
+VIEW = View(np.zeros((0, 2)), np.array([4.0, 0.0]), 0.2, np.zeros((0, 2)), None, "every")
 
 
-def explained(candidates, old=None, at=(2.0, 0.0), names=CRITERIA, **parameters):
+def explained(candidates, old=None, at=(2.0, 0.0), names=CRITERIA, surmount="every", **parameters):
     """The decision among candidates, and the old subgoal at `at`, given by their features where not FREE."""
     chosen = Parameters.from_mapping({**PUBLISHED, **parameters}, names)
     features = np.array([[{**FREE, **one}[name] for one in candidates] for name in names])
@@ -40,7 +40,7 @@ def explained(candidates, old=None, at=(2.0, 0.0), names=CRITERIA, **parameters)
         old=None if old is None else np.array(at, dtype=float),
         old_features=old_features,
         old_score=old_score,
-        view=VIEW,
+        view=VIEW._replace(surmount=surmount),
         sectors=np.zeros((0, 2), dtype=np.int64),
         closed=False,
         parameters=chosen,
@@ -70,8 +70,10 @@ def test_what_the_old_one_never_had_is_no_change():
     ("old", "change"),
     [
         ({"c_o": 0.0}, "stopped being reachable"),
-        # 88.7 · 3: hidden by the blocking sector, so the target is not in a free line either.
-        ({"a_mount": -3.0, "c_t": 0.0}, "became hidden from the target behind the blocking sector"),
+        (
+            {"a_mount": -3.0},  # 88.7 · 3
+            "; the old one came to lie off the way around the sector that now blocks the robot's way to the target",
+        ),
         (
             {"c_h": 0.0, "c_t": 0.0},
             "free line to the target and came to lie behind recent positions of the robot",
@@ -80,6 +82,15 @@ def test_what_the_old_one_never_had_is_no_change():
 )
 def test_every_fall_has_its_words(old, change):
     assert reason(explained([{}], old=old), explained([{}])).endswith(change)
+
+
+def test_what_the_old_one_lost_in_a_mount_depends_on_its_reading():
+    """As printed, the sector hides the target from it: that it lost its line to the target goes without saying."""
+    before, old = explained([{}]), {"a_mount": -3.0, "c_t": 0.0}
+    hidden = reason(explained([{}], old=old, surmount="hidden"), before)
+    assert hidden.endswith("; the old one became hidden from the target behind the blocking sector")
+    every = reason(explained([{}], old=old), before)
+    assert every.endswith("blocks the robot's way to the target and lost its free line to the target")
 
 
 def test_the_features_of_a_kept_subgoal_are_those_of_the_old_one():

@@ -18,11 +18,11 @@ from tests.tolerances import KERNEL
 R = 0.2
 
 
-def view(points=(), target=(4.0, 0.0), history=(), full_circle=True):
+def view(points=(), target=(4.0, 0.0), history=(), full_circle=True, surmount="every"):
     points = np.array(points, dtype=float).reshape(-1, 2)
     target = np.array(target, dtype=float)
     blockage = find_blockage(points, target, R, full_circle, "corridor")
-    return View(points, target, R, np.array(history, dtype=float).reshape(-1, 2), blockage)
+    return View(points, target, R, np.array(history, dtype=float).reshape(-1, 2), blockage, surmount)
 
 
 def at(*candidates):
@@ -65,14 +65,30 @@ def test_4_c_t_asks_for_r_from_the_candidate_to_the_target():
 def test_5_a_mount_leads_around_the_nearer_end_of_the_wall():
     # E1 = (2, −0.5) at −14.04°, E2 = (2, 1) at 26.57°; T straight ahead, so A = E1, |OA| = 2.06155.
     # B = A · (1 + 0.2/2.06155) = (2.19403, −0.54851).
-    # (1, 0) is hidden: −√(1.19403² + 0.54851²) = −1.31399. (3, −1) sees T: 0.
+    # (1, 0): −√(1.19403² + 0.54851²) = −1.31399. (3, −1): −√(0.80597² + 0.45149²) = −0.92382.
     scene = view(wall())
     assert scene.blockage is not None
     assert scene.blockage.E1 == pytest.approx([2.0, -0.5])
     assert scene.blockage.E2 == pytest.approx([2.0, 1.0])
     assert scene.blockage.A == pytest.approx([2.0, -0.5])
     assert scene.blockage.B == pytest.approx([2.19403, -0.54851], abs=1e-5)
+    assert criteria.a_mount(at((1, 0), (3, -1)), scene) == pytest.approx([-1.31399, -0.92382], abs=1e-4)
+
+
+def test_5_as_printed_a_mount_is_0_for_a_candidate_that_sees_the_target():
+    # The same wall. It hides T from (1, 0), as before; (3, −1) is past it.
+    scene = view(wall(), surmount="hidden")
     assert criteria.a_mount(at((1, 0), (3, -1)), scene) == pytest.approx([-1.31399, 0.0], abs=1e-4)
+
+
+@pytest.mark.parametrize("surmount", criteria.SURMOUNT)
+def test_5_a_mount_is_0_where_nothing_blocks_the_robot(surmount):
+    # T is at (4, −2): the segment to it passes the wall's end (2, −0.5) at |2·(−2) + 4·0.5|/√20 = 0.447 > r. The
+    # wall hides T from (1, 1.5), which counts for nothing: the robot's own way is free.
+    scene = view(wall(), target=(4, -2), surmount=surmount)
+    assert scene.blockage is None
+    assert criteria.c_t(at((1, 1.5)), scene).tolist() == [0]
+    assert criteria.a_mount(at((1, 1.5), (3, -1)), scene).tolist() == [0, 0]
 
 
 def test_6_c_h_treats_recent_positions_as_obstacles():

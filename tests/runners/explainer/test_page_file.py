@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from lme.errors import InputError
+from lme.policy.criteria import SURMOUNT
 from runners.explainer import write
 from runners.explainer.encode import encode
 from runners.explainer.packer import Packer
@@ -108,6 +109,16 @@ def test_the_episode_lasts_as_its_record_says(trace):
 def test_every_script_is_part_of_the_page():
     scripts = {path.name for path in write.ASSETS.glob("*.js")}
     assert scripts == set(write.SCRIPTS)
+
+
+@pytest.mark.parametrize("surmount", SURMOUNT)
+def test_the_surmount_feature_means_what_its_reading_says(trace, surmount):
+    config = copy.deepcopy(trace.config)
+    config.map["time_limit"] = 1.0
+    config.guide["surmount"] = surmount
+    short = rerun(config, 1, 0)
+    head, _ = unpacked(encode(short, write.sentences(short)))
+    assert head["about"]["a_mount"] == SURMOUNT[surmount].__doc__.splitlines()[0]
 
 
 def test_a_criterion_of_ones_own_comes_with_the_others(trace):

@@ -40,7 +40,8 @@ def away(page):
 
 @pytest.mark.parametrize("name", CRITERIA)
 def test_a_criterion_means_what_its_docstring_says_first(page, name):
-    assert meaning(page, name) == getattr(criteria, name).__doc__.splitlines()[0]
+    criterion = criteria.SURMOUNT["every"] if name == "a_mount" else getattr(criteria, name)
+    assert meaning(page, name) == criterion.__doc__.splitlines()[0]
 
 
 @pytest.mark.parametrize("place", [*IN_TABLE, *IN_PANEL])
