@@ -21,6 +21,7 @@ from runners.config import catalogue
 
 CHANGES = (
     "",
+    "guide.surmount=hidden",
     "guide.candidates.number=100",
     "guide.candidates.number=1000",
     "guide.candidates.max_range=3",
@@ -41,6 +42,10 @@ CHANGES = (
     "sim.even_ramp=true",
     "sim.max_step=0.0125",
     "robot.alpha_v=5 robot.alpha_omega=20",
+    "robot=jackal_slow",
+    "planner.alpha_v=3",
+    "planner.alpha_v=5",
+    "planner.alpha_v=5 planner.alpha_omega=20",
     "robot.lidar.range_max=10",
     "robot.lidar.noise_std=0",
     "robot.collision_radius=0.3",

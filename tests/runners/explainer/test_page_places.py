@@ -122,7 +122,12 @@ def test_a_browser_that_is_too_old_is_told_so(browser, page_file):
 def test_what_moves_is_drawn_where_it_is(open_page, tmp_path):
     path = tmp_path / "moving.html"
     moving = traced(
-        0, "map=real1_dynamic", "robot=turtlebot2", "map.time_limit=12", "ablation=no_maintenance"
+        0,
+        "map=real1_dynamic",
+        "robot=turtlebot2",
+        "map.time_limit=12",
+        "ablation=no_maintenance",
+        "guide.surmount=hidden",
     )
     write_page(moving, path)
     page = open_page(path)

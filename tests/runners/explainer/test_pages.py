@@ -18,9 +18,9 @@ from runners.records.records import RecordWriter, read_episodes, read_trajectori
 from runners.workers.executor import SerialConfig, SerialExecutor
 from runners.workers.trace import rerun
 
-# In eight seconds world 230 is driven and world 218 is not.
-WORDS = ["eval", "map.worlds=[218,230]", "map.time_limit=8", "runs=1", "executor=serial", "tracking=none"]
-FAILED, ARRIVED = EpisodeKey(218, 0), EpisodeKey(230, 0)
+# In eight seconds world 230 is driven and world 207 is not.
+WORDS = ["eval", "map.worlds=[207,230]", "map.time_limit=8", "runs=1", "executor=serial", "tracking=none"]
+FAILED, ARRIVED = EpisodeKey(207, 0), EpisodeKey(230, 0)
 
 
 @pytest.fixture(scope="module")
@@ -62,21 +62,21 @@ def links(text):
 
 
 def test_failures_have_a_page_and_the_table_leads_to_it(driven):
-    assert files(driven) == ["218-0.html", "index.html"]
+    assert files(driven) == ["207-0.html", "index.html"]
     table = (driven / "table.md").read_text()
     assert re.search(
-        r"\| 218 \| 0 \| timeout \| 8\.0 \| \d+\.\d\d \| \[\S+\]\(explain/218-0\.html\) \|", table
+        r"\| 207 \| 0 \| timeout \| 8\.0 \| \d+\.\d\d \| \[\S+\]\(explain/207-0\.html\) \|", table
     )
     assert "| 230 |" not in table
     targets = [one or other for one, other in links(table)]
-    assert targets == ["explain/218-0.html", "explain/index.html"]
+    assert targets == ["explain/207-0.html", "explain/index.html"]
     assert all((driven / target).is_file() for target in targets)
 
 
 def test_the_closest_approach_is_that_of_the_path(driven):
     steps = read_trajectories([driven])
-    path = steps[steps["world"] == 218]
-    episode = read_episodes([driven]).set_index("world").loc[218]
+    path = steps[steps["world"] == 207]
+    episode = read_episodes([driven]).set_index("world").loc[207]
     closest = (
         (path["x_m"] - episode["goal_x_m"]) ** 2 + (path["y_m"] - episode["goal_y_m"]) ** 2
     ).min() ** 0.5
@@ -84,29 +84,29 @@ def test_the_closest_approach_is_that_of_the_path(driven):
 
 
 def test_the_page_is_of_the_episode_and_needs_nothing_beside_it(driven):
-    page = (driven / "explain" / "218-0.html").read_text(encoding="utf-8")
+    page = (driven / "explain" / "207-0.html").read_text(encoding="utf-8")
     assert "<title>" in page
     assert not re.search(r'(src|href)="(https?:)?//', page)
     index = (driven / "explain" / "index.html").read_text(encoding="utf-8")
-    assert [other for _, other in links(index)] == ["218-0.html"]
+    assert [other for _, other in links(index)] == ["207-0.html"]
     assert "<td>LME (ours)</td><td>0.500</td>" in index
     assert not re.search(r"https?:|<script", index)
 
 
 def test_explaining_more_goes_on_with_the_same_run_and_keeps_what_is_there(run, drawn):
-    before = (run / "explain" / "218-0.html").read_bytes()
+    before = (run / "explain" / "207-0.html").read_bytes()
     assert main([*WORDS, "explain=all", f"hydra.run.dir={run}", "resume=true"]) == 0
     assert drawn == [ARRIVED]
-    assert (run / "explain" / "218-0.html").read_bytes() == before
+    assert (run / "explain" / "207-0.html").read_bytes() == before
     index = (run / "explain" / "index.html").read_text(encoding="utf-8")
-    assert [other for _, other in links(index)] == ["218-0.html", "230-0.html"]  # failures first
+    assert [other for _, other in links(index)] == ["207-0.html", "230-0.html"]  # failures first
 
 
 @pytest.mark.parametrize(
     "spoil_page", [lambda page: page[:-30], lambda page: page.replace(b"<!-- ", b"<!-- not ")]
 )
 def test_a_page_that_is_torn_or_of_another_episode_is_made_anew(run, drawn, spoil_page):
-    page = run / "explain" / "218-0.html"
+    page = run / "explain" / "207-0.html"
     page.write_bytes(spoil_page(page.read_bytes()))
     pages.as_asked(Explain.failures, run, SerialExecutor(SerialConfig()))
     assert drawn == [FAILED]
@@ -128,10 +128,10 @@ def test_where_nothing_failed_there_is_nothing_to_see(tmp_path, capsys):
 
 
 def test_a_page_calls_the_system_what_the_table_calls_it(tmp_path, drawn):
-    words = ["guide=target", "planner=dwa_tuned", "map.worlds=[218]", f"hydra.run.dir={tmp_path}"]
+    words = ["guide=target", "planner=dwa_tuned", "map.worlds=[207]", f"hydra.run.dir={tmp_path}"]
     assert main([*WORDS, *words, "explain=all"]) == 0
     system = read_episodes([tmp_path]).loc[0, "system"]
-    assert (tmp_path / "explain" / "218-0.html").read_text().startswith(f"<!doctype html>{system}\n")
+    assert (tmp_path / "explain" / "207-0.html").read_text().startswith(f"<!doctype html>{system}\n")
 
 
 def test_pages_that_cannot_be_made_are_one_warning_of_a_finished_run(run, drawn):
@@ -144,12 +144,12 @@ def test_pages_that_cannot_be_made_are_one_warning_of_a_finished_run(run, drawn)
 
 
 def spoil(run_dir):
-    """Let world 218 have gone another way."""
+    """Let world 207 have gone another way."""
     import pyarrow.parquet as pq
 
     path = run_dir / "trajectories.parquet"
     steps = pq.ParquetFile(path).read().to_pandas()
-    steps.loc[steps["world"] == 218, "x_m"] += 0.5
+    steps.loc[steps["world"] == 207, "x_m"] += 0.5
     steps.to_parquet(path, index=False)
 
 
@@ -157,7 +157,7 @@ def test_table_rebuilds_the_links_of_the_pages_that_are_there(run, capsys):
     before = (run / "table.md").read_text()
     assert main(["table", str(run)]) == 0
     assert (run / "table.md").read_text() == before
-    (run / "explain" / "218-0.html").unlink()
+    (run / "explain" / "207-0.html").unlink()
     assert main(["table", str(run)]) == 0
     assert (run / "table.md").read_text() == before.partition("\n## Failed")[0]
 
@@ -168,11 +168,11 @@ def test_a_sweeps_table_leads_into_its_jobs(driven, tmp_path):
         launch = launch_record.read_launch(job)
         launch.overrides = ["runs=1", f"ablation={'none' if number == '0' else 'no_c_o'}"]
         launch.write(job)
-    (tmp_path / "1" / "explain" / "218-0.html").unlink()
+    (tmp_path / "1" / "explain" / "207-0.html").unlink()
     section = failed_section(read_episodes([tmp_path / "0", tmp_path / "1"]), tmp_path)
-    rows = [line.split(" | ") for line in section.splitlines() if "218" in line]
+    rows = [line.split(" | ") for line in section.splitlines() if "207" in line]
     assert [row[0] for row in rows] == ["| 0 ablation=none", "| 1 ablation=no_c_o"]
-    assert [row[-1] for row in rows] == ["[0/explain/218-0.html](0/explain/218-0.html) |", "– |"]
+    assert [row[-1] for row in rows] == ["[0/explain/207-0.html](0/explain/207-0.html) |", "– |"]
     assert "All pages: [0/explain/index.html]" in section
 
 
@@ -184,10 +184,10 @@ def test_without_an_episode_they_are_listed_failures_first(driven, capsys):
     lines = capsys.readouterr().out.splitlines()
     assert [line.split()[:2] for line in lines[:3]] == [
         ["episode", "outcome"],
-        ["218/0", "timeout"],
+        ["207/0", "timeout"],
         ["230/0", "success"],
     ]
-    assert any(line.endswith(f"lme explain {driven} 218/0 --text") for line in lines)
+    assert any(line.endswith(f"lme explain {driven} 207/0 --text") for line in lines)
 
 
 def test_pages_lie_with_the_run_and_in_its_index(run, drawn, capsys):
@@ -195,31 +195,31 @@ def test_pages_lie_with_the_run_and_in_its_index(run, drawn, capsys):
     assert capsys.readouterr().out.split() == [str(run / "explain" / "230-0.html")]
     assert drawn == [ARRIVED]
     assert "230-0.html" in (run / "explain" / "index.html").read_text()
-    assert main(["explain", str(run), "failures", "218/0"]) == 0  # the same one
+    assert main(["explain", str(run), "failures", "207/0"]) == 0  # the same one
     assert drawn == [ARRIVED, FAILED]
 
 
 @pytest.mark.parametrize(
-    ("output", "page"), [("why.html", "why.html"), ("new/folder", "new/folder/218-0.html")]
+    ("output", "page"), [("why.html", "why.html"), ("new/folder", "new/folder/207-0.html")]
 )
 def test_a_page_elsewhere(run, drawn, tmp_path, output, page, capsys):
-    assert main(["explain", str(run), "218", "--output", str(tmp_path / output)]) == 0
+    assert main(["explain", str(run), "207", "--output", str(tmp_path / output)]) == 0
     assert capsys.readouterr().out.split() == [str(tmp_path / page)]
     assert (tmp_path / page).is_file()
-    assert files(run) == ["218-0.html", "index.html"]
+    assert files(run) == ["207-0.html", "index.html"]
 
 
 def test_two_pages_are_made_by_processes(run, tmp_path, capsys):
-    assert main(["explain", str(run), "230", "218", "--output", str(tmp_path)]) == 0
-    assert capsys.readouterr().out.split() == [str(tmp_path / f"{world}-0.html") for world in (218, 230)]
-    assert (tmp_path / "218-0.html").read_bytes() == (run / "explain" / "218-0.html").read_bytes()
+    assert main(["explain", str(run), "230", "207", "--output", str(tmp_path)]) == 0
+    assert capsys.readouterr().out.split() == [str(tmp_path / f"{world}-0.html") for world in (207, 230)]
+    assert (tmp_path / "207-0.html").read_bytes() == (run / "explain" / "207-0.html").read_bytes()
 
 
 def test_text_tells_every_decision(driven, capsys):
-    assert main(["explain", str(driven), "218", "--text"]) == 0
+    assert main(["explain", str(driven), "207", "--text"]) == 0
     title, header, *lines = capsys.readouterr().out.splitlines()
-    steps = int(read_episodes([driven]).set_index("world").loc[218, "steps"])
-    assert title == f"World 218, run 0: timeout after 8.0 s, {steps} decisions"
+    steps = int(read_episodes([driven]).set_index("world").loc[207, "steps"])
+    assert title == f"World 207, run 0: timeout after 8.0 s, {steps} decisions"
     assert header.split() == ["step", "time", "[s]", "why"]
     spans = [[int(step) for step in line.split()[0].split("–")] for line in lines]
     listed = [step for span in spans for step in range(span[0], span[-1] + 1)]
@@ -230,10 +230,10 @@ def test_text_tells_every_decision(driven, capsys):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["219"], "world 219 was not driven in this run: those nearest to it are 218, 230"),
-        (["218/3"], "world 218 has no run 3: it has 0"),
-        (["218.0"], "'218.0' is no episode: give WORLD, WORLD/RUN or failures, such as 218/0"),
-        (["218", "230", "--output", "one.html"], "one file cannot hold 2 pages; give a folder"),
+        (["206"], "world 206 was not driven in this run: those nearest to it are 207, 230"),
+        (["207/3"], "world 207 has no run 3: it has 0"),
+        (["207.0"], "'207.0' is no episode: give WORLD, WORLD/RUN or failures, such as 207/0"),
+        (["207", "230", "--output", "one.html"], "one file cannot hold 2 pages; give a folder"),
     ],
 )
 def test_mistakes_are_named(driven, words, message, capsys):
@@ -252,17 +252,17 @@ def test_a_run_without_failures_says_so(driven):
 def test_a_directory_of_several_runs_names_them(driven, capsys):
     shutil.copytree(driven, driven.parent / "sweep" / "0")
     shutil.copytree(driven, driven.parent / "sweep" / "1")
-    assert main(["explain", str(driven.parent / "sweep"), "218"]) == 2
+    assert main(["explain", str(driven.parent / "sweep"), "207"]) == 2
     error = capsys.readouterr().err
     assert "sweep holds 2 runs: give one of them" in error
-    assert f"{driven.parent / 'sweep' / '1'} (map.worlds=[218,230]" in error
+    assert f"{driven.parent / 'sweep' / '1'} (map.worlds=[207,230]" in error
 
 
 def test_a_run_of_another_version_is_refused_by_the_command(run, drawn, capsys):
     spoil(run)
-    assert main(["explain", str(run), "218"]) == 2
+    assert main(["explain", str(run), "207"]) == 2
     assert "goes another way when it is driven again" in capsys.readouterr().err
-    assert files(run) == ["218-0.html", "index.html"]  # the old page, and no draft
+    assert files(run) == ["207-0.html", "index.html"]  # the old page, and no draft
 
 
 def test_an_unfinished_run(driven, tmp_path, drawn):
@@ -292,7 +292,7 @@ def test_a_guide_without_reasons_has_pages_but_no_sentences(tmp_path, capsys):
 # --- the sentences of real drives ------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("world", [218, 230])
+@pytest.mark.parametrize("world", [207, 230])
 def test_every_decision_of_a_real_drive_has_its_own_reason(driven, world):
     trace = rerun(launch_record.read_launch(driven).config, world, 0)
     before, texts = None, []

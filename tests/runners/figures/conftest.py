@@ -7,12 +7,12 @@ from runners.cli.main import main
 from runners.figures.parts.driven_runs import read_runs
 from runners.figures.parts.moment import Shot, telling_step
 
-WORDS = ["eval", "map=env2", "robot=stage", "map.worlds=[4]", "runs=1", "executor=serial", "tracking=none"]
+WORDS = ["eval", "map=env2", "robot=stage", "map.worlds=[11]", "runs=1", "executor=serial", "tracking=none"]
 
 
 @pytest.fixture(scope="session")
 def lme_run(tmp_path_factory):
-    """The directory of a run of LME: world 4 of env2, cut off after twenty steps."""
+    """The directory of a run of LME: world 11 of env2, cut off after twenty steps."""
     return _driven(tmp_path_factory, "lme")
 
 
@@ -25,7 +25,7 @@ def target_run(tmp_path_factory):
 @pytest.fixture(scope="session")
 def trace(lme_run):
     (job,) = read_runs([lme_run])
-    return job.trace(4, 0)
+    return job.trace(11, 0)
 
 
 @pytest.fixture

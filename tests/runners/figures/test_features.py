@@ -153,7 +153,7 @@ def test_the_command_draws_a_step_of_a_run(lme_run, tmp_path, capsys):
     words = [
         "features",
         f"run={lme_run}",
-        "world=4",
+        "world=11",
         "figure.step=7",
         "formats=[png]",
         f"hydra.run.dir={tmp_path}",
@@ -166,7 +166,7 @@ def test_the_command_draws_a_step_of_a_run(lme_run, tmp_path, capsys):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["figure.step=20"], r"figure.step is 20: world 4, run 0 of LME has the steps 0 to 19"),
+        (["figure.step=20"], r"figure.step is 20: world 11, run 0 of LME has the steps 0 to 19"),
         (["figure.criteria=[c_mount]"], r"figure.criteria has 'c_mount': did you mean a_mount\?"),
         (["figure.percentiles=[95,5]"], r"figure.percentiles is \[95.0, 5.0\]: must be two of 0 to 100"),
         (["figure.values=sum"], r"figure.values is 'sum': must be one of raw, weighted"),
