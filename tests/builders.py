@@ -17,6 +17,7 @@ from lme.sim.fast import FastConfig, FastSimulator
 from lme.types import LaserScan, Observation, Pose, Twist
 from lme.worlds.world import Task, World
 from runners.config import catalogue
+from runners.config.instantiate import filled
 from runners.records.episode_record import COLUMNS, EpisodeRecord
 
 PUBLISHED = {  # paper §IV.D
@@ -49,10 +50,9 @@ def stage(fov=2 * math.pi, num_beams=540, **changes):
 
 def robot_from(values):
     """A robot from a mapping as in `conf/robot/`; a warning about its collision radius is its author's."""
-    parts = {"footprint": Footprint(**values["footprint"]), "lidar": Lidar(**values["lidar"])}
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)
-        return Robot(**{**values, **parts})
+        return filled(Robot, values, "robot")
 
 
 SHIPPED = tuple(catalogue.shipped().options("robot"))
