@@ -6,14 +6,18 @@ from dataclasses import MISSING, Field, fields
 from pathlib import Path
 from typing import Any, TypeVar
 
+from lme.drivetrain import Controller, Drivetrain, Response
 from lme.errors import InputError, nearest
 from lme.policy.parameter_file import read_parameters
 from lme.policy.score import CRITERIA
 from lme.resources import overlaid, resource_dir
-from lme.robots import Cloud, Footprint, Lidar, Robot
+from lme.robots import Cloud, Contact, Footprint, Lidar, Robot
 from lme.yaml_entry import Entry, read_yaml
 
-_Part = TypeVar("_Part", Robot, Footprint, Lidar, Cloud)
+_Part = TypeVar("_Part")
+_PARTS = {
+    part.__name__: part for part in (Cloud, Contact, Controller, Drivetrain, Footprint, Lidar, Response)
+}
 
 
 def load_robot(robot: str | Path) -> Robot:
@@ -59,10 +63,11 @@ def _with_base(path: Path) -> object:
 
 def _filled(part: type[_Part], place: str, value: object) -> _Part:
     """A dataclass from a mapping with a key for each of its fields."""
-    required = [field.name for field in fields(part) if field.default is MISSING]
-    optional = [field.name for field in fields(part) if field.default is not MISSING]
+    known = fields(part)  # type: ignore[arg-type]
+    required = [field.name for field in known if field.default is MISSING]
+    optional = [field.name for field in known if field.default is not MISSING]
     entry = Entry(place, value, required, optional)
-    return part(**{field.name: _value(entry, field) for field in fields(part)})
+    return part(**{field.name: _value(entry, field) for field in known})
 
 
 def _value(entry: Entry, field: Field[Any]) -> Any:
@@ -70,12 +75,9 @@ def _value(entry: Entry, field: Field[Any]) -> Any:
     given = entry.value(key, default)
     if given is None and default is None:
         return None
-    if field.type == "Footprint":
-        return _filled(Footprint, f"{entry.place}, {key}", given)
-    if field.type == "Lidar":
-        return _filled(Lidar, f"{entry.place}, {key}", given)
-    if field.type == "Cloud | None":
-        return _filled(Cloud, f"{entry.place}, {key}", given)
+    part = _PARTS.get(str(field.type).removesuffix(" | None"))
+    if part is not None:
+        return _filled(part, f"{entry.place}, {key}", given)
     if field.type == "str":
         return str(given)
     whole = field.type in ("int", "int | None")

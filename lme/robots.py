@@ -5,7 +5,9 @@ from __future__ import annotations
 import math
 import warnings
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
+from lme.drivetrain import Drivetrain, Response
 from lme.errors import InputError, require
 from lme.types import Limits, Pose
 
@@ -17,18 +19,19 @@ class Footprint:
     radius: float | None = None  # [m], of a disc
     length: float | None = None  # [m], of a rectangle, along x
     width: float | None = None  # [m], of a rectangle, along y
+    key: ClassVar[str] = "robot.footprint"
 
     def __post_init__(self) -> None:
         disc = self.radius is not None
         sides = (self.length is not None) + (self.width is not None)
         if (disc and sides) or (not disc and sides != 2):
             raise InputError(
-                f"robot.footprint is {{radius: {self.radius}, length: {self.length}, width: {self.width}}}: "
+                f"{self.key} is {{radius: {self.radius}, length: {self.length}, width: {self.width}}}: "
                 "give either a radius (disc) or a length and a width (rectangle), and null for the rest"
             )
         for key in ("radius", "length", "width"):
             if getattr(self, key) is not None:
-                require(f"robot.footprint.{key}", getattr(self, key), above=0.0)
+                require(f"{self.key}.{key}", getattr(self, key), above=0.0)
 
     @property
     def box(self) -> tuple[float, float, float]:
@@ -69,6 +72,13 @@ class Cloud:
         require("robot.lidar.cloud.min_height", self.min_height)
         require("robot.lidar.cloud.max_height", self.max_height, above=self.min_height)
         require("robot.lidar.cloud.duration", self.duration, above=0.0)
+
+
+@dataclass(slots=True)
+class Contact(Footprint):
+    """The outline that collides, where it is not the footprint that the robot plans with."""
+
+    key: ClassVar[str] = "robot.contact"
 
 
 @dataclass(slots=True)
@@ -145,12 +155,24 @@ class Robot:
     control_rate: float  # [Hz]
     lidar: Lidar
     collision_radius: float | None = None  # [m], LME's r; None: r_max of the footprint
+    contact: Contact | None = None  # what collides; None: the footprint
+    drivetrain: Drivetrain | None = None  # for sim=skid
+    response: Response | None = None  # for sim=skid, in place of a drivetrain
 
     def __post_init__(self) -> None:
         for key in ("v_max", "omega_max", "alpha_v", "alpha_omega", "control_rate"):
             require(f"robot.{key}", getattr(self, key), above=0.0)
         if self.collision_radius is not None:
             self._check_collision_radius(self.collision_radius)
+        if self.drivetrain is not None and self.response is not None:
+            raise InputError(
+                "robot.drivetrain and robot.response are both set: must be one, and null for the other"
+            )
+
+    @property
+    def hull(self) -> Footprint:
+        """The outline that collides."""
+        return self.footprint if self.contact is None else self.contact
 
     @property
     def limits(self) -> Limits:

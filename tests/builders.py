@@ -12,11 +12,12 @@ from lme.guides.target import Target, TargetConfig
 from lme.navigator import Navigator
 from lme.planners.simple import Simple, SimpleConfig
 from lme.policy.escaper import PAPER_CRITERIA, EscaperConfig, LocalMinimumEscaper
-from lme.robots import Cloud, Footprint, Lidar, Robot
+from lme.robots import Footprint, Lidar, Robot
 from lme.sim.fast import FastConfig, FastSimulator
 from lme.types import LaserScan, Observation, Pose, Twist
 from lme.worlds.world import Task, World
 from runners.config import catalogue
+from runners.config.instantiate import filled
 from runners.records.episode_record import COLUMNS, EpisodeRecord
 
 PUBLISHED = {  # paper §IV.D
@@ -49,13 +50,9 @@ def stage(fov=2 * math.pi, num_beams=540, **changes):
 
 def robot_from(values):
     """A robot from a mapping as in `conf/robot/`; a warning about its collision radius is its author's."""
-    lidar = dict(values["lidar"])
-    if lidar.get("cloud"):
-        lidar["cloud"] = Cloud(**lidar["cloud"])
-    parts = {"footprint": Footprint(**values["footprint"]), "lidar": Lidar(**lidar)}
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)
-        return Robot(**{**values, **parts})
+        return filled(Robot, values, "robot")
 
 
 SHIPPED = tuple(catalogue.shipped().options("robot"))

@@ -4,6 +4,8 @@ import numpy as np
 from scipy import stats
 from scipy.spatial import cKDTree
 
+SLIDE_SWEEPS = 2  # as in lme/kernels/skid.py
+
 
 def cast(lidar_pose, angles, range_max, circles, edges):
     """Every beam against every circle and every edge."""
@@ -129,6 +131,65 @@ def scan_points(ranges, directions, range_min, range_max, mount):
     cos, sin = np.cos(mount[2]), np.sin(mount[2])
     points = np.array(mount[:2]) + local @ np.array([[cos, sin], [-sin, cos]])
     return points[np.argsort(np.arctan2(points[:, 1], points[:, 0]), kind="stable")]
+
+
+def slide(state, chassis, command, limits, factors, axes, yaw_errors, duration, count):
+    """One step at a time, one contact at a time, with vectors; changes the state."""
+    per_pose = int(np.ceil(duration / count / 1e-3 - 1e-9))
+    dt = duration / (count * per_pose)
+    body, wheels, poses = state.body, state.wheels, []
+    for k in range(count * per_pose):
+        goal = np.clip(command, np.negative(limits[:2]), limits[:2])
+        most = np.array(limits[2:]) * dt
+        wheels[:2] += np.clip(goal - wheels[:2], -most, most)
+        turn = wheels[1] * chassis.track / 2 * chassis.separation_multiplier
+        treads = wheels[0] + turn * np.array([-1, 1])
+        wheels[2:] += treads / chassis.wheel_radius * dt
+        _friction(state, chassis, treads * factors, axes, dt)
+        body[:3] += body[3:] * dt
+        heading = body[2] + yaw_errors[k * len(yaw_errors) // (count * per_pose)]
+        state.odometry[:] += wheels[0] * dt * np.array([np.cos(heading), np.sin(heading)])
+        if (k + 1) % per_pose == 0:
+            ahead = np.array([np.cos(body[2]), np.sin(body[2])])
+            poses.append([*(body[:2] - chassis.com_x * ahead), body[2]])
+    return np.array(poses)
+
+
+def _friction(state, chassis, treads, axes, dt):
+    """Sweeps over all contacts: each takes up the impulse that stops it, within the bounds of a box."""
+    ahead = np.array([np.cos(state.body[2]), np.sin(state.body[2])])
+    left = np.array([-ahead[1], ahead[0]])
+    mass = np.diag([chassis.mass, chassis.mass, chassis.inertia])
+    before, rows, old = state.body[3:].copy(), [], state.grip.copy()
+    for n, (end, side, edge) in enumerate((e, s, t) for e in (1, -1) for s in (1, -1) for t in (-1, 1)):
+        wheel = 0 if side == 1 else 1
+        arm = (end * chassis.wheel_base / 2 - chassis.com_x) * ahead
+        arm = arm + (side * chassis.track / 2 + edge * chassis.wheel_width / 2) * left
+        share = 0.5 + end * chassis.com_x / chassis.wheel_base if chassis.wheel_base else 0.5
+        load = chassis.mass * 9.81 * share / 4
+        lever = chassis.mass * chassis.com_height / 4
+        if chassis.wheel_base:
+            load -= end * lever * state.acceleration[0] / chassis.wheel_base
+        load -= side * lever * state.acceleration[1] / chassis.track
+        direction, angle = (np.array([1.0, 0.0]) if axes == 1 else ahead), state.wheels[2 + wheel]
+        if axes == 0:
+            load += old[2 * n] / dt * np.sin(angle)
+            direction = direction * np.cos(angle)
+        for d in (direction, np.array([-direction[1], direction[0]])):
+            rows.append(
+                (np.array([*d, arm[0] * d[1] - arm[1] * d[0]]), treads[wheel] * ahead, max(load, 0.0))
+            )
+    state.grip[:] = 0
+    for _ in range(SLIDE_SWEEPS):
+        for n, (row, tread, load) in enumerate(rows):
+            sliding = row @ state.body[3:] - row[:2] @ tread
+            stiffness = 1 / (row @ np.linalg.solve(mass, row)) if np.abs(row).max() > 1e-6 else 0.0
+            bound = chassis.friction * load * dt
+            total = np.clip(state.grip[n] - sliding * stiffness, -bound, bound)
+            state.body[3:] += np.linalg.solve(mass, row) * (total - state.grip[n])
+            state.grip[n] = total
+    change = (state.body[3:5] - before[:2]) / dt
+    state.acceleration[:] = change @ ahead, change @ left
 
 
 def _turned(x, y, direction):

@@ -7,3 +7,13 @@ MIRROR = 1e-3  # [m, rad] after seconds of driving in a mirrored world: scans ar
 
 FLOAT32_LAYER = 1e-5  # of sums of a hundred products near 1 in float32
 NETWORK = 1e-4  # actions of eight such layers
+# sim=skid. ODE: rms over random commands with the same start; the planar body has no pitch, roll or soft contacts.
+ODE_SPEED = 0.02  # [m/s]
+ODE_TURN_RATE = 0.08  # [rad/s]
+ODE_POSITION = 0.01  # [m] after a second
+# Gazebo: single runs with an unknown phase of the wheels, read to two digits.
+GAZEBO_ACCELERATION = 0.15  # [-] relative
+GAZEBO_GAIN = 0.03  # [-] steady turn rate per commanded one
+GAZEBO_TURN_RATE = 0.1  # [rad/s]
+GAZEBO_SIDESLIP = 0.2  # [m/s]
+SWEEPS = 0.02  # [m, m/s, rad/s] two sweeps over the contacts against twenty, or in mirrored order

@@ -27,14 +27,14 @@ class Disturbances:
     scan_dropout: float = 0.0  # [-] share of beams that return nothing
     goal_noise: float = 0.0  # [m] standard deviation of the robot's estimated position, in x and in y
     goal_noise_yaw: float = 0.0  # [rad] standard deviation of its estimated heading
-    goal_rate: float | None = None  # [Hz] rate of goal fixes; None: one with every scan
+    goal_rate: float | None = None  # [Hz] rate of goal fixes; None: one with every scan; 0: one, at the start
 
     def __post_init__(self) -> None:
         for key in ("latency", "slip", "scan_noise", "goal_noise", "goal_noise_yaw"):
             require(f"sim.{key}", getattr(self, key), at_least=0.0)
         require("sim.scan_dropout", self.scan_dropout, at_least=0.0, at_most=1.0)
         if self.goal_rate is not None:
-            require("sim.goal_rate", self.goal_rate, above=0.0)
+            require("sim.goal_rate", self.goal_rate, at_least=0.0)
 
 
 class Delay:
@@ -78,9 +78,7 @@ class TargetEstimate:
             return to_robot(self._goal, pose)
         if self._rate is None or time >= self._due - 1e-9:
             self._fix = to_world(to_robot(self._goal, self._estimated(pose)), odometry)
-            self._due = (
-                math.inf if self._rate is None else (math.floor(time * self._rate + 1e-9) + 1) / self._rate
-            )
+            self._due = (math.floor(time * self._rate + 1e-9) + 1) / self._rate if self._rate else math.inf
         return to_robot(self._fix, odometry)
 
     def _estimated(self, pose: Pose) -> Pose:

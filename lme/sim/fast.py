@@ -9,11 +9,11 @@ import numpy as np
 
 from lme.errors import require
 from lme.geometry.frames import relative
-from lme.kernels.collision import sweep
-from lme.kernels.motion import drive, first_within
+from lme.kernels.motion import drive
 from lme.robots import Robot
 from lme.sim.crowd import Crowd
 from lme.sim.disturbances import Disturbances
+from lme.sim.events import until_event
 from lme.sim.simulator import Sensors, State
 from lme.sim.substeps import Substepper, rolled
 from lme.types import Floats, Limits, Observation, Pose, Twist
@@ -56,9 +56,8 @@ class FastSimulator:
         """Put the robot at the task's start, at rest."""
         self._circles = np.ascontiguousarray(task.world.circles, dtype=np.float64)
         self._edges = task.world.edges
-        self._goal = np.asarray(task.goal, dtype=np.float64)
-        self._goal_tolerance = task.goal_tolerance
-        self._sensors = Sensors(self._robot, self._config, self._goal, rng)
+        self._task = task
+        self._sensors = Sensors(self._robot, self._config, np.asarray(task.goal, dtype=np.float64), rng)
         self._start = Pose(*map(float, task.start))
         self._substepper = self._make_substepper(task, rng)
         if self._substepper:
@@ -75,7 +74,7 @@ class FastSimulator:
         robot, state = self._robot, self.state
         limits = self._limits(command, state.twist)
         travel, twist = drive(
-            state.pose, state.twist, command, limits, robot.dt, self._config.max_step, robot.footprint.r_max
+            state.pose, state.twist, command, limits, robot.dt, self._config.max_step, robot.hull.r_max
         )
         self.state = self._end_at_event(travel, Twist(*twist), state.time, robot.dt)
         return self._observe()
@@ -85,7 +84,7 @@ class FastSimulator:
         robot, config, crowd = self._robot, self._config, Crowd(task.world.movers)
         if not (len(crowd) or config.latency or config.slip):
             return None
-        fastest = robot.v_max + robot.footprint.r_max * robot.omega_max + crowd.top_speed
+        fastest = robot.v_max + robot.hull.r_max * robot.omega_max + crowd.top_speed
         self._substeps = math.ceil(max(fastest * robot.dt / config.max_step, robot.dt / MAX_SUBSTEP) - 1e-9)
         return Substepper(task, robot, config, rng.spawn(1)[0], crowd, _MasslessBody(self._start))
 
@@ -101,17 +100,11 @@ class FastSimulator:
         return limits._replace(alpha_v=alpha_v, alpha_omega=alpha_omega)
 
     def _end_at_event(self, travel: Floats, twist: Twist, start_time: float, dt: float) -> State:
-        """Cut the motion at contact or arrival. Contact on arrival counts as contact only."""
-        steps = len(travel)
-        arrival = first_within(travel, self._goal, self._goal_tolerance)
-        if arrival >= 0:
-            travel = travel[: arrival + 1]
-        clearance, contact = sweep(travel, self._robot.footprint.box, self._circles, self._edges)
-        if contact >= 0:
-            travel = travel[: contact + 1]
-        pose = Pose(*travel[-1].tolist())
-        time = start_time + dt * len(travel) / steps
-        return State(pose, twist, time, travel, clearance, contact >= 0, arrival >= 0 and contact < 0)
+        """Cut the motion at contact or arrival."""
+        box = self._robot.hull.box
+        passed, clearance, contact, arrived = until_event(travel, self._task, box, self._circles, self._edges)
+        time = start_time + dt * len(passed) / len(travel)
+        return State(Pose(*passed[-1].tolist()), twist, time, passed, clearance, contact, arrived)
 
     def _observe(self) -> Observation:
         state = self.state

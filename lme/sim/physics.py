@@ -94,7 +94,7 @@ class RigidBody:
         self._space.on_collision(_ROBOT, _OBSTACLE, begin=self._begin, separate=self._separate)
         self._add(self._space.static_body, _static_shapes(self._space.static_body, world))
         self._movers = [self._add_mover(mover) for mover in world.movers]
-        self._robot = self._add_robot(robot.footprint, start)
+        self._robot = self._add_robot(robot.hull, start)
         self.pose, self.twist = start, Twist(0.0, 0.0)
         self._space.step(1e-9)  # so that a start in contact is reported at once
 
@@ -139,10 +139,10 @@ class RigidBody:
             body.velocity = ((x - at_x) / dt, (y - at_y) / dt)
             body.angular_velocity = (yaw - body.angle) / dt
 
-    def _add_robot(self, footprint: Footprint, start: Pose) -> pymunk.Body:
-        half_length, half_width, rounding = footprint.box
+    def _add_robot(self, hull: Footprint, start: Pose) -> pymunk.Body:
+        half_length, half_width, rounding = hull.box
         body = pymunk.Body()
-        if footprint.radius is not None:
+        if hull.radius is not None:
             shape: pymunk.Shape = pymunk.Circle(body, rounding)
         else:
             shape = pymunk.Poly.create_box(body, (2 * half_length, 2 * half_width))

@@ -64,10 +64,19 @@ class Sensors:
             self._mid360.reset(rng)
 
     def observe(
-        self, state: State, twist: Twist, odometry: Pose, circles: Floats, edges: Floats
+        self,
+        state: State,
+        twist: Twist,
+        odometry: Pose,
+        circles: Floats,
+        edges: Floats,
+        scan_pose: Pose | None = None,
     ) -> Observation:
-        """The observation; twist, odometry: by the wheel encoders; circles (C, 3), edges (E, 4): the obstacles now."""
-        scan = self._scan(state.pose, circles, edges)
+        """The observation; twist, odometry: by the wheel encoders; circles (C, 3), edges (E, 4): the obstacles now.
+
+        scan_pose: where the newest scan was taken, if not at the present pose.
+        """
+        scan = self._scan(scan_pose or state.pose, circles, edges)
         target = self._target.seen_from(state.pose, odometry, state.time)
         return Observation(scan, target, twist, self._robot.limits, odometry)
 

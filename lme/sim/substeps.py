@@ -116,7 +116,7 @@ class Substepper:
 
     def _check(self) -> tuple[float, bool, bool]:
         """Clearance [m], contact, arrival. Contact on arrival counts as contact only."""
-        pose, box = self._body.pose, self._robot.footprint.box
+        pose, box = self._body.pose, self._robot.hull.box
         here = np.array([pose])
         clearance, _ = sweep(here, box, *self._static)
         if len(self.crowd):

@@ -16,7 +16,7 @@ from lme.worlds.world import Task, World
 def check_task(task: Task, robot: Robot) -> None:
     """Raise InputError if the robot collides at the start, or the goal is in an obstacle or too near one."""
     where = f"map {task.map_name}, world {task.number}"
-    if footprint_clearance(task.world, robot.footprint, task.start) <= 0.0:
+    if footprint_clearance(task.world, robot.hull, task.start) <= 0.0:
         raise InputError(
             f"{where}: robot {robot.name} is in collision at the start {_place(task.start)}: "
             "must be free (move map.start, or choose another world)"
@@ -27,10 +27,10 @@ def check_task(task: Task, robot: Robot) -> None:
             f"{where}: the goal {_place(task.goal)} lies inside an obstacle: "
             "must be free (move map.goal, or choose another world)"
         )
-    if clearance < robot.footprint.r_min:
+    if clearance < robot.hull.r_min:
         raise InputError(
             f"{where}: the goal {_place(task.goal)} is {clearance:.3g} m from an obstacle: must be at least "
-            f"{robot.footprint.r_min:.3g} m, the inner radius of robot {robot.name}"
+            f"{robot.hull.r_min:.3g} m, the inner radius of robot {robot.name}"
         )
 
 

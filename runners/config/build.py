@@ -25,7 +25,7 @@ def map_set(config: DriveConfig, worlds: Sequence[int] | None = None) -> MapSet:
     """The map set of a config, with these worlds if they are given. A `radius` of null becomes the robot's r_max."""
     node = config.map if worlds is None else {**config.map, "worlds": list(worlds)}
     if "radius" in node and node["radius"] is None:
-        node = {**node, "radius": config.robot.footprint.r_max}
+        node = {**node, "radius": config.robot.hull.r_max}
     return cast(MapSet, build(node, "map"))
 
 

@@ -127,6 +127,12 @@ def _composed(composer: Composer, job: Sequence[str]) -> DictConfig:
         raise diagnosis.broken_yaml(error) from error
     except (HydraException, OmegaConfBaseException, ValueError) as error:
         raise diagnosis.diagnosed(error, composer, job) from error
+    except AssertionError as error:  # OmegaConf's, where a key is set in a part that is null
+        deep = ", ".join(word for word in job if word.partition("=")[0].count(".") > 1)
+        raise InputError(
+            f"{deep}: sets a key of a part that is null: give the whole part, "
+            "e.g. robot.contact={length: 0.5, width: 0.4}"
+        ) from error
     known = keys_beside(OmegaConf.get_type(config), "")
     for key in sorted({str(key) for key in config} - {*known, "hydra"} if known else ()):
         raise unknown_key(key, known)  # the ++ of an open mapping makes keys that other commands have

@@ -56,8 +56,13 @@ def expected(schema: Any, key: str) -> str:
 def keys_beside(schema: Any, key: str) -> list[str]:
     """Names of the fields that the parent of the dotted `key` has."""
     parent = key.rpartition(".")[0]
-    holder = _annotation(schema, parent) if parent else schema
-    return [field.name for field in dataclasses.fields(holder)] if dataclasses.is_dataclass(holder) else []
+    holder = dataclass_of(_annotation(schema, parent) if parent else schema)
+    return [field.name for field in dataclasses.fields(holder)] if holder else []
+
+
+def dataclass_of(annotation: Any) -> Any:
+    """The dataclass of `Part` or of `Part | None`; None for any other type."""
+    return next((a for a in (annotation, *typing.get_args(annotation)) if dataclasses.is_dataclass(a)), None)
 
 
 def describe(annotation: Any) -> str:
@@ -88,8 +93,6 @@ def _annotation(schema: Any, key: str) -> Any:
     for name in re.sub(r"\[\d+\]", "", key).split("."):
         if typing.get_origin(holder) is dict:
             holder = typing.get_args(holder)[1]
-        elif dataclasses.is_dataclass(holder):
-            holder = typing.get_type_hints(holder).get(name)
         else:
-            return None
+            holder = typing.get_type_hints(dataclass_of(holder)).get(name) if dataclass_of(holder) else None
     return holder

@@ -16,7 +16,7 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from lme.errors import InputError, nearest
-from runners.config.hydra_errors import describe, translated, unknown_key
+from runners.config.hydra_errors import dataclass_of, describe, translated, unknown_key
 
 
 def build(node: DictConfig | Mapping[str, Any], key: str, *args: Any) -> Any:
@@ -55,10 +55,11 @@ def _fill(node: DictConfig, schema: Any, given: Mapping[str, Any], key: str) -> 
     for name, value in given.items():
         if name not in names:
             raise unknown_key(f"{key}.{name}", names)
-        if dataclasses.is_dataclass(annotations[name]) and isinstance(value, Mapping):
-            if OmegaConf.is_missing(node, name):
-                node[name] = OmegaConf.structured(annotations[name])
-            _fill(node[name], annotations[name], value, f"{key}.{name}")
+        nested = dataclass_of(annotations[name])
+        if nested and isinstance(value, Mapping):
+            if OmegaConf.is_missing(node, name) or node[name] is None:
+                node[name] = OmegaConf.structured(nested)
+            _fill(node[name], nested, value, f"{key}.{name}")
             continue
         try:
             node[name] = value

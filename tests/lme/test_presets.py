@@ -8,7 +8,8 @@ from omegaconf import OmegaConf
 from lme.errors import InputError
 from lme.policy.score import CRITERIA
 from lme.presets import load_parameters, load_robot
-from tests.builders import robot_from
+from lme.robots import Robot
+from runners.config.instantiate import filled
 from tests.places import ROOT
 
 ROBOTS = sorted((ROOT / "conf" / "robot").glob("*.yaml"))
@@ -20,7 +21,7 @@ STAGE = (ROOT / "conf" / "robot" / "stage.yaml").read_text(encoding="utf-8")
 def test_a_robot_is_what_hydra_makes_of_its_file(path):
     with initialize_config_dir(str(ROOT / "conf"), version_base=None):
         given = OmegaConf.to_container(compose(f"robot/{path.stem}").robot)
-    expected = robot_from(given)
+    expected = filled(Robot, given, "robot")
     assert load_robot(path.stem) == load_robot(path) == load_robot(str(path)) == expected
     assert type(load_robot(path.stem).lidar.num_beams) is int
 

@@ -204,7 +204,7 @@ def test_arrival_is_judged_by_the_truth(kind):
         ("scan_dropout", 1.5, "at most 1"),
         ("goal_noise", -1.0, "at least 0"),
         ("goal_noise_yaw", -1.0, "at least 0"),
-        ("goal_rate", 0.0, "greater than 0"),
+        ("goal_rate", -1.0, "at least 0"),
     ],
 )
 def test_bad_settings_are_named(kind, key, value, words):
