@@ -28,6 +28,8 @@ from lme.navigator import Navigator
 from lme.planners.simple import Simple, SimpleConfig
 from lme.presets import load_parameters, load_robot
 from lme.sim.fast import FastConfig, FastSimulator
+from lme.sim.simulator import Simulator
+from lme.sim.skid import SkidConfig, SkidSimulator
 from lme.worlds.barn.map_set import Barn, BarnConfig
 
 PEERS = (
@@ -54,6 +56,7 @@ def report() -> Iterator[str]:
     yield "|---|---:|"
     yield from loop_rows("stage", "540 beams, 360°")
     yield from loop_rows("jackal", "720 beams, 270°")
+    yield skid_row()
     yield f"\nScan steps per second of peers on one core, for scale: {PEERS}.\n"
     yield "## Whole commands, wall time\n"
     yield "| command | median [s] | least [s] | peak memory, all processes [MB] |"
@@ -84,12 +87,27 @@ def loop_rows(name: str, lidar: str) -> Iterator[str]:
     least, median = (figure / len(observations) for figure in measure(decide_all, 2.0))
     what = f"decision, `{name}` ({lidar}), 300 candidates, BARN world 200"
     yield f"| {what} | {least:.0f} / {median:.0f} µs |"
+    yield rate_row(f"`{name}`", barn, navigator, simulator)
+
+
+def skid_row() -> str:
+    """The row of closed-loop steps per second with wheels that slide."""
+    robot = load_robot("jackal_gazebo")
+    guide = Lme(LmeConfig(parameters=load_parameters("published")), robot)
+    navigator = Navigator(guide, Simple(SimpleConfig(), robot))
+    return rate_row(
+        "`jackal_gazebo`, `sim=skid`", Barn(BarnConfig()), navigator, SkidSimulator(SkidConfig(), robot)
+    )
+
+
+def rate_row(name: str, barn: Barn, navigator: Navigator, simulator: Simulator) -> str:
+    """A row with the median of three measurements of closed-loop steps per second."""
     rates = [closed_loop(barn, navigator, simulator) for _ in range(3)]
-    what = f"closed-loop steps, `{name}`: scan, decision, control, motion, collision"
-    yield f"| {what} | {statistics.median(rates):,.0f} per second |"
+    what = f"closed-loop steps, {name}: scan, decision, control, motion, collision"
+    return f"| {what} | {statistics.median(rates):,.0f} per second |"
 
 
-def closed_loop(barn: Barn, navigator: Navigator, simulator: FastSimulator) -> float:
+def closed_loop(barn: Barn, navigator: Navigator, simulator: Simulator) -> float:
     """Steps per second over twenty episodes."""
     tasks = [barn.task(number) for number in barn.numbers[::5]]
     begin = time.perf_counter()
