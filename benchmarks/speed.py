@@ -27,7 +27,10 @@ from lme.guides.lme import Lme, LmeConfig
 from lme.navigator import Navigator
 from lme.planners.simple import Simple, SimpleConfig
 from lme.presets import load_parameters, load_robot
+from lme.robots import Robot
 from lme.sim.fast import FastConfig, FastSimulator
+from lme.sim.simulator import Simulator
+from lme.sim.skid import SkidConfig, SkidSimulator
 from lme.worlds.barn.map_set import Barn, BarnConfig
 from lme.worlds.scene import Scene, SceneConfig
 from lme.worlds.world import MapSet
@@ -57,6 +60,7 @@ def report() -> Iterator[str]:
     yield from loop_rows("stage", "540 beams, 360°")
     yield from loop_rows("jackal", "720 beams, 270°")
     yield cloud_row()
+    yield skid_row()
     yield f"\nScan steps per second of peers on one core, for scale: {PEERS}.\n"
     yield "## Whole commands, wall time\n"
     yield "| command | median [s] | least [s] | peak memory, all processes [MB] |"
@@ -67,8 +71,7 @@ def report() -> Iterator[str]:
 def loop_rows(name: str, lidar: str) -> Iterator[str]:
     """Rows for one decision in BARN world 200, and for closed-loop steps per second over twenty worlds."""
     robot = load_robot(name)
-    guide = Lme(LmeConfig(parameters=load_parameters("published")), robot)
-    navigator = Navigator(guide, Simple(SimpleConfig(), robot))
+    navigator = lme_on(robot)
     simulator = FastSimulator(FastConfig(), robot)
     barn = Barn(BarnConfig())
     observations = []
@@ -82,27 +85,44 @@ def loop_rows(name: str, lidar: str) -> Iterator[str]:
     def decide_all() -> None:
         navigator.reset(np.random.default_rng(0))
         for seen in observations:
-            guide.guide(seen)
+            navigator.guide.guide(seen)
 
     least, median = (figure / len(observations) for figure in measure(decide_all, 2.0))
     what = f"decision, `{name}` ({lidar}), 300 candidates, BARN world 200"
     yield f"| {what} | {least:.0f} / {median:.0f} µs |"
-    rates = [closed_loop(barn, navigator, simulator) for _ in range(3)]
-    what = f"closed-loop steps, `{name}`: scan, decision, control, motion, collision"
-    yield f"| {what} | {statistics.median(rates):,.0f} per second |"
+    yield rate_row(f"`{name}`", barn, navigator, simulator)
+
+
+def skid_row() -> str:
+    """The row of closed-loop steps per second with wheels that slide."""
+    robot = load_robot("jackal_gazebo")
+    simulator = SkidSimulator(SkidConfig(), robot)
+    return rate_row("`jackal_gazebo`, `sim=skid`", Barn(BarnConfig()), lme_on(robot), simulator)
+
+
+def rate_row(name: str, maps: MapSet, navigator: Navigator, simulator: Simulator) -> str:
+    """A row with the median of three measurements of closed-loop steps per second."""
+    rates = [closed_loop(maps, navigator, simulator) for _ in range(3)]
+    what = f"closed-loop steps, {name}: scan, decision, control, motion, collision"
+    return f"| {what} | {statistics.median(rates):,.0f} per second |"
 
 
 def cloud_row() -> str:
-    """Row for closed-loop steps per second of the robot with a 3D lidar, in its own scene."""
+    """The row of closed-loop steps per second of the robot with a 3D lidar, in its own scene."""
+    scene = Scene(SceneConfig(name="go2_a"))
     robot = load_robot("go2")
+    simulator = FastSimulator(FastConfig(), robot)
+    closed_loop(scene, lme_on(robot), simulator)  # compiles
+    return rate_row("`go2` through its Mid-360", scene, lme_on(robot), simulator)
+
+
+def lme_on(robot: Robot) -> Navigator:
+    """LME with the published parameters and its own planner."""
     guide = Lme(LmeConfig(parameters=load_parameters("published")), robot)
-    navigator = Navigator(guide, Simple(SimpleConfig(), robot))
-    scene, simulator = Scene(SceneConfig(name="go2_a")), FastSimulator(FastConfig(), robot)
-    rates = [closed_loop(scene, navigator, simulator) for _ in range(4)][1:]  # the first one compiles
-    return f"| closed-loop steps, `go2` through its Mid-360 | {statistics.median(rates):,.0f} per second |"
+    return Navigator(guide, Simple(SimpleConfig(), robot))
 
 
-def closed_loop(maps: MapSet, navigator: Navigator, simulator: FastSimulator) -> float:
+def closed_loop(maps: MapSet, navigator: Navigator, simulator: Simulator) -> float:
     """Steps per second over every fifth task: twenty episodes of BARN."""
     tasks = [maps.task(number) for number in maps.numbers[::5]]
     begin = time.perf_counter()
