@@ -24,51 +24,59 @@ def outline_capacity(outline: Floats, cell_size: float) -> int:
 
 
 @njit(cache=True, error_model="numpy")
-def outline_cells(outline: Floats, pose: tuple[float, float, float], grid: Grid, cells: Ints) -> int:
-    """List the array indices under the outline at `pose` in `cells` (M, 2), M ≥ `outline_capacity`; their number.
+def outline_cells(
+    outline: Floats, pose: tuple[float, float, float], grid: Grid, shape: tuple[int, int], cells: Ints
+) -> int:
+    """List the cells under the outline at `pose` in `cells` (M,), M ≥ `outline_capacity`; their number.
 
-    Corners are listed twice. Cells may lie outside the array.
+    Cells are indices of the flat array, corners are listed twice. -1 if a corner is outside the array.
     """
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
     count, last = 0, len(outline) - 1
-    i = lattice((pose[0] + cos * outline[last, 0] - sin * outline[last, 1]) / grid[2]) - grid[0]
-    j = lattice((pose[1] + sin * outline[last, 0] + cos * outline[last, 1]) / grid[2]) - grid[1]
+    i, j = _corner(outline, last, pose, cos, sin, grid)
     for k in range(len(outline)):
-        a = lattice((pose[0] + cos * outline[k, 0] - sin * outline[k, 1]) / grid[2]) - grid[0]
-        b = lattice((pose[1] + sin * outline[k, 0] + cos * outline[k, 1]) / grid[2]) - grid[1]
-        count = _line(i, j, a, b, cells, count)
+        a, b = _corner(outline, k, pose, cos, sin, grid)
+        if a < 0 or b < 0 or a >= shape[0] or b >= shape[1]:
+            return -1
+        if k > 0 or (0 <= i < shape[0] and 0 <= j < shape[1]):  # the last corner is checked last
+            count = _line(i, j, a, b, shape[1], cells, count)
         i, j = a, b
     return count
 
 
 @njit(cache=True, error_model="numpy")
-def outline_cost(costs: Costs, cells: Ints, count: int) -> int:
-    """The highest cost of the first `count` cells; -1 if one is `TOUCHING` or outside the array."""
+def outline_cost(
+    costs: Costs, outline: Floats, pose: tuple[float, float, float], grid: Grid, cells: Ints
+) -> int:
+    """The highest cost under the outline at `pose`; -1 if it is `TOUCHING` or a corner is off the map.
+
+    cells (M,), M ≥ `outline_capacity`, is overwritten.
+    """
+    flat = costs.ravel()
     highest = 0
+    count = outline_cells(outline, pose, grid, costs.shape, cells)
     for k in range(count):
-        i, j = cells[k, 0], cells[k, 1]
-        if i < 0 or j < 0 or i >= costs.shape[0] or j >= costs.shape[1] or costs[i, j] == TOUCHING:
-            return -1
-        if costs[i, j] > highest:
-            highest = int(costs[i, j])
-    return highest
+        highest = max(highest, int(flat[cells[k]]))
+    return -1 if count < 0 or highest >= TOUCHING else highest
 
 
 @njit(cache=True, error_model="numpy")
 def covered_cells(
     outline: Floats, pose: tuple[float, float, float], grid: Grid, shape: tuple[int, int]
 ) -> Bools:
-    """Whether each cell of the array lies under the outline at `pose` or inside it: (I, J)."""
-    cells = np.empty((outline_capacity(outline, grid[2]), 2), np.int64)
-    count = outline_cells(outline, pose, grid, cells)
+    """Whether each cell of the array lies under the outline at `pose` or inside it: (I, J).
+
+    None does if a corner is outside the array.
+    """
+    cells = np.empty(outline_capacity(outline, grid[2]), np.int64)
+    count = outline_cells(outline, pose, grid, shape, cells)
     covered = np.zeros(shape, np.bool_)
     low, high = np.full(shape[0], shape[1]), np.full(shape[0], -1)
     for k in range(count):
-        i, j = cells[k, 0], cells[k, 1]
-        if 0 <= i < shape[0]:
-            low[i], high[i] = min(low[i], j), max(high[i], j)
+        i, j = cells[k] // shape[1], cells[k] % shape[1]
+        low[i], high[i] = min(low[i], j), max(high[i], j)
     for i in range(shape[0]):
-        covered[i, max(low[i], 0) : max(high[i] + 1, 0)] = True
+        covered[i, low[i] : high[i] + 1] = True
     return covered
 
 
@@ -83,21 +91,28 @@ def free_covered(hits: Hits, outline: Floats, pose: tuple[float, float, float], 
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def _line(i, j, a, b, cells, count):
+def _corner(outline, k, pose, cos, sin, grid):
+    """Array index of the cell under corner k."""
+    x = pose[0] + cos * outline[k, 0] - sin * outline[k, 1]
+    y = pose[1] + sin * outline[k, 0] + cos * outline[k, 1]
+    return lattice(x / grid[2]) - grid[0], lattice(y / grid[2]) - grid[1]
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _line(i, j, a, b, columns, cells, count):
     """Append the cells from (i, j) to (a, b), both included; the new count."""
     di, dj = abs(a - i), abs(b - j)
-    step_i, step_j = (1 if a > i else -1), (1 if b > j else -1)
+    along, across = (columns if a > i else -columns), (1 if b > j else -1)
+    if dj > di:
+        along, across = across, along
     most, least = max(di, dj), min(di, dj)
-    error = most // 2
+    error, cell = most // 2, i * columns + j
     for _ in range(most + 1):
-        cells[count, 0], cells[count, 1] = i, j
+        cells[count] = cell
         count += 1
         error += least
-        across = error >= most
-        if across:
+        if error >= most:
             error -= most
-        if di >= dj or across:
-            i += step_i
-        if dj > di or across:
-            j += step_j
+            cell += across
+        cell += along
     return count

@@ -10,7 +10,7 @@ import numpy as np
 from lme.errors import require
 from lme.geometry.frames import compose
 from lme.kernels.costmap import Grid, Hits, inflate, lattice, observe
-from lme.kernels.outline import free_covered, outline_capacity, outline_cells, outline_cost
+from lme.kernels.outline import free_covered, outline_capacity, outline_cost
 from lme.robots import Robot
 from lme.sensing.inflation import inflation_stamp
 from lme.types import Observation, Pose
@@ -54,7 +54,7 @@ class LocalCostmap:
         self._stamp = inflation_stamp(
             config.cell_size, 0.0, inscribed, config.inflation_radius, config.cost_scaling_factor
         )
-        self._cells = np.empty((outline_capacity(self.outline, config.cell_size), 2), dtype=np.int64)
+        self._cells = np.empty(outline_capacity(self.outline, config.cell_size), dtype=np.int64)
         self.reset()
 
     def reset(self) -> None:
@@ -88,7 +88,7 @@ class LocalCostmap:
 
     def outline_cost(self, pose: Pose) -> int:
         """The highest cost under the outline at a pose; -1 if it touches an obstacle."""
-        return outline_cost(self.costs, self._cells, outline_cells(self.outline, pose, self.grid, self._cells))
+        return outline_cost(self.costs, self.outline, pose, self.grid, self._cells)
 
     def _follow(self, pose: Pose) -> None:
         """Move the map by whole cells, so that the robot is in its middle."""

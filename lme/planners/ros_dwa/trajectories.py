@@ -16,6 +16,7 @@ from lme.planners.ros_dwa.local_costmap import LocalCostmap, LocalCostmapConfig
 from lme.robots import Robot
 from lme.types import Floats, Limits, Observation, Pose, Twist
 
+_WORST = 1e300  # any score of a trajectory that may be driven is less
 _POSITIVE = (
     "max_vel_x",
     "max_vel_theta",
@@ -85,7 +86,7 @@ class _Scored:
 
     def best(self) -> int:
         """The first of the valid trajectories with the least score; -1 if none is valid."""
-        valid = np.flatnonzero(self.scores >= 0.0)
+        valid = np.flatnonzero((self.scores >= 0.0) & (self.scores < math.inf))
         return int(valid[self.scores[valid].argmin()]) if valid.size else -1
 
 
@@ -103,7 +104,17 @@ class TrajectorySearch:
         cell = config.costmap.cell_size if config.meter_scoring else 1.0
         self._scales = (config.pdist_scale * cell, config.gdist_scale * cell, config.occdist_scale)
         self._simulation = (config.sim_time, config.sim_granularity, config.angular_sim_granularity)
+        self._window = self._within_reach()
         self.reset()
+
+    def _within_reach(self) -> tuple[int, int, int, int]:
+        """The part of the map that trajectories can reach: its rows and columns."""
+        config = self._config
+        fastest = max(config.max_vel_x, -config.escape_vel)
+        reach = fastest * config.sim_time + config.heading_lookahead
+        cells = math.ceil(reach / config.costmap.cell_size) + 2
+        middle = self._costmap.costs.shape[0] // 2
+        return middle - cells, middle + cells + 1, middle - cells, middle + cells + 1
 
     def reset(self) -> None:
         """Forget turns and escapes."""
@@ -116,9 +127,10 @@ class TrajectorySearch:
         pose, limits = observation.odometry, self._limits(observation.limits)
         self._measure(pose, path)
         samples = self._samples(observation, path, limits)
-        forward = self._score(samples[:0] if self._escape else samples, observation, limits)
-        turns = self._score(self._in_place(observation.twist, limits), observation, limits)
-        wanted = self._choose(forward, turns, observation.twist, limits)
+        forward = self._score(samples[:0] if self._escape else samples, observation, limits, best_only=True)
+        least = forward.scores[forward.best()] if forward.best() >= 0 else math.inf
+        turns = self._score(self._in_place(observation.twist, limits), observation, limits, least)
+        wanted = self._choose(forward, turns)
         if wanted is None:
             wanted = self._back_up(observation, limits)
         elif wanted.v == 0.0:
@@ -139,8 +151,9 @@ class TrajectorySearch:
         shape = costmap.costs.shape
         cells = way_cells(path, pose[:2], reach, costmap.grid, shape)
         under = covered_cells(costmap.outline, pose, costmap.grid, shape)
-        self._to_path = distances(costmap.costs, under, cells)
-        self._to_goal = distances(costmap.costs, np.zeros(shape, dtype=np.bool_), cells[-1:])
+        nothing = np.zeros(shape, dtype=np.bool_)
+        self._to_path = distances(costmap.costs, under, cells, self._window)
+        self._to_goal = distances(costmap.costs, nothing, cells[-1:], self._window)
 
     def _samples(self, observation: Observation, path: Floats, limits: Limits) -> Floats:
         """Forward velocities of the dynamic window: (N, 2), slow ones first, straight ones before turns."""
@@ -167,7 +180,15 @@ class TrajectorySearch:
         fast = fast[np.abs(rates) > (rates[-1] - rates[0]) / (rates.size - 1)]
         return np.column_stack([np.zeros(fast.size), fast])
 
-    def _score(self, twists: Floats, observation: Observation, limits: Limits) -> _Scored:
+    def _score(
+        self,
+        twists: Floats,
+        observation: Observation,
+        limits: Limits,
+        least: float = math.inf,
+        best_only: bool = False,
+    ) -> _Scored:
+        """Scores of trajectories; those worse than `least` may be inf, as may all but the best with `best_only`."""
         costmap = self._costmap
         scores, ends = score(
             np.ascontiguousarray(twists),
@@ -181,10 +202,12 @@ class TrajectorySearch:
             self._to_path,
             self._to_goal,
             self._scales,
+            least,
+            best_only,
         )
         return _Scored(twists, scores, ends)
 
-    def _choose(self, forward: _Scored, turns: _Scored, twist: Twist, limits: Limits) -> Twist | None:
+    def _choose(self, forward: _Scored, turns: _Scored) -> Twist | None:
         """The best forward trajectory, unless a turn in place that is no worse looks at a cell nearer to the goal."""
         best = forward.best()
         least = forward.scores[best] if best >= 0 else math.inf
@@ -192,7 +215,7 @@ class TrajectorySearch:
         nearest = math.inf
         for k in range(len(turns.scores)):
             side = 1 if turns.twists[k, 1] > 0.0 else -1
-            if not 0.0 <= turns.scores[k] <= least or self._turns[-side] > 1:
+            if not 0.0 <= turns.scores[k] <= min(least, _WORST) or self._turns[-side] > 1:
                 continue
             ahead = self._looks_at(turns.ends[k])
             if ahead < nearest:
