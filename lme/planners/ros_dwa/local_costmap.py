@@ -33,8 +33,8 @@ class LocalCostmapConfig:
             require(f"planner.costmap.{key}", getattr(self, key), above=0.0)
         for key in ("footprint_padding", "inflation_radius", "cost_scaling_factor"):
             require(f"planner.costmap.{key}", getattr(self, key), at_least=0.0)
-        require("planner.costmap.inflation_radius", self.inflation_radius, at_most=self.size)
         require("planner.costmap.size", self.size, above=0.0, at_most=1000.0 * self.cell_size)
+        require("planner.costmap.inflation_radius", self.inflation_radius, at_most=self.size)
 
 
 class LocalCostmap:

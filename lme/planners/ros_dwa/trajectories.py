@@ -16,7 +16,6 @@ from lme.planners.ros_dwa.local_costmap import LocalCostmap, LocalCostmapConfig
 from lme.robots import Robot
 from lme.types import Floats, Limits, Observation, Pose, Twist
 
-_WORST = 1e300  # any score of a trajectory that may be driven is less
 _POSITIVE = (
     "max_vel_x",
     "max_vel_theta",
@@ -58,7 +57,7 @@ class TrajectoriesConfig:
     pdist_scale: float = 0.75
     gdist_scale: float = 1.0
     occdist_scale: float = 0.1
-    meter_scoring: bool = True
+    meter_scoring: bool = False
     heading_lookahead: float = 0.325  # [m]
     oscillation_reset_dist: float = 0.05  # [m]
     escape_reset_dist: float = 0.1  # [m]
@@ -78,16 +77,23 @@ class TrajectoriesConfig:
 
 @dataclass(slots=True)
 class _Scored:
-    """Sampled velocities (N, 2), their scores (N,), and the last scored poses (N, 3)."""
+    """Sampled velocities (N, 2), their scores (N,), inf for invalid trajectories, and the last poses (N, 3)."""
 
     twists: Floats
     scores: Floats
     ends: Floats
 
-    def best(self) -> int:
-        """The first of the valid trajectories with the least score; -1 if none is valid."""
-        valid = np.flatnonzero((self.scores >= 0.0) & (self.scores < math.inf))
-        return int(valid[self.scores[valid].argmin()]) if valid.size else -1
+    def __post_init__(self) -> None:
+        self.scores = np.where(self.scores >= 0.0, self.scores, math.inf)
+
+    @property
+    def least(self) -> float:
+        """The least score; inf if no trajectory is valid."""
+        return float(self.scores.min(initial=math.inf))
+
+    def best(self) -> Twist | None:
+        """The first velocity with the least score; None if no trajectory is valid."""
+        return Twist(*self.twists[self.scores.argmin()].tolist()) if self.least < math.inf else None
 
 
 class TrajectorySearch:
@@ -127,9 +133,10 @@ class TrajectorySearch:
         pose, limits = observation.odometry, self._limits(observation.limits)
         self._measure(pose, path)
         samples = self._samples(observation, path, limits)
-        forward = self._score(samples[:0] if self._escape else samples, observation, limits, best_only=True)
-        least = forward.scores[forward.best()] if forward.best() >= 0 else math.inf
-        turns = self._score(self._in_place(observation.twist, limits), observation, limits, least)
+        samples = samples[:0] if self._escape else samples
+        forward = _Scored(samples, *self._score(samples, observation, math.inf, best_only=True))
+        samples = self._in_place(observation.twist, limits)
+        turns = _Scored(samples, *self._score(samples, observation, forward.least, best_only=False))
         wanted = self._choose(forward, turns)
         if wanted is None:
             wanted = self._back_up(observation, limits)
@@ -180,18 +187,11 @@ class TrajectorySearch:
         fast = fast[np.abs(rates) > (rates[-1] - rates[0]) / (rates.size - 1)]
         return np.column_stack([np.zeros(fast.size), fast])
 
-    def _score(
-        self,
-        twists: Floats,
-        observation: Observation,
-        limits: Limits,
-        least: float = math.inf,
-        best_only: bool = False,
-    ) -> _Scored:
-        """Scores of trajectories; those worse than `least` may be inf, as may all but the best with `best_only`."""
-        costmap = self._costmap
-        scores, ends = score(
-            np.ascontiguousarray(twists),
+    def _score(self, twists: Floats, observation: Observation, least: float, best_only: bool) -> tuple[Floats, Floats]:
+        """Scores and ends of trajectories; see `lme.kernels.map_grid.score`."""
+        costmap, limits = self._costmap, self._limits(observation.limits)
+        return score(
+            twists,
             observation.odometry,
             observation.twist,
             (limits.alpha_v, limits.alpha_omega),
@@ -205,35 +205,32 @@ class TrajectorySearch:
             least,
             best_only,
         )
-        return _Scored(twists, scores, ends)
 
     def _choose(self, forward: _Scored, turns: _Scored) -> Twist | None:
         """The best forward trajectory, unless a turn in place that is no worse looks at a cell nearer to the goal."""
-        best = forward.best()
-        least = forward.scores[best] if best >= 0 else math.inf
-        wanted = Twist(*forward.twists[best].tolist()) if best >= 0 else None
-        nearest = math.inf
-        for k in range(len(turns.scores)):
-            side = 1 if turns.twists[k, 1] > 0.0 else -1
-            if not 0.0 <= turns.scores[k] <= min(least, _WORST) or self._turns[-side] > 1:
-                continue
-            ahead = self._looks_at(turns.ends[k])
-            if ahead < nearest:
-                nearest, least, wanted = ahead, turns.scores[k], Twist(*turns.twists[k].tolist())
+        wanted, least, nearest = forward.best(), forward.least, math.inf
+        for twist, total, end in zip(turns.twists, turns.scores, turns.ends, strict=True):
+            side = 1 if twist[1] > 0.0 else -1
+            ahead = self._looks_at(end)
+            if total < math.inf and total <= least and self._turns[-side] < 2 and ahead < nearest:
+                nearest, least, wanted = ahead, float(total), Twist(*twist.tolist())
         return wanted
 
     def _looks_at(self, end: Floats) -> float:
-        """Distance to the goal from the cell ahead of a pose [cells]; inf off the map."""
-        costmap, away = self._costmap, self._config.heading_lookahead
-        x, y = end[0] + away * math.cos(end[2]), end[1] + away * math.sin(end[2])
-        i, j = (lattice(c / costmap.grid[2]) - low for c, low in zip((x, y), costmap.grid[:2], strict=True))
-        on_map = 0 <= i < costmap.costs.shape[0] and 0 <= j < costmap.costs.shape[1]
-        return float(self._to_goal[i, j]) if on_map else math.inf
+        """Distance to the goal from the cell ahead of a pose [cells]; without a way longer than any; inf off the map."""
+        grid, away = self._costmap.grid, self._config.heading_lookahead
+        i = lattice((end[0] + away * math.cos(end[2])) / grid[2]) - grid[0]
+        j = lattice((end[1] + away * math.sin(end[2])) / grid[2]) - grid[1]
+        rows, columns = self._to_goal.shape
+        if not (0 <= i < rows and 0 <= j < columns):
+            return math.inf
+        return float(self._to_goal[i, j]) if self._to_goal[i, j] >= 0 else float(rows * columns)
 
     def _back_up(self, observation: Observation, limits: Limits) -> Twist | None:
         """Back up, even into obstacles, as ROS does; None from a cell without a way to the goal."""
         back = Twist(max(self._config.escape_vel, -limits.v_max), 0.0)
-        if self._score(np.array([back]), observation, limits).scores[0] == LOST:
+        scores, _ = self._score(np.array([back]), observation, math.inf, False)
+        if scores[0] == LOST:
             return None
         self._escape = self._escape or observation.odometry
         return back
