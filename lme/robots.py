@@ -7,9 +7,11 @@ import warnings
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
+import numpy as np
+
 from lme.drivetrain import Drivetrain, Response
 from lme.errors import InputError, require
-from lme.types import Limits, Pose
+from lme.types import Floats, Limits, Pose
 
 
 @dataclass(slots=True)
@@ -53,6 +55,15 @@ class Footprint:
         """Radius of the smallest disc around the footprint [m] (paper §III.G)."""
         half_length, half_width, rounding = self.box
         return math.hypot(half_length, half_width) + rounding
+
+    def outline(self, padding: float = 0.0) -> Floats:
+        """Corners (P, 2) of the footprint [m], with each side moved out by `padding` [m]; 16 around a disc."""
+        half_length, half_width, rounding = self.box
+        if rounding > 0.0:
+            angles = np.arange(16) * math.tau / 16.0
+            return (rounding + padding) * np.column_stack([np.cos(angles), np.sin(angles)])
+        corners = np.array([[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]])
+        return corners * [half_length + padding, half_width + padding]
 
 
 @dataclass(slots=True)

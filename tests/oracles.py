@@ -275,3 +275,78 @@ def nearest_returns(ranges, sectors, angles, limits, unseen, offset):
         distance = np.hypot(*about)
         out.append([*(about / distance if distance > 0 else (0.0, 0.0)), distance])
     return np.array(out)
+
+
+def outline_cells(outline, pose, grid):
+    """Cells (set of array indices) on the lines between the cells of the corners, by Bresenham's closed form."""
+    corners = [_cell(corner, grid) for corner in _outwards(pose, outline)]
+    found = set()
+    for (i, j), (a, b) in zip(corners, corners[1:] + corners[:1], strict=True):
+        most, least = max(abs(a - i), abs(b - j)), min(abs(a - i), abs(b - j))
+        for k in range(most + 1):
+            across = (most // 2 + k * least) // max(most, 1)
+            steps = (k, across) if abs(a - i) >= abs(b - j) else (across, k)
+            found.add((int(i + np.sign(a - i) * steps[0]), int(j + np.sign(b - j) * steps[1])))
+    return found
+
+
+def covered_cells(outline, pose, grid, shape):
+    """Cells on the outline, and in every row all between two of them."""
+    cells = outline_cells(outline, pose, grid)
+    covered = np.zeros(shape, dtype=bool)
+    for i in {i for i, _ in cells}:
+        row = [j for k, j in cells if k == i]
+        covered[i, min(row) : max(row) + 1] = True
+    return covered
+
+
+def grid_distances(free, cells):
+    """Steps over the sides of cells to the nearest of `cells`, ring by ring; -1 where no way leads."""
+    steps = np.full(free.shape, -1)
+    for i, j in cells:
+        steps[i, j] = 0
+    for distance in range(free.size):
+        ring = np.pad(steps == distance, 1)
+        beside = ring[:-2, 1:-1] | ring[2:, 1:-1] | ring[1:-1, :-2] | ring[1:-1, 2:]
+        new = beside & free & (steps < 0)
+        if not new.any():
+            return steps
+        steps[new] = distance + 1
+    return steps
+
+
+def trajectory_score(wanted, pose, twist, alphas, simulation, outline, costs, grid, to_path, to_goal, scales):
+    """Score and last scored pose of one trajectory, pose after pose; -1 contact, -2 no way."""
+    time, step, turn_step = simulation
+    steps = max(int(max(abs(wanted[0]) * time / step, abs(wanted[1]) / turn_step) + 0.5), 1)
+    dt, highest, here, speed = time / steps, 0, tuple(pose), list(twist)
+    for _ in range(steps):
+        cells = outline_cells(outline, here, grid)
+        if any(not (0 <= i < costs.shape[0] and 0 <= j < costs.shape[1]) for i, j in cells):
+            return -1.0, here
+        under = max(int(costs[cell]) for cell in cells)
+        if under == 254:
+            return -1.0, here
+        centre = _cell(here[:2], grid)
+        if to_path[centre] < 0 or to_goal[centre] < 0:
+            return -2.0, here
+        highest, last = max(highest, under, int(costs[centre])), here
+        for k in (0, 1):
+            speed[k] = np.clip(wanted[k], speed[k] - alphas[k] * dt, speed[k] + alphas[k] * dt)
+        x, y, yaw = here
+        here = x + speed[0] * np.cos(yaw) * dt, y + speed[0] * np.sin(yaw) * dt, yaw + speed[1] * dt
+    at_end = _cell(last[:2], grid)
+    return scales[0] * to_path[at_end] + scales[1] * to_goal[at_end] + scales[2] * highest, last
+
+
+def _outwards(pose, points):
+    x, y, yaw = pose
+    turn = np.array([[np.cos(yaw), np.sin(yaw)], [-np.sin(yaw), np.cos(yaw)]])
+    return np.array([x, y]) + points @ turn
+
+
+def _cell(point, grid):
+    """Array index of the cell of a point; halves are rounded away from zero."""
+    scaled = np.asarray(point) / grid[2]
+    i, j = (np.copysign(np.floor(np.abs(scaled) + 0.5), scaled)).astype(int)
+    return int(i - grid[0]), int(j - grid[1])

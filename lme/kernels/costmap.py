@@ -41,13 +41,15 @@ def observe(
     ranges: NDArray[np.float32],
     angles: tuple[float, float],
     spans: tuple[float, float, float, float],
+    inf_is_valid: bool,
 ) -> None:
     """Mark the cells that beams of scan `number` (≥ 1) hit and clear those they pass; hits and costs in place.
 
     pose: of the lidar in the frame of the grid. ranges (B,) [m]; angles (angle_min, angle_increment) [rad];
     spans (range_min, range_max, obstacle_range, raytrace_range) [m]. A hit beyond obstacle_range marks no free
-    cell, but refreshes a marked one. Cells beyond raytrace_range are not cleared, nor cells hit by this scan or
-    one of the last `keep`. A beam with a range ≥ range_max clears its cells; one below range_min or NaN is ignored.
+    cell, but refreshes a marked one if `keep` > 0. Cells beyond raytrace_range are not cleared, nor cells hit by
+    this scan or one of the last `keep`. A beam with a range ≥ range_max clears its cells if `inf_is_valid`; one
+    below range_min or NaN is ignored.
     New hits raise costs; the costs of cleared hits remain until `inflate`.
     """
     range_min, range_max = np.float32(spans[0]), np.float32(spans[1])
@@ -60,10 +62,12 @@ def observe(
                 if hits[i, j] == 0 and ranges[k] <= spans[2]:
                     _press(costs, stamp, i, j)
                     hits[i, j] = number
-                elif hits[i, j] != 0:  # else walls beyond obstacle_range would be cleared
+                elif hits[i, j] != 0 and (
+                    keep > 0 or ranges[k] <= spans[2]
+                ):  # else walls beyond obstacle_range would be cleared
                     hits[i, j] = number
     for k in range(len(ranges)):
-        if ranges[k] >= range_min:
+        if ranges[k] >= range_min and (inf_is_valid or ranges[k] < range_max):
             bearing = pose[2] + angles[0] + k * angles[1]
             length = min(ranges[k], spans[3])
             _free(hits, grid, number - keep, pose, math.cos(bearing), math.sin(bearing), length)

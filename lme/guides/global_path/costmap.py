@@ -15,9 +15,7 @@ import numpy as np
 from lme.errors import InputError, require
 from lme.geometry.frames import compose, to_robot
 from lme.kernels.costmap import (
-    HIGHEST,
     INSCRIBED,
-    TOUCHING,
     Grid,
     draw_discs,
     draw_edges,
@@ -25,7 +23,9 @@ from lme.kernels.costmap import (
     lattice,
     observe,
 )
+from lme.kernels.outline import free_covered
 from lme.robots import Robot
+from lme.sensing.inflation import inflation_stamp
 from lme.types import Bools, Floats, Ints, Observation, Pose
 from lme.worlds.world import World
 
@@ -44,6 +44,8 @@ class CostmapConfig:
     obstacle_range: float = 2.5  # [m] hits up to here are marked
     raytrace_range: float = 3.0  # [m] beams clear cells up to here
     observation_persistence: float = 1.0  # [s] after a hit, a cell is not cleared for this time
+    inf_is_valid: bool = True  # a beam without a return clears cells
+    footprint_clearing: bool = False  # cells under the padded footprint are free
     footprint_padding: float = 0.1  # [m] added to the footprint's inner radius
     inflation_radius: float = 0.3  # [m] obstacles raise the cost up to here
     cost_scaling_factor: float = 10.0  # [1/m] decay of the cost with distance
@@ -73,6 +75,7 @@ class Costmap:
         self._keep = round(config.observation_persistence * robot.control_rate)  # [scans]
         self._grid, size = _layout(config, goal)
         self._stamp = stamp(config, robot.footprint.r_min)
+        self._outline = robot.footprint.outline(config.footprint_padding)
         self._hits = np.zeros(size, dtype=np.int32)
         self.costs = np.zeros(size, dtype=np.uint8)
         self._scans = 0
@@ -92,7 +95,10 @@ class Costmap:
             scan.ranges,
             (scan.angle_min, scan.angle_increment),
             (scan.range_min, scan.range_max, config.obstacle_range, config.raytrace_range),
+            config.inf_is_valid,
         )
+        if config.footprint_clearing:
+            free_covered(self._hits, self._outline, observation.odometry, self._grid)
 
     def draw(self, world: World, start: Pose) -> None:
         """Mark the cells of the world's obstacles; `start`: pose of the odometry frame in the world."""
@@ -132,8 +138,7 @@ class Costmap:
 def stamp(config: CostmapConfig, r_min: float) -> Ints:
     """Costs around one occupied cell, (K, 3) rows (di, dj, cost), for a footprint of inner radius r_min [m].
 
-    Cells are forbidden up to the padded inner radius. From there to the inflation radius the cost is
-    HIGHEST · exp(−cost_scaling_factor · (distance − padded radius)). Raises InputError if the stamp is too wide.
+    Cells are forbidden up to the padded inner radius. Raises InputError if the stamp is too wide.
     """
     inscribed = r_min + config.footprint_padding
     reach = max(inscribed, config.inflation_radius)
@@ -143,13 +148,9 @@ def stamp(config: CostmapConfig, r_min: float) -> Ints:
             f"guide.costmap.{key} is {getattr(config, key):g}: obstacles would raise costs up to {reach:g} m: "
             f"must be at most {_WIDEST_STAMP} cells, {_WIDEST_STAMP * config.cell_size:g} m"
         )
-    cells = math.floor(reach / config.cell_size + 1e-9)
-    di, dj = np.mgrid[-cells : cells + 1, -cells : cells + 1]
-    away = np.hypot(di, dj) * config.cell_size - 1e-9
-    fading = np.floor(HIGHEST * np.exp(-config.cost_scaling_factor * np.maximum(away - inscribed, 0.0)))
-    cost = np.where(away <= r_min, TOUCHING, np.where(away <= inscribed, INSCRIBED, fading))
-    rows = np.column_stack([di.ravel(), dj.ravel(), cost.astype(np.int64).ravel()])
-    return np.ascontiguousarray(rows[(away.ravel() <= reach) & (rows[:, 2] > 0)])
+    return inflation_stamp(
+        config.cell_size, r_min, inscribed, config.inflation_radius, config.cost_scaling_factor
+    )
 
 
 def _layout(config: CostmapConfig, goal: Floats) -> tuple[Grid, tuple[int, int]]:

@@ -13,7 +13,16 @@ NO_STAMP = np.zeros((0, 3), np.int64)
 HERE = Pose(0.0, 0.0, 0.0)
 
 
-def beams(ranges, hits=None, number=1, keep=0, bearing=0.0, pose=HERE, spans=(0.1, 10.0, 2.5, 3.0)):
+def beams(
+    ranges,
+    hits=None,
+    number=1,
+    keep=0,
+    bearing=0.0,
+    pose=HERE,
+    spans=(0.1, 10.0, 2.5, 3.0),
+    inf_is_valid=True,
+):
     """Hits after one scan, by lattice cell, on a 9 × 9 m grid of 0.1 m around the origin."""
     hits = np.zeros((91, 91), np.int32) if hits is None else hits
     observe(
@@ -27,6 +36,7 @@ def beams(ranges, hits=None, number=1, keep=0, bearing=0.0, pose=HERE, spans=(0.
         np.array(ranges, dtype=np.float32),
         (bearing, math.pi / 3),
         spans,
+        inf_is_valid,
     )
     return hits
 
@@ -61,8 +71,17 @@ def test_nothing_is_freed_beyond_raytrace_range_or_behind_the_hit():
     assert cells(beams([1.0], beams([2.0]), number=2)) == {(20, 0), (10, 0)}
 
 
-def test_a_hit_beyond_obstacle_range_keeps_its_cell():
-    assert cells(beams([2.7], beams([2.7], spans=(0.1, 10.0, 5.0, 5.0)), number=2)) == {(27, 0)}
+@pytest.mark.parametrize("nothing", [10.0, 20.0, math.inf])
+def test_a_beam_without_a_return_frees_cells_only_if_it_is_valid(nothing):
+    assert cells(beams([nothing], beams([1.0]), number=2)) == set()
+    assert cells(beams([nothing], beams([1.0]), number=2, inf_is_valid=False)) == {(10, 0)}
+
+
+def test_a_hit_beyond_obstacle_range_keeps_its_cell_if_hits_persist():
+    marked = beams([2.7], spans=(0.1, 10.0, 5.0, 5.0))
+    assert cells(beams([2.7], marked.copy(), number=2, keep=1)) == {(27, 0)}
+    assert cells(beams([2.7], beams([2.7], marked, number=2, keep=1), number=4, keep=1)) == {(27, 0)}
+    assert cells(beams([2.7], beams([2.7], spans=(0.1, 10.0, 5.0, 5.0)), number=2)) == set()
 
 
 def test_a_beam_does_not_free_what_another_of_the_same_scan_hits():
@@ -70,7 +89,17 @@ def test_a_beam_does_not_free_what_another_of_the_same_scan_hits():
     hits = np.zeros((91, 91), np.int32)
     spans = (0.1, 10.0, 2.5, 3.0)
     observe(
-        hits, np.zeros(hits.shape, np.uint8), (-45, -45, 0.1), NO_STAMP, 1, 0, HERE, ranges, angles, spans
+        hits,
+        np.zeros(hits.shape, np.uint8),
+        (-45, -45, 0.1),
+        NO_STAMP,
+        1,
+        0,
+        HERE,
+        ranges,
+        angles,
+        spans,
+        True,
     )
     assert cells(hits) == {(10, 0), (20, 0)}
 

@@ -54,6 +54,8 @@ OFF_LINE_M = dict.fromkeys(
 OFF_LINE_OTHERS_M = 0.5
 ARRIVED_M = dict.fromkeys(LME, 0.51)  # its d1: nearer than this it takes the goal for reached and goes on
 AT_GOAL_M, AT_REST_M_S = 0.2, 0.05
+STOPS_M = {"ros_dwa": 0.3}  # its xy_goal_tolerance is 0.25 m
+HANDED = "ros_dwa"  # as in ROS, the first of equal scores wins, and turns to the right come first
 MARGIN_M = 0.05  # the paper's planner drives within 9° of its subgoal: with r alone it may graze a wall
 NEAR = World(circles=np.array([[0.9, 0.25, 0.2], [0.7, -0.9, 0.2], [-0.2, 1.0, 0.2]]))
 
@@ -116,7 +118,7 @@ def test_an_empty_world_is_crossed_straight(robot, guide, planner):
     job = task(
         World(),
         goal=(10.0, 0.0),
-        goal_tolerance=ARRIVED_M.get(guide, AT_GOAL_M),
+        goal_tolerance=max(ARRIVED_M.get(guide, AT_GOAL_M), STOPS_M.get(planner, AT_GOAL_M)),
         time_limit=5.0 + 25.0 / machine.v_max,
     )
     episode = run_episode(job, navigator, FastSimulator(FastConfig(), machine), np.random.default_rng(0))
@@ -131,7 +133,7 @@ def test_it_comes_to_rest_at_the_goal(robot, guide, planner):
     machine, navigator = made(robot, guide, planner)
     _, twists, poses = drive(machine, navigator, World(), (3.0, 0.0), 8.0 + 6.0 / machine.v_max)
     last = round(2.0 * machine.control_rate)
-    assert np.hypot(poses[-last:, 0] - 3.0, poses[-last:, 1]).max() <= AT_GOAL_M
+    assert np.hypot(poses[-last:, 0] - 3.0, poses[-last:, 1]).max() <= STOPS_M.get(planner, AT_GOAL_M)
     assert np.abs(twists[-last:, 0]).max() <= AT_REST_M_S
 
 
@@ -147,6 +149,8 @@ def test_commands_keep_the_limits(robot, guide, planner):
 
 @pytest.mark.usefixtures("drives")
 def test_a_mirrored_world_is_driven_through_mirrored(robot, guide, planner, monkeypatch):
+    if planner == HANDED:
+        pytest.skip("ROS's planner prefers right turns among equal scores")
     machine, navigator = made(robot, guide, planner)
     mirrored = World(circles=CLUTTER.circles * [1, -1, 1], segments=CLUTTER.segments * [1, -1, 1, -1])
     *_, poses = drive(machine, navigator, CLUTTER, (5.0, 0.8), 4.0 / machine.v_max)

@@ -1,0 +1,96 @@
+"""Compares episodes in our simulators with logs of the same system in Gazebo, world by world.
+
+    python -m benchmarks.gazebo [--shared ../shared] [--log FILE[:BLOCK] …] [--runs 2] [--record] [WORD …]
+
+Drives the organisers' stack, `system=move_base`, through the worlds of `official50`, and compares it with its two
+public logs. The words go to `lme eval`: `sim=skid robot=jackal_gazebo` chooses another simulator, and
+`system=… map.subset=…` with `--log` another system and its log. Needs the logs' folder, which does not ship.
+"""
+
+import itertools
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from benchmarks.recording import parser, show
+from benchmarks.speed import machine
+from runners.analysis.gazebo import Agreement, Rates, agreement, read_log
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+LOGS = ("barn/dwa_out.txt", "facts/gazebo_logs/bobae3_default.txt")  # the organisers' own, another machine's
+WORDS = ("system=move_base", "robot.control_rate=20", "map=barn", "map.subset=official50")
+
+
+def main() -> None:
+    """Print the report, and write it with --record."""
+    options = parser(__doc__, "gazebo")
+    options.add_argument("--shared", type=Path, default=Path("../shared"), help="folder of the logs")
+    options.add_argument(
+        "--log", action="append", metavar="FILE[:BLOCK]", help=f"default: {' and '.join(LOGS)}"
+    )
+    options.add_argument("--runs", type=int, default=2, help="episodes in each world")
+    options.add_argument(
+        "words", nargs="*", metavar="WORD", help="words for lme eval, after those of the default"
+    )
+    given = options.parse_args()
+    names = given.log or list(LOGS)
+    absent = [name for name in names if not _file(given.shared, name).is_file()]
+    if absent:
+        print(f"Skipped: {given.shared} has no {', '.join(absent)}; give the logs' folder with --shared.")
+        return
+    logs = {name: read_log(_file(given.shared, name), name.partition(":")[2] or None) for name in names}
+    show(report([*WORDS, f"runs={given.runs}", *given.words], logs), "gazebo", given.record)
+
+
+def report(words: Sequence[str], logs: Mapping[str, "pd.DataFrame"]) -> Iterator[str]:
+    """Yield the lines of the report in Markdown."""
+    yield "# Gazebo, world by world\n"
+    yield f"`python -m benchmarks.gazebo --record`, {time.strftime('%Y-%m-%d')}, {machine()}\n"
+    yield f"Ours: `lme eval {' '.join(words)}`\n"
+    sides = "success / collision / time-out, time [s]"
+    yield f"| one | other | worlds | one: {sides} | other: {sides} | correlation | same verdict | time ratio |"
+    yield "|---|---|---:|---|---|---:|---:|---:|"
+    ours = episodes(words)
+    for name, log in logs.items():
+        yield row("ours", name, agreement(ours, log))
+    for (one, log), (other, second) in itertools.combinations(logs.items(), 2):
+        yield row(one, other, agreement(log, second))
+
+
+def row(one: str, other: str, found: Agreement) -> str:
+    """A line of the table."""
+    return (
+        f"| {one} | {other} | {found.worlds} | {_rates(found.one)} | {_rates(found.other)} | "
+        f"{found.correlation:.2f} | {found.same_verdict:.2f} | {found.time_ratio:.2f} |"
+    )
+
+
+def episodes(words: Sequence[str]) -> "pd.DataFrame":
+    """The records of `lme eval` with these words."""
+    from runners.records.records import read_episodes
+
+    with tempfile.TemporaryDirectory() as folder:
+        place = Path(folder) / "run"
+        command = [sys.executable, "-m", "runners.cli.main", "eval", *words]
+        options = ["tracking=none", f"hydra.run.dir={place}"]
+        subprocess.run([*command, *options], check=True, stdout=sys.stderr)
+        return read_episodes([place])
+
+
+def _rates(found: Rates) -> str:
+    shares = f"{found.success:.3f} / {found.collision:.3f} / {found.timeout:.3f}"
+    return f"{shares}, {found.time_s:.1f} ({found.episodes} episodes)"
+
+
+def _file(folder: Path, name: str) -> Path:
+    return folder / name.partition(":")[0]
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,249 @@
+"""The search for a velocity of base_local_planner's TrajectoryPlanner in its DWA mode."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from lme.errors import require
+from lme.geometry.angles import wrap_angle
+from lme.kernels.costmap import lattice
+from lme.kernels.map_grid import LOST, distances, score, way_cells
+from lme.kernels.outline import covered_cells
+from lme.planners.ros_dwa.local_costmap import LocalCostmap, LocalCostmapConfig
+from lme.robots import Robot
+from lme.types import Floats, Limits, Observation, Pose, Twist
+
+_POSITIVE = (
+    "max_vel_x",
+    "max_vel_theta",
+    "acc_lim_x",
+    "acc_lim_theta",
+    "sim_time",
+    "sim_granularity",
+    "angular_sim_granularity",
+)
+_NOT_NEGATIVE = (
+    "min_vel_x",
+    "min_in_place_vel_theta",
+    "pdist_scale",
+    "gdist_scale",
+    "occdist_scale",
+    "heading_lookahead",
+    "oscillation_reset_dist",
+    "escape_reset_dist",
+    "escape_reset_theta",
+)
+
+
+@dataclass(slots=True)
+class TrajectoriesConfig:
+    """Velocities, samples, simulation and scores, with the names of ROS."""
+
+    max_vel_x: float = 0.5  # [m/s]
+    min_vel_x: float = 0.1  # [m/s]
+    max_vel_theta: float = 1.57  # [rad/s]
+    min_in_place_vel_theta: float = 0.314  # [rad/s]
+    escape_vel: float = -0.5  # [m/s]
+    acc_lim_x: float = 10.0  # [m/s²]
+    acc_lim_theta: float = 20.0  # [rad/s²]
+    sim_time: float = 2.0  # [s]
+    sim_granularity: float = 0.02  # [m]
+    angular_sim_granularity: float = 0.02
+    vx_samples: int = 6
+    vtheta_samples: int = 20
+    pdist_scale: float = 0.75
+    gdist_scale: float = 1.0
+    occdist_scale: float = 0.1
+    meter_scoring: bool = False
+    heading_lookahead: float = 0.325  # [m]
+    oscillation_reset_dist: float = 0.05  # [m]
+    escape_reset_dist: float = 0.1  # [m]
+    escape_reset_theta: float = 0.1  # [rad]
+    costmap: LocalCostmapConfig = field(default_factory=LocalCostmapConfig)
+
+    def __post_init__(self) -> None:
+        for key in _POSITIVE:
+            require(f"planner.{key}", getattr(self, key), above=0.0)
+        for key in _NOT_NEGATIVE:
+            require(f"planner.{key}", getattr(self, key), at_least=0.0)
+        require("planner.min_vel_x", self.min_vel_x, at_most=self.max_vel_x)
+        require("planner.escape_vel", self.escape_vel, at_most=0.0)
+        for key in ("vx_samples", "vtheta_samples"):
+            require(f"planner.{key}", getattr(self, key), at_least=2)
+
+
+@dataclass(slots=True)
+class _Scored:
+    """Sampled velocities (N, 2), their scores (N,), inf for invalid trajectories, and the last poses (N, 3)."""
+
+    twists: Floats
+    scores: Floats
+    ends: Floats
+
+    def __post_init__(self) -> None:
+        self.scores = np.where(self.scores >= 0.0, self.scores, math.inf)
+
+    @property
+    def least(self) -> float:
+        """The least score; inf if no trajectory is valid."""
+        return float(self.scores.min(initial=math.inf))
+
+    def best(self) -> Twist | None:
+        """The first velocity with the least score; None if no trajectory is valid."""
+        return Twist(*self.twists[self.scores.argmin()].tolist()) if self.least < math.inf else None
+
+
+class TrajectorySearch:
+    """Samples velocities, simulates and scores them, turns in place, and backs up if nothing else is possible.
+
+    Two turns in place to one side forbid turns to the other side until the robot has moved on. After it began to
+    back up, it drives forward again only when it has moved or turned away.
+    """
+
+    def __init__(self, config: TrajectoriesConfig, robot: Robot, costmap: LocalCostmap) -> None:
+        self._config = config
+        self._dt = robot.dt
+        self._costmap = costmap
+        cell = config.costmap.cell_size if config.meter_scoring else 1.0
+        self._scales = (config.pdist_scale * cell, config.gdist_scale * cell, config.occdist_scale)
+        self._simulation = (config.sim_time, config.sim_granularity, config.angular_sim_granularity)
+        self._window = self._within_reach()
+        self.reset()
+
+    def _within_reach(self) -> tuple[int, int, int, int]:
+        """The part of the map that trajectories can reach: its rows and columns."""
+        config = self._config
+        fastest = max(config.max_vel_x, -config.escape_vel)
+        reach = fastest * config.sim_time + config.heading_lookahead
+        cells = math.ceil(reach / config.costmap.cell_size) + 2
+        middle = self._costmap.costs.shape[0] // 2
+        return middle - cells, middle + cells + 1, middle - cells, middle + cells + 1
+
+    def reset(self) -> None:
+        """Forget turns and escapes."""
+        self._turns = {-1: 0, 1: 0}  # in place, to the right and to the left
+        self._turned_at = (0.0, 0.0)
+        self._escape: Pose | None = None
+
+    def command(self, observation: Observation, path: Floats) -> Twist | None:
+        """The best velocity along a path (K, 2) in the odometry frame [m]; None if the robot must stop."""
+        pose, limits = observation.odometry, self._limits(observation.limits)
+        self._measure(pose, path)
+        samples = self._samples(observation, path, limits)
+        samples = samples[:0] if self._escape else samples
+        forward = _Scored(samples, *self._score(samples, observation, math.inf, best_only=True))
+        samples = self._in_place(observation.twist, limits)
+        turns = _Scored(samples, *self._score(samples, observation, forward.least, best_only=False))
+        wanted = self._choose(forward, turns)
+        if wanted is None:
+            wanted = self._back_up(observation, limits)
+        elif wanted.v == 0.0:
+            self._turns[1 if wanted.omega > 0.0 else -1] += 1
+            self._turned_at = pose[:2]
+        self._move_on(pose)
+        return wanted
+
+    def _limits(self, robot: Limits) -> Limits:
+        """The configured limits within those of the robot."""
+        config = self._config
+        ours = Limits(config.max_vel_x, config.max_vel_theta, config.acc_lim_x, config.acc_lim_theta)
+        return Limits(*map(min, ours, robot))
+
+    def _measure(self, pose: Pose, path: Floats) -> None:
+        """Distances of all cells to the path and to its last point on the map."""
+        costmap, reach = self._costmap, self._config.costmap.size / 2.0
+        shape = costmap.costs.shape
+        cells = way_cells(path, pose[:2], reach, costmap.grid, shape)
+        under = covered_cells(costmap.outline, pose, costmap.grid, shape)
+        nothing = np.zeros(shape, dtype=np.bool_)
+        self._to_path = distances(costmap.costs, under, cells, self._window)
+        self._to_goal = distances(costmap.costs, nothing, cells[-1:], self._window)
+
+    def _samples(self, observation: Observation, path: Floats, limits: Limits) -> Floats:
+        """Forward velocities of the dynamic window: (N, 2), slow ones first, straight ones before turns."""
+        config, (v, omega), dt = self._config, observation.twist, self._dt
+        left = math.dist(path[-1], observation.odometry[:2])
+        slowest = min(config.min_vel_x, limits.v_max)
+        fastest = min(limits.v_max, left / config.sim_time, v + limits.alpha_v * dt)
+        low = max(slowest, v - limits.alpha_v * dt)
+        speeds = np.linspace(low, max(fastest, slowest), config.vx_samples)
+        turns = np.append(0.0, self._turn_rates(omega, limits)[:-1])  # the last one is not used, as in ROS
+        return np.column_stack([np.repeat(speeds, turns.size), np.tile(turns, speeds.size)])
+
+    def _turn_rates(self, omega: float, limits: Limits) -> Floats:
+        """Turn rates of the dynamic window, from right to left: (vtheta_samples,)."""
+        low = max(-limits.omega_max, omega - limits.alpha_omega * self._dt)
+        high = min(limits.omega_max, omega + limits.alpha_omega * self._dt)
+        return np.linspace(low, high, self._config.vtheta_samples)
+
+    def _in_place(self, twist: Twist, limits: Limits) -> Floats:
+        """Turns in place: (N, 2), none of them slow."""
+        rates = self._turn_rates(twist.omega, limits)
+        slowest = min(self._config.min_in_place_vel_theta, limits.omega_max)
+        fast = np.where(rates > 0.0, np.maximum(rates, slowest), np.minimum(rates, -slowest))
+        fast = fast[np.abs(rates) > (rates[-1] - rates[0]) / (rates.size - 1)]
+        return np.column_stack([np.zeros(fast.size), fast])
+
+    def _score(
+        self, twists: Floats, observation: Observation, least: float, best_only: bool
+    ) -> tuple[Floats, Floats]:
+        """Scores and ends of trajectories; see `lme.kernels.map_grid.score`."""
+        costmap, limits = self._costmap, self._limits(observation.limits)
+        return score(
+            twists,
+            observation.odometry,
+            observation.twist,
+            (limits.alpha_v, limits.alpha_omega),
+            self._simulation,
+            costmap.outline,
+            costmap.costs,
+            costmap.grid,
+            self._to_path,
+            self._to_goal,
+            self._scales,
+            least,
+            best_only,
+        )
+
+    def _choose(self, forward: _Scored, turns: _Scored) -> Twist | None:
+        """The best forward trajectory, unless a turn in place that is no worse looks at a cell nearer to the goal."""
+        wanted, least, nearest = forward.best(), forward.least, math.inf
+        for twist, total, end in zip(turns.twists, turns.scores, turns.ends, strict=True):
+            side = 1 if twist[1] > 0.0 else -1
+            ahead = self._looks_at(end)
+            if total < math.inf and total <= least and self._turns[-side] < 2 and ahead < nearest:
+                nearest, least, wanted = ahead, float(total), Twist(*twist.tolist())
+        return wanted
+
+    def _looks_at(self, end: Floats) -> float:
+        """Distance to the goal from the cell ahead of a pose [cells]; without a way longer than any; inf off the map."""
+        grid, away = self._costmap.grid, self._config.heading_lookahead
+        i = lattice((end[0] + away * math.cos(end[2])) / grid[2]) - grid[0]
+        j = lattice((end[1] + away * math.sin(end[2])) / grid[2]) - grid[1]
+        rows, columns = self._to_goal.shape
+        if not (0 <= i < rows and 0 <= j < columns):
+            return math.inf
+        return float(self._to_goal[i, j]) if self._to_goal[i, j] >= 0 else float(rows * columns)
+
+    def _back_up(self, observation: Observation, limits: Limits) -> Twist | None:
+        """Back up, even into obstacles, as ROS does; None from a cell without a way to the goal."""
+        back = Twist(max(self._config.escape_vel, -limits.v_max), 0.0)
+        scores, _ = self._score(np.array([back]), observation, math.inf, False)
+        if scores[0] == LOST:
+            return None
+        self._escape = self._escape or observation.odometry
+        return back
+
+    def _move_on(self, pose: Pose) -> None:
+        """Allow all turns and forward driving again once the robot is far enough from where they were forbidden."""
+        config, here = self._config, pose[:2]
+        if math.dist(here, self._turned_at) > config.oscillation_reset_dist:
+            self._turns = {-1: 0, 1: 0}
+        if self._escape is not None and (
+            math.dist(here, self._escape[:2]) > config.escape_reset_dist
+            or abs(wrap_angle(pose.yaw - self._escape.yaw)) > config.escape_reset_theta
+        ):
+            self._escape = None
