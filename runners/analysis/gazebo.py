@@ -107,7 +107,8 @@ def rates(frame: pd.DataFrame) -> Rates:
 
 def _success_by_world(frame: pd.DataFrame) -> Floats:
     """Success rate of each world, in the order of their numbers."""
-    return (frame["outcome"] == Outcome.SUCCESS).groupby(frame["world"]).mean().to_numpy(dtype=np.float64)
+    by_world: pd.Series[float] = (frame["outcome"] == Outcome.SUCCESS).groupby(frame["world"]).mean()
+    return np.asarray(by_world, dtype=np.float64)
 
 
 def _correlation(p: Floats, q: Floats) -> float:
