@@ -11,6 +11,7 @@ from runners.cli import completion, main
 from tests.places import ROOT
 
 COMMANDS = ("completion", "eval", "table")
+JACKALS = "jackal jackal_gazebo jackal_real jackal_slow jackal_wheels"
 
 
 @pytest.mark.parametrize(
@@ -22,7 +23,7 @@ COMMANDS = ("completion", "eval", "table")
         ("lme eval +rob", ["+robot="]),
         ("lme eval see", ["seed="]),
         ("lme eval robot=tur", ["robot=turtlebot2"]),
-        ("lme eval   -m  robot=ja", ["robot=jackal", "robot=jackal_slow", "robot=jackal_wheels"]),
+        ("lme eval   -m  robot=ja", [f"robot={name}" for name in JACKALS.split()]),
         ("lme eval ablation=none,no_m", ["ablation=none,no_maintenance"]),
         ("lme eval ablation=[no_c_o,no_c_h", ["ablation=[no_c_o,no_c_h"]),
         ("lme eval robot.lidar.nu", ["robot.lidar.num_beams="]),
@@ -88,7 +89,7 @@ def environment(tmp_path):
     [
         ("lme ev", "eval"),
         ("lme eval robot=tur", "turtlebot2"),
-        ("lme eval robot=ja", "jackal jackal_slow jackal_wheels"),
+        ("lme eval robot=ja", JACKALS),
         ("lme eval -m ablation=none,no_m", "none,no_maintenance"),
     ],
 )

@@ -87,10 +87,11 @@ def configs(robot, guide, planner):
 
 
 def made(robot, guide, planner, margin=0.0):
-    """The robot, with a lidar that does not err, and its navigator."""
+    """The robot, with a lidar that does not err and its footprint as its hull, and its navigator."""
     config = configs(robot, guide, planner)
     machine = copy.deepcopy(config.robot)
     machine.lidar.noise_std = 0.0
+    machine.contact = None  # planners are judged by the footprint that they believe in
     if margin:
         machine.collision_radius = machine.footprint.r_max + margin
     return machine, build.navigator(config, machine)
