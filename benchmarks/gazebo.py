@@ -31,9 +31,13 @@ def main() -> None:
     """Print the report, and write it with --record."""
     options = parser(__doc__, "gazebo")
     options.add_argument("--shared", type=Path, default=Path("../shared"), help="folder of the logs")
-    options.add_argument("--log", action="append", metavar="FILE[:BLOCK]", help=f"default: {' and '.join(LOGS)}")
+    options.add_argument(
+        "--log", action="append", metavar="FILE[:BLOCK]", help=f"default: {' and '.join(LOGS)}"
+    )
     options.add_argument("--runs", type=int, default=2, help="episodes in each world")
-    options.add_argument("words", nargs="*", metavar="WORD", help="words for lme eval, after those of the default")
+    options.add_argument(
+        "words", nargs="*", metavar="WORD", help="words for lme eval, after those of the default"
+    )
     given = options.parse_args()
     names = given.log or list(LOGS)
     absent = [name for name in names if not _file(given.shared, name).is_file()]

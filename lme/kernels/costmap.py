@@ -62,7 +62,9 @@ def observe(
                 if hits[i, j] == 0 and ranges[k] <= spans[2]:
                     _press(costs, stamp, i, j)
                     hits[i, j] = number
-                elif hits[i, j] != 0 and (keep > 0 or ranges[k] <= spans[2]):  # else walls beyond obstacle_range would be cleared
+                elif hits[i, j] != 0 and (
+                    keep > 0 or ranges[k] <= spans[2]
+                ):  # else walls beyond obstacle_range would be cleared
                     hits[i, j] = number
     for k in range(len(ranges)):
         if ranges[k] >= range_min and (inf_is_valid or ranges[k] < range_max):

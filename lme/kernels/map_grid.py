@@ -22,7 +22,9 @@ HITS, LOST = -1.0, -2.0  # scores of trajectories that touch an obstacle, or pas
 
 
 @njit(cache=True, error_model="numpy")
-def way_cells(path: Floats, centre: tuple[float, float], reach: float, grid: Grid, shape: tuple[int, int]) -> Ints:
+def way_cells(
+    path: Floats, centre: tuple[float, float], reach: float, grid: Grid, shape: tuple[int, int]
+) -> Ints:
     """Array indices of the points of a path (K, 2) [m] that are on the map: (C, 2).
 
     They start at the first point within `reach` [m] of `centre` that is on the array, and end before the next one

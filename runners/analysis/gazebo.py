@@ -62,16 +62,22 @@ def read_log(path: Path, block: str | None = None) -> pd.DataFrame:
     try:
         lines = path.read_text(encoding="utf-8").splitlines()
     except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: cannot be read as a log of BARN episodes ({error}): must be a text file") from None
+        raise InputError(
+            f"{path}: cannot be read as a log of BARN episodes ({error}): must be a text file"
+        ) from None
     split = list(csv.reader(lines)) if lines and "," in lines[0] else [line.split() for line in lines]
     header = [name.strip() for name in split[0]] if split and "world" in split[0] else list(_COLUMNS)
     rows = [
         _episode(path, number, dict(zip(header, words, strict=False)))
         for number, words in enumerate(split, 1)
-        if words and words != header and (block is None or _cell(path, number, header, words, "block") == block)
+        if words
+        and words != header
+        and (block is None or _cell(path, number, header, words, "block") == block)
     ]
     if not rows:
-        raise InputError(f"{path}: has no episodes{'' if block is None else f' of block {block}'}: must have some")
+        raise InputError(
+            f"{path}: has no episodes{'' if block is None else f' of block {block}'}: must have some"
+        )
     return pd.DataFrame(rows, columns=["world", "outcome", "time_s"])
 
 
@@ -101,7 +107,8 @@ def rates(frame: pd.DataFrame) -> Rates:
 
 def _success_by_world(frame: pd.DataFrame) -> Floats:
     """Success rate of each world, in the order of their numbers."""
-    return (frame["outcome"] == Outcome.SUCCESS).groupby(frame["world"]).mean().to_numpy(dtype=np.float64)
+    by_world = (frame["outcome"] == Outcome.SUCCESS).groupby(frame["world"]).mean()
+    return np.asarray(by_world, dtype=np.float64)
 
 
 def _correlation(p: Floats, q: Floats) -> float:
@@ -123,7 +130,9 @@ def _episode(path: Path, number: int, line: dict[str, str]) -> tuple[int, str, f
         flags = [name for name in _FLAGS if int(line[name])]
         world, time = int(line["world"]), float(line["time_s"] if "time_s" in line else line["time"])
     except (KeyError, ValueError):
-        raise InputError(f"{path}:{number}: is {' '.join(line.values())!r}: must be {' '.join(_COLUMNS)}") from None
+        raise InputError(
+            f"{path}:{number}: is {' '.join(line.values())!r}: must be {' '.join(_COLUMNS)}"
+        ) from None
     if len(flags) != 1:
         raise InputError(
             f"{path}:{number}: outcome is {' and '.join(flags) or 'none'}: must be exactly one of {', '.join(_FLAGS)}"

@@ -16,7 +16,6 @@ from lme.errors import InputError, require
 from lme.geometry.frames import compose, to_robot
 from lme.kernels.costmap import (
     INSCRIBED,
-    TOUCHING,
     Grid,
     draw_discs,
     draw_edges,

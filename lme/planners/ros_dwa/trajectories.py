@@ -187,7 +187,9 @@ class TrajectorySearch:
         fast = fast[np.abs(rates) > (rates[-1] - rates[0]) / (rates.size - 1)]
         return np.column_stack([np.zeros(fast.size), fast])
 
-    def _score(self, twists: Floats, observation: Observation, least: float, best_only: bool) -> tuple[Floats, Floats]:
+    def _score(
+        self, twists: Floats, observation: Observation, least: float, best_only: bool
+    ) -> tuple[Floats, Floats]:
         """Scores and ends of trajectories; see `lme.kernels.map_grid.score`."""
         costmap, limits = self._costmap, self._limits(observation.limits)
         return score(
@@ -217,7 +219,7 @@ class TrajectorySearch:
         return wanted
 
     def _looks_at(self, end: Floats) -> float:
-        """Distance to the goal from the cell ahead of a pose [cells]; without a way longer than any; inf off the map."""
+        """Distance to the goal from the cell ahead of a pose [cells]: the most if there is no way, inf off the map."""
         grid, away = self._costmap.grid, self._config.heading_lookahead
         i = lattice((end[0] + away * math.cos(end[2])) / grid[2]) - grid[0]
         j = lattice((end[1] + away * math.sin(end[2])) / grid[2]) - grid[1]

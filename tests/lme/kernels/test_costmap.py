@@ -14,7 +14,14 @@ HERE = Pose(0.0, 0.0, 0.0)
 
 
 def beams(
-    ranges, hits=None, number=1, keep=0, bearing=0.0, pose=HERE, spans=(0.1, 10.0, 2.5, 3.0), inf_is_valid=True
+    ranges,
+    hits=None,
+    number=1,
+    keep=0,
+    bearing=0.0,
+    pose=HERE,
+    spans=(0.1, 10.0, 2.5, 3.0),
+    inf_is_valid=True,
 ):
     """Hits after one scan, by lattice cell, on a 9 × 9 m grid of 0.1 m around the origin."""
     hits = np.zeros((91, 91), np.int32) if hits is None else hits
@@ -82,7 +89,17 @@ def test_a_beam_does_not_free_what_another_of_the_same_scan_hits():
     hits = np.zeros((91, 91), np.int32)
     spans = (0.1, 10.0, 2.5, 3.0)
     observe(
-        hits, np.zeros(hits.shape, np.uint8), (-45, -45, 0.1), NO_STAMP, 1, 0, HERE, ranges, angles, spans, True
+        hits,
+        np.zeros(hits.shape, np.uint8),
+        (-45, -45, 0.1),
+        NO_STAMP,
+        1,
+        0,
+        HERE,
+        ranges,
+        angles,
+        spans,
+        True,
     )
     assert cells(hits) == {(10, 0), (20, 0)}
 

@@ -105,7 +105,20 @@ def test_an_obstacle_ahead_is_hit_and_a_cell_without_a_way_is_lost():
     nothing, goal = np.zeros(SHAPE, np.bool_), np.array([[60, 40]])
     costs[54, 40] = 254  # 0.7 m ahead
     way = distances(costs, nothing, goal, EVERYWHERE)
-    view = ((0.0, 0.0, 0.0), (0.5, 0.0), ALPHAS, SIMULATION, OUTLINE, costs, GRID, way, way, SCALES, np.inf, False)
+    view = (
+        (0.0, 0.0, 0.0),
+        (0.5, 0.0),
+        ALPHAS,
+        SIMULATION,
+        OUTLINE,
+        costs,
+        GRID,
+        way,
+        way,
+        SCALES,
+        np.inf,
+        False,
+    )
     assert score(ahead, *view)[0].tolist() == [HITS]
     costs[:] = 0
     costs[54, :] = 253

@@ -110,13 +110,17 @@ def test_it_never_drives_faster_than_configured():
 @given(SEEDS)
 def test_it_drives_around_posts_on_a_free_path(seed):
     rng = np.random.default_rng(seed)
-    world = World(circles=np.array([[rng.uniform(1.5, 3.0), rng.choice([-1, 1]) * rng.uniform(0.7, 1.0), 0.1]]))
+    world = World(
+        circles=np.array([[rng.uniform(1.5, 3.0), rng.choice([-1, 1]) * rng.uniform(0.7, 1.0), 0.1]])
+    )
     episode = drive(planner(), JACKAL, world, goal=(5.0, 0.0), goal_tolerance=0.3, time_limit=40.0)
     assert episode.outcome is Outcome.SUCCESS
 
 
 def test_a_robot_that_cannot_turn_or_drive_ahead_backs_up_and_then_not_ahead_at_once():
-    around = np.column_stack([0.45 * np.cos(np.linspace(-2.0, 2.0, 30)), 0.45 * np.sin(np.linspace(-2.0, 2.0, 30))])
+    around = np.column_stack(
+        [0.45 * np.cos(np.linspace(-2.0, 2.0, 30)), 0.45 * np.sin(np.linspace(-2.0, 2.0, 30))]
+    )
     made = planner()
     view = seen(World(circles=np.column_stack([around, np.full(30, 0.02)])))
     assert plan(made, view).v < 0.0
