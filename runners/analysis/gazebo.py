@@ -107,7 +107,7 @@ def rates(frame: pd.DataFrame) -> Rates:
 
 def _success_by_world(frame: pd.DataFrame) -> Floats:
     """Success rate of each world, in the order of their numbers."""
-    by_world: pd.Series[float] = (frame["outcome"] == Outcome.SUCCESS).groupby(frame["world"]).mean()
+    by_world = (frame["outcome"] == Outcome.SUCCESS).groupby(frame["world"]).mean()
     return np.asarray(by_world, dtype=np.float64)
 
 

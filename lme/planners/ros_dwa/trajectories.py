@@ -219,7 +219,7 @@ class TrajectorySearch:
         return wanted
 
     def _looks_at(self, end: Floats) -> float:
-        """Distance to the goal from the cell ahead of a pose [cells]: beyond any without a way, inf off the map."""
+        """Distance to the goal from the cell ahead of a pose [cells]: the most if there is no way, inf off the map."""
         grid, away = self._costmap.grid, self._config.heading_lookahead
         i = lattice((end[0] + away * math.cos(end[2])) / grid[2]) - grid[0]
         j = lattice((end[1] + away * math.sin(end[2])) / grid[2]) - grid[1]

@@ -1,6 +1,7 @@
 """Logs of Gazebo and their comparison with our episodes, on logs made by hand."""
 
 import math
+from pathlib import Path
 
 import pandas as pd
 import pytest
@@ -9,6 +10,7 @@ from lme.errors import InputError
 from runners.analysis.gazebo import agreement, rates, read_log
 from tests.places import SHARED
 
+LOGS = SHARED / "barn/dwa_out.txt", SHARED / "facts/gazebo_logs/bobae3_default.txt"
 LOG = """0 1 0 0 20.0000 0.2500
 0 0 1 0 7.5000 0.0000
 6 0 0 1 100.0000 0.0000
@@ -114,12 +116,9 @@ def test_worlds_in_common_are_needed():
         agreement(episodes((0, "success", 1.0)), episodes((1, "success", 1.0)))
 
 
-@pytest.mark.skipif(not SHARED.is_dir(), reason="needs the public logs in ../shared")
+@pytest.mark.skipif(not all(map(Path.is_file, LOGS)), reason="needs the public logs in ../shared")
 def test_the_two_public_logs_of_the_default_stack():
-    organisers, other = (
-        read_log(SHARED / name) for name in ("barn/dwa_out.txt", "facts/gazebo_logs/bobae3_default.txt")
-    )
-    found = agreement(organisers, other)
+    found = agreement(*map(read_log, LOGS))
     assert (found.one.success, found.one.collision, found.one.timeout) == pytest.approx((0.85, 0.056, 0.094))
     assert (found.other.success, found.other.collision, found.other.timeout) == pytest.approx(
         (0.924, 0.016, 0.06)

@@ -55,6 +55,7 @@ OFF_LINE_OTHERS_M = 0.5
 ARRIVED_M = dict.fromkeys(LME, 0.51)  # its d1: nearer than this it takes the goal for reached and goes on
 AT_GOAL_M, AT_REST_M_S = 0.2, 0.05
 STOPS_M = {"ros_dwa": 0.3}  # its xy_goal_tolerance is 0.25 m
+SLOW_M_S = {"ros_dwa": 0.5}  # its own limit
 HANDED = "ros_dwa"  # as in ROS, the first of equal scores wins, and turns to the right come first
 MARGIN_M = 0.05  # the paper's planner drives within 9° of its subgoal: with r alone it may graze a wall
 NEAR = World(circles=np.array([[0.9, 0.25, 0.2], [0.7, -0.9, 0.2], [-0.2, 1.0, 0.2]]))
@@ -120,7 +121,7 @@ def test_an_empty_world_is_crossed_straight(robot, guide, planner):
         World(),
         goal=(10.0, 0.0),
         goal_tolerance=max(ARRIVED_M.get(guide, AT_GOAL_M), STOPS_M.get(planner, AT_GOAL_M)),
-        time_limit=5.0 + 25.0 / machine.v_max,
+        time_limit=5.0 + 25.0 / min(machine.v_max, SLOW_M_S.get(planner, math.inf)),
     )
     episode = run_episode(job, navigator, FastSimulator(FastConfig(), machine), np.random.default_rng(0))
     assert episode.outcome is Outcome.SUCCESS
