@@ -27,7 +27,7 @@ ODOMETRY_RATE = 50.0  # [Hz] of Jackal's odometry filter
 class SkidConfig(Disturbances):
     """Directions of friction, errors of the sensors and resolution of the contact check."""
 
-    friction: str = "wheel"  # what the two directions of friction are fixed to: "wheel", "world" or "body"
+    friction: str = "world"  # what the two directions of friction are fixed to: "wheel", "world" or "body"
     yaw_noise: float = 0.005  # [rad] standard deviation of the measured yaw
     scan_rate: float | None = 50.0  # [Hz] of the lidar; None: a scan with every control step
     check_time: float = 0.005  # [s] between two contact checks
