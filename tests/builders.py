@@ -2,7 +2,7 @@
 
 import math
 import warnings
-from dataclasses import astuple, is_dataclass
+from dataclasses import astuple, is_dataclass, replace
 
 import numpy as np
 
@@ -55,12 +55,21 @@ def robot_from(values):
         return filled(Robot, values, "robot")
 
 
-SHIPPED = tuple(catalogue.shipped().options("robot"))
-
-
 def shipped(name):
     """A robot that ships."""
     return robot_from(catalogue.shipped().values(f"robot/{name}"))
+
+
+ROBOTS = tuple(catalogue.shipped().options("robot"))
+SHIPPED = tuple(
+    name for name in ROBOTS if shipped(name).contact is None
+)  # those that know what of them collides
+
+
+def without_errors(robot):
+    """The robot with a planar lidar that does not err, fires every beam, and so sees a mirrored world mirrored."""
+    robot.lidar = replace(robot.lidar, noise_std=0.0, native_beams=None, cloud=None)
+    return robot
 
 
 def navigator(robot, guide="lme", **settings):

@@ -31,7 +31,7 @@ from lme.robots import Footprint, Lidar
 from lme.sim.fast import FastConfig, FastSimulator
 from lme.types import Guidance, LaserScan, Pose, Twist
 from lme.worlds.world import World
-from tests.builders import SHIPPED, observation, room, shipped, stage, task
+from tests.builders import SHIPPED, observation, room, shipped, stage, task, without_errors
 from tests.tolerances import KERNEL, MIRROR, RANGE
 
 NO_EDGES, NONE = np.empty((0, 4)), np.empty((0, 2))
@@ -470,8 +470,7 @@ def mirrored(world):
 
 @pytest.mark.parametrize("name", SHIPPED)
 def test_a_mirrored_world_is_driven_mirrored(name):
-    robot = shipped(name)
-    robot.lidar.noise_std = 0.0
+    robot = without_errors(shipped(name))
     job = {"start": Pose(0.0, 0.2, 0.1), "goal": (8.0, 0.3)}
     poses, _, end = drive(robot, task(slalom(), **job), 250)
     other = {"start": Pose(0.0, -0.2, -0.1), "goal": (8.0, -0.3)}

@@ -60,7 +60,8 @@ def drive(mount, projection, seed):
     )
     problem = task(touchable, goal=(6.8, 0.0), goal_tolerance=0.3, time_limit=45.0)
     simulator = ThroughTheCloud(robot, scene, mount, projection)
-    return run_episode(problem, navigator(robot), simulator, np.random.default_rng(seed))
+    guide = navigator(robot, surmount="hidden")  # it keeps off the ends that the cloud shows late
+    return run_episode(problem, guide, simulator, np.random.default_rng(seed))
 
 
 @pytest.mark.parametrize("mount", [LEVEL, NOSE_DOWN], ids=["level", "nose down"])

@@ -46,10 +46,10 @@ def test_the_experiment_is_the_figures():
     with Composer("eval") as composer:
         found = plan(composer, ["experiment=ablation"], multirun=False)
     assert found.multirun
-    assert [job.hydra.runtime.choices.ablation for job in found.configs.values()] == [
-        "none",
-        *ablation.CLAIMS,
-    ]
+    chosen = [job.hydra.runtime.choices for job in found.configs.values()]
+    variants = ["none", *ablation.CLAIMS]
+    expected = [(system, variant) for system in ("lme", "lme_printed") for variant in variants]
+    assert [(choices.system, choices.ablation) for choices in chosen] == expected
     assert {(job.map.subset, job.runs, job.robot.name) for job in found.configs.values()} == {
         ("lab100", 3, "jackal")
     }

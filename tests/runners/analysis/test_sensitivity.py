@@ -49,8 +49,10 @@ def test_the_experiment_is_each_parameter_alone_in_worlds_made_for_it():
     schema.register()
     with Composer("eval") as composer:
         config = composer.compose(["experiment=sensitivity"])
-        (key, values), *others = config.hydra.sweeper.params.items()
+        params = dict(config.hydra.sweeper.params)
+        systems, (key, values), *others = params.pop("system"), *params.items()
         scales = list(composer.parse([f"{key}={values}"])[0].sweep_iterator())
+    assert systems == "lme,lme_printed"
     assert (key, others, config.hydra.mode.name) == ("++scale", [], "MULTIRUN")
     assert scales[0] == {}
     assert all(len(scale) == 1 for scale in scales[1:])

@@ -54,7 +54,7 @@ def _never(job):
         ("robot.v_mx=1", ["robot.v_mx: no such key; did you mean robot.v_max? robot holds: "]),
         ("robot.contact.width=1", ["robot.contact.width=1: sets a key of a part that is null"]),
         ("robot.num_beams=9", ["did you mean robot.lidar.num_beams?"]),
-        ("robot.lidar.num_beam=9", ["did you mean robot.lidar.num_beams? robot.lidar holds: fov, "]),
+        ("robot.lidar.num_beam=9", ["did you mean robot.lidar.num_beams? robot.lidar holds: cloud, fov, "]),
         ("map.subst=all", ["did you mean map.subset?"]),
         ("seed.x=1", ["seed.x: no such key; seed is a single value"]),
         ("guide/x=1", ["guide/x=1: no such group", "robot, map, guide"]),

@@ -16,7 +16,7 @@ from lme.types import Outcome, Pose, Twist
 from lme.worlds.world import World
 from runners.config import build, catalogue, weights
 from runners.config.overrides import CUSTOM
-from tests.builders import CLUTTER, SHIPPED, observation, room, task
+from tests.builders import CLUTTER, SHIPPED, observation, room, task, without_errors
 from tests.composing import jobs_of
 from tests.networks import network_file
 from tests.tolerances import KERNEL, MIRROR
@@ -92,8 +92,7 @@ def configs(robot, guide, planner):
 def made(robot, guide, planner, margin=0.0):
     """The robot, with a lidar that does not err and its footprint as its hull, and its navigator."""
     config = configs(robot, guide, planner)
-    machine = copy.deepcopy(config.robot)
-    machine.lidar.noise_std = 0.0
+    machine = without_errors(copy.deepcopy(config.robot))
     machine.contact = None  # planners are judged by the footprint that they believe in
     if margin:
         machine.collision_radius = machine.footprint.r_max + margin

@@ -254,7 +254,7 @@ def test_one_mistake_is_one_line_and_nothing_is_written(words, said, capsys):
 
 def test_training_numbers_that_the_map_has_not(capsys):
     assert main(["train", "robot=jackal", "map=barn", "executor=serial", "tracking=none"]) == 2
-    assert "must be worlds that the map has, such as [0,199]" in capsys.readouterr().err
+    assert "must be worlds that the map has, such as [0,299]" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(("search", "package"), [("gp", "torch"), ("cmaes", "cmaes")])

@@ -125,18 +125,19 @@ def test_what_moves_is_drawn_where_it_is(open_page, tmp_path):
         0,
         "map=real1_dynamic",
         "robot=turtlebot2",
-        "map.time_limit=12",
+        "map.time_limit=20",
         "ablation=no_maintenance",
         "guide.surmount=hidden",
     )
+    last = len(moving.steps) - 1
     write_page(moving, path)
     page = open_page(path)
     still = len(moving.task.world.circles), len(moving.task.world.edges)
     shown = page.evaluate(
-        "[0, 50].map((step) => ['discs', 'edges'].map((name, i) => Array.from(explainer.trace.arrays[name]"
+        f"[0, {last}].map((step) => ['discs', 'edges'].map((name, i) => Array.from(explainer.trace.arrays[name]"
         ".subarray(...explainer.trace.span(name, step).map((row) => row * (3 + i))))))"
     )
-    for step, parts in zip((0, 50), shown, strict=True):
+    for step, parts in zip((0, last), shown, strict=True):
         for part, obstacles, first in zip(parts, moving.steps[step].obstacles, still, strict=True):
             np.testing.assert_allclose(part, obstacles[first:].ravel(), rtol=1e-6)
     assert shown[0] != shown[1]
