@@ -60,7 +60,7 @@ class Catalogue:
         return file
 
     def files(self, name: str) -> list[Path]:
-        """The YAML `name` and the files of its group that its defaults list inherits, in the order of merging.
+        """The YAML `name` and the files that its defaults list inherits, in the order of merging.
 
         Choices of other groups in that list do not count. Raises FileNotFoundError where there is no such YAML.
         """
@@ -71,10 +71,11 @@ class Catalogue:
         group = name.rpartition("/")[0]
         files = []
         for entry in entries:
+            base = entry[1:] if entry.startswith("/") else f"{group}/{entry}"
             if entry == "_self_":
                 files.append(file)
-            elif self._found(f"{group}/{entry}"):  # the schema of a command is listed too, and is no file
-                files += self.files(f"{group}/{entry}")
+            elif self._found(base):  # the schema of a command is listed too, and is no file
+                files += self.files(base)
         return files
 
     def values(self, name: str) -> dict[str, Any]:
