@@ -98,7 +98,7 @@ def _alone(frame: pd.DataFrame, key: str, keys: Sequence[str]) -> pd.DataFrame:
 
 
 def _study(part: pd.DataFrame, key: str) -> CurveStudy:
-    keys = ["system", *(name for name in row_keys(part.drop(columns=AT)) if name != "run_dir")]
+    keys = ["system", *(name for name in row_keys(part.drop(columns=AT)) if part[name].nunique() > 1)]
     texts = part.assign(**{name: as_text(part[name]) for name in keys})
     found = [curve for names, group in texts.groupby(keys, sort=False) for curve in _curve(names, group)]
     return CurveStudy(key, title(part), tuple(found))

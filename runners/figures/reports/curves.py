@@ -60,7 +60,7 @@ def curves_figure(studies: Sequence[CurveStudy], place: Path) -> list[Path]:
                 axes.set_visible(False)
     handles = [_look(number, label) for number, label in enumerate(labels)]
     figure.legend(handles=handles, loc="outside upper left", ncols=3, frameon=False, fontsize=8)
-    figure.supxlabel(f"{studies[0].place}. {NOTE}", fontsize=7, color=INK, x=0.01, ha="left")
+    figure.supxlabel(f"{studies[0].place}\n{NOTE}", fontsize=7, color=INK, x=0.01, ha="left")
     return save(figure, place / NAME, ("png", "pdf"))
 
 

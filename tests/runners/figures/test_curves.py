@@ -7,6 +7,10 @@ from runners.figures.reports import curves as picture
 from tests.runners.analysis.test_curves import BY_LATENCY, BY_SPEED, job, sweep
 from tests.runners.figures.test_sensitivity import overlapping
 
+LONG = [
+    part.assign(subset="a subset with a long name", map="a map with a long name", sim="skid")
+    for part in BY_LATENCY
+]
 SYSTEMS = [job(0.3 * k, latency=f"{0.05 * k:g}", system=name) for name in "ABCDEF" for k in (0, 1, 2, 3)]
 
 
@@ -25,7 +29,7 @@ def test_points_are_those_of_the_records(monkeypatch, tmp_path):
     assert list(metric.lines[0].get_ydata()) == pytest.approx([0.36, 0.32, 0.2])
 
 
-@pytest.mark.parametrize("jobs", [BY_LATENCY, [*BY_LATENCY, *BY_SPEED[1:]], SYSTEMS])
+@pytest.mark.parametrize("jobs", [BY_LATENCY, [*BY_LATENCY, *BY_SPEED[1:]], SYSTEMS, LONG])
 def test_nothing_lies_over_another(monkeypatch, tmp_path, jobs):
     assert overlapping(drawn(monkeypatch, tmp_path, sweep(*jobs))) == []
 
