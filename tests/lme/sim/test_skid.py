@@ -75,7 +75,7 @@ def test_any_control_rate_lasts_its_period(rate):
     simulator, _ = skid(robot=dataclasses.replace(GAZEBO, control_rate=rate), **CALM)
     driven(simulator, [(1.0, 0.0)] * round(2 * rate))
     assert simulator.state.time == pytest.approx(round(2 * rate) / rate)
-    assert simulator.state.pose.x == pytest.approx(2.0 - 0.5 / 4.4, abs=0.01)  # 4.4 m/s² to 1 m/s
+    assert simulator.state.pose.x == pytest.approx(2.0 - 0.5 / 4.905, abs=0.01)  # to 1 m/s at μ g
 
 
 def test_latency_puts_the_motion_off():

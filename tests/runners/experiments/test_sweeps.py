@@ -9,6 +9,7 @@ from mlflow import MlflowClient
 
 from runners.cli.main import main
 from runners.config import systems
+from runners.config.catalogue import shipped
 from runners.figures.parts.driven_runs import runs_of
 from runners.figures.parts.places import places
 from runners.records.records import find_runs, read_episodes
@@ -116,6 +117,11 @@ def test_a_launcher_of_processes_gives_the_same_records(tmp_path, monkeypatch):
 
 
 def test_labels_are_unique_among_the_pairs_that_run():
-    pairs = [each for each in systems.systems().values() if each.planner]
-    assert len({each.label for each in pairs}) == len(pairs)
-    assert len({(each.guide, each.planner) for each in pairs}) == len(pairs)
+    pairs = {name: each for name, each in systems.systems().items() if each.planner}
+    assert len({each.label for each in pairs.values()}) == len(pairs)
+    of_their_own = {name: shipped().values(f"system/{name}").get("weights") for name in pairs}
+    chosen = {(each.guide, each.planner, of_their_own[name]) for name, each in pairs.items()}
+    assert len(chosen) == len(pairs)
+    assert (
+        systems.label("lme", "simple", pairs.values()) == "LME"
+    )  # its own weights are named by choosing a system
