@@ -11,7 +11,7 @@ from tests.tolerances import DEEP_NETWORK
 pytest.importorskip("stable_baselines3", reason="stable-baselines3 is not installed")
 pytest.importorskip("onnxruntime", reason="onnxruntime is not installed")
 pytest.importorskip("onnx", reason="onnx is not installed")
-from tests.lme.planners.drl_vo import published  # noqa: E402
+from tests.lme.planners.drl_vo import published
 
 
 @pytest.mark.parametrize(
@@ -28,7 +28,11 @@ def test_an_archive_of_stable_baselines_answers_as_it_does_there(tmp_path, sizes
     for batch_norm in ("running", "sample"):  # PyTorch changes the running statistics in the second
         network = Network(weights, batch_norm)
         for _ in range(3):
-            scans, velocities, goal = rng.normal(size=(80, 80)), rng.normal(size=(2, 80, 80)), rng.normal(size=2)
+            scans, velocities, goal = (
+                rng.normal(size=(80, 80)),
+                rng.normal(size=(2, 80, 80)),
+                rng.normal(size=2),
+            )
             observation = np.concatenate([velocities.ravel(), scans.ravel(), goal])
             image = np.concatenate((scans[None], velocities)).astype(np.float32)
             wanted = published.answer(ppo, observation, batch_norm)
