@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-import math
-
-import numpy as np
-
-from lme.geometry.frames import to_robot
+from lme.kernels.sight import discs_in_sight
 from lme.sim.crowd import Crowd
-from lme.types import Bools, Floats, LaserScan, Pose
+from lme.types import Floats, LaserScan, Pose
 
 _SLACK = 0.1  # [m] a beam that ends this much before a person is hidden from it; more than a lidar's noise
 
@@ -20,21 +16,8 @@ def tracked(crowd: Crowd, scan: LaserScan, lidar: Pose, base: Pose) -> Floats:
     base: the robot; both in the world. A person is in sight if the beam through their middle does not end before
     them. Positions and velocities are the true ones.
     """
-    discs = crowd.circles
-    seen = _in_sight(discs, scan, lidar)
-    positions = to_robot(discs[seen, :2], base)
-    velocities = to_robot(crowd.disc_velocities[seen], Pose(0.0, 0.0, base.yaw))
-    return np.hstack([positions, velocities])
-
-
-def _in_sight(discs: Floats, scan: LaserScan, lidar: Pose) -> Bools:
-    """Whether each of the discs (C, 3) is in the field of view, within range and not hidden: (C,)."""
-    x, y = to_robot(discs[:, :2], lidar).T
-    surface = np.hypot(x, y) - discs[:, 2]
-    turn = round(math.tau / scan.angle_increment)
-    beams = np.rint((np.arctan2(y, x) - scan.angle_min) / scan.angle_increment).astype(np.int64) % turn
-    inside = (beams < len(scan.ranges)) & (surface < scan.range_max)
-    ranges = scan.ranges[np.where(inside, beams, 0)]
-    hidden = (ranges >= scan.range_min) & (ranges < surface - _SLACK)
-    seen: Bools = inside & ~hidden
+    angles = (float(scan.angle_min), float(scan.angle_increment))
+    limits = (float(scan.range_min), float(scan.range_max), _SLACK)
+    poses = (lidar.x, lidar.y, lidar.yaw), (base.x, base.y, base.yaw)  # Numba takes a Pose for another type
+    seen: Floats = discs_in_sight(crowd.circles, crowd.disc_velocities, scan.ranges, angles, limits, *poses)
     return seen
