@@ -1,17 +1,20 @@
 """Import of an archive of Stable-Baselines3: what it reads, and what it refuses. The authors' own is no part of it."""
 
+import os
 import tracemalloc
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from lme.errors import InputError
-from lme.planners.drl_vo.architecture import shapes
+from lme.planners.drl_vo.architecture import Sizes, shapes
 from lme.planners.drl_vo.importing import import_archive
 from lme.planners.drl_vo.torch_file import PICKLE_MAX
 from tests.networks import TINY, random_drl_vo
 from tests.torch_archives import FLOAT, REBUILD, archive, name_of, number, state, tensor, text, zipped
 
+REAL = os.environ.get("DRL_VO_ARCHIVE")
 BIAS = "action_net.bias"  # (2,)
 WEIGHTS = random_drl_vo()
 KEY = str(list(WEIGHTS).index(BIAS))  # of its numbers
@@ -157,3 +160,9 @@ def test_noise_in_place_of_the_pickle_never_gives_a_traceback(tmp_path):
         for _ in range(3):
             pickle[rng.integers(2, len(good))] = int(rng.integers(256))
         refused(archive(tmp_path / "noise.zip", {}, pickle=bytes(pickle)))
+
+
+@pytest.mark.skipif(REAL is None, reason="DRL_VO_ARCHIVE does not name the published archive")
+def test_the_published_archive():
+    weights = import_archive(Path(REAL))
+    assert {name: array.shape for name, array in weights.items()} == shapes(Sizes(64, 256, 256))
