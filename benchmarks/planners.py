@@ -30,6 +30,8 @@ LEFT_OUT = (
     "dclp",
     "dclp_barn",
     "dclp_barn_global",
+    "drl_vo",
+    "drl_vo_barn",
 )  # other values; weights that do not ship
 
 

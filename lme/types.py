@@ -41,6 +41,10 @@ class Limits(NamedTuple):
     alpha_omega: float
 
 
+_NOBODY: Floats = np.empty((0, 4))
+_NOBODY.flags.writeable = False
+
+
 class LaserScan(NamedTuple):
     """One sweep of a 2D lidar, in the lidar's own frame, as in ROS `sensor_msgs/LaserScan`.
 
@@ -59,7 +63,8 @@ class Observation(NamedTuple):
 
     target: (2,) position of the goal in the robot frame [m]. odometry: pose of the base in the odometry frame,
     the base frame at the start of the episode, for guides and planners that keep a map or a band; LME does not
-    read it.
+    read it. pedestrians: (P, 4) of x, y [m], vx, vy [m/s] over ground, all in the robot frame, as a tracker of
+    people would give them; empty where there is no tracker. LME does not read it.
     """
 
     scan: LaserScan
@@ -67,6 +72,7 @@ class Observation(NamedTuple):
     twist: Twist
     limits: Limits
     odometry: Pose
+    pedestrians: Floats = _NOBODY
 
 
 class Guidance(NamedTuple):

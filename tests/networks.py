@@ -1,4 +1,4 @@
-"""Random networks of DRL-DCLP, as weight files and as TensorFlow checkpoints, for tests."""
+"""Random networks of DRL-DCLP, as weight files and as TensorFlow checkpoints, and of DRL-VO, for tests."""
 
 import numpy as np
 
@@ -7,8 +7,11 @@ from lme.planners.dclp.bundle import INDEX, SHARD
 from lme.planners.dclp.importing import tensor_names
 from lme.planners.dclp.leveldb import masked
 from lme.planners.dclp.weights import SHAPES, write_weights
+from lme.planners.drl_vo import architecture
+from lme.planners.drl_vo import weights as drl_vo
 
 MAGIC = (0xDB4775248B80FB57).to_bytes(8, "little")
+TINY = architecture.Sizes(channels=2, features=5, hidden=4)  # of a DRL-VO network that answers at once
 ENTRIES_PER_BLOCK = 5  # several blocks, with keys that share their beginnings
 
 
@@ -98,3 +101,20 @@ def _block(entries):
 def _with_trailer(block, kind):
     checked = block + bytes([kind])
     return checked + masked(crc32c(checked)).to_bytes(4, "little")
+
+
+def random_drl_vo(sizes=TINY, seed=0):
+    """Weights of a DRL-VO network, small enough that no layer saturates."""
+    rng = np.random.default_rng(seed)
+    made = {}
+    for name, shape in architecture.shapes(sizes).items():
+        draw = rng.uniform(0.5, 1.5, shape) if name.endswith("running_var") else rng.normal(size=shape)
+        made[name] = (draw / np.sqrt(max(np.prod(shape[1:]), 1))).astype(np.float32)
+    return made
+
+
+def drl_vo_file(path, seed=0):
+    """A weight file of a tiny random DRL-VO network."""
+    with path.open("wb") as file:
+        drl_vo.write_weights(random_drl_vo(seed=seed), file)
+    return path

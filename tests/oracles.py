@@ -350,3 +350,20 @@ def _cell(point, grid):
     scaled = np.asarray(point) / grid[2]
     i, j = (np.copysign(np.floor(np.abs(scaled) + 0.5), scaled)).astype(int)
     return int(i - grid[0]), int(j - grid[1])
+
+
+def discs_in_sight(discs, velocities, ranges, angles, limits, lidar, base):
+    """The beam nearest to each disc's middle, by looking at every beam."""
+    found = []
+    for (x, y, r), velocity in zip(discs, velocities, strict=True):
+        bearing = np.arctan2(y - lidar[1], x - lidar[0]) - lidar[2]
+        away = bearing - angles[0] - angles[1] * np.arange(len(ranges))
+        away = np.abs((away + np.pi) % (2 * np.pi) - np.pi)
+        surface = np.hypot(x - lidar[0], y - lidar[1]) - r
+        if not len(away) or away.min() > angles[1] / 2 or surface >= limits[1]:
+            continue
+        if not limits[0] <= ranges[away.argmin()] < surface - limits[2]:
+            cos, sin = np.cos(base[2]), np.sin(base[2])
+            to_robot = np.array([[cos, sin], [-sin, cos]])
+            found.append([*to_robot @ [x - base[0], y - base[1]], *to_robot @ velocity])
+    return np.array(found).reshape(-1, 4)

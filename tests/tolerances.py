@@ -7,6 +7,7 @@ MIRROR = 1e-3  # [m, rad] after seconds of driving in a mirrored world: scans ar
 
 FLOAT32_LAYER = 1e-5  # of sums of a hundred products near 1 in float32
 NETWORK = 1e-4  # actions of eight such layers
+DEEP_NETWORK = 2e-5  # actions of twenty convolutions of up to 2,304 products, with norms, in float32
 # sim=skid. ODE: rms over random commands with the same start; the planar body has no pitch, roll or soft contacts.
 ODE_SPEED = 0.02  # [m/s]
 ODE_TURN_RATE = 0.08  # [rad/s]

@@ -20,6 +20,7 @@ class Crowd:
 
     poses: (M, 3) of the movers, in the world. circles: (C, 3) discs; edges: (E, 4) sides of polygons, both as
     in `World` and in the order of the movers. top_speed: the greatest speed of any point of a mover [m/s].
+    velocities: (M, 2) of the movers' origins in the last step, in the world [m/s].
     """
 
     def __init__(self, movers: Sequence[Mover]) -> None:
@@ -31,6 +32,7 @@ class Crowd:
         self._progress = np.zeros(len(movers))
         self._begun = np.zeros(len(movers), dtype=np.bool_)
         self.poses = np.array([mover.path[0] for mover in movers]).reshape(-1, 3)
+        self.velocities = np.zeros((len(movers), 2))
         self.circles = np.empty((len(self._discs), 3))
         self.circles[:, 2] = [movers[i].radius for i in self._discs]
         self.edges = np.empty((len(self._owner), 4))
@@ -39,10 +41,15 @@ class Crowd:
     def __len__(self) -> int:
         return len(self.poses)
 
+    @property
+    def disc_velocities(self) -> Floats:
+        """Velocities (C, 2) of the discs, in the order of `circles` [m/s]."""
+        return self.velocities[self._discs]
+
     def advance(self, robot: Pose, dt: float) -> None:
         """Advance by `dt` [s]. Movers react to the pose of the robot's base at the start of the step."""
         if len(self):
-            state = (self._progress, self._begun, self.poses)
+            state = (self._progress, self._begun, self.poses, self.velocities)
             _advance(self._rules, self._first, self._waypoints, state, robot[0], robot[1], self._time, dt)
             self._place()
         self._time += dt
@@ -91,8 +98,11 @@ def _rules(mover: Mover) -> tuple[float, ...]:
 
 @njit(cache=True, error_model="numpy")
 def _advance(rules, first, waypoints, state, x, y, time, dt):
-    """Advance every mover by one step, with the robot at (x, y); updates progress (M,), begun (M,), poses (M, 3)."""
-    progress, begun, poses = state
+    """Advance every mover by one step, with the robot at (x, y).
+
+    Updates progress (M,), begun (M,), poses (M, 3) and velocities (M, 2).
+    """
+    progress, begun, poses, velocities = state
     for i in range(len(rules)):
         start_after, starts_within, trigger_x, trigger_y, waits_within, repeat = rules[i]
         path = waypoints[first[i] : first[i + 1]]
@@ -109,8 +119,10 @@ def _advance(rules, first, waypoints, state, x, y, time, dt):
             progress[i] += passed
         leg, part, _ = _leg(path, progress[i], repeat)
         last = min(leg + 1, len(path) - 1)
+        before_x, before_y = poses[i, 0], poses[i, 1]
         for axis in range(3):
             poses[i, axis] = path[leg, axis] + part * (path[last, axis] - path[leg, axis])
+        velocities[i, 0], velocities[i, 1] = (poses[i, 0] - before_x) / dt, (poses[i, 1] - before_y) / dt
 
 
 @njit(cache=True, error_model="numpy")

@@ -109,8 +109,8 @@ class FastSimulator:
     def _observe(self) -> Observation:
         state = self.state
         if self._substepper:
-            wheels = self._substepper.wheels
-            return self._sensors.observe(state, wheels.twist, wheels.odometry, *self.obstacles)
+            wheels, crowd = self._substepper.wheels, self._substepper.crowd
+            return self._sensors.observe(state, wheels.twist, wheels.odometry, *self.obstacles, crowd)
         odometry = relative(state.pose, self._start)
         return self._sensors.observe(state, state.twist, odometry, self._circles, self._edges)
 

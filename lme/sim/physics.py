@@ -74,8 +74,8 @@ class PhysicsSimulator:
         return self._robot.limits
 
     def _observe(self) -> Observation:
-        wheels = self._substepper.wheels
-        return self._sensors.observe(self.state, wheels.twist, wheels.odometry, *self.obstacles)
+        wheels, crowd = self._substepper.wheels, self._substepper.crowd
+        return self._sensors.observe(self.state, wheels.twist, wheels.odometry, *self.obstacles, crowd)
 
 
 class RigidBody:

@@ -10,8 +10,10 @@ from lme.geometry.frames import compose
 from lme.kernels.raycast import cast
 from lme.robots import Robot
 from lme.sensing.resampling import resampled, tidied
+from lme.sim.crowd import Crowd
 from lme.sim.disturbances import Disturbances, TargetEstimate, add_noise, lose_beams
 from lme.sim.mid360 import mid360_of
+from lme.sim.tracker import tracked
 from lme.types import Floats, LaserScan, Observation, Pose, Twist
 from lme.worlds.world import Task
 
@@ -70,15 +72,21 @@ class Sensors:
         odometry: Pose,
         circles: Floats,
         edges: Floats,
+        crowd: Crowd | None = None,
         scan_pose: Pose | None = None,
     ) -> Observation:
         """The observation; twist, odometry: by the wheel encoders; circles (C, 3), edges (E, 4): the obstacles now.
 
-        scan_pose: where the newest scan was taken, if not at the present pose.
+        crowd: the movers among them. scan_pose: where the newest scan was taken, if not at the present pose.
         """
-        scan = self._scan(scan_pose or state.pose, circles, edges)
+        scan_pose = scan_pose or state.pose
+        scan = self._scan(scan_pose, circles, edges)
         target = self._target.seen_from(state.pose, odometry, state.time)
-        return Observation(scan, target, twist, self._robot.limits, odometry)
+        seen = Observation(scan, target, twist, self._robot.limits, odometry)
+        if crowd is None or not len(crowd):
+            return seen
+        lidar = compose(scan_pose, self._robot.lidar.mount)
+        return seen._replace(pedestrians=tracked(crowd, scan, lidar, state.pose))
 
     def _scan(self, pose: Pose, circles: Floats, edges: Floats) -> LaserScan:
         """A planar scanner's beams, interpolated if it has `native_beams`, or the projection of a cloud."""

@@ -120,7 +120,7 @@ class SkidSimulator:
         measured = Pose(float(base.reckoned[0]), float(base.reckoned[1]), pose.yaw + self._yaw_error)
         odometry = relative(measured, self._start)
         return self._sensors.observe(
-            self.state, base.measured, odometry, *self.obstacles, scan_pose=self._scan_pose()
+            self.state, base.measured, odometry, *self.obstacles, self._crowd, self._scan_pose()
         )
 
     def _scan_pose(self) -> Pose:

@@ -16,7 +16,7 @@ from runners.config.hydra_errors import unknown_key
 
 WEIGHTS = "weights.yaml"  # in the directory of a training run
 REGISTERED = Path("outputs") / "weights"
-IMPORT_NETWORK = "lme weights import dclp PATH NAME"
+IMPORT_NETWORK = "lme weights import NETWORK PATH NAME"
 TIMES = "\u00d7"  # a typographic sign that is easily taken for a letter
 
 

@@ -3,16 +3,50 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
 
 from lme.errors import InputError
+
+if TYPE_CHECKING:
+    from lme.planners.array_file import Arrays
 
 EXAMPLES = (
     "lme weights",
     "lme weights import dclp network/configback540GMMdense101lambda0-100",
     "lme weights import dclp network/configback540GMMdense101lambda0-100 published_dclp",
+    "lme weights import drl_vo drl_vo.zip",
 )
-NETWORKS = ("dclp",)
+
+
+class Network(NamedTuple):
+    """A network that its authors published. source: the file. drive: the pair that it is for.
+
+    read: the weights in the authors' file, and those of them that this project keeps. Raises InputError.
+    """
+
+    source: str
+    drive: str
+    read: Callable[[Path], Arrays]
+
+
+def _dclp(path: Path) -> Arrays:
+    from lme.planners.dclp.importing import import_checkpoint
+
+    return import_checkpoint(path)
+
+
+def _drl_vo(path: Path) -> Arrays:
+    from lme.planners.drl_vo.importing import import_archive
+
+    return import_archive(path)
+
+
+NETWORKS = {
+    "dclp": Network("the TensorFlow V2 checkpoint of DRL-DCLP", "guide=target planner=dclp_barn", _dclp),
+    "drl_vo": Network("the drl_vo.zip of DRL-VO", "guide=global_path planner=drl_vo_barn", _drl_vo),
+}
 
 
 def main(argv: list[str]) -> int:
@@ -32,8 +66,11 @@ def _parser() -> argparse.ArgumentParser:
     parser.set_defaults(run=_list)
     verbs = parser.add_subparsers(metavar="VERB")
     bring = verbs.add_parser("import", help="check a network that its authors published, and keep it")
-    bring.add_argument("network", choices=NETWORKS, help="dclp: the TensorFlow V2 checkpoint of DRL-DCLP")
-    bring.add_argument("path", type=Path, help="the checkpoint: what its files' names have in common")
+    sources = "; ".join(f"{name}: {network.source}" for name, network in NETWORKS.items())
+    bring.add_argument("network", choices=NETWORKS, help=sources)
+    bring.add_argument(
+        "path", type=Path, help="the file; of a checkpoint, what its files' names have in common"
+    )
     bring.add_argument("name", nargs="?", help="for planner.weights=; default: the network's name")
     bring.set_defaults(run=_import)
     return parser
@@ -51,8 +88,7 @@ def _list(_: argparse.Namespace) -> None:
 
 
 def _import(arguments: argparse.Namespace) -> None:
-    from lme.planners.dclp.importing import import_checkpoint
-    from lme.planners.dclp.weights import write_weights
+    from lme.planners.array_file import write_arrays
     from runners.config.weights import REGISTERED
     from runners.records.whole_file import replacing
 
@@ -60,15 +96,15 @@ def _import(arguments: argparse.Namespace) -> None:
     if Path(name).name != name or name.startswith("."):
         raise InputError(f"NAME is {name!r}: must be a plain file name without .npz")
     path = REGISTERED / f"{name}.npz"
-    weights = import_checkpoint(arguments.path.expanduser())
+    network = NETWORKS[arguments.network]
+    weights = network.read(arguments.path.expanduser())
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with replacing(path) as draft, draft.open("wb") as file:
-            write_weights(weights, file)
+            write_arrays(weights, file)
     except OSError as error:
         raise InputError(f"{path} cannot be written: {error.strerror or error}") from None
     count = sum(array.size for array in weights.values())
     print(
-        f"{path}: {count} weights, all checksums right. Drive: lme eval guide=target planner=dclp_barn "
-        f"planner.weights={name}"
+        f"{path}: {count} weights, all checksums right. Drive: lme eval {network.drive} planner.weights={name}"
     )

@@ -18,7 +18,7 @@ from runners.config import build, catalogue, weights
 from runners.config.overrides import CUSTOM
 from tests.builders import CLUTTER, SHIPPED, observation, room, task, without_errors
 from tests.composing import jobs_of
-from tests.networks import network_file
+from tests.networks import drl_vo_file, network_file
 from tests.tolerances import KERNEL, MIRROR
 
 CATALOGUE = catalogue.shipped()
@@ -29,7 +29,7 @@ LME = ("lme", "lme_printed")  # after arrival it goes on
 LEARNED = {
     name for name in PLANNERS if "weights" in CATALOGUE.values(f"planner/{name}")
 }  # random networks here
-RANDOM = "random"  # the name of their weights
+NETWORKS = {"dclp": network_file, "drl_vo": drl_vo_file}  # by the first words of the planners' names
 TUNED_FOR = {
     "tuned": "jackal",
     "skid": "jackal_gazebo",
@@ -71,7 +71,8 @@ def network(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         folder = tmp_path_factory.mktemp("weights")
         patch.setattr(weights, "REGISTERED", folder)
-        network_file(folder / f"{RANDOM}.npz")
+        for name, write in NETWORKS.items():
+            write(folder / f"{name}.npz")
         yield
 
 
@@ -85,12 +86,14 @@ def drives(planner):
 @functools.cache
 def configs(robot, guide, planner):
     with jobs_of("eval") as job:
-        learned = [f"planner.weights={RANDOM}"] if planner in LEARNED else []
+        learned = [f"planner.weights={name}" for name in NETWORKS if planner.startswith(name)]
         return job(f"robot={robot}", f"guide={guide}", f"planner={planner}", *learned).config
 
 
 def made(robot, guide, planner, margin=0.0):
     """The robot, with a lidar that does not err and its footprint as its hull, and its navigator."""
+    if planner.startswith("drl_vo"):
+        pytest.importorskip("onnxruntime", reason="onnxruntime is not installed")
     config = configs(robot, guide, planner)
     machine = without_errors(copy.deepcopy(config.robot))
     machine.contact = None  # planners are judged by the footprint that they believe in

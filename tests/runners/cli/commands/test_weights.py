@@ -8,7 +8,8 @@ from runners.cli.commands import weights
 from runners.config.build import navigator
 from runners.config.weights import REGISTERED
 from tests.composing import jobs_of
-from tests.networks import checkpoint, random_weights
+from tests.networks import checkpoint, random_drl_vo, random_weights
+from tests.torch_archives import archive
 
 
 @pytest.fixture(autouse=True)
@@ -30,6 +31,15 @@ def test_an_imported_network_is_listed_and_drives(source, capsys):
     with jobs_of("eval", "planner=dclp_barn", "planner.weights=mine") as job:
         for guide in ("target", "lme", "global_path"):
             navigator(job(f"guide={guide}").config)
+
+
+def test_an_imported_network_of_drl_vo_drives_along_a_path(tmp_path, capsys):
+    assert weights.main(["import", "drl_vo", str(archive(tmp_path / "drl_vo.zip", random_drl_vo()))]) == 0
+    out = capsys.readouterr().out
+    assert "lme eval guide=global_path planner=drl_vo_barn planner.weights=drl_vo" in out
+    pytest.importorskip("onnxruntime", reason="onnxruntime is not installed")
+    with jobs_of("eval", "planner=drl_vo_barn", "planner.weights=drl_vo") as job:
+        navigator(job("guide=global_path").config)
 
 
 def test_the_default_name_and_a_second_import(source):

@@ -1,0 +1,61 @@
+"""Import of the network that DRL-VO's authors published: a Stable-Baselines3 archive, checked and reduced."""
+
+from __future__ import annotations
+
+import io
+import struct
+import zipfile
+import zlib
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lme.errors import InputError
+from lme.planners.drl_vo.architecture import Shape, checked_shapes
+from lme.planners.drl_vo.torch_file import DamagedError, TorchFile
+
+POLICY = "policy.pth"
+_POLICY_MAX = 2**30  # [bytes]; the published one has about 20 MB
+_DAMAGE = (
+    zipfile.BadZipFile, zipfile.LargeZipFile, zlib.error, struct.error, EOFError, RuntimeError, ValueError,
+    OverflowError, NotImplementedError, MemoryError,
+)  # fmt: skip
+
+
+def import_archive(path: Path) -> dict[str, NDArray[np.float32]]:
+    """The actor's weights in an archive that Stable-Baselines3's PPO saved: the arrays that `architecture` lists.
+
+    Critic, optimiser and pickled settings are left out; nothing in the archive runs. The zips' own checksums are
+    verified. Raises InputError, naming file and array.
+    """
+    try:
+        with zipfile.ZipFile(path) as archive, _policy(archive) as policy:
+            return _weights(TorchFile(policy), path)
+    except InputError:
+        raise
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
+    except _DAMAGE as error:
+        what = str(error).replace("\n", " ")
+        raise InputError(f"{path}: is no archive of a DRL-VO network by Stable-Baselines3 ({what})") from None
+
+
+def _policy(archive: zipfile.ZipFile) -> zipfile.ZipFile:
+    """The zip within the zip."""
+    if POLICY not in archive.namelist():
+        raise DamagedError(f"holds no {POLICY}")
+    info = archive.getinfo(POLICY)
+    if info.file_size > _POLICY_MAX:
+        raise DamagedError(f"{POLICY} has {info.file_size} bytes: must have at most {_POLICY_MAX}")
+    return zipfile.ZipFile(io.BytesIO(archive.read(info)))
+
+
+def _weights(saved: TorchFile, path: Path) -> dict[str, NDArray[np.float32]]:
+    found: Mapping[str, Shape] = {name: tensor.shape for name, tensor in saved.tensors.items()}
+    weights = {name: saved.read(name) for name in checked_shapes(found, f"{path}: {POLICY}")}
+    for name, array in weights.items():
+        if not np.isfinite(array).all():
+            raise InputError(f"{path}: {POLICY}: {name} holds values that are not finite")
+    return weights

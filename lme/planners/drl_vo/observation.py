@@ -1,0 +1,101 @@
+"""What the DRL-VO network sees: ten sweeps of the lidar, pooled, and maps of the pedestrians' velocities."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lme.planners.drl_vo.architecture import SIDE
+from lme.types import Bools, Floats, Ints, LaserScan
+
+BINS = SIDE  # of a sweep
+SWEEPS = 10
+_TILES = SIDE // (2 * SWEEPS)  # how often the rows of all sweeps repeat in the image
+_CELL, _AHEAD, _ASIDE = 0.25, 20.0, 10.0  # [m] size of a map's cell, and extent of the maps
+_FASTEST = 2.0  # [m/s] that a map shows as 1
+_FRONT = math.pi / 4  # [rad] to each side of straight ahead
+_EDGE = 1e-6  # [rad] a beam on the edge of two bins belongs to the left one, whatever the rounding
+
+
+class Sweeps:
+    """The pooled sweeps of the last half second.
+
+    fov: what the bins divide [rad], straight ahead in the middle. range_max: longer ranges become this one [m].
+    no_return: range of a beam without return, and of a bin without beams [m]. A sweep that is due between two
+    scans is the scan before it: the authors' node takes the last one, too. Before the first, all were like it.
+    """
+
+    def __init__(self, fov: float, range_max: float, no_return: float, rates: tuple[float, float]) -> None:
+        """rates: of the scans that come, and of the sweeps [Hz]."""
+        self._fov, self._range_max, self._no_return = fov, range_max, no_return
+        scan_rate, sweep_rate = rates
+        ages = [math.ceil(k * scan_rate / sweep_rate - 1e-9) for k in reversed(range(SWEEPS))]
+        self._ages, self._kept = ages, ages[0] + 1  # of the sweeps, in scans, from the oldest
+        self._pooled: deque[Floats] = deque(maxlen=self._kept)  # the newest first
+
+    def clear(self) -> None:
+        """Forget all sweeps."""
+        self._pooled.clear()
+
+    def add(self, scan: LaserScan, mount_yaw: float) -> None:
+        """Pool a scan: the least and the mean range in each bin, from the right to the left."""
+        beams, bins = _binned(scan.angle_min + mount_yaw, scan.angle_increment, len(scan.ranges), self._fov)
+        ranges = np.where(has_return(scan), np.minimum(scan.ranges, self._range_max), self._no_return)[beams]
+        counts = np.bincount(bins, minlength=BINS)
+        least, mean = np.full(BINS, math.inf), np.bincount(bins, ranges, BINS) / np.maximum(counts, 1)
+        np.minimum.at(least, bins, ranges)
+        pooled = np.where(counts > 0, np.stack((least, mean)), self._no_return)
+        self._pooled.extendleft([pooled] * (1 if self._pooled else self._kept))
+
+    def image(self) -> Floats:
+        """(80, 80) in [−1, 1]: two rows a sweep, least and mean, the oldest sweep first; four times."""
+        rows = np.vstack([self._pooled[age] for age in self._ages])
+        return np.tile(2.0 * rows / self._range_max - 1.0, (_TILES, 1))
+
+
+def velocity_maps(pedestrians: Floats) -> Floats:
+    """vx and vy, halved, of the pedestrians (P, 4) in cells of 0.25 m: (2, 80, 80); 0 where there is none.
+
+    Rows are x from 0 to 20 m ahead, columns y from 10 m to the left to 10 m to the right. Of two pedestrians in a
+    cell the last one counts.
+    """
+    maps = np.zeros((2, SIDE, SIDE))
+    x, y = pedestrians[:, 0], pedestrians[:, 1]
+    inside = (x >= 0.0) & (x <= _AHEAD) & (np.abs(y) <= _ASIDE)
+    rows = np.minimum(np.floor(x[inside] / _CELL), SIDE - 1).astype(np.int64)
+    columns = np.minimum(np.floor((_ASIDE - y[inside]) / _CELL), SIDE - 1).astype(np.int64)
+    for row, column, velocity in zip(rows, columns, pedestrians[inside, 2:], strict=True):
+        maps[:, row, column] = velocity / _FASTEST
+    return maps
+
+
+def free_ahead(scan: LaserScan, mount_yaw: float) -> float:
+    """The least range within 45° of straight ahead [m]; inf without a return there."""
+    beams, _ = _binned(scan.angle_min + mount_yaw, scan.angle_increment, len(scan.ranges), 2 * _FRONT)
+    seen = beams[has_return(scan)[beams]]
+    return float(scan.ranges[seen].min(initial=math.inf))
+
+
+def image_of(sweeps: Sweeps, maps: Floats) -> NDArray[np.float32]:
+    """The network's image (3, 80, 80): sweeps, then the maps (2, 80, 80)."""
+    return np.concatenate((sweeps.image()[None], maps)).astype(np.float32)
+
+
+def has_return(scan: LaserScan) -> Bools:
+    """Which beams (B,) have a return: NaN has none."""
+    found: Bools = (scan.ranges >= scan.range_min) & (scan.ranges < scan.range_max)
+    return found
+
+
+@lru_cache(maxsize=16)
+def _binned(angle_min: float, angle_increment: float, num_beams: int, fov: float) -> tuple[Ints, Ints]:
+    """The beams within `fov` about straight ahead, and the bins that they fall in, from the right to the left."""
+    angles = angle_min + angle_increment * np.arange(num_beams)
+    angles = (angles + math.pi + _EDGE) % math.tau - math.pi  # a beam straight back is the first one
+    beams = np.flatnonzero(np.abs(angles - _EDGE) <= fov / 2 + _EDGE)
+    bins = np.floor((angles[beams] + fov / 2) / (fov / BINS)).astype(np.int64)
+    return beams, np.clip(bins, 0, BINS - 1)
