@@ -84,7 +84,6 @@ def __dir__() -> list[str]:
     return sorted({*globals(), *__all__})
 
 
-if (
-    "gymnasium" in sys.modules
-):  # `gym.make("lme:lme/Barn-v0")` imports this module; without Gymnasium nothing is to do
+# `gym.make("lme:lme/Barn-v0")` imports this module, and Gymnasium is there already; nobody else has to wait for it.
+if sys.modules.get("gymnasium"):
     importlib.import_module("lme.envs.registration")

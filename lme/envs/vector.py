@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
@@ -49,7 +50,7 @@ class NavigationVectorEnv(VectorEnv[Any, Any, Any]):
                 f"sim is {sim!r}: only sim=fast has a compiled step of many robots, {ONE_BY_ONE}"
             )
         self.fleet = Fleet(chosen.map_set, chosen.robot, num_envs, chosen.config, chosen.reward)
-        self.num_envs = num_envs
+        self.num_envs, self._limits = num_envs, np.zeros((num_envs, 4))
         self.single_observation_space = observation_space(self.fleet.robot.lidar)
         self.single_action_space = action_space()
         self.observation_space = batch_space(self.single_observation_space, num_envs)
