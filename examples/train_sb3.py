@@ -18,11 +18,10 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecEnv
 
-from lme.envs import FlatObservation
-from lme.envs.flat import flattened
+from lme.envs import FlatObservation, flattened
 
 BEAMS = 72
-TASK = {
+TASK: dict[str, Any] = {
     "robot": "jackal_slow",
     "reward": {"progress": 0.5, "success": 5.0, "collision": -5.0, "step": -0.02},
 }
@@ -88,7 +87,7 @@ class Clock(BaseCallback):
 
 def learn(minutes: float) -> PPO:
     """A policy trained in 300 fresh worlds."""
-    worlds = {"subset": "fresh", "fresh_seed": 0, "count": 300}
+    worlds = {"subset": "fresh", "fresh_seed": 0, "count": 200, "time_limit": 30.0}
     envs = ManyRobots(gym.make_vec("lme:lme/Barn-v0", num_envs=64, map_config=worlds, **TASK))
     envs.seed(0)
     network = {"net_arch": [256, 256], "log_std_init": -0.5}

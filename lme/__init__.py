@@ -17,10 +17,10 @@ The names are imported when they are first used: Numba alone takes a second.
 from __future__ import annotations
 
 import importlib
-import sys
 from typing import TYPE_CHECKING, Any
 
 from lme import numba_cache
+from lme.envs import discovery
 
 if TYPE_CHECKING:
     from lme.episode import run_episode as run_episode
@@ -71,6 +71,7 @@ _MODULES = {
 __all__ = ["__version__", *_MODULES]
 
 numba_cache.choose()
+discovery.register_with_gymnasium()
 
 
 def __getattr__(name: str) -> Any:
@@ -82,8 +83,3 @@ def __getattr__(name: str) -> Any:
 
 def __dir__() -> list[str]:
     return sorted({*globals(), *__all__})
-
-
-# `gym.make("lme:lme/Barn-v0")` imports this module, and Gymnasium is there already; nobody else has to wait for it.
-if sys.modules.get("gymnasium"):
-    importlib.import_module("lme.envs.registration")

@@ -16,6 +16,7 @@ from lme.errors import InputError
 
 if TYPE_CHECKING:
     from lme.envs.flat import FlatObservation as FlatObservation
+    from lme.envs.flat import flattened as flattened
     from lme.envs.fleet import Fleet as Fleet
     from lme.envs.reward import Reward as Reward
     from lme.envs.single import NavigationEnv as NavigationEnv
@@ -27,6 +28,7 @@ _MODULES = {
     "NavigationEnv": "lme.envs.single",
     "NavigationVectorEnv": "lme.envs.vector",
     "Reward": "lme.envs.reward",
+    "flattened": "lme.envs.flat",
 }
 __all__ = [*_MODULES]
 

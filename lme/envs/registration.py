@@ -1,6 +1,6 @@
 """Gymnasium's ids of the environments. Importing this module registers them.
 
-`gym.make("lme:lme/Barn-v0")` imports `lme`, which imports this module.
+`lme.envs.discovery` imports it as soon as `lme` and Gymnasium are both imported.
 """
 
 from gymnasium.envs.registration import register, registry

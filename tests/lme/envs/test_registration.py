@@ -31,9 +31,7 @@ def test_make_imports_lme_which_registers():
     pytest.importorskip("gymnasium")
     made = "gym.make('lme:lme/Env2-v0').unwrapped"
     assert "NavigationEnv" in run(f"import gymnasium as gym; print({made})")
-    assert "NavigationEnv" in run(
-        f"import lme, gymnasium as gym; import lme.envs.registration; print({made})"
-    )
+    assert "NavigationEnv" in run(f"import lme, gymnasium as gym; print({made})")
 
 
 def test_a_mistyped_id_names_the_right_one():
@@ -44,6 +42,10 @@ def test_a_mistyped_id_names_the_right_one():
 
 def test_lme_neither_imports_nor_needs_gymnasium():
     assert run("import sys, lme; lme.load_robot; print('gymnasium' in sys.modules)") == "False"
+    assert (
+        run("import lme\ntry:\n import gymnasiun\nexcept ImportError as error:\n print(error.name)")
+        == "gymnasiun"
+    )
     assert run(WITHOUT + "import lme; print(lme.load_robot('stage').name)") == "stage"
 
 
