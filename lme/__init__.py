@@ -20,6 +20,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 from lme import numba_cache
+from lme.envs import discovery
 
 if TYPE_CHECKING:
     from lme.episode import run_episode as run_episode
@@ -70,6 +71,7 @@ _MODULES = {
 __all__ = ["__version__", *_MODULES]
 
 numba_cache.choose()
+discovery.register_with_gymnasium()
 
 
 def __getattr__(name: str) -> Any:

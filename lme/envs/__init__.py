@@ -1,0 +1,46 @@
+"""Environments for reinforcement learning: one robot, or many that one compiled call moves.
+
+    import gymnasium as gym
+    env = gym.make("lme:lme/Barn-v0", robot="jackal", map_config={"subset": "fresh"})
+    envs = gym.make_vec("lme:lme/Barn-v0", num_envs=64)
+
+docs/envs.md describes them. `Fleet` needs no Gymnasium; the names are imported when they are first used.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+from lme.errors import InputError
+
+if TYPE_CHECKING:
+    from lme.envs.flat import FlatObservation as FlatObservation
+    from lme.envs.flat import flattened as flattened
+    from lme.envs.fleet import Fleet as Fleet
+    from lme.envs.reward import Reward as Reward
+    from lme.envs.single import NavigationEnv as NavigationEnv
+    from lme.envs.vector import NavigationVectorEnv as NavigationVectorEnv
+
+_MODULES = {
+    "FlatObservation": "lme.envs.flat",
+    "Fleet": "lme.envs.fleet",
+    "NavigationEnv": "lme.envs.single",
+    "NavigationVectorEnv": "lme.envs.vector",
+    "Reward": "lme.envs.reward",
+    "flattened": "lme.envs.flat",
+}
+__all__ = [*_MODULES]
+
+
+def __getattr__(name: str) -> Any:
+    """A public name, from the module that defines it. Raises InputError if that needs Gymnasium and there is none."""
+    if name not in _MODULES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    try:
+        module = importlib.import_module(_MODULES[name])
+    except ModuleNotFoundError as error:
+        if error.name != "gymnasium":
+            raise
+        raise InputError(f"lme.envs.{name} needs Gymnasium: run pip install 'lme-nav[gym]'") from None
+    return getattr(module, name)
