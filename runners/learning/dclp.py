@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import NamedTuple, cast
+from pathlib import Path
+from typing import IO, cast
 
 import numpy as np
 import torch
@@ -11,17 +12,10 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from lme.planners.dclp.network import DISTANCE, LEAST_DISTANCE, SLOPE
-from lme.planners.dclp.weights import COMPONENTS, LAYERS, MIXTURE, SHAPES
+from lme.planners.dclp.weights import COMPONENTS, LAYERS, MIXTURE, SHAPES, read_weights, write_weights
+from runners.learning.mixture import Mixture
 
 _LOG_SIGMA = (-20.0, 2.0)  # bounds of the logarithm of a deviation, those in common use for SAC
-
-
-class Output(NamedTuple):
-    """What the network answers to B inputs. logits: (B, 4) of the components; mu, log_sigma: (B, 4, 2) before tanh."""
-
-    logits: Tensor
-    mu: Tensor
-    log_sigma: Tensor
 
 
 class DclpNetwork(nn.Module):
@@ -32,7 +26,7 @@ class DclpNetwork(nn.Module):
         self.alpha: Tensor = nn.Parameter(torch.zeros(()))
         self.layers = nn.ModuleDict({name: _linear(SHAPES[f"{name}.kernel"]) for name in LAYERS})
 
-    def forward(self, directions: Tensor, state: Tensor) -> Output:
+    def forward(self, directions: Tensor, state: Tensor) -> Mixture:
         """directions: (B, 90, 6), state: (B, 8), as `lme.planners.dclp.interface.Features`."""
         distance = directions[..., DISTANCE, None]
         inverse = 1.0 / (distance + self.alpha).clamp(min=LEAST_DISTANCE)
@@ -43,7 +37,7 @@ class DclpNetwork(nn.Module):
         for name in LAYERS[3:-1]:
             joint = _leaky(self._layer(name)(joint))
         output = self._layer(LAYERS[-1])(joint).view(-1, COMPONENTS, MIXTURE)
-        return Output(output[..., 0], output[..., 1:3], output[..., 3:].clamp(*_LOG_SIGMA))
+        return Mixture(output[..., 0], output[..., 1:3], output[..., 3:].clamp(*_LOG_SIGMA))
 
     def weights(self) -> dict[str, NDArray[np.float32]]:
         """The arrays of `SHAPES`."""
@@ -62,6 +56,23 @@ class DclpNetwork(nn.Module):
                 layer = self._layer(name)
                 layer.weight.copy_(torch.from_numpy(weights[f"{name}.kernel"].T.copy()))
                 layer.bias.copy_(torch.from_numpy(weights[f"{name}.bias"]))
+
+    def mirror(self, features: tuple[Tensor, ...], actions: Tensor) -> tuple[tuple[Tensor, ...], Tensor]:
+        """Features and actions as a mirror ahead of the robot shows them: what was left is right."""
+        directions, state = features
+        across, turns = torch.ones(directions.shape[-1]), torch.ones(state.shape[-1])
+        across[0] = turns[1] = turns[3] = -1.0  # cos to the right; bearing of the target; ω
+        return (directions * across, state * turns), actions * torch.tensor([1.0, -1.0])
+
+    @staticmethod
+    def read(path: Path) -> Mapping[str, NDArray[np.float32]]:
+        """The arrays of `SHAPES` in a file. Raises InputError."""
+        return read_weights(path)
+
+    @staticmethod
+    def write(weights: Mapping[str, NDArray[np.float32]], file: IO[bytes]) -> None:
+        """Write a file for `planner.weights`."""
+        write_weights(weights, file)
 
     def _layer(self, name: str) -> nn.Linear:
         return cast(nn.Linear, self.layers[name])

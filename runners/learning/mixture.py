@@ -6,43 +6,50 @@ A component is a Gaussian with independent v and ω before tanh, so that actions
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import torch
 from torch import Tensor
 
-from runners.learning.dclp import Output
-
 _HALF_LOG_TAU = 0.5 * math.log(math.tau)
 
 
-def draw(output: Output, generator: torch.Generator) -> Tensor:
+class Mixture(NamedTuple):
+    """The distributions of B actions before tanh, each of K Gaussians. logits: (B, K); mu, log_sigma: (B, K, 2)."""
+
+    logits: Tensor
+    mu: Tensor
+    log_sigma: Tensor
+
+
+def draw(mixture: Mixture, generator: torch.Generator) -> Tensor:
     """Actions before tanh (B, 2), each of a component drawn by its probability."""
-    chosen = torch.multinomial(output.logits.softmax(-1), 1, generator=generator)[:, :, None]
-    index = chosen.expand(-1, 1, output.mu.shape[-1])
-    mu, sigma = output.mu.gather(1, index)[:, 0], output.log_sigma.gather(1, index)[:, 0].exp()
+    chosen = torch.multinomial(mixture.logits.softmax(-1), 1, generator=generator)[:, :, None]
+    index = chosen.expand(-1, 1, mixture.mu.shape[-1])
+    mu, sigma = mixture.mu.gather(1, index)[:, 0], mixture.log_sigma.gather(1, index)[:, 0].exp()
     return mu + sigma * torch.randn(mu.shape, generator=generator)
 
 
-def log_density(output: Output, raw: Tensor) -> Tensor:
+def log_density(mixture: Mixture, raw: Tensor) -> Tensor:
     """Logarithm of the density of actions before tanh (B, 2): (B,)."""
-    return _log_mixture(output.logits, output.mu, output.log_sigma, raw)
+    return _log_mixture(mixture.logits, mixture.mu, mixture.log_sigma, raw)
 
 
-def log_density_of_actions(output: Output, raw: Tensor) -> Tensor:
+def log_density_of_actions(mixture: Mixture, raw: Tensor) -> Tensor:
     """Logarithm of the density of the actions tanh(raw) (B, 2), which lie closer together than raw: (B,)."""
     # log(1 − tanh²) in a form that does not lose digits
     squeeze = 2.0 * (math.log(2.0) - raw - torch.nn.functional.softplus(-2.0 * raw))
-    return log_density(output, raw) - squeeze.sum(-1)
+    return log_density(mixture, raw) - squeeze.sum(-1)
 
 
-def log_likelihood(output: Output, actions: Tensor, least_sigma: float) -> Tensor:
+def log_likelihood(mixture: Mixture, actions: Tensor, least_sigma: float) -> Tensor:
     """Logarithm of the density of an expert's actions (B, 2) in [−1, 1] about the components' means: (B,).
 
     Errors count in actions, not before tanh, where an expert's full command lies at infinity. least_sigma: no
     deviation counts as less, or the density of a command that the expert gives often would grow without bound.
     """
-    log_sigma = output.log_sigma.clamp(min=math.log(least_sigma))
-    return _log_mixture(output.logits, output.mu.tanh(), log_sigma, actions)
+    log_sigma = mixture.log_sigma.clamp(min=math.log(least_sigma))
+    return _log_mixture(mixture.logits, mixture.mu.tanh(), log_sigma, actions)
 
 
 def _log_mixture(logits: Tensor, means: Tensor, log_sigma: Tensor, values: Tensor) -> Tensor:

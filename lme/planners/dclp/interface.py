@@ -86,16 +86,12 @@ class Features(NamedTuple):
 
 
 class Interface:
-    """What the network is told of a robot, and the command that its answer stands for.
-
-    Warns where the robot, as told, lies outside of what the published network was trained for.
-    """
+    """What the network is told of a robot, and the command that its answer stands for."""
 
     def __init__(self, config: DclpConfig, robot: Robot) -> None:
         self._config = config
         self._dt = robot.dt
-        told = config.told.over(robot)
-        _warn_if_untrained(told)
+        self.told = told = config.told.over(robot)
         self._mount = robot.lidar.mount._replace(x=_number(told.lidar_x))
         self._directions = np.empty((DIRECTIONS, DIRECTION_INPUTS))
         self._directions[:, 3:] = [_number(told.front), _number(told.rear), _number(told.half_width)]
@@ -120,6 +116,11 @@ class Interface:
         far = np.flatnonzero(np.hypot(path[:, 0], path[:, 1]) >= self._config.lookahead)
         goal: Floats = path[far[0] if len(far) else -1]
         return goal
+
+    def action(self, command: Twist, own: Limits) -> Floats:
+        """The answer (2,) that stands for a command, cut off at ±1. own: the robot's limits."""
+        answer: Floats = np.clip(np.array(command) / self.full(own), -1.0, 1.0)
+        return answer
 
     def command(self, action: Floats, observation: Observation) -> Twist:
         """The command of an answer (2,) of v and ω in (−1, 1), limited to what the robot can reach in a period."""
@@ -147,11 +148,12 @@ def _number(value: float | None) -> float:
     return float(value)
 
 
-def _warn_if_untrained(told: Told) -> None:
+def warn_if_untrained(told: Told) -> None:
+    """Warn of a robot, as told, outside of what the published network was trained for."""
     for key, (low, high) in _TRAINED.items():
         value = _number(getattr(told, key))
         if not low - _ROUNDING <= value <= high + _ROUNDING:
             warnings.warn(
                 f"planner.told.{key} is {value:g}: the published DCLP network was trained for {low:.3g} to {high:.3g}",
-                stacklevel=3,
+                stacklevel=4,
             )

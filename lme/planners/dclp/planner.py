@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from lme.errors import InputError
-from lme.planners.dclp.interface import DclpConfig, Interface
+from lme.planners.dclp.interface import DclpConfig, Interface, warn_if_untrained
 from lme.planners.dclp.network import Network, draw
 from lme.planners.dclp.weights import read_weights
 from lme.robots import Robot
@@ -27,6 +27,7 @@ class Dclp:
     def __init__(self, config: DclpConfig, robot: Robot) -> None:
         self._network = Network(_weights(config.weights))
         self.interface = Interface(config, robot)
+        warn_if_untrained(self.interface.told)
 
     def reset(self, rng: np.random.Generator) -> None:
         """Take the random numbers that the mixture's components are drawn with."""

@@ -5,15 +5,19 @@ import math
 import numpy as np
 import pytest
 
+from lme.planners.dclp.interface import DclpConfig, Interface
 from lme.planners.dclp.network import Network
 from lme.planners.dclp.weights import SHAPES
+from lme.robots import Footprint
+from lme.types import Twist
+from tests.builders import observation, stage
 from tests.networks import random_weights
 from tests.tolerances import FLOAT32_LAYER, NETWORK
 
 torch = pytest.importorskip("torch")
 
 from runners.learning import mixture  # noqa: E402
-from runners.learning.dclp import DclpNetwork, Output  # noqa: E402
+from runners.learning.dclp import DclpNetwork  # noqa: E402
 
 
 @pytest.fixture(scope="module")
@@ -61,7 +65,7 @@ def test_every_weight_is_trained(network):
 
 def one(logits, mu, sigma):
     """The output of a network that answers this, once."""
-    return Output(*(torch.tensor([value]) for value in (logits, mu, np.log(sigma).tolist())))
+    return mixture.Mixture(*(torch.tensor([value]) for value in (logits, mu, np.log(sigma).tolist())))
 
 
 def test_density_by_hand():
@@ -78,14 +82,14 @@ def test_density_of_actions_sums_to_one():
     output = one([0.2, -0.1], [[0.3, -0.5], [-0.8, 0.4]], [[0.4, 0.6], [0.7, 0.5]])
     grid = torch.linspace(-0.9995, 0.9995, 2000)
     actions = torch.cartesian_prod(grid, grid)
-    many = Output(*(value.expand(len(actions), *value.shape[1:]) for value in output))
+    many = mixture.Mixture(*(value.expand(len(actions), *value.shape[1:]) for value in output))
     density = mixture.log_density_of_actions(many, actions.atanh()).exp()
     assert density.sum().item() * (grid[1] - grid[0]).item() ** 2 == pytest.approx(1.0, abs=0.01)
 
 
 def test_actions_are_drawn_by_probability_with_their_deviation():
     output = one([math.log(0.25), math.log(0.75)], [[-3.0, 0.0], [3.0, 1.0]], [[0.1, 0.2], [0.3, 0.5]])
-    many = Output(*(value.expand(20_000, *value.shape[1:]) for value in output))
+    many = mixture.Mixture(*(value.expand(20_000, *value.shape[1:]) for value in output))
     drawn = mixture.draw(many, torch.Generator().manual_seed(0))
     right = drawn[drawn[:, 0] > 0]
     assert len(right) / len(drawn) == pytest.approx(0.75, abs=0.02)
@@ -98,3 +102,25 @@ def test_an_expert_s_full_command_is_likely_and_no_deviation_counts_as_less():
     full = torch.ones(1, 2)
     wanted = -2 * math.log(0.1) - math.log(math.tau)
     assert mixture.log_likelihood(sharp, full, 0.1).item() == pytest.approx(wanted, abs=FLOAT32_LAYER)
+
+
+def test_a_mirrored_scene_has_a_mirrored_answer_by_the_planner_s_own_features():
+    robot = stage(fov=1.5 * math.pi, num_beams=720, footprint=Footprint(length=0.5, width=0.3))
+    interface = Interface(DclpConfig(), robot)
+    ranges = np.random.default_rng(3).uniform(0.5, 3.0, robot.lidar.num_beams).astype(np.float32)
+    seen = interface.features(_seen(robot, ranges, 0.4), np.array([1.0, 0.6]))
+    mirrored = interface.features(_seen(robot, ranges[::-1].copy(), -0.4), np.array([1.0, -0.6]))
+    (directions, state), actions = DclpNetwork().mirror(
+        tuple(tensors([array[None] for array in seen])), torch.tensor([[0.3, 0.2]])
+    )
+    ordered = lambda rows: rows[np.lexsort(rows.T)]  # noqa: E731
+    np.testing.assert_allclose(
+        ordered(directions[0].numpy().round(3)), ordered(mirrored.directions.round(3)), atol=2e-3
+    )
+    assert state[0].numpy() == pytest.approx(mirrored.state, abs=FLOAT32_LAYER)
+    assert actions.numpy() == pytest.approx(np.array([[0.3, -0.2]]))
+
+
+def _seen(robot, ranges, omega):
+    seen = observation(robot=robot, twist=Twist(0.3, omega))
+    return seen._replace(scan=seen.scan._replace(ranges=ranges))
