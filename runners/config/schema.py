@@ -128,7 +128,7 @@ class RobotRanges:
 
 @dataclass(slots=True, kw_only=True)
 class LearnConfig(HeldOutConfig):
-    """`lme learn`. training: a map set; guides: share of the episodes by name; start: a network to go on from."""
+    """`lme learn`. training: map sets by name; guides: shares by name; start: a network to go on from."""
 
     learner: dict[str, Any]
     training: dict[str, Any]

@@ -90,18 +90,16 @@ def _learned(job: Job[LearnConfig]) -> Run:
     payload = _payload(job, learner)
     label = f"learn {job.choices['planner']} by {job.choices['learner']}"
     with LearnProgress(label, learner.total) as progress, executor.open(lessons.initialise, payload) as drive:
-        run = Run(config, job.run_dir, start, drive, progress)
+        run = Run(payload.config, job.run_dir, start, drive, progress)
         learner.learn(run)
     return run
 
 
 def _payload(job: Job[LearnConfig], learner: Learner) -> LessonPayload:
     """What the workers need. Raises InputError for an option that is none, or that cannot be built."""
-    config = job.config
-    if not config.guides or min(config.guides.values()) <= 0.0:
-        raise InputError(
-            f"guides is {config.guides}: must name at least one guide, each with a share above 0"
-        )
+    config = replace(job.config, guides=job.config.guides or {job.choices["guide"]: 1.0})
+    for name, share in config.guides.items():
+        require(f"guides.{name}", share, above=0.0)
     guides = {name: named_option(job, "guides", "guide", name) for name in config.guides}
     for node in guides.values():
         build_target(node, "guide", config.robot)
@@ -136,6 +134,8 @@ def _check_network(job: Job[LearnConfig]) -> None:
 
 def _check_worlds(config: LearnConfig) -> None:
     """Raise InputError unless the training maps have worlds of their own."""
+    if not config.training:
+        raise InputError("training is {}: must hold at least one map set")
     require("first_world", config.first_world, at_least=0)
     for node in list(config.held_out.values()) or [config.map]:
         last = max(build.map_set(replace(config, map=node)).numbers)
@@ -143,13 +143,14 @@ def _check_worlds(config: LearnConfig) -> None:
             raise InputError(
                 f"first_world is {config.first_world}: must be above {last}, the last held-out world"
             )
-    try:
-        build.map_set(replace(config, map=config.training), [config.first_world])
-    except InputError as error:
-        raise InputError(
-            f"training has no world {config.first_world}, first_world: must be a map set with drawn worlds, such as "
-            f"training.subset=fresh ({error})"
-        ) from error
+    for name, node in config.training.items():
+        try:
+            build.map_set(replace(config, map=node), [config.first_world])
+        except InputError as error:
+            raise InputError(
+                f"training.{name} has no world {config.first_world}, first_world: must be a map set with drawn "
+                f"worlds, such as barn with subset fresh ({error})"
+            ) from error
 
 
 def _registered(job: Job[LearnConfig], run: Run, held_out: Mapping[str, Any]) -> list[Path]:
@@ -163,7 +164,11 @@ def _registered(job: Job[LearnConfig], run: Run, held_out: Mapping[str, Any]) ->
         "robot": config.robot.name,
         "seed": config.seed,
         "training": _fingerprint(config),
-        "validation": {"worlds": config.validation, "guides": list(config.guides), "best_success": run.best},
+        "validation": {
+            "worlds": config.validation,
+            "guides": list(run.config.guides),
+            "best_success": run.best,
+        },
         "last": last,
         "held_out": dict(held_out),
     }

@@ -6,6 +6,7 @@ to do where the network's own mistakes lead.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -17,11 +18,13 @@ from torch import Tensor
 
 from lme.errors import InputError, require
 from runners.learning.mixture import log_likelihood
-from runners.learning.run import PRESENT, Row, Run
+from runners.learning.run import Row, Run
 from runners.records.whole_file import replacing
 from runners.workers.lessons import Lesson, Taught
 
 _DATA = "data"  # folder of what was collected, a file a round
+_GRADIENT_MAX = 1.0  # norm of an update's gradient
+_SHOWN_EVERY = 20  # updates
 
 
 @dataclass(slots=True)
@@ -40,24 +43,37 @@ class ExpertConfig:
 class CloneConfig:
     """Keys of `conf/learner/clone.yaml`."""
 
-    rounds: int = 10
-    episodes: int = 200  # a round
-    epochs: int = 4  # over all data so far, a round
+    rounds: int = 6
+    episodes: int = 300  # a round
+    updates: list[int] = field(default_factory=lambda: [2000, 6000])  # in the first and in the last round
     batch: int = 256
-    lr: float = 1e-3  # of Adam in round 0
-    last_lr: float = 1e-4  # in the last round
-    beta: float = 0.5  # in round n the expert drives a step with probability beta^n
-    least_sigma: float = 0.1  # no deviation counts as less
+    lr: float = 1e-3  # of Adam; it falls to a hundredth in every round
+    beta: float = 0.5  # in round n the expert drives beta^n of the steps
+    least_beta: float = 0.1
+    least_sigma: float = 0.03  # no deviation counts as less
+    sharpness: float = 10.0  # of the draw of components where the network drives
     mirror: bool = True  # half of every batch is mirrored
+    time_limit: float | None = 40.0  # [s] of an episode that is collected
     failures: bool = True  # learn also from episodes that do not succeed
     expert: ExpertConfig = field(default_factory=ExpertConfig)
 
     def __post_init__(self) -> None:
-        for key in ("rounds", "episodes", "epochs", "batch"):
+        for key in ("rounds", "episodes", "batch"):
             require(f"learner.{key}", getattr(self, key), at_least=1)
-        for key in ("lr", "last_lr", "least_sigma"):
+        for key in ("lr", "least_sigma", "sharpness"):
             require(f"learner.{key}", getattr(self, key), above=0.0)
-        require("learner.beta", self.beta, at_least=0.0, at_most=1.0)
+        for key in ("beta", "least_beta"):
+            require(f"learner.{key}", getattr(self, key), at_least=0.0, at_most=1.0)
+        if self.time_limit is not None:
+            require("learner.time_limit", self.time_limit, above=0.0)
+        if len(self.updates) != 2 or min(self.updates) < 1:
+            raise InputError(f"learner.updates is {self.updates}: must be [first, last], each at least 1")
+
+    def in_round(self, number: int) -> tuple[int, float]:
+        """Updates of a round, counted from 0, and the expert's share of the driving."""
+        first, last = self.updates
+        updates = round(first + (last - first) * number / max(self.rounds - 1, 1))
+        return updates, 1.0 if number == 0 else max(self.beta**number, self.least_beta)
 
 
 class Data(NamedTuple):
@@ -88,6 +104,7 @@ class Clone:
         return asdict(self._config.expert)
 
     def learn(self, run: Run) -> None:
+        run.sharpness = self._config.sharpness
         optimiser = torch.optim.Adam(run.network.parameters(), self._config.lr)
         state = run.restore()
         done = 0
@@ -107,27 +124,27 @@ class Clone:
         path = _file(run, number)
         if not path.is_file():
             config = self._config
-            present = str(run.write(run.network.weights(), PRESENT))
-            worlds = run.worlds(number * config.episodes, config.episodes)
-            pairs = zip(worlds, run.guides(number, config.episodes), strict=True)
-            lessons = [Lesson(world, guide, present, config.beta**number) for world, guide in pairs]
+            present, (_, beta) = run.write(), config.in_round(number)
+            places = run.places(number * config.episodes, config.episodes)
+            pairs = zip(places, run.guides(number, config.episodes), strict=True)
+            lessons = [Lesson(*place, guide, present, beta, config.time_limit) for place, guide in pairs]
             found = sorted(run.drive(lessons, "collect"), key=lambda taught: taught.lesson.world)
             _write(path, found, config.failures)
         return _read(path)
 
     def _fit(self, run: Run, number: int, data: Data, optimiser: torch.optim.Optimizer) -> float:
-        """Train on all data; the mean loss of the last epoch."""
+        """Train on all data so far; the mean loss of the last tenth of the updates."""
         config, generator = self._config, run.generator(number)
-        decay = (config.last_lr / config.lr) ** (number / max(config.rounds - 1, 1))
-        for group in optimiser.param_groups:
-            group["lr"] = config.lr * decay
-        loss = 0.0
-        for epoch in range(config.epochs):
-            run.say(f"epoch {epoch + 1}/{config.epochs} of {len(data.actions)} steps")
-            order = torch.randperm(len(data.actions), generator=generator)
-            losses = [self._step(run, data, chosen, optimiser) for chosen in torch.split(order, config.batch)]
-            loss = float(np.mean(losses))
-        return loss
+        updates, _ = config.in_round(number)
+        losses = []
+        for update in range(updates):
+            for group in optimiser.param_groups:
+                group["lr"] = config.lr * (0.01 + 0.99 * 0.5 * (1.0 + math.cos(math.pi * update / updates)))
+            chosen = torch.randint(len(data.actions), (config.batch,), generator=generator)
+            losses.append(self._step(run, data, chosen, optimiser))
+            if update % _SHOWN_EVERY == 0:
+                run.say(f"update {update}/{updates} on {len(data.actions)} steps")
+        return float(np.mean(losses[-max(updates // 10, 1) :]))
 
     def _step(self, run: Run, data: Data, chosen: Tensor, optimiser: torch.optim.Optimizer) -> float:
         features, actions = tuple(each[chosen] for each in data.features), data.actions[chosen]
@@ -136,6 +153,7 @@ class Clone:
         loss = -log_likelihood(run.network(*features), actions, self._config.least_sigma).mean()
         optimiser.zero_grad()
         torch.autograd.backward(loss)
+        torch.nn.utils.clip_grad_norm_(run.network.parameters(), _GRADIENT_MAX)
         optimiser.step()
         return loss.item()
 
@@ -144,7 +162,7 @@ class Clone:
             "round": number + 1,
             "episodes": len(data.outcomes),
             "steps": len(data.actions),
-            "beta": self._config.beta**number,
+            "beta": self._config.in_round(number)[1],
             "collected_success": new.outcomes[:, 0].mean().item(),
             "loss": loss,
         }

@@ -32,8 +32,8 @@ class Learnable(Protocol):
     def __call__(self, *features: Tensor) -> Mixture:
         """The distribution of the actions."""
 
-    def weights(self) -> dict[str, NDArray[np.float32]]:
-        """The arrays that the planner's file holds."""
+    def weights(self, sharpness: float = 1.0) -> dict[str, NDArray[np.float32]]:
+        """The arrays that the planner's file holds. sharpness: of the draw of components, a factor on their logits."""
 
     def load(self, weights: Arrays) -> None:
         """Take over these arrays."""

@@ -14,7 +14,7 @@ import torch
 
 from runners.config.schema import LearnConfig
 from runners.config.weights import NETWORK
-from runners.learning.learnable import Arrays, Learnable, network_class
+from runners.learning.learnable import Learnable, network_class
 from runners.records.whole_file import replacing
 from runners.workers.executor import Map, available_cores
 from runners.workers.lessons import Lesson, Taught
@@ -54,6 +54,7 @@ class Run:
         self.run_dir = run_dir
         self.rows: list[Row] = []
         self.best: float | None = None
+        self.sharpness = 1.0  # of the draw of components where the network drives
         self._drive = drive
         self._progress = progress
         self._seconds = 0.0
@@ -89,7 +90,7 @@ class Run:
         if row is not None:
             if self.best is None or row["success"] > self.best:
                 self.best = row["success"]
-                self.write(self.network.weights(), NETWORK)
+                self.write(NETWORK)
             self.rows.append({**row, "best_success": self.best, "hours": self.seconds / 3600})
             write_curves(self.rows, self.run_dir / CURVES)
         saved = {
@@ -104,12 +105,12 @@ class Run:
             torch.save(saved, draft)
         self._progress.reach(done, self.best)
 
-    def write(self, weights: Arrays, name: str) -> Path:
-        """Write a network that planners can read into the run's directory."""
+    def write(self, name: str = PRESENT) -> str:
+        """Write the network as planners read it; the path."""
         path = self.run_dir / name
         with replacing(path) as draft, draft.open("wb") as file:
-            type(self.network).write(weights, file)
-        return path
+            type(self.network).write(self.network.weights(self.sharpness), file)
+        return str(path)
 
     def say(self, doing: str) -> None:
         """Show what is being done."""
@@ -117,10 +118,10 @@ class Run:
 
     def judged(self) -> Row:
         """Shares of the validation episodes of the present network by outcome, and of success under each guide."""
-        present = str(self.write(self.network.weights(), PRESENT))
+        present = self.write()
         config = self.config
-        worlds = range(config.first_world, config.first_world + config.validation)
-        lessons = [Lesson(world, guide, present, None) for world in worlds for guide in config.guides]
+        places = self._places(0, config.validation)
+        lessons = [Lesson(*place, guide, present, None) for place in places for guide in config.guides]
         found = list(self.drive(lessons, "validate"))
         outcomes = Counter(each.outcome for each in found)
         row = {each: outcomes[each] / len(found) for each in ("success", "collision", "timeout")}
@@ -135,16 +136,19 @@ class Run:
             self.say(f"{doing} {number}/{len(lessons)}")
             yield taught
 
-    def worlds(self, first: int, count: int) -> list[int]:
-        """Numbers of training worlds, the `first` one counted from 0. None of them is one of the validation."""
-        start = self.config.first_world + self.config.validation + first
-        return list(range(start, start + count))
+    def places(self, first: int, count: int) -> list[tuple[str, int]]:
+        """Map sets and numbers of training worlds, the `first` one counted from 0. None is one of the validation."""
+        return self._places(self.config.validation + first, count)
 
     def guides(self, part: int, count: int) -> list[str]:
         """Names of guides, drawn by their shares. part: of the training, so that parts differ."""
         names, shares = list(self.config.guides), np.array(list(self.config.guides.values()))
         rng = np.random.default_rng(np.random.SeedSequence([self.config.seed, part, _GUIDES]))
         return [names[i] for i in rng.choice(len(names), count, p=shares / shares.sum())]
+
+    def _places(self, first: int, count: int) -> list[tuple[str, int]]:
+        names = list(self.config.training)
+        return [(names[i % len(names)], self.config.first_world + i) for i in range(first, first + count)]
 
     def generator(self, part: int) -> torch.Generator:
         """The random numbers of a part of the training."""

@@ -27,6 +27,7 @@ from runners.workers.robots import drawn
 
 Arrays = tuple[NDArray[np.float32], ...]
 _ROBOT, _DRIVER = 0x726F, 0x6472  # seed the robot, and who drives, apart from the episode
+_TURN = (5, 25)  # steps that the expert or the network drives before the other may
 
 
 class Interface(Protocol):
@@ -49,19 +50,21 @@ class NetworkPlanner(Planner, Protocol):
 
 
 class Lesson(NamedTuple):
-    """One episode. world: its number in the training maps. guide: who gives the network its subgoals.
+    """One episode. maps: which of the training map sets; world: its number. guide: who gives the network its subgoals.
 
-    network: path of its weights. beta: probability of each step that the expert drives it; None: the network drives
-    the job's own robot alone, to be judged.
+    network: path of its weights. beta: share of the steps that the expert drives; None: the network drives the job's
+    own robot alone, to be judged. time_limit: [s] in place of the map's.
     """
 
+    maps: str
     world: int
     guide: str
     network: str
     beta: float | None
+    time_limit: float | None = None
 
     def __str__(self) -> str:
-        return f"world {self.world} under {self.guide}"
+        return f"world {self.world} of {self.maps} under {self.guide}"
 
 
 class Taught(NamedTuple):
@@ -102,7 +105,7 @@ def initialise(payload: LessonPayload) -> Callable[[Lesson], Taught]:
     config = payload.config
 
     def run(lesson: Lesson) -> Taught:
-        places = replace(config, map=config.training)
+        places = replace(config, map=config.training[lesson.maps])
         task = build.map_set(places, [lesson.world]).task(lesson.world)
         rng = np.random.default_rng(np.random.SeedSequence([config.seed, lesson.world, 0]))
         if lesson.beta is None:
@@ -110,6 +113,7 @@ def initialise(payload: LessonPayload) -> Callable[[Lesson], Taught]:
             navigator = Navigator(*_student(payload, lesson, config.robot))
             episode = run_episode(task, navigator, build.simulator(config), rng)
             return Taught(lesson, str(episode.outcome), (), np.empty((0, 0), np.float32))
+        task = replace(task, time_limit=lesson.time_limit or task.time_limit)
         robot = drawn(config.robot, config.robots, _rng(config.seed, lesson.world, _ROBOT))
         pair = Lecture(payload, lesson, robot)
         simulator = build.simulator(replace(config, robot=robot))
@@ -132,7 +136,8 @@ class Lecture(Navigator):
             self._expert: Planner = build_target(with_network(expert.planner), "learner.expert", robot)
         own = expert.guide if lesson.guide == "target" else None
         self._guide: Guide | None = None if own is None else build_target(own, "learner.expert.guide", robot)
-        self._beta = lesson.beta
+        self._beta = lesson.beta or 0.0
+        self._expert_drives, self._left = False, 0
         self._driver = _rng(payload.config.seed, lesson.world, _DRIVER)
         self._features: list[tuple[Floats, ...]] = []
         self._actions: list[Floats] = []
@@ -157,7 +162,15 @@ class Lecture(Navigator):
         interface = self._student.interface
         self._features.append(interface.features(observation, interface.goal(self.guidance)))
         self._actions.append(interface.action(advice, observation.limits))
-        return advice if self._driver.random() < (self._beta or 0.0) else command
+        return advice if self._is_expert_s_turn() else command
+
+    def _is_expert_s_turn(self) -> bool:
+        """Who drives changes after some steps, so that a mistake of the network has time to show."""
+        if self._left == 0:
+            self._expert_drives = bool(self._driver.random() < self._beta)
+            self._left = int(self._driver.integers(*_TURN))
+        self._left -= 1
+        return self._expert_drives
 
     def notes(self) -> tuple[Arrays, NDArray[np.float32]]:
         """The features (T, …) and the expert's actions (T, A) so far."""
