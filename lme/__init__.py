@@ -17,6 +17,7 @@ The names are imported when they are first used: Numba alone takes a second.
 from __future__ import annotations
 
 import importlib
+import sys
 from typing import TYPE_CHECKING, Any
 
 from lme import numba_cache
@@ -81,3 +82,9 @@ def __getattr__(name: str) -> Any:
 
 def __dir__() -> list[str]:
     return sorted({*globals(), *__all__})
+
+
+if (
+    "gymnasium" in sys.modules
+):  # `gym.make("lme:lme/Barn-v0")` imports this module; without Gymnasium nothing is to do
+    importlib.import_module("lme.envs.registration")

@@ -11,7 +11,7 @@ import numpy as np
 
 from lme.geometry.angles import wrap_angle
 from lme.geometry.frames import to_world
-from lme.kernels.motion import first_beyond, travelled
+from lme.kernels.motion import time_beyond, travelled
 from lme.navigator import Navigator
 from lme.sim.simulator import Simulator, State
 from lme.types import Floats, Guidance, Observation, Outcome, Twist
@@ -91,34 +91,59 @@ def run_episode(
     return log.episode(outcome)
 
 
+class Progress:
+    """Path length, least clearance and time of a running episode, and how it ends.
+
+    path_length, min_clearance: [m] so far.
+    """
+
+    def __init__(self, task: Task, state: State) -> None:
+        """state: after the simulator's reset."""
+        self._task = task
+        self._start = np.array(task.start[:2])
+        self._clock_start = math.nan if task.clock_distance > 0.0 else 0.0
+        self.path_length = 0.0
+        self.min_clearance = state.clearance
+
+    def moved(self, before: State, state: State) -> None:
+        """Record the motion of a control period."""
+        self.path_length += travelled(before.pose.x, before.pose.y, state.travel)
+        self.min_clearance = min(self.min_clearance, state.clearance)
+        if math.isnan(self._clock_start):
+            distance = self._task.clock_distance
+            self._clock_start = time_beyond(state.travel, self._start, distance, before.time, state.time)
+
+    def time(self, state: State) -> float:
+        """Time on the task's clock, at most the limit [s]."""
+        return min(self._elapsed(state), self._task.time_limit)
+
+    def outcome(self, state: State) -> Outcome | None:
+        """The outcome; None while the episode continues."""
+        if state.contact:
+            return Outcome.COLLISION
+        if state.arrived:
+            return Outcome.SUCCESS
+        return Outcome.TIMEOUT if self._elapsed(state) >= self._task.time_limit - 1e-9 else None
+
+    def _elapsed(self, state: State) -> float:
+        return state.time if math.isnan(self._clock_start) else state.time - self._clock_start
+
+
 class _Log:
     """Accumulates the result while an episode runs."""
 
     def __init__(self, task: Task, simulator: Simulator) -> None:
         self._task = task
         self._simulator = simulator
-        self._start = np.array(task.start[:2])
-        self._clock_start: float | None = None if task.clock_distance > 0.0 else 0.0
-        self._path_length = 0.0
-        self._min_clearance = simulator.state.clearance
+        self._progress = Progress(task, simulator.state)
         self._switches = 0
         self._no_free_candidate = 0
         self._rows: list[tuple[float, ...]] = []
         self._decision_us: list[float] = []
 
-    @property
-    def _elapsed(self) -> float:
-        """Time on the task's clock [s]."""
-        return self._simulator.state.time - (self._clock_start or 0.0)
-
     def outcome(self) -> Outcome | None:
         """The outcome; None while the episode continues."""
-        state = self._simulator.state
-        if state.contact:
-            return Outcome.COLLISION
-        if state.arrived:
-            return Outcome.SUCCESS
-        return Outcome.TIMEOUT if self._elapsed >= self._task.time_limit - 1e-9 else None
+        return self._progress.outcome(self._simulator.state)
 
     def decided(self, guidance: Guidance, decision_us: float) -> None:
         """Record a decision before its execution."""
@@ -130,14 +155,7 @@ class _Log:
 
     def moved(self) -> None:
         """Record the motion of the last period."""
-        state, before = self._simulator.state, self._before
-        self._path_length += travelled(before.pose.x, before.pose.y, state.travel)
-        self._min_clearance = min(self._min_clearance, state.clearance)
-        if self._clock_start is None:
-            away = first_beyond(state.travel, self._start, self._task.clock_distance)
-            if away >= 0:
-                part = (away + 1) / len(state.travel)
-                self._clock_start = before.time + part * (state.time - before.time)
+        self._progress.moved(self._before, self._simulator.state)
 
     def episode(self, outcome: Outcome) -> Episode:
         """The result at the end of the episode."""
@@ -145,12 +163,12 @@ class _Log:
         self._rows.append(self._row(np.full(2, np.nan), False))
         return Episode(
             outcome=outcome,
-            time=min(self._elapsed, self._task.time_limit),
-            path_length=self._path_length,
+            time=self._progress.time(state),
+            path_length=self._progress.path_length,
             steps=len(self._decision_us),
             switches=self._switches,
             no_free_candidate=self._no_free_candidate,
-            min_clearance=self._min_clearance,
+            min_clearance=self._progress.min_clearance,
             final_distance=math.dist(state.pose[:2], self._task.goal),
             trajectory=np.array(self._rows),
             decision_us=np.array(self._decision_us),

@@ -1,10 +1,12 @@
-"""Robots and learned parameters by name, read without Hydra."""
+"""Robots, map sets, simulators and learned parameters by name, read without Hydra."""
 
 from __future__ import annotations
 
+import importlib
+from collections.abc import Callable, Mapping
 from dataclasses import MISSING, Field, fields
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from lme.drivetrain import Controller, Drivetrain, Response
 from lme.errors import InputError, nearest
@@ -14,9 +16,19 @@ from lme.resources import overlaid, resource_dir
 from lme.robots import Cloud, Contact, Footprint, Lidar, Robot
 from lme.yaml_entry import Entry, read_yaml
 
+if TYPE_CHECKING:
+    from lme.worlds.world import MapSet
+
 _Part = TypeVar("_Part")
 _PARTS = {
     part.__name__: part for part in (Cloud, Contact, Controller, Drivetrain, Footprint, Lidar, Response)
+}
+
+_KINDS: dict[str, tuple[Callable[[Any], bool], str]] = {
+    "int": (lambda given: type(given) is int, "a whole number"),
+    "bool": (lambda given: isinstance(given, bool), "true or false"),
+    "list[int]": (lambda given: _are(given, (int,)), "a list of whole numbers"),
+    "list[float]": (lambda given: _are(given, (int, float)), "a list of numbers"),
 }
 
 
@@ -27,6 +39,31 @@ def load_robot(robot: str | Path) -> Robot:
     """
     path = _find("robot", robot)
     return _filled(Robot, str(path), _with_base(path))
+
+
+def load_map_set(name: str, settings: Mapping[str, Any] | None = None, robot: Robot | None = None) -> MapSet:
+    """The map set of `conf/map/NAME.yaml`, with other values for some of its keys.
+
+    A `radius` of null becomes that of the robot. Raises InputError for an unknown name or key and a wrong value.
+    """
+    target, values, place = _described("map", name, settings)
+    if "radius" in values and values["radius"] is None:
+        if robot is None:
+            raise InputError(
+                "map.radius is null: must be given where robots are drawn, at least the largest's"
+            )
+        values["radius"] = robot.hull.r_max
+    made: MapSet = target(_filled(target.Config, place, values))
+    return made
+
+
+def load_simulator(name: str, settings: Mapping[str, Any] | None = None) -> tuple[Any, Any]:
+    """The class of the simulator of `conf/sim/NAME.yaml` and its Config, with other values for some keys.
+
+    Raises InputError for an unknown name or key and a wrong value.
+    """
+    target, values, place = _described("sim", name, settings)
+    return target, _filled(target.Config, place, values)
 
 
 def load_parameters(weights: str | Path = "published") -> dict[str, float]:
@@ -44,18 +81,29 @@ def _find(group: str, given: str | Path) -> Path:
         return shipped[str(given)]
     if Path(given).is_file():
         return Path(given)
-    what, names = group.replace("_", " "), ", ".join(shipped)
-    hint = nearest(str(given), shipped)
+    known = [name for name in shipped if not name.startswith("_")]
+    what, names = group.replace("_", " "), ", ".join(known)
+    hint = nearest(str(given), known)
     raise InputError(f"{what} is {str(given)!r}: {hint}must be one of {names}, or the path of a YAML file")
 
 
-def _with_base(path: Path) -> object:
-    """A robot's mapping over that of the robots in its `defaults`, as Hydra composes `[jackal, _self_]`."""
+def _described(group: str, name: str, settings: Mapping[str, Any] | None) -> tuple[Any, dict[str, Any], str]:
+    """The class that an option's `_target_` names, the values of its keys, and the place for messages."""
+    path = _find(group, name)
+    values = _with_base(path, group)
+    assert isinstance(values, dict)
+    module, _, target = values.pop("_target_").rpartition(".")
+    place = f"{group} {name}" if settings else str(path)
+    return getattr(importlib.import_module(module), target), {**values, **(settings or {})}, place
+
+
+def _with_base(path: Path, group: str = "robot") -> object:
+    """An option's mapping over that of the options in its `defaults`, as Hydra composes `[jackal, _self_]`."""
     own = read_yaml(path)
     if not isinstance(own, dict) or "defaults" not in own:
         return own
     merged: dict[str, Any] = {}
-    bases = [_with_base(_find("robot", name)) for name in own.pop("defaults") if name != "_self_"]
+    bases = [_with_base(_find(group, name), group) for name in own.pop("defaults") if name != "_self_"]
     for layer in (*bases, own):
         merged = overlaid(merged, layer) if isinstance(layer, dict) else merged
     return merged
@@ -73,14 +121,22 @@ def _filled(part: type[_Part], place: str, value: object) -> _Part:
 def _value(entry: Entry, field: Field[Any]) -> Any:
     key, default = field.name, field.default
     given = entry.value(key, default)
-    if given is None and default is None:
+    if given is None and str(field.type).endswith("| None"):
         return None
     part = _PARTS.get(str(field.type).removesuffix(" | None"))
     if part is not None:
         return _filled(part, f"{entry.place}, {key}", given)
-    if field.type == "str":
+    kind = str(field.type).removesuffix(" | None")
+    if kind == "str":
         return str(given)
-    whole = field.type in ("int", "int | None")
-    if whole and type(given) is not int:
-        raise entry.mistake(key, "a whole number")
-    return given if whole else entry.number(key, given)
+    if kind not in _KINDS:
+        return entry.number(key, given)
+    fits, right = _KINDS[kind]
+    if not fits(given):
+        raise entry.mistake(key, right)
+    return given
+
+
+def _are(given: object, types: tuple[type, ...]) -> bool:
+    """Whether `given` is a list of values of exactly these types."""
+    return isinstance(given, list) and all(type(item) in types for item in given)

@@ -23,13 +23,15 @@ def sweep(
     and the index of the first pose in contact, −1 without contact. A distance of 0 is contact.
     """
     half_length, half_width, rounding = box
-    clearance, contact = _sweep(poses, float(half_length), float(half_width), float(rounding), circles, edges)
+    clearance, contact = sweep_box(
+        poses, float(half_length), float(half_width), float(rounding), circles, edges
+    )
     return float(clearance), int(contact)
 
 
 @njit(cache=True, error_model="numpy")
-def _sweep(poses, half_length, half_width, rounding, circles, edges):
-    """`sweep` with the box as separate numbers."""
+def sweep_box(poses, half_length, half_width, rounding, circles, edges):
+    """`sweep` for other kernels, with the box as separate numbers."""
     near_circles, near_edges = _broad_phase(poses, half_length, half_width, rounding, circles, edges)
     least = np.inf
     for k in range(len(poses)):

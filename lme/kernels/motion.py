@@ -45,6 +45,25 @@ def drive(
 
 
 @njit(cache=True)
+def even_limits(
+    twist: tuple[float, float],
+    command: tuple[float, float],
+    limits: tuple[float, float, float, float],
+    dt: float,
+) -> tuple[float, float, float, float]:
+    """The limits with α lowered so that v and ω change over the whole of `dt` [s] instead of at α, then hold.
+
+    twist, command (v, ω); limits (v_max, ω_max, α_v, α_ω).
+    """
+    v_max, omega_max, alpha_v, alpha_omega = limits
+    v = min(max(command[0], -v_max), v_max)
+    omega = min(max(command[1], -omega_max), omega_max)
+    alpha_v = min(alpha_v, max(abs(v - twist[0]) / dt, 1e-9))
+    alpha_omega = min(alpha_omega, max(abs(omega - twist[1]) / dt, 1e-9))
+    return v_max, omega_max, alpha_v, alpha_omega
+
+
+@njit(cache=True)
 def first_within(poses: Floats, goal: Floats, tolerance: float) -> int:
     """Index of the first of the (K, 3) poses within `tolerance` [m] of the (2,) goal; −1 if none."""
     for k in range(len(poses)):
@@ -60,6 +79,16 @@ def first_beyond(poses: Floats, start: Floats, distance: float) -> int:
         if math.hypot(poses[k, 0] - start[0], poses[k, 1] - start[1]) >= distance:
             return k
     return -1
+
+
+@njit(cache=True)
+def time_beyond(poses: Floats, start: Floats, distance: float, begin: float, end: float) -> float:
+    """When the first of the (K, 3) poses is at least `distance` [m] from the (2,) start [s]; NaN if none is.
+
+    The motion lasts from `begin` to `end` [s]; the last pose is at `end`.
+    """
+    k = first_beyond(poses, start, distance)
+    return math.nan if k < 0 else begin + (k + 1) / len(poses) * (end - begin)
 
 
 @njit(cache=True)

@@ -34,22 +34,25 @@ def cast(
     """
     x, y, yaw = lidar_pose
     angle_min, increment, num_beams = angles
-    table = _table(increment, num_beams)
-    ranges: NDArray[np.float32] = _cast(
+    table = beam_table(increment, num_beams)
+    ranges: NDArray[np.float32] = cast_beams(
         float(x), float(y), yaw + angle_min, increment, float(range_max), table, circles, edges
     )
     return ranges
 
 
 @lru_cache(maxsize=16)
-def _table(angle_increment: float, num_beams: int) -> Floats:
+def beam_table(angle_increment: float, num_beams: int) -> Floats:
     """Cosines and sines of the beams relative to the first one: (2, B)."""
     return np.ascontiguousarray(beam_directions(0.0, angle_increment, num_beams).T)
 
 
 @njit(cache=True, error_model="numpy")
-def _cast(x, y, heading, increment, range_max, table, circles, edges):
-    """`cast` in the lidar's frame, rotated so that the first beam, at `heading` in the world, is along +x."""
+def cast_beams(x, y, heading, increment, range_max, table, circles, edges):
+    """`cast` for other kernels. heading: of the first beam in the world [rad]; table: `beam_table`.
+
+    It works in the lidar's frame, rotated so that the first beam is along +x.
+    """
     ranges = np.full(table.shape[1], range_max)
     frame = (x, y, math.cos(heading), math.sin(heading))
     if _cast_circles(frame, increment, range_max, table, circles, ranges):

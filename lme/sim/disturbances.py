@@ -7,7 +7,6 @@ from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from lme.errors import require
@@ -105,11 +104,3 @@ def slipped(motion: tuple[float, float], factors: tuple[float, float], track: fl
 def lose_beams(ranges: Ranges, share: float, range_max: float, rng: np.random.Generator) -> None:
     """Set a random share of the beams to range_max, in place, as if they had no return."""
     ranges[rng.random(len(ranges), dtype=np.float32) < share] = range_max
-
-
-@njit(cache=True)
-def add_noise(ranges: Ranges, noise: Ranges, std: float, range_max: float) -> None:
-    """Add Gaussian noise to every return, in place; beams without a return stay at range_max."""
-    for i in range(len(ranges)):
-        if ranges[i] < np.float32(range_max):
-            ranges[i] = min(max(ranges[i] + std * noise[i], 0.0), range_max)

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lme.kernels.collision import sweep
-from lme.kernels.motion import first_within
+from lme.kernels.events import first_event
 from lme.types import Floats
 from lme.worlds.world import Task
 
@@ -17,10 +16,9 @@ def until_event(
 
     travel (K, 3); box of what collides; circles (C, 3) and edges (E, 4). Contact on arrival counts as contact only.
     """
-    arrival = first_within(travel, np.asarray(task.goal, dtype=np.float64), task.goal_tolerance)
-    if arrival >= 0:
-        travel = travel[: arrival + 1]
-    clearance, contact = sweep(travel, box, circles, edges)
-    if contact >= 0:
-        travel = travel[: contact + 1]
-    return travel, clearance, contact >= 0, arrival >= 0 and contact < 0
+    half_length, half_width, rounding = map(float, box)
+    goal = np.asarray(task.goal, dtype=np.float64)
+    passed, clearance, contact, arrived = first_event(
+        travel, goal, float(task.goal_tolerance), (half_length, half_width, rounding), circles, edges
+    )
+    return travel[:passed], clearance, contact, arrived

@@ -9,7 +9,7 @@ import numpy as np
 
 from lme.errors import require
 from lme.geometry.frames import relative
-from lme.kernels.motion import drive
+from lme.kernels.motion import drive, even_limits
 from lme.robots import Robot
 from lme.sim.crowd import Crowd
 from lme.sim.disturbances import Disturbances
@@ -90,14 +90,10 @@ class FastSimulator:
 
     def _limits(self, command: Twist, twist: Twist) -> Limits:
         """The robot's limits; for an even ramp, α is lowered so that velocity changes over the whole period."""
-        limits, dt = self._robot.limits, self._robot.dt
+        limits = self._robot.limits
         if not self._config.even_ramp:
             return limits
-        v = min(max(command.v, -limits.v_max), limits.v_max)
-        omega = min(max(command.omega, -limits.omega_max), limits.omega_max)
-        alpha_v = min(limits.alpha_v, max(abs(v - twist.v) / dt, 1e-9))
-        alpha_omega = min(limits.alpha_omega, max(abs(omega - twist.omega) / dt, 1e-9))
-        return limits._replace(alpha_v=alpha_v, alpha_omega=alpha_omega)
+        return Limits(*even_limits(twist, command, limits, self._robot.dt))
 
     def _end_at_event(self, travel: Floats, twist: Twist, start_time: float, dt: float) -> State:
         """Cut the motion at contact or arrival."""

@@ -7,10 +7,11 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from lme.geometry.frames import compose
+from lme.kernels.noise import add_noise
 from lme.kernels.raycast import cast
 from lme.robots import Robot
 from lme.sensing.resampling import resampled, tidied
-from lme.sim.disturbances import Disturbances, TargetEstimate, add_noise, lose_beams
+from lme.sim.disturbances import Disturbances, TargetEstimate, lose_beams
 from lme.sim.mid360 import mid360_of
 from lme.types import Floats, LaserScan, Observation, Pose, Twist
 from lme.worlds.world import Task

@@ -1,0 +1,1 @@
+"""Environments for reinforcement learning: one robot, or many that one compiled call moves."""

@@ -1,0 +1,39 @@
+"""Gymnasium's ids of the environments. Importing this module registers them.
+
+`gym.make("lme:lme/Barn-v0")` imports `lme`, which imports this module.
+"""
+
+from gymnasium.envs.registration import register, registry
+
+NAMESPACE = "lme"
+
+MAPS = {  # name in the id: map set, and the robot that drives there unless another is chosen
+    "Barn": ("barn", "jackal"),
+    "DynaBarn": ("dynabarn", "jackal"),
+    "Env1": ("env1", "stage"),
+    "Env2": ("env2", "stage"),
+    "Traps": ("traps", "stage"),
+    "Real1": ("real1", "turtlebot2"),
+    "Real1Dynamic": ("real1_dynamic", "turtlebot2"),
+    "Real2": ("real2", "turtlebot2"),
+    "Real3": ("real3", "turtlebot2"),
+    "Real4": ("real4", "turtlebot2"),
+    "Go2A": ("go2_a", "go2"),
+    "Go2B": ("go2_b", "go2"),
+    "File": ("file", "stage"),  # needs map_config={"path": …}
+}
+
+
+def _register() -> None:
+    for name, (map_set, robot) in MAPS.items():
+        env_id = f"{NAMESPACE}/{name}-v0"
+        if env_id not in registry:
+            register(
+                env_id,
+                entry_point="lme.envs.single:NavigationEnv",
+                vector_entry_point="lme.envs.vector:NavigationVectorEnv",
+                kwargs={"map": map_set, "robot": robot},
+            )
+
+
+_register()
