@@ -137,6 +137,7 @@ class LearnConfig(HeldOutConfig):
     guides: dict[str, float]
     robots: RobotRanges
     start: str | None
+    threads: int
 
 
 @dataclass(slots=True, kw_only=True)

@@ -49,9 +49,12 @@ def validate(job: Job[LearnConfig]) -> None:
     build.check_episodes(config)
     _check_network(job)
     _check_worlds(config)
-    require("validation", config.validation, at_least=1)
+    for key in ("validation", "threads"):
+        require(key, getattr(config, key), at_least=1)
     check_ranges(config.robots)
-    _payload(job, build_target(config.learner, "learner"))
+    learner: Learner = build_target(config.learner, "learner")
+    learner.check(config)
+    _payload(job, learner)
     network_file.check_name(network_name(job), _fingerprint(config))
 
 

@@ -17,6 +17,7 @@ import torch
 from torch import Tensor
 
 from lme.errors import InputError, require
+from runners.config.schema import LearnConfig
 from runners.learning.mixture import log_likelihood
 from runners.learning.run import Row, Run
 from runners.records.whole_file import replacing
@@ -102,6 +103,9 @@ class Clone:
     @property
     def expert(self) -> Mapping[str, Any] | None:
         return asdict(self._config.expert)
+
+    def check(self, config: LearnConfig) -> None:
+        """Every simulator will do."""
 
     def learn(self, run: Run) -> None:
         run.sharpness = self._config.sharpness

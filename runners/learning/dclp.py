@@ -11,9 +11,11 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
+from lme.planners.dclp.interface import DclpConfig, Interface
 from lme.planners.dclp.network import DISTANCE, LEAST_DISTANCE, SLOPE
 from lme.planners.dclp.weights import (
     COMPONENTS,
+    CONVOLUTIONS,
     LAYERS,
     MIXTURE,
     SHAPES,
@@ -21,8 +23,10 @@ from lme.planners.dclp.weights import (
     read_weights,
     write_weights,
 )
+from lme.robots import Robot
 from runners.learning.mixture import Mixture
 
+_FIRST_JOINT, _LAST = "dense_1", LAYERS[-1]
 _LOG_SIGMA = (-20.0, 2.0)  # bounds of the logarithm of a deviation, those in common use for SAC
 # The first weights. State inputs count about as much as the others; the components drive ahead, left, right and stop.
 _ALPHA = 0.3  # [m]
@@ -35,52 +39,103 @@ _FIRST_ACTIONS = (
 )
 
 
-class DclpNetwork(nn.Module):
-    """The published network. `weights` and `load` exchange the arrays of `SHAPES`."""
+class Body(nn.Module):
+    """The layers of the published network, with further inputs beside the state or other outputs."""
 
-    def __init__(self) -> None:
+    def __init__(self, more_inputs: int, outputs: int) -> None:
         super().__init__()
         self.alpha: Tensor = nn.Parameter(torch.tensor(_ALPHA))
-        self.layers = nn.ModuleDict({name: _linear(SHAPES[f"{name}.kernel"]) for name in LAYERS})
+        shapes = {name: SHAPES[f"{name}.kernel"] for name in LAYERS}
+        shapes[_FIRST_JOINT] = (shapes[_FIRST_JOINT][0] + more_inputs, shapes[_FIRST_JOINT][1])
+        shapes[_LAST] = (shapes[_LAST][0], outputs)
+        self.layers = nn.ModuleDict({name: _linear(shape) for name, shape in shapes.items()})
         with torch.no_grad():
-            self._layer(LAYERS[3]).weight[:, -STATE_INPUTS:] *= torch.tensor(_STATE_SCALE)
-            output = self._layer(LAYERS[-1])
-            output.weight *= 0.1
-            output.bias.view(COMPONENTS, MIXTURE)[:, 1:] = torch.tensor(_FIRST_ACTIONS)
+            begin = CONVOLUTIONS[-1]
+            self.layer(_FIRST_JOINT).weight[:, begin : begin + STATE_INPUTS] *= torch.tensor(_STATE_SCALE)
+            self.layer(_LAST).weight *= 0.1
 
-    def forward(self, directions: Tensor, state: Tensor) -> Mixture:
-        """directions: (B, 90, 6), state: (B, 8), as `lme.planners.dclp.interface.Features`."""
-        joint = torch.cat((self._nearest(directions), state), -1)
+    def layer(self, name: str) -> nn.Linear:
+        """One of `LAYERS`."""
+        return cast(nn.Linear, self.layers[name])
+
+    def output(self, directions: Tensor, joint: Tensor) -> Tensor:
+        """directions: (B, 90, 6). joint: (B, J) of the state and the further inputs, or (B, K, J) of K such a scene."""
+        nearest = self._nearest(directions)
+        if joint.dim() == 3:
+            nearest = nearest[:, None].expand(-1, joint.shape[1], -1)
+        joint = torch.cat((nearest, joint), -1)
         for name in LAYERS[3:-1]:
-            joint = _leaky(self._layer(name)(joint))
-        output = self._layer(LAYERS[-1])(joint).view(-1, COMPONENTS, MIXTURE)
-        return Mixture(output[..., 0], output[..., 1:3], output[..., 3:].clamp(*_LOG_SIGMA))
+            joint = _leaky(self.layer(name)(joint))
+        output: Tensor = self.layer(_LAST)(joint)
+        return output
 
     def _nearest(self, directions: Tensor) -> Tensor:
         """The largest of each feature over the directions: (B, 128).
 
-        The last shared layer is differentiated for the directions that are largest alone: a third of the time.
+        The last shared layer is differentiated only for the directions that are largest, since the others have no
+        gradient.
         """
         distance = directions[..., DISTANCE, None]
         inverse = 1.0 / (distance + self.alpha).clamp(min=LEAST_DISTANCE)
         features = torch.cat((directions[..., :DISTANCE], inverse, directions[..., DISTANCE + 1 :]), -1)
         for name in LAYERS[:2]:
-            features = _leaky(self._layer(name)(features))
-        last = self._layer(LAYERS[2])
+            features = _leaky(self.layer(name)(features))
+        last = self.layer(LAYERS[2])
         with torch.no_grad():
             largest = (features @ last.weight.T).argmax(1)
         chosen = features.gather(1, largest[..., None].expand(-1, -1, features.shape[-1]))
         return _leaky((chosen * last.weight).sum(-1) + last.bias)
 
+
+class DclpCritic(Body):
+    """The value of a scene, or of an action in it, by layers like the policy's."""
+
+    def __init__(self, actions: int) -> None:
+        super().__init__(actions, 1)
+
+    def forward(self, directions: Tensor, state: Tensor, *actions: Tensor) -> Tensor:
+        """Features as the policy's, and actions (B, A) if the critic takes them: (B,).
+
+        Of K actions a scene (B, K, A): (B, K).
+        """
+        for several in actions:
+            if several.dim() == 3:
+                state = state[:, None].expand(-1, several.shape[1], -1)
+        return self.output(directions, torch.cat((state, *actions), -1))[..., 0]
+
+
+class DclpNetwork(Body):
+    """The published network. `weights` and `load` exchange the arrays of `SHAPES`."""
+
+    def __init__(self) -> None:
+        super().__init__(0, COMPONENTS * MIXTURE)
+        with torch.no_grad():
+            self.layer(_LAST).bias.view(COMPONENTS, MIXTURE)[:, 1:] = torch.tensor(_FIRST_ACTIONS)
+
+    def forward(self, directions: Tensor, state: Tensor) -> Mixture:
+        """directions: (B, 90, 6), state: (B, 8), as `lme.planners.dclp.interface.Features`."""
+        output = self.output(directions, state).view(-1, COMPONENTS, MIXTURE)
+        return Mixture(output[..., 0], output[..., 1:3], output[..., 3:].clamp(*_LOG_SIGMA))
+
+    @staticmethod
+    def interface(planner: DclpConfig, robot: Robot) -> Interface:
+        """What the network is told of a robot, and what its answer means."""
+        return Interface(planner, robot)
+
+    @staticmethod
+    def critic(actions: int) -> DclpCritic:
+        """A critic of the same inputs and of `actions` numbers."""
+        return DclpCritic(actions)
+
     def weights(self, sharpness: float = 1.0) -> dict[str, NDArray[np.float32]]:
         """The arrays of `SHAPES`. sharpness: of the draw of components, a factor on their logits."""
         found = {"alpha": self.alpha.detach().numpy().copy()}
         for name in LAYERS:
-            layer = self._layer(name)
+            layer = self.layer(name)
             found[f"{name}.kernel"] = np.ascontiguousarray(layer.weight.detach().numpy().T)
             found[f"{name}.bias"] = layer.bias.detach().numpy().copy()
-        found[f"{LAYERS[-1]}.kernel"][:, ::MIXTURE] *= sharpness
-        found[f"{LAYERS[-1]}.bias"][::MIXTURE] *= sharpness
+        found[f"{_LAST}.kernel"][:, ::MIXTURE] *= sharpness
+        found[f"{_LAST}.bias"][::MIXTURE] *= sharpness
         return found
 
     def load(self, weights: Mapping[str, NDArray[np.float32]]) -> None:
@@ -88,7 +143,7 @@ class DclpNetwork(nn.Module):
         with torch.no_grad():
             self.alpha.copy_(torch.from_numpy(np.asarray(weights["alpha"])))
             for name in LAYERS:
-                layer = self._layer(name)
+                layer = self.layer(name)
                 layer.weight.copy_(torch.from_numpy(weights[f"{name}.kernel"].T.copy()))
                 layer.bias.copy_(torch.from_numpy(weights[f"{name}.bias"]))
 
@@ -108,9 +163,6 @@ class DclpNetwork(nn.Module):
     def write(weights: Mapping[str, NDArray[np.float32]], file: IO[bytes]) -> None:
         """Write a file for `planner.weights`."""
         write_weights(weights, file)
-
-    def _layer(self, name: str) -> nn.Linear:
-        return cast(nn.Linear, self.layers[name])
 
 
 def _linear(shape: tuple[int, ...]) -> nn.Linear:

@@ -15,7 +15,9 @@ from lme.errors import InputError
 if TYPE_CHECKING:
     from torch import Tensor, nn
 
+    from lme.robots import Robot
     from runners.learning.mixture import Mixture
+    from runners.workers.lessons import Interface
 
 Arrays = Mapping[str, NDArray[np.float32]]
 _NETWORKS = {
@@ -37,6 +39,14 @@ class Learnable(Protocol):
 
     def load(self, weights: Arrays) -> None:
         """Take over these arrays."""
+
+    @staticmethod
+    def interface(planner: Any, robot: Robot) -> Interface:
+        """What the network is told of a robot, and what its answer means. planner: its Config."""
+
+    @staticmethod
+    def critic(actions: int) -> nn.Module:
+        """A network from the features, and a tensor (B, actions) if that is not 0, to values (B,)."""
 
     def mirror(self, features: tuple[Tensor, ...], actions: Tensor) -> tuple[tuple[Tensor, ...], Tensor]:
         """Features and actions as a mirror ahead of the robot shows them."""

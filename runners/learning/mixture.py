@@ -21,6 +21,10 @@ class Mixture(NamedTuple):
     mu: Tensor
     log_sigma: Tensor
 
+    def at_least(self, sigma: float) -> Mixture:
+        """The same with no deviation below `sigma`, so that a policy keeps trying."""
+        return self._replace(log_sigma=self.log_sigma.clamp(min=math.log(sigma)))
+
 
 def draw(mixture: Mixture, generator: torch.Generator) -> Tensor:
     """Actions before tanh (B, 2), each of a component drawn by its probability."""
@@ -28,6 +32,11 @@ def draw(mixture: Mixture, generator: torch.Generator) -> Tensor:
     index = chosen.expand(-1, 1, mixture.mu.shape[-1])
     mu, sigma = mixture.mu.gather(1, index)[:, 0], mixture.log_sigma.gather(1, index)[:, 0].exp()
     return mu + sigma * torch.randn(mu.shape, generator=generator)
+
+
+def draw_each(mixture: Mixture, generator: torch.Generator) -> Tensor:
+    """Actions before tanh (B, K, 2), one of each component; differentiable in the mixture."""
+    return mixture.mu + mixture.log_sigma.exp() * torch.randn(mixture.mu.shape, generator=generator)
 
 
 def log_density(mixture: Mixture, raw: Tensor) -> Tensor:

@@ -16,7 +16,7 @@ from runners.config.schema import LearnConfig
 from runners.config.weights import NETWORK
 from runners.learning.learnable import Learnable, network_class
 from runners.records.whole_file import replacing
-from runners.workers.executor import Map, available_cores
+from runners.workers.executor import Map
 from runners.workers.lessons import Lesson, Taught
 from runners.workers.progress import LearnProgress
 
@@ -37,18 +37,21 @@ class Learner(Protocol):
     def expert(self) -> Mapping[str, Any] | None:
         """Options of the planner and the guide of an expert to learn from, if there is one."""
 
+    def check(self, config: LearnConfig) -> None:
+        """Raise InputError where it cannot learn from what the config drives."""
+
     def learn(self, run: Run) -> None:
         """Go on from the checkpoint of the run until `total` is done."""
 
 
 class Run:
-    """One training of a network. It is deterministic in (config, number of threads), also if killed and resumed."""
+    """One training of a network. It is deterministic in its config."""
 
     def __init__(
         self, config: LearnConfig, run_dir: Path, start: Path | None, drive: Map, progress: LearnProgress
     ) -> None:
         """start: of the weights to go on from; None: random ones. drive: lessons to what came of them."""
-        torch.set_num_threads(available_cores())
+        torch.set_num_threads(config.threads)
         torch.manual_seed(config.seed)
         self.config = config
         self.run_dir = run_dir

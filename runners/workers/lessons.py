@@ -42,6 +42,9 @@ class Interface(Protocol):
     def action(self, command: Twist, own: Limits) -> Floats:
         """The answer that stands for a command."""
 
+    def command(self, action: Floats, observation: Observation) -> Twist:
+        """The command that an answer stands for."""
+
 
 class NetworkPlanner(Planner, Protocol):
     """A planner that a network drives."""
