@@ -43,6 +43,12 @@ def simulator(config: DriveConfig) -> Simulator:
 
 def check_drive(config: EpisodesConfig, num_tasks: int | None = _CHECKED_TASKS) -> None:
     """Check a system and its first `num_tasks` tasks, or all of them for None. Raises InputError."""
+    check_episodes(config, num_tasks)
+    navigator(config)
+
+
+def check_episodes(config: EpisodesConfig, num_tasks: int | None = _CHECKED_TASKS) -> None:
+    """Check everything but the navigator. Raises InputError."""
     systems.check_implemented(config.system)
     require("runs", config.runs, at_least=1)
     require("seed", config.seed, at_least=0)
@@ -50,5 +56,4 @@ def check_drive(config: EpisodesConfig, num_tasks: int | None = _CHECKED_TASKS) 
     maps = map_set(config)
     for number in maps.numbers[:num_tasks]:
         check_task(maps.task(number), config.robot)
-    navigator(config)
     simulator(config)

@@ -12,7 +12,9 @@ from runners.config.catalogue import Catalogue
 from runners.config.composer import Composer
 
 CUSTOM = "custom"  # the option of a group that takes a class of the user's own
-OPEN_MAPPINGS = ("ablation", "scale", "guide.criteria", "space", "held_out")  # may be given new keys
+OPEN_MAPPINGS = (  # may be given new keys
+    "ablation", "scale", "guide.criteria", "space", "held_out", "training", "guides", "learner.expert.settings",
+)  # fmt: skip
 
 
 def normalised(overrides: Sequence[str], composer: Composer) -> list[Override]:

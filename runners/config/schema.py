@@ -92,20 +92,52 @@ class Reward:
 
 
 @dataclass(slots=True, kw_only=True)
-class TrainConfig(ReportConfig):
-    """`lme train`. held_out: map sets by name; space: nested as the config that it searches."""
+class HeldOutConfig(ReportConfig):
+    """What is found in some worlds and evaluated in others. name: of the result; held_out: map sets by name."""
+
+    name: str | None
+    held_out: dict[str, Any] = field(default_factory=dict)
+
+
+@dataclass(slots=True, kw_only=True)
+class TrainConfig(HeldOutConfig):
+    """`lme train`. space: nested as the config that it searches."""
 
     trials: int
     configurations: int
     training_numbers: list[int]
     start_from_config: bool
     reward: Reward
-    name: str | None
     storage: str | None
     study: str | None
     search: dict[str, Any]
     space: dict[str, Any]
-    held_out: dict[str, Any] = field(default_factory=dict)
+
+
+@dataclass(slots=True)
+class RobotRanges:
+    """Lowest and highest value of what differs from robot to robot; None: the value of the job's robot."""
+
+    v_max: list[float] | None = None  # [m/s]
+    omega_max: list[float] | None = None  # [rad/s]
+    alpha_v: list[float] | None = None  # [m/s²]
+    alpha_omega: list[float] | None = None  # [rad/s²]
+    length: list[float] | None = None  # [m]
+    width: list[float] | None = None  # [m]
+
+
+@dataclass(slots=True, kw_only=True)
+class LearnConfig(HeldOutConfig):
+    """`lme learn`. training: map sets by name; guides: shares by name; start: a network to go on from."""
+
+    learner: dict[str, Any]
+    training: dict[str, Any]
+    first_world: int
+    validation: int
+    guides: dict[str, float]
+    robots: RobotRanges
+    start: str | None
+    threads: int
 
 
 @dataclass(slots=True, kw_only=True)
@@ -143,6 +175,7 @@ class FigureConfig(EpisodesConfig):
 COMMANDS: dict[str, type[SystemConfig]] = {
     "eval": EvalConfig,
     "train": TrainConfig,
+    "learn": LearnConfig,
     "replay": ReplayConfig,
     "figure": FigureConfig,
 }

@@ -15,6 +15,7 @@ from runners.config.composer import resume_command
 from runners.config.hydra_errors import unknown_key
 
 WEIGHTS = "weights.yaml"  # in the directory of a training run
+NETWORK = "weights.npz"  # in the directory of a run of lme learn
 REGISTERED = Path("outputs") / "weights"
 IMPORT_NETWORK = "lme weights import NETWORK PATH NAME"
 TIMES = "\u00d7"  # a typographic sign that is easily taken for a letter
@@ -83,16 +84,21 @@ def with_network(planner: Mapping[str, Any]) -> Mapping[str, Any]:
     return {**planner, "weights": str(find_network(given))} if isinstance(given, str) else planner
 
 
-def find_network(weights: str) -> Path:
-    """The network file that `planner.weights` names: in `outputs/weights/`, or by path. Raises InputError."""
+def find_network(weights: str, key: str = "planner.weights") -> Path:
+    """The network file that the value of `key` names: in `outputs/weights/`, of a run of lme learn, or by path.
+
+    Raises InputError.
+    """
     registered = {path.stem: path for path in sorted(REGISTERED.glob("*.npz"))}
     path = Path(weights).expanduser()
+    if path.is_dir():
+        path = path / NETWORK
     if weights in registered or path.is_file():
         return registered.get(weights, path)
     names = "".join(f"{name}, " for name in registered)
     raise InputError(
-        f"planner.weights is {weights!r}: {nearest(weights, registered)}must be {names}or the path of an .npz; "
-        f"`{IMPORT_NETWORK}` makes one"
+        f"{key} is {weights!r}: {nearest(weights, registered)}must be {names}the directory of a run of "
+        f"lme learn, or the path of an .npz; `{IMPORT_NETWORK}` makes one"
     )
 
 

@@ -34,16 +34,16 @@ def validate(job: Job[EvalConfig]) -> None:
     """Check the job before anything runs. Raises InputError."""
     weights.check_scale(job.config.scale, job.config.guide)
     check_report(job)
+    build.check_drive(job.config)
 
 
 def check_report(job: Job[ReportConfig]) -> None:
-    """Raise InputError where a job cannot drive, record or report as its config says."""
+    """Raise InputError where a job cannot record or report as its config says."""
     config = job.config
     systems.check_names(config.table, job.folders)
     if config.record is Record.mcap:
         recorder.check_installed()
     configured(config.tracking, "tracking")
-    build.check_drive(config)
 
 
 def evaluate(job: Job[EvalConfig]) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import fields, replace
 from typing import TYPE_CHECKING, Any
 
@@ -9,23 +10,23 @@ from runners.config import build
 from runners.config.changes import HELD_OUT
 from runners.config.instantiate import build as build_target
 from runners.config.job import Job
-from runners.config.schema import EvalConfig, TrainConfig
+from runners.config.schema import EvalConfig, HeldOutConfig
 from runners.config.space import PARAMETERS, with_values
 from runners.config.systems import systems
 from runners.experiments.evaluate import drive, report
 from runners.experiments.labels import run_labels
 from runners.explainer import pages
 from runners.records.launch_record import launch_of
-from runners.search.study import Trial
 
 if TYPE_CHECKING:
     import pandas as pd
 
 
-def evaluate_held_out(job: Job[TrainConfig], best: Trial, name: str) -> pd.DataFrame:
-    """Evaluate the best trial on every held-out map and print how it went; the records.
+def evaluate_held_out(job: Job[HeldOutConfig], values: Mapping[str, Any], weights: str) -> pd.DataFrame:
+    """Evaluate what was found on every held-out map and print how it went; the records.
 
-    name: of the weights. Every map has a directory of its own below that of the training.
+    values: what was found, by dotted config key. weights: what the records name as `weights`. Every map has a
+    directory of its own below that of the training.
     """
     from runners.analysis.summary import summarise
     from runners.analysis.tables import print_table, write_tables
@@ -33,34 +34,34 @@ def evaluate_held_out(job: Job[TrainConfig], best: Trial, name: str) -> pd.DataF
 
     places = job.config.held_out or {job.choices["map"]: job.config.map}
     for place, node in places.items():
-        _evaluate_on(place, _evaluation(job, best, place, node, name), best)
+        _evaluate_on(place, _evaluation(job, values, place, node, weights), values)
     frame = read_episodes([job.run_dir / place for place in places])
     rows = summarise(frame, systems=systems(job.folders))
     write_tables(frame, rows, job.run_dir)
     print_table(frame, rows)
-    print(f"Study, weights, pictures, records and tables: {job.run_dir}")
+    print(f"Weights, pictures, records and tables: {job.run_dir}")
     return frame
 
 
 def _evaluation(
-    job: Job[TrainConfig], best: Trial, place: str, node: dict[str, Any], name: str
+    job: Job[HeldOutConfig], values: Mapping[str, Any], place: str, node: dict[str, Any], weights: str
 ) -> Job[EvalConfig]:
-    """The evaluation of the best trial on one map."""
-    trained = with_values(job.config, best.values)
-    names = {field.name for field in fields(EvalConfig)} & {field.name for field in fields(TrainConfig)}
+    """The evaluation of what was found on one map."""
+    trained = with_values(job.config, values)
+    names = {field.name for field in fields(EvalConfig)} & {field.name for field in fields(job.config)}
     shared = {each: getattr(trained, each) for each in names}
-    config = EvalConfig(**{**shared, "map": node, "weights": name, "resume": False})
+    config = EvalConfig(**{**shared, "map": node, "weights": weights, "resume": False})
     return Job(
         config=config,
         choices={**job.choices, "map": job.choices.get(f"map@{HELD_OUT}{place}", place)},
         overrides=job.overrides,
-        changes=_changes(job, place) | _settings(best),
+        changes=_changes(job, place) | _settings(values),
         folders=job.folders,
         run_dir=job.run_dir / place,
     )
 
 
-def _changes(job: Job[TrainConfig], place: str) -> dict[str, Any]:
+def _changes(job: Job[HeldOutConfig], place: str) -> dict[str, Any]:
     """The changed keys of the evaluation on one map: those of the training map say nothing of a held-out one."""
     if not job.config.held_out:
         return dict(job.changes)
@@ -72,19 +73,19 @@ def _changes(job: Job[TrainConfig], place: str) -> dict[str, Any]:
     }
 
 
-def _evaluate_on(place: str, job: Job[EvalConfig], best: Trial) -> None:
+def _evaluate_on(place: str, job: Job[EvalConfig], values: Mapping[str, Any]) -> None:
     config, maps = job.config, build.map_set(job.config)
     print(f"Now {len(maps.numbers)} worlds of {place} that training never saw, {config.runs} runs each")
     job.run_dir.mkdir(exist_ok=True)
     launch_of("eval", [job], [], False, None).write(job.run_dir)
     labels = replace(run_labels(job, maps), map=place)
-    if _settings(best):  # its planner is not that of the named pair any more
+    if _settings(values):  # its planner is not that of the named pair any more
         labels = replace(labels, system=f"{labels.guide}+{labels.planner}")
     drive(config, labels, maps, job.run_dir)
     pages.as_asked(config.explain, job.run_dir, build_target(config.executor, "executor"))
     report(maps, job)
 
 
-def _settings(best: Trial) -> dict[str, float]:
+def _settings(values: Mapping[str, Any]) -> dict[str, Any]:
     """Values that were found for keys that are no parameters of the guide."""
-    return {key: value for key, value in best.values.items() if not key.startswith(PARAMETERS)}
+    return {key: value for key, value in values.items() if not key.startswith(PARAMETERS)}

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import contextlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -23,8 +22,8 @@ from runners.experiments.held_out import evaluate_held_out
 from runners.experiments.labels import run_labels
 from runners.experiments.resume_hint import resume_hint
 from runners.records import weight_file
-from runners.records.append_log import lock
-from runners.records.launch_record import LAUNCH, fingerprint, identity
+from runners.records.launch_record import fingerprint, identity
+from runners.records.run_directories import held
 from runners.search import study
 from runners.search.loop import run_trials
 from runners.search.study import Study, Trial
@@ -41,6 +40,7 @@ def validate(job: Job[TrainConfig]) -> None:
     """Check the job before anything runs. Raises InputError."""
     config = job.config
     evaluate.check_report(job)
+    build.check_drive(config)
     for key, count in (("trials", config.trials), ("configurations", config.configurations)):
         require(key, count, at_least=1)
     for key, penalty in (("crash", config.reward.crash), ("timeout", config.reward.timeout)):
@@ -62,12 +62,12 @@ def train(job: Job[TrainConfig]) -> None:
     labels = replace(run_labels(job, build.map_set(config)), weights=weights_name(config))
     tags = {**asdict(labels), "changes": job.changes_text, "command": "train"}
     tracking.start(asdict(_without_password(config)), run_dir, tags, job.sweep_dir)
-    with resume_hint("train", run_dir), _held(run_dir):
+    with resume_hint("train", run_dir), held(run_dir):
         found = _search(config, run_dir)
         best = max(found.told, key=lambda trial: (trial.reward, -trial.number))
         weights = _write_weights(job, found, best)
         pictures = _pictures(found, read_space(config), run_dir)
-        frame = evaluate_held_out(job, best, weights_name(config))
+        frame = evaluate_held_out(job, best.values, weights_name(config))
     pages = [page for place in frame["run_dir"].unique() for page in failures.folder(Path(place))]
     _track(tracking, found.told, best, frame, [weights, *pictures, *pages])
 
@@ -206,11 +206,3 @@ def _class_name(node: Mapping[str, Any]) -> str:
 
 def _without_password(config: TrainConfig) -> TrainConfig:
     return config if config.storage is None else replace(config, storage=study.masked(config.storage))
-
-
-@contextlib.contextmanager
-def _held(run_dir: Path) -> Iterator[None]:
-    """Lock the run directory. Raises InputError if another process holds it."""
-    with (run_dir / LAUNCH).open("rb") as file:
-        lock(file, run_dir)
-        yield

@@ -9,10 +9,11 @@ from itertools import count
 from pathlib import Path
 
 from lme.errors import InputError
+from runners.records.append_log import lock
 from runners.records.launch_record import LAUNCH, Launch, differences, read_launch, shortened, unusable
 
 ROOT = Path("outputs")
-_RESULTS = ("episodes.parquet", "study.journal")
+_RESULTS = ("episodes.parquet", "study.journal", "checkpoint.pt")
 _ADVICE = "resume it with resume=PATH alone, or choose another directory"
 _OUTDATED = "the options that it was started with have changed since; start it anew in another directory"
 
@@ -87,6 +88,14 @@ def _holds_run(directory: Path) -> bool:
         if any(part.stat().st_size for part in directory.glob(f"{place}parts/*") if part.is_file()):
             return True
     return False
+
+
+@contextlib.contextmanager
+def held(run_dir: Path) -> Iterator[None]:
+    """Lock the directory of a run. Raises InputError if another process holds it."""
+    with (run_dir / LAUNCH).open("rb") as file:
+        lock(file, run_dir)
+        yield
 
 
 def jobs_of_sweep(sweep_dir: Path, num_jobs: int) -> list[Path]:

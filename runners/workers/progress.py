@@ -92,5 +92,21 @@ class TrialProgress(_Bar):
         self._bar.update(self._task, advance=1, best=_reward_text(best), rate=f"{rate:.1f} trials/s")
 
 
+class LearnProgress(_Bar):
+    """Finished rounds or steps of a learner, what it is doing, and the best success in validation."""
+
+    def __init__(self, label: str, total: int) -> None:
+        best, doing = "best success {task.fields[best]}", "{task.fields[doing]}"
+        super().__init__(label, total, best, doing, best="–", doing="")
+
+    def reach(self, done: int, best: float | None) -> None:
+        """So many rounds or steps are done, those of an earlier run included."""
+        self._bar.update(self._task, completed=done, best=_reward_text(best), doing="")
+
+    def say(self, doing: str) -> None:
+        """Name what is being done."""
+        self._bar.update(self._task, doing=doing)
+
+
 def _reward_text(best: float | None) -> str:
     return "–" if best is None else f"{best:.3f}"

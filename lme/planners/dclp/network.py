@@ -11,10 +11,10 @@ from lme.kernels.dense import dense
 from lme.planners.dclp.weights import COMPONENTS, LAYERS, MIXTURE, Weights
 from lme.types import Floats
 
-_SLOPE = 0.2  # of the leaky ReLU, TensorFlow's default
+SLOPE = 0.2  # of the leaky ReLU, TensorFlow's default
 _NONE = 1.0  # slope of no ReLU
-_LEAST = 1e-8  # [m] of distance plus α
-_DISTANCE = 2  # column of the distance in a direction's inputs
+LEAST_DISTANCE = 1e-8  # [m] of distance plus α
+DISTANCE = 2  # column of the distance in a direction's inputs
 
 
 class Mixture(NamedTuple):
@@ -42,12 +42,12 @@ class Network:
         distance and bearing of the target, v, ω, and the limits of v, ω and their accelerations, in SI units.
         """
         features = directions.astype(np.float32)
-        features[:, _DISTANCE] = 1.0 / np.maximum(directions[:, _DISTANCE] + self._alpha, _LEAST)
+        features[:, DISTANCE] = 1.0 / np.maximum(directions[:, DISTANCE] + self._alpha, LEAST_DISTANCE)
         for kernel, bias in self._shared:
-            features = dense(features, kernel, bias, _SLOPE)
+            features = dense(features, kernel, bias, SLOPE)
         joint: NDArray[np.float32] = np.concatenate((features.max(axis=0), state.astype(np.float32)))[None]
         for kernel, bias in self._joint:
-            joint = dense(joint, kernel, bias, _SLOPE)
+            joint = dense(joint, kernel, bias, SLOPE)
         kernel, bias = self._output
         output = dense(joint, kernel, bias, _NONE).astype(np.float64).reshape(COMPONENTS, MIXTURE)
         return Mixture(output[:, 0], np.tanh(output[:, 1:3]))

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from lme.errors import InputError
+from lme.planners.dclp.interface import DclpConfig, Told
 from lme.planners.dclp.network import Mixture, Network, draw
-from lme.planners.dclp.planner import Dclp, DclpConfig, Told
+from lme.planners.dclp.planner import Dclp
 from lme.robots import Footprint
 from lme.types import Guidance, Twist
 from tests import oracles

@@ -1,0 +1,159 @@
+"""Between a robot and DRL-DCLP's network: what the network is told, and what its answer means."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from dataclasses import dataclass, field, fields
+from typing import NamedTuple
+
+import numpy as np
+
+from lme.errors import require
+from lme.planners.commands import limited
+from lme.planners.dclp.observation import DIRECTIONS, nearest_by_direction
+from lme.planners.dclp.weights import DIRECTION_INPUTS
+from lme.robots import Robot
+from lme.types import Floats, Guidance, Limits, Observation, Twist
+
+# What the network was trained for: the authors' training script. Half widths are at most (front + rear) / 2.
+_TRAINED = {
+    "v_max": (0.3, 2.0),
+    "omega_max": (math.pi / 6, 2 * math.pi),
+    "alpha_v": (0.5, 5.0),
+    "alpha_omega": (math.pi / 6, 2 * math.pi),
+    "front": (0.075, 0.6),
+    "rear": (0.075, 0.6),
+    "half_width": (0.075, 0.6),
+}
+_ROUNDING = 1e-6
+
+
+@dataclass(slots=True)
+class Told:
+    """The robot as the network is told, where that differs from the robot; null: the robot's own."""
+
+    v_max: float | None = None  # [m/s]
+    omega_max: float | None = None  # [rad/s]
+    alpha_v: float | None = None  # [m/s²]
+    alpha_omega: float | None = None  # [rad/s²]
+    front: float | None = None  # [m] from the base to the front
+    rear: float | None = None  # [m] from the base to the rear
+    half_width: float | None = None  # [m]
+    lidar_x: float | None = None  # [m] of the lidar ahead of the base
+
+    def __post_init__(self) -> None:
+        for key in _TRAINED:
+            if getattr(self, key) is not None:
+                require(f"planner.told.{key}", getattr(self, key), above=0.0)
+        if self.lidar_x is not None:
+            require("planner.told.lidar_x", self.lidar_x)
+
+    def over(self, robot: Robot) -> Told:
+        """The robot's own values with these in place of them."""
+        half_length, half_width, rounding = robot.footprint.box
+        length, width = half_length + rounding, half_width + rounding
+        own = Told(*robot.limits, front=length, rear=length, half_width=width, lidar_x=robot.lidar.x)
+        given = {each.name: getattr(self, each.name) for each in fields(self)}
+        return Told(**{name: getattr(own, name) if value is None else value for name, value in given.items()})
+
+
+@dataclass(slots=True)
+class DclpConfig:
+    """The network's weights and the ranges that it is given where the lidar sees nothing."""
+
+    weights: str | None = None  # path of an .npz
+    no_return: float = 5.0  # [m] range of a beam without return
+    blind_range: float = 5.0  # [m] range in a direction without beams
+    lookahead: float = 2.0  # [m] of the subgoal on a guide's path
+    full_v: float | None = None  # [m/s] command of a full answer of the network; None: v_max as told
+    full_omega: float | None = None  # [rad/s] the same for omega_max
+    told: Told = field(default_factory=Told)
+
+    def __post_init__(self) -> None:
+        for key in ("no_return", "blind_range", "lookahead"):
+            require(f"planner.{key}", getattr(self, key), above=0.0)
+        for key in ("full_v", "full_omega"):
+            if getattr(self, key) is not None:
+                require(f"planner.{key}", getattr(self, key), above=0.0)
+
+
+class Features(NamedTuple):
+    """Inputs of the network, as `Network.mixture` takes them. directions: (90, 6). state: (8,)."""
+
+    directions: Floats
+    state: Floats
+
+
+class Interface:
+    """What the network is told of a robot, and the command that its answer stands for."""
+
+    def __init__(self, config: DclpConfig, robot: Robot) -> None:
+        self._config = config
+        self._dt = robot.dt
+        self.told = told = config.told.over(robot)
+        self._mount = robot.lidar.mount._replace(x=_number(told.lidar_x))
+        self._directions = np.empty((DIRECTIONS, DIRECTION_INPUTS))
+        self._directions[:, 3:] = [_number(told.front), _number(told.rear), _number(told.half_width)]
+
+    def features(self, observation: Observation, subgoal: Floats) -> Features:
+        """What the network is told. subgoal: (2,) in the robot frame [m]."""
+        config = self._config
+        directions = self._directions.copy()
+        directions[:, :3] = nearest_by_direction(
+            observation.scan, self._mount, config.no_return, config.blind_range
+        )
+        x, y = subgoal
+        limits = self._limits(observation.limits)
+        state = np.array([math.hypot(x, y), math.atan2(y, x), *observation.twist, *limits])
+        return Features(directions, state)
+
+    def goal(self, guidance: Guidance) -> Floats:
+        """The subgoal, or where the guide has a path, the first point on it that is `lookahead` away: (2,) [m]."""
+        path = guidance.path
+        if path is None or guidance.blocked:
+            return guidance.subgoal
+        far = np.flatnonzero(np.hypot(path[:, 0], path[:, 1]) >= self._config.lookahead)
+        goal: Floats = path[far[0] if len(far) else -1]
+        return goal
+
+    def action(self, command: Twist, own: Limits) -> Floats:
+        """The answer (2,) that stands for a command, cut off at ±1. own: the robot's limits."""
+        answer: Floats = np.clip(np.array(command) / self.full(own), -1.0, 1.0)
+        return answer
+
+    def command(self, action: Floats, observation: Observation) -> Twist:
+        """The command of an answer (2,) of v and ω in (−1, 1), limited to what the robot can reach in a period."""
+        v, omega = action
+        full_v, full_omega = self.full(observation.limits)
+        return limited(float(v) * full_v, float(omega) * full_omega, observation, self._dt)
+
+    def full(self, own: Limits) -> tuple[float, float]:
+        """Commands of a full answer [m/s], [rad/s]. own: the robot's limits."""
+        config, limits = self._config, self._limits(own)
+        return (
+            limits.v_max if config.full_v is None else config.full_v,
+            limits.omega_max if config.full_omega is None else config.full_omega,
+        )
+
+    def _limits(self, own: Limits) -> Limits:
+        """The limits that the network is told."""
+        told = self._config.told
+        given = {name: getattr(told, name) for name in Limits._fields}
+        return own._replace(**{name: value for name, value in given.items() if value is not None})
+
+
+def _number(value: float | None) -> float:
+    assert value is not None
+    return float(value)
+
+
+def warn_if_untrained(told: Told) -> None:
+    """Warn of a robot, as told, outside of what the published network was trained for."""
+    for key, (low, high) in _TRAINED.items():
+        value = _number(getattr(told, key))
+        if not low - _ROUNDING <= value <= high + _ROUNDING:
+            warnings.warn(
+                f"planner.told.{key} is {value:g}: the published DCLP network was trained for {low:.3g} to {high:.3g}",
+                stacklevel=4,
+            )

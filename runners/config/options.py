@@ -1,0 +1,40 @@
+"""Options of a config group that a job names beside the one that it has chosen."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict
+from typing import Any, cast
+
+from omegaconf import OmegaConf
+
+from lme.errors import InputError, nearest
+from lme.resources import overlaid
+from runners.config.catalogue import Catalogue
+from runners.config.job import Job
+from runners.config.schema import SystemConfig
+
+
+def named_option(
+    job: Job[SystemConfig], key: str, group: str, name: str, settings: Mapping[str, Any] | None = None
+) -> dict[str, Any]:
+    """The node of the option `name` of a group, as if the job had chosen it, with `settings` in place of its own.
+
+    The option that the job has chosen is the job's own node. key: where the name stands in the config, for the
+    message. Raises InputError for a name that is no option.
+    """
+    if job.choices.get(group) == name:
+        node: Mapping[str, Any] = getattr(job.config, group)
+    else:
+        node = _read(job, key, group, name)
+    return overlaid(node, settings or {})
+
+
+def _read(job: Job[SystemConfig], key: str, group: str, name: str) -> dict[str, Any]:
+    catalogue = Catalogue(job.folders)
+    known = catalogue.options(group)
+    if name not in known:
+        raise InputError(f"{key} is {name!r}: {nearest(name, known)}must be one of {', '.join(known)}")
+    values = catalogue.values(f"{group}/{name}")
+    whole = OmegaConf.create({**asdict(job.config), group: values})  # for what the file interpolates
+    return cast(dict[str, Any], OmegaConf.to_container(whole[group], resolve=True))

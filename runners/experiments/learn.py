@@ -1,0 +1,223 @@
+"""Learn the network of one job, write its weight file, and evaluate it on held-out worlds."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Mapping
+from dataclasses import asdict, fields, replace
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from lme.errors import InputError, require
+from runners.analysis import failures
+from runners.config import build
+from runners.config.instantiate import build as build_target
+from runners.config.instantiate import configured
+from runners.config.job import Job
+from runners.config.options import named_option
+from runners.config.schema import LearnConfig
+from runners.config.weights import NETWORK, find_network, with_network
+from runners.experiments import evaluate
+from runners.experiments.held_out import evaluate_held_out
+from runners.experiments.labels import run_labels
+from runners.experiments.resume_hint import resume_hint
+from runners.learning.learnable import check_learnable
+from runners.records import network_file
+from runners.records.launch_record import fingerprint, identity
+from runners.records.run_directories import held
+from runners.workers import lessons
+from runners.workers.lessons import Expert, LessonPayload
+from runners.workers.progress import LearnProgress
+from runners.workers.robots import check_ranges
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from runners.learning.run import Learner, Row, Run
+
+_EXTRA = "learn"
+
+
+def validate(job: Job[LearnConfig]) -> None:
+    """Check the job before anything runs. Raises InputError."""
+    config = job.config
+    check_learnable(config.planner, job.choices["planner"])
+    if find_spec("torch") is None:
+        raise InputError(f"lme learn needs torch: pip install 'lme-nav[{_EXTRA}]'")
+    evaluate.check_report(job)
+    build.check_episodes(config)
+    _check_network(job)
+    _check_worlds(config)
+    for key in ("validation", "threads"):
+        require(key, getattr(config, key), at_least=1)
+    check_ranges(config.robots)
+    learner: Learner = build_target(config.learner, "learner")
+    learner.check(config)
+    _payload(job, learner)
+    network_file.check_name(network_name(job), _fingerprint(config))
+
+
+def learn(job: Job[LearnConfig]) -> None:
+    """Learn until the learner is done, evaluate the best network, and write everything below the run directory."""
+    config, run_dir = job.config, job.run_dir
+    tracking = build_target(config.tracking, "tracking")
+    tags = {**asdict(run_labels(job, build.map_set(config))), "changes": job.changes_text, "command": "learn"}
+    tracking.start(asdict(config), run_dir, tags, job.sweep_dir)
+    with resume_hint("learn", run_dir), held(run_dir):
+        run = _learned(job)
+        files = [*_registered(job, run, {}), _picture(run)]
+        frame = evaluate_held_out(job, {"planner.weights": str(run_dir / NETWORK)}, config.weights)
+        _registered(job, run, _by_place(frame))
+    pages = [page for place in frame["run_dir"].unique() for page in failures.folder(Path(place))]
+    tracking.finish(_numbers(frame, run.rows[-1]), [*files, *pages], _series(run.rows))
+
+
+def network_name(job: Job[LearnConfig]) -> str:
+    """The name that the network is registered under."""
+    config = job.config
+    if config.name is not None:
+        return config.name
+    parts = (job.choices["planner"], job.choices["learner"], config.seed, _fingerprint(config)[:8])
+    return "-".join(map(str, parts))
+
+
+def _learned(job: Job[LearnConfig]) -> Run:
+    """The run after its last round or step."""
+    from runners.learning.run import Run
+
+    config = job.config
+    learner: Learner = build_target(config.learner, "learner")
+    start = None if config.start is None else find_network(config.start, "start")
+    executor = build_target(config.executor, "executor")
+    payload = _payload(job, learner)
+    label = f"learn {job.choices['planner']} by {job.choices['learner']}"
+    with LearnProgress(label, learner.total) as progress, executor.open(lessons.initialise, payload) as drive:
+        run = Run(payload.config, job.run_dir, start, drive, progress)
+        learner.learn(run)
+    return run
+
+
+def _payload(job: Job[LearnConfig], learner: Learner) -> LessonPayload:
+    """What the workers need. Raises InputError for an option that is none, or that cannot be built."""
+    config = replace(job.config, guides=job.config.guides or {job.choices["guide"]: 1.0})
+    for name, share in config.guides.items():
+        require(f"guides.{name}", share, above=0.0)
+    guides = {name: named_option(job, "guides", "guide", name) for name in config.guides}
+    for node in guides.values():
+        build_target(node, "guide", config.robot)
+    if learner.expert is None:
+        return LessonPayload(config, guides, None)
+    planner, guide, settings = (learner.expert[key] for key in ("planner", "guide", "settings"))
+    expert = Expert(
+        named_option(job, "learner.expert.planner", "planner", planner, settings),
+        None if guide is None else named_option(job, "learner.expert.guide", "guide", guide),
+    )
+    build_target(with_network(expert.planner), "learner.expert", config.robot)
+    return LessonPayload(config, guides, expert)
+
+
+def _check_network(job: Job[LearnConfig]) -> None:
+    """Raise InputError for weights given at the wrong place, and for a robot that the planner hides."""
+    config = job.config
+    if "planner.weights" in job.changes:
+        raise InputError(
+            f"planner.weights is {config.planner['weights']}: lme learn makes the weights; "
+            "to go on from some give start=NAME"
+        )
+    if config.start is not None:
+        find_network(config.start, "start")
+    configured({**config.planner, "weights": None}, "planner")
+    told = [key for key, value in dict(config.planner.get("told", {})).items() if value is not None]
+    if told and any(getattr(config.robots, field.name) for field in fields(config.robots)):
+        raise InputError(
+            f"planner.told sets {', '.join(told)}: must be null where robots are drawn, such as with planner=dclp"
+        )
+
+
+def _check_worlds(config: LearnConfig) -> None:
+    """Raise InputError unless the training maps have worlds of their own."""
+    if not config.training:
+        raise InputError("training is {}: must hold at least one map set")
+    require("first_world", config.first_world, at_least=0)
+    for node in list(config.held_out.values()) or [config.map]:
+        last = max(build.map_set(replace(config, map=node)).numbers)
+        if last >= config.first_world:
+            raise InputError(
+                f"first_world is {config.first_world}: must be above {last}, the last held-out world"
+            )
+    for name, node in config.training.items():
+        try:
+            build.map_set(replace(config, map=node), [config.first_world])
+        except InputError as error:
+            raise InputError(
+                f"training.{name} has no world {config.first_world}, first_world: must be a map set with drawn "
+                f"worlds, such as barn with subset fresh ({error})"
+            ) from error
+
+
+def _registered(job: Job[LearnConfig], run: Run, held_out: Mapping[str, Any]) -> list[Path]:
+    """Write network and card under the run's name; the files in its directory."""
+    config, name = job.config, network_name(job)
+    last = {key: round(float(value), 6) for key, value in run.rows[-1].items()}
+    about = {
+        "command": shlex.join(["lme", "learn", *_words(job)]),
+        "planner": job.choices["planner"],
+        "learner": job.choices["learner"],
+        "robot": config.robot.name,
+        "seed": config.seed,
+        "training": _fingerprint(config),
+        "validation": {
+            "worlds": config.validation,
+            "guides": list(run.config.guides),
+            "best_success": run.best,
+        },
+        "last": last,
+        "held_out": dict(held_out),
+    }
+    use = f"lme eval guide={job.choices['guide']} planner={job.choices['planner']} planner.weights={name}"
+    files = network_file.register(job.run_dir, name, about, use)
+    if not held_out:
+        print(f"Best success in validation {run.best:.3f} of {len(run.rows)} networks judged")
+        print(f"Network: {files[0]}; use it with: {use}")
+    return files
+
+
+def _picture(run: Run) -> Path:
+    from runners.figures.reports.learning import curves_figure
+
+    return curves_figure(run.rows, run.run_dir / "curves.png")
+
+
+def _by_place(frame: pd.DataFrame) -> dict[str, dict[str, float]]:
+    """The rates of each held-out map, for the card."""
+    from runners.analysis.summary import metrics
+
+    return {
+        str(place): {key: round(float(value), 6) for key, value in metrics(part).items()}
+        for place, part in frame.groupby("map")
+    }
+
+
+def _numbers(frame: pd.DataFrame, last: Row) -> dict[str, float]:
+    places = _by_place(frame)
+    found = {
+        f"{place}_{key}" if len(places) > 1 else key: value
+        for place, values in places.items()
+        for key, value in values.items()
+    }
+    return {**found, "validation_success": last["best_success"], "hours": last["hours"]}
+
+
+def _series(rows: list[Row]) -> dict[str, list[float]]:
+    return {f"curve_{key}": [row[key] for row in rows] for key in rows[0]}
+
+
+def _words(job: Job[LearnConfig]) -> list[str]:
+    return [
+        word for word in job.overrides if word.partition("=")[0] not in ("resume", "executor", "tracking")
+    ]
+
+
+def _fingerprint(config: LearnConfig) -> str:
+    return fingerprint([identity(config)], multirun=False)

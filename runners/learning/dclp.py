@@ -1,0 +1,178 @@
+"""DRL-DCLP's network in torch: the same layers and the same numbers as `lme.planners.dclp.network`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import IO, cast
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor, nn
+
+from lme.planners.dclp.interface import DclpConfig, Interface
+from lme.planners.dclp.network import DISTANCE, LEAST_DISTANCE, SLOPE
+from lme.planners.dclp.weights import (
+    COMPONENTS,
+    CONVOLUTIONS,
+    LAYERS,
+    MIXTURE,
+    SHAPES,
+    STATE_INPUTS,
+    read_weights,
+    write_weights,
+)
+from lme.robots import Robot
+from runners.learning.mixture import Mixture
+
+_FIRST_JOINT, _LAST = "dense_1", LAYERS[-1]
+_LOG_SIGMA = (-20.0, 2.0)  # bounds of the logarithm of a deviation, those in common use for SAC
+# The first weights. State inputs count about as much as the others; the components drive ahead, left, right and stop.
+_ALPHA = 0.3  # [m]
+_STATE_SCALE = (0.3, 0.7, 0.7, 0.4, 0.5, 0.25, 0.05, 0.04)
+_FIRST_ACTIONS = (
+    (1.0, 0.0, -1.0, -1.0),
+    (0.3, 0.5, -1.0, -1.0),
+    (0.3, -0.5, -1.0, -1.0),
+    (0.0, 0.0, -1.0, -1.0),
+)
+
+
+class Body(nn.Module):
+    """The layers of the published network, with further inputs beside the state or other outputs."""
+
+    def __init__(self, more_inputs: int, outputs: int) -> None:
+        super().__init__()
+        self.alpha: Tensor = nn.Parameter(torch.tensor(_ALPHA))
+        shapes = {name: SHAPES[f"{name}.kernel"] for name in LAYERS}
+        shapes[_FIRST_JOINT] = (shapes[_FIRST_JOINT][0] + more_inputs, shapes[_FIRST_JOINT][1])
+        shapes[_LAST] = (shapes[_LAST][0], outputs)
+        self.layers = nn.ModuleDict({name: _linear(shape) for name, shape in shapes.items()})
+        with torch.no_grad():
+            begin = CONVOLUTIONS[-1]
+            self.layer(_FIRST_JOINT).weight[:, begin : begin + STATE_INPUTS] *= torch.tensor(_STATE_SCALE)
+            self.layer(_LAST).weight *= 0.1
+
+    def layer(self, name: str) -> nn.Linear:
+        """One of `LAYERS`."""
+        return cast(nn.Linear, self.layers[name])
+
+    def output(self, directions: Tensor, joint: Tensor) -> Tensor:
+        """directions: (B, 90, 6). joint: (B, J) of the state and the further inputs, or (B, K, J) of K such a scene."""
+        nearest = self._nearest(directions)
+        if joint.dim() == 3:
+            nearest = nearest[:, None].expand(-1, joint.shape[1], -1)
+        joint = torch.cat((nearest, joint), -1)
+        for name in LAYERS[3:-1]:
+            joint = _leaky(self.layer(name)(joint))
+        output: Tensor = self.layer(_LAST)(joint)
+        return output
+
+    def _nearest(self, directions: Tensor) -> Tensor:
+        """The largest of each feature over the directions: (B, 128).
+
+        The last shared layer is differentiated only for the directions that are largest, since the others have no
+        gradient.
+        """
+        distance = directions[..., DISTANCE, None]
+        inverse = 1.0 / (distance + self.alpha).clamp(min=LEAST_DISTANCE)
+        features = torch.cat((directions[..., :DISTANCE], inverse, directions[..., DISTANCE + 1 :]), -1)
+        for name in LAYERS[:2]:
+            features = _leaky(self.layer(name)(features))
+        last = self.layer(LAYERS[2])
+        with torch.no_grad():
+            largest = (features @ last.weight.T).argmax(1)
+        chosen = features.gather(1, largest[..., None].expand(-1, -1, features.shape[-1]))
+        return _leaky((chosen * last.weight).sum(-1) + last.bias)
+
+
+class DclpCritic(Body):
+    """The value of a scene, or of an action in it, by layers like the policy's."""
+
+    def __init__(self, actions: int) -> None:
+        super().__init__(actions, 1)
+
+    def forward(self, directions: Tensor, state: Tensor, *actions: Tensor) -> Tensor:
+        """Features as the policy's, and actions (B, A) if the critic takes them: (B,).
+
+        Of K actions a scene (B, K, A): (B, K).
+        """
+        for several in actions:
+            if several.dim() == 3:
+                state = state[:, None].expand(-1, several.shape[1], -1)
+        return self.output(directions, torch.cat((state, *actions), -1))[..., 0]
+
+
+class DclpNetwork(Body):
+    """The published network. `weights` and `load` exchange the arrays of `SHAPES`."""
+
+    def __init__(self) -> None:
+        super().__init__(0, COMPONENTS * MIXTURE)
+        with torch.no_grad():
+            self.layer(_LAST).bias.view(COMPONENTS, MIXTURE)[:, 1:] = torch.tensor(_FIRST_ACTIONS)
+
+    def forward(self, directions: Tensor, state: Tensor) -> Mixture:
+        """directions: (B, 90, 6), state: (B, 8), as `lme.planners.dclp.interface.Features`."""
+        output = self.output(directions, state).view(-1, COMPONENTS, MIXTURE)
+        return Mixture(output[..., 0], output[..., 1:3], output[..., 3:].clamp(*_LOG_SIGMA))
+
+    @staticmethod
+    def interface(planner: DclpConfig, robot: Robot) -> Interface:
+        """What the network is told of a robot, and what its answer means."""
+        return Interface(planner, robot)
+
+    @staticmethod
+    def critic(actions: int) -> DclpCritic:
+        """A critic of the same inputs and of `actions` numbers."""
+        return DclpCritic(actions)
+
+    def weights(self, sharpness: float = 1.0) -> dict[str, NDArray[np.float32]]:
+        """The arrays of `SHAPES`. sharpness: of the draw of components, a factor on their logits."""
+        found = {"alpha": self.alpha.detach().numpy().copy()}
+        for name in LAYERS:
+            layer = self.layer(name)
+            found[f"{name}.kernel"] = np.ascontiguousarray(layer.weight.detach().numpy().T)
+            found[f"{name}.bias"] = layer.bias.detach().numpy().copy()
+        found[f"{_LAST}.kernel"][:, ::MIXTURE] *= sharpness
+        found[f"{_LAST}.bias"][::MIXTURE] *= sharpness
+        return found
+
+    def load(self, weights: Mapping[str, NDArray[np.float32]]) -> None:
+        """Take over the arrays of `SHAPES`."""
+        with torch.no_grad():
+            self.alpha.copy_(torch.from_numpy(np.asarray(weights["alpha"])))
+            for name in LAYERS:
+                layer = self.layer(name)
+                layer.weight.copy_(torch.from_numpy(weights[f"{name}.kernel"].T.copy()))
+                layer.bias.copy_(torch.from_numpy(weights[f"{name}.bias"]))
+
+    def mirror(self, features: tuple[Tensor, ...], actions: Tensor) -> tuple[tuple[Tensor, ...], Tensor]:
+        """Features and actions as a mirror ahead of the robot shows them: what was left is right."""
+        directions, state = features
+        across, turns = torch.ones(directions.shape[-1]), torch.ones(state.shape[-1])
+        across[0] = turns[1] = turns[3] = -1.0  # cos to the right; bearing of the target; ω
+        return (directions * across, state * turns), actions * torch.tensor([1.0, -1.0])
+
+    @staticmethod
+    def read(path: Path) -> Mapping[str, NDArray[np.float32]]:
+        """The arrays of `SHAPES` in a file. Raises InputError."""
+        return read_weights(path)
+
+    @staticmethod
+    def write(weights: Mapping[str, NDArray[np.float32]], file: IO[bytes]) -> None:
+        """Write a file for `planner.weights`."""
+        write_weights(weights, file)
+
+
+def _linear(shape: tuple[int, ...]) -> nn.Linear:
+    """A layer with the first weights of He et al. (2015), for ReLUs."""
+    inputs, outputs = shape
+    layer = nn.Linear(inputs, outputs)
+    nn.init.kaiming_normal_(layer.weight, a=SLOPE)
+    nn.init.zeros_(layer.bias)
+    return layer
+
+
+def _leaky(values: Tensor) -> Tensor:
+    return nn.functional.leaky_relu_(values, SLOPE)  # in place: half of the time is memory

@@ -1,0 +1,215 @@
+"""Robots that a network drives for its own experience: many at once, by `lme.envs.fleet.Fleet`."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from typing import NamedTuple, cast
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from lme.envs.fleet import Fleet, Views
+from lme.envs.reward import Result, Reward
+from lme.errors import InputError, require
+from lme.robots import Footprint, Robot
+from lme.sim.fast import FastConfig, FastSimulator
+from lme.types import LaserScan, Limits, Observation, Outcome, Pose, Twist
+from lme.worlds.world import MapSet, Task
+from runners.config import build
+from runners.config.instantiate import configured
+from runners.config.schema import LearnConfig
+from runners.learning.run import Run
+from runners.workers.lessons import Interface
+from runners.workers.robots import drawn
+
+Features = tuple[Tensor, ...]
+_RECENT = 100  # episodes whose success counts
+
+
+@dataclass(slots=True)
+class Curriculum:
+    """Easier tasks first: it is enough to come within `within` of the goal, stage by stage.
+
+    within: [m] of each stage, before the map's own tolerance. promote: success in the last hundred episodes that ends
+    a stage.
+    """
+
+    within: list[float] = field(default_factory=list)
+    promote: float = 0.8
+
+    def __post_init__(self) -> None:
+        for distance in self.within:
+            require("learner.curriculum.within", distance, above=0.0)
+        require("learner.curriculum.promote", self.promote, above=0.0, at_most=1.0)
+
+
+class Experience(NamedTuple):
+    """What a step of N robots gives.
+
+    features: of what they see next. rewards (N,). terminated, truncated (N,) bool. ended (K,): robots at the start of
+    their next episode, with `last`, the features of what they saw at the end of the one before.
+    """
+
+    features: Features
+    rewards: Tensor
+    terminated: Tensor
+    truncated: Tensor
+    ended: Tensor
+    last: Features
+
+
+class Driving:
+    """N robots in training worlds, seen as the network is told, under the target as subgoal."""
+
+    def __init__(
+        self, run: Run, num_robots: int, worlds: int, reward: Reward, curriculum: Curriculum, part: int
+    ) -> None:
+        """part: of the training, so that another part has other episodes."""
+        config = run.config
+        self._config, self._reward, self._curriculum = config, reward, curriculum
+        self._network = run.network
+        self._maps = _Worlds(config, run.places(0, worlds))
+        self._num, self._seeds = num_robots, np.random.SeedSequence([config.seed, part])
+        self._planner = configured({**config.planner, "weights": None}, "planner")[1]
+        self.stage = 0
+        self.episodes = 0
+        self._returns = np.zeros(num_robots)
+        self.ended_returns: deque[float] = deque(maxlen=_RECENT)
+        self.recent: deque[bool] = deque(maxlen=_RECENT)
+
+    def start(self, stage: int) -> Features:
+        """Begin episodes of a stage of the curriculum; what the robots see."""
+        self.stage = stage
+        self.recent.clear()
+        within = [*self._curriculum.within, None][stage]
+        config = self._config
+        any_robot = any(value is not None for value in _ranges(config))
+        robot = (lambda rng: drawn(config.robot, config.robots, rng)) if any_robot else config.robot
+        self._fleet = Fleet(self._maps.within(within), robot, self._num, _simulator(config), self._reward)
+        seeds = [int(child.generate_state(1)[0]) for child in self._seeds.spawn(self._num)]
+        self._views = self._fleet.reset(seeds)
+        self._returns[:] = 0.0
+        self._interfaces = [self._interface(self._views, i) for i in range(self._num)]
+        return self._features(self._views, range(self._num))
+
+    def step(self, actions: Tensor) -> Experience:
+        """Drive one control period. actions: (N, 2) in [−1, 1]."""
+        pairs = enumerate(actions.double().numpy())
+        commands = [self._interfaces[i].command(each, self._observation(self._views, i)) for i, each in pairs]
+        done = self._fleet.step(np.array(commands))
+        self._returns += done.rewards
+        last = self._features(done.last_views, done.ended)
+        for k, i in enumerate(done.ended):
+            self._interfaces[i] = self._interface(done.views, int(i))
+            self._finished(int(i), done.results[k])
+        self._views = done.views
+        features = self._features(done.views, range(self._num))
+        return Experience(
+            features=features,
+            rewards=torch.from_numpy(done.rewards).float(),
+            terminated=torch.from_numpy(done.terminated),
+            truncated=torch.from_numpy(done.truncated),
+            ended=torch.from_numpy(done.ended),
+            last=last,
+        )
+
+    @property
+    def success(self) -> float:
+        """Share of successes among the last episodes; NaN before the first."""
+        return sum(self.recent) / len(self.recent) if self.recent else math.nan
+
+    @property
+    def mean_return(self) -> float:
+        """Mean sum of the rewards of the last episodes; NaN before the first."""
+        return sum(self.ended_returns) / len(self.ended_returns) if self.ended_returns else math.nan
+
+    @property
+    def promoted(self) -> bool:
+        """Whether the present stage of the curriculum is done."""
+        full = len(self.recent) == _RECENT and self.stage < len(self._curriculum.within)
+        return full and self.success >= self._curriculum.promote
+
+    def _finished(self, i: int, result: Result) -> None:
+        self.episodes += 1
+        self.recent.append(result.outcome is Outcome.SUCCESS)
+        self.ended_returns.append(float(self._returns[i]))
+        self._returns[i] = 0.0
+
+    def _features(self, views: Views, robots: Iterable[int]) -> Features:
+        """Features of the rows of `views`, which are those of `robots`."""
+        rows = []
+        for row, i in enumerate(robots):
+            rows.append(self._interfaces[int(i)].features(self._observation(views, row), views.targets[row]))
+        return tuple(torch.from_numpy(np.array(each, np.float32)) for each in zip(*rows, strict=True))
+
+    def _observation(self, views: Views, row: int) -> Observation:
+        lidar = self._config.robot.lidar
+        scan = LaserScan(
+            views.ranges[row], lidar.angle_min, lidar.angle_increment, lidar.range_min, lidar.range_max
+        )
+        twist, limits = Twist(*views.twists[row].tolist()), Limits(*views.limits[row].tolist())
+        return Observation(scan, views.targets[row], twist, limits, Pose(0.0, 0.0, 0.0))
+
+    def _interface(self, views: Views, row: int) -> Interface:
+        return self._network.interface(self._planner, _robot(self._config, views, row))
+
+
+class _Worlds:
+    """The training map sets as one, whose worlds are built once, also for another stage of the curriculum."""
+
+    def __init__(self, config: LearnConfig, places: list[tuple[str, int]]) -> None:
+        self._config = config
+        self._names = {number: name for name, number in places}
+        self.numbers = tuple(self._names)
+        self.task = lru_cache(maxsize=None)(self._built)
+
+    def within(self, distance: float | None) -> MapSet:
+        """The same worlds, with success within this distance of the goal [m]; None: the map's own."""
+        return cast(MapSet, self if distance is None else _Nearer(self, distance))
+
+    def _built(self, number: int) -> Task:
+        node = self._config.training[self._names[number]]
+        return build.map_set(replace(self._config, map=node), [number]).task(number)
+
+
+class _Nearer:
+    def __init__(self, worlds: _Worlds, distance: float) -> None:
+        self.numbers, self._worlds, self._distance = worlds.numbers, worlds, distance
+
+    def task(self, number: int) -> Task:
+        task = self._worlds.task(number)
+        return replace(task, goal_tolerance=max(self._distance, task.goal_tolerance))
+
+
+def check_driving(config: LearnConfig) -> None:
+    """Raise InputError for a simulator that cannot move many robots at once."""
+    _simulator(config)
+
+
+def _simulator(config: LearnConfig) -> FastConfig:
+    cls, found = configured(config.sim, "sim")
+    if cls is not FastSimulator:
+        raise InputError(
+            "sim is not fast: reinforcement drives many robots at once, which sim=fast alone can"
+        )
+    return cast(FastConfig, found)
+
+
+def _ranges(config: LearnConfig) -> list[list[float] | None]:
+    found = config.robots
+    return [found.v_max, found.omega_max, found.alpha_v, found.alpha_omega, found.length, found.width]
+
+
+def _robot(config: LearnConfig, views: Views, row: int) -> Robot:
+    """The robot of a row: the job's, with the limits and the footprint that were drawn."""
+    limits = Limits(*views.limits[row].tolist())
+    if config.robots.length is None:
+        return replace(config.robot, **limits._asdict())
+    half_length, half_width, _ = views.boxes[row].tolist()
+    footprint = Footprint(length=2 * half_length, width=2 * half_width)
+    return replace(config.robot, **limits._asdict(), footprint=footprint, contact=None, collision_radius=None)

@@ -1,0 +1,83 @@
+"""The networks that can be learned, each by its planner. A further one is a line here and a class beside `dclp.py`."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import IO, TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lme.errors import InputError
+
+if TYPE_CHECKING:
+    from torch import Tensor, nn
+
+    from lme.robots import Robot
+    from runners.learning.mixture import Mixture
+    from runners.workers.lessons import Interface
+
+Arrays = Mapping[str, NDArray[np.float32]]
+_NETWORKS = {
+    "lme.planners.dclp.Dclp": ("dclp", "runners.learning.dclp.DclpNetwork")
+}  # by the planner's class
+
+
+class Learnable(Protocol):
+    """A network in torch, a `torch.nn.Module`, that a planner drives with in numpy.
+
+    The planner has an `interface` with `features`, whose arrays `__call__` takes as float32 with a batch in front.
+    """
+
+    def __call__(self, *features: Tensor) -> Mixture:
+        """The distribution of the actions."""
+
+    def weights(self, sharpness: float = 1.0) -> dict[str, NDArray[np.float32]]:
+        """The arrays that the planner's file holds. sharpness: of the draw of components, a factor on their logits."""
+
+    def load(self, weights: Arrays) -> None:
+        """Take over these arrays."""
+
+    @staticmethod
+    def interface(planner: Any, robot: Robot) -> Interface:
+        """What the network is told of a robot, and what its answer means. planner: its Config."""
+
+    @staticmethod
+    def critic(actions: int) -> nn.Module:
+        """A network from the features, and a tensor (B, actions) if that is not 0, to values (B,)."""
+
+    def mirror(self, features: tuple[Tensor, ...], actions: Tensor) -> tuple[tuple[Tensor, ...], Tensor]:
+        """Features and actions as a mirror ahead of the robot shows them."""
+
+    def parameters(self) -> Iterator[nn.Parameter]:
+        """Of torch."""
+
+    def state_dict(self) -> dict[str, Any]:
+        """Of torch."""
+
+    def load_state_dict(self, state_dict: Mapping[str, Any]) -> Any:
+        """Of torch."""
+
+    @staticmethod
+    def read(path: Path) -> Arrays:
+        """The arrays in a planner's file. Raises InputError."""
+
+    @staticmethod
+    def write(weights: Arrays, file: IO[bytes]) -> None:
+        """Write a planner's file."""
+
+
+def check_learnable(planner: Mapping[str, Any], name: str) -> None:
+    """Raise InputError for a planner without a network. name: its option."""
+    if planner["_target_"] not in _NETWORKS:
+        known = ", ".join(option for option, _ in _NETWORKS.values())
+        raise InputError(f"planner is {name}: has no network that can be learned; must be one of {known}")
+
+
+def network_class(planner: Mapping[str, Any]) -> type[Learnable]:
+    """The class of a planner's network. Imports torch."""
+    module, _, name = _NETWORKS[planner["_target_"]][1].rpartition(".")
+    found: type[Learnable] = getattr(importlib.import_module(module), name)
+    return found

@@ -1,0 +1,67 @@
+"""The mixture of Gaussians that a policy draws its actions from.
+
+A component is a Gaussian with independent v and ω before tanh, so that actions lie in (−1, 1).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import torch
+from torch import Tensor
+
+_HALF_LOG_TAU = 0.5 * math.log(math.tau)
+
+
+class Mixture(NamedTuple):
+    """The distributions of B actions before tanh, each of K Gaussians. logits: (B, K); mu, log_sigma: (B, K, 2)."""
+
+    logits: Tensor
+    mu: Tensor
+    log_sigma: Tensor
+
+    def at_least(self, sigma: float) -> Mixture:
+        """The same with no deviation below `sigma`, so that a policy keeps trying."""
+        return self._replace(log_sigma=self.log_sigma.clamp(min=math.log(sigma)))
+
+
+def draw(mixture: Mixture, generator: torch.Generator) -> Tensor:
+    """Actions before tanh (B, 2), each of a component drawn by its probability."""
+    chosen = torch.multinomial(mixture.logits.softmax(-1), 1, generator=generator)[:, :, None]
+    index = chosen.expand(-1, 1, mixture.mu.shape[-1])
+    mu, sigma = mixture.mu.gather(1, index)[:, 0], mixture.log_sigma.gather(1, index)[:, 0].exp()
+    return mu + sigma * torch.randn(mu.shape, generator=generator)
+
+
+def draw_each(mixture: Mixture, generator: torch.Generator) -> Tensor:
+    """Actions before tanh (B, K, 2), one of each component; differentiable in the mixture."""
+    return mixture.mu + mixture.log_sigma.exp() * torch.randn(mixture.mu.shape, generator=generator)
+
+
+def log_density(mixture: Mixture, raw: Tensor) -> Tensor:
+    """Logarithm of the density of actions before tanh (B, 2): (B,)."""
+    return _log_mixture(mixture.logits, mixture.mu, mixture.log_sigma, raw)
+
+
+def log_density_of_actions(mixture: Mixture, raw: Tensor) -> Tensor:
+    """Logarithm of the density of the actions tanh(raw) (B, 2), which lie closer together than raw: (B,)."""
+    # log(1 − tanh²) in a form that does not lose digits
+    squeeze = 2.0 * (math.log(2.0) - raw - torch.nn.functional.softplus(-2.0 * raw))
+    return log_density(mixture, raw) - squeeze.sum(-1)
+
+
+def log_likelihood(mixture: Mixture, actions: Tensor, least_sigma: float) -> Tensor:
+    """Logarithm of the density of an expert's actions (B, 2) in [−1, 1] about the components' means: (B,).
+
+    Errors count in actions, not before tanh, where an expert's full command lies at infinity. least_sigma: no
+    deviation counts as less, or the density of a command that the expert gives often would grow without bound.
+    """
+    log_sigma = mixture.log_sigma.clamp(min=math.log(least_sigma))
+    return _log_mixture(mixture.logits, mixture.mu.tanh(), log_sigma, actions)
+
+
+def _log_mixture(logits: Tensor, means: Tensor, log_sigma: Tensor, values: Tensor) -> Tensor:
+    errors = (values[:, None, :] - means) / log_sigma.exp()
+    of_component = -(0.5 * errors**2 + log_sigma + _HALF_LOG_TAU).sum(-1)
+    return torch.logsumexp(logits.log_softmax(-1) + of_component, -1)

@@ -1,0 +1,168 @@
+"""What every learner shares: the worlds, the judge, the curves, the checkpoint, and the best network so far."""
+
+from __future__ import annotations
+
+import csv
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+from time import perf_counter
+from typing import Any, Protocol
+
+import numpy as np
+import torch
+
+from runners.config.schema import LearnConfig
+from runners.config.weights import NETWORK
+from runners.learning.learnable import Learnable, network_class
+from runners.records.whole_file import replacing
+from runners.workers.executor import Map
+from runners.workers.lessons import Lesson, Taught
+from runners.workers.progress import LearnProgress
+
+CHECKPOINT, CURVES, PRESENT = "checkpoint.pt", "curves.csv", "network.npz"
+_GUIDES = 0x6775  # seeds the draw of guides apart from the episodes
+
+Row = dict[str, float]
+
+
+class Learner(Protocol):
+    """A way to learn; `conf/learner/` has one file for each."""
+
+    @property
+    def total(self) -> int:
+        """Rounds or steps until the end."""
+
+    @property
+    def expert(self) -> Mapping[str, Any] | None:
+        """Options of the planner and the guide of an expert to learn from, if there is one."""
+
+    def check(self, config: LearnConfig) -> None:
+        """Raise InputError where it cannot learn from what the config drives."""
+
+    def learn(self, run: Run) -> None:
+        """Go on from the checkpoint of the run until `total` is done."""
+
+
+class Run:
+    """One training of a network. It is deterministic in its config."""
+
+    def __init__(
+        self, config: LearnConfig, run_dir: Path, start: Path | None, drive: Map, progress: LearnProgress
+    ) -> None:
+        """start: of the weights to go on from; None: random ones. drive: lessons to what came of them."""
+        torch.set_num_threads(config.threads)
+        torch.manual_seed(config.seed)
+        self.config = config
+        self.run_dir = run_dir
+        self.rows: list[Row] = []
+        self.best: float | None = None
+        self.sharpness = 1.0  # of the draw of components where the network drives
+        self._drive = drive
+        self._progress = progress
+        self._seconds = 0.0
+        self._began = perf_counter()
+        network = network_class(config.planner)
+        self.network: Learnable = network()
+        if start is not None:
+            self.network.load(network.read(start))
+
+    @property
+    def seconds(self) -> float:
+        """Time spent on the training, also before it was resumed [s]."""
+        return self._seconds + perf_counter() - self._began
+
+    def restore(self) -> dict[str, Any] | None:
+        """Take over curves and network of the checkpoint; the learner's own state there, or None without one."""
+        path = self.run_dir / CHECKPOINT
+        if not path.is_file():
+            return None
+        saved = torch.load(path, weights_only=True)
+        self.rows, self.best, self._seconds = saved["rows"], saved["best"], saved["seconds"]
+        self.network.load_state_dict(saved["network"])
+        self._progress.reach(int(saved["done"]), self.best)
+        state: dict[str, Any] = saved["state"]
+        return state
+
+    def keep(self, done: int, row: Row | None, state: Mapping[str, Any]) -> None:
+        """Write the checkpoint after `done` rounds or steps.
+
+        row: a point of the curves, with the `success` of `judged`, if the network was judged. state: what the
+        learner needs to go on, of tensors, numbers, lists and mappings.
+        """
+        if row is not None:
+            if self.best is None or row["success"] > self.best:
+                self.best = row["success"]
+                self.write(NETWORK)
+            self.rows.append({**row, "best_success": self.best, "hours": self.seconds / 3600})
+            write_curves(self.rows, self.run_dir / CURVES)
+        saved = {
+            "done": done,
+            "rows": self.rows,
+            "best": self.best,
+            "seconds": self.seconds,
+            "network": self.network.state_dict(),
+            "state": dict(state),
+        }
+        with replacing(self.run_dir / CHECKPOINT) as draft:
+            torch.save(saved, draft)
+        self._progress.reach(done, self.best)
+
+    def write(self, name: str = PRESENT) -> str:
+        """Write the network as planners read it; the path."""
+        path = self.run_dir / name
+        with replacing(path) as draft, draft.open("wb") as file:
+            type(self.network).write(self.network.weights(self.sharpness), file)
+        return str(path)
+
+    def say(self, doing: str) -> None:
+        """Show what is being done."""
+        self._progress.say(doing)
+
+    def judged(self) -> Row:
+        """Shares of the validation episodes of the present network by outcome, and of success under each guide."""
+        present = self.write()
+        config = self.config
+        places = self._places(0, config.validation)
+        lessons = [Lesson(*place, guide, present, None) for place in places for guide in config.guides]
+        found = list(self.drive(lessons, "validate"))
+        outcomes = Counter(each.outcome for each in found)
+        row = {each: outcomes[each] / len(found) for each in ("success", "collision", "timeout")}
+        for guide in config.guides:
+            under = [each.outcome == "success" for each in found if each.lesson.guide == guide]
+            row[f"success_{guide}"] = sum(under) / len(under)
+        return row
+
+    def drive(self, lessons: Sequence[Lesson], doing: str) -> Iterator[Taught]:
+        """Drive the lessons; what came of them, in any order. doing: what this is, for the progress."""
+        for number, taught in enumerate(self._drive(lessons), 1):
+            self.say(f"{doing} {number}/{len(lessons)}")
+            yield taught
+
+    def places(self, first: int, count: int) -> list[tuple[str, int]]:
+        """Map sets and numbers of training worlds, the `first` one counted from 0. None is one of the validation."""
+        return self._places(self.config.validation + first, count)
+
+    def guides(self, part: int, count: int) -> list[str]:
+        """Names of guides, drawn by their shares. part: of the training, so that parts differ."""
+        names, shares = list(self.config.guides), np.array(list(self.config.guides.values()))
+        rng = np.random.default_rng(np.random.SeedSequence([self.config.seed, part, _GUIDES]))
+        return [names[i] for i in rng.choice(len(names), count, p=shares / shares.sum())]
+
+    def _places(self, first: int, count: int) -> list[tuple[str, int]]:
+        names = list(self.config.training)
+        return [(names[i % len(names)], self.config.first_world + i) for i in range(first, first + count)]
+
+    def generator(self, part: int) -> torch.Generator:
+        """The random numbers of a part of the training."""
+        words = np.random.SeedSequence([self.config.seed, part]).generate_state(1, np.uint64)
+        return torch.Generator().manual_seed(int(words[0] >> np.uint64(1)))
+
+
+def write_curves(rows: Iterable[Row], path: Path) -> None:
+    """Write the curves as CSV, one line for each row."""
+    listed = list(rows)
+    with replacing(path) as draft, draft.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.DictWriter(file, list(listed[0]), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(listed)

@@ -1,0 +1,51 @@
+"""The files of a learned network: `weights.npz` and its card, in the run's directory and under its name."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from lme.errors import InputError
+from runners.config.weights import NETWORK, REGISTERED
+from runners.records.versions import versions
+from runners.records.whole_file import replacing, write_whole
+
+CARD = "card.yaml"  # in the run's directory; NAME.card.yaml beside the registered network
+_PACKAGES = ("numpy", "numba", "torch")
+
+
+def register(run_dir: Path, name: str, about: Mapping[str, Any], use: str) -> list[Path]:
+    """Copy the network of a run to outputs/weights/NAME.npz and write its card at both places.
+
+    about: entries of the card. use: the command that drives with the network. Returns the files in `run_dir`.
+    Raises OSError.
+    """
+    content = {"name": name, **about, "versions": versions(*_PACKAGES)}
+    text = f"# Written by lme learn; use with: {use}\n{yaml.safe_dump(content, sort_keys=False, allow_unicode=True)}"
+    REGISTERED.mkdir(parents=True, exist_ok=True)
+    with replacing(REGISTERED / f"{name}.npz") as draft:
+        shutil.copyfile(run_dir / NETWORK, draft)
+    for path in (run_dir / CARD, _card(name)):
+        write_whole(path, text)
+    return [run_dir / NETWORK, run_dir / CARD]
+
+
+def check_name(name: str, training: str) -> None:
+    """Raise InputError unless `name` is free, or holds a network of the same training. training: a fingerprint."""
+    if not name or Path(name).name != name or name.startswith("."):
+        raise InputError(f"name is {name!r}: must be a plain file name without .npz")
+    taken: Any = None
+    with suppress(OSError, UnicodeDecodeError, yaml.YAMLError):
+        taken = yaml.safe_load(_card(name).read_text(encoding="utf-8"))
+    path = REGISTERED / f"{name}.npz"
+    if path.exists() and not (isinstance(taken, dict) and taken.get("training") == training):
+        raise InputError(f"name is {name!r}: {path} holds another network; choose another name")
+
+
+def _card(name: str) -> Path:
+    return REGISTERED / f"{name}.{CARD}"

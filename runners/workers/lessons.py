@@ -1,0 +1,197 @@
+"""Drives the episodes of `lme learn`: an expert tells a network what to do, or a network shows what it can.
+
+Worker processes call this module. It knows networks as planners and needs no torch.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lme.episode import run_episode
+from lme.navigator import MapReader, Navigator
+from lme.robots import Robot
+from lme.types import Floats, Guidance, Guide, Limits, Observation, Planner, Pose, Twist
+from lme.worlds.check import check_task
+from lme.worlds.world import World
+from runners.config import build
+from runners.config.instantiate import build as build_target
+from runners.config.schema import LearnConfig
+from runners.config.weights import with_network
+from runners.workers.robots import drawn
+
+Arrays = tuple[NDArray[np.float32], ...]
+_ROBOT, _DRIVER = 0x726F, 0x6472  # seed the robot, and who drives, apart from the episode
+_TURN = (5, 25)  # steps that the expert or the network drives before the other may
+
+
+class Interface(Protocol):
+    """What a network is told, and what its answer means: `lme.planners.dclp.interface`."""
+
+    def goal(self, guidance: Guidance) -> Floats:
+        """The point to drive to (2,) [m]."""
+
+    def features(self, observation: Observation, subgoal: Floats) -> tuple[Floats, ...]:
+        """The inputs of the network."""
+
+    def action(self, command: Twist, own: Limits) -> Floats:
+        """The answer that stands for a command."""
+
+    def command(self, action: Floats, observation: Observation) -> Twist:
+        """The command that an answer stands for."""
+
+
+class NetworkPlanner(Planner, Protocol):
+    """A planner that a network drives."""
+
+    interface: Interface
+
+
+class Lesson(NamedTuple):
+    """One episode. maps: which of the training map sets; world: its number. guide: who gives the network its subgoals.
+
+    network: path of its weights. beta: share of the steps that the expert drives; None: the network drives the job's
+    own robot alone, to be judged. time_limit: [s] in place of the map's.
+    """
+
+    maps: str
+    world: int
+    guide: str
+    network: str
+    beta: float | None
+    time_limit: float | None = None
+
+    def __str__(self) -> str:
+        return f"world {self.world} of {self.maps} under {self.guide}"
+
+
+class Taught(NamedTuple):
+    """What came of a lesson of T steps.
+
+    features: one array (T, …) of each input of the network; actions: (T, A) of the expert. Both are empty where the
+    network was judged.
+    """
+
+    lesson: Lesson
+    outcome: str
+    features: Arrays
+    actions: NDArray[np.float32]
+
+
+@dataclass(frozen=True, slots=True)
+class Expert:
+    """Config of the expert's planner, and of the guide that it follows where the network is told the target.
+
+    guide: None: the expert is told what the network is told.
+    """
+
+    planner: Mapping[str, Any]
+    guide: Mapping[str, Any] | None
+
+
+@dataclass(frozen=True, slots=True)
+class LessonPayload:
+    """What a worker needs. guides: their configs by name. expert: None where networks are only judged."""
+
+    config: LearnConfig
+    guides: Mapping[str, Mapping[str, Any]]
+    expert: Expert | None
+
+
+def initialise(payload: LessonPayload) -> Callable[[Lesson], Taught]:
+    """Return the function that runs one lesson. Raises InputError."""
+    config = payload.config
+
+    def run(lesson: Lesson) -> Taught:
+        places = replace(config, map=config.training[lesson.maps])
+        task = build.map_set(places, [lesson.world]).task(lesson.world)
+        rng = np.random.default_rng(np.random.SeedSequence([config.seed, lesson.world, 0]))
+        if lesson.beta is None:
+            check_task(task, config.robot)
+            navigator = Navigator(*_student(payload, lesson, config.robot))
+            episode = run_episode(task, navigator, build.simulator(config), rng)
+            return Taught(lesson, str(episode.outcome), (), np.empty((0, 0), np.float32))
+        task = replace(task, time_limit=lesson.time_limit or task.time_limit)
+        robot = drawn(config.robot, config.robots, _rng(config.seed, lesson.world, _ROBOT))
+        pair = Lecture(payload, lesson, robot)
+        simulator = build.simulator(replace(config, robot=robot))
+        outcome = run_episode(task, pair, simulator, rng).outcome
+        return Taught(lesson, str(outcome), *pair.notes())
+
+    return run
+
+
+class Lecture(Navigator):
+    """The network and an expert at once: both are asked at every step, one drives, and all is written down."""
+
+    def __init__(self, payload: LessonPayload, lesson: Lesson, robot: Robot) -> None:
+        guide, student = _student(payload, lesson, robot)
+        super().__init__(guide, student)
+        expert = payload.expert
+        assert expert is not None
+        self._student = student
+        with _quiet():
+            self._expert: Planner = build_target(with_network(expert.planner), "learner.expert", robot)
+        own = expert.guide if lesson.guide == "target" else None
+        self._guide: Guide | None = None if own is None else build_target(own, "learner.expert.guide", robot)
+        self._beta = lesson.beta or 0.0
+        self._expert_drives, self._left = False, 0
+        self._driver = _rng(payload.config.seed, lesson.world, _DRIVER)
+        self._features: list[tuple[Floats, ...]] = []
+        self._actions: list[Floats] = []
+
+    def reset(self, rng: np.random.Generator) -> None:
+        expert_rng, guide_rng = rng.spawn(2)
+        super().reset(rng)
+        self._expert.reset(expert_rng)
+        if self._guide is not None:
+            self._guide.reset(guide_rng)
+
+    def read_map(self, world: World, start: Pose) -> None:
+        super().read_map(world, start)
+        if isinstance(self._guide, MapReader):
+            self._guide.read_map(world, start)
+
+    def act(self, observation: Observation) -> Twist:
+        command = super().act(observation)
+        assert self.guidance is not None
+        told = self.guidance if self._guide is None else self._guide.guide(observation)
+        advice = self._expert.plan(observation, told)
+        interface = self._student.interface
+        self._features.append(interface.features(observation, interface.goal(self.guidance)))
+        self._actions.append(interface.action(advice, observation.limits))
+        return advice if self._is_expert_s_turn() else command
+
+    def _is_expert_s_turn(self) -> bool:
+        """Who drives changes after some steps, so that a mistake of the network has time to show."""
+        if self._left == 0:
+            self._expert_drives = bool(self._driver.random() < self._beta)
+            self._left = int(self._driver.integers(*_TURN))
+        self._left -= 1
+        return self._expert_drives
+
+    def notes(self) -> tuple[Arrays, NDArray[np.float32]]:
+        """The features (T, …) and the expert's actions (T, A) so far."""
+        features = tuple(np.array(each, np.float32) for each in zip(*self._features, strict=True))
+        return features, np.array(self._actions, np.float32)
+
+
+def _student(payload: LessonPayload, lesson: Lesson, robot: Robot) -> tuple[Guide, NetworkPlanner]:
+    planner = {**payload.config.planner, "weights": lesson.network}
+    guide = build_target(payload.guides[lesson.guide], "guide", robot)
+    with _quiet():
+        return guide, build_target(planner, "planner", robot)
+
+
+def _quiet() -> warnings.catch_warnings[None]:
+    """Without a planner's warning that its network was not trained for the robot: it is about to be."""
+    return warnings.catch_warnings(action="ignore", category=UserWarning)
+
+
+def _rng(seed: int, world: int, purpose: int) -> np.random.Generator:
+    return np.random.default_rng(np.random.SeedSequence([seed, world, purpose]))

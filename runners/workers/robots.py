@@ -1,0 +1,38 @@
+"""Robots that differ from episode to episode."""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+
+import numpy as np
+
+from lme.errors import InputError, require
+from lme.robots import Footprint, Robot
+from runners.config.schema import RobotRanges
+
+_SIDES = ("length", "width")
+
+
+def check_ranges(ranges: RobotRanges) -> None:
+    """Raise InputError for a range that is none, and for one side of a footprint without the other."""
+    for key in _given(ranges):
+        found = getattr(ranges, key)
+        if len(found) != 2 or found[0] > found[1]:
+            raise InputError(f"robots.{key} is {found}: must be [lowest, highest]")
+        require(f"robots.{key}", found[0], above=0.0)
+    if (ranges.length is None) != (ranges.width is None):
+        raise InputError("robots.length and robots.width: must both be ranges, or both null")
+
+
+def drawn(robot: Robot, ranges: RobotRanges, rng: np.random.Generator) -> Robot:
+    """The robot with what the ranges name drawn from them, uniformly in the logarithm."""
+    values = {key: float(np.exp(rng.uniform(*np.log(getattr(ranges, key))))) for key in _given(ranges)}
+    limits = {key: value for key, value in values.items() if key not in _SIDES}
+    if ranges.length is None:
+        return replace(robot, **limits)  # type: ignore[arg-type]
+    footprint = Footprint(length=values["length"], width=values["width"])
+    return replace(robot, **limits, footprint=footprint, contact=None, collision_radius=None)  # type: ignore[arg-type]
+
+
+def _given(ranges: RobotRanges) -> list[str]:
+    return [field.name for field in fields(ranges) if getattr(ranges, field.name) is not None]
