@@ -187,8 +187,8 @@ class _Nearer:
 
 
 def check_driving(config: LearnConfig) -> None:
-    """Raise InputError for a simulator that cannot move many robots at once."""
-    _simulator(config)
+    """Raise InputError for a simulator or a robot that cannot be moved with many others at once."""
+    Fleet(build.map_set(config), config.robot, 1, _simulator(config))
 
 
 def _simulator(config: LearnConfig) -> FastConfig:

@@ -28,6 +28,19 @@ SHORT = (
     *(f"{each}.time_limit=6" for each in ("map", "training.fresh", "training.fresh_hard")),
 )
 CLONE = (*SHORT, "learner.rounds=2", "learner.episodes=4", "learner.updates=[3,5]", "learner.time_limit=3")
+FLEET = (
+    *SHORT, "training.fresh_hard.subset=fresh", "learner.robots=4", "learner.worlds=3", "learner.batch=16",
+    "learner.warm_up=32", "executor=serial",
+)  # fmt: skip
+PPO = (*FLEET, "learner=ppo", "learner.horizon=8", "learner.steps=192", "learner.judge_every=64")
+SAC = (
+    *FLEET,
+    "learner=sac",
+    "learner.critics_first=2",
+    "learner.updates=1",
+    "learner.steps=64",
+    "learner.judge_every=40",
+)
 IN_PROCESS = (*CLONE, "executor=serial")
 
 
@@ -125,8 +138,8 @@ def test_what_is_collected_is_what_the_expert_does(learned):
     assert speeds == pytest.approx(wanted, abs=1e-4)
 
 
-def killed_and_resumed(words, ready, run_dir="killed"):
-    """The curves of a run that was killed as soon as `ready()`, and then resumed."""
+def killed_and_resumed(words, ready, run_dir="killed", before=None):
+    """The curves of a run that was killed as soon as `ready()`, and then resumed. before: takes those at the kill."""
     command = [sys.executable, "-m", "runners.cli.main", "learn"]
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     process = subprocess.Popen(
@@ -139,6 +152,8 @@ def killed_and_resumed(words, ready, run_dir="killed"):
     os.killpg(process.pid, signal.SIGKILL)
     assert process.wait() == -signal.SIGKILL
     assert not Path(run_dir, "card.yaml").exists()
+    if before is not None:
+        before += curves(Path(run_dir))
     done = subprocess.run(
         [*command, f"resume={run_dir}"], env=environment, capture_output=True, text=True, timeout=400
     )
@@ -185,6 +200,41 @@ def test_it_goes_on_from_a_network_with_robots_that_differ():
 
 
 @pytest.mark.parametrize(
+    ("words", "points", "losses"),
+    [
+        ([*PPO, "learner.curriculum.within=[11]"], [0, 64, 128, 192], ["loss_policy", "loss_value", "kl"]),
+        ([*SAC, "robots.v_max=[0.5,2]"], [0, 40, 64], ["loss_policy", "loss_value", "entropy"]),
+    ],
+    ids=["ppo", "sac"],
+)
+def test_reinforcement_from_a_network(words, points, losses):
+    network_file(Path("mine.npz"))
+    assert main(["learn", *words, "start=mine.npz", "hydra.run.dir=run"]) == 0
+    rows = curves(Path("run"))
+    assert [row["steps"] for row in rows] == points
+    assert all(np.isfinite(rows[-1][name]) for name in (*losses, "steps_per_s"))
+    trained, before = read_weights(Path("run/network.npz")), read_weights(Path("mine.npz"))
+    assert 0 < np.abs(trained["dense_1.kernel"] - before["dense_1.kernel"]).max() < 0.05
+    card = yaml.safe_load(Path("run/card.yaml").read_text())
+    assert card["last"]["steps"] == points[-1]
+    assert "barn" in card["held_out"]
+    assert Path("run/curves.png").stat().st_size > 10_000
+
+
+def test_reinforcement_killed_and_resumed_ends_with_its_steps():
+    def ready():
+        file = Path("killed/curves.csv")
+        return file.is_file() and len(file.read_text().splitlines()) > 2
+
+    before = []
+    rows = killed_and_resumed([*PPO, "learner.steps=256"], ready, before=before)
+    assert [row["steps"] for row in rows] == [0, 64, 128, 192, 256]
+    assert without_time(before)[:2] == without_time(rows)[:2]
+    assert rows[-1]["episodes"] >= before[-1]["episodes"]
+    assert all(np.diff([row["hours"] for row in rows]) > 0)
+
+
+@pytest.mark.parametrize(
     ("words", "said"),
     [
         (["planner=dwa"], "planner is dwa: has no network that can be learned; must be one of dclp"),
@@ -204,6 +254,11 @@ def test_it_goes_on_from_a_network_with_robots_that_differ():
         (["planner=dclp_barn", "robots.v_max=[1,2]"], "planner.told sets v_max, omega_max,"),
         (["first_world=3"], "first_world is 3: must be above 6, the last held-out world"),
         (["training.fresh.subset=all"], "training.fresh has no world 100000, first_world: must be a map set"),
+        (["learner=ppo", "sim=physics"], "sim is not fast: reinforcement drives many robots at once"),
+        (["learner=ppo", "sim.slip=0.1"], "sim.slip is 0.1: the compiled step of many robots does not cover it"),
+        (["learner=sac", "learner.alpha=-1"], "learner.alpha is -1: must be at least 0"),
+        (["learner=ppo", "learner.reward.succes=1"], "learner.reward.succes: no such key; did you mean"),
+        (["threads=0"], "threads is 0: must be at least 1"),
         (["validation=0"], "validation is 0: must be at least 1"),
         (["name=a/b"], "name is 'a/b': must be a plain file name"),
         (["name=taken"], "holds another network; choose another name"),
@@ -214,7 +269,8 @@ def test_one_mistake_is_one_line_and_nothing_is_written(words, said, capsys):
     Path("outputs/weights").mkdir(parents=True)
     network_file(Path("outputs/weights/taken.npz"))
     before = sorted(Path().rglob("*"))
-    assert main(["learn", *IN_PROCESS, *words]) == 2
+    base = SHORT if words[0].startswith("learner=") else IN_PROCESS  # which has keys of the clone
+    assert main(["learn", *base, *words]) == 2
     shown = capsys.readouterr().err
     assert said.replace("must be the directory", "must be taken, the directory") in shown
     assert shown.count("\n") == 1
