@@ -6,7 +6,7 @@ from lme.kernels.crc32c import crc32c
 from lme.planners.dclp.bundle import INDEX, SHARD
 from lme.planners.dclp.importing import tensor_names
 from lme.planners.dclp.leveldb import masked
-from lme.planners.dclp.weights import SHAPES, write_weights
+from lme.planners.dclp.weights import SHAPES, TOLD, TRAINED, write_weights
 from lme.planners.drl_vo import architecture
 from lme.planners.drl_vo import weights as drl_vo
 
@@ -18,16 +18,20 @@ ENTRIES_PER_BLOCK = 5  # several blocks, with keys that share their beginnings
 def random_weights(seed=0):
     """Weights of the published shapes, small enough that no layer saturates."""
     rng = np.random.default_rng(seed)
-    return {
+    weights = {
         name: (rng.normal(size=shape) / np.sqrt(shape[0] if shape else 10)).astype(np.float32)
         for name, shape in SHAPES.items()
     }
+    return {**weights, TRAINED: np.array([[0.0, 100.0]] * 7, np.float32)}
 
 
-def network_file(path, seed=0):
-    """A weight file of a random network."""
+def network_file(path, seed=0, trained=None):
+    """A weight file of a random network. trained: ranges that differ, by what they are of."""
+    weights = random_weights(seed)
+    for key, span in (trained or {}).items():
+        weights[TRAINED][TOLD.index(key)] = span
     with path.open("wb") as file:
-        write_weights(random_weights(seed), file)
+        write_weights(weights, file)
     return path
 
 

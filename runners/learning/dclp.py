@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import IO, cast
 
@@ -11,7 +11,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from lme.planners.dclp.interface import DclpConfig, Interface
+from lme.planners.dclp.interface import DclpConfig, Interface, told_values
 from lme.planners.dclp.network import DISTANCE, LEAST_DISTANCE, SLOPE
 from lme.planners.dclp.weights import (
     COMPONENTS,
@@ -20,6 +20,8 @@ from lme.planners.dclp.weights import (
     MIXTURE,
     SHAPES,
     STATE_INPUTS,
+    TOLD,
+    TRAINED,
     read_weights,
     write_weights,
 )
@@ -109,6 +111,7 @@ class DclpNetwork(Body):
 
     def __init__(self) -> None:
         super().__init__(0, COMPONENTS * MIXTURE)
+        self._trained = np.zeros((len(TOLD), 2), np.float32)
         with torch.no_grad():
             self.layer(_LAST).bias.view(COMPONENTS, MIXTURE)[:, 1:] = torch.tensor(_FIRST_ACTIONS)
 
@@ -122,14 +125,19 @@ class DclpNetwork(Body):
         """What the network is told of a robot, and what its answer means."""
         return Interface(planner, robot)
 
+    def trained_for(self, planner: DclpConfig, robots: Iterable[Robot]) -> None:
+        """Remember what the network is trained for. robots: those with the lowest and the highest values."""
+        told = [told_values(Interface(planner, robot).told) for robot in robots]
+        self._trained = np.column_stack([np.min(told, axis=0), np.max(told, axis=0)]).astype(np.float32)
+
     @staticmethod
     def critic(actions: int) -> DclpCritic:
         """A critic of the same inputs and of `actions` numbers."""
         return DclpCritic(actions)
 
     def weights(self, sharpness: float = 1.0) -> dict[str, NDArray[np.float32]]:
-        """The arrays of `SHAPES`. sharpness: of the draw of components, a factor on their logits."""
-        found = {"alpha": self.alpha.detach().numpy().copy()}
+        """The arrays of a file. sharpness: of the draw of components, a factor on their logits."""
+        found = {"alpha": self.alpha.detach().numpy().copy(), TRAINED: self._trained.copy()}
         for name in LAYERS:
             layer = self.layer(name)
             found[f"{name}.kernel"] = np.ascontiguousarray(layer.weight.detach().numpy().T)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, Protocol
 
@@ -39,6 +39,9 @@ class Learnable(Protocol):
 
     def load(self, weights: Arrays) -> None:
         """Take over these arrays."""
+
+    def trained_for(self, planner: Any, robots: Iterable[Robot]) -> None:
+        """Remember what the network is trained for. robots: those with the lowest and the highest values."""
 
     @staticmethod
     def interface(planner: Any, robot: Robot) -> Interface:

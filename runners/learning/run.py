@@ -12,6 +12,7 @@ from typing import Any, Protocol
 import numpy as np
 import torch
 
+from runners.config.instantiate import configured
 from runners.config.schema import LearnConfig
 from runners.config.weights import NETWORK
 from runners.learning.learnable import Learnable, network_class
@@ -19,6 +20,7 @@ from runners.records.whole_file import replacing
 from runners.workers.executor import Map
 from runners.workers.lessons import Lesson, Taught
 from runners.workers.progress import LearnProgress
+from runners.workers.robots import extremes
 
 CHECKPOINT, CURVES, PRESENT = "checkpoint.pt", "curves.csv", "network.npz"
 _GUIDES = 0x6775  # seeds the draw of guides apart from the episodes
@@ -66,6 +68,8 @@ class Run:
         self.network: Learnable = network()
         if start is not None:
             self.network.load(network.read(start))
+        _, planner = configured({**config.planner, "weights": None}, "planner")
+        self.network.trained_for(planner, extremes(config.robot, config.robots))
 
     @property
     def seconds(self) -> float:

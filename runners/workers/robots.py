@@ -26,9 +26,19 @@ def check_ranges(ranges: RobotRanges) -> None:
 
 def drawn(robot: Robot, ranges: RobotRanges, rng: np.random.Generator) -> Robot:
     """The robot with what the ranges name drawn from them, uniformly in the logarithm."""
-    values = {key: float(np.exp(rng.uniform(*np.log(getattr(ranges, key))))) for key in _given(ranges)}
+    drawn_values = {key: float(np.exp(rng.uniform(*np.log(getattr(ranges, key))))) for key in _given(ranges)}
+    return _changed(robot, drawn_values)
+
+
+def extremes(robot: Robot, ranges: RobotRanges) -> tuple[Robot, Robot]:
+    """The robots with the lowest and with the highest values of the ranges."""
+    lowest, highest = ({key: getattr(ranges, key)[end] for key in _given(ranges)} for end in (0, 1))
+    return _changed(robot, lowest), _changed(robot, highest)
+
+
+def _changed(robot: Robot, values: dict[str, float]) -> Robot:
     limits = {key: value for key, value in values.items() if key not in _SIDES}
-    if ranges.length is None:
+    if len(limits) == len(values):
         return replace(robot, **limits)  # type: ignore[arg-type]
     footprint = Footprint(length=values["length"], width=values["width"])
     return replace(robot, **limits, footprint=footprint, contact=None, collision_radius=None)  # type: ignore[arg-type]

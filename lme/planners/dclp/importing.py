@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -9,10 +10,20 @@ from numpy.typing import NDArray
 
 from lme.errors import InputError
 from lme.planners.dclp.bundle import INDEX, SHARD, read_entries, read_tensors
-from lme.planners.dclp.weights import LAYERS, SHAPES
+from lme.planners.dclp.weights import LAYERS, SHAPES, TOLD, TRAINED
 
 _POLICY = "main/pi"  # the scope of the policy; critics and target networks lie beside it
 _LAYERS = ("conv1d", "conv1d_1", "conv1d_2", "dense", "dense_1", "dense_2", "dense_3", "dense_4")
+# What the network was trained for: the authors' training script. Half widths are at most (front + rear) / 2.
+_PUBLISHED = {
+    "v_max": (0.3, 2.0),
+    "omega_max": (math.pi / 6, 2 * math.pi),
+    "alpha_v": (0.5, 5.0),
+    "alpha_omega": (math.pi / 6, 2 * math.pi),
+    "front": (0.075, 0.6),
+    "rear": (0.075, 0.6),
+    "half_width": (0.075, 0.6),
+}
 _ENDINGS = (INDEX, SHARD, ".meta")
 
 
@@ -25,7 +36,7 @@ def tensor_names() -> dict[str, str]:
 
 
 def import_checkpoint(path: Path) -> dict[str, NDArray[np.float32]]:
-    """The policy's weights in a TensorFlow V2 checkpoint: the arrays of `SHAPES`.
+    """The policy's weights in a TensorFlow V2 checkpoint: the arrays of `SHAPES` and `TRAINED`.
 
     path: what the checkpoint's files have in common, or one of them. Every tensor's checksum is verified, also
     those of the critics. Raises InputError, naming file and tensor.
@@ -49,6 +60,7 @@ def import_checkpoint(path: Path) -> dict[str, NDArray[np.float32]]:
     for name, array in weights.items():
         if not np.isfinite(array).all():
             raise InputError(f"{prefix}{SHARD}: {names[name]} holds values that are not finite")
+    weights[TRAINED] = np.array([_PUBLISHED[key] for key in TOLD], np.float32)
     return weights
 
 

@@ -8,25 +8,16 @@ from dataclasses import dataclass, field, fields
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lme.errors import require
 from lme.planners.commands import limited
 from lme.planners.dclp.observation import DIRECTIONS, nearest_by_direction
-from lme.planners.dclp.weights import DIRECTION_INPUTS
+from lme.planners.dclp.weights import DIRECTION_INPUTS, TOLD
 from lme.robots import Robot
 from lme.types import Floats, Guidance, Limits, Observation, Twist
 
-# What the network was trained for: the authors' training script. Half widths are at most (front + rear) / 2.
-_TRAINED = {
-    "v_max": (0.3, 2.0),
-    "omega_max": (math.pi / 6, 2 * math.pi),
-    "alpha_v": (0.5, 5.0),
-    "alpha_omega": (math.pi / 6, 2 * math.pi),
-    "front": (0.075, 0.6),
-    "rear": (0.075, 0.6),
-    "half_width": (0.075, 0.6),
-}
-_ROUNDING = 1e-6
+_ROUNDING = 1e-4  # of a bound, which a file holds as float32
 
 
 @dataclass(slots=True)
@@ -43,7 +34,7 @@ class Told:
     lidar_x: float | None = None  # [m] of the lidar ahead of the base
 
     def __post_init__(self) -> None:
-        for key in _TRAINED:
+        for key in TOLD:
             if getattr(self, key) is not None:
                 require(f"planner.told.{key}", getattr(self, key), above=0.0)
         if self.lidar_x is not None:
@@ -148,12 +139,16 @@ def _number(value: float | None) -> float:
     return float(value)
 
 
-def warn_if_untrained(told: Told) -> None:
-    """Warn of a robot, as told, outside of what the published network was trained for."""
-    for key, (low, high) in _TRAINED.items():
-        value = _number(getattr(told, key))
+def told_values(told: Told) -> Floats:
+    """The values of `TOLD` of a robot, as it is told: (7,)."""
+    return np.array([_number(getattr(told, key)) for key in TOLD])
+
+
+def warn_if_untrained(told: Told, trained: NDArray[np.float32]) -> None:
+    """Warn of a robot, as told, outside of what the network was trained for. trained: (7, 2), as `TRAINED`."""
+    for key, value, (low, high) in zip(TOLD, told_values(told), trained, strict=True):
         if not low - _ROUNDING <= value <= high + _ROUNDING:
+            span = f"{low:.3g} to {high:.3g}" if low < high else f"{low:.3g}"
             warnings.warn(
-                f"planner.told.{key} is {value:g}: the published DCLP network was trained for {low:.3g} to {high:.3g}",
-                stacklevel=4,
+                f"planner.told.{key} is {value:g}: this DCLP network was trained for {span}", stacklevel=4
             )

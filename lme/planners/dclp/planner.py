@@ -9,7 +9,7 @@ import numpy as np
 from lme.errors import InputError
 from lme.planners.dclp.interface import DclpConfig, Interface, warn_if_untrained
 from lme.planners.dclp.network import Network, draw
-from lme.planners.dclp.weights import read_weights
+from lme.planners.dclp.weights import TRAINED, read_weights
 from lme.robots import Robot
 from lme.types import Guidance, Observation, Twist
 
@@ -25,9 +25,10 @@ class Dclp:
     Config = DclpConfig
 
     def __init__(self, config: DclpConfig, robot: Robot) -> None:
-        self._network = Network(_weights(config.weights))
+        weights = _weights(config.weights)
+        self._network = Network(weights)
         self.interface = Interface(config, robot)
-        warn_if_untrained(self.interface.told)
+        warn_if_untrained(self.interface.told, weights[TRAINED])
 
     def reset(self, rng: np.random.Generator) -> None:
         """Take the random numbers that the mixture's components are drawn with."""
@@ -42,7 +43,7 @@ class Dclp:
 def _weights(path: str | None) -> dict[str, np.typing.NDArray[np.float32]]:
     if path is None:
         raise InputError(
-            "planner.weights is null: no DCLP network ships with lme; import the authors' checkpoint with "
-            "`lme weights import dclp PATH NAME`, then give planner.weights=NAME"
+            "planner.weights is null: must be a network's name or file; dclp_jackal ships with lme, and "
+            "`lme weights import dclp PATH NAME` makes one of the authors' checkpoint"
         )
     return read_weights(Path(path))

@@ -1,4 +1,4 @@
-"""The weights of a DCLP network in a file: an .npz with the arrays of `SHAPES`, float32."""
+"""The weights of a DCLP network in a file: an .npz with the arrays of `SHAPES` and `TRAINED`, float32."""
 
 from __future__ import annotations
 
@@ -27,18 +27,21 @@ def _shapes() -> dict[str, tuple[int, ...]]:
     return shapes
 
 
-SHAPES = _shapes()  # of every array by its name; a kernel is (inputs, outputs)
+SHAPES = _shapes()  # of every array of the network by its name; a kernel is (inputs, outputs)
+TOLD = ("v_max", "omega_max", "alpha_v", "alpha_omega", "front", "rear", "half_width")  # of a robot, SI units
+TRAINED = "trained"  # lowest and highest values of TOLD in the training: (7, 2)
+_FILE = {**SHAPES, TRAINED: (len(TOLD), 2)}
 
 
 def write_weights(weights: Weights, file: IO[bytes]) -> None:
-    """Write the arrays of `SHAPES` as .npz. The same weights give the same bytes."""
-    write_arrays({name: weights[name] for name in SHAPES}, file)
+    """Write the arrays of `SHAPES` and `TRAINED` as .npz. The same weights give the same bytes."""
+    write_arrays({name: weights[name] for name in _FILE}, file)
 
 
 def read_weights(path: Path) -> dict[str, NDArray[np.float32]]:
-    """The arrays of `SHAPES` in a file that `write_weights` made.
+    """The arrays of `SHAPES` and `TRAINED` in a file that `write_weights` made.
 
     Raises InputError, naming file and array, for a file that cannot be read, arrays of other names, types or
     shapes, and values that are not finite. No array is made before its shape is known to be right.
     """
-    return read_arrays(path, SHAPES, "a DCLP network")
+    return read_arrays(path, _FILE, "a DCLP network")

@@ -7,9 +7,12 @@ import pytest
 
 from lme.planners.dclp.interface import DclpConfig, Interface
 from lme.planners.dclp.network import Network
-from lme.planners.dclp.weights import SHAPES
+from lme.planners.dclp.weights import SHAPES, TOLD, TRAINED
+from lme.presets import load_robot
 from lme.robots import Footprint
 from lme.types import Twist
+from runners.config.schema import RobotRanges
+from runners.workers.robots import extremes
 from tests.builders import observation, stage
 from tests.networks import random_weights
 from tests.tolerances import FLOAT32_LAYER, NETWORK
@@ -39,10 +42,21 @@ def tensors(arrays):
 def test_weights_go_in_and_come_out_unchanged(network):
     weights = random_weights()
     found = network.weights()
-    assert list(found) == list(SHAPES)
-    for name, array in weights.items():
+    assert set(found) == set(weights)
+    for name in SHAPES:
         assert found[name].dtype == np.float32
-        np.testing.assert_array_equal(found[name], array)
+        np.testing.assert_array_equal(found[name], weights[name])
+
+
+def test_the_file_says_what_the_network_was_trained_for(network):
+    robot = load_robot("jackal")
+    ranges = RobotRanges(v_max=[0.5, 1.5], length=[0.3, 0.6], width=[0.2, 0.4])
+    network.trained_for(DclpConfig(), extremes(robot, ranges))
+    spans = dict(zip(TOLD, network.weights()[TRAINED].tolist(), strict=True))
+    assert spans["v_max"] == [0.5, 1.5]
+    assert spans["omega_max"] == [robot.omega_max, robot.omega_max]
+    assert spans["front"] == pytest.approx([0.15, 0.3])
+    assert spans["half_width"] == pytest.approx([0.1, 0.2])
 
 
 def test_it_answers_as_the_planner_does(network):

@@ -11,7 +11,7 @@ from lme.errors import InputError
 from lme.planners.dclp.bundle import INDEX, SHARD, read_entries
 from lme.planners.dclp.importing import import_checkpoint
 from lme.planners.dclp.network import Network
-from lme.planners.dclp.weights import SHAPES
+from lme.planners.dclp.weights import SHAPES, TRAINED
 from tests.networks import checkpoint, random_weights, table
 
 REAL = os.environ.get("DCLP_CHECKPOINT")
@@ -40,10 +40,11 @@ def prefix(tmp_path):
 @pytest.mark.parametrize("ending", ["", INDEX, SHARD, ".meta"])
 def test_the_tensors_come_back(prefix, ending):
     weights, wanted = import_checkpoint(part(prefix, ending)), random_weights()
-    assert set(weights) == set(SHAPES)
-    for name, array in weights.items():
-        assert array.dtype == np.float32
-        np.testing.assert_array_equal(array, wanted[name])
+    assert set(weights) == {*SHAPES, TRAINED}
+    assert all(array.dtype == np.float32 for array in weights.values())
+    for name in SHAPES:
+        np.testing.assert_array_equal(weights[name], wanted[name])
+    np.testing.assert_allclose(weights[TRAINED][0], (0.3, 2.0))  # v_max [m/s]
 
 
 def test_a_file_that_is_absent_or_no_table(prefix, tmp_path):

@@ -138,7 +138,8 @@ def test_settings_that_cannot_be(settings, says):
         DclpConfig(**{**settings, **({"told": Told(**settings["told"])} if "told" in settings else {})})
 
 
-def test_a_robot_outside_of_the_training_is_named(file):
+def test_a_robot_outside_of_the_training_is_named(tmp_path):
+    file = str(network_file(tmp_path / "narrow.npz", trained={"alpha_v": (0.5, 5.0)}))
     with pytest.warns(UserWarning, match=r"planner\.told\.alpha_v is 20: .* trained for 0\.5 to 5"):
         Dclp(DclpConfig(weights=file), stage(alpha_v=20.0))
     with warnings.catch_warnings():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lme.errors import InputError
-from lme.planners.dclp.weights import SHAPES, read_weights, write_weights
+from lme.planners.dclp.weights import SHAPES, TRAINED, read_weights, write_weights
 from tests.networks import network_file, random_weights
 
 
@@ -25,8 +25,8 @@ def test_written_weights_come_back_and_the_bytes_are_the_same(tmp_path):
     first, second = (network_file(tmp_path / f"{name}.npz") for name in "ab")
     assert first.read_bytes() == second.read_bytes()
     weights, wanted = read_weights(first), random_weights()
-    assert list(weights) == list(SHAPES)
-    assert all((weights[name] == wanted[name]).all() for name in SHAPES)
+    assert list(weights) == [*SHAPES, TRAINED]
+    assert all((weights[name] == wanted[name]).all() for name in wanted)
 
 
 def test_another_file(tmp_path):
