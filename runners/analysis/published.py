@@ -23,7 +23,10 @@ class PublishedSetting(NamedTuple):
 
 
 class Figures(NamedTuple):
-    """Published figures. stats: (mean, standard deviation) by metric; a deviation that was not published is NaN."""
+    """Published figures. label: without what our system says of its own settings, in brackets.
+
+    stats: (mean, standard deviation) by metric; a deviation that was not published is NaN.
+    """
 
     label: str
     global_planner: bool
@@ -33,7 +36,9 @@ class Figures(NamedTuple):
 def figures(systems: Mapping[str, System]) -> dict[tuple[str, PublishedSetting], Figures]:
     """Published figures by the name of the system in `conf/system/` and by setting."""
     return {
-        (name, PublishedSetting(map_name, robot)): Figures(system.label, system.global_planner, _stats(given))
+        (name, PublishedSetting(map_name, robot)): Figures(
+            system.label.partition(" (")[0], system.global_planner, _stats(given)
+        )
         for name, system in systems.items()
         for map_name, given in (system.published or {}).items()
         for robot in given["robots"]

@@ -85,21 +85,26 @@ def with_network(planner: Mapping[str, Any]) -> Mapping[str, Any]:
 
 
 def find_network(weights: str, key: str = "planner.weights") -> Path:
-    """The network file that the value of `key` names: in `outputs/weights/`, of a run of lme learn, or by path.
+    """The network file that the value of `key` names: shipped or in `outputs/weights/`, of a run, or by path.
 
     Raises InputError.
     """
     registered = {path.stem: path for path in sorted(REGISTERED.glob("*.npz"))}
+    known = {**registered, **shipped_networks()}
     path = Path(weights).expanduser()
     if path.is_dir():
         path = path / NETWORK
-    if weights in registered or path.is_file():
-        return registered.get(weights, path)
-    names = "".join(f"{name}, " for name in registered)
+    if weights in known or path.is_file():
+        return known.get(weights, path)
     raise InputError(
-        f"{key} is {weights!r}: {nearest(weights, registered)}must be {names}the directory of a run of "
+        f"{key} is {weights!r}: {nearest(weights, known)}must be one of {', '.join(known)}, the directory of a run of "
         f"lme learn, or the path of an .npz; `{IMPORT_NETWORK}` makes one"
     )
+
+
+def shipped_networks() -> dict[str, Path]:
+    """The networks that ship with lme, by name."""
+    return {path.stem: path for path in sorted((resource_dir("conf") / "network").glob("*.npz"))}
 
 
 def _scaled(learned: Mapping[str, float], scale: Mapping[str, float]) -> dict[str, float]:

@@ -78,10 +78,12 @@ def _parser() -> argparse.ArgumentParser:
 
 def _list(_: argparse.Namespace) -> None:
     from runners.config import catalogue
-    from runners.config.weights import REGISTERED
+    from runners.config.weights import REGISTERED, shipped_networks
 
     for name in catalogue.shipped().options("weight_set"):
         print(f"{name:<24}  weights={name}, ships with lme")
+    for name in shipped_networks():
+        print(f"{name:<24}  planner.weights={name}, ships with lme")
     for key, ending in (("weights", "yaml"), ("planner.weights", "npz")):
         for path in sorted(REGISTERED.glob(f"*.{ending}")):
             print(f"{path.stem:<24}  {key}={path.stem}, {path}")
