@@ -1,4 +1,4 @@
-"""Learn to drive in BARN worlds with PPO of Stable-Baselines3, in ten minutes on one core.
+"""Learn to drive in BARN worlds with PPO of Stable-Baselines3: ten minutes on one core, or as many as you say.
 
     pip install 'lme-nav[gym]' stable-baselines3
     python train_sb3.py [MINUTES]
