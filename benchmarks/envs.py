@@ -22,14 +22,14 @@ from lme.worlds.world import Task
 
 Settings = Mapping[str, Any]
 
-ENVS, ROUNDS, STEPS = 64, 9, 25  # steps: of every robot, per round
+ENVS, ROUNDS, STEPS = 64, 15, 25  # steps: of every robot, per round
 STAGE, JACKAL = load_robot("stage"), load_robot("jackal")
 NOISY = replace(JACKAL, lidar=replace(JACKAL.lidar, num_beams=540))
-TWENTY = list(range(0, 300, 15))
 SCENES: dict[str, tuple[Robot, str, Settings]] = {
-    "`stage`, Env1": (STAGE, "env1", {"radius": 0.2, "configurations": 20}),
-    "`stage`, BARN": (STAGE, "barn", {"worlds": TWENTY}),
-    "`jackal` with 540 noisy beams, BARN": (NOISY, "barn", {"worlds": TWENTY}),
+    "`stage`, Env1": (STAGE, "env1", {"radius": 0.2}),
+    "`stage`, 50 sparse BARN worlds": (STAGE, "barn", {"worlds": list(range(50))}),
+    "`stage`, `official50`": (STAGE, "barn", {"subset": "official50"}),
+    "`jackal` with 540 noisy beams, `official50`": (NOISY, "barn", {"subset": "official50"}),
 }
 WORLDS: dict[str, tuple[str, Settings]] = {
     "BARN, official": ("barn", {"subset": "official50"}),

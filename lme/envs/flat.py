@@ -15,7 +15,7 @@ from lme.errors import InputError, require
 TARGET_CLIPS = 2.0  # distance at which the target is 1, in clips of the scan
 
 
-class FlatObservation(gym.Wrapper[Any, Any, Any, Any]):
+class FlatObservation(gym.Wrapper[Any, Any, Any, Any], gym.utils.RecordConstructorArgs):
     """(beams + 4,) float32: the scan clipped at `clip` [m], the target, and the last action.
 
     beams: how many there are; each is the nearest return of as many neighbouring beams of the lidar. None: all.
@@ -25,7 +25,8 @@ class FlatObservation(gym.Wrapper[Any, Any, Any, Any]):
 
     def __init__(self, env: gym.Env[Any, Any], clip: float = 5.0, beams: int | None = None) -> None:
         """Raises InputError unless `beams` divides those of the lidar."""
-        super().__init__(env)
+        gym.utils.RecordConstructorArgs.__init__(self, clip=clip, beams=beams)
+        gym.Wrapper.__init__(self, env)
         require("clip", clip, above=0.0)
         scan = env.observation_space["scan"]  # type: ignore[index]
         (have,) = scan.shape

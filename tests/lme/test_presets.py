@@ -1,5 +1,6 @@
 """Robots and parameters by name, without Hydra."""
 
+import numpy as np
 import pytest
 import yaml
 from hydra import compose, initialize_config_dir
@@ -7,9 +8,9 @@ from omegaconf import OmegaConf
 
 from lme.errors import InputError
 from lme.policy.score import CRITERIA
-from lme.presets import load_parameters, load_robot
+from lme.presets import load_map_set, load_parameters, load_robot, load_simulator
 from lme.robots import Robot
-from runners.config.instantiate import filled
+from runners.config.instantiate import build, configured, filled
 from tests.places import ROOT
 
 ROBOTS = sorted((ROOT / "conf" / "robot").glob("*.yaml"))
@@ -72,3 +73,29 @@ def test_an_unknown_name_says_which_there_are():
         load_robot("jakal")
     with pytest.raises(InputError, match="weight set is 'mine': must be one of published"):
         load_parameters("mine")
+
+
+@pytest.mark.parametrize(
+    "path", sorted((ROOT / "conf" / "map").glob("[!_f]*.yaml")), ids=lambda path: path.stem
+)
+def test_a_map_set_is_what_hydra_makes_of_its_file(path):
+    with initialize_config_dir(str(ROOT / "conf"), version_base=None):
+        given = OmegaConf.to_container(compose(f"map/{path.stem}").map)
+    robot = load_robot("stage")
+    if "radius" in given:
+        given["radius"] = robot.hull.r_max
+    expected, made = build(given, "map"), load_map_set(path.stem, None, robot)
+    assert type(made) is type(expected)
+    assert made.numbers == expected.numbers
+    number = made.numbers[-1]
+    np.testing.assert_array_equal(made.task(number).world.circles, expected.task(number).world.circles)
+    assert made.task(number).optimal_time == expected.task(number).optimal_time
+
+
+@pytest.mark.parametrize("name", ["fast", "physics", "skid"])
+def test_a_simulator_is_what_hydra_makes_of_its_file(name):
+    with initialize_config_dir(str(ROOT / "conf"), version_base=None):
+        given = OmegaConf.to_container(compose(f"sim/{name}").sim)
+    assert load_simulator(name) == configured(given, "sim")
+    target, config = load_simulator(name, {"latency": 0.1, "goal_rate": None})
+    assert (target, config.latency, config.goal_rate) == (configured(given, "sim")[0], 0.1, None)
