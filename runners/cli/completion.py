@@ -24,7 +24,17 @@ _FLAGS = (
     "--config-dir",
     "--hydra-help",
 )
-_PATH_KEYS = ("weights", "resume", "run", "bag", "map.source", "hydra.run.dir", "hydra.sweep.dir")
+_PATH_KEYS = (
+    "weights",
+    "planner.weights",
+    "start",
+    "resume",
+    "run",
+    "bag",
+    "map.source",
+    "hydra.run.dir",
+    "hydra.sweep.dir",
+)
 _AFTER_FLAG = {"--cfg": CFG, "-c": CFG, "--info": INFO, "-i": INFO}
 
 BASH = """\

@@ -22,8 +22,17 @@ Losses = Mapping[str, float]
 
 
 @dataclass(slots=True)
+class DclpReward(Reward):
+    """The reward that DRL-DCLP was trained with."""
+
+    progress: float = 2.0
+    success: float = 10.0
+    collision: float = -10.0
+
+
+@dataclass(slots=True)
 class ReinforcementConfig:
-    """Keys that `conf/learner/ppo.yaml` and `sac.yaml` have in common. The reward is DRL-DCLP's."""
+    """Keys that `conf/learner/ppo.yaml` and `sac.yaml` have in common."""
 
     steps: int = 1_000_000  # of all robots together
     robots: int = 32  # that drive at once
@@ -32,7 +41,7 @@ class ReinforcementConfig:
     lr: float = 1e-4  # of Adam
     gamma: float = 0.99
     least_sigma: float = 0.1  # before tanh
-    reward: Reward = field(default_factory=lambda: Reward(2.0, 10.0, -10.0))
+    reward: DclpReward = field(default_factory=DclpReward)
     curriculum: Curriculum = field(default_factory=Curriculum)
 
     def check(self) -> None:

@@ -7,7 +7,6 @@ from runners.cli.main import main
 from runners.experiments.held_out import _evaluation
 from runners.records.launch_record import read_launch
 from runners.records.records import read_episodes
-from runners.search.study import Trial
 from tests.composing import jobs_of
 
 QUICK = ["map.worlds=[0]", "map.time_limit=0.3", "runs=1", "executor=serial", "tracking=none"]
@@ -77,9 +76,8 @@ def test_changed_keys_of_a_held_out_map_are_those_of_its_evaluation_alone():
         f"held_out.{name}_{limit}s.time_limit": limit for name in ("env1", "env2") for limit in (60, 100)
     }
     assert training.changes == {"map.time_limit": 5.0, "held_out.env2.goal_tolerance": 3, **limits}
-    found = Trial(0, 0.5, {}, [])
     first, second = (
-        _evaluation(training, found, place, training.config.held_out[place], "mine")
+        _evaluation(training, {}, place, training.config.held_out[place], "mine")
         for place in ("env1", "env2")
     )
     assert (first.changes, first.choices["map"]) == ({}, "env1")

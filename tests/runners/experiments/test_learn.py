@@ -229,7 +229,7 @@ def test_reinforcement_killed_and_resumed_ends_with_its_steps():
     before = []
     rows = killed_and_resumed([*PPO, "learner.steps=256"], ready, before=before)
     assert [row["steps"] for row in rows] == [0, 64, 128, 192, 256]
-    assert without_time(before)[:2] == without_time(rows)[:2]
+    np.testing.assert_equal(without_time(rows)[:2], without_time(before)[:2])  # which takes NaN for equal
     assert rows[-1]["episodes"] >= before[-1]["episodes"]
     assert all(np.diff([row["hours"] for row in rows]) > 0)
 
