@@ -353,10 +353,10 @@ def test_paper_table_2_is_whole():
     experiment = yaml.safe_load((resource_dir("conf") / "experiment" / "table2.yaml").read_text())
     known = systems()
     assert [known[name].label for name in experiment["table"]] == [
-        "DWA", "DRL-DCLP", "S3-FISVFH", "E-Band", "KUL+FM", "DRL-VO", "DRL-DCLP", "LME-DWA", "LME-DRL", "LME",
-        "LME as printed",
+        "DWA", "DRL-DCLP (cloned)", "S3-FISVFH", "E-Band", "KUL+FM", "DRL-VO", "DRL-DCLP (cloned, with a path)",
+        "LME-DWA", "LME-DRL (cloned)", "LME", "LME as printed",
     ]  # fmt: skip
-    swept = experiment["hydra"]["sweeper"]["params"]["system"].split(",")
+    swept = experiment["hydra"]["sweeper"]["params"]["system"].replace(" ", "").split(",")
     assert swept == [name for name in experiment["table"] if known[name].planner]
     shares = [known[name].published["barn"] for name in experiment["table"] if name != "lme_printed"]
     for each in shares:  # rounded to three digits in the paper
