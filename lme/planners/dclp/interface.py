@@ -53,7 +53,7 @@ class Told:
 class DclpConfig:
     """The network's weights and the ranges that it is given where the lidar sees nothing."""
 
-    weights: str | None = None  # path of an .npz
+    weights: str | None = None  # path of an .npz; None: the network that ships with lme
     no_return: float = 5.0  # [m] range of a beam without return
     blind_range: float = 5.0  # [m] range in a direction without beams
     lookahead: float = 2.0  # [m] of the subgoal on a guide's path

@@ -6,12 +6,14 @@ from pathlib import Path
 
 import numpy as np
 
-from lme.errors import InputError
 from lme.planners.dclp.interface import DclpConfig, Interface, warn_if_untrained
 from lme.planners.dclp.network import Network, draw
 from lme.planners.dclp.weights import TRAINED, read_weights
+from lme.resources import resource_dir
 from lme.robots import Robot
 from lme.types import Guidance, Observation, Twist
+
+SHIPPED = "dclp_jackal.npz"  # in conf/network/; lme learn made it
 
 
 class Dclp:
@@ -41,9 +43,4 @@ class Dclp:
 
 
 def _weights(path: str | None) -> dict[str, np.typing.NDArray[np.float32]]:
-    if path is None:
-        raise InputError(
-            "planner.weights is null: must be a network's name or file; dclp_jackal ships with lme, and "
-            "`lme weights import dclp PATH NAME` makes one of the authors' checkpoint"
-        )
-    return read_weights(Path(path))
+    return read_weights(Path(path) if path is not None else resource_dir("conf") / "network" / SHIPPED)

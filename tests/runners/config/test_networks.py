@@ -16,7 +16,7 @@ BYTES_MAX = 2**20
 def test_a_shipped_network_is_small_and_has_a_card(name):
     path = find_network(name)
     assert path.stat().st_size <= BYTES_MAX
-    card = yaml.safe_load(path.with_name(f"{name}.card.yaml").read_text())
+    card = yaml.safe_load(path.with_suffix(".md").read_text().split("```")[1].removeprefix("yaml"))
     assert card["name"] == name
     assert {"command", "seed", "versions", "validation", "held_out"} <= set(card)
 

@@ -122,9 +122,7 @@ def test_along_a_path_the_goal_is_its_first_point_far_enough(file, length, block
     assert network.state[0] == pytest.approx(goal)
 
 
-def test_without_weights(tmp_path):
-    with pytest.raises(InputError, match=r"planner\.weights is null: .*lme weights import dclp PATH NAME"):
-        Dclp(DclpConfig(), stage())
+def test_weights_that_do_not_exist(tmp_path):
     with pytest.raises(InputError, match=r"none\.npz: cannot be read"):
         Dclp(DclpConfig(weights=str(tmp_path / "none.npz")), stage())
 
