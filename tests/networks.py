@@ -1,7 +1,9 @@
 """Random networks of DRL-DCLP, as weight files and as TensorFlow checkpoints, and of DRL-VO, for tests."""
 
 import numpy as np
+import pytest
 
+from lme.errors import InputError
 from lme.kernels.crc32c import crc32c
 from lme.planners.dclp.bundle import INDEX, SHARD
 from lme.planners.dclp.importing import tensor_names
@@ -122,3 +124,13 @@ def drl_vo_file(path, seed=0):
     with path.open("wb") as file:
         drl_vo.write_weights(random_drl_vo(seed=seed), file)
     return path
+
+
+def refused(read, path):
+    """The one line of the error that reading this path raises."""
+    with pytest.raises(InputError) as caught:
+        read(path)
+    message = str(caught.value)
+    assert "\n" not in message
+    assert str(path) in message
+    return message

@@ -48,10 +48,15 @@ def read_arrays(path: Path, shapes: Mapping[str, Shape], what: str) -> dict[str,
     """
     with _opened(path, what) as archive:
         arrays = {name: _array(archive, name, shape, path, what) for name, shape in shapes.items()}
+    check_finite(arrays, str(path))
+    return arrays
+
+
+def check_finite(arrays: Arrays, source: str) -> None:
+    """Raise InputError, naming the array, for values that are not finite. source: the file, for messages."""
     for name, array in arrays.items():
         if not np.isfinite(array).all():
-            raise InputError(f"{path}: {name} holds values that are not finite")
-    return arrays
+            raise InputError(f"{source}: {name} holds values that are not finite")
 
 
 @contextmanager

@@ -36,9 +36,7 @@ class Figures(NamedTuple):
 def figures(systems: Mapping[str, System]) -> dict[tuple[str, PublishedSetting], Figures]:
     """Published figures by the name of the system in `conf/system/` and by setting."""
     return {
-        (name, PublishedSetting(map_name, robot)): Figures(
-            system.label.partition(" (")[0], system.global_planner, _stats(given)
-        )
+        (name, PublishedSetting(map_name, robot)): Figures(system.name, system.global_planner, _stats(given))
         for name, system in systems.items()
         for map_name, given in (system.published or {}).items()
         for robot in given["robots"]

@@ -114,6 +114,16 @@ def metrics(frame: pd.DataFrame) -> dict[str, float]:
     return {"episodes": float(row.episodes or 0), **numbers(row)}
 
 
+def metrics_of_places(frame: pd.DataFrame) -> dict[str, float]:
+    """The metrics of each map, behind its name where there are several: numbers of one tracked run."""
+    places = list(dict.fromkeys(frame["map"]))
+    return {
+        f"{place}_{key}" if len(places) > 1 else key: value
+        for place in places
+        for key, value in metrics(frame[frame["map"] == place]).items()
+    }
+
+
 def measure(group: pd.DataFrame, system: str, keys: dict[str, str]) -> Row:
     """The row of the table for these records. keys: values that distinguish it from other rows, by column."""
     successes = group["outcome"] == "success"

@@ -29,6 +29,11 @@ class System:
     global_planner: bool = False
     published: dict[str, Any] | None = field(default=None)
 
+    @property
+    def name(self) -> str:
+        """The label without what it says of its settings in brackets."""
+        return self.label.partition(" (")[0]
+
 
 @cache
 def systems(folders: tuple[Path, ...] = SHIPPED) -> Mapping[str, System]:
@@ -48,8 +53,7 @@ def label(guide: str, planner: str, known: Iterable[System], changed: bool = Fal
     """
     for system in known:
         if (system.guide, system.planner) == (guide, planner):
-            name, bracket, _ = system.label.partition(" (")
-            return f"{name} (changed)" if bracket and changed else system.label
+            return f"{system.name} (changed)" if changed and system.name != system.label else system.label
     return f"{guide}+{planner}"
 
 

@@ -60,7 +60,7 @@ def scale_from_words(text: str) -> dict[str, float]:
 
 def find(weights: str) -> Path:
     """The weight file that `weights` names. Raises InputError where there is none."""
-    shipped = {path.stem: path for path in sorted((resource_dir("conf") / "weight_set").glob("*.yaml"))}
+    shipped = shipped_weights()
     if weights in shipped:
         return shipped[weights]
     path = Path(weights)
@@ -102,9 +102,18 @@ def find_network(weights: str, key: str = "planner.weights") -> Path:
     )
 
 
+def shipped_weights() -> dict[str, Path]:
+    """The weight sets that ship with lme, by name."""
+    return _shipped("weight_set", "yaml")
+
+
 def shipped_networks() -> dict[str, Path]:
     """The networks that ship with lme, by name."""
-    return {path.stem: path for path in sorted((resource_dir("conf") / "network").glob("*.npz"))}
+    return _shipped("network", "npz")
+
+
+def _shipped(folder: str, ending: str) -> dict[str, Path]:
+    return {path.stem: path for path in sorted((resource_dir("conf") / folder).glob(f"*.{ending}"))}
 
 
 def _scaled(learned: Mapping[str, float], scale: Mapping[str, float]) -> dict[str, float]:

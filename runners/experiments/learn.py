@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Mapping
-from dataclasses import asdict, fields, replace
+from dataclasses import asdict, replace
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,7 +13,6 @@ from lme.errors import InputError, require
 from runners.analysis import failures
 from runners.config import build
 from runners.config.instantiate import build as build_target
-from runners.config.instantiate import configured
 from runners.config.job import Job
 from runners.config.options import named_option
 from runners.config.schema import LearnConfig
@@ -22,14 +21,14 @@ from runners.experiments import evaluate
 from runners.experiments.held_out import evaluate_held_out
 from runners.experiments.labels import run_labels
 from runners.experiments.resume_hint import resume_hint
-from runners.learning.learnable import check_learnable
+from runners.learning.learnable import check_learnable, planner_config
 from runners.records import network_file
 from runners.records.launch_record import fingerprint, identity
 from runners.records.run_directories import held
 from runners.workers import lessons
 from runners.workers.lessons import Expert, LessonPayload
 from runners.workers.progress import LearnProgress
-from runners.workers.robots import check_ranges
+from runners.workers.robots import check_ranges, given
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -127,9 +126,9 @@ def _check_network(job: Job[LearnConfig]) -> None:
         )
     if config.start is not None:
         find_network(config.start, "start")
-    configured({**config.planner, "weights": None}, "planner")
+    planner_config(config.planner)
     told = [key for key, value in dict(config.planner.get("told", {})).items() if value is not None]
-    if told and any(getattr(config.robots, field.name) for field in fields(config.robots)):
+    if told and given(config.robots):
         raise InputError(
             f"planner.told sets {', '.join(told)}: must be null where robots are drawn, such as with planner=dclp"
         )
@@ -200,13 +199,9 @@ def _by_place(frame: pd.DataFrame) -> dict[str, dict[str, float]]:
 
 
 def _numbers(frame: pd.DataFrame, last: Row) -> dict[str, float]:
-    places = _by_place(frame)
-    found = {
-        f"{place}_{key}" if len(places) > 1 else key: value
-        for place, values in places.items()
-        for key, value in values.items()
-    }
-    return {**found, "validation_success": last["best_success"], "hours": last["hours"]}
+    from runners.analysis.summary import metrics_of_places
+
+    return {**metrics_of_places(frame), "validation_success": last["best_success"], "hours": last["hours"]}
 
 
 def _series(rows: list[Row]) -> dict[str, list[float]]:

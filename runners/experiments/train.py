@@ -173,16 +173,12 @@ def _pictures(found: Study, space: Space, run_dir: Path) -> list[Path]:
 
 def _track(tracking: Any, told: list[Trial], best: Trial, frame: pd.DataFrame, files: list[Path]) -> None:
     """Track one run with a series of rewards. A tracked run for each trial would take longer than the trial."""
-    from runners.analysis.summary import metrics
+    from runners.analysis.summary import metrics_of_places
 
     rewards = [trial.reward for trial in told]
     series = {"reward": rewards, "best_reward": np.maximum.accumulate(rewards).tolist()}
     numbers = {"train_reward": best.reward, "trials": float(len(told))}
-    places = list(dict.fromkeys(frame["map"]))
-    for place in places:
-        prefix = f"{place}_" if len(places) > 1 else ""
-        found = metrics(frame[frame["map"] == place])
-        numbers |= {f"{prefix}{key}": value for key, value in found.items()}
+    numbers |= metrics_of_places(frame)
     numbers |= {f"best_{key.rpartition('.')[2]}": value for key, value in best.values.items()}
     tracking.finish(numbers, files, series)
 

@@ -19,7 +19,7 @@ from torch import Tensor
 from lme.errors import InputError, require
 from runners.config.schema import LearnConfig
 from runners.learning.mixture import log_likelihood
-from runners.learning.run import Row, Run
+from runners.learning.run import Row, Run, descend
 from runners.records.whole_file import replacing
 from runners.workers.lessons import Lesson, Taught
 
@@ -155,11 +155,7 @@ class Clone:
         if self._config.mirror:
             features, actions = _half_mirrored(run, features, actions)
         loss = -log_likelihood(run.network(*features), actions, self._config.least_sigma).mean()
-        optimiser.zero_grad()
-        torch.autograd.backward(loss)
-        torch.nn.utils.clip_grad_norm_(run.network.parameters(), _GRADIENT_MAX)
-        optimiser.step()
-        return loss.item()
+        return descend(optimiser, loss, run.network.parameters(), _GRADIENT_MAX)
 
     def _row(self, number: int, data: Data, new: Data, loss: float) -> Row:
         return {

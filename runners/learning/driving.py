@@ -16,16 +16,17 @@ from torch import Tensor
 from lme.envs.fleet import Fleet, Views
 from lme.envs.reward import Result, Reward
 from lme.errors import InputError, require
-from lme.robots import Footprint, Robot
+from lme.robots import Robot
 from lme.sim.fast import FastConfig, FastSimulator
 from lme.types import LaserScan, Limits, Observation, Outcome, Pose, Twist
 from lme.worlds.world import MapSet, Task
 from runners.config import build
 from runners.config.instantiate import configured
 from runners.config.schema import LearnConfig
+from runners.learning.learnable import planner_config
 from runners.learning.run import Run
 from runners.workers.lessons import Interface
-from runners.workers.robots import drawn
+from runners.workers.robots import changed, drawn, given
 
 Features = tuple[Tensor, ...]
 _RECENT = 100  # episodes whose success counts
@@ -75,7 +76,7 @@ class Driving:
         self._network = run.network
         self._maps = _Worlds(config, run.places(0, worlds))
         self._num, self._seeds = num_robots, np.random.SeedSequence([config.seed, part])
-        self._planner = configured({**config.planner, "weights": None}, "planner")[1]
+        self._planner = planner_config(config.planner)
         self.stage = 0
         self.episodes = 0
         self._returns = np.zeros(num_robots)
@@ -88,8 +89,9 @@ class Driving:
         self.recent.clear()
         within = [*self._curriculum.within, None][stage]
         config = self._config
-        any_robot = any(value is not None for value in _ranges(config))
-        robot = (lambda rng: drawn(config.robot, config.robots, rng)) if any_robot else config.robot
+        robot = (
+            (lambda rng: drawn(config.robot, config.robots, rng)) if given(config.robots) else config.robot
+        )
         self._fleet = Fleet(self._maps.within(within), robot, self._num, _simulator(config), self._reward)
         seeds = [int(child.generate_state(1)[0]) for child in self._seeds.spawn(self._num)]
         self._views = self._fleet.reset(seeds)
@@ -200,16 +202,10 @@ def _simulator(config: LearnConfig) -> FastConfig:
     return cast(FastConfig, found)
 
 
-def _ranges(config: LearnConfig) -> list[list[float] | None]:
-    found = config.robots
-    return [found.v_max, found.omega_max, found.alpha_v, found.alpha_omega, found.length, found.width]
-
-
 def _robot(config: LearnConfig, views: Views, row: int) -> Robot:
     """The robot of a row: the job's, with the limits and the footprint that were drawn."""
-    limits = Limits(*views.limits[row].tolist())
-    if config.robots.length is None:
-        return replace(config.robot, **limits._asdict())
-    half_length, half_width, _ = views.boxes[row].tolist()
-    footprint = Footprint(length=2 * half_length, width=2 * half_width)
-    return replace(config.robot, **limits._asdict(), footprint=footprint, contact=None, collision_radius=None)
+    values = Limits(*views.limits[row].tolist())._asdict()
+    if config.robots.length is not None:
+        half_length, half_width, _ = views.boxes[row].tolist()
+        values |= {"length": 2 * half_length, "width": 2 * half_width}
+    return changed(config.robot, values)

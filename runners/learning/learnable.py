@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lme.errors import InputError
+from runners.config.instantiate import configured
 
 if TYPE_CHECKING:
     from torch import Tensor, nn
@@ -77,6 +78,11 @@ def check_learnable(planner: Mapping[str, Any], name: str) -> None:
     if planner["_target_"] not in _NETWORKS:
         known = ", ".join(option for option, _ in _NETWORKS.values())
         raise InputError(f"planner is {name}: has no network that can be learned; must be one of {known}")
+
+
+def planner_config(planner: Mapping[str, Any]) -> Any:
+    """The Config of a planner, apart from its weights, which are to be learned. Raises InputError."""
+    return configured({**planner, "weights": None}, "planner")[1]
 
 
 def network_class(planner: Mapping[str, Any]) -> type[Learnable]:

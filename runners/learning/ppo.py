@@ -2,23 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from statistics import fmean
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import torch
 from torch import Tensor, nn
 
 from lme.errors import require
-from runners.config.schema import LearnConfig
-from runners.learning.driving import Driving, Features, check_driving
+from runners.learning.driving import Driving, Features
 from runners.learning.learnable import Learnable
 from runners.learning.mixture import draw, log_density
-from runners.learning.reinforcement import Advanced, Parts, ReinforcementConfig, reinforce
+from runners.learning.reinforcement import (
+    Advanced,
+    Parts,
+    Reinforcement,
+    ReinforcementConfig,
+    reinforce,
+)
 from runners.learning.run import Run
-
-_GRADIENT_MAX = 0.5  # norm of an update's gradient
 
 
 @dataclass(slots=True)
@@ -72,24 +74,10 @@ class Batch(NamedTuple):
         return Batch(tuple(each[chosen] for each in self.features), *(each[chosen] for each in self[1:]))
 
 
-class Ppo:
+class Ppo(Reinforcement[PpoConfig]):
     """Learns from its own driving by small changes of the policy."""
 
     Config = PpoConfig
-
-    def __init__(self, config: PpoConfig) -> None:
-        self._config = config
-
-    @property
-    def total(self) -> int:
-        return self._config.steps
-
-    @property
-    def expert(self) -> Mapping[str, Any] | None:
-        return None
-
-    def check(self, config: LearnConfig) -> None:
-        check_driving(config)
 
     def learn(self, run: Run) -> None:
         critic = run.network.critic(0)
@@ -146,13 +134,11 @@ class Ppo:
                     learn_policy = kl <= self._config.kl_max
                     if learn_policy:
                         found["loss_policy"].append(
-                            descend(parts.optimisers["policy_optimiser"], loss, policy.parameters())
+                            parts.descend("policy_optimiser", loss, policy.parameters())
                         )
                 critic = parts.modules["critic"]
                 loss = nn.functional.mse_loss(critic(*part.features), part.returns)
-                found["loss_value"].append(
-                    descend(parts.optimisers["critic_optimiser"], loss, critic.parameters())
-                )
+                found["loss_value"].append(parts.descend("critic_optimiser", loss, critic.parameters()))
         return {name: fmean(values) for name, values in found.items() if values}
 
     def _policy_loss(self, policy: Learnable, part: Batch) -> tuple[Tensor, float]:
@@ -180,12 +166,3 @@ def advantages_of(steps: list[Step], values: Tensor, gamma: float, decay: float)
         found.append(advantage)
         values = step.values
     return torch.cat(found[::-1])
-
-
-def descend(optimiser: torch.optim.Optimizer, loss: Tensor, parameters: Any) -> float:
-    """One step of the optimiser down a loss; the loss."""
-    optimiser.zero_grad()
-    torch.autograd.backward(loss)
-    nn.utils.clip_grad_norm_(parameters, _GRADIENT_MAX)
-    optimiser.step()
-    return loss.item()

@@ -4,21 +4,25 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from statistics import fmean
 from time import perf_counter
-from typing import Any, NamedTuple
+from typing import Any, Generic, NamedTuple, TypeVar
 
 import torch
-from torch import nn
+from torch import Tensor, nn
 
 from lme.envs.reward import Reward
 from lme.errors import require
-from runners.learning.driving import Curriculum, Driving, Features
-from runners.learning.run import Row, Run
+from runners.config.schema import LearnConfig
+from runners.learning.driving import Curriculum, Driving, Features, check_driving
+from runners.learning.run import Row, Run, descend
+
+_GRADIENT_MAX = 0.5  # norm of an update's gradient
 
 Losses = Mapping[str, float]
+Settings = TypeVar("Settings", bound="ReinforcementConfig")
 
 
 @dataclass(slots=True)
@@ -53,12 +57,34 @@ class ReinforcementConfig:
         require("learner.gamma", self.gamma, at_least=0.0, at_most=1.0)
 
 
+class Reinforcement(Generic[Settings]):
+    """What ppo and sac say of themselves alike; each adds `learn`."""
+
+    def __init__(self, config: Settings) -> None:
+        self._config = config
+
+    @property
+    def total(self) -> int:
+        return self._config.steps
+
+    @property
+    def expert(self) -> Mapping[str, Any] | None:
+        return None
+
+    def check(self, config: LearnConfig) -> None:
+        check_driving(config)
+
+
 class Parts(NamedTuple):
     """What a checkpoint holds beside the policy, by name, and the random numbers of the actions."""
 
     modules: Mapping[str, nn.Module]
     optimisers: Mapping[str, torch.optim.Optimizer]
     generator: torch.Generator
+
+    def descend(self, optimiser: str, loss: Tensor, parameters: Iterable[nn.Parameter]) -> float:
+        """One step of an optimiser down a loss; the loss."""
+        return descend(self.optimisers[optimiser], loss, parameters, _GRADIENT_MAX)
 
     def state(self) -> dict[str, Any]:
         """All of it, for a checkpoint."""

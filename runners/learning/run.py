@@ -11,11 +11,11 @@ from typing import Any, Protocol
 
 import numpy as np
 import torch
+from torch import Tensor, nn
 
-from runners.config.instantiate import configured
 from runners.config.schema import LearnConfig
 from runners.config.weights import NETWORK
-from runners.learning.learnable import Learnable, network_class
+from runners.learning.learnable import Learnable, network_class, planner_config
 from runners.records.whole_file import replacing
 from runners.workers.executor import Map
 from runners.workers.lessons import Lesson, Taught
@@ -68,8 +68,7 @@ class Run:
         self.network: Learnable = network()
         if start is not None:
             self.network.load(network.read(start))
-        _, planner = configured({**config.planner, "weights": None}, "planner")
-        self.network.trained_for(planner, extremes(config.robot, config.robots))
+        self.network.trained_for(planner_config(config.planner), extremes(config.robot, config.robots))
 
     @property
     def seconds(self) -> float:
@@ -161,6 +160,17 @@ class Run:
         """The random numbers of a part of the training."""
         words = np.random.SeedSequence([self.config.seed, part]).generate_state(1, np.uint64)
         return torch.Generator().manual_seed(int(words[0] >> np.uint64(1)))
+
+
+def descend(
+    optimiser: torch.optim.Optimizer, loss: Tensor, parameters: Iterable[nn.Parameter], gradient_max: float
+) -> float:
+    """One step of the optimiser down a loss; the loss. gradient_max: norm that the gradient is cut to."""
+    optimiser.zero_grad()
+    torch.autograd.backward(loss)
+    nn.utils.clip_grad_norm_(parameters, gradient_max)
+    optimiser.step()
+    return loss.item()
 
 
 def write_curves(rows: Iterable[Row], path: Path) -> None:

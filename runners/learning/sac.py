@@ -7,21 +7,24 @@ drawn.
 from __future__ import annotations
 
 import copy
-from collections.abc import Mapping
 from dataclasses import dataclass
 from statistics import fmean
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import torch
 from torch import Tensor, nn
 
 from lme.errors import require
-from runners.config.schema import LearnConfig
-from runners.learning.driving import Driving, Experience, Features, check_driving
+from runners.learning.driving import Driving, Experience, Features
 from runners.learning.learnable import Learnable
 from runners.learning.mixture import draw, draw_each, log_density_of_actions
-from runners.learning.ppo import descend
-from runners.learning.reinforcement import Advanced, Parts, ReinforcementConfig, reinforce
+from runners.learning.reinforcement import (
+    Advanced,
+    Parts,
+    Reinforcement,
+    ReinforcementConfig,
+    reinforce,
+)
 from runners.learning.run import Run
 
 _ACTIONS = 2
@@ -89,24 +92,10 @@ class Replay:
         return Transition(tuple(rows[:inputs]), raw, rewards, terminated, tuple(rows[inputs + 3 :]))
 
 
-class Sac:
+class Sac(Reinforcement[SacConfig]):
     """Learns from a memory of its own driving, and is paid for trying things."""
 
     Config = SacConfig
-
-    def __init__(self, config: SacConfig) -> None:
-        self._config = config
-
-    @property
-    def total(self) -> int:
-        return self._config.steps
-
-    @property
-    def expert(self) -> Mapping[str, Any] | None:
-        return None
-
-    def check(self, config: LearnConfig) -> None:
-        check_driving(config)
 
     def learn(self, run: Run) -> None:
         config, policy = self._config, run.network
@@ -157,13 +146,11 @@ class Sac:
             for each in critics.children()
         ]
         found = {
-            "loss_value": descend(
-                parts.optimisers["critics_optimiser"], errors[0] + errors[1], critics.parameters()
-            )
+            "loss_value": parts.descend("critics_optimiser", errors[0] + errors[1], critics.parameters())
         }
         if learn_policy:
             loss, entropy = self._policy_loss(policy, parts, batch)
-            found["loss_policy"] = descend(parts.optimisers["policy_optimiser"], loss, policy.parameters())
+            found["loss_policy"] = parts.descend("policy_optimiser", loss, policy.parameters())
             found["entropy"] = entropy
         with torch.no_grad():
             pairs = zip(critics.parameters(), parts.modules["targets"].parameters(), strict=True)

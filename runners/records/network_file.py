@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Mapping
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import yaml
 
 from lme.errors import InputError
-from runners.config.weights import NETWORK, REGISTERED
+from runners.config.weights import NETWORK, REGISTERED, shipped_networks
+from runners.records import registered_name
+from runners.records.registered_name import said_in
 from runners.records.versions import versions
 from runners.records.whole_file import replacing, write_whole
 
@@ -37,13 +38,9 @@ def register(run_dir: Path, name: str, about: Mapping[str, Any], use: str) -> li
 
 def check_name(name: str, training: str) -> None:
     """Raise InputError unless `name` is free, or holds a network of the same training. training: a fingerprint."""
-    if not name or Path(name).name != name or name.startswith("."):
-        raise InputError(f"name is {name!r}: must be a plain file name without .npz")
-    taken: Any = None
-    with suppress(OSError, UnicodeDecodeError, yaml.YAMLError):
-        taken = yaml.safe_load(_card(name).read_text(encoding="utf-8"))
+    registered_name.check_name(name, ".npz", "a network", shipped_networks())
     path = REGISTERED / f"{name}.npz"
-    if path.exists() and not (isinstance(taken, dict) and taken.get("training") == training):
+    if path.exists() and said_in(_card(name), "training") != training:
         raise InputError(f"name is {name!r}: {path} holds another network; choose another name")
 
 

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import yaml
 
 from lme.errors import InputError
-from lme.resources import resource_dir
 from runners.config.schema import TrainConfig
 from runners.config.space import PARAMETERS
-from runners.config.weights import REGISTERED, WEIGHTS
+from runners.config.weights import REGISTERED, WEIGHTS, shipped_weights
+from runners.records import registered_name
+from runners.records.registered_name import said_in
 from runners.records.versions import versions
 from runners.records.whole_file import write_whole
 
@@ -71,15 +71,9 @@ def best_parameters(config: TrainConfig, values: Mapping[str, float]) -> dict[st
 
 def check_name(name: str, study: str) -> None:
     """Raise InputError unless `name` is free, or holds weights of the same study. study: a fingerprint."""
-    if not name or Path(name).name != name or name.startswith("."):
-        raise InputError(f"name is {name!r}: must be a plain file name without .yaml")
-    if (resource_dir("conf") / "weight_set" / f"{name}.yaml").is_file():
-        raise InputError(f"name is {name!r}: weights of that name ship with lme; choose another name")
+    registered_name.check_name(name, ".yaml", "a weight set", shipped_weights())
     path = REGISTERED / f"{name}.yaml"
-    taken: Any = None
-    with suppress(OSError, UnicodeDecodeError, yaml.YAMLError):
-        taken = yaml.safe_load(path.read_text(encoding="utf-8"))
-    if path.exists() and not (isinstance(taken, dict) and taken.get("study") == study):
+    if path.exists() and said_in(path, "study") != study:
         raise InputError(f"name is {name!r}: {path} holds the weights of another study; choose another name")
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import fields, replace
 
 import numpy as np
@@ -15,7 +16,7 @@ _SIDES = ("length", "width")
 
 def check_ranges(ranges: RobotRanges) -> None:
     """Raise InputError for a range that is none, and for one side of a footprint without the other."""
-    for key in _given(ranges):
+    for key in given(ranges):
         found = getattr(ranges, key)
         if len(found) != 2 or found[0] > found[1]:
             raise InputError(f"robots.{key} is {found}: must be [lowest, highest]")
@@ -26,17 +27,18 @@ def check_ranges(ranges: RobotRanges) -> None:
 
 def drawn(robot: Robot, ranges: RobotRanges, rng: np.random.Generator) -> Robot:
     """The robot with what the ranges name drawn from them, uniformly in the logarithm."""
-    drawn_values = {key: float(np.exp(rng.uniform(*np.log(getattr(ranges, key))))) for key in _given(ranges)}
-    return _changed(robot, drawn_values)
+    drawn_values = {key: float(np.exp(rng.uniform(*np.log(getattr(ranges, key))))) for key in given(ranges)}
+    return changed(robot, drawn_values)
 
 
 def extremes(robot: Robot, ranges: RobotRanges) -> tuple[Robot, Robot]:
     """The robots with the lowest and with the highest values of the ranges."""
-    lowest, highest = ({key: getattr(ranges, key)[end] for key in _given(ranges)} for end in (0, 1))
-    return _changed(robot, lowest), _changed(robot, highest)
+    lowest, highest = ({key: getattr(ranges, key)[end] for key in given(ranges)} for end in (0, 1))
+    return changed(robot, lowest), changed(robot, highest)
 
 
-def _changed(robot: Robot, values: dict[str, float]) -> Robot:
+def changed(robot: Robot, values: Mapping[str, float]) -> Robot:
+    """The robot with these values of `RobotRanges`; both sides of a footprint, or none."""
     limits = {key: value for key, value in values.items() if key not in _SIDES}
     if len(limits) == len(values):
         return replace(robot, **limits)  # type: ignore[arg-type]
@@ -44,5 +46,6 @@ def _changed(robot: Robot, values: dict[str, float]) -> Robot:
     return replace(robot, **limits, footprint=footprint, contact=None, collision_radius=None)  # type: ignore[arg-type]
 
 
-def _given(ranges: RobotRanges) -> list[str]:
+def given(ranges: RobotRanges) -> list[str]:
+    """What the ranges name: keys that are not None."""
     return [field.name for field in fields(ranges) if getattr(ranges, field.name) is not None]

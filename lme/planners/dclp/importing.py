@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lme.errors import InputError
+from lme.planners.array_file import check_finite
 from lme.planners.dclp.bundle import INDEX, SHARD, read_entries, read_tensors
 from lme.planners.dclp.weights import LAYERS, SHAPES, TOLD, TRAINED
 
@@ -56,10 +57,8 @@ def import_checkpoint(path: Path) -> dict[str, NDArray[np.float32]]:
                 f"{prefix}{INDEX}: {tensor} {what}: a DCLP network has one of {wanted}; is this its checkpoint?"
             )
     tensors = read_tensors(prefix, entries)
+    check_finite({tensor: tensors[tensor] for tensor in names.values()}, f"{prefix}{SHARD}")
     weights = {name: tensors[tensor].reshape(SHAPES[name]) for name, tensor in names.items()}
-    for name, array in weights.items():
-        if not np.isfinite(array).all():
-            raise InputError(f"{prefix}{SHARD}: {names[name]} holds values that are not finite")
     weights[TRAINED] = np.array([_PUBLISHED[key] for key in TOLD], np.float32)
     return weights
 

@@ -91,12 +91,12 @@ def _list(_: argparse.Namespace) -> None:
 
 def _import(arguments: argparse.Namespace) -> None:
     from lme.planners.array_file import write_arrays
-    from runners.config.weights import REGISTERED
+    from runners.config.weights import REGISTERED, shipped_networks
+    from runners.records.registered_name import check_name
     from runners.records.whole_file import replacing
 
     name = arguments.name or arguments.network
-    if Path(name).name != name or name.startswith("."):
-        raise InputError(f"NAME is {name!r}: must be a plain file name without .npz")
+    check_name(name, ".npz", "a network", shipped_networks(), "NAME")
     path = REGISTERED / f"{name}.npz"
     network = NETWORKS[arguments.network]
     weights = network.read(arguments.path.expanduser())

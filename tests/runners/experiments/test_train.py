@@ -231,7 +231,7 @@ def test_a_planner_is_tuned_by_its_own_space(capsys):
         (["training_numbers=[5]"], "training_numbers is [5]: must be [first, last]"),
         (["training_numbers=[0,2]"], "must leave 2 worlds beside those held out, and leaves 1"),
         (["name=a/b"], "name is 'a/b': must be a plain file name"),
-        (["name=published"], "name is 'published': weights of that name ship with lme"),
+        (["name=published"], "name is 'published': a weight set of that name ships with lme"),
         (["name=taken"], "holds the weights of another study; choose another name"),
         (["storage=nonsense"], "storage is nonsense: cannot be used"),
         (["weights=broken.yaml"], "weights file broken.yaml"),

@@ -12,20 +12,10 @@ from lme.planners.dclp.bundle import INDEX, SHARD, read_entries
 from lme.planners.dclp.importing import import_checkpoint
 from lme.planners.dclp.network import Network
 from lme.planners.dclp.weights import SHAPES, TRAINED
-from tests.networks import checkpoint, random_weights, table
+from tests.networks import checkpoint, random_weights, refused, table
 
 REAL = os.environ.get("DCLP_CHECKPOINT")
 BIAS = "main/pi/conv1d/bias"
-
-
-def refused(prefix):
-    """The one line of the error."""
-    with pytest.raises(InputError) as caught:
-        import_checkpoint(prefix)
-    message = str(caught.value)
-    assert "\n" not in message
-    assert str(prefix) in message
-    return message
 
 
 def part(prefix, ending):
@@ -48,30 +38,30 @@ def test_the_tensors_come_back(prefix, ending):
 
 
 def test_a_file_that_is_absent_or_no_table(prefix, tmp_path):
-    assert "cannot be read" in refused(tmp_path / "other")
+    assert "cannot be read" in refused(import_checkpoint, tmp_path / "other")
     part(prefix, INDEX).write_bytes(b"PK" * 100)
-    assert "no table of LevelDB" in refused(prefix)
+    assert "no table of LevelDB" in refused(import_checkpoint, prefix)
 
 
 def test_a_shard_that_is_absent_or_cut_off(prefix):
     whole = part(prefix, SHARD).read_bytes()
     part(prefix, SHARD).write_bytes(whole[:-5])
-    assert "behind the end" in refused(prefix)
+    assert "behind the end" in refused(import_checkpoint, prefix)
     part(prefix, SHARD).unlink()
-    assert "cannot be read" in refused(prefix)
+    assert "cannot be read" in refused(import_checkpoint, prefix)
 
 
 def test_another_network(tmp_path):
     other = {**random_weights(), "dense_1.bias": np.zeros(100, np.float32)}
-    message = refused(checkpoint(tmp_path / "other", other))
+    message = refused(import_checkpoint, checkpoint(tmp_path / "other", other))
     assert "main/pi/dense/bias has the shape (100,): a DCLP network has one of (128,)" in message
     part(tmp_path / "none", INDEX).write_bytes(table({b"": b"\x08\x01"}))
-    assert "main/pi/Variable is missing" in refused(tmp_path / "none")
+    assert "main/pi/Variable is missing" in refused(import_checkpoint, tmp_path / "none")
 
 
 def test_values_that_are_not_finite(tmp_path):
     weights = {**random_weights(), "alpha": np.array(np.nan, np.float32)}
-    assert "not finite" in refused(checkpoint(tmp_path / "nan", weights))
+    assert "not finite" in refused(import_checkpoint, checkpoint(tmp_path / "nan", weights))
 
 
 @pytest.mark.parametrize(
@@ -84,7 +74,7 @@ def test_values_that_are_not_finite(tmp_path):
 )
 def test_an_entry_that_lies(tmp_path, entry, says):
     tracemalloc.start()
-    message = refused(checkpoint(tmp_path / "lies", random_weights(), {BIAS: entry}))
+    message = refused(import_checkpoint, checkpoint(tmp_path / "lies", random_weights(), {BIAS: entry}))
     _, peak = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert says in message
@@ -95,21 +85,23 @@ def test_an_entry_that_lies(tmp_path, entry, says):
 def test_a_shape_that_lies_about_a_critic(tmp_path, shape):
     size = 0 if 0 in shape else 4 if set(shape) == {1} else 12
     changed = {"main/values/q1/dense/bias": (1, shape, 0, size)}
-    refused(checkpoint(tmp_path / "lies", random_weights(), changed))
+    refused(import_checkpoint, checkpoint(tmp_path / "lies", random_weights(), changed))
 
 
 def test_a_wrong_checksum_of_a_tensor(tmp_path):
-    assert "checksum is wrong" in refused(checkpoint(tmp_path / "crc", random_weights(), crc=1))
+    assert "checksum is wrong" in refused(
+        import_checkpoint, checkpoint(tmp_path / "crc", random_weights(), crc=1)
+    )
 
 
 @pytest.mark.parametrize("header", [b"\x08\x02", b"\x08\x01\x10\x01", b"\x0b"])
 def test_a_bundle_of_another_kind(tmp_path, header):
-    refused(checkpoint(tmp_path / "kind", random_weights(), header=header))
+    refused(import_checkpoint, checkpoint(tmp_path / "kind", random_weights(), header=header))
 
 
 def test_compressed_blocks(tmp_path):
     part(tmp_path / "snappy", INDEX).write_bytes(table({b"": b"\x08\x01"}, kind=1))
-    assert "compressed" in refused(tmp_path / "snappy")
+    assert "compressed" in refused(import_checkpoint, tmp_path / "snappy")
 
 
 def test_no_damage_passes_and_none_gives_a_traceback(prefix):
@@ -143,7 +135,7 @@ def test_noise_in_place_of_entries_never_gives_a_traceback(tmp_path):
         keys = sorted({rng.bytes(rng.integers(0, 9)) for _ in range(4)} | {BIAS.encode()})
         entries = {key: rng.bytes(rng.integers(0, 30)) for key in keys}
         part(tmp_path / "noise", INDEX).write_bytes(table(entries))
-        refused(tmp_path / "noise")
+        refused(import_checkpoint, tmp_path / "noise")
 
 
 @pytest.mark.skipif(REAL is None, reason="DCLP_CHECKPOINT does not name the published checkpoint")

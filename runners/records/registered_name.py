@@ -1,0 +1,28 @@
+"""Names in outputs/weights/: of learned parameters, NAME.yaml, and of networks, NAME.npz."""
+
+from __future__ import annotations
+
+from collections.abc import Container
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from lme.errors import InputError
+
+
+def check_name(name: str, ending: str, what: str, shipped: Container[str], key: str = "name") -> None:
+    """Raise InputError unless `name` can name a file that no shipped one hides. what: a shipped file's content."""
+    if not name or Path(name).name != name or name.startswith("."):
+        raise InputError(f"{key} is {name!r}: must be a plain file name without {ending}")
+    if name in shipped:
+        raise InputError(f"{key} is {name!r}: {what} of that name ships with lme; choose another name")
+
+
+def said_in(path: Path, key: str) -> Any:
+    """The value of a key in a YAML file; None where there is no such file or key."""
+    content: Any = None
+    with suppress(OSError, UnicodeDecodeError, yaml.YAMLError):
+        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+    return content.get(key) if isinstance(content, dict) else None
