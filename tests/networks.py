@@ -116,7 +116,7 @@ def random_drl_vo(sizes=TINY, seed=0):
     for name, shape in architecture.shapes(sizes).items():
         draw = rng.uniform(0.5, 1.5, shape) if name.endswith("running_var") else rng.normal(size=shape)
         made[name] = (draw / np.sqrt(max(np.prod(shape[1:]), 1))).astype(np.float32)
-    return made
+    return {**made, drl_vo.TRAINED: np.array([0.5, 2.0], np.float32)}
 
 
 def drl_vo_file(path, seed=0):

@@ -141,6 +141,7 @@ class Clone:
         config, generator = self._config, run.generator(number)
         updates, _ = config.in_round(number)
         losses = []
+        run.network.train()
         for update in range(updates):
             for group in optimiser.param_groups:
                 group["lr"] = config.lr * (0.01 + 0.99 * 0.5 * (1.0 + math.cos(math.pi * update / updates)))
@@ -148,6 +149,7 @@ class Clone:
             losses.append(self._step(run, data, chosen, optimiser))
             if update % _SHOWN_EVERY == 0:
                 run.say(f"update {update}/{updates} on {len(data.actions)} steps")
+        run.network.eval()
         return float(np.mean(losses[-max(updates // 10, 1) :]))
 
     def _step(self, run: Run, data: Data, chosen: Tensor, optimiser: torch.optim.Optimizer) -> float:

@@ -21,15 +21,17 @@ if TYPE_CHECKING:
     from runners.workers.lessons import Interface
 
 Arrays = Mapping[str, NDArray[np.float32]]
-_NETWORKS = {
-    "lme.planners.dclp.Dclp": ("dclp", "runners.learning.dclp.DclpNetwork")
-}  # by the planner's class
+_NETWORKS = {  # by the planner's class: an option and the network
+    "lme.planners.dclp.Dclp": ("dclp", "runners.learning.dclp.DclpNetwork"),
+    "lme.planners.drl_vo.DrlVo": ("drl_vo_small", "runners.learning.drl_vo.DrlVoNetwork"),
+}
 
 
 class Learnable(Protocol):
-    """A network in torch, a `torch.nn.Module`, that a planner drives with in numpy.
+    """A network in torch, a `torch.nn.Module`, that a planner drives with in numpy or by onnxruntime.
 
     The planner has an `interface` with `features`, whose arrays `__call__` takes as float32 with a batch in front.
+    A network is made in the mode `eval`; only a learner that fits its norms turns it to `train` and back.
     """
 
     def __call__(self, *features: Tensor) -> Mixture:
@@ -54,6 +56,12 @@ class Learnable(Protocol):
 
     def mirror(self, features: tuple[Tensor, ...], actions: Tensor) -> tuple[tuple[Tensor, ...], Tensor]:
         """Features and actions as a mirror ahead of the robot shows them."""
+
+    def eval(self) -> Any:
+        """Of torch: norms with the statistics of the training so far."""
+
+    def train(self) -> Any:
+        """Of torch: norms with the statistics of the batch."""
 
     def parameters(self) -> Iterator[nn.Parameter]:
         """Of torch."""

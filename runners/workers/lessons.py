@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from lme.episode import run_episode
 from lme.navigator import MapReader, Navigator
 from lme.robots import Robot
-from lme.types import Floats, Guidance, Guide, Limits, Observation, Planner, Pose, Twist
+from lme.types import Floats, Guide, Observation, Planner, Pose, Twist
 from lme.worlds.check import check_task
 from lme.worlds.world import World
 from runners.config import build
@@ -33,13 +33,10 @@ _TURN = (5, 25)  # steps that the expert or the network drives before the other 
 class Interface(Protocol):
     """What a network is told, and what its answer means: `lme.planners.dclp.interface`."""
 
-    def goal(self, guidance: Guidance) -> Floats:
-        """The point to drive to (2,) [m]."""
-
     def features(self, observation: Observation, subgoal: Floats) -> tuple[Floats, ...]:
-        """The inputs of the network."""
+        """The inputs of the network, asked for once a step. subgoal: the point to drive to (2,) [m]."""
 
-    def action(self, command: Twist, own: Limits) -> Floats:
+    def action(self, command: Twist, observation: Observation) -> Floats:
         """The answer that stands for a command."""
 
     def command(self, action: Floats, observation: Observation) -> Twist:
@@ -47,9 +44,10 @@ class Interface(Protocol):
 
 
 class NetworkPlanner(Planner, Protocol):
-    """A planner that a network drives."""
+    """A planner that a network drives. seen: the inputs of the network at the last step."""
 
     interface: Interface
+    seen: tuple[Floats, ...] | None
 
 
 class Lesson(NamedTuple):
@@ -162,9 +160,9 @@ class Lecture(Navigator):
         assert self.guidance is not None
         told = self.guidance if self._guide is None else self._guide.guide(observation)
         advice = self._expert.plan(observation, told)
-        interface = self._student.interface
-        self._features.append(interface.features(observation, interface.goal(self.guidance)))
-        self._actions.append(interface.action(advice, observation.limits))
+        assert self._student.seen is not None
+        self._features.append(self._student.seen)
+        self._actions.append(self._student.interface.action(advice, observation))
         return advice if self._is_expert_s_turn() else command
 
     def _is_expert_s_turn(self) -> bool:

@@ -108,9 +108,9 @@ class Interface:
         goal: Floats = path[far[0] if len(far) else -1]
         return goal
 
-    def action(self, command: Twist, own: Limits) -> Floats:
-        """The answer (2,) that stands for a command, cut off at ±1. own: the robot's limits."""
-        answer: Floats = np.clip(np.array(command) / self.full(own), -1.0, 1.0)
+    def action(self, command: Twist, observation: Observation) -> Floats:
+        """The answer (2,) that stands for a command, cut off at ±1."""
+        answer: Floats = np.clip(np.array(command) / self.full(observation.limits), -1.0, 1.0)
         return answer
 
     def command(self, action: Floats, observation: Observation) -> Twist:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lme.planners.dclp.interface import DclpConfig, Interface, warn_if_untrained
+from lme.planners.dclp.interface import DclpConfig, Features, Interface, warn_if_untrained
 from lme.planners.dclp.network import Network, draw
 from lme.planners.dclp.weights import TRAINED, read_weights
 from lme.resources import resource_dir
@@ -30,6 +30,7 @@ class Dclp:
         weights = _weights(config.weights)
         self._network = Network(weights)
         self.interface = Interface(config, robot)
+        self.seen: Features | None = None  # inputs of the network at the last step
         warn_if_untrained(self.interface.told, weights[TRAINED])
 
     def reset(self, rng: np.random.Generator) -> None:
@@ -38,8 +39,8 @@ class Dclp:
 
     def plan(self, observation: Observation, guidance: Guidance) -> Twist:
         """Command for one control period."""
-        features = self.interface.features(observation, self.interface.goal(guidance))
-        return self.interface.command(draw(self._network.mixture(*features), self._rng), observation)
+        self.seen = self.interface.features(observation, self.interface.goal(guidance))
+        return self.interface.command(draw(self._network.mixture(*self.seen), self._rng), observation)
 
 
 def _weights(path: str | None) -> dict[str, np.typing.NDArray[np.float32]]:

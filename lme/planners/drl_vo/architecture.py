@@ -103,14 +103,14 @@ LAYER_1_0, LAYER_1_1 = _block("layer1.0", 1, 1), _block("layer1.1", 2, 1)
 LAYER_2, LAYER_3 = _block("layer2.0", 2, 2, 2), _block("layer3.0", 4, 4, 2)
 REFINEMENT_2 = _refinement("conv2_2", 4, _around("downsample2", 2, 4, 2, True))
 REFINEMENT_3 = _refinement("conv3_2", 8, _around("downsample3", 1, 8, 4, True))
-_RESIDUALS = (LAYER_1_0, LAYER_1_1, LAYER_2, REFINEMENT_2, LAYER_3, REFINEMENT_3)
+RESIDUALS = (LAYER_1_0, LAYER_1_1, LAYER_2, REFINEMENT_2, LAYER_3, REFINEMENT_3)
 
 
 def shapes(sizes: Sizes) -> dict[str, Shape]:
     """The shape of every array by its name."""
     c, f, h = sizes
     found = dict(_convolution_shapes(STEM, c))
-    for inside, around in _RESIDUALS:
+    for inside, around in RESIDUALS:
         for layer in (*inside, around):
             found |= _convolution_shapes(layer, c) if layer else ()
     for name, outputs, inputs in ((FEATURES, f, 8 * c + GOAL), (HIDDEN, h, f), (ACTION, ACTIONS, h)):
@@ -118,21 +118,20 @@ def shapes(sizes: Sizes) -> dict[str, Shape]:
     return {**found, LOG_STD: (ACTIONS,)}
 
 
-def checked_shapes(found: Mapping[str, Shape], source: str) -> dict[str, Shape]:
-    """The shapes of a network's arrays among those found; others may lie beside them.
+def checked_sizes(found: Mapping[str, Shape], source: str) -> Sizes:
+    """The sizes of the network whose arrays are among those found; others may lie beside them.
 
     source: the file, for messages. Raises InputError, naming the array, if one is missing or they disagree.
     """
     first = (f"{EXTRACTOR}{STEM.name}.weight", f"{FEATURES}.weight", f"{HIDDEN}.weight")
     sizes = Sizes(*(_outputs(found, name, source) for name in first))
-    wanted = shapes(sizes)
-    for name, shape in wanted.items():
+    for name, shape in shapes(sizes).items():
         if _shape(found, name, source) != shape:
             raise InputError(
                 f"{source}: {name} has the shape {found[name]}: must be {shape} in a DRL-VO network of "
                 f"{sizes.channels} channels, {sizes.features} features and {sizes.hidden} hidden units"
             )
-    return wanted
+    return sizes
 
 
 def _convolution_shapes(layer: Convolution, channels: int) -> Iterator[tuple[str, Shape]]:

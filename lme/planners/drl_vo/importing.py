@@ -13,10 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lme.errors import InputError
-from lme.planners.drl_vo.architecture import Shape, checked_shapes
+from lme.planners.array_file import check_finite
+from lme.planners.drl_vo.architecture import Shape, checked_sizes, shapes
 from lme.planners.drl_vo.torch_file import DamagedError, TorchFile
+from lme.planners.drl_vo.weights import TOLD, TRAINED
 
 POLICY = "policy.pth"
+_PUBLISHED = {"v_max": 0.5, "omega_max": 2.0}  # [m/s, rad/s] the authors' training environment
 _POLICY_MAX = 2**30  # [bytes]; the published one has about 20 MB
 _DAMAGE = (
     zipfile.BadZipFile, zipfile.LargeZipFile, zlib.error, struct.error, EOFError, RuntimeError, ValueError,
@@ -25,7 +28,7 @@ _DAMAGE = (
 
 
 def import_archive(path: Path) -> dict[str, NDArray[np.float32]]:
-    """The actor's weights in an archive that Stable-Baselines3's PPO saved: the arrays that `architecture` lists.
+    """The actor's weights in an archive that Stable-Baselines3's PPO saved, as `weights.write_weights` takes them.
 
     Critic, optimiser and pickled settings are left out; nothing in the archive runs. The zips' own checksums are
     verified. Raises InputError, naming file and array.
@@ -54,8 +57,7 @@ def _policy(archive: zipfile.ZipFile) -> zipfile.ZipFile:
 
 def _weights(saved: TorchFile, path: Path) -> dict[str, NDArray[np.float32]]:
     found: Mapping[str, Shape] = {name: tensor.shape for name, tensor in saved.tensors.items()}
-    weights = {name: saved.read(name) for name in checked_shapes(found, f"{path}: {POLICY}")}
-    for name, array in weights.items():
-        if not np.isfinite(array).all():
-            raise InputError(f"{path}: {POLICY}: {name} holds values that are not finite")
+    weights = {name: saved.read(name) for name in shapes(checked_sizes(found, f"{path}: {POLICY}"))}
+    check_finite(weights, f"{path}: {POLICY}")
+    weights[TRAINED] = np.array([_PUBLISHED[key] for key in TOLD], np.float32)
     return weights

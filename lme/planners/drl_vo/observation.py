@@ -51,10 +51,9 @@ class Sweeps:
         pooled = np.where(counts > 0, np.stack((least, mean)), self._no_return)
         self._pooled.extendleft([pooled] * (1 if self._pooled else self._kept))
 
-    def image(self) -> Floats:
-        """(80, 80) in [−1, 1]: two rows a sweep, least and mean, the oldest sweep first; four times."""
-        rows = np.vstack([self._pooled[age] for age in self._ages])
-        return np.tile(2.0 * rows / self._range_max - 1.0, (_TILES, 1))
+    def rows(self) -> Floats:
+        """(20, 80) in [−1, 1]: two rows a sweep, least and mean, the oldest sweep first."""
+        return 2.0 * np.vstack([self._pooled[age] for age in self._ages]) / self._range_max - 1.0
 
 
 def velocity_maps(pedestrians: Floats) -> Floats:
@@ -80,9 +79,10 @@ def free_ahead(scan: LaserScan, mount_yaw: float) -> float:
     return float(scan.ranges[seen].min(initial=math.inf))
 
 
-def image_of(sweeps: Sweeps, maps: Floats) -> NDArray[np.float32]:
-    """The network's image (3, 80, 80): sweeps, then the maps (2, 80, 80)."""
-    return np.concatenate((sweeps.image()[None], maps)).astype(np.float32)
+def image_of(sweeps: Floats, pedestrians: Floats) -> NDArray[np.float32]:
+    """The network's image (3, 80, 80): the rows of the sweeps (20, 80) four times, then the velocity maps."""
+    maps = velocity_maps(pedestrians)
+    return np.concatenate((np.tile(sweeps, (_TILES, 1))[None], maps)).astype(np.float32)
 
 
 def has_return(scan: LaserScan) -> Bools:

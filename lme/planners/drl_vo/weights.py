@@ -1,7 +1,6 @@
-"""The weights of a DRL-VO network in a file: an .npz with the arrays that `architecture` lists, float32.
+"""The weights of a DRL-VO network in a file: an .npz with the arrays that `architecture` lists and `TRAINED`, float32.
 
-A network of any size does. The names and shapes are those of the policy's `state_dict` in Stable-Baselines3, so a
-trainer that builds the same modules writes the arrays of its `state_dict`.
+A network of any size does. The names and shapes are those of the policy's `state_dict` in Stable-Baselines3.
 """
 
 from __future__ import annotations
@@ -13,24 +12,31 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lme.planners.array_file import Arrays, read_arrays, read_shapes, write_arrays
-from lme.planners.drl_vo.architecture import checked_shapes
+from lme.planners.drl_vo.architecture import Shape, Sizes, checked_sizes, shapes
 
 WHAT = "a DRL-VO network"
+TOLD = ("v_max", "omega_max")  # of the planner: the greatest commands that it gives
+TRAINED = "trained"  # the greatest values of TOLD in the training: (2,)
+
+
+def file_shapes(sizes: Sizes) -> dict[str, Shape]:
+    """The shape of every array in the file of a network of these sizes."""
+    return {**shapes(sizes), TRAINED: (len(TOLD),)}
 
 
 def write_weights(weights: Arrays, file: IO[bytes]) -> None:
-    """Write a network's arrays as .npz, and no others. The same weights give the same bytes.
+    """Write a network's arrays and `TRAINED` as .npz, and no others. The same weights give the same bytes.
 
     Raises InputError, naming the array, if one is missing or has another shape.
     """
-    shapes = checked_shapes({name: array.shape for name, array in weights.items()}, "weights")
-    write_arrays({name: weights[name] for name in shapes}, file)
+    sizes = checked_sizes({name: array.shape for name, array in weights.items()}, "weights")
+    write_arrays({name: weights[name] for name in file_shapes(sizes)}, file)
 
 
 def read_weights(path: Path) -> dict[str, NDArray[np.float32]]:
-    """A network's arrays in a file that `write_weights` made.
+    """A network's arrays and `TRAINED` in a file that `write_weights` made.
 
     Raises InputError, naming file and array, for a file that cannot be read, arrays of other names, types or
     shapes, and values that are not finite. No array is made before all shapes are known to agree.
     """
-    return read_arrays(path, checked_shapes(read_shapes(path, WHAT), str(path)), WHAT)
+    return read_arrays(path, file_shapes(checked_sizes(read_shapes(path, WHAT), str(path))), WHAT)

@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from lme.planners.drl_vo.architecture import Sizes, shapes
+from lme.planners.drl_vo.architecture import Sizes
 from lme.planners.drl_vo.importing import import_archive
 from lme.planners.drl_vo.network import Network
+from lme.planners.drl_vo.weights import file_shapes
 from tests.tolerances import DEEP_NETWORK
 
 pytest.importorskip("stable_baselines3", reason="stable-baselines3 is not installed")
@@ -23,7 +24,7 @@ def test_an_archive_of_stable_baselines_answers_as_it_does_there(tmp_path, sizes
     ppo = published.untrained(*sizes)
     ppo.save(tmp_path / "drl_vo.zip")
     weights = import_archive(tmp_path / "drl_vo.zip")
-    assert {name: array.shape for name, array in weights.items()} == shapes(sizes)
+    assert {name: array.shape for name, array in weights.items()} == file_shapes(sizes)
     rng = np.random.default_rng(0)
     for batch_norm in ("running", "sample"):  # PyTorch changes the running statistics in the second
         network = Network(weights, batch_norm)

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from lme.planners.drl_vo.observation import BINS, SWEEPS, Sweeps, free_ahead, velocity_maps
+from lme.planners.drl_vo.observation import BINS, SWEEPS, Sweeps, free_ahead, image_of, velocity_maps
 from lme.types import LaserScan
 from tests.tolerances import RANGE
 
@@ -22,8 +22,8 @@ def scan(ranges, fov=THREE_QUARTERS, range_max=30.0):
 
 
 def metres(sweeps):
-    """The image's ranges (80, 80) [m]."""
-    return (sweeps.image() + 1.0) / 2.0 * sweeps._range_max
+    """The ranges of the sweeps (20, 80) [m]."""
+    return (sweeps.rows() + 1.0) / 2.0 * sweeps._range_max
 
 
 def seen(*scans, rates=(20.0, 20.0), mount_yaw=0.0, **settings):
@@ -42,7 +42,7 @@ def test_nine_beams_of_jackal_make_a_bin_as_in_the_authors_code():
     ranges = np.random.default_rng(0).uniform(0.2, 20.0, 720).astype(np.float32)
     bins = np.minimum(ranges, 10.0).reshape(BINS, 9)
     image = seen(scan(ranges))
-    assert image.shape == (80, 80)
+    assert image.shape == (20, 80)
     for row in range(0, 80, 2):
         assert image[row] == pytest.approx(bins.min(axis=1), abs=RANGE)
         assert image[row + 1] == pytest.approx(bins.mean(axis=1), abs=RANGE)
@@ -80,11 +80,18 @@ def test_the_scan_may_be_clockwise_turned_and_of_a_full_turn():
     assert seen(full, mount_yaw=math.pi / 2) == pytest.approx(seen(full._replace(ranges=ahead)))
 
 
-def test_ten_sweeps_the_oldest_first_and_four_times():
-    image = seen(*map(numbered, range(1, 13)), range_max=20.0)
-    assert image[0:20:2, 7] == pytest.approx(np.arange(3.0, 13.0))
-    for tile in range(1, 4):
-        np.testing.assert_array_equal(image[20 * tile : 20 * tile + 20], image[:20])
+def test_ten_sweeps_the_oldest_first():
+    rows = seen(*map(numbered, range(1, 13)), range_max=20.0)
+    assert rows[0:20:2, 7] == pytest.approx(np.arange(3.0, 13.0))
+
+
+def test_the_image_has_the_sweeps_four_times_and_the_pedestrians():
+    rows = np.random.default_rng(0).uniform(-1.0, 1.0, (20, 80)).astype(np.float32)
+    image = image_of(rows, np.array([[5.1, 9.9, 1.0, -0.5]]))
+    assert image.shape == (3, 80, 80)
+    for tile in range(4):
+        np.testing.assert_array_equal(image[0, 20 * tile : 20 * tile + 20], rows)
+    assert image[1:, 20, 0] == pytest.approx([0.5, -0.25])
 
 
 @pytest.mark.parametrize(
@@ -110,14 +117,14 @@ def test_cleared_sweeps_are_forgotten():
     sweeps.add(numbered(3), 0.0)
     sweeps.clear()
     sweeps.add(numbered(5), 0.0)
-    assert metres(sweeps) == pytest.approx(np.full((80, 80), 5.0))
+    assert metres(sweeps) == pytest.approx(np.full((20, 80), 5.0))
 
 
-def test_the_image_is_scaled_to_one():
+def test_the_rows_are_scaled_to_one():
     sweeps = Sweeps(**{**ORIGINAL, "no_return": 30.0}, rates=(20.0, 20.0))
     sweeps.add(scan(np.resize([0.1, 40.0], 720), range_max=50.0), 0.0)
-    assert sweeps.image().min() == pytest.approx(-1.0 + 0.2 / 30.0)
-    assert sweeps.image()[0].max() < sweeps.image()[1].min() <= 1.0
+    assert sweeps.rows().min() == pytest.approx(-1.0 + 0.2 / 30.0)
+    assert sweeps.rows()[0].max() < sweeps.rows()[1].min() <= 1.0
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ import pytest
 
 from lme.errors import InputError
 from lme.planners.drl_vo import DrlVo
-from lme.planners.drl_vo.planner import DrlVoConfig
+from lme.planners.drl_vo.config import DrlVoConfig
 from lme.types import Guidance, Twist
 from runners.config.catalogue import shipped as catalogue
 from runners.config.instantiate import filled

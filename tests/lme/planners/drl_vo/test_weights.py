@@ -3,7 +3,7 @@ import pytest
 
 from lme.errors import InputError
 from lme.planners.drl_vo.architecture import Sizes, shapes
-from lme.planners.drl_vo.weights import read_weights, write_weights
+from lme.planners.drl_vo.weights import file_shapes, read_weights, write_weights
 from tests.networks import drl_vo_file, random_drl_vo, refused
 
 BIAS = "features_extractor.conv2_2.3.bias"
@@ -25,7 +25,7 @@ def test_networks_of_any_size_come_back(tmp_path, sizes):
     with path.open("wb") as file:
         write_weights({**wanted, "value_net.bias": np.zeros(1, np.float32)}, file)
     weights = read_weights(path)
-    assert list(weights) == list(shapes(sizes))
+    assert list(weights) == list(file_shapes(sizes))
     assert all((weights[name] == wanted[name]).all() for name in weights)
 
 

@@ -1,0 +1,199 @@
+"""A DRL-VO network in torch: the same layers and the same numbers as `lme.planners.drl_vo.graph`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import IO
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor, nn
+
+from lme.planners.drl_vo import architecture as net
+from lme.planners.drl_vo.architecture import Convolution, Residual, Sizes
+from lme.planners.drl_vo.config import DrlVoConfig
+from lme.planners.drl_vo.interface import Interface
+from lme.planners.drl_vo.observation import image_of
+from lme.planners.drl_vo.weights import TOLD, TRAINED, read_weights, write_weights
+from lme.robots import Robot
+from runners.learning.mixture import Mixture
+
+Arrays = Mapping[str, NDArray[np.float32]]
+
+SMALL = Sizes(channels=8, features=64, hidden=64)  # ASSUMED: what two cores can train in an hour
+_SIGMA = 0.3  # deviation of the first actions
+_MEAN_MAX = 0.999  # of an answer, since atanh(1) is infinite
+
+
+class Normed(nn.Module):
+    """A convolution and its norm."""
+
+    def __init__(self, layer: Convolution, channels: int) -> None:
+        super().__init__()
+        outputs = layer.outputs * channels
+        inputs = layer.inputs * channels or net.IMAGE
+        padding = layer.kernel // 2
+        self.layer = layer
+        self.convolution = nn.Conv2d(inputs, outputs, layer.kernel, layer.stride, padding, bias=layer.bias)
+        self.norm = nn.BatchNorm2d(outputs)
+
+    def forward(self, x: Tensor) -> Tensor:
+        """x: (B, inputs, height, width)."""
+        found: Tensor = self.norm(self.convolution(x))
+        return found
+
+
+class Around(nn.Module):
+    """Three convolutions, and one around them."""
+
+    def __init__(self, residual: Residual, channels: int) -> None:
+        super().__init__()
+        self.inside = nn.ModuleList(Normed(layer, channels) for layer in residual.inside)
+        self.around = nn.Identity() if residual.around is None else Normed(residual.around, channels)
+
+    def forward(self, x: Tensor, start: Tensor | None = None) -> Tensor:
+        """start: where the way around begins, if not at x."""
+        first, second, third = self.inside
+        inside = third(second(first(x).relu()).relu())
+        found: Tensor = (inside + self.around(x if start is None else start)).relu()
+        return found
+
+
+class Body(nn.Module):
+    """The layers of the published network in any size, with further inputs beside the goal or other outputs."""
+
+    def __init__(self, sizes: Sizes, more_inputs: int, outputs: int) -> None:
+        super().__init__()
+        self._build(sizes, more_inputs, outputs)
+
+    def _build(self, sizes: Sizes, more_inputs: int, outputs: int) -> None:
+        channels, features, hidden = sizes
+        self.stem = Normed(net.STEM, channels)
+        self.residuals = nn.ModuleList(Around(residual, channels) for residual in net.RESIDUALS)
+        self.features = nn.Linear(8 * channels + net.GOAL + more_inputs, features)
+        self.hidden = nn.Linear(features, hidden)
+        self.output = nn.Linear(hidden, outputs)
+        with torch.no_grad():
+            self.output.weight *= 0.1
+        self.eval()
+
+    def answer(self, sweeps: Tensor, pedestrians: Tensor, joint: Tensor) -> Tensor:
+        """sweeps: (B, 20, 80), pedestrians: (B, P, 4), joint: (B, J), or (B, K, J) of K such a scene."""
+        pairs = zip(sweeps.numpy(), pedestrians.numpy(), strict=True)
+        image = torch.from_numpy(np.stack([image_of(*pair) for pair in pairs]))
+        seen = self._seen(image)
+        if joint.dim() == 3:
+            seen = seen[:, None].expand(-1, joint.shape[1], -1)
+        features = self.features(torch.cat((seen, joint), -1)).relu()
+        found: Tensor = self.output(self.hidden(features).tanh())
+        return found
+
+    def _seen(self, image: Tensor) -> Tensor:
+        """What is seen in images (B, 3, 80, 80): (B, 8 c)."""
+        layer_1_0, layer_1_1, layer_2, refinement_2, layer_3, refinement_3 = self.residuals
+        stem = nn.functional.max_pool2d(self.stem(image).relu(), 3, 1, 1)
+        first = layer_1_1(layer_1_0(stem))
+        second = refinement_2(layer_2(first), first)
+        third: Tensor = refinement_3(layer_3(second), stem)
+        return third.mean((2, 3))
+
+
+class DrlVoCritic(Body):
+    """The value of a scene, or of an action in it, by layers like the policy's."""
+
+    def __init__(self, actions: int) -> None:
+        super().__init__(SMALL, actions, 1)
+
+    def forward(self, sweeps: Tensor, pedestrians: Tensor, goal: Tensor, *actions: Tensor) -> Tensor:
+        """Features as the policy's, and actions (B, A) if the critic takes them: (B,).
+
+        Of K actions a scene (B, K, A): (B, K).
+        """
+        for several in actions:
+            if several.dim() == 3:
+                goal = goal[:, None].expand(-1, several.shape[1], -1)
+        return self.answer(sweeps, pedestrians, torch.cat((goal, *actions), -1))[..., 0]
+
+
+class DrlVoNetwork(Body):
+    """The published network in the size `SMALL`, or in that of the weights that it loads.
+
+    Its answer is a Gaussian about the clipped mean. The deviation is before tanh.
+    """
+
+    def __init__(self, sizes: Sizes = SMALL) -> None:
+        super().__init__(sizes, 0, net.ACTIONS)
+        self.log_std = nn.Parameter(torch.full((net.ACTIONS,), math.log(_SIGMA)))
+        self._trained = np.zeros(len(TOLD), np.float32)
+
+    def forward(self, sweeps: Tensor, pedestrians: Tensor, goal: Tensor) -> Mixture:
+        """sweeps: (B, 20, 80), pedestrians: (B, 32, 4), goal: (B, 2), as `lme.planners.drl_vo.interface.Features`."""
+        mean = self.answer(sweeps, pedestrians, goal)
+        # a mean beyond the greatest answer is cut off, but its gradient goes on
+        mean = mean + (mean.clamp(-_MEAN_MAX, _MEAN_MAX) - mean).detach()
+        mu = mean.atanh()[:, None]
+        return Mixture(torch.zeros(len(mu), 1), mu, self.log_std.expand_as(mu))
+
+    @staticmethod
+    def interface(planner: DrlVoConfig, robot: Robot) -> Interface:
+        """What the network is told, and what its answer means."""
+        return Interface(planner, robot)
+
+    def trained_for(self, planner: DrlVoConfig, robots: Iterable[Robot]) -> None:
+        """Remember the greatest commands. The network is told nothing of the robots."""
+        self._trained = np.array([getattr(planner, key) for key in TOLD], np.float32)
+
+    @staticmethod
+    def critic(actions: int) -> DrlVoCritic:
+        """A critic of the same inputs and of `actions` numbers."""
+        return DrlVoCritic(actions)
+
+    def weights(self, sharpness: float = 1.0) -> dict[str, NDArray[np.float32]]:
+        """The arrays of a file. sharpness: of a draw of components; here there is one."""
+        found = {name: tensor.detach().numpy().copy(order="C") for name, tensor in self._tensors()}
+        return {**found, TRAINED: self._trained.copy()}
+
+    def load(self, weights: Arrays) -> None:
+        """Take over the arrays that `lme.planners.drl_vo.architecture` lists, and their sizes."""
+        sizes = net.checked_sizes({name: array.shape for name, array in weights.items()}, "weights")
+        self._build(sizes, 0, net.ACTIONS)
+        with torch.no_grad():
+            for name, tensor in self._tensors():
+                tensor.copy_(torch.from_numpy(weights[name]))
+
+    def mirror(self, features: tuple[Tensor, ...], actions: Tensor) -> tuple[tuple[Tensor, ...], Tensor]:
+        """Features and actions as a mirror ahead of the robot shows them: what was left is right."""
+        sweeps, pedestrians, goal = features
+        across = torch.tensor([1.0, -1.0])
+        return (sweeps.flip(-1), pedestrians * across.repeat(2), goal * across), actions * across
+
+    @staticmethod
+    def read(path: Path) -> Arrays:
+        """The arrays in a file. Raises InputError."""
+        return read_weights(path)
+
+    @staticmethod
+    def write(weights: Arrays, file: IO[bytes]) -> None:
+        """Write a file for `planner.weights`."""
+        write_weights(weights, file)
+
+    def _tensors(self) -> Iterator[tuple[str, Tensor]]:
+        """The tensors that a file holds, by name."""
+        for normed in (module for module in self.modules() if isinstance(module, Normed)):
+            layer = normed.layer
+            yield f"{net.EXTRACTOR}{layer.name}.weight", normed.convolution.weight
+            if normed.convolution.bias is not None:
+                yield f"{net.EXTRACTOR}{layer.name}.bias", normed.convolution.bias
+            for part in net.NORM:
+                yield f"{net.EXTRACTOR}{layer.norm}.{part}", getattr(normed.norm, part)
+        for name, linear in (
+            (net.FEATURES, self.features),
+            (net.HIDDEN, self.hidden),
+            (net.ACTION, self.output),
+        ):
+            yield f"{name}.weight", linear.weight
+            yield f"{name}.bias", linear.bias
+        yield net.LOG_STD, self.log_std
