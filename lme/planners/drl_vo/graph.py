@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-from lme.errors import InputError
 from lme.planners.array_file import Arrays
 from lme.planners.drl_vo import architecture as net
 from lme.planners.drl_vo.architecture import Convolution, Residual
@@ -17,8 +16,7 @@ _EPSILON = 1e-5  # of the norms, PyTorch's default
 def onnx_model(weights: Arrays, batch_norm: str) -> bytes:
     """The network that maps image (1, 3, 80, 80) and goal (1, 2) to the action's means (1, 2), as ONNX.
 
-    weights: the arrays that `architecture` lists. batch_norm: "sample" or "running". Raises InputError if onnx is
-    not installed.
+    weights: the arrays that `architecture` lists. batch_norm: "sample" or "running".
     """
     return _Graph(weights, batch_norm).model()
 
@@ -27,7 +25,9 @@ class _Graph:
     """Nodes and weights of the model. Methods add nodes and return the name of their output."""
 
     def __init__(self, weights: Arrays, batch_norm: str) -> None:
-        self._onnx = _onnx()
+        import onnx
+
+        self._onnx = onnx
         self._weights = weights
         self._sample = batch_norm == "sample"
         self._nodes: list[Any] = []
@@ -92,14 +92,3 @@ class _Graph:
         output = output or f"{kind}_{len(self._nodes)}"
         self._nodes.append(self._onnx.helper.make_node(kind, list(inputs), [output], **attributes))
         return output
-
-
-def _onnx() -> Any:
-    try:
-        import onnx
-    except ImportError:
-        raise InputError(MISSING.format("onnx")) from None
-    return onnx
-
-
-MISSING = "planner: DRL-VO needs the package {}: install it with pip install 'lme-nav[drl_vo]'"

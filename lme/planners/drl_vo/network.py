@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
-from lme.errors import InputError
 from lme.planners.array_file import Arrays
 from lme.planners.drl_vo.architecture import LOG_STD
-from lme.planners.drl_vo.graph import GOAL_INPUT, IMAGE_INPUT, MISSING, onnx_model
+from lme.planners.drl_vo.graph import GOAL_INPUT, IMAGE_INPUT, onnx_model
 from lme.types import Floats
 
 BATCH_NORMS = ("sample", "running")
@@ -20,12 +17,12 @@ class Network:
     """The actor on one core: 4.7 GFLOP at the published size.
 
     weights: the arrays that `architecture` lists. batch_norm: "sample" takes mean and variance of each feature map
-    itself, "running" those of the training. deviations: (2,) of the action's normal distribution. Raises InputError
-    if onnx or onnxruntime is not installed.
+    itself, "running" those of the training. deviations: (2,) of the action's normal distribution.
     """
 
     def __init__(self, weights: Arrays, batch_norm: str) -> None:
-        runtime = _onnxruntime()
+        import onnxruntime as runtime
+
         options = runtime.SessionOptions()
         options.intra_op_num_threads = options.inter_op_num_threads = 1  # the executors fill the cores
         model = onnx_model(weights, batch_norm)
@@ -38,11 +35,3 @@ class Network:
         (answer,) = self._session.run(None, given)
         means: Floats = answer[0].astype(np.float64)
         return means
-
-
-def _onnxruntime() -> Any:
-    try:
-        import onnxruntime
-    except ImportError:
-        raise InputError(MISSING.format("onnxruntime")) from None
-    return onnxruntime

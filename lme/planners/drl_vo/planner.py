@@ -6,6 +6,7 @@ import warnings
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lme.errors import InputError
 from lme.planners.array_file import Arrays
@@ -75,7 +76,7 @@ def _weights(path: str | None) -> Arrays:
     return read_weights(Path(path))
 
 
-def _warn_if_untrained(config: DrlVoConfig, robot: Robot, trained: Floats) -> None:
+def _warn_if_untrained(config: DrlVoConfig, robot: Robot, trained: NDArray[np.float32]) -> None:
     for key, limit in zip(TOLD, trained.tolist(), strict=True):
         commanded, reached = getattr(config, key), getattr(robot, key)
         said = f"this DRL-VO network was trained for commands of up to {limit:.3g}"

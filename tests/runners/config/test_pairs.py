@@ -92,8 +92,6 @@ def configs(robot, guide, planner):
 
 def made(robot, guide, planner, margin=0.0):
     """The robot, with a lidar that does not err and its footprint as its hull, and its navigator."""
-    if planner.startswith("drl_vo"):
-        pytest.importorskip("onnxruntime", reason="onnxruntime is not installed")
     config = configs(robot, guide, planner)
     machine = without_errors(copy.deepcopy(config.robot))
     machine.contact = None  # planners are judged by the footprint that they believe in

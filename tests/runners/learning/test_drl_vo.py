@@ -16,8 +16,6 @@ from tests.networks import TINY, random_drl_vo
 from tests.tolerances import FLOAT32_LAYER, KERNEL, NETWORK
 
 torch = pytest.importorskip("torch")
-pytest.importorskip("onnxruntime", reason="onnxruntime is not installed")
-pytest.importorskip("onnx", reason="onnx is not installed")
 
 from runners.learning import mixture  # noqa: E402
 from runners.learning.drl_vo import SMALL, DrlVoCritic, DrlVoNetwork  # noqa: E402

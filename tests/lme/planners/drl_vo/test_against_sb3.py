@@ -10,8 +10,6 @@ from lme.planners.drl_vo.weights import file_shapes
 from tests.tolerances import DEEP_NETWORK
 
 pytest.importorskip("stable_baselines3", reason="stable-baselines3 is not installed")
-pytest.importorskip("onnxruntime", reason="onnxruntime is not installed")
-pytest.importorskip("onnx", reason="onnx is not installed")
 from tests.lme.planners.drl_vo import published
 
 

@@ -24,6 +24,7 @@ KEY = str(list(WEIGHTS).index(BIAS))  # of its numbers
 def test_the_actors_tensors_come_back(tmp_path):
     weights = import_archive(archive(tmp_path / "drl_vo.zip", WEIGHTS))
     assert list(weights) == list(file_shapes(TINY))
+    assert weights.pop(TRAINED).tolist() == [0.5, 2.0]
     for name, array in weights.items():
         assert array.dtype == np.float32
         np.testing.assert_array_equal(array, WEIGHTS[name])

@@ -1,6 +1,5 @@
 """DRL-VO with random weights: what the network is told, what is done with its answer, and what is refused."""
 
-import sys
 import warnings
 
 import numpy as np
@@ -15,9 +14,6 @@ from runners.config.instantiate import filled
 from tests.builders import observation, shipped, stage
 from tests.networks import drl_vo_file, network_file
 from tests.tolerances import KERNEL
-
-pytest.importorskip("onnxruntime", reason="onnxruntime is not installed")
-pytest.importorskip("onnx", reason="onnx is not installed")
 
 ROBOT = stage(v_max=3.0, omega_max=3.0, alpha_v=100.0, alpha_omega=100.0)  # reaches any command in a period
 STRAIGHT = Guidance(np.array([4.0, 0.0]))
@@ -196,13 +192,6 @@ def test_without_weights_or_with_those_of_another_network(tmp_path):
     other = network_file(tmp_path / "dclp.npz")
     with pytest.raises(InputError, match=r"dclp\.npz: .*conv1\.weight is missing: .* DRL-VO network"):
         DrlVo(DrlVoConfig(weights=str(other)), ROBOT)
-
-
-@pytest.mark.parametrize("package", ["onnx", "onnxruntime"])
-def test_a_missing_package_is_named(file, monkeypatch, package):
-    monkeypatch.setitem(sys.modules, package, None)
-    with pytest.raises(InputError, match=rf"the package {package}: .*pip install 'lme-nav\[drl_vo\]'"):
-        DrlVo(DrlVoConfig(weights=file), ROBOT)
 
 
 def test_speeds_outside_of_the_training_are_named(file):

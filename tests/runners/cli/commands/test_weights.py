@@ -37,7 +37,6 @@ def test_an_imported_network_of_drl_vo_drives_along_a_path(tmp_path, capsys):
     assert weights.main(["import", "drl_vo", str(archive(tmp_path / "drl_vo.zip", random_drl_vo()))]) == 0
     out = capsys.readouterr().out
     assert "lme eval guide=global_path planner=drl_vo_barn planner.weights=drl_vo" in out
-    pytest.importorskip("onnxruntime", reason="onnxruntime is not installed")
     with jobs_of("eval", "planner=drl_vo_barn", "planner.weights=drl_vo") as job:
         navigator(job("guide=global_path").config)
 
