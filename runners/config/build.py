@@ -11,7 +11,6 @@ from lme.robots import Robot
 from lme.sim.simulator import Simulator
 from lme.worlds.check import check_task
 from lme.worlds.world import MapSet
-from runners.config import systems
 from runners.config.instantiate import build, configured
 from runners.config.schema import DriveConfig, EpisodesConfig, SystemConfig
 from runners.config.weights import with_network
@@ -49,7 +48,6 @@ def check_drive(config: EpisodesConfig, num_tasks: int | None = _CHECKED_TASKS) 
 
 def check_episodes(config: EpisodesConfig, num_tasks: int | None = _CHECKED_TASKS) -> None:
     """Check everything but the navigator. Raises InputError."""
-    systems.check_implemented(config.system)
     require("runs", config.runs, at_least=1)
     require("seed", config.seed, at_least=0)
     configured(config.executor, "executor")

@@ -18,14 +18,14 @@ SHIPPED = (resource_dir("conf"),)
 
 @dataclass(slots=True)
 class System:
-    """A named pair. label: its name in tables. planner: None where only published figures exist.
+    """A named pair. label: its name in tables.
 
     global_planner: whether it plans on a map. published: by map, the robots and [mean, deviation] of each metric.
     """
 
     label: str
     guide: str
-    planner: str | None
+    planner: str
     global_planner: bool = False
     published: dict[str, Any] | None = field(default=None)
 
@@ -63,15 +63,6 @@ def check_names(names: Iterable[str], folders: tuple[Path, ...]) -> None:
     for name in names:
         if name not in known:
             raise InputError(f"table: {name}: {nearest(name, known)}must be one of {', '.join(known)}")
-
-
-def check_implemented(system: Mapping[str, Any]) -> None:
-    """Raise InputError for the `system` node of a pair of which only published figures exist."""
-    if system and system["planner"] is None:
-        raise InputError(
-            f"system is {system['label']}: only its published figures exist, for tables; "
-            f"must be one of {', '.join(name for name, each in systems().items() if each.planner)}"
-        )
 
 
 def _read(catalogue: Catalogue, name: str) -> System:

@@ -191,10 +191,9 @@ def test_a_system_file_is_what_it_says(composer, option):
     """Read as data, and chosen on the command line, it names the same pair."""
     config = composer.compose([f"system={option}"])
     system = config.system
-    if system.planner is not None:
-        assert system.guide == config.hydra.runtime.choices["guide"]
-        assert system.planner == config.hydra.runtime.choices["planner"]
-        assert system.global_planner == ("global_map" in config.guide)
+    assert system.guide == config.hydra.runtime.choices["guide"]
+    assert system.planner == config.hydra.runtime.choices["planner"]
+    assert system.global_planner == ("global_map" in config.guide)
     assert isinstance(system.label, str)
     assert isinstance(system.global_planner, bool)
     for figures in (system.published or {}).values():

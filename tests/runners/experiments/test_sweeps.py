@@ -84,14 +84,6 @@ def test_one_run_above_those_of_the_jobs_holds_it_all(sweep):
         assert tags["mlflow.parentRunId"] == parent.info.run_id
 
 
-def test_a_system_without_a_planner_cannot_be_driven(capsys):
-    assert main(["eval", "system=drl_vo"]) == 2
-    error = capsys.readouterr().err
-    assert "system is DRL-VO: only its published figures exist" in error
-    assert "lme_dwa" in error
-    assert "drl_vo" not in error.partition("must be one of")[2]
-
-
 def test_a_row_that_is_no_system_is_named(capsys):
     assert main(["eval", "table=[drl_v]"]) == 2
     assert "table: drl_v: did you mean drl_vo?" in capsys.readouterr().err
@@ -117,7 +109,7 @@ def test_a_launcher_of_processes_gives_the_same_records(tmp_path, monkeypatch):
 
 
 def test_labels_are_unique_among_the_pairs_that_run():
-    pairs = {name: each for name, each in systems.systems().items() if each.planner}
+    pairs = systems.systems()
     assert len({each.label for each in pairs.values()}) == len(pairs)
     of_their_own = {name: shipped().values(f"system/{name}").get("weights") for name in pairs}
     chosen = {(each.guide, each.planner, of_their_own[name]) for name, each in pairs.items()}
