@@ -11,6 +11,9 @@ from time import perf_counter
 import numpy as np
 
 from lme.errors import InputError, require
+from lme.live.frames import FramesConfig
+from lme.live.messages import SECOND
+from lme.live.scan_source import ScanConfig, ScanSource
 from lme.robots import Robot
 from runners.config import build, systems
 from runners.config.instantiate import build as build_target
@@ -21,8 +24,7 @@ from runners.replay import report, simulated
 from runners.replay.bags import Bag
 from runners.replay.driver import Driver
 from runners.replay.goals import goal_of, topic_of
-from runners.replay.recording import CLOCKS, SECOND, FramesConfig, Recording, look
-from runners.replay.scan_source import ScanConfig, ScanSource
+from runners.replay.recording import CLOCKS, Recording, look
 from runners.replay.topics import TopicsConfig, choose
 
 _SLOWER = 0.9  # scans at less than this share of the robot's control rate set the rate of decisions
@@ -94,7 +96,10 @@ def _replay(
     recording, part = _recording(bag, config, episode)
     stale = round(config.stale * SECOND)
     scan_source = ScanSource(
-        filled(ScanConfig, config.scan, "scan"), recording, _at_scan_rate(config, recording)
+        filled(ScanConfig, config.scan, "scan"),
+        recording.first_scan.content,
+        recording.mount,
+        _at_scan_rate(config, recording),
     )
     navigator = build.navigator(config, scan_source.robot)
 
@@ -183,7 +188,7 @@ def _print_results(
     """Print what was read, and the results."""
     topics, lidar = recording.topics, scan_source.robot.lidar
     command = topics.command.name if topics.command else "none"
-    poses = f"{topics.pose_name} ({recording.odom} to {recording.base})"
+    poses = f"{topics.pose_name} ({recording.frames.odom} to {recording.frames.base})"
     print(f"topics   scans {topics.scan.name}, poses {poses}, commands {command}")
     fov = f"{np.degrees(lidar.fov):.0f}°"
     print(f"lidar    {lidar.num_beams} beams over {fov}, mounted as {scan_source.mounted_by} says")

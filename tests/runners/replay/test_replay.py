@@ -15,7 +15,7 @@ import pandas as pd
 from lme.types import Pose
 from runners.cli.main import main
 from runners.replay import figures
-from tests.runners.replay.made_bags import BEGAN, SECOND, drive, way
+from tests.made_bags import BEGAN, SECOND, drive, way
 
 BAGS = SHARED / "bags"
 DECIDED = ["target_x_m", "target_y_m", "subgoal_x_m", "subgoal_y_m", "command_v_mps", "command_omega_radps"]
