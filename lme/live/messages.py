@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from lme.sensing.point_cloud import cloud_points
 from lme.types import Floats, LaserScan, Pose, Twist
 
 LASER_SCAN, POINT_CLOUD = "sensor_msgs/msg/LaserScan", "sensor_msgs/msg/PointCloud2"
@@ -32,6 +33,15 @@ def stamp_of(header: Any) -> int:
 def is_cloud(message: Any) -> bool:
     """Whether a message with a scan is a PointCloud2, not a LaserScan."""
     return hasattr(message, "point_step")
+
+
+def is_empty(message: Any) -> bool:
+    """Whether a scan measures nothing at all. A beam that meets nothing within range has measured that."""
+    if is_cloud(message):
+        points = cloud_points(message)
+        return not (np.isfinite(points).all(axis=1) & points.any(axis=1)).any()
+    ranges = np.asarray(message.ranges, dtype=np.float32)
+    return not ((ranges > 0.0) & ~(ranges < message.range_min)).any()
 
 
 def kind_of_pose(message: Any) -> str:
