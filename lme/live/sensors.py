@@ -67,10 +67,11 @@ class Sensors:
 
     def take_pose(self, message: Any, now: int) -> None:
         """Add an Odometry, PoseStamped, PoseWithCovarianceStamped or TransformStamped."""
+        sample = message_pose(message, kind_of_pose(message))
         if self._pose_message is None:
             self.track = Track()  # so far by tf
         self._pose_message = message
-        self._add(message_pose(message, kind_of_pose(message)), now)
+        self._add(sample, now)
 
     def take_transforms(self, message: Any, now: int, static: bool) -> None:
         """Add a TFMessage."""
