@@ -36,8 +36,12 @@ def tf_frames(config: FramesConfig, tree: TransformTree) -> Frames | None:
 
 
 def message_frames(config: FramesConfig, message: Any | None, tree: TransformTree) -> Frames:
-    """The frames that a message with a pose names, or the usual ones. message: None if none came yet."""
+    """The frames that a message with a pose names, or the usual ones. message: None if none came yet.
+
+    Motion capture names the base as it likes: a name that tf does not know gives way to a usual one that it knows.
+    """
     odom = "" if message is None else frame(message.header.frame_id)
-    base = frame(getattr(message, "child_frame_id", ""))
-    usual = next((name for name in _BASES if name in tree.names), _BASES[1])
-    return Frames(frame(config.odom or odom or _ODOMS[0]), frame(config.base or base or usual))
+    named = frame(getattr(message, "child_frame_id", ""))
+    candidates = [name for name in (named, *_BASES) if name]
+    base = next((name for name in candidates if name in tree.names), named or _BASES[1])
+    return Frames(frame(config.odom or odom or _ODOMS[0]), frame(config.base or base))
