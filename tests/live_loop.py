@@ -24,10 +24,13 @@ def sensed(observation, now, maker, mount=Pose(0.0, 0.0, 0.0)):  # noqa: B008 - 
     )
 
 
-def drive_live(task, make_navigator, robot, simulator, rng=None, listen=None, **config):
-    """Drive an episode through the live driver; (driver, steps, state at the end, time on the task's clock [s])."""
+def drive_live(task, make_navigator, robot, simulator, rng=None, listen=None, expected=None, **config):
+    """Drive an episode through the live driver; (driver, steps, outcome, time on the task's clock [s]).
+
+    expected: the robot of the driver's config, if not the simulated one. listen(driver, step) is called at each step.
+    """
     config = {"goal_tolerance": task.goal_tolerance, **config}
-    driver = LiveDriver(make_navigator, robot, LiveConfig(**config), wall=lambda: 0)
+    driver = LiveDriver(make_navigator, expected or robot, LiveConfig(**config), wall=lambda: 0)
     maker, now, steps = BagMaker(), BEGAN, []
     rng = episode_rng(0, task.number, 0) if rng is None else rng
     observation = simulator.reset(task, rng.spawn(2)[1])

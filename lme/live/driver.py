@@ -199,11 +199,11 @@ class LiveDriver:
 
     def _unprepared(self) -> tuple[Any, Floats | None] | None:
         """A scan, and its mount by tf, if guide and planner are still to be built for its lidar."""
-        scan, mount = self._sensors.scan, self._sensors.mount
-        guessed = self.mounted_by not in ("scan.mount", "tf")
-        if scan is None or (self._source is not None and not (guessed and mount is not None)):
+        scan, built = self._sensors.scan, self._source is not None
+        if scan is None or self.mounted_by in ("scan.mount", "tf"):
             return None
-        return scan, mount
+        mount = self._sensors.mount
+        return None if built and mount is None else (scan, mount)
 
     def _prepare(self, scan: Any, mount: Floats | None) -> None:
         """Build guide and planner. Their first decisions load compiled code, which takes seconds."""
@@ -238,7 +238,7 @@ class LiveDriver:
         self._goal, self._ended = None, (reason, state)
 
     def _decide(self, ready: _Ready, now: int) -> LiveStep:
-        """Ask guide and planner. Raises NotReadyError if the decision comes too late, and whatever they raise."""
+        """Ask guide and planner. Raises NotReadyError if the goal changes meanwhile, and whatever they raise."""
         source, navigator = self._source, self._navigator
         assert source is not None
         assert navigator is not None
@@ -249,29 +249,28 @@ class LiveDriver:
         began = self._wall()
         wanted = navigator.act(observation)
         took = self._wall() - began
-        if took > self._stale:
-            raise NotReadyError(f"the decision took {took / SECOND:.2f} s")
         with self._lock:
             self._check_goal(ready.number)
         command = limited(wanted, self._last.command, source.robot.limits, source.robot.dt)
-        step = LiveStep(
+        contact = self.config.soft_stop and self._contact(source, observation, ready.sight.newest, command)
+        self.soft_stops += contact
+        reason = "soft stop: the command leads into contact" if contact else ""
+        if took > self._stale:
+            reason = f"the decision took {took / SECOND:.2f} s"
+        return LiveStep(
             now,
-            LiveState.DRIVING,
-            "",
-            command,
+            LiveState.STOPPED if reason else LiveState.DRIVING,
+            reason,
+            STILL if reason else command,
             ready.number,
             observation,
             navigator.guidance,
             self._new_explanation(navigator),
             wanted,
-            decision_us=took / 1000.0,
-            motion=ready.sight.newest,
+            contact,
+            took / 1000.0,
+            ready.sight.newest,
         )
-        if self.config.soft_stop and self._contact(source, observation, ready.sight.newest, command):
-            self.soft_stops += 1
-            reason = "soft stop: the command leads into contact"
-            step = step._replace(state=LiveState.STOPPED, reason=reason, command=STILL, soft_stopped=True)
-        return step
 
     def _check_goal(self, number: int) -> None:
         """Raise NotReadyError if the goal has changed during the decision."""

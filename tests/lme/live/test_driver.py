@@ -372,6 +372,35 @@ def test_a_goal_in_the_base_frame_stays_where_it_was(rig):
     np.testing.assert_allclose(rig.tick().observation.target, (2.0, 1.0))
 
 
+@pytest.mark.parametrize("by_tf", [True, False])
+def test_a_goal_in_the_frame_of_a_sensor_stays_where_it_was(rig, by_tf):
+    """A camera's, say. Its frame moves with the robot; the goal must not."""
+    rig.transform("base_link", "camera", Pose(0.5, 0.0, math.pi / 2), static=True)
+    rig.sense()
+    rig.tick()
+    if by_tf:
+        rig.transform("odom", "base_link")
+    rig.driver.set_goal((3.0, 0.0), "camera", rig.now)
+    rig.period()
+    rig.pass_time()
+    rig.scan()
+    rig.odometry(pose=Pose(1.0, 0.0, 0.0))
+    if by_tf:
+        rig.transform("odom", "base_link", Pose(1.0, 0.0, 0.0))
+    np.testing.assert_allclose(rig.tick().observation.target, (-0.5, 3.0), atol=1e-12)
+
+
+def test_the_latest_motion_comes_with_every_step(rig):
+    assert rig.tick().motion is None
+    rig.drive()
+    rig.pass_time()
+    rig.scan()
+    rig.odometry(pose=Pose(9.9, 0.0, 0.0), v=0.3)
+    step = rig.tick()
+    assert step.state is LiveState.ARRIVED
+    assert step.motion == (rig.now, Pose(9.9, 0.0, 0.0), Twist(0.3, 0.0))
+
+
 # The clock
 
 
