@@ -2,6 +2,9 @@
 
 import math
 import random
+import threading
+import time
+from collections import Counter
 from types import SimpleNamespace
 
 import numpy as np
@@ -444,6 +447,19 @@ def test_a_clock_that_stands_still_stops_it_by_wall_time(rig):
     assert drives(rig.period())
 
 
+def test_a_decision_is_made_once_for_each_time(rig):
+    """Also if the soft stop has halted it."""
+    rig.drive()
+    rig.pass_time()
+    rig.odometry(v=0.5)
+    rig.scan(ranges=np.full(540, 0.21))
+    step = rig.tick()
+    assert stands(step, "soft stop")
+    count = len(rig.puppet.seen)
+    assert rig.tick() is step
+    assert len(rig.puppet.seen) == count
+
+
 def test_a_cancel_counts_while_the_clock_stands_still(rig):
     rig.drive()
     rig.driver.cancel()
@@ -573,6 +589,38 @@ def test_no_message_makes_it_raise_or_drive_blindly(seed):
             assert any(abs(rig.now - stamp) <= SECOND // 2 for stamp in scans)
             assert any(abs(rig.now - stamp) <= SECOND // 2 for stamp in poses)
     assert drove > 10
+
+
+def test_messages_goals_and_ticks_may_come_from_several_threads():
+    rig, states, began = Rig(), Counter(), time.monotonic_ns()
+    driver, make = rig.driver, rig.make
+
+    def clock():
+        return BEGAN + time.monotonic_ns() - began
+
+    def repeat(send):
+        for _ in range(100):
+            now = clock()
+            send(now)
+            time.sleep(0.002)
+
+    ranges = np.full(540, 3.0)
+    senders = [
+        lambda now: driver.take_scan(make.scan(now, ranges, -math.pi, math.tau / 540, (0.02, 15.0)), now),
+        lambda now: driver.take_odometry(make.odometry(now, Pose(0.0, 0.0, 0.0), 0.0, 0.0), now),
+        lambda now: driver.take_transforms(make.transform(now, "map", "odom", Pose(0.0, 0.0, 0.0)), now),
+        lambda now: driver.set_goal((8.0, now % 2), "map", now),
+        lambda now: driver.cancel() if now % 7 == 0 else None,
+    ]
+    threads = [threading.Thread(target=repeat, args=(send,)) for send in senders]
+    for thread in threads:
+        thread.start()
+    while any(thread.is_alive() for thread in threads):
+        states[driver.tick(clock()).state] += 1
+    for thread in threads:
+        thread.join()
+    assert states[LiveState.DRIVING] > 10
+    assert "Error" not in driver.tick(clock()).reason
 
 
 def test_names_of_frames_that_are_given(rig):
