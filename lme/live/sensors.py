@@ -117,7 +117,7 @@ class Sensors:
             if name not in self._moved:
                 raise NotReadyError(f"no transform of {name}")
             if now - self._moved[name] > self._stale:
-                raise NotReadyError(f"the transform of {name} is {_seconds(now - self._moved[name])} old")
+                raise NotReadyError(f"the transform of {name} is older than {_seconds(self._stale)}")
 
     def _take_tf_pose(self, message: Any, now: int) -> None:
         frames = tf_frames(self._config, self.tree)
@@ -145,7 +145,7 @@ class Sensors:
             side = "behind" if now > stamp else "ahead of"
             self.complain(
                 what,
-                f"its stamp is {_seconds(abs(now - stamp))} {side} the clock; set clock=received if clocks differ",
+                f"its stamp is {_seconds(abs(now - stamp))} {side} the clock; set live.clock=received if clocks differ",
             )
             return None
         return stamp or now
@@ -159,10 +159,10 @@ class Sensors:
         because = f" ({complaint})" if complaint else ""
         if what not in self._seen:
             raise NotReadyError(f"no {_NAMES[what]}{because}")
-        age = now - self._seen[what]
-        if age > self._stale:
-            raise NotReadyError(f"the {_NAMES[what]} is {_seconds(age)} old{because}")
+        if now - self._seen[what] > self._stale:
+            raise NotReadyError(f"the {_NAMES[what]} is older than {_seconds(self._stale)}{because}")
 
 
 def _seconds(time: int) -> str:
-    return f"{time / SECOND:.2f} s"
+    seconds = time / SECOND
+    return f"{seconds:.1f} s" if seconds < 10.0 else f"{seconds:.0f} s"
