@@ -16,7 +16,7 @@ from lme.live.track import StampedMotion, Track
 from lme.live.transforms import TransformTree
 from lme.types import Floats
 
-_NAMES = {"scan": "scan", "pose": "odometry", "tf": "transform"}
+_NAMES = {"scan": "scan", "pose": "odometry"}
 
 
 class Sight(NamedTuple):
@@ -77,8 +77,9 @@ class Sensors:
         """Add a TFMessage."""
         for one in message.transforms:
             if not np.isfinite(matrix_of(one.transform.translation, one.transform.rotation)).all():
-                self.complain("tf", f"that of {frame(one.child_frame_id)} is not finite")
+                self.complain("tf", f"the transform of {frame(one.child_frame_id)} is not finite")
                 return
+        self._complaints.pop("tf", None)
         self.tree.update(message)
         if not static:
             self._moved.update({frame(one.child_frame_id): now for one in message.transforms})
@@ -156,6 +157,8 @@ class Sensors:
 
     def _check(self, what: str, now: int) -> None:
         complaint = self._complaints.get(what)
+        if what == "pose" and self._pose_message is None:
+            complaint = complaint or self._complaints.get("tf")
         because = f" ({complaint})" if complaint else ""
         if what not in self._seen:
             raise NotReadyError(f"no {_NAMES[what]}{because}")

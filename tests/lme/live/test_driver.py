@@ -293,6 +293,14 @@ def test_poses_by_tf_and_their_twist(rig):
     assert stands(step, "the odometry is older than 0.5 s")
 
 
+def test_a_transform_of_the_robot_that_is_not_a_number_is_said(rig):
+    rig.driver.set_goal(FAR, "odom", rig.now)
+    rig.transform("odom", "base_link", Pose(math.nan, 0.0, 0.0))
+    rig.scan()
+    rig.tick()
+    assert stands(rig.tick(), "no odometry (the transform of base_link is not finite)")
+
+
 def test_once_odometry_has_come_tf_is_no_substitute(rig):
     rig.drive()
     for _ in range(3):
