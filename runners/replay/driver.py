@@ -14,6 +14,9 @@ import numpy as np
 from lme.errors import InputError
 from lme.kernels.collision import sweep
 from lme.kernels.motion import drive
+from lme.live.messages import SECOND, twist_of
+from lme.live.scan_source import ScanSource
+from lme.live.track import StampedMotion, Track
 from lme.navigator import Navigator
 from lme.policy.explanation import Explanation
 from lme.policy.maintenance import Choice
@@ -22,10 +25,8 @@ from lme.sensing.scan_points import obstacle_points
 from lme.types import Floats, Observation, Pose, Twist
 from runners.replay.bags import Message
 from runners.replay.goals import GoalSource
-from runners.replay.messages import twist_of
-from runners.replay.recording import SECOND, Recording
-from runners.replay.scan_source import ScanSource
-from runners.replay.track import Order, StampedMotion, Track
+from runners.replay.order import Order
+from runners.replay.recording import Recording
 
 _HERE = Pose(0.0, 0.0, 0.0)
 _NO_EDGES = np.empty((0, 4))
@@ -65,9 +66,9 @@ class Log:
 class Driver:
     """Takes messages in the order of recording and makes a decision once per control period of the robot.
 
-    Each decision uses the scan nearest to the time at which it is due, and the pose at the stamp of that scan.
-    horizon [s]: time for which the clearance of a command is predicted. stale [ns]: largest difference between the
-    stamps of a pose and of the scan.
+    Each decision uses the scan nearest to the time at which it is due, or every scan, and the pose at the stamp of
+    that scan. horizon [s]: time for which the clearance of a command is predicted. stale [ns]: largest difference
+    between the stamps of a pose and of the scan.
     """
 
     def __init__(
@@ -78,15 +79,17 @@ class Driver:
         goal: GoalSource,
         horizon: float,
         stale: int,
+        every_scan: bool,
     ) -> None:
         self._recording, self._scan_source = recording, scan_source
         self._navigator, self._goal = navigator, goal
         self._robot: Robot = scan_source.robot
         self._horizon, self._stale = horizon, stale
         self._tree = recording.tree.copy()
-        self._track = Track(recording.topics.pose_name)
-        self._order = Order(recording.topics.scan.name)
-        self._ticks = _Ticks(self._robot.dt, recording.scan_rate)
+        self._track = Track()
+        self._pose_order = Order(recording.topics.pose_name)
+        self._scan_order = Order(recording.topics.scan.name)
+        self._ticks = None if every_scan else _Ticks(self._robot.dt, recording.scan_rate)
         self._waiting: deque[tuple[Message, int]] = deque()
         self._listeners: list[Listener] = []
         self._sampler = _Sampler()
@@ -102,7 +105,8 @@ class Driver:
         self._decide(message)
         sample = self._recording.pose(message, self._tree)
         if sample is not None:
-            self._track.add(*sample)
+            if self._pose_order.takes(sample.stamp):
+                self._track.add(*sample)
         elif name == topics.scan.name:
             self._take_scan(message)
         elif topics.command is not None and name == topics.command.name:
@@ -127,10 +131,10 @@ class Driver:
 
     def _take_scan(self, message: Message) -> None:
         stamp = self._recording.stamp(message)
-        if not self._order.takes(stamp):
+        if not self._scan_order.takes(stamp):
             return
         self.log.scans += 1
-        if self._ticks.due(stamp):
+        if self._ticks is None or self._ticks.due(stamp):
             self._waiting.append((message, stamp))
 
     def _decide(self, coming: Message | None) -> None:
@@ -155,13 +159,11 @@ class Driver:
         if motion is None:
             self.log.skipped["no pose"] += 1
             return
-        target = self._goal.target(motion)
+        target = self._goal.target(motion, self._tree)
         if target is None:
             self.log.skipped["no goal"] += 1
             return
-        observation = Observation(
-            self._scan_source.read(message.content), target, motion.twist, self._robot.limits, motion.pose
-        )
+        observation = self._scan_source.observation(message.content, motion, target)
         began = perf_counter_ns()
         command = self._navigator.act(observation)
         decision_us = (perf_counter_ns() - began) / 1000.0

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from lme.geometry.frames import to_robot, to_world
+from lme.live.scan_source import ScanSource
 from lme.sensing.scan_points import obstacle_points
 from runners.figures.parts.style import INK, OBSTACLE, new_figure, save
 from runners.replay.driver import Log
 from runners.replay.recording import Recording
-from runners.replay.scan_source import ScanSource
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -9,28 +9,18 @@ from itertools import pairwise
 from typing import NamedTuple
 
 from lme.errors import InputError
+from lme.live.frames import Frames, FramesConfig, message_frames, tf_frames
+from lme.live.messages import SECOND, frame, stamp_of
+from lme.live.poses import message_pose, tf_pose
+from lme.live.transforms import TransformTree
 from lme.types import Floats, Pose, Twist
-from runners.replay import messages
 from runners.replay.bags import Bag, Message
-from runners.replay.messages import frame, stamp_of
 from runners.replay.topics import Topics, other_pose
-from runners.replay.transforms import TransformTree
 
 CLOCKS = ("auto", "header", "recorded")
-SECOND = 1_000_000_000
 _LOOK_S = 10  # [s] of the recording that are searched for a transform to the lidar
 _SCANS = 20  # used to measure the rate
-_BASES = ("base_footprint", "base_link")
-_ODOMS = ("odom", "map")
 _TAIL_S = (2, 30)  # [s] at the end that are searched for the last pose, before the whole recording is
-
-
-@dataclass(slots=True)
-class FramesConfig:
-    """Names of frames; null: from the odometry messages, else the usual names."""
-
-    odom: str | None = None
-    base: str | None = None
 
 
 class Sample(NamedTuple):
@@ -45,15 +35,14 @@ class Sample(NamedTuple):
 class Recording:
     """A recording, its topics, and what its first messages show.
 
-    odom, base: names of the two frames. headers: whether stamps come from the headers. offset: clock of the file
-    minus clock of the stamps [ns]. mount: (4, 4) from the scan's frame to the base frame; None if tf has none.
-    scan_rate [Hz]. tree: the transforms at the beginning.
+    frames: the odometry frame and the base frame. headers: whether stamps come from the headers. offset: clock
+    of the file minus clock of the stamps [ns]. mount: (4, 4) from the scan's frame to the base frame; None if tf has
+    none. scan_rate [Hz]. tree: the transforms at the beginning.
     """
 
     bag: Bag
     topics: Topics
-    odom: str
-    base: str
+    frames: Frames
     headers: bool
     offset: int
     mount: Floats | None
@@ -73,13 +62,16 @@ class Recording:
     def pose(self, message: Message, tree: TransformTree) -> Sample | None:
         """The pose that a message contains, if any. Transforms of a tf message are first added to `tree`."""
         if message.topic in self.topics.tf:
-            named = tree.update(message.content)
-            return self._tf_pose(message, tree, named) if self.topics.pose is None else None
-        if self.topics.pose is None or message.topic != self.topics.pose.name:
+            tree.update(message.content)
+            found = tf_pose(message.content, tree, self.frames) if self.topics.pose is None else None
+        elif self.topics.pose is not None and message.topic == self.topics.pose.name:
+            found = message_pose(message.content, self.topics.pose.type)
+        else:
             return None
-        kind = self.topics.pose.type
-        twist = messages.twist_of(message.content, kind) if kind == messages.ODOMETRY else None
-        return Sample(self.stamp(message), messages.pose_of(message.content, kind), twist)
+        if found is None:
+            return None
+        stamp = stamp_of(found.header) if self.headers else message.recorded - self.offset
+        return Sample(stamp, found.pose, found.twist)
 
     def last_pose(self, stop: int | None) -> Pose:
         """The last pose recorded before `stop` [ns]. Raises InputError if there is none."""
@@ -91,17 +83,8 @@ class Recording:
                 last = self.pose(message, tree) or last
             if last is not None:
                 return last.pose
-        raise InputError(f"bag {self.bag.path}: no pose of {self.base} in {self.odom} that could be the goal")
-
-    def _tf_pose(self, message: Message, tree: TransformTree, named: set[str]) -> Sample | None:
-        """The pose of the base, if one of the transforms of the message changes it."""
-        chain = tree.chain(self.odom, self.base)
-        moved = [t for t in message.content.transforms if frame(t.child_frame_id) in chain & named]
-        matrix = tree.lookup(self.odom, self.base) if moved else None
-        if matrix is None:
-            return None
-        stamp = stamp_of(moved[-1].header) if self.headers else message.recorded - self.offset
-        return Sample(stamp, messages.planar_matrix(matrix)[0], None)
+        odom, base = self.frames
+        raise InputError(f"bag {self.bag.path}: no pose of {base} in {odom} that could be the goal")
 
 
 def look(bag: Bag, topics: Topics, frames: FramesConfig, clock: str) -> Recording:
@@ -115,16 +98,16 @@ def look(bag: Bag, topics: Topics, frames: FramesConfig, clock: str) -> Recordin
             break
     if not first.scans:
         raise InputError(f"bag {bag.path}: no scans: {topics.scan.name} holds no message")
-    if topics.pose is None and first.tf_frames(frames) is None:
+    if topics.pose is None and tf_frames(frames, first.tree) is None:
         topics = topics._replace(pose=other_pose(bag, topics))
         return look(bag, topics, frames, clock)
-    odom, base = first.frames(frames)
-    headers, offset = first.clock(clock, (odom, base))
+    chosen = first.frames(frames)
+    headers, offset = first.clock(clock, chosen)
     stamps = [stamp_of(m.content.header) if headers else m.recorded for m in first.scans]
     gaps = [b - a for a, b in pairwise(stamps) if b > a]
     rate = SECOND / statistics.median(gaps) if gaps else 0.0
-    mount = first.tree.lookup(base, frame(first.scans[0].content.header.frame_id))
-    return Recording(bag, topics, odom, base, headers, offset, mount, rate, first.scans[0], first.tree)
+    mount = first.tree.lookup(chosen.base, frame(first.scans[0].content.header.frame_id))
+    return Recording(bag, topics, chosen, headers, offset, mount, rate, first.scans[0], first.tree)
 
 
 class _Beginning:
@@ -156,31 +139,22 @@ class _Beginning:
 
     def mounted(self, frames: FramesConfig) -> bool:
         """Whether the transforms to the base and to the lidar are known."""
-        if self._topics.pose is None and self.tf_frames(frames) is None:
+        if self._topics.pose is None and tf_frames(frames, self.tree) is None:
             return False
-        _, base = self.frames(frames)
-        return self.tree.lookup(base, frame(self.scans[0].content.header.frame_id)) is not None
+        return (
+            self.tree.lookup(self.frames(frames).base, frame(self.scans[0].content.header.frame_id))
+            is not None
+        )
 
-    def frames(self, frames: FramesConfig) -> tuple[str, str]:
+    def frames(self, frames: FramesConfig) -> Frames:
         """Names of the odometry frame and the base frame."""
         if self._topics.pose is None:
-            found = self.tf_frames(frames)
+            found = tf_frames(frames, self.tree)
             assert found is not None
             return found
-        content = None if self._pose is None else self._pose.content
-        odom = "" if content is None else frame(content.header.frame_id)
-        base = frame(getattr(content, "child_frame_id", ""))
-        known = next((name for name in _BASES if name in self.tree.names), _BASES[1])
-        return frames.odom or odom or _ODOMS[0], frames.base or base or known
+        return message_frames(frames, None if self._pose is None else self._pose.content, self.tree)
 
-    def tf_frames(self, frames: FramesConfig) -> tuple[str, str] | None:
-        """Names of an odometry frame and a base frame that tf connects; None if there are none."""
-        odoms = (frames.odom,) if frames.odom else _ODOMS
-        bases = (frames.base,) if frames.base else _BASES
-        pairs = ((odom, base) for odom in odoms for base in bases)
-        return next((pair for pair in pairs if self.tree.lookup(*pair) is not None), None)
-
-    def clock(self, asked: str, frames: tuple[str, str]) -> tuple[bool, int]:
+    def clock(self, asked: str, frames: Frames) -> tuple[bool, int]:
         """Whether to use the stamps of the headers, and the clock of the file minus that of the stamps [ns]."""
         if asked == "recorded":
             return False, 0
@@ -190,7 +164,7 @@ class _Beginning:
         alike = all(abs(ahead - offset) < SECOND for ahead in self._poses_ahead(frames))
         return (True, offset) if asked == "header" or (stamped and alike) else (False, 0)
 
-    def _poses_ahead(self, frames: tuple[str, str]) -> list[int]:
+    def _poses_ahead(self, frames: Frames) -> list[int]:
         if self._topics.pose is not None:
             return [] if self._pose is None else [_ahead(self._pose)]
         return [self._tf_ahead[name] for name in self.tree.chain(*frames) if self._tf_ahead.get(name)][:1]

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lme.live.messages import SECOND
 from lme.types import Floats
 from runners.records.whole_file import replacing, write_whole
 from runners.replay.driver import Log
-from runners.replay.recording import SECOND
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from lme.errors import InputError, nearest
+from lme.live import messages
 from runners.analysis.columns import aligned
-from runners.replay import messages
 from runners.replay.bags import Bag, Topic
 
 # Message types of each role in order of preference, and the usual name of such a topic in ROS.

@@ -11,7 +11,7 @@ from lme.types import Pose
 from runners.cli.commands.replay import main
 from runners.replay.bags import Bag
 from runners.replay.topics import TopicsConfig, choose, table
-from tests.runners.replay.made_bags import BEGAN, SECOND, BagMaker, drive
+from tests.made_bags import BEGAN, SECOND, BagMaker, drive
 
 FORMATS = (".bag", ".db3", ".mcap")
 

@@ -15,7 +15,7 @@ import pandas as pd
 from lme.types import Pose
 from runners.cli.main import main
 from runners.replay import figures
-from tests.runners.replay.made_bags import BEGAN, SECOND, drive, way
+from tests.made_bags import BEGAN, OTHERS, SECOND, drive, way
 
 BAGS = SHARED / "bags"
 DECIDED = ["target_x_m", "target_y_m", "subgoal_x_m", "subgoal_y_m", "command_v_mps", "command_omega_radps"]
@@ -152,14 +152,15 @@ def test_a_lidar_upside_down_sees_the_same_obstacles(replay, plain, tmp_path):
     np.testing.assert_allclose(table["clearance_m"], upright["clearance_m"], atol=1e-3)
 
 
-@pytest.mark.parametrize(
-    ("poses", "words"), [("tf", ()), ("motion capture", ("scan.mount=[0.1,0,0.2,0,0,0]",))]
-)
-def test_poses_without_odometry_messages(replay, plain, tmp_path, poses, words):
-    table, told = replay(drive(poses=poses).write(tmp_path), *words), replay(plain)
+@pytest.mark.parametrize("other", OTHERS.values(), ids=OTHERS)
+def test_another_robot_on_the_same_way_sees_the_same(replay, plain, tmp_path, other):
+    table, told = replay(drive(**other).write(tmp_path)), replay(plain)
     np.testing.assert_allclose(table[["x_m", "y_m", "yaw_rad"]], told[["x_m", "y_m", "yaw_rad"]], atol=1e-9)
+    np.testing.assert_allclose(
+        table[["v_mps", "omega_radps"]][2:], told[["v_mps", "omega_radps"]][2:], atol=0.08
+    )
     np.testing.assert_allclose(table["v_mps"][2:], told["v_mps"][2:], atol=5e-3)
-    np.testing.assert_allclose(table["clearance_m"], told["clearance_m"], atol=1e-6)
+    np.testing.assert_allclose(table["clearance_m"], told["clearance_m"], atol=0.02)
 
 
 def test_a_cloud_is_flattened(replay, plain, tmp_path):

@@ -14,6 +14,7 @@ from lme.kernels.raycast import cast
 from lme.types import Pose
 
 SECOND = 1_000_000_000
+TF = "tf2_msgs/msg/TFMessage"
 BEGAN = 1_700_000_000 * SECOND
 CIRCLES = np.array([[2.0, 1.5, 0.3], [3.0, -1.0, 0.4], [5.0, 0.6, 0.3], [-1.5, 0.5, 0.2]])
 EDGES = np.array(
@@ -22,6 +23,22 @@ EDGES = np.array(
 
 
 MOUNT = Pose(0.1, 0.0, 0.0)
+
+# The same drive of other robots: arguments of `drive`.
+OTHERS = {
+    "clockwise": {"clockwise": True},
+    "upside down": {"roll": math.pi, "clockwise": True},
+    "from straight ahead": {"first": 0.0},
+    "rotated and off-centre": {"mount": Pose(-0.15, 0.1, 2.0)},
+    "rotated and clockwise": {"mount": Pose(0.05, -0.1, -2.5), "clockwise": True},
+    "first beam repeated": {"beams": 539, "repeated": True},
+    "beams without a value": {"spoil": lambda ranges: spoilt(ranges)},
+    "lidar on a plate": {"plate": Pose(0.2, -0.1, 0.7)},
+    "poses by tf": {"poses": "tf"},
+    "motion capture": {"poses": "motion capture"},
+    "motion capture with covariance": {"poses": "covariance"},
+    "motion capture as transforms": {"poses": "transform"},
+}
 
 
 class BagMaker:
@@ -90,6 +107,10 @@ class BagMaker:
             self.make("geometry_msgs/msg/TwistWithCovariance", self.twist(v, omega), none),
         )  # fmt: skip
 
+    def pose_with_covariance(self, stamp, frame, pose):
+        known = self.make("geometry_msgs/msg/PoseWithCovariance", self.pose(pose), np.zeros(36))
+        return self.make("geometry_msgs/msg/PoseWithCovarianceStamped", self.header(stamp, frame), known)
+
     def pose_stamped(self, stamp, frame, pose):
         return self.make("geometry_msgs/msg/PoseStamped", self.header(stamp, frame), self.pose(pose))
 
@@ -126,9 +147,17 @@ def way(steps):
     return found
 
 
-def seen(pose, mount=MOUNT, beams=360):
-    """Ranges of a full circle from straight behind on, counter-clockwise."""
-    return cast(compose(pose, mount), (-math.pi, 2 * math.pi / beams, beams), 12.0, CIRCLES, EDGES)
+def seen(pose, mount=MOUNT, beams=360, first=-math.pi):
+    """Ranges of a full circle from the bearing `first` on, counter-clockwise."""
+    return cast(compose(pose, mount), (first, 2 * math.pi / beams, beams), 12.0, CIRCLES, EDGES)
+
+
+def spoilt(ranges):
+    """The ranges with beams that return nothing, as drivers report them."""
+    ranges = ranges.copy()
+    for k, value in enumerate((0.0, math.nan, math.inf, -1.0)):
+        ranges[k::29] = value
+    return ranges
 
 
 def drive(
@@ -141,39 +170,58 @@ def drive(
     scans="laser",
     stamps=lambda stamp: stamp,
     commands=True,
+    beams=360,
+    first=-math.pi,
+    repeated=False,
+    spoil=lambda ranges: ranges,
+    plate=None,
 ):
-    """A BagMaker with one drive. stamps: what the headers say, by when a message was recorded."""
+    """A BagMaker with one drive.
+
+    stamps: what the headers say, by when a message was recorded. repeated: the first beam comes again as the last.
+    spoil: what becomes of the ranges. plate: pose on the base of a plate that carries the lidar.
+    """
     made = BagMaker(suffix)
-    made.add(
-        "/tf_static", "tf2_msgs/msg/TFMessage", BEGAN, made.transform(0, "base_link", "laser", mount, roll)
-    )
+    carrier = "base_link" if plate is None else "plate"
+    if plate is not None:
+        made.add("/tf_static", TF, BEGAN, made.transform(0, "base_link", "plate", plate))
+    made.add("/tf_static", TF, BEGAN, made.transform(0, carrier, "laser", mount, roll))
+    if plate is not None:
+        mount = compose(plate, mount)
     for k, (pose, v, omega) in enumerate(way(steps)):
         recorded = BEGAN + k * SECOND // 10
         stamp = stamps(recorded)
         if poses == "odometry":
             made.add("/odom", "nav_msgs/msg/Odometry", recorded, made.odometry(stamp, pose, v, omega))
         elif poses == "tf":
-            made.add(
-                "/tf", "tf2_msgs/msg/TFMessage", recorded, made.transform(stamp, "odom", "base_link", pose)
-            )
+            made.add("/tf", TF, recorded, made.transform(stamp, "odom", "base_link", pose))
         elif poses == "motion capture":
             message = made.pose_stamped(stamp, "world", pose)
             made.add("/vrpn/robot/pose", "geometry_msgs/msg/PoseStamped", recorded, message)
-        _add_scan(made, scans, recorded, stamp, seen(pose, mount), clockwise)
+        elif poses == "covariance":
+            message = made.pose_with_covariance(stamp, "world", pose)
+            made.add("/pose", "geometry_msgs/msg/PoseWithCovarianceStamped", recorded, message)
+        elif poses == "transform":
+            message = made.transform(stamp, "world", "robot", pose).transforms[0]
+            made.add("/vicon/robot", "geometry_msgs/msg/TransformStamped", recorded, message)
+        ranges = spoil(seen(pose, mount, beams, first))
+        if repeated:
+            ranges = np.append(ranges, ranges[0])
+        _add_scan(made, scans, recorded, stamp, ranges, (first, 2 * math.pi / beams, clockwise))
         if commands:
             made.add("/cmd_vel", "geometry_msgs/msg/Twist", recorded, made.twist(v, omega))
     return made
 
 
-def _add_scan(made, scans, recorded, stamp, ranges, clockwise):
-    increment = 2 * math.pi / len(ranges)
+def _add_scan(made, scans, recorded, stamp, ranges, angles):
+    first, increment, clockwise = angles
     if scans == "laser":
-        first = math.pi - increment if clockwise else -math.pi
         if clockwise:
+            first += (len(ranges) - 1) * increment
             ranges, increment = ranges[::-1], -increment
         made.add("/scan", "sensor_msgs/msg/LaserScan", recorded, made.scan(stamp, ranges, first, increment))
     elif scans == "cloud":
-        angles = -math.pi + np.arange(len(ranges)) * increment
+        angles = first + np.arange(len(ranges)) * increment
         flat = np.column_stack((ranges * np.cos(angles), ranges * np.sin(angles), np.zeros(len(ranges))))
         floor = np.column_stack((0.5 * np.cos(angles), 0.5 * np.sin(angles), np.full(len(ranges), -0.2)))
         made.add(

@@ -1,4 +1,7 @@
-"""Converts ROS messages of common_interfaces and geometry2 to the types of `lme.types`."""
+"""Converts ROS messages of common_interfaces and geometry2 to the types of `lme.types`.
+
+A message is any object with the fields of its type: of rclpy, of rospy, or of a recording.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from lme.sensing.point_cloud import cloud_points
 from lme.types import Floats, LaserScan, Pose, Twist
 
 LASER_SCAN, POINT_CLOUD = "sensor_msgs/msg/LaserScan", "sensor_msgs/msg/PointCloud2"
@@ -15,11 +19,38 @@ POSE, POSE_WITH_COVARIANCE = "geometry_msgs/msg/PoseStamped", "geometry_msgs/msg
 TRANSFORM = "geometry_msgs/msg/TransformStamped"
 TF = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 TWIST, TWIST_STAMPED = "geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped"
+SECOND = 1_000_000_000  # [ns]
 
 
 def stamp_of(header: Any) -> int:
-    """The stamp of a header [ns]; 0 if the driver did not set it."""
-    return int(header.stamp.sec) * 1_000_000_000 + int(header.stamp.nanosec)
+    """The stamp of a header [ns]; 0 if the driver did not set it. rospy says secs and nsecs."""
+    stamp = header.stamp
+    if hasattr(stamp, "secs"):
+        return int(stamp.secs) * SECOND + int(stamp.nsecs)
+    return int(stamp.sec) * SECOND + int(stamp.nanosec)
+
+
+def is_cloud(message: Any) -> bool:
+    """Whether a message with a scan is a PointCloud2, not a LaserScan."""
+    return hasattr(message, "point_step")
+
+
+def is_empty(message: Any) -> bool:
+    """Whether a scan measures nothing at all. A beam that meets nothing within range has measured that."""
+    if is_cloud(message):
+        points = cloud_points(message)
+        return not (np.isfinite(points).all(axis=1) & points.any(axis=1)).any()
+    ranges = np.asarray(message.ranges, dtype=np.float32)
+    return not ((ranges > 0.0) & ~(ranges < message.range_min)).any()
+
+
+def kind_of_pose(message: Any) -> str:
+    """The type of a message with a pose, by its fields."""
+    if hasattr(message, "transform"):
+        return TRANSFORM
+    if hasattr(message, "twist"):
+        return ODOMETRY
+    return POSE_WITH_COVARIANCE if hasattr(message.pose, "pose") else POSE
 
 
 def frame(name: str) -> str:

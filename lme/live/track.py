@@ -1,20 +1,18 @@
-"""The recorded motion of the robot: its pose and twist at any time of the last seconds."""
+"""The motion of the robot: its pose and twist at any time of the last seconds."""
 
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
 from typing import NamedTuple
 
-from lme.errors import InputError
 from lme.geometry.angles import wrap_angle
 from lme.geometry.frames import relative
+from lme.live.messages import SECOND
 from lme.types import Pose, Twist
 
-_SECOND = 1_000_000_000
-_KEPT = 5 * _SECOND
-_SLOPE = _SECOND // 5  # interval over which velocity is computed from poses that have no twist
+_KEPT = 5 * SECOND
+_SLOPE = SECOND // 5  # interval over which velocity is computed from poses that have no twist
 _TRIMMED_AT = 4096  # poses
-_JITTER = _SECOND // 10  # messages out of order by up to this much are ignored: threads may swap them
 
 
 class StampedMotion(NamedTuple):
@@ -25,39 +23,17 @@ class StampedMotion(NamedTuple):
     twist: Twist
 
 
-class Order:
-    """Checks that the stamps of a topic increase."""
-
-    def __init__(self, topic: str) -> None:
-        self._topic = topic
-        self._last: int | None = None
-
-    def takes(self, stamp: int) -> bool:
-        """Whether `stamp` [ns] is later than all before it. Raises InputError if time jumps back."""
-        if self._last is not None and stamp < self._last - _JITTER:
-            back = (self._last - stamp) / _SECOND
-            raise InputError(
-                f"topics: the time of {self._topic} goes backwards by {back:.3g} s (stamp {stamp / _SECOND:.3f} s): "
-                "use clock=recorded, or cut the recording with start= and end="
-            )
-        later = self._last is None or stamp > self._last
-        if later:
-            self._last = stamp
-        return later
-
-
 class Track:
-    """Collects recorded poses and interpolates between them."""
+    """Collects poses and interpolates between them."""
 
-    def __init__(self, topic: str) -> None:
-        self._order = Order(topic)
+    def __init__(self) -> None:
         self._stamps: list[int] = []
         self._poses: list[Pose] = []
         self._twists: list[Twist | None] = []
 
     def add(self, stamp: int, pose: Pose, twist: Twist | None) -> None:
-        """Add a pose. Without a twist, velocity is the slope of the poses. Raises InputError if time jumps back."""
-        if not self._order.takes(stamp):
+        """Add a pose, unless a later one is there. Without a twist, velocity is the slope of the poses."""
+        if self._stamps and stamp <= self._stamps[-1]:
             return
         self._stamps.append(stamp)
         self._poses.append(pose)
@@ -71,7 +47,7 @@ class Track:
         return self._stamps[-1] if self._stamps else None
 
     def at(self, stamp: int, tolerance: int) -> StampedMotion | None:
-        """The motion at `stamp` [ns], exactly as recorded if a pose has this stamp, else interpolated.
+        """The motion at `stamp` [ns], exactly as it came if a pose has this stamp, else interpolated.
 
         Before the first pose and after the last, the motion there. None if no pose is within `tolerance` [ns].
         """
@@ -99,12 +75,12 @@ class Track:
         )
 
     def _twist(self, k: int) -> Twist:
-        """The twist as recorded, or the slope of the poses over the last fifth of a second."""
-        recorded = self._twists[k]
-        if recorded is not None:
-            return recorded
+        """The twist that came with the pose, or the slope of the poses over the last fifth of a second."""
+        known = self._twists[k]
+        if known is not None:
+            return known
         j = max(bisect_right(self._stamps, self._stamps[k] - _SLOPE) - 1, 0)
-        seconds = (self._stamps[k] - self._stamps[j]) / _SECOND
+        seconds = (self._stamps[k] - self._stamps[j]) / SECOND
         if seconds <= 0.0:
             return Twist(0.0, 0.0)
         moved = relative(self._poses[k], self._poses[j])

@@ -1,4 +1,4 @@
-"""Converts recorded scans and point clouds to scans of the replayed robot's lidar."""
+"""Converts scans and point clouds of any lidar to scans of the robot's lidar."""
 
 from __future__ import annotations
 
@@ -10,13 +10,12 @@ from typing import Any
 import numpy as np
 
 from lme.errors import InputError, require
+from lme.live.messages import is_cloud, planar_matrix, scan_of
+from lme.live.track import StampedMotion
 from lme.robots import Lidar, Robot
 from lme.sensing.point_cloud import Projection, cloud_points, rigid_transform, to_scan
 from lme.sensing.resampling import own_lidar, resampled, same_lidar, tidied
-from lme.types import Floats, LaserScan, Pose
-from runners.replay import messages
-from runners.replay.messages import planar_matrix, scan_of
-from runners.replay.recording import Recording
+from lme.types import Floats, LaserScan, Observation, Pose
 
 LIDARS = ("recorded", "robot")
 
@@ -58,18 +57,20 @@ class ScanConfig:
 class ScanSource:
     """Turns messages into scans of the lidar of `robot`.
 
-    With lidar "recorded", the robot gets the lidar of the first scan; with "robot", it keeps its own, and scans are
-    resampled. Ranges of a scan with exactly the geometry of the lidar stay the same to the last bit.
+    first: the first message. mount: (4, 4) from its frame to the base frame, by tf; None if tf has none.
+    With lidar "recorded", the robot gets the lidar of the first message; with "robot", it keeps its own, and scans
+    are resampled. Ranges of a scan with exactly the geometry of the lidar stay the same to the last bit.
     """
 
-    def __init__(self, config: ScanConfig, recording: Recording, robot: Robot) -> None:
+    def __init__(self, config: ScanConfig, first: Any, mount: Floats | None, robot: Robot) -> None:
+        """Raises InputError if the first message is not valid."""
         self._config = config
-        self._cloud = recording.topics.scan.type == messages.POINT_CLOUD
+        self._cloud = is_cloud(first)
         self._spare_range = robot.lidar.range_max
-        self.mounted_by, matrix = _mount(config, recording, robot)
+        self.mounted_by, matrix = _mount(config, mount, robot)
         self._matrix = matrix
         self._pose, self.upside_down = (Pose(0.0, 0.0, 0.0), False) if self._cloud else planar_matrix(matrix)
-        raw = self.raw(recording.first_scan.content)
+        raw = self.raw(first)
         seen, _ = own_lidar(tidied(raw, self.upside_down), self._pose)
         if config.lidar == "recorded" and not same_lidar(seen, robot.lidar):
             robot = replace(robot, lidar=replace(seen, noise_std=robot.lidar.noise_std))
@@ -89,6 +90,10 @@ class ScanSource:
             return _of(lidar, raw.ranges)
         scan = tidied(raw, self.upside_down)
         return _of(lidar, scan.ranges) if self._own else resampled(scan, self._pose, lidar)
+
+    def observation(self, message: Any, motion: StampedMotion, target: Floats) -> Observation:
+        """What guide and planner get: the scan of a message, and pose, twist and target (2,) [m] at its stamp."""
+        return Observation(self.read(message), target, motion.twist, self.robot.limits, motion.pose)
 
     def raw(self, message: Any) -> LaserScan:
         """The scan of a message in its own geometry, with valid range limits."""
@@ -121,12 +126,12 @@ class ScanSource:
         return scan._replace(ranges=np.asarray(scan.ranges, np.float32), angle_min=middle)
 
 
-def _mount(config: ScanConfig, recording: Recording, robot: Robot) -> tuple[str, Floats]:
+def _mount(config: ScanConfig, by_tf: Floats | None, robot: Robot) -> tuple[str, Floats]:
     """The source of the lidar's mount, and the mount: (4, 4) from the lidar's frame to the base frame."""
     if config.mount is not None:
         return "scan.mount", _matrix(config.mount)
-    if recording.mount is not None:
-        return "tf", recording.mount
+    if by_tf is not None:
+        return "tf", by_tf
     pose = robot.lidar.mount
     return f"robot={robot.name}", rigid_transform((pose.x, pose.y, 0.0, 0.0, 0.0, pose.yaw))
 

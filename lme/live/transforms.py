@@ -1,4 +1,4 @@
-"""The transforms of a recording: the last one of each frame."""
+"""Transforms between frames: the last one of each frame."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from lme.live.messages import frame, matrix_of
 from lme.types import Floats
-from runners.replay.messages import frame, matrix_of
 
 
 class TransformTree:
@@ -16,15 +16,12 @@ class TransformTree:
     def __init__(self) -> None:
         self._parents: dict[str, tuple[str, Floats]] = {}
 
-    def update(self, message: Any) -> set[str]:
-        """Add the transforms of a TFMessage; return the child frames that it names."""
-        named = set()
+    def update(self, message: Any) -> None:
+        """Add the transforms of a TFMessage."""
         for one in message.transforms:
             child = frame(one.child_frame_id)
             transform = matrix_of(one.transform.translation, one.transform.rotation)
             self._parents[child] = (frame(one.header.frame_id), transform)
-            named.add(child)
-        return named
 
     def copy(self) -> TransformTree:
         """An independent copy."""

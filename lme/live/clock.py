@@ -1,0 +1,37 @@
+"""Watches the clock of the node: a jump, or a standstill, stops the robot."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from lme.live.messages import SECOND
+
+_JITTER = SECOND // 10  # [ns] threads may read the clock in one order and report it in another
+
+
+class Clock:
+    """The latest time on the node's clock. Simulated time may jump or stand still.
+
+    time_jump [ns]: a clock that advances by more than this between two readings has jumped. wall: monotonic time [ns].
+    """
+
+    def __init__(self, time_jump: int, wall: Callable[[], int]) -> None:
+        self._time_jump, self._wall = time_jump, wall
+        self._latest: int | None = None
+        self._advanced_at = wall()
+
+    def read(self, now: int) -> str:
+        """Note the time `now` [ns]; return how it has jumped, "" if it has not."""
+        latest, self._latest = self._latest, now
+        if latest is None or now > latest:
+            self._advanced_at = self._wall()
+        if latest is None or -_JITTER <= now - latest <= self._time_jump:
+            self._latest = now if latest is None else max(now, latest)
+            return ""
+        way = "forwards" if now > latest else "backwards"
+        return f"the clock jumped {way} by {abs(now - latest) / SECOND:.3g} s"
+
+    @property
+    def stood(self) -> int:
+        """Wall time since it last advanced [ns]."""
+        return self._wall() - self._advanced_at

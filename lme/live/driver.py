@@ -1,0 +1,257 @@
+"""Drives a robot: takes the messages of its sensors as they come, and gives a safe command once a control period."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from threading import Lock
+from time import monotonic_ns
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from lme.errors import InputError
+from lme.live.clock import Clock
+from lme.live.config import LiveConfig
+from lme.live.frames import Frames, FramesConfig
+from lme.live.goal import Goal
+from lme.live.messages import SECOND, frame
+from lme.live.pilot import Pilot
+from lme.live.scan_source import ScanConfig, ScanSource
+from lme.live.sensors import Sensors, Sight
+from lme.live.step import STILL, LiveState, LiveStep, NotReadyError
+from lme.live.track import StampedMotion
+from lme.navigator import Navigator
+from lme.robots import Robot
+from lme.types import Floats
+
+_ANY_TIME = 1 << 62  # [ns]
+
+
+class _Ready(NamedTuple):
+    """All that a decision needs. target: (2,) [m] at the stamp of the scan."""
+
+    sight: Sight
+    target: Floats
+    number: int
+
+
+class LiveDriver:
+    """One robot with one guide and one planner.
+
+    make_navigator builds them for the robot with the lidar in use, which the first scan shows (`ScanConfig.lidar`).
+    Messages are duck-typed. `now` is the time on the node's clock [ns], the one that stamps messages; `wall` a
+    monotonic time [ns]. Methods may be called from several threads, `tick` from one.
+
+    The robot stands, in this order, after shutdown; after a jump of the clock, which also makes it forget its
+    sensors, and while the clock stands still; without a goal; without a fresh scan that measures something; without
+    a fresh pose; while the frame of the goal is not known or stale; at the goal; after an exception in guide or
+    planner, a command that is not finite, or a decision that took longer than `stale`; before contact.
+    """
+
+    def __init__(
+        self,
+        make_navigator: Callable[[Robot], Navigator],
+        robot: Robot,
+        config: LiveConfig | None = None,
+        scan_config: ScanConfig | None = None,
+        frames: FramesConfig | None = None,
+        wall: Callable[[], int] = monotonic_ns,
+    ) -> None:
+        self.config = config or LiveConfig()
+        self._make_navigator, self._configured = make_navigator, robot
+        self._scan_config = scan_config or ScanConfig()
+        self._stale = round(self.config.stale * SECOND)
+        self._sensors = Sensors(self.config, frames or FramesConfig())
+        self._wall = wall
+        self._clock = Clock(round(self.config.time_jump * SECOND), wall)
+        self._lock = Lock()
+        self._pilot: Pilot | None = None
+        self._goal: Goal | None = None
+        self._number = 0  # of the newest goal
+        self._ended = ("no goal", LiveState.IDLE)
+        self._shut = self._jump = ""
+        self._last = LiveStep(0, LiveState.IDLE, "no goal")
+        self.soft_stops = 0
+
+    @property
+    def robot(self) -> Robot:
+        """The robot, with the lidar in use once a scan has come."""
+        return self._configured if self._pilot is None else self._pilot.robot
+
+    @property
+    def mounted_by(self) -> str:
+        """What says where the lidar is: scan.mount, tf or the robot; "" before the first scan."""
+        return "" if self._pilot is None else self._pilot.source.mounted_by
+
+    @property
+    def frames(self) -> Frames:
+        """Names of the odometry frame and the base frame, as far as messages have shown them."""
+        with self._lock:
+            return self._sensors.frames
+
+    @property
+    def motion(self) -> StampedMotion | None:
+        """The latest pose and twist; None if none has come, or since the last jump of the clock."""
+        with self._lock:
+            newest = self._sensors.track.newest
+            return None if newest is None else self._sensors.track.at(newest, 0)
+
+    def take_scan(self, message: Any, now: int) -> None:
+        """Take a LaserScan or PointCloud2."""
+        self._take("scan", now, lambda: self._sensors.take_scan(message, now))
+
+    def take_odometry(self, message: Any, now: int) -> None:
+        """Take an Odometry, PoseStamped, PoseWithCovarianceStamped or TransformStamped of the robot's pose."""
+        self._take("pose", now, lambda: self._sensors.take_pose(message, now))
+
+    def take_transforms(self, message: Any, now: int, static: bool = False) -> None:
+        """Take a TFMessage. static: it came on tf_static, so it holds for ever; others go stale."""
+        self._take("tf", now, lambda: self._sensors.take_transforms(message, now, static))
+
+    def set_goal(self, position: Sequence[float], frame_id: str, now: int) -> None:
+        """Drive to a position (x, y) [m]; an older goal is dropped. frame_id: any that tf connects; "": odometry.
+
+        Raises InputError unless the position is finite.
+        """
+        point = np.array(position, dtype=np.float64)[:2]
+        if point.shape != (2,) or not np.isfinite(point).all():
+            raise InputError(f"goal is {list(position)}: must be two finite numbers [m]")
+        with self._lock:
+            self._goal = Goal(point, frame(frame_id), now)
+            self._number += 1
+
+    def cancel(self) -> None:
+        """Drop the goal; the robot stands."""
+        with self._lock:
+            if self._goal is not None:
+                self._end(LiveState.CANCELLED, "cancelled")
+
+    def tick(self, now: int) -> LiveStep:
+        """The step of one control period. Never raises.
+
+        Call it once a control period on the node's clock. While that clock stands still, call it all the same, by
+        wall time: the last step is given again, and after `stale` the robot stands.
+        """
+        try:
+            self._last = self._step(now)
+        except NotReadyError as why:
+            self._last = self._stand(now, str(why), why.state)
+        except Exception as error:
+            self._last = self._stand(now, f"{type(error).__name__}: {error}")
+        return self._last
+
+    def stop(self, reason: str) -> LiveStep:
+        """Shut down: the robot stands from now on."""
+        with self._lock:
+            self._shut = reason
+        self._last = self._stand(self._last.stamp, reason)
+        return self._last
+
+    def _take(self, what: str, now: int, take: Callable[[], None]) -> None:
+        """Take a message. One that cannot be read is as if it had not come."""
+        with self._lock:
+            self._read_clock(now)
+            try:
+                take()
+            except Exception as error:
+                self._sensors.complain(what, f"{type(error).__name__}: {error}")
+
+    def _read_clock(self, now: int) -> None:
+        jump = self._clock.read(now)
+        if jump:
+            self._jump = jump
+            self._sensors.forget()
+
+    def _step(self, now: int) -> LiveStep:
+        with self._lock:
+            self._check_clock(now)
+            if self._given(now):
+                return self._last
+            first = self._unprepared()
+        if first is not None:
+            self._prepare(*first)
+            raise NotReadyError("guide and planner were being prepared")
+        with self._lock:
+            ready = self._ready(now)
+        return self._decide(ready, now)
+
+    def _check_clock(self, now: int) -> None:
+        """Raise NotReadyError after shutdown, after a jump of the clock, or if it stands still."""
+        if self._shut:
+            raise NotReadyError(self._shut)
+        self._read_clock(now)
+        jump, self._jump = self._jump, ""
+        if jump:
+            raise NotReadyError(jump)
+        if self._clock.stood > self._stale:
+            raise NotReadyError("the clock stands still")
+
+    def _given(self, now: int) -> bool:
+        """Whether the last step is the decision for this time, too."""
+        decided = self._last.observation is not None and now <= self._last.stamp
+        return decided and self._goal is not None and self._number == self._last.goal
+
+    def _unprepared(self) -> tuple[Any, Floats | None] | None:
+        """A scan, and its mount by tf, if guide and planner are still to be built for its lidar."""
+        scan, built = self._sensors.scan, self._pilot is not None
+        if scan is None or self.mounted_by in ("scan.mount", "tf"):
+            return None
+        mount = self._sensors.mount
+        return None if built and mount is None else (scan, mount)
+
+    def _prepare(self, scan: Any, mount: Floats | None) -> None:
+        """Build guide and planner."""
+        source = ScanSource(self._scan_config, scan, mount, self._configured)
+        pilot = Pilot(source, self._make_navigator(source.robot), self.config.seed, self._wall)
+        pilot.warm_up(scan)
+        self._pilot = pilot
+
+    def _ready(self, now: int) -> _Ready:
+        """Everything for a decision. Raises NotReadyError if the robot must stand."""
+        if self._goal is None:
+            raise NotReadyError(*self._ended)
+        sensors, goal = self._sensors, self._goal
+        sight, frames, tree = sensors.look(now), sensors.frames, sensors.tree
+        sensors.check_transforms(tree.chain(goal.frame, frames.odom), now)
+        goal.place(frames, tree, sensors.track, _ANY_TIME)
+        target, left = (goal.target(at, frames, tree) for at in (sight.motion, sight.newest))
+        if target is None or left is None:
+            raise NotReadyError(f"tf does not connect the frame of the goal, {goal.frame}, to {frames.odom}")
+        if math.hypot(*left) <= self.config.goal_tolerance:
+            self._end(LiveState.ARRIVED, "arrived")
+            raise NotReadyError(*self._ended)
+        return _Ready(sight, target, self._number)
+
+    def _end(self, state: LiveState, reason: str) -> None:
+        self._goal, self._ended = None, (reason, state)
+
+    def _decide(self, ready: _Ready, now: int) -> LiveStep:
+        """Ask guide and planner. Raises NotReadyError if the goal changes meanwhile, and whatever they raise."""
+        pilot, last = self._pilot, self._last.command
+        assert pilot is not None
+        step = pilot.decide(ready.sight, ready.target, ready.number, last, now)
+        with self._lock:
+            self._check_goal(ready.number)
+        if step.decision_us > self.config.stale * 1e6:
+            return _halted(step, f"the decision took {step.decision_us / 1e6:.2f} s")
+        if self.config.soft_stop and pilot.leads_into_contact(step, last):
+            self.soft_stops += 1
+            return _halted(step, "soft stop: the command leads into contact")._replace(soft_stopped=True)
+        return step
+
+    def _check_goal(self, number: int) -> None:
+        """Raise NotReadyError if the goal has changed during the decision."""
+        if self._shut:
+            raise NotReadyError(self._shut)
+        if self._goal is None:
+            raise NotReadyError(*self._ended)
+        if number != self._number:
+            raise NotReadyError("a new goal came during the decision")
+
+    def _stand(self, now: int, reason: str, state: LiveState = LiveState.STOPPED) -> LiveStep:
+        return LiveStep(now, state, reason, STILL, self._number, motion=self.motion)
+
+
+def _halted(step: LiveStep, reason: str) -> LiveStep:
+    return step._replace(state=LiveState.STOPPED, reason=reason, command=STILL)

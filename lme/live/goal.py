@@ -1,0 +1,53 @@
+"""The goal, given in any frame that tf connects to the odometry frame."""
+
+from __future__ import annotations
+
+from lme.geometry.frames import to_robot, to_world
+from lme.live.frames import Frames
+from lme.live.messages import planar_matrix
+from lme.live.track import StampedMotion, Track
+from lme.live.transforms import TransformTree
+from lme.types import Floats
+
+
+class Goal:
+    """A fixed point.
+
+    Localisation moves a frame above the odometry frame, such as map, and a goal in it moves as well. A goal in any
+    other frame is placed in the odometry frame once, at the pose that the robot had at the goal's stamp.
+    """
+
+    def __init__(self, point: Floats, frame: str, stamp: int) -> None:
+        """point (2,) [m] in `frame`; "" is the odometry frame. stamp [ns]."""
+        self._point, self.frame, self._stamp = point, frame, stamp
+        self._placed: Floats | None = None  # in the odometry frame
+
+    def place(self, frames: Frames, tree: TransformTree, track: Track, tolerance: int) -> bool:
+        """Find the goal in the odometry frame; return whether tf and the poses allow it. tolerance [ns] of the pose."""
+        if self._placed is not None:
+            return True
+        if self.frame in ("", frames.odom):
+            self._placed = self._point
+        elif self.frame != frames.base and (matrix := tree.lookup(frames.odom, self.frame)) is not None:
+            place = to_world(self._point, planar_matrix(matrix)[0])
+            self._placed = None if self._above(frames, tree) else place
+            return True
+        elif (matrix := tree.lookup(frames.base, self.frame)) is not None:
+            motion = track.at(self._stamp, tolerance)
+            on_base = to_world(self._point, planar_matrix(matrix)[0])
+            self._placed = None if motion is None else to_world(on_base, motion.pose)
+        return self._placed is not None
+
+    def target(self, motion: StampedMotion, frames: Frames, tree: TransformTree) -> Floats | None:
+        """The goal (2,) in the robot frame [m]; not transformed if it was given there at the stamp of the motion."""
+        if self.frame == frames.base and self._stamp == motion.stamp:
+            return self._point
+        if self._placed is not None:
+            return to_robot(self._placed, motion.pose)
+        matrix = tree.lookup(frames.odom, self.frame) if self._above(frames, tree) else None
+        if matrix is None:
+            return None
+        return to_robot(to_world(self._point, planar_matrix(matrix)[0]), motion.pose)
+
+    def _above(self, frames: Frames, tree: TransformTree) -> bool:
+        return bool(tree.chain(self.frame, frames.odom))

@@ -1,0 +1,33 @@
+"""Poses of the robot, from messages that hold one or from tf."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from lme.live.frames import Frames
+from lme.live.messages import ODOMETRY, frame, planar_matrix, pose_of, twist_of
+from lme.live.transforms import TransformTree
+from lme.types import Pose, Twist
+
+
+class Sample(NamedTuple):
+    """The pose of the base in the odometry frame, the header with its stamp, and the twist if the message has one."""
+
+    header: Any
+    pose: Pose
+    twist: Twist | None
+
+
+def message_pose(message: Any, kind: str) -> Sample:
+    """The pose in a message of type `kind`: Odometry, a pose or a transform."""
+    return Sample(
+        message.header, pose_of(message, kind), twist_of(message, kind) if kind == ODOMETRY else None
+    )
+
+
+def tf_pose(message: Any, tree: TransformTree, frames: Frames) -> Sample | None:
+    """The pose of the base by tf, if a transform of the TFMessage changes it. `tree` already holds the message."""
+    chain = tree.chain(*frames)
+    moved = [one for one in message.transforms if frame(one.child_frame_id) in chain]
+    matrix = tree.lookup(*frames) if moved else None
+    return None if matrix is None else Sample(moved[-1].header, planar_matrix(matrix)[0], None)

@@ -1,0 +1,51 @@
+"""What a command may be: within the robot's limits, and not into contact."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lme.kernels.collision import sweep
+from lme.kernels.motion import drive
+from lme.robots import Robot
+from lme.types import Floats, Limits, Pose, Twist
+
+_NO_EDGES = np.empty((0, 4))
+_STEP = 0.02  # [m] no point of the outline moves further between two collision checks
+
+
+def limited(command: Twist, last: Twist, limits: Limits, dt: float) -> Twist:
+    """The command within the limits of velocity, and of acceleration from the last command, `dt` [s] ago."""
+    v = _within(command.v, limits.v_max, last.v, limits.alpha_v * dt)
+    return Twist(v, _within(command.omega, limits.omega_max, last.omega, limits.alpha_omega * dt))
+
+
+def gone_on(pose: Pose, twist: Twist, command: Twist, time: float, robot: Robot) -> tuple[Pose, Twist]:
+    """Pose and twist of the robot after it has followed a command for `time` [s]."""
+    poses, moving = drive(pose, twist, command, robot.limits, time, _STEP, robot.hull.r_max)
+    return Pose(*poses[-1].tolist()), Twist(*moving)
+
+
+def touches(points: Floats, pose: Pose, twist: Twist, command: Twist, robot: Robot) -> bool:
+    """Whether the robot touches a point if it gets the command for a control period, and brakes after that.
+
+    points (M, 2) [m], in the frame that `pose` is in. twist: of the robot now.
+    """
+    poses = _way(pose, twist, command, robot)
+    circles = np.column_stack((points, np.zeros(len(points))))
+    return sweep(poses, robot.hull.box, circles, _NO_EDGES)[1] >= 0
+
+
+def _way(pose: Pose, twist: Twist, command: Twist, robot: Robot) -> Floats:
+    """Poses (K, 3) until the robot stands."""
+    limits, reach = robot.limits, robot.hull.r_max
+    period, moving = drive(pose, twist, command, limits, robot.dt, _STEP, reach)
+    braking_time = max(abs(moving[0]) / limits.alpha_v, abs(moving[1]) / limits.alpha_omega)
+    if braking_time == 0.0:
+        return period
+    x, y, yaw = period[-1].tolist()
+    braking, _ = drive((x, y, yaw), moving, (0.0, 0.0), limits, braking_time, _STEP, reach)
+    return np.concatenate((period, braking))
+
+
+def _within(value: float, most: float, last: float, change: float) -> float:
+    return min(max(value, -most, last - change), most, last + change)

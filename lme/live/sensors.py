@@ -1,0 +1,171 @@
+"""The latest scan, the robot's motion and the transforms, from messages that come late, out of order or not at all."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from lme.live.config import LiveConfig
+from lme.live.frames import Frames, FramesConfig, message_frames, tf_frames
+from lme.live.messages import SECOND, frame, is_empty, kind_of_pose, matrix_of, stamp_of
+from lme.live.poses import Sample, message_pose, tf_pose
+from lme.live.step import NotReadyError
+from lme.live.track import StampedMotion, Track
+from lme.live.transforms import TransformTree
+from lme.types import Floats
+
+_NAMES = {"scan": "scan", "pose": "odometry"}
+
+
+class Sight(NamedTuple):
+    """What the robot senses. scan: the latest message. motion: at its stamp. newest: the latest motion."""
+
+    scan: Any
+    motion: StampedMotion
+    newest: StampedMotion
+
+
+class Sensors:
+    """Keeps what has come, and says whether it is fresh enough to drive on.
+
+    A message counts if its stamp is within `stale` of the time at which it comes, and later than those before it.
+    Poses come from tf until the first message that holds one; from then on, only from such messages.
+    """
+
+    def __init__(self, config: LiveConfig, frames: FramesConfig) -> None:
+        self._stale = round(config.stale * SECOND)
+        self._by_header = config.clock == "header"
+        self._config = frames
+        self._pose_message: Any = None
+        self._tf_frames: Frames | None = None
+        self._moving: set[str] = set()  # child frames that have come otherwise than as static
+        self.tree = TransformTree()
+        self.forget()
+
+    def forget(self) -> None:
+        """Drop scans and poses. Transforms stay, because static ones come only once; moving ones must come again."""
+        self.scan: Any = None
+        self.track = Track()
+        self._seen: dict[str, int] = {}  # by what was seen [ns]: the earlier of its stamp and of when it came
+        self._scan_stamp = 0
+        self._moved: dict[str, int] = {}  # when a moving transform came [ns], by child frame
+        self._complaints: dict[str, str] = {}
+
+    def complain(self, what: str, complaint: str) -> None:
+        """Note why the last message did not count. what: scan, pose or tf."""
+        self._complaints[what] = complaint
+
+    def take_scan(self, message: Any, now: int) -> None:
+        """Keep a LaserScan or PointCloud2, unless a later one is there."""
+        stamp = self._stamp("scan", message.header, now)
+        if stamp is None or (self.scan is not None and stamp <= self._scan_stamp):
+            return
+        self.scan, self._scan_stamp = message, stamp
+        self._note("scan", stamp, now)
+
+    def take_pose(self, message: Any, now: int) -> None:
+        """Add an Odometry, PoseStamped, PoseWithCovarianceStamped or TransformStamped."""
+        sample = message_pose(message, kind_of_pose(message))
+        if self._pose_message is None:
+            self.track = Track()  # so far by tf
+        self._pose_message = message
+        self._add(sample, now)
+
+    def take_transforms(self, message: Any, now: int, static: bool) -> None:
+        """Add a TFMessage."""
+        for one in message.transforms:
+            if not np.isfinite(matrix_of(one.transform.translation, one.transform.rotation)).all():
+                self.complain("tf", f"the transform of {frame(one.child_frame_id)} is not finite")
+                return
+        self._complaints.pop("tf", None)
+        self.tree.update(message)
+        if not static:
+            self._moved.update({frame(one.child_frame_id): now for one in message.transforms})
+            self._moving |= {*self._moved}
+        if self._pose_message is None:
+            self._take_tf_pose(message, now)
+
+    @property
+    def frames(self) -> Frames:
+        """The odometry frame and the base frame."""
+        by_tf = self._tf_frames if self._pose_message is None else None
+        return by_tf or message_frames(self._config, self._pose_message, self.tree)
+
+    @property
+    def mount(self) -> Floats | None:
+        """(4, 4) from the frame of the scan to the base frame; None if there is no scan or tf does not connect them."""
+        if self.scan is None:
+            return None
+        return self.tree.lookup(self.frames.base, frame(self.scan.header.frame_id))
+
+    def look(self, now: int) -> Sight:
+        """What the robot senses at `now` [ns]. Raises NotReadyError if something is missing, stale or empty."""
+        self._check("scan", now)
+        if is_empty(self.scan):
+            raise NotReadyError("the scan is empty: no beam measures anything")
+        self._check("pose", now)
+        motion = self.track.at(self._scan_stamp, self._stale)
+        newest = None if self.track.newest is None else self.track.at(self.track.newest, 0)
+        if motion is None or newest is None:
+            raise NotReadyError("no odometry close in time to the scan")
+        return Sight(self.scan, motion, newest)
+
+    def check_transforms(self, names: set[str], now: int) -> None:
+        """Raise NotReadyError if one of these frames moves and its transform is stale."""
+        for name in sorted(names & self._moving):
+            if name not in self._moved:
+                raise NotReadyError(f"no transform of {name}")
+            if now - self._moved[name] > self._stale:
+                raise NotReadyError(f"the transform of {name} is older than {_seconds(self._stale)}")
+
+    def _take_tf_pose(self, message: Any, now: int) -> None:
+        frames = tf_frames(self._config, self.tree)
+        if frames != self._tf_frames:
+            self._tf_frames, self.track = frames, Track()
+        sample = None if frames is None else tf_pose(message, self.tree, frames)
+        if sample is not None:
+            self._add(sample, now)
+
+    def _add(self, sample: Sample, now: int) -> None:
+        stamp = self._stamp("pose", sample.header, now)
+        if stamp is None:
+            return
+        if not all(map(math.isfinite, (*sample.pose, *(sample.twist or ())))):
+            self.complain("pose", "it is not finite")
+            return
+        if self.track.newest is None or stamp > self.track.newest:
+            self.track.add(stamp, sample.pose, sample.twist)
+            self._note("pose", stamp, now)
+
+    def _stamp(self, what: str, header: Any, now: int) -> int | None:
+        """The stamp of a message that comes at `now` [ns]; None if it is too far away from `now`."""
+        stamp = stamp_of(header) if self._by_header else 0
+        if stamp and abs(now - stamp) > self._stale:
+            side = "behind" if now > stamp else "ahead of"
+            self.complain(
+                what,
+                f"its stamp is {_seconds(abs(now - stamp))} {side} the clock; set live.clock=received if clocks differ",
+            )
+            return None
+        return stamp or now
+
+    def _note(self, what: str, stamp: int, now: int) -> None:
+        self._seen[what] = min(stamp, now)
+        self._complaints.pop(what, None)
+
+    def _check(self, what: str, now: int) -> None:
+        complaint = self._complaints.get(what)
+        if what == "pose" and self._pose_message is None:
+            complaint = complaint or self._complaints.get("tf")
+        because = f" ({complaint})" if complaint else ""
+        if what not in self._seen:
+            raise NotReadyError(f"no {_NAMES[what]}{because}")
+        if now - self._seen[what] > self._stale:
+            raise NotReadyError(f"the {_NAMES[what]} is older than {_seconds(self._stale)}{because}")
+
+
+def _seconds(time: int) -> str:
+    seconds = time / SECOND
+    return f"{seconds:.1f} s" if seconds < 10.0 else f"{seconds:.0f} s"
