@@ -1,0 +1,30 @@
+"""Connects a navigator, the driver and ROS, and drives."""
+
+from __future__ import annotations
+
+from lme.live.driver import LiveDriver
+from lme.live.frames import FramesConfig
+from lme.live.scan_source import ScanConfig
+from lme.navigator import Navigator
+from lme.robots import Robot
+from runners.config import build
+from runners.config.instantiate import configured, filled
+from runners.config.job import Job
+from runners.config.schema import LiveConfig
+from runners.live.node import Node, NodeConfig
+from runners.live.topics import TopicsConfig
+from runners.live.transport import Transport
+
+
+def drive_robot(job: Job[LiveConfig], transport: Transport) -> None:
+    """Drive the robot until an exception comes, such as KeyboardInterrupt."""
+    config = job.config
+    own: NodeConfig = configured(config.live, "live")[1]
+    topics = filled(TopicsConfig, config.topics, "topics")
+
+    def navigator(robot: Robot) -> Navigator:
+        return build.navigator(config, robot)
+
+    scan, frames = filled(ScanConfig, config.scan, "scan"), filled(FramesConfig, config.frames, "frames")
+    driver = LiveDriver(navigator, config.robot, own, scan, frames)
+    Node(own, transport, topics, driver, config.robot.dt).run()
