@@ -64,13 +64,12 @@ class Robot:
             self.scan(make.scan(now, "base_link", scan, 1.0 / _RATE))
 
     def change(self, asked):
+        self.set.update({key: value for key, value in asked.items() if key in self.set})
         if "goal" in asked:
             pose = Pose(*asked["goal"], 0.0)
             self.goal(self.make.pose(self.now(), asked.get("frame", "odom"), pose))
-        elif "cancel" in asked:
+        if "cancel" in asked:
             self.cancel(self.ros.type("std_msgs/Empty")())
-        else:
-            self.set.update(asked)
 
 
 def say(**values):
