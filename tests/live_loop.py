@@ -42,7 +42,7 @@ def drive_live(task, make_navigator, robot, simulator, rng=None, listen=None, **
             driver.tick(now)  # prepares
         steps.append(driver.tick(now))
         if listen is not None:
-            listen(steps[-1])
+            listen(driver, steps[-1])
         before = simulator.state
         observation = simulator.step(steps[-1].command)
         progress.moved(before, simulator.state)

@@ -265,6 +265,7 @@ class LiveDriver:
             self._new_explanation(navigator),
             wanted,
             decision_us=took / 1000.0,
+            motion=ready.sight.newest,
         )
         if self.config.soft_stop and self._contact(source, observation, ready.sight.newest, command):
             self.soft_stops += 1
@@ -298,7 +299,7 @@ class LiveDriver:
         return why
 
     def _stand(self, now: int, reason: str, state: LiveState = LiveState.STOPPED) -> LiveStep:
-        return LiveStep(now, state, reason, STILL, self._number)
+        return LiveStep(now, state, reason, STILL, self._number, motion=self.motion)
 
 
 def goal_rng(seed: int, number: int) -> np.random.Generator:

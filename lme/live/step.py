@@ -5,6 +5,7 @@ from __future__ import annotations
 from enum import StrEnum
 from typing import NamedTuple
 
+from lme.live.track import StampedMotion
 from lme.policy.explanation import Explanation
 from lme.types import Guidance, Observation, Twist
 
@@ -28,7 +29,7 @@ class LiveStep(NamedTuple):
     all limits. goal: number of the goal, from 1; 0 before the first. wanted: the planner's command before the limits.
     observation, guidance, wanted: None if there was no decision. explanation: of the guide's decision; None if it made
     none in this period, or gives none. soft_stopped: the wanted command would have led into contact.
-    decision_us: computing time of the decision [µs].
+    decision_us: computing time of the decision [µs]. motion: the latest pose and twist; None if none is known.
     """
 
     stamp: int
@@ -42,6 +43,7 @@ class LiveStep(NamedTuple):
     wanted: Twist | None = None
     soft_stopped: bool = False
     decision_us: float = 0.0
+    motion: StampedMotion | None = None
 
 
 class NotReadyError(Exception):

@@ -20,7 +20,7 @@ from runners.records.episode_record import EpisodeKey, RunLabels
 from runners.records.launch_record import identity
 from runners.records.parquet import EPISODES
 from runners.records.records import RecordWriter, read_episodes, read_trajectories
-from runners.workers import recorder
+from runners.workers import mcap_file, recorder
 from runners.workers.episodes import EpisodePayload, Recordings, initialise
 from runners.workers.progress import EpisodeProgress
 
@@ -42,7 +42,7 @@ def check_report(job: Job[ReportConfig]) -> None:
     config = job.config
     systems.check_names(config.table, job.folders)
     if config.record is Record.mcap:
-        recorder.check_installed()
+        mcap_file.check_installed()
     configured(config.tracking, "tracking")
 
 

@@ -110,7 +110,7 @@ def make_pages(
     yield from (Page(key, places[key], "") for key in kept)
     todo = [key for key in places if key not in kept]
     for path in {places[key].parent for key in todo}:
-        _make_folder(path)
+        make_folder(path)
     systems = dict(zip(keys_of(episodes), episodes["system"], strict=True))
     payload = PagePayload(run_dir, dict(places), marks, systems)
     if len(todo) <= 1:
@@ -192,7 +192,8 @@ def _bears(path: Path, mark: str) -> bool:
         return False
 
 
-def _make_folder(path: Path) -> None:
+def make_folder(path: Path) -> None:
+    """Make a folder for pages. Raises InputError."""
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:

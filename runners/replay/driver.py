@@ -66,9 +66,9 @@ class Log:
 class Driver:
     """Takes messages in the order of recording and makes a decision once per control period of the robot.
 
-    Each decision uses the scan nearest to the time at which it is due, and the pose at the stamp of that scan.
-    horizon [s]: time for which the clearance of a command is predicted. stale [ns]: largest difference between the
-    stamps of a pose and of the scan.
+    Each decision uses the scan nearest to the time at which it is due, or every scan, and the pose at the stamp of
+    that scan. horizon [s]: time for which the clearance of a command is predicted. stale [ns]: largest difference
+    between the stamps of a pose and of the scan.
     """
 
     def __init__(
@@ -79,6 +79,7 @@ class Driver:
         goal: GoalSource,
         horizon: float,
         stale: int,
+        every_scan: bool,
     ) -> None:
         self._recording, self._scan_source = recording, scan_source
         self._navigator, self._goal = navigator, goal
@@ -88,7 +89,7 @@ class Driver:
         self._track = Track()
         self._pose_order = Order(recording.topics.pose_name)
         self._scan_order = Order(recording.topics.scan.name)
-        self._ticks = _Ticks(self._robot.dt, recording.scan_rate)
+        self._ticks = None if every_scan else _Ticks(self._robot.dt, recording.scan_rate)
         self._waiting: deque[tuple[Message, int]] = deque()
         self._listeners: list[Listener] = []
         self._sampler = _Sampler()
@@ -133,7 +134,7 @@ class Driver:
         if not self._scan_order.takes(stamp):
             return
         self.log.scans += 1
-        if self._ticks.due(stamp):
+        if self._ticks is None or self._ticks.due(stamp):
             self._waiting.append((message, stamp))
 
     def _decide(self, coming: Message | None) -> None:

@@ -20,7 +20,7 @@ from runners.config.instantiate import build as build_target
 from runners.config.instantiate import configured, filled
 from runners.config.job import Job
 from runners.config.schema import ReplayConfig
-from runners.replay import report, simulated
+from runners.replay import recorded, report
 from runners.replay.bags import Bag
 from runners.replay.driver import Driver
 from runners.replay.goals import goal_of, topic_of
@@ -69,7 +69,7 @@ def replay(job: Job[ReplayConfig]) -> None:
         raise InputError(f"{run_dir}: already holds a replay: choose another directory")
     with ExitStack() as stack:
         bag = stack.enter_context(Bag(_path(job.config)))
-        episode = simulated.episode_of(bag) if job.config.as_recorded else None
+        episode = recorded.episode_of(bag) if job.config.as_recorded else None
         config = _as_recorded(job, episode)
         tracking = build_target(config.tracking, "tracking")
         tracking.start(asdict(config), run_dir, {"command": "replay", "bag": bag.path.name}, job.sweep_dir)
@@ -86,7 +86,7 @@ def _path(config: ReplayConfig) -> Path:
 def _replay(
     bag: Bag,
     config: ReplayConfig,
-    episode: simulated.SimulatedEpisode | None,
+    episode: recorded.RecordedEpisode | None,
     run_dir: Path,
     stack: ExitStack,
 ) -> tuple[dict[str, float], list[Path]]:
@@ -99,7 +99,7 @@ def _replay(
         filled(ScanConfig, config.scan, "scan"),
         recording.first_scan.content,
         recording.mount,
-        _at_scan_rate(config, recording),
+        config.robot if episode is not None else _at_scan_rate(config, recording),
     )
     navigator = build.navigator(config, scan_source.robot)
 
@@ -109,7 +109,8 @@ def _replay(
         if episode is not None:
             episode.read_map(navigator)
         goal = goal_of(config.goal, recording, part.stop, stale)
-        return Driver(recording, scan_source, navigator, goal, config.horizon, stale)
+        every_scan = episode is not None
+        return Driver(recording, scan_source, navigator, goal, config.horizon, stale, every_scan)
 
     _warm_up(driver(), recording, part)
     driving = driver()
@@ -136,10 +137,13 @@ def _replay(
 
 
 def _recording(
-    bag: Bag, config: ReplayConfig, episode: simulated.SimulatedEpisode | None
+    bag: Bag, config: ReplayConfig, episode: recorded.RecordedEpisode | None
 ) -> tuple[Recording, _Part]:
-    asked = simulated.GOAL if episode is not None and config.goal is None else topic_of(config.goal)
-    topics = choose(bag, filled(TopicsConfig, config.topics, "topics"), asked)
+    asked = recorded.GOAL if episode is not None and config.goal is None else topic_of(config.goal)
+    names = filled(TopicsConfig, config.topics, "topics")
+    if episode is not None and names.command is None:
+        names.command = episode.command
+    topics = choose(bag, names, asked)
     recording = look(bag, topics, filled(FramesConfig, config.frames, "frames"), config.clock)
     start = bag.start + round(config.start * SECOND) if config.start else None
     stop = None if config.end is None else bag.start + round(config.end * SECOND)
@@ -161,27 +165,27 @@ def _warm_up(driver: Driver, recording: Recording, part: _Part) -> None:
             return
 
 
-def _as_recorded(job: Job[ReplayConfig], episode: simulated.SimulatedEpisode | None) -> ReplayConfig:
-    """The config with the recorded system and seed, if `lme eval` made the recording."""
+def _as_recorded(job: Job[ReplayConfig], episode: recorded.RecordedEpisode | None) -> ReplayConfig:
+    """The config with the recorded system and seed, if lme made the recording."""
     if episode is None:
         return job.config
     chosen = {override.lstrip("+").partition("=")[0] for override in job.overrides}
     asked = sorted(
-        key for key in chosen if key.partition(".")[0] in (*simulated.GROUPS, "weights", "ablation", "system")
+        key for key in chosen if key.partition(".")[0] in (*recorded.GROUPS, "weights", "ablation", "system")
     )
     if asked:
         raise InputError(
-            f"{asked[0]}: lme eval made the recording, which is replayed with its own robot, guide and planner; "
+            f"{asked[0]}: lme made the recording, which is replayed with its own robot, guide and planner; "
             "add as_recorded=false to choose others"
         )
-    groups = {group: getattr(episode.config, group) for group in simulated.GROUPS}
+    groups = {group: getattr(episode.config, group) for group in recorded.GROUPS}
     return replace(job.config, **groups, seed=episode.seed)
 
 
 def _print_results(
     recording: Recording,
     scan_source: ScanSource,
-    episode: simulated.SimulatedEpisode | None,
+    episode: recorded.RecordedEpisode | None,
     found: Mapping[str, float],
     run_dir: Path,
 ) -> None:
@@ -194,7 +198,7 @@ def _print_results(
     print(f"lidar    {lidar.num_beams} beams over {fov}, mounted as {scan_source.mounted_by} says")
     if episode is not None:
         print(
-            f"episode  world {episode.world}, run {episode.run}, seed {episode.seed} of lme eval, as it was driven; "
+            f"episode  {episode}, as it was driven; "
             f"{100 * found['same_command']:.0f} % of the commands are the recorded ones to the last bit"
         )
     print("\n".join(report.lines(found)))

@@ -48,6 +48,14 @@ class TracedStep(NamedTuple):
     explanation: Explanation | None
 
 
+class Drive(NamedTuple):
+    """What is known of a drive without a simulator; the names are those of `Episode`."""
+
+    outcome: str
+    time: float
+    trajectory: Floats
+
+
 class TraceEnd(NamedTuple):
     """The end of the episode, without a decision."""
 
@@ -67,7 +75,7 @@ class Trace(NamedTuple):
     task: Task
     steps: tuple[TracedStep, ...]
     end: TraceEnd
-    episode: Episode
+    episode: Episode | Drive
 
     @property
     def frames(self) -> tuple[TracedStep | TraceEnd, ...]:

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from runners.records.episode_record import EpisodeKey
-    from runners.workers.trace import TracedStep
+    from runners.workers.trace import Trace, TracedStep
 
 EXAMPLES = (
     "lme explain outputs/eval/RUN",
@@ -19,12 +19,16 @@ EXAMPLES = (
     "lme explain outputs/eval/RUN 218/2 --output why.html",
     "lme explain outputs/eval/RUN failures",
     "lme explain outputs/eval/RUN 218 --text",
+    "lme explain goal-1.mcap",
 )
 
 
 def main(argv: list[str]) -> int:
-    """List the episodes of a run, or explain those that are named. Raises InputError."""
+    """List the episodes of a run, or explain those that are named, or a recording. Raises InputError."""
     arguments = _parser().parse_args(argv)
+    if arguments.run.suffix == ".mcap":
+        _recording(arguments.run, arguments.episodes, arguments.output, arguments.text)
+        return 0
     run_dir = _one_run(arguments.run)
     if not arguments.episodes:
         _list(run_dir)
@@ -39,11 +43,13 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="lme explain",
         description=__doc__,
-        epilog="The episodes are driven once more, and must go as they are recorded.\n\nexamples:\n  "
+        epilog="Episodes are driven once more, and must go as they are recorded.\n\nexamples:\n  "
         + "\n  ".join(EXAMPLES),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("run", type=Path, metavar="RUN", help="a run's directory, or that of a sweep's job")
+    parser.add_argument(
+        "run", type=Path, metavar="RUN", help="a run's directory, that of a sweep's job, or a recording"
+    )
     parser.add_argument(
         "episodes",
         nargs="*",
@@ -55,10 +61,30 @@ def _parser() -> argparse.ArgumentParser:
         "--output",
         type=Path,
         metavar="PATH",
-        help="a file .html for one episode, or a folder; default: RUN/explain/",
+        help="a file .html for one episode, or a folder; default: RUN/explain/, or beside the recording",
     )
     either.add_argument("--text", action="store_true", help="print the sentences instead of making a page")
     return parser
+
+
+def _recording(path: Path, words: Sequence[str], output: Path | None, text: bool) -> None:
+    """Explain a recording by `lme eval` or `lme live`, on the terminal or as a page."""
+    from lme.errors import InputError
+    from runners.explainer.encode import title
+    from runners.explainer.write import write_page
+    from runners.replay.retrace import retrace
+
+    if words:
+        raise InputError(f"{words[0]}: a recording holds one drive; leave the episode away")
+    trace = retrace(path)
+    if text:
+        print("\n".join(_told(title(trace).capitalize(), trace)))
+        return
+    place = path.with_suffix(".html") if output is None else output
+    place = place / f"{path.stem}.html" if place.suffix != ".html" else place
+    place.parent.mkdir(parents=True, exist_ok=True)
+    write_page(trace, place)
+    print(place)
 
 
 def _one_run(path: Path) -> Path:
@@ -156,9 +182,13 @@ def _tell(run_dir: Path, words: Sequence[str]) -> None:
 
     for number, key in enumerate(keys_of(chosen(read_episodes([run_dir]), words))):
         trace = rerun_recorded(run_dir, key.world, key.run, trajectories)
-        end = f"{trace.episode.outcome} after {trace.episode.time:.1f} s"
-        lines = [f"{str(key).capitalize()}: {end}, {len(trace.steps)} decisions", *_sentences(trace.steps)]
-        print("\n" * (number > 0) + "\n".join(lines))
+        print("\n" * (number > 0) + "\n".join(_told(str(key).capitalize(), trace)))
+
+
+def _told(name: str, trace: Trace) -> list[str]:
+    """How a drive ended, and the reasons of its decisions."""
+    end = f"{trace.episode.outcome} after {trace.episode.time:.1f} s"
+    return [f"{name}: {end}, {len(trace.steps)} decisions", *_sentences(trace.steps)]
 
 
 def _sentences(steps: Sequence[TracedStep]) -> Iterator[str]:

@@ -54,7 +54,7 @@ def animate(config: DriveConfig, world: int, run: int, path: Path) -> Outcome:
     pace = Pace(np.append(all_times[:-1:every], all_times[-1]), trace.robot.control_rate / every)
     screen = Screen([trace], [""], WIDTH_PX)
     write_film(screen.pictures(pace.held), path, pace.fps, screen.sample(pace.times))
-    return trace.episode.outcome
+    return Outcome(trace.episode.outcome)
 
 
 class Screen:
@@ -130,7 +130,7 @@ class _Panel:
         self._clock = axes.annotate("", xytext=(0, 4), **above, **text)
         (self._trail,) = axes.plot([], [], color=BLUE, linewidth=1.2, zorder=3)
         self._stage = Stage(axes, trace, candidates=candidates)
-        style = STYLES[trace.episode.outcome]
+        style = STYLES[Outcome(trace.episode.outcome)]
         (self._end,) = axes.plot(
             [], [], marker=style.marker, color=style.colour, linestyle="", zorder=8, **END
         )
@@ -143,7 +143,7 @@ class _Panel:
         index = index_at(self._trace, time_s)
         self._stage.show(index)
         self._trail.set_data(*self._way[: index + 1].T)
-        outcome, over = self._trace.episode.outcome, index == len(self._trace.steps)
+        outcome, over = Outcome(self._trace.episode.outcome), index == len(self._trace.steps)
         self._end.set_data(*(self._way[-1:].T if over else ([], [])))
         clock = f"{self._trace.frames[index].time:.1f} s"
         self._clock.set_text(f"{outcome}, {clock}" if over else clock)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from lme.errors import InputError
-from lme.types import Floats
+from lme.types import Floats, Outcome
 from lme.worlds.world import Task
 from runners.figures.parts.driven_runs import DrivenRun
 from runners.figures.parts.places import DrivenPlace
@@ -150,7 +150,7 @@ def _draw_run(axes: Axes, run: DrivenRun, place: DrivenPlace, look: Look, box: B
         _draw_subgoals(axes, subgoals_of(paths[first], place.task), colour, look.subgoals == "numbered", box)
     if look.moment is not None:
         trace = run.trace(*first)
-        _draw_moment(axes, trace, look, (style or STYLES[trace.episode.outcome]).colour)
+        _draw_moment(axes, trace, look, (style or STYLES[Outcome(trace.episode.outcome)]).colour)
 
 
 def _draw_moment(axes: Axes, trace: Trace, look: Look, colour: str) -> None:

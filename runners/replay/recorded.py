@@ -1,0 +1,77 @@
+"""Recognises recordings that lme itself wrote, with `record=mcap`. They contain the config and the seed."""
+
+from __future__ import annotations
+
+import json
+from typing import NamedTuple
+
+import numpy as np
+
+from lme.errors import InputError
+from lme.navigator import MapReader, Navigator
+from runners.config import build
+from runners.config.schema import RecordedConfig
+from runners.records.launch_record import recorded_config
+from runners.replay.bags import Bag
+from runners.workers.episodes import episode_rng
+from runners.workers.recorder import WANTED
+
+TOPIC, TYPE = "/lme", "std_msgs/msg/String"
+GOAL, ODOM, SCAN = "/goal", "/odom", "/scan"
+GROUPS = ("robot", "guide", "planner")
+
+
+class RecordedEpisode(NamedTuple):
+    """An episode of `lme eval`, or a drive of `lme live` to one goal, whose number stands for that of the world.
+
+    config: of the command. scan: the geometry of every scan, as in `LaserScan`. goal_tolerance: of a drive of
+    `lme live` [m]; None for an episode.
+    """
+
+    seed: int
+    world: int
+    run: int
+    config: RecordedConfig
+    scan: dict[str, float]
+    goal_tolerance: float | None
+
+    @property
+    def live(self) -> bool:
+        """Whether it is a drive of `lme live`."""
+        return self.goal_tolerance is not None
+
+    @property
+    def command(self) -> str:
+        """The topic of the planner's commands. What `lme live` sends is limited, and 0 where the robot must stand."""
+        return WANTED if self.live else "/cmd_vel"
+
+    def __str__(self) -> str:
+        if self.live:
+            return f"goal {self.world}, seed {self.seed} of lme live"
+        return f"world {self.world}, run {self.run}, seed {self.seed} of lme eval"
+
+    def rng(self) -> np.random.Generator:
+        """The random generator of the navigator, spawned as in the episode."""
+        return episode_rng(self.seed, self.world, self.run).spawn(2)[0]
+
+    def read_map(self, navigator: Navigator) -> None:
+        """Give the true map to a guide that reads it, if there was one."""
+        if isinstance(navigator.guide, MapReader) and not self.live:
+            task = build.map_set(self.config, [self.world]).task(self.world)
+            navigator.read_map(task.world, task.start)
+
+
+def episode_of(bag: Bag) -> RecordedEpisode | None:
+    """The episode of a recording that lme wrote; else None. Raises InputError if its data are not valid."""
+    if not any(topic.name == TOPIC and TYPE in topic.types for topic in bag.topics()):
+        return None
+    text = next((message.content.data for message in bag.messages([TOPIC])), "")
+    try:
+        about = json.loads(text)
+        seed, world, run = (int(about[name]) for name in ("seed", "world", "run"))
+        scan, tolerance = dict(about["scan"]), about.get("goal_tolerance")
+        return RecordedEpisode(seed, world, run, recorded_config(about["config"]), scan, tolerance)
+    except (ValueError, TypeError, KeyError, AttributeError) as error:
+        raise InputError(
+            f"bag {bag.path}: {TOPIC} does not say which episode this is: set as_recorded=false"
+        ) from error

@@ -1,0 +1,141 @@
+"""Makes the decisions of a recording by lme again, and keeps all that is behind them, for `lme explain`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from lme.errors import InputError
+from lme.geometry.frames import to_robot, to_world
+from lme.kernels.collision import sweep
+from lme.live.messages import ODOMETRY, SECOND, TWIST, pose_of, twist_of
+from lme.policy.explanation import Decision
+from lme.robots import Robot
+from lme.sensing.scan_points import obstacle_points
+from lme.types import LaserScan, Observation, Pose, Twist
+from lme.worlds.world import Task, World
+from runners.config import build
+from runners.replay.bags import Bag, Message
+from runners.replay.recorded import GOAL, ODOM, SCAN, RecordedEpisode, episode_of
+from runners.workers.recorder import STATE, WANTED
+from runners.workers.trace import Drive, Trace, TracedStep, TraceEnd, rerun
+
+_NOTHING = np.empty((0, 3)), np.empty((0, 4))
+_NO_SUBGOAL = (np.nan, np.nan, 0.0)
+
+
+class _Moment(NamedTuple):
+    """What the robot saw at a decision [s], and the planner's command; None at the end."""
+
+    time: float
+    observation: Observation
+    command: Twist | None
+
+
+def retrace(path: Path) -> Trace:
+    """The trace of a recording by `lme eval` or `lme live`.
+
+    A simulated episode is driven again. For a real robot only the decisions are made again, and its world is unknown.
+    Raises InputError if lme did not make the recording, or if a decision differs from the recorded one.
+    """
+    with Bag(path) as bag:
+        episode = episode_of(bag)
+        if episode is None:
+            raise InputError(
+                f"bag {path}: neither lme eval nor lme live made this recording, so it holds no decisions: "
+                "lme replay makes some"
+            )
+        if not episode.live:
+            return rerun(episode.config, episode.world, episode.run)
+        *moments, end = _moments(bag, episode)
+        state = [message.content.data for message in bag.messages([STATE])][-1].partition(":")[0]
+    if not moments:
+        raise InputError(f"bag {path}: holds no decision")
+    steps = _decided_again(path, episode, moments)
+    rows = [_row(episode.config.robot, moment) for moment in (*moments, end)]
+    last = TraceEnd(end.time, end.observation.odometry, end.observation, _NOTHING)
+    drive = Drive(state, end.time, np.array(rows))
+    config, robot = episode.config, episode.config.robot
+    return Trace(config, episode.world, episode.run, robot, _task(episode, moments), steps, last, drive)
+
+
+def _moments(bag: Bag, episode: RecordedEpisode) -> Iterator[_Moment]:
+    """Every decision, and the end: the last pose, where nothing is seen."""
+    latest: dict[str, Message] = {}
+    began = None
+    for message in bag.messages([ODOM, GOAL, SCAN, WANTED]):
+        latest[message.topic] = message
+        if message.topic == WANTED:
+            began = message.recorded if began is None else began
+            observation = _observation(episode, latest)
+            time = (message.recorded - began) / SECOND
+            yield _Moment(time, observation, twist_of(message.content, TWIST))
+    if began is not None:
+        odometry = latest[ODOM]
+        pose = pose_of(odometry.content, ODOMETRY)
+        goal = to_world(observation.target, observation.odometry)
+        unseen = observation.scan._replace(ranges=np.full_like(observation.scan.ranges, np.inf))
+        there = Observation(unseen, to_robot(goal, pose), Twist(0.0, 0.0), observation.limits, pose)
+        yield _Moment((odometry.recorded - began) / SECOND, there, None)
+
+
+def _observation(episode: RecordedEpisode, latest: dict[str, Message]) -> Observation:
+    goal, odometry, scan = (latest[topic].content for topic in (GOAL, ODOM, SCAN))
+    return Observation(
+        LaserScan(np.asarray(scan.ranges, np.float32), **episode.scan),
+        np.array([goal.pose.position.x, goal.pose.position.y]),
+        twist_of(odometry, ODOMETRY),
+        episode.config.robot.limits,
+        pose_of(odometry, ODOMETRY),
+    )
+
+
+def _decided_again(path: Path, episode: RecordedEpisode, moments: list[_Moment]) -> tuple[TracedStep, ...]:
+    navigator = build.navigator(episode.config)
+    navigator.reset(episode.rng())
+    steps: list[TracedStep] = []
+    explained: Decision | None = None
+    for time, observation, recorded in moments:
+        command = navigator.act(observation)
+        if command != recorded:
+            raise InputError(
+                f"bag {path}: the decision at {time:.1f} s comes out differently: another version of the program made "
+                "the recording, or guide or planner failed before it"
+            )
+        assert navigator.guidance is not None
+        why = navigator.explanation()
+        new = None if why is None or why.decision is explained else why
+        explained = None if why is None else why.decision
+        pose = observation.odometry
+        subgoal = to_world(navigator.guidance.subgoal, pose)
+        steps.append(TracedStep(time, pose, observation, subgoal, navigator.guidance, command, _NOTHING, new))
+    return tuple(steps)
+
+
+def _row(robot: Robot, moment: _Moment) -> tuple[float, ...]:
+    """A row of a trajectory; its clearance is that to what the robot saw."""
+    seen = moment.observation
+    points = obstacle_points(seen.scan, robot.lidar.mount)
+    circles = np.column_stack((points, np.zeros(len(points))))
+    clearance, _ = sweep(np.zeros((1, 3)), robot.footprint.box, circles, _NOTHING[1])
+    return (moment.time, *seen.odometry, *seen.twist, *_NO_SUBGOAL, clearance)
+
+
+def _task(episode: RecordedEpisode, moments: list[_Moment]) -> Task:
+    first, last = moments[0].observation, moments[-1].observation
+    assert episode.goal_tolerance is not None
+    return Task(
+        map_name="live, goal",
+        number=episode.world,
+        world=World(),
+        start=Pose(*first.odometry),
+        goal=to_world(last.target, last.odometry),
+        goal_tolerance=episode.goal_tolerance,
+        time_limit=np.inf,
+        clock_distance=0.0,
+        shortest_path_length=float(np.hypot(*first.target)),
+        optimal_time=np.nan,
+    )
