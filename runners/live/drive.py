@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from contextlib import ExitStack
+
 from lme.live.driver import LiveDriver
 from lme.live.frames import FramesConfig
 from lme.live.scan_source import ScanConfig
@@ -10,8 +12,9 @@ from lme.robots import Robot
 from runners.config import build
 from runners.config.instantiate import configured, filled
 from runners.config.job import Job
-from runners.config.schema import LiveConfig
+from runners.config.schema import LiveConfig, Record
 from runners.live.node import Node, NodeConfig
+from runners.live.record import LiveRecorder
 from runners.live.topics import TopicsConfig
 from runners.live.transport import Transport
 
@@ -27,4 +30,8 @@ def drive_robot(job: Job[LiveConfig], transport: Transport) -> None:
 
     scan, frames = filled(ScanConfig, config.scan, "scan"), filled(FramesConfig, config.frames, "frames")
     driver = LiveDriver(navigator, config.robot, own, scan, frames)
-    Node(own, transport, topics, driver, config.robot.dt).run()
+    node = Node(own, transport, topics, driver, config.robot.dt)
+    with ExitStack() as stack:
+        if config.record is Record.mcap:
+            node.listen(stack.enter_context(LiveRecorder(job.run_dir, config, driver)).take)
+        node.run()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import sys
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -25,7 +26,7 @@ from runners.live.topics import TF, TF_MESSAGE, TopicsConfig
 from runners.live.transport import ActionGoal, Delivery, Transport
 
 _AT_REST = (
-    1.0  # [s] for which zero velocity is repeated once the robot need not drive; then others may drive it
+    1.0  # [s] for which zero velocity is repeated when the robot has no goal any more; then others may drive
 )
 _FAREWELL = 3  # times that zero velocity is sent at shutdown
 
@@ -38,7 +39,7 @@ class NodeConfig(LiveConfig):
 
 
 class Node:
-    """A navigation node. `run` returns when `stop` is called, or with the exception that ends it."""
+    """A navigation node of either version of ROS."""
 
     Config = NodeConfig
 
@@ -61,7 +62,12 @@ class Node:
         self._before: Explanation | None = None
         self._resting = 0  # [ns] since when the robot need not drive
         self._status = Status()
+        self._listeners: list[Callable[[LiveStep], None]] = []
         self._clock = self._connect()
+
+    def listen(self, listener: Callable[[LiveStep], None]) -> None:
+        """Call `listener(step)` after every control period."""
+        self._listeners.append(listener)
 
     def run(self) -> None:
         """Drive until an exception comes, such as KeyboardInterrupt; then stop the robot."""
@@ -100,6 +106,8 @@ class Node:
             self._send(step.command, step.stamp)
         self._explain(step)
         self._report(step)
+        for listener in self._listeners:
+            listener(step)
         self._status.count(step)
         if self._status.due:
             self._diagnostics(self._status.message(step, self._driver.soft_stops, self._make))
@@ -136,9 +144,9 @@ class Node:
             self._goal.succeed()
             self._goal = None
         elif step.observation is not None:
-            pose = self._make.pose(step.stamp, self._driver.frames.odom, step.observation.odometry)
-            away = math.hypot(*step.observation.target)
-            self._goal.feedback(pose, away, step.stamp - self._goal_time)
+            seen = step.observation
+            pose = self._make.pose(step.stamp, self._driver.frames.odom, seen.odometry)
+            self._goal.feedback(pose, math.hypot(*seen.target), step.stamp - self._goal_time)
 
     def _take_goal(self, pose: Any, goal: ActionGoal | None = None) -> None:
         """Drive to a PoseStamped. Another goal gives way."""

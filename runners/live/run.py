@@ -18,7 +18,7 @@ from lme.worlds.world import Task
 from runners.config import build, systems
 from runners.config.instantiate import configured, filled
 from runners.config.job import Job
-from runners.config.schema import LiveConfig
+from runners.config.schema import LiveConfig, Record
 from runners.live import ros1, ros2
 from runners.live.drive import drive_robot
 from runners.live.outcomes import Outcomes
@@ -26,6 +26,7 @@ from runners.live.simulator import SimulatedRobot
 from runners.live.topics import TopicsConfig
 from runners.live.transport import Transport
 from runners.workers.episodes import episode_rng
+from runners.workers.mcap_file import check_installed as check_mcap
 
 SIMULATOR = "simulator"
 _INSTALLED = {1: ros1.check_installed, 2: ros2.check_installed}
@@ -53,6 +54,8 @@ def validate(job: Job[LiveConfig]) -> None:
         filled(ScanConfig, config.scan, "scan")
         filled(FramesConfig, config.frames, "frames")
         systems.check_implemented(config.system)
+        if config.record is Record.mcap:
+            check_mcap()
         build.navigator(config)
     _INSTALLED[config.ros]()
 

@@ -109,7 +109,7 @@ def test_a_goal_in_a_frame_that_nobody_knows_is_not_driven_to(driving):
     assert_stands(driving)
 
 
-def test_it_sends_zero_velocity_when_it_ends_and_may_be_started_anew(ros, node, driving):
+def test_it_stands_when_it_ends_and_when_the_clock_is_frozen_for_a_new_one(ros, node, driving):
     node.send_signal(signal.SIGTERM)
     asked = time.monotonic()
     assert driving.until(stands)["time"] - asked < LATE
@@ -118,13 +118,7 @@ def test_it_sends_zero_velocity_when_it_ends_and_may_be_started_anew(ros, node, 
     driving.set(clock="running")
     ros.lme(f"ros{ros.version}", "robot=turtlebot2", "live.use_sim_time=true", name="again")
     _await_node(driving)
-
-
-def test_it_stands_while_the_clock_is_frozen(robot):
-    """Of the node that was started anew, which goes by /clock."""
-    robot.set(clock="running", goal=GOAL)
-    robot.until(moves)
-    robot.set(clock="frozen")
-    assert_stands(robot)
-    robot.set(clock="running")
-    robot.until(moves)
+    driving.set(clock="frozen")
+    assert_stands(driving)
+    driving.set(clock="running")
+    driving.until(moves)
