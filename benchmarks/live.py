@@ -23,9 +23,8 @@ import numpy as np
 from benchmarks.recording import parser, show
 from benchmarks.speed import machine
 from lme.live.messages import SECOND, stamp_of
-from lme.types import Floats
 from runners.live.run import connect
-from runners.live.transport import Delivery
+from runners.live.transport import Delivery, Transport
 
 PAPER_HZ = 8  # on a Jetson
 RATES = (10, 20, 50, 100, 200, 400)  # [Hz]
@@ -59,26 +58,27 @@ def report(version: int) -> Iterator[str]:
         _isolate(version, folder, stack)
         ros = connect(version, "benchmark", ())
         stack.callback(ros.close)
+        delays: list[float] = []
+
+        def take(message: Any) -> None:
+            delays.append((time.time_ns() - stamp_of(message.header)) / SECOND * 1000.0)
+
+        ros.subscribe("cmd_vel", "geometry_msgs/TwistStamped", take, Delivery.ALL)
         for rate in RATES:
-            yield _row(ros, rate, folder)
+            delays.clear()
+            seconds = measure(ros, delays, rate, folder)
+            yield _row(delays, seconds, rate)
 
 
-def _row(ros: Any, rate: int, folder: str) -> str:
-    delays, seconds = measured(ros, rate, folder)
+def _row(delays: list[float], seconds: float, rate: int) -> str:
     per_second = len(delays) / seconds
     p50, p99, most = np.percentile(delays, [50, 99, 100])
     held = "yes" if per_second >= HELD * rate else "no"
     return f"| {rate} | {per_second:.1f} | {p50:.2f} | {p99:.2f} | {most:.2f} | {held} |"
 
 
-def measured(ros: Any, rate: int, folder: str) -> tuple[Floats, float]:
-    """Delays [ms] of the commands of a node with this control rate, and how long they were collected [s]."""
-    delays: list[float] = []
-
-    def take(message: Any) -> None:
-        delays.append((time.time_ns() - stamp_of(message.header)) / SECOND * 1000.0)
-
-    ros.subscribe("cmd_vel", "geometry_msgs/TwistStamped", take, Delivery.ALL)
+def measure(ros: Transport, delays: list[float], rate: int, folder: str) -> float:
+    """Collect delays [ms] of the commands of a node with this control rate; returns for how long [s]."""
     name, seconds = f"ros{ros.version}", SECONDS.get(rate, 10.0)
     pinned = ["taskset", "-c", "0"] if shutil.which("taskset") else []
     node = (name, *ROBOT, f"robot.control_rate={rate}", "live.clock=received", "live.soft_stop=false")
@@ -90,7 +90,7 @@ def measured(ros: Any, rate: int, folder: str) -> tuple[Floats, float]:
         began = time.monotonic()
         while time.monotonic() < began + seconds:
             ros.handle(0.01)
-    return np.array(delays), seconds
+    return seconds
 
 
 @contextlib.contextmanager

@@ -7,6 +7,7 @@ from contextlib import ExitStack
 from lme.live.driver import LiveDriver
 from lme.live.frames import FramesConfig
 from lme.live.scan_source import ScanConfig
+from lme.live.step import LiveState, LiveStep
 from lme.navigator import Navigator
 from lme.robots import Robot
 from runners.config import build
@@ -31,7 +32,27 @@ def drive_robot(job: Job[LiveConfig], transport: Transport) -> None:
     scan, frames = filled(ScanConfig, config.scan, "scan"), filled(FramesConfig, config.frames, "frames")
     driver = LiveDriver(navigator, config.robot, own, scan, frames)
     node = Node(own, transport, topics, driver, config.robot.dt)
+    node.listen(_Teller().take)
+    goal, action = topics.goal_in(transport.version), topics.action_in(transport.version)
+    print(
+        f"{config.robot.name} in ROS {transport.version}: reads {topics.scan} and {topics.pose}", flush=True
+    )
+    print(f"goals on {goal} or the action {action}, commands on {topics.command}", flush=True)
     with ExitStack() as stack:
         if config.record is Record.mcap:
             node.listen(stack.enter_context(LiveRecorder(job.run_dir, config, driver)).take)
         node.run()
+
+
+class _Teller:
+    """Prints what the robot does whenever that changes."""
+
+    def __init__(self) -> None:
+        self._state: LiveState | None = None
+
+    def take(self, step: LiveStep) -> None:
+        """Process a step."""
+        if step.state is not self._state:
+            self._state = step.state
+            said = str(step.state) if step.reason in ("", step.state) else f"{step.state}: {step.reason}"
+            print(said, flush=True)

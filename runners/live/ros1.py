@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import contextlib
 import importlib
-import importlib.util
 import queue
 import sys
 from collections.abc import Callable, Sequence
 from functools import partial
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -30,11 +30,11 @@ def check_installed() -> None:
 
     Debian's folder comes last in the search, so that the environment's own packages win.
     """
-    if importlib.util.find_spec("rospy") is None and (DEBIAN / "rospy").is_dir():
+    if find_spec("rospy") is None and (DEBIAN / "rospy").is_dir():
         sys.path.append(str(DEBIAN))
-    if importlib.util.find_spec("rospy") is None:
+    if find_spec("rospy") is None:
         raise InputError(f"ROS 1 is not installed: {INSTALL}")
-    if importlib.util.find_spec("rclpy") is not None:
+    if find_spec("rclpy") is not None:
         raise InputError(
             "this Python finds rospy and rclpy, whose message packages have the same names: "
             "use a virtual environment without ROS 2"
@@ -63,7 +63,7 @@ class Ros1:
 
     def has(self, kind: str) -> bool:
         """Whether the package of a message type is installed."""
-        return importlib.util.find_spec(kind.partition("/")[0]) is not None
+        return find_spec(kind.partition("/")[0]) is not None
 
     def type(self, kind: str) -> Any:
         """The class of a message. Raises InputError if its package is not installed."""

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import importlib
-import importlib.util
 from collections.abc import Callable, Sequence
 from functools import partial
+from importlib.util import find_spec
 from typing import Any
 
 from lme.errors import InputError
@@ -22,7 +22,7 @@ _DEPTH = 100  # messages that may wait
 
 def check_installed() -> None:
     """Raise InputError unless ROS 2 can be imported."""
-    if importlib.util.find_spec("rclpy") is None:
+    if find_spec("rclpy") is None:
         raise InputError(f"ROS 2 is not installed: {INSTALL}")
 
 
@@ -53,7 +53,7 @@ class Ros2:
 
     def has(self, kind: str) -> bool:
         """Whether the package of a message type is installed."""
-        return importlib.util.find_spec(kind.partition("/")[0]) is not None
+        return find_spec(kind.partition("/")[0]) is not None
 
     def type(self, kind: str) -> Any:
         """The class of a message. Raises InputError if its package is not installed."""

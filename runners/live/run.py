@@ -30,7 +30,7 @@ from runners.workers.mcap_file import check_installed as check_mcap
 
 SIMULATOR = "simulator"
 _INSTALLED = {1: ros1.check_installed, 2: ros2.check_installed}
-_ROBOT_ONLY = ("guide", "planner", "weights", "ablation", "system", "frames", "scan", "record")
+_NODES_ONLY = ("guide", "planner", "weights", "ablation", "system", "frames", "scan", "record")
 _SIMULATOR_ONLY = ("map", "sim", "runs")
 
 
@@ -121,11 +121,12 @@ def _simulates(job: Job[Any]) -> bool:
 
 def _check_keys(job: Job[LiveConfig]) -> None:
     """Raise InputError for a key that has no meaning for what is started."""
-    own, other = (SIMULATOR, "the nodes") if _simulates(job) else ("the nodes", SIMULATOR)
-    foreign = _ROBOT_ONLY if _simulates(job) else _SIMULATOR_ONLY
+    foreign, reader = (
+        (_NODES_ONLY, "the nodes read") if _simulates(job) else (_SIMULATOR_ONLY, "the simulator reads")
+    )
     for override in job.overrides:
         if override.lstrip("+").partition("=")[0].partition(".")[0] in foreign:
-            raise InputError(f"{override}: only {other} reads this, not {own}; leave it away")
+            raise InputError(f"{override}: only {reader} this; leave it away")
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:

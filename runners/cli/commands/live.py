@@ -11,6 +11,7 @@ EXAMPLES = (
 _ROS = {"ros1": 1, "ros2": 2}
 _SIMULATOR = "simulator"
 _FLAGS = {"--ros1": 1, "--ros2": 2}
+_PRINTS = ("--cfg", "-c", "--info", "-i", "--hydra-help")  # which run nothing
 
 
 def main(argv: list[str]) -> int:
@@ -39,10 +40,7 @@ def _translated(words: list[str]) -> list[str]:
     """The kind and the version of ROS as overrides."""
     from lme.errors import InputError
 
-    if any(word.startswith(("--cfg", "--info", "--hydra-help")) for word in words) and words[0] not in (
-        *_ROS,
-        _SIMULATOR,
-    ):
+    if words and words[0].startswith(_PRINTS):
         return words
     kind, rest = (words[0], words[1:]) if words else ("", [])
     flags = [word for word in rest if word in _FLAGS]
@@ -51,7 +49,8 @@ def _translated(words: list[str]) -> list[str]:
         return [f"live={kind}", f"ros={_ROS[kind]}", *rest]
     if kind == _SIMULATOR and len(flags) == 1:
         return [f"live={kind}", f"ros={_FLAGS[flags[0]]}", *rest]
-    given = " ".join(["lme live", *words[:1], *flags])
+    named = [] if "=" in kind else [kind]
+    given = " ".join(filter(None, ["lme live", *named, *flags]))
     raise InputError(
         f"{given}: must be lme live ros1, lme live ros2, or lme live simulator with --ros1 or --ros2"
     )
