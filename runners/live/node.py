@@ -178,6 +178,7 @@ class Node:
             time.sleep(0.02)
         if self._goal is not None:
             self._goal.abort("the node shuts down")
+            self._ros.handle(0.1)  # in which ROS sends the result
 
     def _connect(self) -> SystemClock | TopicClock:
         """Subscribe and advertise; the clock to go by."""
@@ -201,7 +202,8 @@ class Node:
             ros.subscribe(topics.tf_static, TF_MESSAGE, stamped(fixed), Delivery.LATCHED)
         ros.subscribe(topics.goal_in(ros.version), "geometry_msgs/PoseStamped", self._take_goal, Delivery.ALL)
         ros.subscribe(topics.cancel, "std_msgs/Empty", lambda _: self._cancel(), Delivery.ALL)
-        ros.serve(topics.action_in(ros.version), lambda goal: self._take_goal(goal.pose, goal), self._cancel)
+        action = topics.action_in(ros.version)
+        self.serves_action = ros.serve(action, lambda goal: self._take_goal(goal.pose, goal), self._cancel)
         return clock
 
     def _connect_clock(self) -> SystemClock | TopicClock:

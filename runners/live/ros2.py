@@ -116,11 +116,16 @@ class Ros2:
             self._later.append(partial(accept, goal))
 
         def stop(handle: Any) -> Any:
-            self._later.append(partial(cancel, goals[bytes(handle.goal_id.uuid)]))
+            goal = goals.get(bytes(handle.goal_id.uuid))
+            if goal is None:
+                return CancelResponse.REJECT
+            self._later.append(partial(cancel, goal))
             return CancelResponse.ACCEPT
 
         async def execute(handle: Any) -> Any:
-            return await goals.pop(bytes(handle.goal_id.uuid)).result
+            result = await goals[bytes(handle.goal_id.uuid)].result
+            del goals[bytes(handle.goal_id.uuid)]
+            return result
 
         self._server = ActionServer(
             self._node,
