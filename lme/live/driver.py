@@ -11,26 +11,21 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from lme.errors import InputError
-from lme.geometry.frames import relative
 from lme.live.clock import Clock
 from lme.live.config import LiveConfig
 from lme.live.frames import Frames, FramesConfig
 from lme.live.goal import Goal
 from lme.live.messages import SECOND, frame
-from lme.live.safety import limited, touches
+from lme.live.pilot import Pilot
 from lme.live.scan_source import ScanConfig, ScanSource
 from lme.live.sensors import Sensors, Sight
 from lme.live.step import STILL, LiveState, LiveStep, NotReadyError
 from lme.live.track import StampedMotion
 from lme.navigator import Navigator
-from lme.policy.explanation import Decision, Explanation
 from lme.robots import Robot
-from lme.sensing.scan_points import obstacle_points
-from lme.types import Floats, Observation, Pose, Twist
+from lme.types import Floats
 
 _ANY_TIME = 1 << 62  # [ns]
-_WARM_UPS = 3  # decisions; the first ones load compiled code, which takes seconds
-_AHEAD = np.array([1.0, 0.0])  # [m] the target of these decisions
 
 
 class _Ready(NamedTuple):
@@ -71,25 +66,23 @@ class LiveDriver:
         self._wall = wall
         self._clock = Clock(round(self.config.time_jump * SECOND), wall)
         self._lock = Lock()
-        self._source: ScanSource | None = None
-        self._navigator: Navigator | None = None
+        self._pilot: Pilot | None = None
         self._goal: Goal | None = None
-        self._number = self._driven = 0  # of the newest goal, and of the one that the navigator was reset for
+        self._number = 0  # of the newest goal
         self._ended = ("no goal", LiveState.IDLE)
         self._shut = self._jump = ""
-        self._explained: Decision | None = None
         self._last = LiveStep(0, LiveState.IDLE, "no goal")
         self.soft_stops = 0
 
     @property
     def robot(self) -> Robot:
         """The robot, with the lidar in use once a scan has come."""
-        return self._configured if self._source is None else self._source.robot
+        return self._configured if self._pilot is None else self._pilot.robot
 
     @property
     def mounted_by(self) -> str:
         """What says where the lidar is: scan.mount, tf or the robot; "" before the first scan."""
-        return "" if self._source is None else self._source.mounted_by
+        return "" if self._pilot is None else self._pilot.source.mounted_by
 
     @property
     def frames(self) -> Frames:
@@ -173,7 +166,7 @@ class LiveDriver:
     def _step(self, now: int) -> LiveStep:
         with self._lock:
             self._check_clock(now)
-            if self._last.state is LiveState.DRIVING and now <= self._last.stamp and self._same_goal():
+            if self._given(now):
                 return self._last
             first = self._unprepared()
         if first is not None:
@@ -194,29 +187,25 @@ class LiveDriver:
         if self._clock.stood > self._stale:
             raise NotReadyError("the clock stands still")
 
-    def _same_goal(self) -> bool:
-        return self._goal is not None and self._number == self._last.goal
+    def _given(self, now: int) -> bool:
+        """Whether the last step is the decision for this time, too."""
+        decided = self._last.observation is not None and now <= self._last.stamp
+        return decided and self._goal is not None and self._number == self._last.goal
 
     def _unprepared(self) -> tuple[Any, Floats | None] | None:
         """A scan, and its mount by tf, if guide and planner are still to be built for its lidar."""
-        scan, mount = self._sensors.scan, self._sensors.mount
-        guessed = self.mounted_by not in ("scan.mount", "tf")
-        if scan is None or (self._source is not None and not (guessed and mount is not None)):
+        scan, built = self._sensors.scan, self._pilot is not None
+        if scan is None or self.mounted_by in ("scan.mount", "tf"):
             return None
-        return scan, mount
+        mount = self._sensors.mount
+        return None if built and mount is None else (scan, mount)
 
     def _prepare(self, scan: Any, mount: Floats | None) -> None:
-        """Build guide and planner. Their first decisions load compiled code, which takes seconds."""
+        """Build guide and planner."""
         source = ScanSource(self._scan_config, scan, mount, self._configured)
-        navigator = self._make_navigator(source.robot)
-        navigator.reset(np.random.default_rng(self.config.seed))
-        standing = StampedMotion(0, Pose(0.0, 0.0, 0.0), STILL)
-        for _ in range(_WARM_UPS):
-            observation = source.observation(scan, standing, _AHEAD)
-            wanted = navigator.act(observation)
-            navigator.explanation()
-            self._contact(source, observation, standing, wanted)
-        self._source, self._navigator, self._driven = source, navigator, 0
+        pilot = Pilot(source, self._make_navigator(source.robot), self.config.seed, self._wall)
+        pilot.warm_up(scan)
+        self._pilot = pilot
 
     def _ready(self, now: int) -> _Ready:
         """Everything for a decision. Raises NotReadyError if the robot must stand."""
@@ -238,39 +227,17 @@ class LiveDriver:
         self._goal, self._ended = None, (reason, state)
 
     def _decide(self, ready: _Ready, now: int) -> LiveStep:
-        """Ask guide and planner. Raises NotReadyError if the decision comes too late, and whatever they raise."""
-        source, navigator = self._source, self._navigator
-        assert source is not None
-        assert navigator is not None
-        if self._driven != ready.number:
-            navigator.reset(goal_rng(self.config.seed, ready.number))
-            self._driven = ready.number
-        observation = source.observation(ready.sight.scan, ready.sight.motion, ready.target)
-        began = self._wall()
-        wanted = navigator.act(observation)
-        took = self._wall() - began
-        if took > self._stale:
-            raise NotReadyError(f"the decision took {took / SECOND:.2f} s")
+        """Ask guide and planner. Raises NotReadyError if the goal changes meanwhile, and whatever they raise."""
+        pilot, last = self._pilot, self._last.command
+        assert pilot is not None
+        step = pilot.decide(ready.sight, ready.target, ready.number, last, now)
         with self._lock:
             self._check_goal(ready.number)
-        command = limited(wanted, self._last.command, source.robot.limits, source.robot.dt)
-        step = LiveStep(
-            now,
-            LiveState.DRIVING,
-            "",
-            command,
-            ready.number,
-            observation,
-            navigator.guidance,
-            self._new_explanation(navigator),
-            wanted,
-            decision_us=took / 1000.0,
-            motion=ready.sight.newest,
-        )
-        if self.config.soft_stop and self._contact(source, observation, ready.sight.newest, command):
+        if step.decision_us > self.config.stale * 1e6:
+            return _halted(step, f"the decision took {step.decision_us / 1e6:.2f} s")
+        if self.config.soft_stop and pilot.leads_into_contact(step, last):
             self.soft_stops += 1
-            reason = "soft stop: the command leads into contact"
-            step = step._replace(state=LiveState.STOPPED, reason=reason, command=STILL, soft_stopped=True)
+            return _halted(step, "soft stop: the command leads into contact")._replace(soft_stopped=True)
         return step
 
     def _check_goal(self, number: int) -> None:
@@ -282,26 +249,9 @@ class LiveDriver:
         if number != self._number:
             raise NotReadyError("a new goal came during the decision")
 
-    def _contact(
-        self, source: ScanSource, observation: Observation, newest: StampedMotion, command: Twist
-    ) -> bool:
-        """Whether the command leads the robot, which has moved on since the scan, into contact."""
-        points = obstacle_points(observation.scan, source.robot.lidar.mount)
-        here = relative(newest.pose, observation.odometry)
-        return touches(points, here, newest.twist, command, source.robot)
-
-    def _new_explanation(self, navigator: Navigator) -> Explanation | None:
-        """The explanation if the guide made a decision in this period."""
-        why = navigator.explanation()
-        if why is None or why.decision is self._explained:
-            return None
-        self._explained = why.decision
-        return why
-
     def _stand(self, now: int, reason: str, state: LiveState = LiveState.STOPPED) -> LiveStep:
         return LiveStep(now, state, reason, STILL, self._number, motion=self.motion)
 
 
-def goal_rng(seed: int, number: int) -> np.random.Generator:
-    """The random generator of the navigator on the way to goal `number`: that of an episode's in this world."""
-    return np.random.default_rng(np.random.SeedSequence([seed, number, 0])).spawn(2)[0]
+def _halted(step: LiveStep, reason: str) -> LiveStep:
+    return step._replace(state=LiveState.STOPPED, reason=reason, command=STILL)

@@ -19,6 +19,12 @@ def limited(command: Twist, last: Twist, limits: Limits, dt: float) -> Twist:
     return Twist(v, _within(command.omega, limits.omega_max, last.omega, limits.alpha_omega * dt))
 
 
+def gone_on(pose: Pose, twist: Twist, command: Twist, time: float, robot: Robot) -> tuple[Pose, Twist]:
+    """Pose and twist of the robot after it has followed a command for `time` [s]."""
+    poses, moving = drive(pose, twist, command, robot.limits, time, _STEP, robot.hull.r_max)
+    return Pose(*poses[-1].tolist()), Twist(*moving)
+
+
 def touches(points: Floats, pose: Pose, twist: Twist, command: Twist, robot: Robot) -> bool:
     """Whether the robot touches a point if it gets the command for a control period, and brakes after that.
 

@@ -47,9 +47,8 @@ def _parser() -> argparse.ArgumentParser:
         + "\n  ".join(EXAMPLES),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument(
-        "run", type=Path, metavar="RUN", help="a run's directory, that of a sweep's job, or a recording"
-    )
+    what = "a run's directory, that of a sweep's job, or a recording"
+    parser.add_argument("run", type=Path, metavar="RUN", help=what)
     parser.add_argument(
         "episodes",
         nargs="*",
@@ -71,6 +70,7 @@ def _recording(path: Path, words: Sequence[str], output: Path | None, text: bool
     """Explain a recording by `lme eval` or `lme live`, on the terminal or as a page."""
     from lme.errors import InputError
     from runners.explainer.encode import title
+    from runners.explainer.pages import make_folder
     from runners.explainer.write import write_page
     from runners.replay.retrace import retrace
 
@@ -82,7 +82,7 @@ def _recording(path: Path, words: Sequence[str], output: Path | None, text: bool
         return
     place = path.with_suffix(".html") if output is None else output
     place = place / f"{path.stem}.html" if place.suffix != ".html" else place
-    place.parent.mkdir(parents=True, exist_ok=True)
+    make_folder(place.parent)
     write_page(trace, place)
     print(place)
 

@@ -2,6 +2,9 @@
 
 import math
 import random
+import threading
+import time
+from collections import Counter
 from types import SimpleNamespace
 
 import numpy as np
@@ -372,6 +375,35 @@ def test_a_goal_in_the_base_frame_stays_where_it_was(rig):
     np.testing.assert_allclose(rig.tick().observation.target, (2.0, 1.0))
 
 
+@pytest.mark.parametrize("by_tf", [True, False])
+def test_a_goal_in_the_frame_of_a_sensor_stays_where_it_was(rig, by_tf):
+    """A camera's, say. Its frame moves with the robot; the goal must not."""
+    rig.transform("base_link", "camera", Pose(0.5, 0.0, math.pi / 2), static=True)
+    rig.sense()
+    rig.tick()
+    if by_tf:
+        rig.transform("odom", "base_link")
+    rig.driver.set_goal((3.0, 0.0), "camera", rig.now)
+    rig.period()
+    rig.pass_time()
+    rig.scan()
+    rig.odometry(pose=Pose(1.0, 0.0, 0.0))
+    if by_tf:
+        rig.transform("odom", "base_link", Pose(1.0, 0.0, 0.0))
+    np.testing.assert_allclose(rig.tick().observation.target, (-0.5, 3.0), atol=1e-12)
+
+
+def test_the_latest_motion_comes_with_every_step(rig):
+    assert rig.tick().motion is None
+    rig.drive()
+    rig.pass_time()
+    rig.scan()
+    rig.odometry(pose=Pose(9.9, 0.0, 0.0), v=0.3)
+    step = rig.tick()
+    assert step.state is LiveState.ARRIVED
+    assert step.motion == (rig.now, Pose(9.9, 0.0, 0.0), Twist(0.3, 0.0))
+
+
 # The clock
 
 
@@ -413,6 +445,19 @@ def test_a_clock_that_stands_still_stops_it_by_wall_time(rig):
     rig.wall += PERIOD
     assert stands(rig.tick(), "the clock stands still")
     assert drives(rig.period())
+
+
+def test_a_decision_is_made_once_for_each_time(rig):
+    """Also if the soft stop has halted it."""
+    rig.drive()
+    rig.pass_time()
+    rig.odometry(v=0.5)
+    rig.scan(ranges=np.full(540, 0.21))
+    step = rig.tick()
+    assert stands(step, "soft stop")
+    count = len(rig.puppet.seen)
+    assert rig.tick() is step
+    assert len(rig.puppet.seen) == count
 
 
 def test_a_cancel_counts_while_the_clock_stands_still(rig):
@@ -544,6 +589,38 @@ def test_no_message_makes_it_raise_or_drive_blindly(seed):
             assert any(abs(rig.now - stamp) <= SECOND // 2 for stamp in scans)
             assert any(abs(rig.now - stamp) <= SECOND // 2 for stamp in poses)
     assert drove > 10
+
+
+def test_messages_goals_and_ticks_may_come_from_several_threads():
+    rig, states, began = Rig(), Counter(), time.monotonic_ns()
+    driver, make = rig.driver, rig.make
+
+    def clock():
+        return BEGAN + time.monotonic_ns() - began
+
+    def repeat(send):
+        for _ in range(100):
+            now = clock()
+            send(now)
+            time.sleep(0.002)
+
+    ranges = np.full(540, 3.0)
+    senders = [
+        lambda now: driver.take_scan(make.scan(now, ranges, -math.pi, math.tau / 540, (0.02, 15.0)), now),
+        lambda now: driver.take_odometry(make.odometry(now, Pose(0.0, 0.0, 0.0), 0.0, 0.0), now),
+        lambda now: driver.take_transforms(make.transform(now, "map", "odom", Pose(0.0, 0.0, 0.0)), now),
+        lambda now: driver.set_goal((8.0, now % 2), "map", now),
+        lambda now: driver.cancel() if now % 7 == 0 else None,
+    ]
+    threads = [threading.Thread(target=repeat, args=(send,)) for send in senders]
+    for thread in threads:
+        thread.start()
+    while any(thread.is_alive() for thread in threads):
+        states[driver.tick(clock()).state] += 1
+    for thread in threads:
+        thread.join()
+    assert states[LiveState.DRIVING] > 10
+    assert "Error" not in driver.tick(clock()).reason
 
 
 def test_names_of_frames_that_are_given(rig):

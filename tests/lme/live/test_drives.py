@@ -13,7 +13,7 @@ from lme.types import Guidance, Outcome, Twist
 from lme.worlds.world import World
 from runners.workers.episodes import episode_rng
 from tests import builders
-from tests.live_loop import drive_live
+from tests.live_loop import drive_live, drive_over_network
 
 WORLDS = (30, 210, 240)
 
@@ -70,3 +70,33 @@ def test_the_soft_stop_keeps_a_reckless_planner_from_contact(name, soft_stop):
         ahead = 4.0 - 0.3 - robot.footprint.box[0] - robot.footprint.box[2] - last.observation.odometry.x
         assert 0.0 < ahead < 0.5
         np.testing.assert_allclose(last.observation.twist, 0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("world", WORLDS)
+def test_it_arrives_where_messages_are_late_overtaken_and_lost(world):
+    robot, task = builders.shipped("jackal"), load_map_set("barn", {"worlds": [world]}).task(world)
+    simulator, config = load_simulator("fast")
+    outcome, reasons = drive_over_network(
+        task, builders.navigator, robot, lambda robot: simulator(config, robot), seed=world, scan_rate=40.0
+    )
+    assert outcome is Outcome.SUCCESS
+    assert reasons[""] > 0.9 * reasons.total()
+
+
+@pytest.mark.parametrize("soft_stop", [True, False])
+def test_the_soft_stop_holds_where_messages_are_late_overtaken_and_lost(soft_stop):
+    robot, world = builders.shipped("turtlebot2"), World(circles=np.array([[4.0, 0.0, 0.3], [2.0, 3.0, 0.3]]))
+    task = builders.task(world, goal=(8.0, 0.0), time_limit=20.0)
+    simulator, config = load_simulator("fast")
+    for seed in range(3):
+        outcome, _ = drive_over_network(
+            task,
+            lambda robot: Navigator(Ram(), Ram()),
+            robot,
+            lambda robot: simulator(config, robot),
+            seed,
+            delay=0.3,
+            lost=0.3,
+            soft_stop=soft_stop,
+        )
+        assert outcome is (Outcome.TIMEOUT if soft_stop else Outcome.COLLISION)

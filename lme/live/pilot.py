@@ -1,0 +1,94 @@
+"""Asks guide and planner, for the lidar that is there, and keeps the command within the limits."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from lme.geometry.frames import relative
+from lme.live.messages import SECOND
+from lme.live.safety import gone_on, limited, touches
+from lme.live.scan_source import ScanSource
+from lme.live.sensors import Sight
+from lme.live.step import STILL, LiveState, LiveStep
+from lme.live.track import StampedMotion
+from lme.navigator import Navigator
+from lme.policy.explanation import Decision, Explanation
+from lme.sensing.scan_points import obstacle_points
+from lme.types import Floats, Pose, Twist
+
+_WARM_UPS = 3  # decisions; the first ones load compiled code, which takes seconds
+_AHEAD = np.array([1.0, 0.0])  # [m] the target of these decisions
+
+
+class Pilot:
+    """A navigator for the robot of a scan source. seed: of its random numbers. wall: monotonic time [ns]."""
+
+    def __init__(self, source: ScanSource, navigator: Navigator, seed: int, wall: Callable[[], int]) -> None:
+        self.source, self.robot = source, source.robot
+        self._navigator, self._seed, self._wall = navigator, seed, wall
+        self._number = 0  # of the goal that the navigator was reset for
+        self._explained: Decision | None = None
+
+    def warm_up(self, scan: Any) -> None:
+        """Make a few decisions on a scan that count for nothing."""
+        here = StampedMotion(0, Pose(0.0, 0.0, 0.0), STILL)
+        self._navigator.reset(np.random.default_rng(self._seed))
+        for _ in range(_WARM_UPS):
+            step = self.decide(Sight(scan, here, here), _AHEAD, self._number, STILL, 0)
+            self.leads_into_contact(step, STILL)
+
+    def decide(self, sight: Sight, target: Floats, number: int, last: Twist, now: int) -> LiveStep:
+        """A step that drives. Raises what guide or planner raise.
+
+        target: (2,) at the stamp of the scan [m]; it is goal `number`. last: the command before.
+        """
+        navigator, robot = self._navigator, self.robot
+        if self._number != number:
+            navigator.reset(goal_rng(self._seed, number))
+            self._number = number
+        observation = self.source.observation(sight.scan, sight.motion, target)
+        began = self._wall()
+        wanted = navigator.act(observation)
+        return LiveStep(
+            now,
+            LiveState.DRIVING,
+            "",
+            limited(wanted, last, robot.limits, robot.dt),
+            number,
+            observation,
+            navigator.guidance,
+            self._new_explanation(),
+            wanted,
+            decision_us=(self._wall() - began) / 1000.0,
+            motion=sight.newest,
+        )
+
+    def leads_into_contact(self, step: LiveStep, last: Twist) -> bool:
+        """Whether the robot touches what it sees if it gets the command of a step that drives.
+
+        It has moved on since the scan, and since its latest pose, when it had the command `last`.
+        """
+        assert step.observation is not None
+        assert step.motion is not None
+        seen, newest = step.observation, step.motion
+        points = obstacle_points(seen.scan, self.robot.lidar.mount)
+        age = max(step.stamp - newest.stamp, 0) / SECOND
+        then = relative(newest.pose, seen.odometry)
+        here, twist = gone_on(then, newest.twist, last, age, self.robot)
+        return touches(points, here, twist, step.command, self.robot)
+
+    def _new_explanation(self) -> Explanation | None:
+        """The explanation if the guide made a decision in this period."""
+        why = self._navigator.explanation()
+        if why is None or why.decision is self._explained:
+            return None
+        self._explained = why.decision
+        return why
+
+
+def goal_rng(seed: int, number: int) -> np.random.Generator:
+    """The random generator of the navigator on the way to goal `number`: that of an episode's in this world."""
+    return np.random.default_rng(np.random.SeedSequence([seed, number, 0])).spawn(2)[0]
