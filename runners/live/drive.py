@@ -33,11 +33,10 @@ def drive_robot(job: Job[LiveConfig], transport: Transport) -> None:
     driver = LiveDriver(navigator, config.robot, own, scan, frames)
     node = Node(own, transport, topics, driver, config.robot.dt)
     node.listen(_Teller().take)
-    goal, action = topics.goal_in(transport.version), topics.action_in(transport.version)
-    print(
-        f"{config.robot.name} in ROS {transport.version}: reads {topics.scan} and {topics.pose}", flush=True
-    )
-    print(f"goals on {goal} or the action {action}, commands on {topics.command}", flush=True)
+    version = transport.version
+    action = f" or the action {topics.action_in(version)}" if node.serves_action else ""
+    print(f"{config.robot.name} in ROS {version}: reads {topics.scan} and {topics.pose}", flush=True)
+    print(f"goals on {topics.goal_in(version)}{action}, commands on {topics.command}", flush=True)
     with ExitStack() as stack:
         if config.record is Record.mcap:
             node.listen(stack.enter_context(LiveRecorder(job.run_dir, config, driver)).take)
