@@ -16,7 +16,7 @@ from lme.live.track import StampedMotion, Track
 from lme.live.transforms import TransformTree
 from lme.types import Floats
 
-_NAMES = {"scan": "scan", "pose": "odometry", "tf": "transform"}
+_NAMES = {"scan": "scan", "pose": "odometry"}
 
 
 class Sight(NamedTuple):
@@ -77,8 +77,9 @@ class Sensors:
         """Add a TFMessage."""
         for one in message.transforms:
             if not np.isfinite(matrix_of(one.transform.translation, one.transform.rotation)).all():
-                self.complain("tf", f"that of {frame(one.child_frame_id)} is not finite")
+                self.complain("tf", f"the transform of {frame(one.child_frame_id)} is not finite")
                 return
+        self._complaints.pop("tf", None)
         self.tree.update(message)
         if not static:
             self._moved.update({frame(one.child_frame_id): now for one in message.transforms})
@@ -117,7 +118,7 @@ class Sensors:
             if name not in self._moved:
                 raise NotReadyError(f"no transform of {name}")
             if now - self._moved[name] > self._stale:
-                raise NotReadyError(f"the transform of {name} is {_seconds(now - self._moved[name])} old")
+                raise NotReadyError(f"the transform of {name} is older than {_seconds(self._stale)}")
 
     def _take_tf_pose(self, message: Any, now: int) -> None:
         frames = tf_frames(self._config, self.tree)
@@ -145,7 +146,7 @@ class Sensors:
             side = "behind" if now > stamp else "ahead of"
             self.complain(
                 what,
-                f"its stamp is {_seconds(abs(now - stamp))} {side} the clock; set clock=received if clocks differ",
+                f"its stamp is {_seconds(abs(now - stamp))} {side} the clock; set live.clock=received if clocks differ",
             )
             return None
         return stamp or now
@@ -156,13 +157,15 @@ class Sensors:
 
     def _check(self, what: str, now: int) -> None:
         complaint = self._complaints.get(what)
+        if what == "pose" and self._pose_message is None:
+            complaint = complaint or self._complaints.get("tf")
         because = f" ({complaint})" if complaint else ""
         if what not in self._seen:
             raise NotReadyError(f"no {_NAMES[what]}{because}")
-        age = now - self._seen[what]
-        if age > self._stale:
-            raise NotReadyError(f"the {_NAMES[what]} is {_seconds(age)} old{because}")
+        if now - self._seen[what] > self._stale:
+            raise NotReadyError(f"the {_NAMES[what]} is older than {_seconds(self._stale)}{because}")
 
 
 def _seconds(time: int) -> str:
-    return f"{time / SECOND:.2f} s"
+    seconds = time / SECOND
+    return f"{seconds:.1f} s" if seconds < 10.0 else f"{seconds:.0f} s"

@@ -1,6 +1,8 @@
 """The live driver on other robots: the same drive, told by other lidars and other sources of poses."""
 
 import math
+from collections import Counter
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,14 +11,19 @@ pytest.importorskip("rosbags")
 
 from lme.live.config import LiveConfig
 from lme.live.driver import LiveDriver
-from lme.live.messages import LASER_SCAN, POINT_CLOUD
+from lme.live.messages import LASER_SCAN, ODOMETRY, POINT_CLOUD
 from lme.live.scan_source import ScanConfig
 from lme.live.step import LiveState
 from lme.navigator import Navigator
 from lme.sensing.scan_points import obstacle_points
 from lme.types import Guidance, Pose, Twist
+from runners.replay.bags import Bag
 from tests import builders
 from tests.made_bags import MOUNT, OTHERS, SECOND, TF, BagMaker, drive
+from tests.places import SHARED
+
+BAGS = SHARED / "bags"
+OLD_TF = "tf/msg/tfMessage"
 
 
 class Bold:
@@ -49,7 +56,7 @@ def feed(maker, scan=None, **config):
         if recorded > due:
             steps.append(driver.tick(due))
             due += SECOND // 5
-        if kind == TF:
+        if kind in (TF, OLD_TF):
             driver.take_transforms(message, recorded, static=topic == "/tf_static")
         elif kind in (LASER_SCAN, POINT_CLOUD):
             driver.take_scan(message, recorded)
@@ -146,7 +153,7 @@ def test_a_clock_of_its_own(plain):
     maker = drive(stamps=lambda stamp: stamp - 8 * 86_400 * SECOND)
     _, steps = feed(maker)
     assert {step.state for step in steps} == {LiveState.STOPPED}
-    assert "behind the clock; set clock=received" in steps[-1].reason
+    assert "behind the clock; set live.clock=received" in steps[-1].reason
     assert_alike(seen(*feed(maker, clock="received")), plain)
 
 
@@ -180,3 +187,20 @@ def test_the_pose_of_the_base_by_tf_over_another_frame(plain):
     driver, steps = feed(maker)
     assert driver.frames == ("odom", "base_footprint")
     assert_alike(seen(driver, steps), plain)
+
+
+@pytest.mark.skipif(not BAGS.is_dir(), reason="the shared recordings are not here")
+@pytest.mark.parametrize("path", sorted(BAGS.glob("*.bag")), ids=lambda p: p.stem)
+def test_the_messages_of_a_real_robot(path):
+    """Its clock is a week behind that of the recording."""
+    maker = SimpleNamespace()
+    with Bag(path) as bag:
+        topics = {topic.name for topic in bag.topics() if {*topic.types} & {LASER_SCAN, ODOMETRY, TF, OLD_TF}}
+        maker._messages = [(m.recorded, m.topic, m.type, m.content) for m in bag.messages(topics)]
+    driver, steps = feed(maker, clock="received")
+    assert driver.mounted_by == "tf"
+    assert driver.robot.lidar.num_beams == 726
+    states = Counter(step.state for step in steps)
+    assert states[LiveState.DRIVING] > 300
+    stood = {step.reason.partition(" is older")[0] for step in steps if step.state is not LiveState.DRIVING}
+    assert stood <= {"no scan", "guide and planner were being prepared", "the scan", "the odometry"}
