@@ -1,8 +1,9 @@
 """A robot that stands in the open, in a process of its own: `python -m tests.runners.live.probe 1|2`.
 
 It sends what its sensors see and prints what it is commanded. Lines of JSON on the standard input change it:
-{"scan": "good" | "empty" | "nan" | null, "odometry": …, "clock": "real" | "running" | "frozen"} or {"goal": [x, y],
-"frame": name} or {"cancel": true}. Every command is a line of JSON on the standard output, with real time [s].
+{"scan": "good" | "empty" | "nan" | null, "odometry": …, "clock": "real" | "running" | "frozen"}, {"goal": [x, y],
+"frame": name}, {"cancel": true}, or {"watch": true}, which shows markers and diagnostics. Every command is a line of
+JSON on the standard output, with real time [s].
 """
 
 import json
@@ -45,6 +46,19 @@ class Robot:
     def tell(self, message):
         say(time=time.monotonic(), reason=message.data)
 
+    def watch(self):
+        ros = self.ros
+        ros.subscribe("lme/markers", "visualization_msgs/MarkerArray", self.see, Delivery.NEWEST)
+        ros.subscribe("/diagnostics", "diagnostic_msgs/DiagnosticArray", self.diagnose, Delivery.NEWEST)
+
+    def see(self, message):
+        found = message.markers[1:]  # the first one deletes those before
+        say(groups=sorted({one.ns for one in found}), frame=found[0].header.frame_id)
+
+    def diagnose(self, message):
+        (status,) = message.status
+        say(status=status.message, values={one.key: one.value for one in status.values})
+
     def now(self):
         if self.set["clock"] != "frozen":
             self.frozen = time.time_ns()
@@ -68,6 +82,8 @@ class Robot:
         if "goal" in asked:
             pose = Pose(*asked["goal"], 0.0)
             self.goal(self.make.pose(self.now(), asked.get("frame", "odom"), pose))
+        if "watch" in asked:
+            self.watch()
         if "cancel" in asked:
             self.cancel(self.ros.type("std_msgs/Empty")())
 

@@ -84,6 +84,15 @@ def test_it_says_why_it_stands(driving):
     assert "scan" in driving.until(lambda said: "stopped" in said.get("reason", ""))["reason"]
 
 
+def test_rviz_and_diagnostics_are_told(driving):
+    driving.set(watch=True)
+    seen = driving.until(lambda said: "groups" in said)
+    assert {"candidates", "sectors", "subgoal", "target"} <= set(seen["groups"])
+    assert seen["frame"] == "base_link"
+    told = driving.until(lambda said: said.get("status") == "driving")
+    assert float(told["values"]["median decision [ms]"]) > 0.0
+
+
 def test_a_second_goal_takes_the_place_of_the_first(driving):
     driving.set(goal=[0.0, 50.0])
     assert driving.until(lambda said: said.get("omega", 0.0) > 0.1)
