@@ -19,3 +19,6 @@ GAZEBO_GAIN = 0.03  # [-] steady turn rate per commanded one
 GAZEBO_TURN_RATE = 0.1  # [rad/s]
 GAZEBO_SIDESLIP = 0.2  # [m/s]
 SWEEPS = 0.02  # [m, m/s, rad/s] two sweeps over the contacts against twenty, or in mirrored order
+LIVE_TIME = (
+    0.15  # [-] relative: median time of ten worlds over ROS, with messages under way, against lme eval
+)

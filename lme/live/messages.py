@@ -23,8 +23,12 @@ SECOND = 1_000_000_000  # [ns]
 
 
 def stamp_of(header: Any) -> int:
-    """The stamp of a header [ns]; 0 if the driver did not set it. rospy says secs and nsecs."""
-    stamp = header.stamp
+    """The stamp of a header [ns]; 0 if the driver did not set it."""
+    return nanoseconds(header.stamp)
+
+
+def nanoseconds(stamp: Any) -> int:
+    """A time [ns]. rospy says secs and nsecs."""
     if hasattr(stamp, "secs"):
         return int(stamp.secs) * SECOND + int(stamp.nsecs)
     return int(stamp.sec) * SECOND + int(stamp.nanosec)

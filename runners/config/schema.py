@@ -162,6 +162,18 @@ class ReplayConfig(SystemConfig):
 
 
 @dataclass(slots=True, kw_only=True)
+class LiveConfig(DriveConfig):
+    """`lme live`. live: the node or the simulated robot; topics, frames, scan: see runners.live and lme.live."""
+
+    live: dict[str, Any]
+    ros: int | None
+    topics: dict[str, Any]
+    frames: dict[str, Any]
+    scan: dict[str, Any]
+    record: Record = Record.none
+
+
+@dataclass(slots=True, kw_only=True)
 class FigureConfig(EpisodesConfig):
     """`lme figure`. figure: the kind and its settings; run: whose records are drawn, or none."""
 
@@ -178,6 +190,7 @@ COMMANDS: dict[str, type[SystemConfig]] = {
     "learn": LearnConfig,
     "replay": ReplayConfig,
     "figure": FigureConfig,
+    "live": LiveConfig,
 }
 
 

@@ -1,0 +1,56 @@
+"""Drive a real robot with a guide and a planner over ROS 1 or 2, or play a robot in the simulator."""
+
+from __future__ import annotations
+
+EXAMPLES = (
+    "lme live ros1 robot=jackal topics=jackal",
+    "lme live ros2 robot=turtlebot2 planner=dwa live.soft_stop=true",
+    "lme live simulator --ros2 robot=turtlebot2 map=env1",
+    "lme live ros2 robot=turtlebot2 live.use_sim_time=true",
+)
+_ROS = {"ros1": 1, "ros2": 2}
+_SIMULATOR = "simulator"
+_FLAGS = {"--ros1": 1, "--ros2": 2}
+_PRINTS = ("--cfg", "-c", "--info", "-i", "--hydra-help")  # which run nothing
+
+
+def main(argv: list[str]) -> int:
+    """`lme live ros1`, `lme live ros2` and `lme live simulator --ros1`, with overrides and ROS's own arguments.
+
+    Raises InputError for other words.
+    """
+    from functools import partial
+
+    from runners.cli.launch import Command, launch
+    from runners.live.run import drive, validate
+
+    overrides, own = _split(argv)
+    command = Command("live", partial(drive, words=own), validate)
+    return launch(command, _translated(overrides))
+
+
+def _split(argv: list[str]) -> tuple[list[str], list[str]]:
+    """The words for lme, and those for ROS: remappings of ROS 1, and what follows --ros-args in ROS 2."""
+    at = argv.index("--ros-args") if "--ros-args" in argv else len(argv)
+    plain = [word for word in argv[:at] if ":=" not in word]
+    return plain, [*(word for word in argv[:at] if ":=" in word), *argv[at:]]
+
+
+def _translated(words: list[str]) -> list[str]:
+    """The kind and the version of ROS as overrides."""
+    from lme.errors import InputError
+
+    if words and words[0].startswith(_PRINTS):
+        return words
+    kind, rest = (words[0], words[1:]) if words else ("", [])
+    flags = [word for word in rest if word in _FLAGS]
+    rest = [word for word in rest if word not in _FLAGS]
+    if kind in _ROS and not flags:
+        return [f"live={kind}", f"ros={_ROS[kind]}", *rest]
+    if kind == _SIMULATOR and len(flags) == 1:
+        return [f"live={kind}", f"ros={_FLAGS[flags[0]]}", *rest]
+    named = [] if "=" in kind else [kind]
+    given = " ".join(filter(None, ["lme live", *named, *flags]))
+    raise InputError(
+        f"{given}: must be lme live ros1, lme live ros2, or lme live simulator with --ros1 or --ros2"
+    )

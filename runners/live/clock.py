@@ -1,0 +1,41 @@
+"""The time that the node goes by: the system's, or that of /clock."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+from lme.live.messages import nanoseconds
+
+
+class SystemClock:
+    """Time since 1970, as robots' drivers stamp their messages."""
+
+    still = 0.0
+
+    def now(self) -> int | None:
+        """[ns]."""
+        return time.time_ns()
+
+
+class TopicClock:
+    """The last time on /clock."""
+
+    def __init__(self) -> None:
+        self._now: int | None = None
+        self._moved = time.monotonic()
+
+    def take(self, message: Any) -> None:
+        """Process a rosgraph_msgs/Clock."""
+        now = nanoseconds(message.clock)
+        if now != self._now:
+            self._now, self._moved = now, time.monotonic()
+
+    def now(self) -> int | None:
+        """[ns]; None before the first message."""
+        return self._now
+
+    @property
+    def still(self) -> float:
+        """Real time since it last moved [s]."""
+        return time.monotonic() - self._moved

@@ -1,0 +1,57 @@
+"""Connects a navigator, the driver and ROS, and drives."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+
+from lme.live.driver import LiveDriver
+from lme.live.frames import FramesConfig
+from lme.live.scan_source import ScanConfig
+from lme.live.step import LiveState, LiveStep
+from lme.navigator import Navigator
+from lme.robots import Robot
+from runners.config import build
+from runners.config.instantiate import configured, filled
+from runners.config.job import Job
+from runners.config.schema import LiveConfig, Record
+from runners.live.node import Node, NodeConfig
+from runners.live.record import LiveRecorder
+from runners.live.topics import TopicsConfig
+from runners.live.transport import Transport
+
+
+def drive_robot(job: Job[LiveConfig], transport: Transport) -> None:
+    """Drive the robot until an exception comes, such as KeyboardInterrupt."""
+    config = job.config
+    own: NodeConfig = configured(config.live, "live")[1]
+    topics = filled(TopicsConfig, config.topics, "topics")
+
+    def navigator(robot: Robot) -> Navigator:
+        return build.navigator(config, robot)
+
+    scan, frames = filled(ScanConfig, config.scan, "scan"), filled(FramesConfig, config.frames, "frames")
+    driver = LiveDriver(navigator, config.robot, own, scan, frames)
+    node = Node(own, transport, topics, driver, config.robot.dt)
+    node.listen(_Teller().take)
+    version = transport.version
+    action = f" or the action {topics.action_in(version)}" if node.serves_action else ""
+    print(f"{config.robot.name} in ROS {version}: reads {topics.scan} and {topics.pose}", flush=True)
+    print(f"goals on {topics.goal_in(version)}{action}, commands on {topics.command}", flush=True)
+    with ExitStack() as stack:
+        if config.record is Record.mcap:
+            node.listen(stack.enter_context(LiveRecorder(job.run_dir, config, driver)).take)
+        node.run()
+
+
+class _Teller:
+    """Prints what the robot does whenever that changes."""
+
+    def __init__(self) -> None:
+        self._state: LiveState | None = None
+
+    def take(self, step: LiveStep) -> None:
+        """Process a step."""
+        if step.state is not self._state:
+            self._state = step.state
+            said = str(step.state) if step.reason in ("", step.state) else f"{step.state}: {step.reason}"
+            print(said, flush=True)

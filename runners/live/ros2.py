@@ -1,0 +1,220 @@
+"""A node of ROS 2 (rclpy)."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable, Sequence
+from functools import partial
+from importlib.util import find_spec
+from typing import Any
+
+from lme.errors import InputError
+from lme.live.messages import SECOND
+from runners.live.transport import ActionGoal, Delivery, Publisher, Take
+
+INSTALL = (
+    "pip install ros-rclpy ros-rmw-fastrtps-cpp ros-geometry-msgs ros-sensor-msgs ros-nav-msgs ros-std-msgs "
+    "ros-visualization-msgs ros-diagnostic-msgs ros-rosgraph-msgs, or source the setup.bash of a ROS 2 workspace "
+    "whose Python is 3.11 or later"
+)
+_DEPTH = 100  # messages that may wait
+
+
+def check_installed() -> None:
+    """Raise InputError unless ROS 2 can be imported."""
+    if find_spec("rclpy") is None:
+        raise InputError(f"ROS 2 is not installed: {INSTALL}")
+
+
+class Ros2:
+    """A node. words: ROS's own arguments, such as `--ros-args -r scan:=front/scan`.
+
+    Raises InputError if ROS 2 is not installed.
+    """
+
+    version = 2
+
+    def __init__(self, name: str, words: Sequence[str] = ()) -> None:
+        check_installed()
+        import rclpy
+        from rclpy.executors import SingleThreadedExecutor
+        from rclpy.signals import SignalHandlerOptions
+
+        rclpy.init(args=[name, *words], signal_handler_options=SignalHandlerOptions.NO)
+        self._rclpy = rclpy
+        self._node = rclpy.create_node(name)
+        self._executor = SingleThreadedExecutor()
+        self._executor.add_node(self._node)
+        self._handled = 0
+        self._later: list[
+            Callable[[], None]
+        ] = []  # what the action server asks for, when its own part is done
+        self.sim_time = bool(self._node.get_parameter("use_sim_time").value)
+
+    def has(self, kind: str) -> bool:
+        """Whether the package of a message type is installed."""
+        return find_spec(kind.partition("/")[0]) is not None
+
+    def type(self, kind: str) -> Any:
+        """The class of a message. Raises InputError if its package is not installed."""
+        package, _, name = kind.partition("/")
+        try:
+            return getattr(importlib.import_module(f"{package}.msg"), name)
+        except ImportError as error:
+            raise InputError(
+                f"{kind} needs the package {package}: pip install ros-{package.replace('_', '-')} where there is "
+                "such a package, or source the setup.bash of a ROS 2 workspace"
+            ) from error
+
+    def stamp(self, time: int) -> Any:
+        """A message's time from nanoseconds."""
+        sec, nanosec = divmod(time, SECOND)
+        return self.type("builtin_interfaces/Time")(sec=sec, nanosec=nanosec)
+
+    def duration(self, time: int) -> Any:
+        """A message's duration from nanoseconds."""
+        sec, nanosec = divmod(time, SECOND)
+        return self.type("builtin_interfaces/Duration")(sec=sec, nanosec=nanosec)
+
+    def subscribe(self, topic: str, kind: str, take: Take, delivery: Delivery) -> None:
+        """Call `take` with the messages. The newest are asked for by best effort, which fits every publisher."""
+        from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+
+        def counted(message: Any) -> None:
+            self._handled += 1
+            take(message)
+
+        profile = QoSProfile(depth=_DEPTH)
+        if delivery is Delivery.NEWEST:
+            profile = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+        elif delivery is Delivery.LATCHED:
+            profile.durability = DurabilityPolicy.TRANSIENT_LOCAL
+        self._node.create_subscription(self.type(kind), topic, counted, profile)
+
+    def publisher(self, topic: str, kind: str, latched: bool = False) -> Publisher:
+        """A publisher. latched: subscribers that come later receive the last message."""
+        from rclpy.qos import DurabilityPolicy, QoSProfile
+
+        durability = DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE
+        profile = QoSProfile(depth=1, durability=durability)
+        return _Publisher(self._node.create_publisher(self.type(kind), topic, profile))
+
+    def serve(
+        self, action: str, accept: Callable[[ActionGoal], None], cancel: Callable[[ActionGoal | None], None]
+    ) -> bool:
+        """Serve the action nav2_msgs/NavigateToPose; False if its package is not installed."""
+        if not self.has("nav2_msgs/x"):
+            return False
+        from nav2_msgs.action import NavigateToPose
+        from rclpy.action import ActionServer, CancelResponse
+
+        goals: dict[bytes, _Goal] = {}
+
+        def begin(handle: Any) -> None:
+            goals[bytes(handle.goal_id.uuid)] = goal = _Goal(handle, NavigateToPose)
+            handle.execute()
+            self._later.append(partial(accept, goal))
+
+        def stop(handle: Any) -> Any:
+            goal = goals.get(bytes(handle.goal_id.uuid))
+            if goal is None:
+                return CancelResponse.REJECT
+            self._later.append(partial(cancel, goal))
+            return CancelResponse.ACCEPT
+
+        async def execute(handle: Any) -> Any:
+            result = await goals[bytes(handle.goal_id.uuid)].result
+            del goals[bytes(handle.goal_id.uuid)]
+            return result
+
+        self._server = ActionServer(
+            self._node,
+            NavigateToPose,
+            action,
+            execute,
+            handle_accepted_callback=begin,
+            cancel_callback=stop,
+        )
+        return True
+
+    def client(self, action: str) -> Publisher:
+        """Sends PoseStamped as goals of the action nav2_msgs/NavigateToPose. Raises InputError without its package."""
+        if not self.has("nav2_msgs/x"):
+            raise InputError(
+                "live.goal=action needs the package nav2_msgs: source the setup.bash of a ROS 2 workspace"
+            )
+        return _Client(self._node, action)
+
+    def handle(self, timeout: float) -> None:
+        """Wait at most `timeout` [s] for something to arrive, and hand over all that has."""
+        before = self._handled
+        self._executor.spin_once(timeout_sec=max(timeout, 0.0))
+        while self._handled != before:
+            before = self._handled
+            self._executor.spin_once(timeout_sec=0.0)
+        later, self._later = self._later, []
+        for call in later:
+            call()
+
+    def close(self) -> None:
+        """Leave ROS."""
+        self._executor.shutdown()
+        self._node.destroy_node()
+        self._rclpy.try_shutdown()
+
+
+class _Publisher:
+    def __init__(self, publisher: Any) -> None:
+        self._publisher = publisher
+
+    @property
+    def watched(self) -> bool:
+        return bool(self._publisher.get_subscription_count())
+
+    def __call__(self, message: Any) -> None:
+        self._publisher.publish(message)
+
+
+class _Client:
+    def __init__(self, node: Any, action: str) -> None:
+        from nav2_msgs.action import NavigateToPose
+        from rclpy.action import ActionClient
+
+        self._action = NavigateToPose
+        self._client = ActionClient(node, NavigateToPose, action)
+
+    @property
+    def watched(self) -> bool:
+        return bool(self._client.server_is_ready())
+
+    def __call__(self, message: Any) -> None:
+        self._client.send_goal_async(self._action.Goal(pose=message))
+
+
+class _Goal:
+    """A goal of nav2_msgs/NavigateToPose."""
+
+    def __init__(self, handle: Any, action: Any) -> None:
+        from rclpy.task import Future
+
+        self._handle, self._action = handle, action
+        self.pose = handle.request.pose
+        self.result = Future()
+
+    def feedback(self, pose: Any, distance: float, time: int) -> None:
+        feedback = self._action.Feedback(current_pose=pose, distance_remaining=distance)
+        feedback.navigation_time.sec, feedback.navigation_time.nanosec = divmod(time, SECOND)
+        self._handle.publish_feedback(feedback)
+
+    def succeed(self) -> None:
+        self._handle.succeed()
+        self.result.set_result(self._action.Result())
+
+    def cancel(self, reason: str) -> None:
+        """Canceled if the client asked for it; a goal that another one displaces is aborted, as Nav2 does."""
+        self._handle.canceled() if self._handle.is_cancel_requested else self._handle.abort()
+        self.result.set_result(self._action.Result())
+
+    def abort(self, reason: str) -> None:
+        self._handle.abort()
+        self.result.set_result(self._action.Result())

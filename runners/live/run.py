@@ -1,0 +1,134 @@
+"""Runs `lme live`: the node, or the simulated robot."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from types import FrameType
+from typing import Any
+
+import numpy as np
+
+from lme.errors import InputError, require
+from lme.live.frames import FramesConfig
+from lme.live.scan_source import ScanConfig
+from lme.worlds.check import check_task
+from lme.worlds.world import Task
+from runners.config import build, systems
+from runners.config.instantiate import configured, filled
+from runners.config.job import Job
+from runners.config.schema import LiveConfig, Record
+from runners.live import ros1, ros2
+from runners.live.drive import drive_robot
+from runners.live.outcomes import Outcomes
+from runners.live.simulator import SimulatedRobot
+from runners.live.topics import TopicsConfig
+from runners.live.transport import Transport
+from runners.workers.episodes import episode_rng
+from runners.workers.mcap_file import check_installed as check_mcap
+
+SIMULATOR = "simulator"
+_INSTALLED = {1: ros1.check_installed, 2: ros2.check_installed}
+_NODES_ONLY = ("guide", "planner", "weights", "ablation", "system", "frames", "scan", "record")
+_SIMULATOR_ONLY = ("map", "sim", "runs")
+
+
+def validate(job: Job[LiveConfig]) -> None:
+    """Check the job, and that its version of ROS is installed. Raises InputError."""
+    config = job.config
+    if config.ros not in _INSTALLED:
+        raise InputError(
+            f"ros is {config.ros}: must be 1 or 2; lme live ros1, lme live ros2 and --ros1, --ros2 set it"
+        )
+    _check_keys(job)
+    require("seed", config.seed, at_least=0)
+    filled(TopicsConfig, config.topics, "topics")
+    configured(config.live, "live")
+    if _simulates(job):
+        require("runs", config.runs, at_least=1)
+        maps = build.map_set(config)
+        check_task(maps.task(maps.numbers[0]), config.robot)
+        build.simulator(_finely_stepped(config))
+    else:
+        filled(ScanConfig, config.scan, "scan")
+        filled(FramesConfig, config.frames, "frames")
+        systems.check_implemented(config.system)
+        if config.record is Record.mcap:
+            check_mcap()
+        build.navigator(config)
+    _INSTALLED[config.ros]()
+
+
+def drive(job: Job[LiveConfig], words: Sequence[str] = ()) -> None:
+    """Drive until Ctrl-C, or until the simulator has driven all worlds. words: ROS's own arguments."""
+    before = {number: signal.signal(number, _interrupt) for number in (signal.SIGINT, signal.SIGTERM)}
+    transport = None
+    try:
+        transport = connect(job.config.ros, SIMULATOR if _simulates(job) else "lme", words)
+        (_simulate if _simulates(job) else drive_robot)(job, transport)
+    except KeyboardInterrupt:
+        print("stopped")
+    finally:
+        if transport is not None:
+            transport.close()
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def connect(version: int | None, name: str, words: Sequence[str]) -> Transport:
+    """A node of ROS 1 or 2. Raises InputError if it is not installed, or where ROS 1 has no master."""
+    return ros1.Ros1(name, words) if version == 1 else ros2.Ros2(name, words)
+
+
+def _simulate(job: Job[LiveConfig], transport: Transport) -> None:
+    config = job.config
+    maps = build.map_set(config)
+    own = configured(config.live, "live")[1]
+    topics = filled(TopicsConfig, config.topics, "topics")
+    robot = SimulatedRobot(own, transport, topics, config.robot, build.simulator(_finely_stepped(config)))
+    print(
+        f"simulated {config.robot.name} in ROS {config.ros}: waits for commands on {topics.command}",
+        flush=True,
+    )
+    keys = _keys(maps.numbers, config.runs)
+    with Outcomes(job.run_dir) as outcomes:
+        for (world, run), driven in zip(keys, robot.drive(_tasks(config)), strict=False):
+            outcomes.add(world, run, driven)
+
+
+def _tasks(config: LiveConfig) -> Iterator[tuple[Task, np.random.Generator]]:
+    """Every task with the simulator's random numbers, as `lme eval` draws them."""
+    maps = build.map_set(config)
+    for world, run in _keys(maps.numbers, config.runs):
+        task = maps.task(world)
+        check_task(task, config.robot)
+        yield task, episode_rng(config.seed, world, run).spawn(2)[1]
+
+
+def _keys(worlds: Sequence[int], runs: int) -> list[tuple[int, int]]:
+    return [(world, run) for run in range(runs) for world in worlds]
+
+
+def _finely_stepped(config: LiveConfig) -> LiveConfig:
+    """The config with the simulator's step in place of the control period: commands come when they come."""
+    return replace(config, robot=replace(config.robot, control_rate=1.0 / config.live["step"]))
+
+
+def _simulates(job: Job[Any]) -> bool:
+    return job.choices["live"] == SIMULATOR
+
+
+def _check_keys(job: Job[LiveConfig]) -> None:
+    """Raise InputError for a key that has no meaning for what is started."""
+    foreign, reader = (
+        (_NODES_ONLY, "the nodes read") if _simulates(job) else (_SIMULATOR_ONLY, "the simulator reads")
+    )
+    for override in job.overrides:
+        if override.lstrip("+").partition("=")[0].partition(".")[0] in foreign:
+            raise InputError(f"{override}: only {reader} this; leave it away")
+
+
+def _interrupt(number: int, frame: FrameType | None) -> None:
+    """End as Ctrl-C does, with the robot at rest."""
+    raise KeyboardInterrupt

@@ -1,0 +1,70 @@
+"""Names and types of the topics."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from lme.errors import InputError
+
+TF_MESSAGE = "tf2_msgs/TFMessage"
+TF = "tf"  # in place of a topic of poses
+SCANS = {"LaserScan": "sensor_msgs", "PointCloud2": "sensor_msgs"}
+POSES = {
+    "Odometry": "nav_msgs",
+    "PoseStamped": "geometry_msgs",
+    "PoseWithCovarianceStamped": "geometry_msgs",
+    "TransformStamped": "geometry_msgs",
+}
+COMMANDS = {"Twist": "geometry_msgs", "TwistStamped": "geometry_msgs"}
+_GOAL = {1: "move_base_simple/goal", 2: "goal_pose"}  # where RViz sends a goal
+_ACTION = {1: "move_base", 2: "navigate_to_pose"}
+
+
+@dataclass(slots=True)
+class TopicsConfig:
+    """Names and types of the topics; goal, action: null: the usual name in this version of ROS."""
+
+    scan: str = "scan"
+    scan_type: str = "LaserScan"
+    pose: str = "odom"
+    pose_type: str = "Odometry"
+    command: str = "cmd_vel"
+    command_type: str = "Twist"
+    goal: str | None = None
+    action: str | None = None
+    cancel: str = "lme/cancel"
+    tf: str = "/tf"
+    tf_static: str = "/tf_static"
+    clock: str = "/clock"
+    subgoal: str = "lme/subgoal"
+    markers: str = "lme/markers"
+    reason: str = "lme/reason"
+    diagnostics: str = "/diagnostics"
+
+    def __post_init__(self) -> None:
+        for key, types in (("scan_type", SCANS), ("pose_type", POSES), ("command_type", COMMANDS)):
+            if getattr(self, key) not in types:
+                raise InputError(f"topics.{key} is {getattr(self, key)}: must be one of {', '.join(types)}")
+
+    def goal_in(self, version: int) -> str:
+        """The topic of goals in a version of ROS."""
+        return self.goal or _GOAL[version]
+
+    def action_in(self, version: int) -> str:
+        """The navigation action in a version of ROS."""
+        return self.action or _ACTION[version]
+
+    @property
+    def scan_kind(self) -> str:
+        """The type of the scans with its package."""
+        return f"{SCANS[self.scan_type]}/{self.scan_type}"
+
+    @property
+    def pose_kind(self) -> str:
+        """The type of the poses with its package."""
+        return f"{POSES[self.pose_type]}/{self.pose_type}"
+
+    @property
+    def command_kind(self) -> str:
+        """The type of the commands with its package."""
+        return f"{COMMANDS[self.command_type]}/{self.command_type}"

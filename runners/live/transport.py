@@ -1,0 +1,88 @@
+"""What the node and the simulated robot need of ROS. `ros1.py` and `ros2.py` provide it; nothing else imports ROS."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from enum import Enum, auto
+from typing import Any, Protocol
+
+Take = Callable[[Any], None]
+
+
+class Delivery(Enum):
+    """Which messages a subscriber receives."""
+
+    NEWEST = auto()  # as of sensors; older ones may be lost
+    ALL = auto()
+    LATCHED = auto()  # all, and the last one sent before
+
+
+class Publisher(Protocol):
+    """Publishes on one topic."""
+
+    @property
+    def watched(self) -> bool:
+        """Whether anybody subscribes."""
+
+    def __call__(self, message: Any) -> None:
+        """Send a message."""
+
+
+class ActionGoal(Protocol):
+    """A goal of an action client. It ends with one of `succeed`, `cancel` and `abort`."""
+
+    pose: Any  # PoseStamped
+
+    def feedback(self, pose: Any, distance: float, time: int) -> None:
+        """Report the robot's PoseStamped, its distance to the goal [m], and the time since the goal came [ns]."""
+
+    def succeed(self) -> None:
+        """The robot has arrived."""
+
+    def cancel(self, reason: str) -> None:
+        """The client has cancelled the goal, or another goal has taken its place."""
+
+    def abort(self, reason: str) -> None:
+        """The goal cannot be reached."""
+
+
+class Transport(Protocol):
+    """A node of ROS 1 or ROS 2, named by `version`. Message types are named as in "sensor_msgs/LaserScan".
+
+    Everything that arrives is handed over in `handle`, in the thread that calls it.
+    """
+
+    version: int
+    sim_time: bool  # whether ROS's own parameter use_sim_time is set
+
+    def has(self, kind: str) -> bool:
+        """Whether the package of a message type is installed."""
+
+    def type(self, kind: str) -> Any:
+        """The class of a message. Raises InputError if its package is not installed."""
+
+    def stamp(self, time: int) -> Any:
+        """A message's time from nanoseconds."""
+
+    def duration(self, time: int) -> Any:
+        """A message's duration from nanoseconds."""
+
+    def subscribe(self, topic: str, kind: str, take: Take, delivery: Delivery) -> None:
+        """Call `take` with the messages."""
+
+    def publisher(self, topic: str, kind: str, latched: bool = False) -> Publisher:
+        """A publisher. latched: subscribers that come later receive the last message."""
+
+    def serve(
+        self, action: str, accept: Callable[[ActionGoal], None], cancel: Callable[[ActionGoal | None], None]
+    ) -> bool:
+        """Serve the navigation action; False if its package is not installed."""
+
+    def client(self, action: str) -> Publisher:
+        """Sends PoseStamped as goals of the navigation action. Raises InputError if its package is not installed."""
+
+    def handle(self, timeout: float) -> None:
+        """Wait at most `timeout` [s] for something to arrive, and hand over all that has."""
+
+    def close(self) -> None:
+        """Leave ROS."""

@@ -1,0 +1,80 @@
+"""`lme live` on the command line: its help, what follows on a tab, and errors of one line."""
+
+import pytest
+
+from runners.cli import completion
+from runners.cli.main import main
+from runners.live import run
+
+
+@pytest.fixture
+def installed(monkeypatch):
+    """Both versions of ROS, as far as the checks before the start go."""
+    monkeypatch.setattr(run, "_INSTALLED", dict.fromkeys((1, 2), lambda: None))
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ([], "lme live: must be lme live ros1, lme live ros2, or lme live simulator with --ros1 or --ros2"),
+        (["robot=go2"], "must be lme live ros1"),
+        (["ros3"], "lme live ros3: must be"),
+        (["simulator"], "lme live simulator: must be"),
+        (["simulator", "--ros1", "--ros2"], "lme live simulator --ros1 --ros2: must be"),
+        (["ros1", "--ros2"], "lme live ros1 --ros2: must be"),
+        (["ros1", "map=env1"], "map=env1: only the simulator reads this"),
+        (["simulator", "--ros2", "planner.v_gain=1"], "planner.v_gain"),
+        (["simulator", "--ros2", "planner=dwa"], "planner=dwa: only the nodes read this"),
+        (
+            ["ros2", "topics.scan_type=Image"],
+            "topics.scan_type is Image: must be one of LaserScan, PointCloud2",
+        ),
+        (["ros2", "topics.scann=x"], "scan"),
+        (["ros2", "live.stale=0"], "live.stale is 0: must be greater than 0"),
+        (["ros2", "scan.mount=[1,2]"], "scan.mount"),
+        (["simulator", "--ros1", "live.step=1"], "live.step is 1: must be greater than 0 and at most 0.1"),
+        (["simulator", "--ros1", "live.scan_rate=60"], "live.scan_rate is 60: must be"),
+        (
+            ["simulator", "--ros1", "live.goal=radio"],
+            "live.goal is radio: must be one of topic, action, none",
+        ),
+        (["ros2", "ros=3"], "ros is 3: must be 1 or 2"),
+    ],
+)
+def test_a_mistake_is_one_line(installed, capsys, words, said):
+    assert main(["live", *words]) == 2
+    printed = capsys.readouterr().err
+    assert said in printed
+    assert len(printed.splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ("word", "packages"), [("ros1", "apt-get install"), ("ros2", "pip install ros-rclpy")]
+)
+def test_a_missing_ros_is_one_line_that_says_what_to_install(monkeypatch, capsys, tmp_path, word, packages):
+    monkeypatch.setattr(f"runners.live.{word}.find_spec", lambda name: None)
+    monkeypatch.setattr("runners.live.ros1.DEBIAN", tmp_path)
+    assert main(["live", word]) == 2
+    printed = capsys.readouterr().err
+    assert packages in printed
+    assert len(printed.splitlines()) == 1
+
+
+def test_the_help_of_each_kind_shows_its_keys(capsys):
+    assert main(["live", "simulator", "--help"]) == 0
+    assert "live.speed=1.0" in capsys.readouterr().out
+    assert main(["live", "ros1", "--help"]) == 0
+    shown = capsys.readouterr().out
+    assert "live.stale=0.5" in shown
+    assert "topics.scan=scan" not in shown  # --cfg job prints the keys of other groups
+
+
+def test_a_tab_offers_the_kinds_and_the_keys_of_the_chosen_one():
+    assert completion.candidates("lme live ros", ["live"])[:2] == ["ros1", "ros2"]
+    assert "live.speed=" in completion.candidates("lme live simulator live.s", ["live"])
+    assert "topics.scan=" in completion.candidates("lme live ros1 topics.sc", ["live"])
+
+
+def test_the_config_is_printed_without_a_kind(capsys):
+    assert main(["live", "--cfg", "job"]) == 0
+    assert "cmd_vel" in capsys.readouterr().out
