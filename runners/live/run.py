@@ -15,7 +15,7 @@ from lme.live.frames import FramesConfig
 from lme.live.scan_source import ScanConfig
 from lme.worlds.check import check_task
 from lme.worlds.world import Task
-from runners.config import build, systems
+from runners.config import build
 from runners.config.instantiate import configured, filled
 from runners.config.job import Job
 from runners.config.schema import LiveConfig, Record
@@ -53,7 +53,6 @@ def validate(job: Job[LiveConfig]) -> None:
     else:
         filled(ScanConfig, config.scan, "scan")
         filled(FramesConfig, config.frames, "frames")
-        systems.check_implemented(config.system)
         if config.record is Record.mcap:
             check_mcap()
         build.navigator(config)
