@@ -130,6 +130,18 @@ def test_it_drives(rig):
     assert step.wanted == CRUISE
 
 
+def test_the_goal_of_the_barn_challenge_lies_ahead(rig):
+    """(0, 10) in odom, of a robot that is turned by 90° there."""
+    pose = Pose(0.0, 0.0, math.pi / 2)
+    for _ in range(2):
+        rig.pass_time()
+        rig.odometry(pose=pose)
+        rig.scan()
+        rig.driver.set_goal((0.0, 10.0), "odom", rig.now)
+        step = rig.tick()
+    np.testing.assert_allclose(step.observation.target, (10.0, 0.0), atol=1e-12)
+
+
 def test_without_a_goal_it_stands(rig):
     assert stands(rig.tick(), "no goal", LiveState.IDLE)
     assert "prepared" in rig.period().reason
