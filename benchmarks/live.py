@@ -81,8 +81,8 @@ def measure(ros: Transport, delays: list[float], rate: int, folder: str) -> floa
     """Collect delays [ms] of the commands of a node with this control rate; returns for how long [s]."""
     name, seconds = f"ros{ros.version}", SECONDS.get(rate, 10.0)
     pinned = ["taskset", "-c", "0"] if shutil.which("taskset") else []
-    node = (name, *ROBOT, f"robot.control_rate={rate}", "live.clock=received", "live.soft_stop=false")
-    robot = ("simulator", f"--{name}", *ROBOT, WORLDS, "live.pause=0", "live.goal=topic")
+    node = (name, *ROBOT, f"robot.control_rate={rate}", "live.clock=received")
+    robot = ("simulator", f"--{name}", *ROBOT, WORLDS, "live.pause=0")
     with _started(pinned, node, folder, "node"), _started([], robot, folder, "robot"):
         while len(delays) < 3 * rate:  # until it drives, with code that is loaded
             ros.handle(0.1)
