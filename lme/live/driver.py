@@ -170,6 +170,8 @@ class LiveDriver:
                 return self._last
             first = self._unprepared()
         if first is not None:
+            if self._last.command != STILL:  # it takes seconds
+                raise NotReadyError("guide and planner are to be prepared for another lidar")
             self._prepare(*first)
             raise NotReadyError("guide and planner were being prepared")
         with self._lock:
@@ -194,11 +196,13 @@ class LiveDriver:
 
     def _unprepared(self) -> tuple[Any, Floats | None] | None:
         """A scan, and its mount by tf, if guide and planner are still to be built for its lidar."""
-        scan, built = self._sensors.scan, self._pilot is not None
-        if scan is None or self.mounted_by in ("scan.mount", "tf"):
+        scan, mount = self._sensors.scan, self._sensors.mount
+        if scan is None:
             return None
-        mount = self._sensors.mount
-        return None if built and mount is None else (scan, mount)
+        if self._pilot is None or self._pilot.source.outgrown(scan):
+            return scan, mount
+        mounted = mount is None or self.mounted_by in ("scan.mount", "tf")
+        return None if mounted else (scan, mount)
 
     def _prepare(self, scan: Any, mount: Floats | None) -> None:
         """Build guide and planner."""

@@ -18,6 +18,7 @@ from lme.sensing.resampling import own_lidar, resampled, same_lidar, tidied
 from lme.types import Floats, LaserScan, Observation, Pose
 
 LIDARS = ("recorded", "robot")
+_FINER = 2.5  # times as many beams in an angle show more than the lidar of the first message
 
 
 @dataclass(slots=True)
@@ -94,6 +95,15 @@ class ScanSource:
     def observation(self, message: Any, motion: StampedMotion, target: Floats) -> Observation:
         """What guide and planner get: the scan of a message, and pose, twist and target (2,) [m] at its stamp."""
         return Observation(self.read(message), target, motion.twist, self.robot.limits, motion.pose)
+
+    def outgrown(self, message: Any) -> bool:
+        """Whether a message shows a wider or much finer lidar than the first, which then was not a whole scan."""
+        if self._cloud or self._config.lidar == "robot":
+            return False
+        lidar, increment = self.robot.lidar, abs(float(message.angle_increment))
+        fov = min(len(message.ranges) * increment, math.tau)
+        wider = fov > lidar.fov + 2.0 * lidar.angle_increment
+        return wider or (fov >= lidar.fov and _FINER * increment < lidar.angle_increment)
 
     def raw(self, message: Any) -> LaserScan:
         """The scan of a message in its own geometry, with valid range limits."""

@@ -7,7 +7,7 @@ from contextlib import ExitStack
 from lme.live.driver import LiveDriver
 from lme.live.frames import FramesConfig
 from lme.live.scan_source import ScanConfig
-from lme.live.step import LiveState, LiveStep
+from lme.live.step import LiveStep
 from lme.navigator import Navigator
 from lme.robots import Robot
 from runners.config import build
@@ -47,11 +47,11 @@ class _Teller:
     """Prints what the robot does whenever that changes."""
 
     def __init__(self) -> None:
-        self._state: LiveState | None = None
+        self._said = ""
 
     def take(self, step: LiveStep) -> None:
         """Process a step."""
-        if step.state is not self._state:
-            self._state = step.state
-            said = str(step.state) if step.reason in ("", step.state) else f"{step.state}: {step.reason}"
+        said = str(step.state) if step.reason in ("", step.state) else f"{step.state}: {step.reason}"
+        if said != self._said:
+            self._said = said
             print(said, flush=True)

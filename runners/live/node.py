@@ -14,7 +14,7 @@ from lme.errors import InputError
 from lme.live.config import LiveConfig
 from lme.live.driver import LiveDriver
 from lme.live.messages import SECOND
-from lme.live.step import LiveState, LiveStep
+from lme.live.step import STILL, LiveState, LiveStep
 from lme.policy.explanation import Explanation
 from lme.policy.reasons import reason
 from lme.types import Twist
@@ -24,6 +24,7 @@ from runners.live.outgoing import Messages
 from runners.live.status import Status
 from runners.live.topics import TF, TF_MESSAGE, TopicsConfig
 from runners.live.transport import ActionGoal, Delivery, Transport
+from runners.live.watchdog import Watchdog
 
 _AT_REST = (
     1.0  # [s] for which zero velocity is repeated when the robot has no goal any more; then others may drive
@@ -60,10 +61,11 @@ class Node:
         self._goal: ActionGoal | None = None
         self._goal_time = 0  # [ns] when it came
         self._before: Explanation | None = None
-        self._resting = 0  # [ns] since when the robot need not drive
+        self._resting: int | None = None  # [ns] since when the robot need not drive; None while it must obey
         self._status = Status()
         self._listeners: list[Callable[[LiveStep], None]] = []
         self._clock = self._connect()
+        self._watchdog = Watchdog(config.stale, self._halt)
 
     def listen(self, listener: Callable[[LiveStep], None]) -> None:
         """Call `listener(step)` after every control period."""
@@ -72,9 +74,11 @@ class Node:
     def run(self) -> None:
         """Drive until an exception comes, such as KeyboardInterrupt; then stop the robot."""
         try:
-            while True:
-                self._ros.handle(self._left())
-                self._act()
+            with self._watchdog:
+                while True:
+                    self._ros.handle(self._left())
+                    self._act()
+                    self._watchdog.feed()
         finally:
             self._shut_down()
 
@@ -101,8 +105,11 @@ class Node:
     def _publish(self, step: LiveStep) -> None:
         """Send the command and what explains it, and tell the action's client how it goes."""
         if step.state in (LiveState.DRIVING, LiveState.STOPPED):
+            self._resting = None
+        elif self._resting is None:
             self._resting = step.stamp
-        if step.state is not LiveState.IDLE and step.stamp - self._resting < _AT_REST * SECOND:
+        rested = 0 if self._resting is None else step.stamp - self._resting
+        if step.state is not LiveState.IDLE and rested < _AT_REST * SECOND:
             self._send(step.command, step.stamp)
         self._explain(step)
         self._report(step)
@@ -111,6 +118,11 @@ class Node:
         self._status.count(step)
         if self._status.due:
             self._diagnostics(self._status.message(step, self._driver.soft_stops, self._make))
+
+    def _halt(self) -> None:
+        """Stop the robot while the node is held up, for example by a planner that does not come to an end."""
+        if self._resting is None:
+            self._send(STILL, self._clock.now() or 0)
 
     def _send(self, command: Twist, stamp: int) -> None:
         kind, base = self._topics.command_type, self._driver.frames.base

@@ -6,6 +6,8 @@ import contextlib
 import importlib
 import queue
 import sys
+import threading
+import time
 from collections.abc import Callable, Sequence
 from functools import partial
 from importlib.util import find_spec
@@ -14,7 +16,7 @@ from typing import Any
 
 from lme.errors import InputError
 from lme.live.messages import SECOND
-from runners.live.transport import ActionGoal, Delivery, Publisher, Take
+from runners.live.transport import HANDLING, ActionGoal, Delivery, Publisher, Take
 
 DEBIAN = Path("/usr/lib/python3/dist-packages")  # where Debian and Ubuntu install ROS 1
 INSTALL = (
@@ -23,6 +25,7 @@ INSTALL = (
     "and later), or source the setup.bash of a ROS 1 workspace"
 )
 _QUEUE = 1  # a robot needs the newest message only
+_FAREWELL = 3.0  # [s] that a node has for its last commands when ROS ends it
 
 
 def check_installed() -> None:
@@ -59,6 +62,8 @@ class Ros1:
         rospy.init_node(name, argv=[name, *words], disable_signals=True)
         self._rospy = rospy
         self._inbox: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
+        self._closed = threading.Event()
+        rospy.on_shutdown(self._end)
         self.sim_time = bool(rospy.get_param("/use_sim_time", False))
 
     def has(self, kind: str) -> bool:
@@ -126,19 +131,31 @@ class Ros1:
         return _Client(action)
 
     def handle(self, timeout: float) -> None:
-        """Wait at most `timeout` [s] for something to arrive, and hand over all that has."""
+        """Wait at most `timeout` [s] for something to arrive, and hand over all that has, for `HANDLING` at most."""
         with contextlib.suppress(queue.Empty):
             self._inbox.get(timeout=max(timeout, 0.0))()
-            while True:
+            end = time.monotonic() + HANDLING
+            while time.monotonic() < end:
                 self._inbox.get_nowait()()
 
     def close(self) -> None:
         """Leave ROS."""
+        self._closed.set()
         self._rospy.signal_shutdown("done")
+
+    def _end(self) -> None:
+        """ROS ends the node, as by `rosnode kill`: end as Ctrl-C does, and keep the topics open until then."""
+        if not self._closed.is_set():
+            self._inbox.put(_interrupt)
+            self._closed.wait(_FAREWELL)
 
     def _later(self, take: Take) -> Take:
         """rospy calls back in threads of its own; `handle` calls `take` in the caller's."""
         return lambda message: self._inbox.put(partial(take, message))
+
+
+def _interrupt() -> None:
+    raise KeyboardInterrupt
 
 
 class _Publisher:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import time
 from collections.abc import Callable, Sequence
 from functools import partial
 from importlib.util import find_spec
@@ -10,7 +11,7 @@ from typing import Any
 
 from lme.errors import InputError
 from lme.live.messages import SECOND
-from runners.live.transport import ActionGoal, Delivery, Publisher, Take
+from runners.live.transport import HANDLING, ActionGoal, Delivery, Publisher, Take
 
 INSTALL = (
     "pip install ros-rclpy ros-rmw-fastrtps-cpp ros-geometry-msgs ros-sensor-msgs ros-nav-msgs ros-std-msgs "
@@ -146,10 +147,11 @@ class Ros2:
         return _Client(self._node, action)
 
     def handle(self, timeout: float) -> None:
-        """Wait at most `timeout` [s] for something to arrive, and hand over all that has."""
+        """Wait at most `timeout` [s] for something to arrive, and hand over all that has, for `HANDLING` at most."""
         before = self._handled
         self._executor.spin_once(timeout_sec=max(timeout, 0.0))
-        while self._handled != before:
+        end = time.monotonic() + HANDLING
+        while self._handled != before and time.monotonic() < end:
             before = self._handled
             self._executor.spin_once(timeout_sec=0.0)
         later, self._later = self._later, []

@@ -61,7 +61,7 @@ def validate(job: Job[LiveConfig]) -> None:
 
 def drive(job: Job[LiveConfig], words: Sequence[str] = ()) -> None:
     """Drive until Ctrl-C, or until the simulator has driven all worlds. words: ROS's own arguments."""
-    before = {number: signal.signal(number, _interrupt) for number in (signal.SIGINT, signal.SIGTERM)}
+    before = {number: signal.signal(number, _interrupt) for number in _ends()}
     transport = None
     try:
         transport = connect(job.config.ros, SIMULATOR if _simulates(job) else "lme", words)
@@ -126,6 +126,12 @@ def _check_keys(job: Job[LiveConfig]) -> None:
     for override in job.overrides:
         if override.lstrip("+").partition("=")[0].partition(".")[0] in foreign:
             raise InputError(f"{override}: only {reader} this; leave it away")
+
+
+def _ends() -> list[signal.Signals]:
+    """Signals that end the command. A terminal that closes sends SIGHUP, which nohup ignores."""
+    hears = signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN
+    return [signal.SIGINT, signal.SIGTERM, *([signal.SIGHUP] if hears else [])]
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:

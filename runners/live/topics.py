@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import re
+from dataclasses import asdict, dataclass
 
 from lme.errors import InputError
 
@@ -17,6 +18,7 @@ POSES = {
 }
 COMMANDS = {"Twist": "geometry_msgs", "TwistStamped": "geometry_msgs"}
 _GOAL = {1: "move_base_simple/goal", 2: "goal_pose"}  # where RViz sends a goal
+_NAME = re.compile(r"(~/|/)?[a-z_]\w*(/[a-z_]\w*)*", re.ASCII | re.IGNORECASE)
 _ACTION = {1: "move_base", 2: "navigate_to_pose"}
 
 
@@ -45,6 +47,9 @@ class TopicsConfig:
         for key, types in (("scan_type", SCANS), ("pose_type", POSES), ("command_type", COMMANDS)):
             if getattr(self, key) not in types:
                 raise InputError(f"topics.{key} is {getattr(self, key)}: must be one of {', '.join(types)}")
+        for key, name in asdict(self).items():
+            if name is not None and not _NAME.fullmatch(name):
+                raise InputError(f"topics.{key} is {name!r}: must be letters, digits and _, as in front/scan")
 
     def goal_in(self, version: int) -> str:
         """The topic of goals in a version of ROS."""

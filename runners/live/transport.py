@@ -7,6 +7,7 @@ from enum import Enum, auto
 from typing import Any, Protocol
 
 Take = Callable[[Any], None]
+HANDLING = 0.05  # [s] in one call of `handle`: messages that come faster than they are taken must not hold up commands
 
 
 class Delivery(Enum):
@@ -82,7 +83,7 @@ class Transport(Protocol):
         """Sends PoseStamped as goals of the navigation action. Raises InputError if its package is not installed."""
 
     def handle(self, timeout: float) -> None:
-        """Wait at most `timeout` [s] for something to arrive, and hand over all that has."""
+        """Wait at most `timeout` [s] for something to arrive, and hand over all that has, for `HANDLING` at most."""
 
     def close(self) -> None:
         """Leave ROS."""

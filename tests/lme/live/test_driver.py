@@ -680,3 +680,33 @@ def test_a_mistake_in_the_config_is_one_line(key, value, message):
     with pytest.raises(InputError, match=message) as error:
         LiveConfig(**{key: value})
     assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("first", [3, 135], ids=["coarse", "finer"])
+def test_a_first_scan_that_is_not_whole_does_not_blind_the_robot(rig, first):
+    rig.odometry()
+    rig.scan(ranges=np.full(first, 3.0))
+    rig.tick()  # prepares for this lidar
+    rig.driver.set_goal(FAR, "odom", rig.now)
+    assert stands(rig.period(), "being prepared")
+    assert rig.driver.robot.lidar.num_beams == 540
+    assert drives(rig.period())
+    ahead = np.abs(np.linspace(-math.pi, math.pi, 540, endpoint=False)) < 0.5
+    rig.pass_time()
+    rig.odometry(v=0.3)
+    rig.scan(ranges=np.where(ahead, 0.27, 3.0))
+    assert stands(rig.tick(), "soft stop")
+
+
+def test_it_stands_before_guide_and_planner_are_prepared_for_another_lidar(rig):
+    rig.odometry()
+    rig.scan(ranges=np.full(180, 3.0))
+    rig.tick()
+    rig.driver.set_goal(FAR, "odom", rig.now)
+    rig.pass_time()
+    rig.odometry()
+    rig.scan(ranges=np.full(180, 3.0))
+    assert drives(rig.tick())
+    assert stands(rig.period(), "are to be prepared")
+    assert stands(rig.period(), "being prepared")
+    assert drives(rig.period())

@@ -30,6 +30,8 @@ def installed(monkeypatch):
             "topics.scan_type is Image: must be one of LaserScan, PointCloud2",
         ),
         (["ros2", "topics.scann=x"], "scan"),
+        (["ros1", "topics.scan="], "topics.scan is '': must be letters, digits and _, as in front/scan"),
+        (["ros2", "topics.pose='a b'"], "topics.pose is 'a b': must be letters"),
         (["ros2", "live.stale=0"], "live.stale is 0: must be greater than 0"),
         (["ros2", "scan.mount=[1,2]"], "scan.mount"),
         (["simulator", "--ros1", "live.step=1"], "live.step is 1: must be greater than 0 and at most 0.1"),

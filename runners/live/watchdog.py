@@ -1,0 +1,39 @@
+"""Stops the robot while the loop that should drive it is held up."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from types import TracebackType
+from typing import Self
+
+
+class Watchdog:
+    """Calls `halt`, from a thread of its own, whenever `feed` was not called for `patience` [s]; a context manager."""
+
+    def __init__(self, patience: float, halt: Callable[[], None]) -> None:
+        self._patience, self._halt = patience, halt
+        self._fed = threading.Event()
+        self._ended = False
+        self._thread = threading.Thread(target=self._watch, daemon=True)
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._ended = True
+        self._fed.set()
+        self._thread.join()
+
+    def feed(self) -> None:
+        """The loop goes on."""
+        self._fed.set()
+
+    def _watch(self) -> None:
+        while not self._ended:
+            if not self._fed.wait(self._patience):
+                self._halt()
+            self._fed.clear()

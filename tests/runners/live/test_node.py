@@ -1,0 +1,101 @@
+"""The node's commands, with a driver and a ROS that are none."""
+
+import time
+from types import SimpleNamespace
+
+import pytest
+
+from lme.live.frames import Frames
+from lme.live.messages import SECOND
+from lme.live.step import STILL, LiveState, LiveStep
+from lme.types import Twist
+from runners.live.node import Node, NodeConfig
+from runners.live.topics import TopicsConfig
+
+DRIVES = LiveStep(0, LiveState.DRIVING, "", Twist(0.3, 0.0), 1)
+
+
+class Ros:
+    """Keeps what is published on cmd_vel."""
+
+    version, sim_time = 1, False
+
+    def __init__(self):
+        self.sent = []
+
+    def publisher(self, topic, kind, latched=False):
+        return self.sent.append if topic == "cmd_vel" else SimpleNamespace(watched=False)
+
+    def type(self, kind):
+        return lambda: SimpleNamespace(linear=SimpleNamespace(), angular=SimpleNamespace())
+
+    def has(self, kind):
+        return False
+
+    def serve(self, *_):
+        return False
+
+    def subscribe(self, *_):
+        pass
+
+    def handle(self, timeout):
+        pass
+
+    @property
+    def velocities(self):
+        return [message.linear.x for message in self.sent]
+
+
+class Driver:
+    """Gives the steps of a script, which may be functions, and then ends the node."""
+
+    take_scan = take_odometry = take_transforms = None
+    frames, soft_stops = Frames("odom", "base_link"), 0
+
+    def __init__(self, *script):
+        self._script = iter(script)
+
+    def tick(self, now):
+        step = next(self._script, None)
+        if step is None:
+            raise KeyboardInterrupt
+        return step() if callable(step) else step
+
+    def stop(self, reason):
+        return LiveStep(0, LiveState.STOPPED, reason)
+
+
+def sent(*script, stale=5.0):
+    """Forward velocities of the commands of a node [m/s]."""
+    ros = Ros()
+    node = Node(NodeConfig(stale=stale), ros, TopicsConfig(), Driver(*script), 0.001)
+    with pytest.raises(KeyboardInterrupt):
+        node.run()
+    return ros.velocities
+
+
+FAREWELL = [0.0] * 3
+
+
+@pytest.mark.parametrize("state", [LiveState.CANCELLED, LiveState.ARRIVED])
+def test_it_sends_zero_velocity_however_late_it_hears_that_the_goal_is_gone(state):
+    end = LiveStep(20 * SECOND, state, str(state), STILL, 1)
+    rested = end._replace(stamp=22 * SECOND)
+    assert sent(DRIVES, end, rested) == [0.3, 0.0, *FAREWELL]
+
+
+def test_it_sends_zero_velocity_while_a_decision_does_not_come_to_an_end():
+    def slow():
+        time.sleep(0.5)
+        return DRIVES
+
+    assert sent(DRIVES, slow, stale=0.1)[:3] == [0.3, 0.0, 0.0]
+
+
+def test_it_sends_nothing_while_it_has_no_goal():
+    def slow():
+        time.sleep(0.3)
+        return idle
+
+    idle = LiveStep(0, LiveState.IDLE, "no goal")
+    assert sent(idle, slow, stale=0.1) == FAREWELL
