@@ -8,7 +8,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 
 from lme.errors import InputError
-from lme.policy.explanation import Explanation
+from lme.policy.explanation import Decision, Explanation
 from lme.types import Guidance, Guide, Observation, Planner, Pose, Twist
 from lme.worlds.world import World
 
@@ -27,6 +27,22 @@ class Explainable(Protocol):
 
     def explanation(self) -> Explanation | None:
         """All quantities behind the last decision; None before the first. Changes no state."""
+
+
+class Explanations:
+    """Gives each explanation of a navigator once: a guide may not ask LME in every step."""
+
+    def __init__(self, navigator: Navigator) -> None:
+        self._navigator = navigator
+        self._given: Decision | None = None
+
+    def new(self) -> Explanation | None:
+        """The explanation if LME made a decision since the last call."""
+        why = self._navigator.explanation()
+        if why is None or why.decision is self._given:
+            return None
+        self._given = why.decision
+        return why
 
 
 class Navigator:

@@ -75,10 +75,21 @@ def scan_of(message: Any) -> LaserScan:
 
 def pose_of(message: Any, kind: str) -> Pose:
     """The planar pose of a message of type `kind`: Odometry, a pose or a transform."""
+    return planar(*_place(message, kind))
+
+
+def is_turned(message: Any, kind: str) -> bool:
+    """Whether the quaternion of a message with a pose is a rotation, and not left at zero."""
+    _, orientation = _place(message, kind)
+    return any(getattr(orientation, key) != 0.0 for key in "xyzw")
+
+
+def _place(message: Any, kind: str) -> tuple[Any, Any]:
+    """Position and orientation in a message with a pose."""
     if kind == TRANSFORM:
-        return planar(message.transform.translation, message.transform.rotation)
+        return message.transform.translation, message.transform.rotation
     pose = message.pose.pose if kind in (ODOMETRY, POSE_WITH_COVARIANCE) else message.pose
-    return planar(pose.position, pose.orientation)
+    return pose.position, pose.orientation
 
 
 def planar(position: Any, orientation: Any) -> Pose:

@@ -14,8 +14,7 @@ from lme.live.scan_source import ScanSource
 from lme.live.sensors import Sight
 from lme.live.step import STILL, LiveState, LiveStep
 from lme.live.track import StampedMotion
-from lme.navigator import Navigator
-from lme.policy.explanation import Decision, Explanation
+from lme.navigator import Explanations, Navigator
 from lme.sensing.scan_points import obstacle_points
 from lme.types import Floats, Pose, Twist
 
@@ -30,7 +29,7 @@ class Pilot:
         self.source, self.robot = source, source.robot
         self._navigator, self._seed, self._wall = navigator, seed, wall
         self._number = 0  # of the goal that the navigator was reset for
-        self._explained: Decision | None = None
+        self._explanations = Explanations(navigator)
 
     def warm_up(self, scan: Any) -> None:
         """Make a few decisions on a scan that count for nothing."""
@@ -60,7 +59,7 @@ class Pilot:
             number,
             observation,
             navigator.guidance,
-            self._new_explanation(),
+            self._explanations.new(),
             wanted,
             decision_us=(self._wall() - began) / 1000.0,
             motion=sight.newest,
@@ -79,14 +78,6 @@ class Pilot:
         then = relative(newest.pose, seen.odometry)
         here, twist = gone_on(then, newest.twist, last, age, self.robot)
         return touches(points, here, twist, step.command, self.robot)
-
-    def _new_explanation(self) -> Explanation | None:
-        """The explanation if the guide made a decision in this period."""
-        why = self._navigator.explanation()
-        if why is None or why.decision is self._explained:
-            return None
-        self._explained = why.decision
-        return why
 
 
 def goal_rng(seed: int, number: int) -> np.random.Generator:

@@ -9,7 +9,7 @@ import numpy as np
 
 from lme.live.config import LiveConfig
 from lme.live.frames import Frames, FramesConfig, message_frames, tf_frames
-from lme.live.messages import SECOND, frame, is_empty, kind_of_pose, matrix_of, stamp_of
+from lme.live.messages import SECOND, frame, is_empty, is_turned, kind_of_pose, matrix_of, stamp_of
 from lme.live.poses import Sample, message_pose, tf_pose
 from lme.live.step import NotReadyError
 from lme.live.track import StampedMotion, Track
@@ -50,7 +50,9 @@ class Sensors:
         self.track = Track()
         self._seen: dict[str, int] = {}  # by what was seen [ns]: the earlier of its stamp and of when it came
         self._scan_stamp = 0
-        self._moved: dict[str, int] = {}  # when a moving transform came [ns], by child frame
+        self._moved: dict[
+            str, int
+        ] = {}  # of a moving transform [ns]: the earlier of stamp and arrival, by child frame
         self._complaints: dict[str, str] = {}
 
     def complain(self, what: str, complaint: str) -> None:
@@ -67,7 +69,11 @@ class Sensors:
 
     def take_pose(self, message: Any, now: int) -> None:
         """Add an Odometry, PoseStamped, PoseWithCovarianceStamped or TransformStamped."""
-        sample = message_pose(message, kind_of_pose(message))
+        kind = kind_of_pose(message)
+        sample = message_pose(message, kind)
+        if not is_turned(message, kind):
+            self.complain("pose", "its quaternion is zero")
+            return
         if self._pose_message is None:
             self.track = Track()  # so far by tf
         self._pose_message = message
@@ -82,7 +88,9 @@ class Sensors:
         self._complaints.pop("tf", None)
         self.tree.update(message)
         if not static:
-            self._moved.update({frame(one.child_frame_id): now for one in message.transforms})
+            for one in message.transforms:
+                child, stamp = frame(one.child_frame_id), self._header_stamp(one.header) or now
+                self._moved[child] = max(min(stamp, now), self._moved.get(child, 0))
             self._moving |= {*self._moved}
         if self._pose_message is None:
             self._take_tf_pose(message, now)
@@ -141,7 +149,7 @@ class Sensors:
 
     def _stamp(self, what: str, header: Any, now: int) -> int | None:
         """The stamp of a message that comes at `now` [ns]; None if it is too far away from `now`."""
-        stamp = stamp_of(header) if self._by_header else 0
+        stamp = self._header_stamp(header)
         if stamp and abs(now - stamp) > self._stale:
             side = "behind" if now > stamp else "ahead of"
             self.complain(
@@ -150,6 +158,10 @@ class Sensors:
             )
             return None
         return stamp or now
+
+    def _header_stamp(self, header: Any) -> int:
+        """The stamp of a header [ns]; 0 if there is none, or if those of messages do not count."""
+        return stamp_of(header) if self._by_header else 0
 
     def _note(self, what: str, stamp: int, now: int) -> None:
         self._seen[what] = min(stamp, now)

@@ -14,8 +14,8 @@ import numpy as np
 from lme.episode import Episode, run_episode
 from lme.errors import InputError
 from lme.geometry.frames import to_world
-from lme.navigator import Navigator
-from lme.policy.explanation import Decision, Explanation
+from lme.navigator import Explanations, Navigator
+from lme.policy.explanation import Explanation
 from lme.robots import Robot
 from lme.sim.simulator import Simulator, State
 from lme.types import Floats, Guidance, Observation, Pose, Twist
@@ -129,12 +129,11 @@ class _Tracer:
 
     def __init__(self, simulator: Simulator, navigator: Navigator) -> None:
         self._simulator = simulator
-        self._navigator = navigator
-        self._explained: Decision | None = None
+        self._explanations = Explanations(navigator)
         self.steps: list[TracedStep] = []
 
     def decided(self, observation: Observation, guidance: Guidance, command: Twist, state: State) -> None:
-        why = self._new_explanation()
+        why = self._explanations.new()
         subgoal, obstacles = to_world(guidance.subgoal, state.pose), self._simulator.obstacles
         self.steps.append(
             TracedStep(state.time, state.pose, observation, subgoal, guidance, command, obstacles, why)
@@ -142,11 +141,3 @@ class _Tracer:
 
     def ended(self, observation: Observation, state: State) -> None:
         self.end = TraceEnd(state.time, state.pose, observation, self._simulator.obstacles)
-
-    def _new_explanation(self) -> Explanation | None:
-        """The explanation if LME made a decision in this step, else None: a guide may not ask LME in every step."""
-        why = self._navigator.explanation()
-        if why is None or why.decision is self._explained:
-            return None
-        self._explained = why.decision
-        return why

@@ -395,6 +395,31 @@ def test_a_goal_on_the_map_moves_with_localisation(rig):
     assert stands(step, "the transform of odom is older than 0.5 s")
 
 
+def test_a_transform_that_is_sent_again_and_again_gets_old(rig):
+    """Its stamp counts, not when it comes."""
+    rig.sense()
+    rig.tick()
+    rig.driver.set_goal((1.0, 5.0), "map", rig.now)
+    old = rig.make.transform(rig.now, "map", "odom", Pose(1.0, 0.0, 0.0))
+    for _ in range(4):
+        rig.driver.take_transforms(old, rig.now)
+        step = rig.period()
+    assert stands(step, "the transform of odom is older than 0.5 s")
+
+
+def test_odometry_without_a_heading_does_not_count(rig):
+    message = rig.make.odometry(rig.now, Pose(0.0, 0.0, 0.0), 0.0, 0.0)
+    for key in "xyzw":
+        object.__setattr__(message.pose.pose.orientation, key, 0.0)
+    rig.scan()
+    rig.tick()
+    rig.driver.set_goal(FAR, "odom", rig.now)
+    rig.pass_time()
+    rig.scan()
+    rig.driver.take_odometry(message, rig.now)
+    assert stands(rig.tick(), "no odometry (its quaternion is zero)")
+
+
 def test_a_static_transform_never_gets_old(rig):
     rig.transform("map", "odom", static=True)
     rig.sense()

@@ -353,7 +353,8 @@ def test_paper_table_2_is_whole():
     experiment = yaml.safe_load((resource_dir("conf") / "experiment" / "table2.yaml").read_text())
     known = systems()
     assert [known[name].label for name in experiment["table"]] == [
-        "DWA", "DRL-DCLP (own network)", "S3-FISVFH", "E-Band", "KUL+FM", "DRL-VO (own small network)", "DRL-DCLP (own network, with a path)",
+        "DWA", "DRL-DCLP (own network)", "S3-FISVFH", "E-Band", "KUL+FM", "DRL-VO (own small network)",
+        "DRL-DCLP (own network, with a path)",
         "LME-DWA", "LME-DRL (own network)", "LME", "LME as printed",
     ]  # fmt: skip
     swept = experiment["hydra"]["sweeper"]["params"]["system"].replace(" ", "").split(",")
