@@ -239,7 +239,7 @@ def test_reinforcement_killed_and_resumed_ends_with_its_steps():
     [
         (["planner=dwa"], "planner is dwa: has no network that can be learned; must be one of dclp"),
         (["planner.weights=x"], "planner.weights is x: lme learn makes the weights; to go on from some give start="),
-        (["start=nowhere"], "start is 'nowhere': must be one of taken, dclp_jackal, the directory of a run"),
+        (["start=nowhere"], "start is 'nowhere': must be one of taken, dclp_clone, dclp_jackal"),
         (["learner=clonee"], "learner=clonee: no such option; did you mean clone?"),
         (["learner.rounds=0"], "learner.rounds is 0: must be at least 1"),
         (["learner.updates=[5]"], "learner.updates is [5]: must be [first, last]"),
