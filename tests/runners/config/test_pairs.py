@@ -38,12 +38,16 @@ TUNED_FOR = {
 }  # by the last word
 
 
+OTHER_VALUES = ("dclp_", "drl_vo_")  # of planners that have a case of their own
+
+
 def cases():
     """Every robot with every guide and planner. The robots take turns, so that each meets each guide."""
     for (i, guide), (j, planner) in itertools.product(enumerate(GUIDES), enumerate(PLANNERS)):
         tuned_for = TUNED_FOR.get(planner.rpartition("_")[2])
         turn = tuned_for or SHIPPED[(i + j) % len(SHIPPED)]
         other_values = planner.endswith("_skid") or (guide == "lme_printed" and planner != "simple")
+        other_values |= planner.startswith(OTHER_VALUES)
         for robot in (tuned_for,) if tuned_for else SHIPPED:
             slow = robot != turn or other_values
             yield pytest.param(robot, guide, planner, marks=pytest.mark.slow if slow else ())
