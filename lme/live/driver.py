@@ -94,8 +94,7 @@ class LiveDriver:
     def motion(self) -> StampedMotion | None:
         """The latest pose and twist; None if none has come, or since the last jump of the clock."""
         with self._lock:
-            newest = self._sensors.track.newest
-            return None if newest is None else self._sensors.track.at(newest, 0)
+            return self._sensors.track.latest
 
     def take_scan(self, message: Any, now: int) -> None:
         """Take a LaserScan or PointCloud2."""

@@ -6,6 +6,7 @@ import numpy as np
 
 from lme.kernels.collision import sweep
 from lme.kernels.motion import drive
+from lme.planners.commands import towards
 from lme.robots import Robot
 from lme.types import Floats, Limits, Pose, Twist
 
@@ -15,8 +16,9 @@ _STEP = 0.02  # [m] no point of the outline moves further between two collision 
 
 def limited(command: Twist, last: Twist, limits: Limits, dt: float) -> Twist:
     """The command within the limits of velocity, and of acceleration from the last command, `dt` [s] ago."""
-    v = _within(command.v, limits.v_max, last.v, limits.alpha_v * dt)
-    return Twist(v, _within(command.omega, limits.omega_max, last.omega, limits.alpha_omega * dt))
+    v = min(max(command.v, -limits.v_max), limits.v_max)
+    omega = min(max(command.omega, -limits.omega_max), limits.omega_max)
+    return Twist(towards(v, last.v, limits.alpha_v, dt), towards(omega, last.omega, limits.alpha_omega, dt))
 
 
 def gone_on(pose: Pose, twist: Twist, command: Twist, time: float, robot: Robot) -> tuple[Pose, Twist]:
@@ -45,7 +47,3 @@ def _way(pose: Pose, twist: Twist, command: Twist, robot: Robot) -> Floats:
     x, y, yaw = period[-1].tolist()
     braking, _ = drive((x, y, yaw), moving, (0.0, 0.0), limits, braking_time, _STEP, reach)
     return np.concatenate((period, braking))
-
-
-def _within(value: float, most: float, last: float, change: float) -> float:
-    return min(max(value, -most, last - change), most, last + change)

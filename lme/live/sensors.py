@@ -50,9 +50,7 @@ class Sensors:
         self.track = Track()
         self._seen: dict[str, int] = {}  # by what was seen [ns]: the earlier of its stamp and of when it came
         self._scan_stamp = 0
-        self._moved: dict[
-            str, int
-        ] = {}  # of a moving transform [ns]: the earlier of stamp and arrival, by child frame
+        self._moved: dict[str, int] = {}  # the same of the moving transforms [ns], by child frame
         self._complaints: dict[str, str] = {}
 
     def complain(self, what: str, complaint: str) -> None:
@@ -114,8 +112,7 @@ class Sensors:
         if is_empty(self.scan):
             raise NotReadyError("the scan is empty: no beam measures anything")
         self._check("pose", now)
-        motion = self.track.at(self._scan_stamp, self._stale)
-        newest = None if self.track.newest is None else self.track.at(self.track.newest, 0)
+        motion, newest = self.track.at(self._scan_stamp, self._stale), self.track.latest
         if motion is None or newest is None:
             raise NotReadyError("no odometry close in time to the scan")
         return Sight(self.scan, motion, newest)

@@ -45,6 +45,11 @@ class LiveStep(NamedTuple):
     decision_us: float = 0.0
     motion: StampedMotion | None = None
 
+    @property
+    def text(self) -> str:
+        """What the robot does and why, for people."""
+        return str(self.state) if self.reason in ("", self.state) else f"{self.state}: {self.reason}"
+
 
 class NotReadyError(Exception):
     """The robot must stand; the message says why."""

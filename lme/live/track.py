@@ -46,6 +46,11 @@ class Track:
         """Stamp of the last pose [ns]; None if there is none."""
         return self._stamps[-1] if self._stamps else None
 
+    @property
+    def latest(self) -> StampedMotion | None:
+        """The motion at the last pose; None if there is none."""
+        return self.at(self._stamps[-1], 0) if self._stamps else None
+
     def at(self, stamp: int, tolerance: int) -> StampedMotion | None:
         """The motion at `stamp` [ns], exactly as it came if a pose has this stamp, else interpolated.
 

@@ -31,7 +31,7 @@ class Learnable(Protocol):
     """A network in torch, a `torch.nn.Module`, that a planner drives with in numpy or by onnxruntime.
 
     The planner has an `interface` with `features`, whose arrays `__call__` takes as float32 with a batch in front.
-    A network is made in the mode `eval`; only a learner that fits its norms turns it to `train` and back.
+    One with norms is made in the mode `eval`; only a learner that fits them turns it to `train` and back.
     """
 
     def __call__(self, *features: Tensor) -> Mixture:

@@ -51,7 +51,6 @@ class _Teller:
 
     def take(self, step: LiveStep) -> None:
         """Process a step."""
-        said = str(step.state) if step.reason in ("", step.state) else f"{step.state}: {step.reason}"
-        if said != self._said:
-            self._said = said
-            print(said, flush=True)
+        if step.text != self._said:
+            self._said = step.text
+            print(step.text, flush=True)

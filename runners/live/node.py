@@ -26,9 +26,7 @@ from runners.live.topics import TF, TF_MESSAGE, TopicsConfig
 from runners.live.transport import ActionGoal, Delivery, Transport
 from runners.live.watchdog import Watchdog
 
-_AT_REST = (
-    1.0  # [s] for which zero velocity is repeated when the robot has no goal any more; then others may drive
-)
+_AT_REST = 1.0  # [s] for which zero velocity is repeated without a goal; then others may drive
 _FAREWELL = 3  # times that zero velocity is sent at shutdown
 
 

@@ -68,10 +68,9 @@ class LiveRecorder:
         elif step.motion is not None:
             self._writer.motion(step.motion.pose, step.motion.twist, now)
         self._writer.twist("/cmd_vel", step.command, now)
-        said = str(step.state) if step.reason in ("", step.state) else f"{step.state}: {step.reason}"
-        if said != self._said:
-            self._said = said
-            self._writer.text(STATE, said, now)
+        if step.text != self._said:
+            self._said = step.text
+            self._writer.text(STATE, step.text, now)
         if step.state in _ENDS:
             self._close()
 

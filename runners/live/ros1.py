@@ -16,7 +16,7 @@ from typing import Any
 
 from lme.errors import InputError
 from lme.live.messages import SECOND
-from runners.live.transport import HANDLING, ActionGoal, Delivery, Publisher, Take
+from runners.live.transport import HANDLING, ActionGoal, Delivery, Publisher, Take, TopicPublisher
 
 DEBIAN = Path("/usr/lib/python3/dist-packages")  # where Debian and Ubuntu install ROS 1
 INSTALL = (
@@ -94,9 +94,10 @@ class Ros1:
 
     def publisher(self, topic: str, kind: str, latched: bool = False) -> Publisher:
         """A publisher. latched: subscribers that come later receive the last message."""
-        return _Publisher(
-            self._rospy.Publisher(topic, self.type(kind), queue_size=_QUEUE, latch=latched, tcp_nodelay=True)
+        made = self._rospy.Publisher(
+            topic, self.type(kind), queue_size=_QUEUE, latch=latched, tcp_nodelay=True
         )
+        return TopicPublisher(made.publish, made.get_num_connections)
 
     def serve(
         self, action: str, accept: Callable[[ActionGoal], None], cancel: Callable[[ActionGoal | None], None]
@@ -156,18 +157,6 @@ class Ros1:
 
 def _interrupt() -> None:
     raise KeyboardInterrupt
-
-
-class _Publisher:
-    def __init__(self, publisher: Any) -> None:
-        self._publisher = publisher
-
-    @property
-    def watched(self) -> bool:
-        return bool(self._publisher.get_num_connections())
-
-    def __call__(self, message: Any) -> None:
-        self._publisher.publish(message)
 
 
 class _Client:

@@ -11,7 +11,7 @@ from typing import Any
 
 from lme.errors import InputError
 from lme.live.messages import SECOND
-from runners.live.transport import HANDLING, ActionGoal, Delivery, Publisher, Take
+from runners.live.transport import HANDLING, ActionGoal, Delivery, Publisher, Take, TopicPublisher
 
 INSTALL = (
     "pip install ros-rclpy ros-rmw-fastrtps-cpp ros-geometry-msgs ros-sensor-msgs ros-nav-msgs ros-std-msgs "
@@ -98,7 +98,8 @@ class Ros2:
 
         durability = DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE
         profile = QoSProfile(depth=1, durability=durability)
-        return _Publisher(self._node.create_publisher(self.type(kind), topic, profile))
+        made = self._node.create_publisher(self.type(kind), topic, profile)
+        return TopicPublisher(made.publish, made.get_subscription_count)
 
     def serve(
         self, action: str, accept: Callable[[ActionGoal], None], cancel: Callable[[ActionGoal | None], None]
@@ -163,18 +164,6 @@ class Ros2:
         self._executor.shutdown()
         self._node.destroy_node()
         self._rclpy.try_shutdown()
-
-
-class _Publisher:
-    def __init__(self, publisher: Any) -> None:
-        self._publisher = publisher
-
-    @property
-    def watched(self) -> bool:
-        return bool(self._publisher.get_subscription_count())
-
-    def __call__(self, message: Any) -> None:
-        self._publisher.publish(message)
 
 
 class _Client:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from enum import Enum, auto
 from typing import Any, Protocol
 
@@ -27,6 +28,23 @@ class Publisher(Protocol):
 
     def __call__(self, message: Any) -> None:
         """Send a message."""
+
+
+@dataclass(frozen=True, slots=True)
+class TopicPublisher:
+    """Publishes on a topic with what rospy and rclpy call by different names. subscribers: how many there are."""
+
+    publish: Take
+    subscribers: Callable[[], int]
+
+    @property
+    def watched(self) -> bool:
+        """Whether anybody subscribes."""
+        return bool(self.subscribers())
+
+    def __call__(self, message: Any) -> None:
+        """Send a message."""
+        self.publish(message)
 
 
 class ActionGoal(Protocol):
