@@ -86,6 +86,7 @@ class Guidance(NamedTuple):
     path: Floats | None = None
     switched: bool = False
     blocked: bool = False
+    points: Floats | None = None
 
 
 class Outcome(StrEnum):

@@ -38,7 +38,7 @@ def contact_times(
     """
     half_length, half_width, rounding = box
     sizes = float(half_length), float(half_width), float(rounding)
-    times: Floats = _contact_times(twists, points, sizes, margins, least, horizons)
+    times: Floats = first_contacts(twists, points, sizes, margins, least, horizons)
     return times
 
 
@@ -53,8 +53,15 @@ def clearances(points: Floats, box: tuple[float, float, float]) -> Floats:
 
 
 @njit(cache=True, error_model="numpy")
-def _contact_times(twists, points, box, margins, least, horizons):
-    """`contact_times` with points sorted by distance, so that a contact ends the search early."""
+def first_contacts(
+    twists: Floats,
+    points: Floats,
+    box: tuple[float, float, float],
+    margins: Floats,
+    least: Floats,
+    horizons: Floats,
+) -> Floats:
+    """`contact_times` for compiled callers. Points are sorted by distance, so that a contact ends the search early."""
     r_max = math.hypot(box[0], box[1]) + box[2] + margins.max()
     near, ranges = _nearest_first(points, _reach(twists, horizons) + r_max)
     gaps = clearances(near, box)

@@ -1,0 +1,41 @@
+"""LME+ as a guide."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from lme.plus.escaper import EscaperPlusConfig, LocalMinimumEscaperPlus
+from lme.policy.explanation import Explanation
+from lme.robots import Robot
+from lme.types import Guidance, Observation
+
+
+@dataclass(slots=True)
+class LmePlusConfig(EscaperPlusConfig):
+    """An escaper's settings and its parameters by name."""
+
+    parameters: dict[str, float] = field(default_factory=dict)
+
+
+class LmePlus:
+    """The successor of LME: candidates scored by expected time (docs/lme_plus.md)."""
+
+    Config = LmePlusConfig
+
+    def __init__(self, config: LmePlusConfig, robot: Robot) -> None:
+        self.escaper = LocalMinimumEscaperPlus(robot, config.parameters, config)
+
+    def reset(self, rng: np.random.Generator) -> None:
+        """Start a new episode; `rng` draws the candidates."""
+        self.escaper.reset(rng)
+
+    def guide(self, observation: Observation) -> Guidance:
+        """The subgoal with the least expected time, and the known obstacle points."""
+        decision, points = self.escaper.decide(observation)
+        return Guidance(decision.subgoal, None, decision.choice.switched, decision.blocked, points)
+
+    def explanation(self) -> Explanation | None:
+        """All quantities behind the last decision; None before the first."""
+        return self.escaper.explanation()

@@ -1,0 +1,75 @@
+"""Memory of obstacle points around the robot, in a frame that dead reckoning carries along."""
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from lme.types import Floats
+
+
+@njit(cache=True, error_model="numpy")
+def remember(
+    memory: Floats,
+    points: Floats,
+    ranges: NDArray[np.float32],
+    beams: tuple[float, float],
+    mount: tuple[float, float, float],
+    pose: tuple[float, float, float],
+    square: float,
+    reach: float,
+    slack: float,
+) -> Floats:
+    """Points of a scan and the remembered ones that it does not contradict, one per square: (K, 2).
+
+    memory (N, 2), and the result: in the carried frame [m]. points (M, 2): of the scan, in the robot frame; the nearest
+    beams' `ranges` (B,) and `beams`, the first bearing and the increment [rad], in the lidar's frame at `mount`. pose: of
+    the robot in the carried frame. square [m]: side of the squares. A remembered point is dropped if it is farther than
+    `reach` [m] from the robot, or if its beam and both neighbours pass it by more than `slack` [m].
+    """
+    half = math.ceil(reach / square) + 1
+    first_i, first_j = math.floor(pose[0] / square) - half, math.floor(pose[1] / square) - half
+    taken = np.zeros((2 * half + 1, 2 * half + 1), np.bool_)
+    kept = np.empty((len(points) + len(memory), 2))
+    count = 0
+    cos, sin = math.cos(pose[2]), math.sin(pose[2])
+    for m in range(len(points)):
+        px, py = points[m, 0], points[m, 1]
+        if px * px + py * py > reach * reach:
+            continue
+        x, y = pose[0] + cos * px - sin * py, pose[1] + sin * px + cos * py
+        i, j = math.floor(x / square) - first_i, math.floor(y / square) - first_j
+        if not taken[i, j]:
+            taken[i, j] = True
+            kept[count, 0], kept[count, 1] = x, y
+            count += 1
+    lidar = pose[0] + cos * mount[0] - sin * mount[1], pose[1] + sin * mount[0] + cos * mount[1]
+    first = pose[2] + mount[2] + beams[0]
+    for n in range(len(memory)):
+        x, y = memory[n, 0], memory[n, 1]
+        if (x - pose[0]) ** 2 + (y - pose[1]) ** 2 > reach * reach:
+            continue
+        i, j = math.floor(x / square) - first_i, math.floor(y / square) - first_j
+        if taken[i, j] or _passed(x - lidar[0], y - lidar[1], first, beams[1], ranges, slack):
+            continue
+        taken[i, j] = True
+        kept[count, 0], kept[count, 1] = x, y
+        count += 1
+    return kept[:count]
+
+
+@njit(cache=True, error_model="numpy")
+def _passed(dx, dy, first, increment, ranges, slack):
+    """Whether the beam nearest in angle and its neighbours all end more than `slack` beyond the point."""
+    turn = 2.0 * math.pi / abs(increment)
+    beam = (math.atan2(dy, dx) - first) / increment
+    beam -= turn * math.floor((beam + 0.5) / turn)
+    middle = int(beam + 0.5)
+    if middle >= len(ranges):
+        return False
+    away = math.sqrt(dx * dx + dy * dy) + slack
+    for index in range(max(middle - 1, 0), min(middle + 2, len(ranges))):
+        if not ranges[index] > away:
+            return False
+    return True

@@ -1,0 +1,127 @@
+"""Minimum-time arcs: LME+'s own planner."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+
+from lme.errors import InputError, require
+from lme.geometry.frames import to_robot
+from lme.kernels.min_time import Estimate, Safety, best_twist
+from lme.kernels.motion import drive
+from lme.planners.commands import limited
+from lme.robots import Robot
+from lme.sensing.scan_points import obstacle_points
+from lme.types import Floats, Guidance, Limits, Observation, Pose, Twist
+
+_STEP = 0.05  # [m] of the prediction over the latency
+_AT_REST = 1e-6  # [m/s, rad/s] slower than this counts as 0
+_SLOW = 0.05  # [s] time that a command of speed 0 counts more than one of v_max
+
+
+@dataclass(slots=True)
+class MinTimeConfig:
+    """Estimate of the time to the subgoal, safety, and sampling of the commands."""
+
+    horizon: float = 0.5  # [s] a command is held for up to this time
+    turn: float = 0.5  # [s/rad] expected time to turn to the subgoal after that
+    margin: float = 0.05  # [m] distance to obstacle points at rest
+    margin_time: float = 0.1  # [s] further distance per velocity
+    brake: float = 3.0  # [m/s²] deceleration that the robot can rely on, at most its limit
+    grip: float = 1.0  # [m/s²] greatest v·|ω|, the lateral acceleration
+    latency: float = 0.0  # [s] known delay from a command to its effect
+    v_samples: int = 7
+    omega_samples: int = 15  # odd, so that one of them is in the middle
+
+    def __post_init__(self) -> None:
+        for key in ("turn", "margin", "margin_time", "latency"):
+            require(f"planner.{key}", getattr(self, key), at_least=0.0)
+        for key in ("horizon", "brake", "grip"):
+            require(f"planner.{key}", getattr(self, key), above=0.0)
+        require("planner.v_samples", self.v_samples, at_least=2)
+        require("planner.omega_samples", self.omega_samples, at_least=3)
+        if self.omega_samples % 2 == 0:
+            raise InputError(
+                f"planner.omega_samples is {self.omega_samples}: must be odd, so that the robot may drive straight"
+            )
+
+
+class MinTime:
+    """Drives the safe arc with the least expected time to the subgoal.
+
+    Every pair (v, ω) that is reachable within a period is tried: it is held for some time, then the robot turns to the
+    subgoal and drives there. An arc is safe if the exact footprint, with a margin that grows with v, reaches no obstacle
+    point before the robot has stopped. If none is safe, the robot brakes on its present arc. The points are those that
+    the guide knows, else those of the scan. If the delay of commands is known, all this starts where the robot will be
+    when the command takes effect.
+    """
+
+    Config = MinTimeConfig
+
+    def __init__(self, config: MinTimeConfig, robot: Robot) -> None:
+        self._config = config
+        self._robot = robot
+        half = np.linspace(0.0, 1.0, config.omega_samples // 2 + 1)
+        self._omega_share = np.concatenate((-half[:0:-1], half))  # symmetric to the last bit
+        self._v_share = np.linspace(0.0, 1.0, config.v_samples) ** 2  # more of them at low speed
+        self.reset(np.random.default_rng(0))
+
+    def reset(self, rng: np.random.Generator) -> None:
+        """Forget the commands; `rng` is not used."""
+        periods = math.ceil(self._config.latency / self._robot.dt - 1e-9)
+        self._under_way = deque([Twist(0.0, 0.0)] * periods, maxlen=periods)
+
+    def plan(self, observation: Observation, guidance: Guidance) -> Twist:
+        """Command for one control period."""
+        points = guidance.points
+        if points is None:
+            points = obstacle_points(observation.scan, self._robot.lidar.mount)
+        subgoal, now = guidance.subgoal, _at_rest(observation.twist)
+        if self._under_way:
+            pose, now = self._predict(now, observation.limits)
+            subgoal, points = to_robot(subgoal, pose), to_robot(points, pose)
+        v, omega = self._choose(subgoal, points, now, observation.limits)
+        command = limited(v, omega, observation._replace(twist=now), self._robot.dt)
+        self._under_way.append(command)
+        return command
+
+    def _predict(self, now: Twist, limits: Limits) -> tuple[Pose, Twist]:
+        """Pose in the present robot frame and twist when the next command takes effect."""
+        pose, dt = Pose(0.0, 0.0, 0.0), self._robot.dt
+        rest = self._config.latency - (len(self._under_way) - 1) * dt  # of the oldest command
+        for k, command in enumerate(self._under_way):
+            duration = dt if k else rest
+            way, twist = drive(pose, now, command, limits, duration, _STEP, self._robot.footprint.r_max)
+            pose, now = Pose(*way[-1].tolist()), Twist(*twist)
+        return pose, _at_rest(now)
+
+    def _choose(self, subgoal: Floats, points: Floats, now: Twist, limits: Limits) -> tuple[float, float]:
+        config, dt = self._config, self._robot.dt
+        low = max(now.v - limits.alpha_v * dt, 0.0)
+        v = low + (max(min(now.v + limits.alpha_v * dt, limits.v_max), low) - low) * self._v_share
+        estimate = Estimate(limits.v_max, config.turn, dt, max(config.horizon, dt), _SLOW)
+        brake = min(config.brake, limits.alpha_v)
+        safety = Safety(config.margin, config.margin_time, brake, limits.alpha_omega, config.grip)
+        omega = self._turn_rates(now, limits)
+        best = best_twist(v, omega, subgoal, points, self._robot.footprint.box, estimate, safety)
+        if math.isfinite(best[2]):
+            return best[0], best[1]
+        return 0.0, now.omega * low / now.v if now.v > 0.0 else 0.0
+
+    def _turn_rates(self, now: Twist, limits: Limits) -> Floats:
+        """Turn rates that are reachable in one period; the one nearest to 0 is set to 0 if 0 is among them."""
+        change = limits.alpha_omega * self._robot.dt
+        low, high = max(now.omega - change, -limits.omega_max), min(now.omega + change, limits.omega_max)
+        omega: Floats = (low + high) / 2.0 + (high - low) / 2.0 * self._omega_share
+        if low <= 0.0 <= high:
+            omega[np.abs(omega).argmin()] = 0.0
+        return omega
+
+
+def _at_rest(twist: Twist) -> Twist:
+    """The twist without rates that are too small to matter; their quotients would overflow."""
+    v, omega = twist
+    return Twist(v if abs(v) > _AT_REST else 0.0, omega if abs(omega) > _AT_REST else 0.0)

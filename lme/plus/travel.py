@@ -1,0 +1,72 @@
+"""Expected time to the target from places around the robot, around all points that it knows."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from lme.errors import require
+from lme.kernels.travel_time import Grid, Pace, descend, times_at, travel_times
+from lme.robots import Robot
+from lme.types import Floats
+
+BEYOND = 1.0  # [s] ways that take longer than the best by more than this are not searched
+_EVERY = 3  # cells between two places on the way of steepest descent
+_LEAST_BAND = 0.05  # [m] of slower driving near obstacles, however wide the robot
+_AHEAD = 0.25  # share of the window by which its centre is ahead of the robot
+
+
+@dataclass(slots=True)
+class TravelConfig:
+    """The grid on which times are found, and the speed near obstacles."""
+
+    cell: float = 0.1  # [m] side of a cell
+    window: float = 10.0  # [m] side of the grid; beyond it, the way to the target counts as straight and free
+    comfort: float = 0.5  # [m] from farther obstacles the robot is expected to drive at v_max
+    slowdown: float = 2.0  # [-] in the narrowest passage it takes 1 + this times as long
+
+    def __post_init__(self) -> None:
+        require("guide.travel.cell", self.cell, above=0.0)
+        require("guide.travel.window", self.window, at_least=4 * self.cell)
+        require("guide.travel.comfort", self.comfort, above=0.0)
+        require("guide.travel.slowdown", self.slowdown, at_least=0.0)
+
+
+class Field(NamedTuple):
+    """Expected times T of the cells of a grid [s], and the robot's. `here`: the robot's position."""
+
+    times: Floats
+    robot_time: float
+    grid: Grid
+    here: Floats
+    v_max: float
+
+    def rest(self, places: Floats) -> Floats:
+        """T at (N, 2) places [s]: (N,). Where the search did not come, the least time that the search allows."""
+        times = times_at(self.times, places, self.grid)
+        away = np.hypot(places[:, 0] - self.here[0], places[:, 1] - self.here[1])
+        least = self.robot_time + BEYOND - away / self.v_max
+        return np.where(np.isfinite(times), times, np.maximum(least, 0.0))
+
+    def descent(self, length: float) -> Floats:
+        """Places on the robot's fastest way, for `length` [m]: (K, 2)."""
+        return descend(self.times, self.here, self.grid, length, _EVERY)
+
+
+def expected_times(
+    points: Floats, target: Floats, here: Floats, robot: Robot, margin: float, config: TravelConfig
+) -> Field:
+    """The field about a robot at `here` (2,), among `points` (M, 2), with its `target` (2,), all in one frame [m]."""
+    to_target = target - here
+    away = math.hypot(*to_target)
+    shift = min(0.5, _AHEAD * config.window / max(away, 1e-9)) * to_target  # the robot and a near target are inside
+    corner = np.floor((here + shift - config.window / 2) / config.cell) * config.cell
+    grid = Grid(float(corner[0]), float(corner[1]), config.cell, int(config.window / config.cell))
+    inner = robot.footprint.r_min + margin
+    comfort = max(config.comfort, inner + _LEAST_BAND)
+    pace = Pace(robot.v_max, inner, comfort, config.slowdown, robot.footprint.r_max + config.cell)
+    times, robot_time = travel_times(points, target, here, grid, pace, BEYOND)
+    return Field(times, robot_time, grid, here, robot.v_max)
