@@ -21,12 +21,13 @@ def remember(
     reach: float,
     slack: float,
 ) -> Floats:
-    """Points of a scan and the remembered ones that it does not contradict, one per square: (K, 2).
+    """Points of a scan and the remembered ones that it cannot see, one per square: (K, 2).
 
     memory (N, 2), and the result: in the carried frame [m]. points (M, 2): of the scan, in the robot frame; the nearest
     beams' `ranges` (B,) and `beams`, the first bearing and the increment [rad], in the lidar's frame at `mount`. pose: of
     the robot in the carried frame. square [m]: side of the squares. A remembered point is dropped if it is farther than
-    `reach` [m] from the robot, or if its beam and both neighbours pass it by more than `slack` [m].
+    `reach` [m] from the robot, or if its beam and both neighbours reach it, or nearly (`slack` [m]): then either a beam
+    passed it, or the scan has a newer point of the same surface.
     """
     half = math.ceil(reach / square) + 1
     first_i, first_j = math.floor(pose[0] / square) - half, math.floor(pose[1] / square) - half
@@ -51,7 +52,7 @@ def remember(
         if (x - pose[0]) ** 2 + (y - pose[1]) ** 2 > reach * reach:
             continue
         i, j = math.floor(x / square) - first_i, math.floor(y / square) - first_j
-        if taken[i, j] or _passed(x - lidar[0], y - lidar[1], first, beams[1], ranges, slack):
+        if taken[i, j] or _in_sight(x - lidar[0], y - lidar[1], first, beams[1], ranges, slack):
             continue
         taken[i, j] = True
         kept[count, 0], kept[count, 1] = x, y
@@ -60,15 +61,15 @@ def remember(
 
 
 @njit(cache=True, error_model="numpy")
-def _passed(dx, dy, first, increment, ranges, slack):
-    """Whether the beam nearest in angle and its neighbours all end more than `slack` beyond the point."""
+def _in_sight(dx, dy, first, increment, ranges, slack):
+    """Whether the beam nearest in angle and its neighbours all end beyond the point, or less than `slack` before it."""
     turn = 2.0 * math.pi / abs(increment)
     beam = (math.atan2(dy, dx) - first) / increment
     beam -= turn * math.floor((beam + 0.5) / turn)
     middle = int(beam + 0.5)
     if middle >= len(ranges):
         return False
-    away = math.sqrt(dx * dx + dy * dy) + slack
+    away = math.sqrt(dx * dx + dy * dy) - slack
     for index in range(max(middle - 1, 0), min(middle + 2, len(ranges))):
         if not ranges[index] > away:
             return False

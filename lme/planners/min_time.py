@@ -19,6 +19,7 @@ from lme.types import Floats, Guidance, Limits, Observation, Pose, Twist
 
 _STEP = 0.05  # [m] of the prediction over the latency
 _AT_REST = 1e-6  # [m/s, rad/s] slower than this counts as 0
+_TIGHT = 0.2  # share of the margin that is kept where the robot could not move otherwise
 _SLOW = 0.05  # [s] time that a command of speed 0 counts more than one of v_max
 
 
@@ -83,8 +84,8 @@ class MinTime:
         if self._under_way:
             pose, now = self._predict(now, observation.limits)
             subgoal, points = to_robot(subgoal, pose), to_robot(points, pose)
-        v, omega = self._choose(subgoal, points, now, observation.limits)
-        command = limited(v, omega, observation._replace(twist=now), self._robot.dt)
+        wanted = self._choose(subgoal, points, now, observation.limits)
+        command = limited(*wanted, observation._replace(twist=now), self._robot.dt)
         self._under_way.append(command)
         return command
 
@@ -98,18 +99,23 @@ class MinTime:
             pose, now = Pose(*way[-1].tolist()), Twist(*twist)
         return pose, _at_rest(now)
 
-    def _choose(self, subgoal: Floats, points: Floats, now: Twist, limits: Limits) -> tuple[float, float]:
+    def _choose(self, subgoal: Floats, points: Floats, now: Twist, limits: Limits) -> Twist:
+        """The best command with all of the margin; if that is to stand still, with `_TIGHT` of it."""
+        wide = self._best(subgoal, points, now, limits, 1.0)
+        return wide if any(wide) else self._best(subgoal, points, now, limits, _TIGHT)
+
+    def _best(self, subgoal: Floats, points: Floats, now: Twist, limits: Limits, share: float) -> Twist:
         config, dt = self._config, self._robot.dt
         low = max(now.v - limits.alpha_v * dt, 0.0)
         v = low + (max(min(now.v + limits.alpha_v * dt, limits.v_max), low) - low) * self._v_share
         estimate = Estimate(limits.v_max, config.turn, dt, max(config.horizon, dt), _SLOW)
-        brake = min(config.brake, limits.alpha_v)
-        safety = Safety(config.margin, config.margin_time, brake, limits.alpha_omega, config.grip)
-        omega = self._turn_rates(now, limits)
-        best = best_twist(v, omega, subgoal, points, self._robot.footprint.box, estimate, safety)
-        if math.isfinite(best[2]):
-            return best[0], best[1]
-        return 0.0, now.omega * low / now.v if now.v > 0.0 else 0.0
+        margin, brake = share * config.margin, min(config.brake, limits.alpha_v)
+        safety = Safety(margin, config.margin_time, brake, limits.alpha_omega, config.grip)
+        omega, box = self._turn_rates(now, limits), self._robot.footprint.box
+        best_v, best_omega, time = best_twist(v, omega, subgoal, points, box, estimate, safety)
+        if math.isfinite(time):
+            return Twist(best_v, best_omega)
+        return Twist(0.0, now.omega * low / now.v if now.v > 0.0 else 0.0)
 
     def _turn_rates(self, now: Twist, limits: Limits) -> Floats:
         """Turn rates that are reachable in one period; the one nearest to 0 is set to 0 if 0 is among them."""

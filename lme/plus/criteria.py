@@ -18,6 +18,7 @@ from lme.plus.travel import Field
 from lme.types import Floats, Pose
 
 _ORIGIN = np.zeros(2)
+TIGHT = 0.2  # share of the margins that is kept where there is no other way
 
 
 class Sight(NamedTuple):
@@ -58,9 +59,15 @@ def a_rest(candidates: Floats, sight: Sight) -> Floats:
 
 
 def c_o(candidates: Floats, sight: Sight) -> Floats:
-    """Collision-free reachability: 1 if the footprint can turn to the candidate and drive straight there, else 0."""
+    """Collision-free reachability: 1 if the footprint can turn to the candidate and drive straight there, else 0.
+
+    If there is no such candidate, those that can be reached with the margins times `TIGHT` have 1/2.
+    """
     free = straight_ways(candidates, sight.points, sight.box, sight.margin, sight.turn_margin)
-    return free.astype(np.float64)
+    if free.any():
+        return free.astype(np.float64)
+    margins = TIGHT * sight.margin, TIGHT * sight.turn_margin
+    return 0.5 * straight_ways(candidates, sight.points, sight.box, *margins)
 
 
 CRITERIA: Mapping[str, Criterion] = {"a_reach": a_reach, "a_dev": a_dev, "a_rest": a_rest, "c_o": c_o}

@@ -13,7 +13,7 @@ from lme.robots import Robot
 from lme.sensing.scan_points import obstacle_points
 from lme.types import Floats, Observation, Pose, Twist
 
-_SLACK = 0.15  # [m] a beam that ends this much beyond a remembered point contradicts it
+_SLACK = 0.15  # [m] a beam that ends less than this before a remembered point has seen its surface anew
 
 
 @dataclass(slots=True)
@@ -34,7 +34,7 @@ class Memory:
 
     The frame is carried by the mean twist of each control period (UpdatePos, paper §III.D, with the turn's middle
     heading). It drifts like any dead reckoning, so only near and recent points can be relied on. A point is forgotten
-    when a beam passes through it.
+    as soon as the scan sees its place: so it is kept behind obstacles and in the blind arc.
     """
 
     def __init__(self, config: MemoryConfig, robot: Robot) -> None:
