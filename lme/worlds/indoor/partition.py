@@ -27,15 +27,15 @@ def room(tile: Rectangle) -> Rectangle:
 
 
 def borders(tiles: Sequence[Rectangle], passage: int) -> list[Border]:
-    """The borders of all tiles that are long enough for a door `passage` cells wide."""
-    found = []
+    """The borders of all tiles that are long enough for a door, `passage` cells wide or more."""
+    found, least = [], max(passage, DOOR[0]) + 2 * JAMB
     for (i, a), (j, b) in permutations(enumerate(tiles), 2):
         first, second = room(a), room(b)
         x0, y0 = max(first.x0, second.x0), max(first.y0, second.y0)
         x1, y1 = min(first.x1, second.x1), min(first.y1, second.y1)
-        if a.x1 == b.x0 and y1 - y0 >= passage + 2 * JAMB:
+        if a.x1 == b.x0 and y1 - y0 >= least:
             found.append(Border((i, j), Rectangle(a.x1, y0, second.x0, y1)))
-        if a.y1 == b.y0 and x1 - x0 >= passage + 2 * JAMB:
+        if a.y1 == b.y0 and x1 - x0 >= least:
             found.append(Border((i, j), Rectangle(x0, a.y1, x1, second.y0)))
     return found
 
