@@ -13,6 +13,7 @@ MAPS = {  # name in the id: map set, and the robot that drives there unless anot
     "Env1": ("env1", "stage"),
     "Env2": ("env2", "stage"),
     "Traps": ("traps", "stage"),
+    "Indoor": ("indoor", "turtlebot2"),
     "Real1": ("real1", "turtlebot2"),
     "Real1Dynamic": ("real1_dynamic", "turtlebot2"),
     "Real2": ("real2", "turtlebot2"),

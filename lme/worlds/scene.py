@@ -67,13 +67,16 @@ class Scene(Starts):
         path = _path(config)
         self._radius = STAGE_RADIUS if config.radius is None else config.radius
         drawing, space = _surveyed(path, path.stat().st_mtime_ns, self._radius, config.grid)
-        name = config.name or path.stem
-        super().__init__(name, config, drawing.plan.world, space, drawing.start, drawing.goal)
+        self._site = drawing.plan.world, space
+        super().__init__(config.name or path.stem, config, self._same, drawing.start, drawing.goal)
 
     @property
     def name(self) -> str:
         """What the records call this scene."""
         return self._name
+
+    def _same(self, number: int) -> tuple[World, FreeSpace]:
+        return self._site
 
     def task(self, number: int) -> Task:
         """As `Starts.task`. Raises InputError also if a mover stands at the start."""

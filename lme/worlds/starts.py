@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +15,8 @@ from lme.worlds.sampling import FreeSpace
 from lme.worlds.world import Task, World
 
 STAGE_RADIUS = 0.2  # [m] of the paper's robot (§IV.A)
+
+Place = Callable[[int], tuple[World, FreeSpace]]  # from a number to the world and its free space
 
 
 @dataclass(slots=True)
@@ -41,12 +44,10 @@ class StartsConfig(PacedRules):
 class Starts:
     """The same task from another start under every number. Start n does not depend on which others are chosen."""
 
-    def __init__(
-        self, name: str, config: StartsConfig, world: World, space: FreeSpace, start: Floats, goal: Floats
-    ) -> None:
+    def __init__(self, name: str, config: StartsConfig, place: Place, start: Floats, goal: Floats) -> None:
         """name: of the map, in its tasks. start, goal: (2,) [m]; starts are drawn around `start`."""
         self.config = config
-        self._name, self._world, self._space = name, world, space
+        self._name, self._place = name, place
         self._start, self._goal = start, goal
         self._numbers = config.numbers(range(config.starts))
 
@@ -66,11 +67,12 @@ class Starts:
         straight = math.dist(start[:2], self._goal)
         where = f"map {self._name}, start {number}"
         check_apart(where, straight, self.config)
-        length = self._space.checked_length(where, start, self._goal)
+        world, space = self._place(number)
+        length = space.checked_length(where, start, self._goal)
         return self.config.task(
             self._name,
             number,
-            self._world,
+            world,
             start,
             self._goal.copy(),
             length=length,

@@ -16,7 +16,8 @@ from lme.resources import resource_dir
 from lme.sim.fast import FastConfig, FastSimulator
 from lme.types import Outcome
 from lme.worlds.check import check_task
-from lme.worlds.traps import DRAWINGS, Traps, TrapsConfig
+from lme.worlds.trap_shapes import DRAWINGS
+from lme.worlds.traps import KINDS, Traps, TrapsConfig
 from runners.config.instantiate import build
 from tests.builders import SHIPPED, navigator, shipped, stage
 
@@ -83,12 +84,27 @@ def test_a_door_is_as_wide_as_the_robot_and_the_margin():
 
 
 def test_the_names_on_record_tell_the_traps_apart():
-    assert {traps(kind=kind).task(0).map_name for kind in DRAWINGS} == {
-        "trap_u", "trap_wall", "trap_door", "trap_zigzag"
+    assert {traps(kind=kind).task(0).map_name for kind in KINDS} == {
+        "trap_u", "trap_wall", "trap_door", "trap_zigzag", "trap_mixed"
     }  # fmt: skip
 
 
-@pytest.mark.parametrize("kind", DRAWINGS)
+@pytest.mark.parametrize(("radius", "door_margin"), [(0.2, 0.3), (0.5, 1.0)])
+def test_every_mixed_trap_leaves_a_way_around(radius, door_margin):
+    mixed = traps(kind="mixed", starts=30, radius=radius, door_margin=door_margin, grid=0.1, lateral=0.5)
+    for number in mixed.numbers:
+        assert 7.0 < mixed.task(number).shortest_path_length < 30.0
+
+
+def test_a_mixed_trap_does_not_depend_on_the_others():
+    def walls(number, **keys):
+        return traps(kind="mixed", **keys).task(number).world.segments.tolist()
+
+    assert walls(3, worlds=[900, 3]) == walls(3)
+    assert walls(3, start_seed=1) != walls(3)
+
+
+@pytest.mark.parametrize("kind", KINDS)
 def test_heading_straight_for_the_goal_does_not_get_there(kind):
     assert Outcome.SUCCESS not in outcomes(
         traps(kind=kind), range(5), lambda robot: navigator(robot, "target")
@@ -101,7 +117,7 @@ def test_lme_escapes(kind):
     assert ended.count(Outcome.SUCCESS) >= PUBLISHED_SHARE * len(ended)
 
 
-@pytest.mark.parametrize("kind", DRAWINGS)
+@pytest.mark.parametrize("kind", KINDS)
 def test_tangent_bug_escapes_from_every_trap(kind):
     assert set(outcomes(traps(kind=kind), range(5), bug)) == {Outcome.SUCCESS}
 
@@ -117,7 +133,7 @@ def test_every_key_stands_in_the_yaml_with_a_comment():
 @pytest.mark.parametrize(
     ("keys", "right"),
     [
-        ({"kind": "maze"}, "map.kind is 'maze': must be one of u, wall, door, zigzag"),
+        ({"kind": "maze"}, "map.kind is 'maze': must be one of u, wall, door, zigzag, mixed"),
         ({"starts": 0}, "map.starts is 0: must be at least 1"),
         ({"worlds": [1, 1]}, "map.worlds is [1, 1]: must be different numbers"),
         ({"worlds": []}, "map.worlds is []: must be different numbers"),

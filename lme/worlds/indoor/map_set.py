@@ -1,0 +1,148 @@
+"""Generated buildings as a map set: another building, start and goal under every number."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from lme.errors import InputError, require
+from lme.types import Floats, Pose
+from lme.worlds.indoor.building import Building
+from lme.worlds.indoor.cells import CELL_M
+from lme.worlds.indoor.corridors import corridors
+from lme.worlds.indoor.floor_plans import floor_plans
+from lme.worlds.indoor.offices import offices
+from lme.worlds.rules import PacedRules, check_chosen
+from lme.worlds.sampling import Configuration, FreeSpace
+from lme.worlds.starts import STAGE_RADIUS
+from lme.worlds.world import Task, World
+
+KINDS: dict[str, Callable[[np.random.Generator, int], Building]] = {
+    "corridors": corridors,
+    "offices": offices,
+    "floor_plan": floor_plans,
+}
+PAIRS_TRIED = 200  # of start and goal, before their distance counts as impossible
+
+
+@dataclass(slots=True)
+class IndoorConfig(PacedRules):
+    """Keys of `conf/map/indoor.yaml`."""
+
+    kind: str = "offices"  # corridors | offices | floor_plan
+    count: int = 100  # numbers 0, 1, …
+    building_seed: int = 0  # seed of the worlds
+    min_distance: float = 6.0  # [m] from start to goal, in a straight line
+    max_distance: float = 18.0  # [m]
+    radius: float | None = None  # [m] of the disc that must be able to reach the goal; None: STAGE_RADIUS
+    passage_margin: float = 0.3  # [m] by which every way is at least wider than the disc of `radius`
+    margin: float = 0.1  # [m] more than radius, kept free around start and goal
+    grid: float = 0.05  # [m] between the points that starts, goals and shortest paths are made of
+    time_limit: float = 240.0  # [s]
+
+    def __post_init__(self) -> None:
+        PacedRules.__post_init__(self)  # super() fails in a dataclass with slots
+        if self.kind not in KINDS:
+            raise InputError(f"map.kind is {self.kind!r}: must be one of {', '.join(KINDS)}")
+        require("map.count", self.count, at_least=1)
+        for key in ("building_seed", "min_distance", "margin"):
+            require(f"map.{key}", getattr(self, key), at_least=0.0)
+        require("map.max_distance", self.max_distance, at_least=self.min_distance)
+        if self.radius is not None:
+            require("map.radius", self.radius, above=0.0, at_most=0.4)
+        require("map.grid", self.grid, above=0.0)
+        require("map.passage_margin", self.passage_margin, at_least=2 * self.grid, at_most=0.5)
+
+
+class Indoor:
+    """Worlds by number. World n does not depend on which others are chosen."""
+
+    Config = IndoorConfig
+
+    def __init__(self, config: IndoorConfig) -> None:
+        self.config = config
+        self._name = f"indoor_{config.kind}"
+        self._numbers = config.numbers(range(config.count))
+
+    @property
+    def numbers(self) -> tuple[int, ...]:
+        """The numbers of the chosen worlds."""
+        return self._numbers
+
+    def task(self, number: int) -> Task:
+        """World `number`; its building and its shortest path are computed once.
+
+        Raises InputError for a number that was not chosen, and for distances that start and goal cannot have.
+        """
+        check_chosen(number, self._numbers, "world", self._name)
+        config = self.config
+        radius = STAGE_RADIUS if config.radius is None else config.radius
+        stream = (config.building_seed, list(KINDS).index(config.kind), number)
+        distances = (config.min_distance, config.max_distance)
+        site = _site(
+            stream, config.kind, radius, config.passage_margin, config.margin, config.grid, distances
+        )
+        straight = math.dist(site.start[:2], site.goal)
+        return config.task(
+            self._name,
+            number,
+            site.world,
+            site.start,
+            site.goal.copy(),
+            length=site.length,
+            speed=config.speed,
+            measures={"straight_m": straight, "detour": site.length / straight},
+        )
+
+
+class _Site(NamedTuple):
+    """A building with a start, a goal (2,) and the length of the shortest path between them [m]."""
+
+    world: World
+    start: Pose
+    goal: Floats
+    length: float
+
+
+@lru_cache(maxsize=256)
+def _site(
+    stream: tuple[int, ...],
+    kind: str,
+    radius: float,
+    passage_margin: float,
+    margin: float,
+    grid: float,
+    distances: tuple[float, float],
+) -> _Site:
+    """The world of a random stream, drawn once per process."""
+    rng = np.random.default_rng(np.random.SeedSequence(stream))
+    building = KINDS[kind](rng, math.ceil((2 * radius + passage_margin) / CELL_M - 1e-9))
+    plan = building.floor_plan()
+    space = FreeSpace(plan, grid, radius, margin)
+    start, goal = _start_and_goal(rng, building, space, distances)
+    return _Site(plan.world, start, goal, space.path_length(start, goal))
+
+
+def _start_and_goal(
+    rng: np.random.Generator, building: Building, space: FreeSpace, distances: tuple[float, float]
+) -> Configuration:
+    """A start and a goal in different rooms, at these least and greatest distances [m].
+
+    Raises InputError if there are none.
+    """
+    least, most = distances
+    for _ in range(PAIRS_TRIED):
+        found = space.draw(rng, least)
+        ends = np.array(found.start[:2]), found.goal
+        together = any(all(map(room.holds, ends)) for room in building.rooms)
+        if not together and math.dist(*ends) <= most:
+            return found
+    raise InputError(
+        f"map.max_distance is {most:g} m: must be a distance that start and goal can have in different rooms of "
+        f"each building (map.min_distance is {least:g} m)"
+    )

@@ -1,0 +1,33 @@
+"""Rectangles of cells."""
+
+import numpy as np
+import pytest
+
+from lme.worlds.indoor.cells import Rectangle, drawn
+
+BOX = Rectangle(2, 4, 6, 5)
+
+
+def test_moved_and_grown():
+    assert BOX.size == (4, 1)
+    assert BOX.grown(2) == (0, 2, 8, 7)
+    assert BOX.shifted(-2, 1) == (0, 5, 4, 6)
+    assert BOX.transposed() == (4, 2, 5, 6)
+
+
+@pytest.mark.parametrize(
+    ("other", "meets"),
+    [((5, 4, 9, 9), True), ((6, 4, 9, 9), False), ((2, 5, 6, 6), False), ((0, 0, 9, 9), True)],
+)
+def test_touching_is_not_meeting(other, meets):
+    assert BOX.meets(Rectangle(*other)) == Rectangle(*other).meets(BOX) == meets
+
+
+def test_it_holds_places_in_metres():
+    assert BOX.holds(np.array([0.2, 0.22]))
+    assert not BOX.holds(np.array([0.2, 0.26]))
+
+
+def test_both_bounds_are_drawn():
+    rng = np.random.default_rng(0)
+    assert {drawn(rng, (3, 5)) for _ in range(50)} == {3, 4, 5}

@@ -1,0 +1,111 @@
+"""Generated buildings as a map set."""
+
+import math
+
+import numpy as np
+import pytest
+import yaml
+
+from lme.episode import run_episode
+from lme.errors import InputError
+from lme.guides.tangent_bug import TangentBug, TangentBugConfig
+from lme.navigator import Navigator
+from lme.planners.simple import Simple, SimpleConfig
+from lme.resources import resource_dir
+from lme.sim.fast import FastConfig, FastSimulator
+from lme.types import Outcome
+from lme.worlds.check import check_task, point_clearance
+from lme.worlds.indoor import Indoor, IndoorConfig
+from lme.worlds.indoor.map_set import KINDS
+from runners.config.instantiate import build
+from tests.builders import SHIPPED, shipped, stage
+from tests.tolerances import KERNEL
+
+
+def indoor(**keys):
+    return Indoor(IndoorConfig(**keys))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("name", SHIPPED)
+def test_every_robot_can_begin_and_a_way_exists(kind, name):
+    robot = shipped(name)
+    radius = robot.footprint.r_max
+    chosen = indoor(kind=kind, radius=radius)
+    assert chosen.numbers == tuple(range(100))
+    for number in (0, 99):
+        task = chosen.task(number)
+        check_task(task, robot)
+        assert task.map_name == f"indoor_{kind}"
+        assert 6.0 - KERNEL <= task.measures["straight_m"] <= 18.0
+        assert 1.0 - KERNEL <= task.measures["detour"] < 6.0
+        assert task.optimal_time == task.shortest_path_length / 0.5
+        for place in (np.array(task.start[:2]), task.goal):
+            assert point_clearance(task.world, place) >= radius + 0.1 - KERNEL
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_number_means_the_same_whatever_else_is_chosen(kind):
+    def drawn(number, **keys):
+        task = indoor(kind=kind, **keys).task(number)
+        return task.start, task.goal.tolist(), task.shortest_path_length, task.world.edges.tolist()
+
+    assert drawn(3, worlds=[900, 3]) == drawn(3, count=4)
+    assert drawn(3) != drawn(4)
+    assert drawn(3) != drawn(3, building_seed=1)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_tangent_bug_arrives(kind):
+    robot = stage()
+    task = indoor(kind=kind, radius=robot.footprint.r_max).task(1)
+    bug = Navigator(TangentBug(TangentBugConfig(), robot), Simple(SimpleConfig(), robot))
+    episode = run_episode(task, bug, FastSimulator(FastConfig(), robot), np.random.default_rng(0))
+    assert episode.outcome is Outcome.SUCCESS
+
+
+def test_the_yaml_builds_what_ships():
+    written = yaml.safe_load((resource_dir("conf") / "map" / "indoor.yaml").read_text("utf-8"))
+    assert build(written, "map").config == IndoorConfig()
+
+
+@pytest.mark.parametrize(
+    ("keys", "right"),
+    [
+        ({"kind": "maze"}, "map.kind is 'maze': must be one of corridors, offices, floor_plan"),
+        ({"count": 0}, "map.count is 0: must be at least 1"),
+        ({"worlds": [1, 1]}, "map.worlds is [1, 1]: must be different numbers"),
+        ({"building_seed": -1}, "map.building_seed is -1: must be at least 0"),
+        ({"min_distance": -1.0}, "map.min_distance is -1: must be at least 0"),
+        ({"max_distance": 5.0}, "map.max_distance is 5: must be at least 6"),
+        ({"radius": 0.5}, "map.radius is 0.5: must be greater than 0 and at most 0.4"),
+        ({"passage_margin": 0.05}, "map.passage_margin is 0.05: must be at least 0.1"),
+        ({"passage_margin": 0.6}, "map.passage_margin is 0.6: must be"),
+        ({"margin": math.nan}, "map.margin is nan: must be"),
+        ({"grid": 0.0}, "map.grid is 0: must be greater than 0"),
+        ({"time_limit": 0.0}, "map.time_limit is 0"),
+    ],
+)
+def test_a_mistake_is_one_line(keys, right):
+    with pytest.raises(InputError) as error:
+        IndoorConfig(**keys)
+    assert right in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("keys", "right"),
+    [
+        ({"min_distance": 40.0, "max_distance": 50.0}, "map.min_distance is 40 m: must be a distance"),
+        ({"min_distance": 0.0, "max_distance": 0.1}, "map.max_distance is 0.1 m: must be a distance"),
+    ],
+)
+def test_distances_that_no_building_has_are_refused(keys, right):
+    with pytest.raises(InputError) as error:
+        indoor(**keys).task(0)
+    assert right in str(error.value)
+
+
+def test_a_number_that_was_not_chosen_is_refused():
+    with pytest.raises(InputError, match="world 100 is not among the chosen ones of map indoor_offices"):
+        indoor().task(100)
