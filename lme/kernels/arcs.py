@@ -60,11 +60,15 @@ def first_contacts(
     margins: Floats,
     least: Floats,
     horizons: Floats,
+    slack: float = SLACK,
 ) -> Floats:
-    """`contact_times` for compiled callers. Points are sorted by distance, so that a contact ends the search early."""
+    """`contact_times` for compiled callers; a point inside the margin must keep `slack` of its distance.
+
+    Points are sorted by distance, so that a contact ends the search early.
+    """
     r_max = math.hypot(box[0], box[1]) + box[2] + margins.max()
     near, ranges = _nearest_first(points, _reach(twists, horizons) + r_max)
-    gaps = clearances(near, box)
+    kept = slack * clearances(near, box)
     times = np.empty(len(twists))
     for i in range(len(twists)):
         v, omega = twists[i, 0], twists[i, 1]
@@ -72,10 +76,10 @@ def first_contacts(
             times[i] = np.inf
         elif abs(omega) < STRAIGHT * v:
             ways = v * least[i], v * horizons[i]
-            times[i] = _straight(near, ranges, gaps, box, margins[i], ways) / v
+            times[i] = _straight(near, ranges, kept, box, margins[i], ways) / v
         else:
             turns = abs(omega) * least[i], abs(omega) * horizons[i]
-            times[i] = _turn(near, ranges, gaps, box, margins[i], v / omega, turns) / abs(omega)
+            times[i] = _turn(near, ranges, kept, box, margins[i], v / omega, turns) / abs(omega)
     return times
 
 
@@ -100,13 +104,13 @@ def _nearest_first(points, reach):
 
 
 @njit(cache=True, error_model="numpy")
-def _rounding(gap, rounding, margin):
-    """Rounding of the footprint grown by the margin, limited by the point's distance [m]."""
-    return rounding + min(margin, SLACK * gap)
+def _rounding(kept, rounding, margin):
+    """Rounding of the footprint grown by the margin, limited by the distance that the point must keep [m]."""
+    return rounding + min(margin, kept)
 
 
 @njit(cache=True, error_model="numpy")
-def _straight(points, ranges, gaps, box, margin, limits):
+def _straight(points, ranges, kept, box, margin, limits):
     """Distance straight ahead until contact [m]. limits: below the first, any contact counts; inf beyond the second."""
     enough, limit = limits
     half_length, half_width, rounding = box
@@ -115,9 +119,9 @@ def _straight(points, ranges, gaps, box, margin, limits):
     for i in range(len(points)):
         if ranges[i] > best + r_max:
             break
-        if gaps[i] <= 0.0:
+        if kept[i] <= 0.0:
             return 0.0
-        r = _rounding(gaps[i], rounding, margin)
+        r = _rounding(kept[i], rounding, margin)
         beside = abs(points[i, 1]) - half_width
         if points[i, 0] <= 0.0 or beside > r:
             continue
@@ -131,7 +135,7 @@ def _straight(points, ranges, gaps, box, margin, limits):
 
 
 @njit(cache=True, error_model="numpy")
-def _turn(points, ranges, gaps, box, margin, radius, limits):
+def _turn(points, ranges, kept, box, margin, radius, limits):
     """Angle about the centre until contact [rad], at most a full circle; limits as in `_straight`."""
     enough, limit = limits
     half_length, half_width, rounding = box
@@ -146,7 +150,7 @@ def _turn(points, ranges, gaps, box, margin, radius, limits):
     for i in range(len(points)):
         if ranges[i] > min(best, 2.0) * R + r_max:  # the chord is at most 2R
             break
-        if gaps[i] <= 0.0:
+        if kept[i] <= 0.0:
             return 0.0
         x, y = points[i, 0], side * points[i, 1]
         square = x * x + y * y - 2.0 * R * y  # squared distance from the centre, minus R²
@@ -156,7 +160,7 @@ def _turn(points, ranges, gaps, box, margin, radius, limits):
             continue
         if x < 0.0 and leaving and (y > 0.0 or x < -front):  # already behind
             continue
-        r = _rounding(gaps[i], rounding, margin)
+        r = _rounding(kept[i], rounding, margin)
         angle = _entry(x, y, square, R, half_length, half_width, r)
         if angle <= best:
             best, found = angle, angle

@@ -7,6 +7,7 @@ import numpy as np
 from numba import njit
 
 from lme.kernels.arcs import first_contacts
+from lme.kernels.straight_ways import KEPT
 from lme.types import Floats
 
 _HOLDS = 5  # number of times for which a command is tried, from one period to the horizon
@@ -29,8 +30,8 @@ class Estimate(NamedTuple):
 class Safety(NamedTuple):
     """What makes a command safe.
 
-    Along its arc the outline grown by margin + margin_time · v does not touch a point for one period and the time to
-    stop, at `brake` [m/s²] and alpha_omega [rad/s²]. v · |ω| is at most `grip` [m/s²], if a slower command is in reach.
+    Along its arc the outline, grown by margin + margin_time · (v + r_max |ω|), touches no point for one period and the time
+    to stop, at `brake` [m/s²] and alpha_omega [rad/s²]. v · |ω| is at most `grip` [m/s²], if a slower command is in reach.
     """
 
     margin: float
@@ -55,15 +56,15 @@ def best_twist(
     v (V,), rising, and omega (W,): all pairs are tried [m/s, rad/s]; subgoal (2,), points (M, 2) in the robot frame [m];
     box: footprint (half_length, half_width, rounding) [m].
     """
-    count = len(v) * len(omega)
+    count, r_max = len(v) * len(omega), math.hypot(box[0], box[1])  # a turning disc stays in its place
     twists, margins, stops = np.empty((count, 2)), np.empty(count), np.empty(count)
     for n in range(count):
         speed, rate = v[n // len(omega)], omega[n % len(omega)]
         twists[n, 0], twists[n, 1] = speed, rate
-        margins[n] = safety.margin + safety.margin_time * speed
+        margins[n] = safety.margin + safety.margin_time * (speed + r_max * abs(rate))
         braking = max(speed / (2.0 * safety.brake), abs(rate) / (2.0 * safety.alpha_omega))
         stops[n] = estimate.period + braking
-    free = first_contacts(twists, points, box, margins, stops, stops + estimate.horizon) - stops
+    free = first_contacts(twists, points, box, margins, stops, stops + estimate.horizon, KEPT) - stops
     best, chosen = np.inf, 0
     for n in range(count):
         speed, rate = twists[n, 0], twists[n, 1]

@@ -9,7 +9,7 @@ from lme.kernels.arcs import first_contacts
 from lme.kernels.fan import fan_blocked
 from lme.types import Bools, Floats
 
-_KEPT = 0.95  # share of its distance that a point beside the robot keeps on a free way
+KEPT = 0.98  # share of its distance that a point inside the margin keeps
 
 
 @njit(cache=True, error_model="numpy")
@@ -34,12 +34,12 @@ def straight_ways(
     beside = away < width
     blocked = fan_blocked(origin, ends, points[~beside], width)
     if beside.any():
-        blocked |= fan_blocked(origin, ends, points[beside], _KEPT * away[beside].min())
+        blocked |= fan_blocked(origin, ends, points[beside], KEPT * away[beside].min())
     near = points[away < reach]
     if half_length > 0.0 and len(near):
         turns = np.array([[0.0, 1.0], [0.0, -1.0]])
         margins, zeros, full = np.full(2, turn_margin), np.zeros(2), np.full(2, 2.0 * math.pi)
-        left, right = first_contacts(turns, near, box, margins, zeros, full)
+        left, right = first_contacts(turns, near, box, margins, zeros, full, KEPT)
         for n in range(len(places)):
             bearing = math.atan2(places[n, 1], places[n, 0])
             blocked[n] = blocked[n] or bearing > left or -bearing > right

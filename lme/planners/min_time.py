@@ -10,8 +10,10 @@ import numpy as np
 
 from lme.errors import InputError, require
 from lme.geometry.frames import to_robot
+from lme.kernels.arcs import first_contacts
 from lme.kernels.min_time import Estimate, Safety, best_twist
 from lme.kernels.motion import drive
+from lme.kernels.straight_ways import KEPT
 from lme.planners.commands import limited
 from lme.robots import Robot
 from lme.sensing.scan_points import obstacle_points
@@ -19,7 +21,8 @@ from lme.types import Floats, Guidance, Limits, Observation, Pose, Twist
 
 _STEP = 0.05  # [m] of the prediction over the latency
 _AT_REST = 1e-6  # [m/s, rad/s] slower than this counts as 0
-_TIGHT = 0.2  # share of the margin that is kept where the robot could not move otherwise
+_TIGHT = 0.5  # share of the margin that is kept where the robot could not move otherwise
+_BACKWARD = 0.25  # share of v_max at which the robot backs up
 _SLOW = 0.05  # [s] time that a command of speed 0 counts more than one of v_max
 
 
@@ -30,15 +33,16 @@ class MinTimeConfig:
     horizon: float = 0.5  # [s] a command is held for up to this time
     turn: float = 0.5  # [s/rad] expected time to turn to the subgoal after that
     margin: float = 0.05  # [m] distance to obstacle points at rest
-    margin_time: float = 0.1  # [s] further distance per velocity
+    margin_time: float = 0.1  # [s] further distance per speed of the outline
     brake: float = 3.0  # [m/s²] deceleration that the robot can rely on, at most its limit
     grip: float = 1.0  # [m/s²] greatest v·|ω|, the lateral acceleration
+    back: float = 0.3  # [m] way that a stuck robot backs up
     latency: float = 0.0  # [s] known delay from a command to its effect
     v_samples: int = 7
     omega_samples: int = 15  # odd, so that one of them is in the middle
 
     def __post_init__(self) -> None:
-        for key in ("turn", "margin", "margin_time", "latency"):
+        for key in ("turn", "margin", "margin_time", "back", "latency"):
             require(f"planner.{key}", getattr(self, key), at_least=0.0)
         for key in ("horizon", "brake", "grip"):
             require(f"planner.{key}", getattr(self, key), above=0.0)
@@ -73,6 +77,7 @@ class MinTime:
     def reset(self, rng: np.random.Generator) -> None:
         """Forget the commands; `rng` is not used."""
         periods = math.ceil(self._config.latency / self._robot.dt - 1e-9)
+        self._to_back = 0.0  # [m] that remain
         self._under_way = deque([Twist(0.0, 0.0)] * periods, maxlen=periods)
 
     def plan(self, observation: Observation, guidance: Guidance) -> Twist:
@@ -85,6 +90,8 @@ class MinTime:
             pose, now = self._predict(now, observation.limits)
             subgoal, points = to_robot(subgoal, pose), to_robot(points, pose)
         wanted = self._choose(subgoal, points, now, observation.limits)
+        if self._to_back > 0.0 or (guidance.blocked and not any(wanted)):
+            wanted = self._back_up(points, observation.limits) or wanted
         command = limited(*wanted, observation._replace(twist=now), self._robot.dt)
         self._under_way.append(command)
         return command
@@ -116,6 +123,19 @@ class MinTime:
         if math.isfinite(time):
             return Twist(best_v, best_omega)
         return Twist(0.0, now.omega * low / now.v if now.v > 0.0 else 0.0)
+
+    def _back_up(self, points: Floats, limits: Limits) -> Twist | None:
+        """Straight back for `back`, or as far as known points allow; None where they allow nothing."""
+        speed = _BACKWARD * limits.v_max
+        horizon = np.array([self._robot.dt + speed / min(self._config.brake, limits.alpha_v)])
+        margin, mirrored = np.array([_TIGHT * self._config.margin]), points * [-1.0, 1.0]
+        twist, box = np.array([[speed, 0.0]]), self._robot.footprint.box
+        if first_contacts(twist, mirrored, box, margin, horizon, horizon, KEPT)[0] < horizon[0]:
+            self._to_back = 0.0
+            return None
+        left = self._to_back if self._to_back > 0.0 else self._config.back
+        self._to_back = left - speed * self._robot.dt
+        return Twist(-speed, 0.0)
 
     def _turn_rates(self, now: Twist, limits: Limits) -> Floats:
         """Turn rates that are reachable in one period; the one nearest to 0 is set to 0 if 0 is among them."""
