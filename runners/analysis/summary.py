@@ -22,23 +22,29 @@ if TYPE_CHECKING:
 
 
 class Metric(NamedTuple):
-    """A column of the table. spread: show ± over runs. of_successes: only successful episodes count."""
+    """A column of the table.
+
+    spread: show ± over runs. of_successes: only successful episodes count. spare: left out on a narrow terminal.
+    """
 
     key: str
     header: str
     digits: int
     spread: bool = False
     of_successes: bool = False
+    spare: bool = False
 
 
+SMOOTHNESS = "mean_abs_domega_radps"
 METRICS = (
     Metric("success", "Success", 3, spread=True),
     Metric("collision", "Collision", 3, spread=True),
     Metric("timeout", "Timeout", 3, spread=True),
     Metric("barn_metric", "BARN metric", 3, spread=True),
     Metric("time_s", "Time [s]", 1, of_successes=True),
-    Metric("path_length_m", "Path [m]", 1, of_successes=True),
-    Metric("spl", "SPL", 3),
+    Metric("path_length_m", "Path [m]", 1, of_successes=True, spare=True),
+    Metric("spl", "SPL", 3, spare=True),
+    Metric(SMOOTHNESS, "|Δω| [rad/s]", 3),
 )
 GROUP_KEYS = ("ablation", "weights", "scale", "sim", "robot", "map", "subset", "seed")
 SETTING = ("robot", "map", "subset", "seed")  # the same for all systems of a fair comparison
@@ -179,6 +185,8 @@ def notes(rows: Sequence[Row]) -> list[str]:
         lines.append("± is the standard deviation over runs.")
     lines.append(f"{INTERVAL_HEADER}: {INTERVAL_NOTE}")
     lines.append("Time and path are means over successful episodes.")
+    if any(SMOOTHNESS in row.stats for row in rows):
+        lines.append("|Δω|: mean change of the turn rate from one control step to the next; lower is smoother.")
     lines += changed_notes(rows)
     lines += published.notes({row.published_map for row in rows if row.published_map})
     if any(row.unfinished for row in rows):
