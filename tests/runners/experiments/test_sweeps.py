@@ -39,10 +39,15 @@ def test_the_chart_is_there_and_table_draws_it_anew(sweep, capsys):
     chart = sweep[0] / "comparison.png"
     assert chart.read_bytes().startswith(b"\x89PNG")
     assert (sweep[0] / "comparison.pdf").read_bytes().startswith(b"%PDF")
+    differences = sweep[0] / "comparison.csv"
     before, table = chart.read_bytes(), (sweep[0] / "table.md").read_text()
+    paired = differences.read_text()
     chart.unlink()
+    differences.unlink()
     assert main(["table", str(sweep[0])]) == 0
     assert chart.read_bytes() == before
+    assert differences.read_text() == paired
+    assert "Paired differences from LME, barn" in capsys.readouterr().out
     assert (sweep[0] / "table.md").read_text() == table
 
 
