@@ -52,6 +52,11 @@ class Episode:
     trajectory: Floats
     decision_us: Floats
 
+    @property
+    def turn_rates(self) -> Floats:
+        """(T,) executed turn rate, a column of the trajectory [rad/s]."""
+        return self.trajectory[:, TRAJECTORY_COLUMNS.index("omega_radps")]
+
 
 class Observer(Protocol):
     """Receives every step of a running episode. It must not change anything."""

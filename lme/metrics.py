@@ -1,4 +1,4 @@
-"""Metrics of one episode and of many: the paper's, and SPL and intervals beside them."""
+"""Metrics of one episode and of many: the paper's, and SPL, smoothness and intervals beside them."""
 
 from __future__ import annotations
 
@@ -36,6 +36,16 @@ def spl(success: bool, shortest_m: float, path_m: float) -> float:
         return 0.0
     longest = max(path_m, shortest_m)
     return shortest_m / longest if longest > 0 else 1.0
+
+
+def mean_abs_domega(omega: ArrayLike) -> float:
+    """Smoothness: mean |Δω| between consecutive control steps; lower is smoother.
+
+    omega: (T,) turn rate at each step and at the end of the episode [rad/s]. The mean has the same unit.
+    0 for an episode without a step.
+    """
+    changes = np.abs(np.diff(np.asarray(omega, dtype=np.float64)))
+    return float(changes.mean()) if changes.size else 0.0
 
 
 def reward(outcome: Outcome | str, steps: int, max_steps: int, crash: float, timeout: float) -> float:

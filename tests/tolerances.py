@@ -20,5 +20,5 @@ GAZEBO_TURN_RATE = 0.1  # [rad/s]
 GAZEBO_SIDESLIP = 0.2  # [m/s]
 SWEEPS = 0.02  # [m, m/s, rad/s] two sweeps over the contacts against twenty, or in mirrored order
 LIVE_TIME = (
-    0.15  # [-] relative: median time of ten worlds over ROS, with messages under way, against lme eval
+    0.15  # [-] relative: median time of a few worlds over ROS, with messages under way, against lme eval
 )

@@ -51,7 +51,6 @@ MOST = 3
 ALMOST = 0.02  # of success rate: "almost no effect". ASSUMED: two deviations of the published rate over runs (.009)
 _ANSWERS = {"yes": "Agrees", "in part": "Agrees in part", "no": "Does not agree", "open": "Open"}
 FEWEST = 20  # worlds needed for a verdict if no difference is beyond the noise
-LEAST_P = 0.001  # smaller ones are shown as less than this
 MARGIN = 0.1  # of success rate: an interval that reaches farther may contain the loss that the paper states
 NOTES = (
     f"Said of it: {SOURCE}. Ours is a 2D simulator, not Gazebo, and the paper does not list its hundred worlds.",
@@ -244,8 +243,8 @@ def _change(change: Difference | None) -> list[str]:
         return [DASH] * 4
     if math.isnan(change.adjusted):
         return [signed(change.mean), DASH, DASH, DASH]
-    p = "< 0.001" if change.adjusted < LEAST_P else f"{change.adjusted:.3f}"
-    return [signed(change.mean), interval(change), p, "yes" if change.beyond_noise else "no"]
+    verdict = "yes" if change.beyond_noise else "no"
+    return [signed(change.mean), interval(change), paired.p_value(change), verdict]
 
 
 def _list(study: AblationStudy) -> str:

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 
 SUCCESS, METRIC = "success", "barn_metric"
 LEVEL = 0.05  # significance level; intervals have the confidence 1 − LEVEL
+LEAST_P = 0.001  # smaller ones are shown as less than this
 RESAMPLES = 9999
 SEED = 0
 TIE = 1e-9  # sums that differ by less are equal
@@ -74,18 +75,26 @@ class Block:
 
     @property
     def heading(self) -> str:
-        """The system and the other keys, without map, subset and robot, which the title shows."""
-        shown = {key: value for key, value in self.keys.items() if value and key not in IN_TITLE}
+        """The system and the other keys, without those that the title shows: map, subset, robot, changed keys."""
+        shown = {
+            key: value for key, value in self.keys.items() if value and key not in IN_TITLE and "." not in key
+        }
         return ", ".join(value if key == "system" else f"{key} {value}" for key, value in shown.items())
 
 
-def blocks(frame: pd.DataFrame, column: str, baseline: str) -> Iterator[Block]:
-    """Split records by all other columns that vary. Blocks without the baseline or without a variant are left out."""
+def blocks(
+    frame: pd.DataFrame, column: str, baseline: str, keys: Sequence[str] | None = None
+) -> Iterator[Block]:
+    """Split records by `keys`, and each part by `column`; without the baseline or a variant a part is left out.
+
+    keys: by default the system and all other columns that vary.
+    """
     if column not in frame:
         return
-    keys = ["system", *(key for key in row_keys(frame) if key != column)]
+    if keys is None:
+        keys = ["system", *(key for key in row_keys(frame) if key != column)]
     texts = frame.assign(**{key: as_text(frame[key]) for key in [*keys, column]})
-    for values, group in texts.groupby(keys, sort=False):
+    for values, group in texts.groupby(list(keys), sort=False) if keys else [((), texts)]:
         by_value = {str(value): part for value, part in group.groupby(column, sort=False)}
         without = by_value.pop(baseline, None)
         if without is not None and by_value:
@@ -133,6 +142,13 @@ def signed(value: float) -> str:
 def interval(value: Difference) -> str:
     """ "−0.500 to −0.333"; empty if there is no interval."""
     return "" if math.isnan(value.low) else f"{signed(value.low)} to {signed(value.high)}"
+
+
+def p_value(value: Difference) -> str:
+    """The adjusted p with three decimals; empty if there is none."""
+    if math.isnan(value.adjusted):
+        return ""
+    return f"< {LEAST_P:g}" if value.adjusted < LEAST_P else f"{value.adjusted:.3f}"
 
 
 def row(part: pd.DataFrame) -> Row:

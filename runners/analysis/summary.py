@@ -22,23 +22,29 @@ if TYPE_CHECKING:
 
 
 class Metric(NamedTuple):
-    """A column of the table. spread: show ± over runs. of_successes: only successful episodes count."""
+    """A column of the table.
+
+    spread: show ± over runs. of_successes: only successful episodes count. spare: left out on a narrow terminal.
+    """
 
     key: str
     header: str
     digits: int
     spread: bool = False
     of_successes: bool = False
+    spare: bool = False
 
 
+SMOOTHNESS = "mean_abs_domega_radps"
 METRICS = (
     Metric("success", "Success", 3, spread=True),
     Metric("collision", "Collision", 3, spread=True),
     Metric("timeout", "Timeout", 3, spread=True),
     Metric("barn_metric", "BARN metric", 3, spread=True),
     Metric("time_s", "Time [s]", 1, of_successes=True),
-    Metric("path_length_m", "Path [m]", 1, of_successes=True),
-    Metric("spl", "SPL", 3),
+    Metric("path_length_m", "Path [m]", 1, of_successes=True, spare=True),
+    Metric("spl", "SPL", 3, spare=True),
+    Metric(SMOOTHNESS, "|Δω| [rad/s]", 3),
 )
 GROUP_KEYS = ("ablation", "weights", "scale", "sim", "robot", "map", "subset", "seed")
 SETTING = ("robot", "map", "subset", "seed")  # the same for all systems of a fair comparison
@@ -51,7 +57,7 @@ NAMED = (
     "weights",
     "scale",
     "sim",
-)  # shown even if all rows have the same value, unless that is usual
+)  # shown even if all rows have the same value, unless it is usual
 USUAL = frozenset({"none", "published", "fast", ""})
 
 
@@ -163,13 +169,10 @@ def numbers(row: Row) -> dict[str, float]:
 
 def title(frame: pd.DataFrame) -> str:
     """What all rows have in common (map, subset, robot, changed keys), and the numbers of worlds and runs."""
-    common = [
-        str(frame[key].iloc[0])
-        for key in ("map", "subset", "robot")
-        if key in frame and frame[key].nunique() == 1 and str(frame[key].iloc[0])
-    ]
-    changes = [f"{key}={frame[key].iloc[0]}" for key in changed_columns(frame) if frame[key].nunique() == 1]
-    return " · ".join([*common, *changes, f"{_counted(frame, 'world')} {TIMES} {_counted(frame, 'run')}"])
+    shown = [key for key in ("map", "subset", "robot") if key in frame] + changed_columns(frame)
+    values = {key: str(frame[key].iloc[0]) for key in shown if frame[key].nunique() == 1}
+    common = [f"{key}={value}" if "." in key else value for key, value in values.items() if value]
+    return " · ".join([*common, f"{_counted(frame, 'world')} {TIMES} {_counted(frame, 'run')}"])
 
 
 def notes(rows: Sequence[Row]) -> list[str]:
@@ -179,6 +182,10 @@ def notes(rows: Sequence[Row]) -> list[str]:
         lines.append("± is the standard deviation over runs.")
     lines.append(f"{INTERVAL_HEADER}: {INTERVAL_NOTE}")
     lines.append("Time and path are means over successful episodes.")
+    if any(SMOOTHNESS in row.stats for row in rows):
+        lines.append(
+            "|Δω|: mean change of the turn rate from one control step to the next; lower is smoother."
+        )
     lines += changed_notes(rows)
     lines += published.notes({row.published_map for row in rows if row.published_map})
     if any(row.unfinished for row in rows):
@@ -194,9 +201,8 @@ def row_keys(frame: pd.DataFrame) -> list[str]:
         if (key in NAMED and not set(as_text(frame[key])) <= USUAL) or _varies(frame, key)
     ]
     if "run_dir" in frame and frame.duplicated(["system", *keys, "world", "run"]).any():
-        keys.append(
-            "run_dir"
-        )  # two runs of the same config, or of configs that differ in a key without a column
+        # two runs of the same config, or of configs that differ in a key without a column
+        keys.append("run_dir")
     return keys
 
 

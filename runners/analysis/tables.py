@@ -90,15 +90,12 @@ def to_latex(rows: Sequence[Row]) -> str:
 
 
 def to_rich(rows: Sequence[Row], heading: str, width: int) -> rich.table.Table:
-    """The table for a terminal of `width` columns, at least 80. If it is too wide, ± stands below its mean."""
+    """The table for a terminal of `width` columns, at least 80; what does not fit is folded, then left out."""
     from rich.box import SIMPLE_HEAD
     from rich.table import Table
     from rich.text import Text
 
-    columns, gap = list(zip(*_cells(rows, " ±"), strict=True)), GAP
-    if _width(columns, gap) > width:
-        columns = [_folded(column) for column in zip(*_cells(rows, " ±", f" {DASH}"), strict=True)]
-        gap = GAP if _width(columns, GAP) <= width else 1
+    columns, gap = _fitting(rows, width)
     table = Table(title=Text(heading), caption=Text("\n".join(notes(rows))), caption_justify="left")
     table.box, table.show_edge, table.pad_edge, table.padding = SIMPLE_HEAD, False, False, (0, gap - 1, 0, 0)
     # Text, not str: Rich would read a unit in brackets as markup.
@@ -161,6 +158,20 @@ def _compares_planners(rows: Sequence[Row]) -> bool:
     return len(names) > 1 or any(row.global_planner != "no" for row in rows)
 
 
+def _fitting(rows: Sequence[Row], width: int) -> tuple[list[tuple[str, ...]], int]:
+    """Columns and the gap between them for `width` characters: ± below its mean, then without spare metrics."""
+    columns = list(zip(*_cells(rows, " ±"), strict=True))
+    if _width(columns, GAP) <= width:
+        return columns, GAP
+    columns = list(zip(*_cells(rows, " ±", f" {DASH}"), strict=True))
+    spare = [metric.header for metric in METRICS if metric.spare]
+    for gap, left_out in ((GAP, []), (1, []), (1, spare)):
+        folded = [_folded(column) for column in columns if column[0] not in left_out]
+        if _width(folded, gap) <= width:
+            break
+    return folded, gap
+
+
 def _width(columns: Sequence[Sequence[str]], gap: int) -> int:
     """Width of the table on the terminal, in characters."""
     widest = (max(len(line) for cell in column for line in cell.split("\n")) for column in columns)
@@ -186,6 +197,11 @@ def _escape_pipe(cells: Sequence[str]) -> list[str]:
 
 
 def _escape_latex(cell: str) -> str:
-    for plain, escaped in (("\\", r"\textbackslash "), ("±", r"$\pm$"), (DASH, "--")):
+    for plain, escaped in (
+        ("\\", r"\textbackslash "),
+        ("±", r"$\pm$"),
+        (DASH, "--"),
+        ("|Δω|", r"$|\Delta\omega|$"),
+    ):
         cell = cell.replace(plain, escaped)
     return "".join(f"\\{letter}" if letter in "_%&#{}" else letter for letter in cell)

@@ -65,8 +65,8 @@ def report(frame: pd.DataFrame, rows: Sequence[Row], run_dirs: Sequence[Path], p
 
 
 def _studied(frame: pd.DataFrame, place: Path) -> Report:
-    """The studies of ablations, scales and values of a key, if the records have any."""
-    from runners.analysis import ablation, curves, sensitivity
+    """The studies of systems, ablations, scales and values of a key, if the records have any."""
+    from runners.analysis import ablation, comparison, curves, sensitivity
     from runners.figures.reports.ablation import ablation_figure
     from runners.figures.reports.curves import curves_figure
     from runners.figures.reports.sensitivity import sensitivity_figure
@@ -74,13 +74,15 @@ def _studied(frame: pd.DataFrame, place: Path) -> Report:
     files: list[Path] = []
     words: list[str] = []
     for study, figure in (
+        (comparison, None),  # the chart of the table shows the systems
         (ablation, ablation_figure),
         (sensitivity, sensitivity_figure),
         (curves, curves_figure),
     ):
         found = study.studies(frame)
         if found:
-            files += [*study.write(found, place), *figure(found, place)]
+            files += study.write(found, place)
+            files += figure(found, place) if figure else []
             words += study.words(found)
     return Report(files, words)
 

@@ -60,6 +60,7 @@ class EpisodeRecord(RunLabels):
     steps: int
     switches: int
     no_free_candidate: int
+    mean_abs_domega_radps: float
     min_clearance_m: float
     final_distance_m: float
     start_x_m: float

@@ -106,6 +106,7 @@ def _record(
         steps=episode.steps,
         switches=episode.switches,
         no_free_candidate=episode.no_free_candidate,
+        mean_abs_domega_radps=metrics.mean_abs_domega(episode.turn_rates),
         min_clearance_m=episode.min_clearance,
         final_distance_m=episode.final_distance,
         start_x_m=task.start.x,

@@ -12,6 +12,7 @@ from lme.errors import InputError
 from lme.metrics import (
     barn_metric,
     interval_over_worlds,
+    mean_abs_domega,
     mean_std_over_runs,
     reward,
     spl,
@@ -55,6 +56,11 @@ def test_spl_by_hand():
 @given(lengths, lengths, st.booleans())
 def test_spl_lies_between_zero_and_one(shortest, path, success):
     assert 0.0 <= spl(success, shortest, path) <= 1.0
+
+
+def test_smoothness_by_hand():
+    assert mean_abs_domega([0.0, 0.4, 0.4, -0.2]) == pytest.approx((0.4 + 0.0 + 0.6) / 3, abs=KERNEL)
+    assert mean_abs_domega([0.3]) == 0.0  # an episode that starts at the goal
 
 
 def test_reward_is_equation_1():

@@ -2,6 +2,7 @@
 
 import csv
 import io
+import re
 
 import numpy as np
 import pandas as pd
@@ -52,6 +53,7 @@ def records(outcomes=("success",) * 9 + ("collision",), runs=2, **columns):
                     "barn_metric": 0.5 if success else 0.0,
                     "path_length_m": 11.0 if success else 55.0,
                     "spl": 0.8 if success else 0.0,
+                    "mean_abs_domega_radps": 0.125 if success else 0.25,
                     "world_visibility": index / 10,
                     "run_dir": "one",
                     **columns,
@@ -72,6 +74,7 @@ def test_figures_by_hand():
         "time_s": (14.25, 0.25),  # successes only: mean of 10…18, and of 11…18
         "path_length_m": (11.0, 0.0),
         "spl": (0.68, 0.04),
+        "mean_abs_domega_radps": (0.14375, 0.00625),
     }
     assert ours.stats == {name: pytest.approx(values) for name, values in expected.items()}
     # By world 1, 2 × 8 and 0 of 2: as 0.85 · 0.15 / ((0.7² + 8 · 0.3² + 1.7²) / 20²) = 12.4 independent episodes.
@@ -239,12 +242,14 @@ def test_order_of_records_does_not_matter():
 
 def test_markdown():
     text = tables.to_markdown(summarise(records(), systems=SYSTEMS))
-    lines = [[cell.strip() for cell in line.split("|")[1:-1]] for line in text.splitlines()[:4]]
+    cells = [re.split(r"(?<!\\)\|", line)[1:-1] for line in text.splitlines()[:4]]
+    lines = [[cell.strip() for cell in line] for line in cells]
     table = dict(zip(lines[0], zip(*lines[2:], strict=True), strict=True))
     assert table["System"] == ("LME (ours)", "LME (published)")
     assert table["Success"] == ("0.850 ± 0.050", "0.883 ± 0.009")
     assert table["95 % CI"] == (f"0.575{DASH}0.960", DASH)
     assert table["Time [s]"] == ("14.2", DASH)
+    assert table[r"\|Δω\| [rad/s]"] == ("0.144", DASH)
     assert table["n"] == ("20", DASH)
     assert len({len(line) for line in lines}) == 1
 
@@ -256,11 +261,21 @@ def test_csv_holds_unrounded_numbers():
     assert (rows[1]["label"], rows[1]["success_std"], rows[1]["spl"]) == ("LME (published)", "0.0094", "")
 
 
+def test_records_from_before_a_column_have_tables_without_it():
+    before = records(runs=1).drop(columns="mean_abs_domega_radps")
+    row = summarise(before, systems=SYSTEMS)[0]
+    assert "Δω" not in tables.to_markdown([row])
+    both = pd.concat([before, records(system="Other", run_dir="two")])
+    lines = tables.to_markdown(summarise(both, systems={})).splitlines()
+    assert [line.split(" | ")[-3] for line in lines[2:4]] == [DASH, "0.144"]
+
+
 def test_latex_escapes_what_latex_would_read():
     rows = summarise(records(ablation="no_c_o"), systems=SYSTEMS)
     text = tables.to_latex(rows)
     assert r"no\_c\_o" in text
     assert r"0.850 $\pm$ 0.050" in text
+    assert r"$|\Delta\omega|$ [rad/s]" in text
     assert "95 \\% CI" in text
     assert text.count("&") == 2 * (len(text.split(r"\toprule")[1].splitlines()[1].split("&")) - 1)
 
@@ -293,12 +308,14 @@ def test_terminals_of_any_usual_width_show_every_cell_whole(width, ablations):
         "[s]",
         "metric",
         "Collision",
+        "|Δω|",
         "20",
         *ablations[1:],
     ):
         assert word in text.split()
     assert "barn · lab100 · jackal · 10 worlds" in text
     assert max(map(len, text.splitlines())) <= width
+    assert ("SPL" in text.split()) == (width > 80 or len(ablations) == 1)
 
 
 def test_files(tmp_path):

@@ -1,6 +1,7 @@
 """Every YAML of `conf/`: it composes, its keys are those of the class it configures, and they are explained."""
 
 import dataclasses
+import functools
 import importlib
 
 import pytest
@@ -32,6 +33,12 @@ def composer():
         yield composer
 
 
+@pytest.fixture(scope="module")
+def chosen(composer):
+    """The config with an option, composed once."""
+    return functools.cache(lambda group, option: composer.compose([f"{group}={option}"]))
+
+
 def _fields(config_class, prefix=""):
     for field in dataclasses.fields(config_class):
         default = field.default_factory if field.default is dataclasses.MISSING else type(field.default)
@@ -42,8 +49,8 @@ def _fields(config_class, prefix=""):
 
 
 @pytest.mark.parametrize(("group", "option"), OPTIONS)
-def test_every_option_composes(composer, group, option):
-    config = without_hydra(composer.compose([f"{group}={option}"]))
+def test_every_option_composes(chosen, group, option):
+    config = without_hydra(chosen(group, option))
     assert not OmegaConf.missing_keys(config)
     assert launch_record.identity(OmegaConf.to_object(config))
 
@@ -51,8 +58,8 @@ def test_every_option_composes(composer, group, option):
 @pytest.mark.parametrize(
     ("group", "option"), [pair for pair in OPTIONS if "_target_" in CATALOGUE.values("/".join(pair))]
 )
-def test_keys_are_those_of_the_config_class(composer, group, option):
-    config = without_hydra(composer.compose([f"{group}={option}"]))
+def test_keys_are_those_of_the_config_class(chosen, group, option):
+    config = without_hydra(chosen(group, option))
     cls, _ = configured(config[group], group)
     written = {key.name for key in CATALOGUE.keys(f"{group}/{option}")} - {"_target_"}
     assert written == set(_fields(cls.Config))
@@ -95,8 +102,8 @@ def _interpolated(node, key):
 
 
 @pytest.mark.parametrize("option", CATALOGUE.options("robot"))
-def test_robot_keys_are_those_of_the_robot(composer, option):
-    given = OmegaConf.to_container(composer.compose([f"robot={option}"]).robot)
+def test_robot_keys_are_those_of_the_robot(chosen, option):
+    given = OmegaConf.to_container(chosen("robot", option).robot)
     assert set(given) == {field.name for field in dataclasses.fields(Robot)}
     written = {key.name.partition(".")[0] for key in CATALOGUE.keys(f"robot/{option}")}
     assert written == set(given)
@@ -187,9 +194,9 @@ def test_the_published_weights(composer):
 
 
 @pytest.mark.parametrize("option", CATALOGUE.options("system"))
-def test_a_system_file_is_what_it_says(composer, option):
+def test_a_system_file_is_what_it_says(chosen, option):
     """Read as data, and chosen on the command line, it names the same pair."""
-    config = composer.compose([f"system={option}"])
+    config = chosen("system", option)
     system = config.system
     assert system.guide == config.hydra.runtime.choices["guide"]
     assert system.planner == config.hydra.runtime.choices["planner"]

@@ -12,7 +12,7 @@ from runners.config import systems
 from runners.config.catalogue import shipped
 from runners.figures.parts.driven_runs import runs_of
 from runners.figures.parts.places import places
-from runners.records.records import find_runs, read_episodes
+from runners.records.records import find_runs, read_episodes, read_trajectories
 from runners.tracking.store import RUN_ID_FILE
 from tests.runners.tracking.test_tracking import booked
 
@@ -39,10 +39,15 @@ def test_the_chart_is_there_and_table_draws_it_anew(sweep, capsys):
     chart = sweep[0] / "comparison.png"
     assert chart.read_bytes().startswith(b"\x89PNG")
     assert (sweep[0] / "comparison.pdf").read_bytes().startswith(b"%PDF")
+    differences = sweep[0] / "comparison.csv"
     before, table = chart.read_bytes(), (sweep[0] / "table.md").read_text()
+    paired = differences.read_text()
     chart.unlink()
+    differences.unlink()
     assert main(["table", str(sweep[0])]) == 0
     assert chart.read_bytes() == before
+    assert differences.read_text() == paired
+    assert "Paired differences from LME, barn" in capsys.readouterr().out
     assert (sweep[0] / "table.md").read_text() == table
 
 
@@ -67,6 +72,13 @@ def test_starts_in_the_same_world_share_a_panel(tmp_path, monkeypatch):
         ("traps: u", (0, 1)),
         ("traps: wall", (0, 1)),
     ]
+
+
+def test_smoothness_is_that_of_the_executed_turn_rates(sweep):
+    (episode,) = read_episodes([sweep[0] / "1"]).query("world == 0").to_dict("records")
+    rates = read_trajectories([sweep[0] / "1"]).query("world == 0")["omega_radps"]
+    assert episode["mean_abs_domega_radps"] == pytest.approx(rates.diff().abs().mean(), rel=1e-12)
+    assert len(rates) == episode["steps"] + 1
 
 
 def test_one_run_above_those_of_the_jobs_holds_it_all(sweep):

@@ -147,6 +147,7 @@ def test_any_number_of_workers_finds_the_same(trained):
     assert ours == theirs
 
 
+@pytest.mark.slow  # tests/runners/search/test_study.py kills a study at every byte of its journal
 def test_killed_and_resumed_it_ends_as_the_uninterrupted_one(trained):
     command = [sys.executable, "-m", "runners.cli.main", "train"]
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
@@ -186,7 +187,12 @@ def test_a_sweep_is_one_table_over_its_studies(capsys):
 
 
 def test_table1_trains_once_and_evaluates_both_maps():
-    words = ["trials=1", "held_out.env1.configurations=2", "held_out.env2.configurations=1"]
+    words = [
+        f"held_out.{place}_{limit}.configurations=1"
+        for place in ("env1", "env2")
+        for limit in ("60s", "100s")
+    ]
+    words += ["trials=1", "held_out.env1.configurations=2", "held_out.env2.configurations=1"]
     run_dir = train("+experiment=table1", *words)
     assert [len(pd.read_parquet(run_dir / name / "episodes.parquet")) for name in ("env1", "env2")] == [2, 1]
     table = (run_dir / "table.md").read_text()
