@@ -13,7 +13,7 @@ from lme.kernels.travel_time import Grid, Pace, descend, times_at, travel_times
 from lme.robots import Robot
 from lme.types import Floats
 
-BEYOND = 1.0  # [s] ways that take longer than the best by more than this are not searched
+BEYOND = 0.5  # [s] ways that take longer than the best by more than this are not searched
 _EVERY = 3  # cells between two places on the way of steepest descent
 _LEAST_BAND = 0.05  # [m] of slower driving near obstacles, however wide the robot
 _AHEAD = 0.25  # share of the window by which its centre is ahead of the robot
@@ -23,7 +23,7 @@ _AHEAD = 0.25  # share of the window by which its centre is ahead of the robot
 class TravelConfig:
     """The grid on which times are found, and the speed near obstacles."""
 
-    cell: float = 0.1  # [m] side of a cell
+    cell: float = 0.15  # [m] side of a cell
     window: float = 10.0  # [m] side of the grid; beyond it, the way to the target counts as straight and free
     comfort: float = 0.5  # [m] from farther obstacles the robot is expected to drive at v_max
     slowdown: float = 2.0  # [-] in the narrowest passage it takes 1 + this times as long
