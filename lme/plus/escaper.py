@@ -80,7 +80,7 @@ class LocalMinimumEscaperPlus:
         reachable = features[tuple(CRITERIA).index("c_o"), :old]
         decision = Decision(to_robot(self._subgoal, sight.pose), choice, not reachable.any())
         view = View(
-            sight.points,
+            self._memory.seen,
             observation.target,
             self._robot.footprint.r_min + sight.margin,
             _NONE,
