@@ -28,7 +28,7 @@ _NONE = np.empty((0, 2))
 class EscaperPlusConfig:
     """Candidates, memory, expected times, and the distances that ways keep."""
 
-    candidates: CandidateConfig = field(default_factory=CandidateConfig)
+    candidates: CandidateConfig = field(default_factory=lambda: CandidateConfig(number=100))
     structured: bool = True  # places on the fastest way are candidates, too
     memory: MemoryConfig = field(default_factory=MemoryConfig)
     travel: TravelConfig = field(default_factory=TravelConfig)
