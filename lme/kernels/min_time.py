@@ -10,6 +10,10 @@ from lme.kernels.arcs import first_contacts
 from lme.kernels.straight_ways import KEPT
 from lme.types import Floats
 
+FORESEEN = 1.5  # [s] for which motion at constant velocity is foreseen
+_MEETING = 10.0  # [s] that an immediate meeting counts
+_SKIN = 0.1  # [m] behind the nearest point of a mover
+_STEP = 0.1  # [s] between two places on an arc that are checked
 _HOLDS = 5  # number of times for which a command is tried, from one period to the horizon
 
 
@@ -42,6 +46,26 @@ class Safety(NamedTuple):
 
 
 @njit(cache=True, error_model="numpy")
+def split(points: Floats, seen: Floats, people: Floats, most: float) -> tuple[Floats, Floats]:
+    """The (M, 2) points that belong to no mover, and the movers (P, 5) with their radii [m].
+
+    seen (S, 2): points of the present scan. people (P, 4): x, y, vx, vy of the movers' centres [m, m/s]. A mover's radius is
+    the distance to the nearest point of the scan, at most `most`; points up to `_SKIN` farther belong to it.
+    """
+    movers = np.empty((len(people), 5))
+    own = np.zeros(len(points), np.bool_)
+    for n in range(len(people)):
+        square = most * most
+        for m in range(len(seen)):
+            square = min(square, (seen[m, 0] - people[n, 0]) ** 2 + (seen[m, 1] - people[n, 1]) ** 2)
+        movers[n, :4], movers[n, 4] = people[n], math.sqrt(square)
+        for m in range(len(points)):
+            dx, dy = points[m, 0] - people[n, 0], points[m, 1] - people[n, 1]
+            own[m] = own[m] or math.sqrt(dx * dx + dy * dy) < movers[n, 4] + _SKIN
+    return points[~own], movers
+
+
+@njit(cache=True, error_model="numpy")
 def best_twist(
     v: Floats,
     omega: Floats,
@@ -50,11 +74,14 @@ def best_twist(
     box: tuple[float, float, float],
     estimate: Estimate,
     safety: Safety,
+    movers: Floats,
 ) -> tuple[float, float, float]:
     """(v, ω) of the safe command with the least expected time to the subgoal, and that time [s]; inf: none is safe.
 
     v (V,), rising, and omega (W,): all pairs are tried [m/s, rad/s]; subgoal (2,), points (M, 2) in the robot frame [m];
-    box: footprint (half_length, half_width, rounding) [m].
+    box: footprint (half_length, half_width, rounding) [m]. movers (P, 5): x, y, vx, vy and radius of what moves
+    [m, m/s]. A command on whose arc one of them meets the robot's disc within `FORESEEN` seconds counts up to `_MEETING`
+    more, the sooner the more.
     """
     count, r_max = len(v) * len(omega), math.hypot(box[0], box[1])  # a turning disc stays in its place
     twists, margins, stops = np.empty((count, 2)), np.empty(count), np.empty(count)
@@ -66,14 +93,38 @@ def best_twist(
         stops[n] = estimate.period + braking
     free = first_contacts(twists, points, box, margins, stops, stops + estimate.horizon, KEPT) - stops
     best, chosen = np.inf, 0
+    reach = r_max + box[2] + safety.margin
     for n in range(count):
         speed, rate = twists[n, 0], twists[n, 1]
         if not free[n] >= 0.0 or (speed * abs(rate) > safety.grip and speed > v[0]):
             continue
         time = _time_to(subgoal, speed, rate, free[n], estimate)
+        if len(movers):
+            time += _MEETING * (1.0 - _meeting(speed, rate, movers, reach) / FORESEEN)
         if time < best:
             best, chosen = time, n
     return twists[chosen, 0], twists[chosen, 1], best
+
+
+@njit(cache=True, error_model="numpy")
+def _meeting(v, omega, movers, reach):
+    """Time until the robot on its arc comes within `reach` of one of the movers, and nearer still [s]; at most FORESEEN."""
+    steps = int(FORESEEN / _STEP + 0.5)
+    for n in range(len(movers)):
+        apart = reach + movers[n, 4]
+        before = movers[n, 0] ** 2 + movers[n, 1] ** 2
+        for k in range(1, steps + 1):
+            time = k * _STEP
+            half = 0.5 * omega * time
+            chord = v * time * (math.sin(half) / half if abs(half) > 1e-6 else 1.0)
+            dx = movers[n, 0] + time * movers[n, 2] - chord * math.cos(half)
+            dy = movers[n, 1] + time * movers[n, 3] - chord * math.sin(half)
+            square = dx * dx + dy * dy
+            if square < apart * apart and square < before:
+                steps = k - 1
+                break
+            before = square
+    return steps * _STEP
 
 
 @njit(cache=True, error_model="numpy")

@@ -31,7 +31,8 @@ class Pace(NamedTuple):
     """The robot's expected speed at a place, by the distance d of the nearest obstacle point [m].
 
     d ≥ comfort: v_max [m/s]. From there down to d = inner the time per metre grows with the square of the difference,
-    up to (1 + slowdown) times. d < inner: no passage; but within `room` [m] of the robot, as at d = inner.
+    up to (1 + slowdown) times. d < inner: no passage. If the robot is nearer to a point than that, its own distance, less
+    half a cell, takes the place of `inner` within `room` [m] of it; there it is as slow as at d = inner.
     """
 
     v_max: float
@@ -43,28 +44,30 @@ class Pace(NamedTuple):
 
 @njit(cache=True, error_model="numpy")
 def travel_times(
-    points: Floats, target: Floats, robot: Floats, grid: Grid, pace: Pace, beyond: float
+    points: Floats, target: Floats, robot: Floats, grid: Grid, pace: Pace, beyond: float, leave: bool
 ) -> tuple[Floats, float]:
     """T of every cell [s] (W, W), and of the robot's cell [s]; W = size + 2, since a frame of inf is around the cells.
 
     points (M, 2); target (2,), robot (2,), in the frame of the grid [m]. A way that leaves the grid is straight and free
-    from there to the target. Only ways from the robot that take at most `beyond` [s] more than the best are searched;
-    cells on no such way are inf, as are those without passage.
+    from there to the target; to a target on the grid, ways leave it only if `leave` is true. Only ways from the robot that
+    take at most `beyond` [s] more than the best are searched; cells on no such way are inf, as are those without passage.
     """
     wide = grid.size + 2
-    slowness = _slowness(points, robot, grid, pace)
+    squares, least = _squared_distances(points, robot, grid, pace)
     cell_time = grid.cell / pace.v_max
     x, y = (target[0] - grid.x) / grid.cell + 0.5, (target[1] - grid.y) / grid.cell + 0.5
     rx, ry = (robot[0] - grid.x) / grid.cell + 0.5, (robot[1] - grid.y) / grid.cell + 0.5
     here = min(max(int(rx + 0.5), 1), grid.size) * wide + min(max(int(ry + 0.5), 1), grid.size)
-    tentative, cells, count = _sources(slowness, x, y, grid.size, cell_time)
-    keys = np.empty(count)
+    tentative = np.full(wide * wide, np.inf)
+    inside = 1.0 <= x <= grid.size and 1.0 <= y <= grid.size
+    cells, count = _sources(x, y, grid.size, inside, leave)
+    follow, heads = np.empty(len(cells), np.int32), np.full(BUCKETS, -1, np.int32)
+    first = math.floor(math.hypot(x - rx, y - ry)) - 2.0  # no key is less
     for n in range(count):
-        keys[n] = tentative[cells[n]] / cell_time + math.hypot(cells[n] // wide - rx, cells[n] % wide - ry)
-    first = math.floor(keys.min()) if count else 0.0
-    heads, follow = np.full(BUCKETS, -1, np.int32), np.empty(len(cells), np.int32)
-    for n in range(count):
-        bucket = min(int(keys[n] - first), BUCKETS - 1)
+        i, j = cells[n] // wide, cells[n] % wide
+        away = math.hypot(i - x, j - y)
+        tentative[cells[n]] = away * cell_time
+        bucket = min(int(away + math.hypot(i - rx, j - ry) - first), BUCKETS - 1)
         follow[n], heads[bucket] = heads[bucket], n
     final = np.full(wide * wide, np.inf)
     bucket, stop = 0, BUCKETS
@@ -82,39 +85,41 @@ def travel_times(
             stop = min(bucket + int(beyond / cell_time) + 1, BUCKETS)
         for k in range(_NEIGHBOURS):
             near = at + (1 if k == 0 else -1 if k == 1 else wide if k == 2 else -wide)
-            step = slowness[near] * grid.cell
-            if final[near] < np.inf or step == np.inf:
+            if final[near] < np.inf:
+                continue
+            i, j = near // wide, near % wide
+            away = math.sqrt((i - rx) ** 2 + (j - ry) ** 2)
+            step = grid.cell * _slowness(squares[near], away * grid.cell, least, pace)
+            if step == np.inf:
                 continue
             time = _eikonal(
                 min(final[near - wide], final[near + wide]), min(final[near - 1], final[near + 1]), step
             )
             if time < tentative[near] and count < len(cells):
                 tentative[near] = time
-                key = time / cell_time + math.sqrt((near // wide - rx) ** 2 + (near % wide - ry) ** 2)
-                into = max(min(int(key - first), BUCKETS - 1), bucket)
+                into = max(min(int(time / cell_time + away - first), BUCKETS - 1), bucket)
                 cells[count], follow[count], heads[into] = near, heads[into], count
                 count += 1
     return final.reshape(wide, wide), final[here]
 
 
 @njit(cache=True, error_model="numpy")
-def _sources(slowness, x, y, size, cell_time):
-    """Cells whose time is known: about the target, or the free ones at the edge. Tentative times, cells, their number."""
+def _sources(x, y, size, inside, leave):
+    """Cells whose time is known, about the target or at the edge of the grid, in an array with room for more; their number."""
     wide = size + 2
-    tentative = np.full(wide * wide, np.inf)
     cells = np.empty(5 * wide * wide, np.int32)
     count = 0
-    inside = 1.0 <= x <= size and 1.0 <= y <= size
-    for i in range(1, size + 1):
-        at_side = i == 1 or i == size
-        for j in range(1, size + 1, 1 if inside or at_side else size - 1):
-            at = i * wide + j
-            if (inside and max(abs(i - x), abs(j - y)) > 1.0) or (not inside and slowness[at] == np.inf):
-                continue
-            tentative[at] = math.hypot(i - x, j - y) * cell_time
-            cells[count] = at
-            count += 1
-    return tentative, cells, count
+    if inside:
+        for i in range(max(int(x), 1), min(int(x) + 2, size + 1)):
+            for j in range(max(int(y), 1), min(int(y) + 2, size + 1)):
+                cells[count] = i * wide + j
+                count += 1
+    if not inside or leave:
+        for k in range(1, size + 1):
+            for at in (wide + k, size * wide + k, k * wide + 1, k * wide + size):
+                cells[count] = at
+                count += 1
+    return cells, count
 
 
 @njit(cache=True, error_model="numpy", inline="always")
@@ -126,39 +131,41 @@ def _eikonal(a, b, step):
     return min(a, b) + step
 
 
-@njit(cache=True, error_model="numpy")
-def _slowness(points, robot, grid, pace):
-    """Time per metre of every cell [s/m], flat, with the frame; inf where there is no passage."""
-    wide = grid.size + 2
-    squares = _squared_distances(points, grid, pace.comfort)
-    out = np.full(wide * wide, np.inf)
-    for a in range(grid.size):
-        for b in range(grid.size):
-            d = pace.comfort
-            if squares[a, b] < np.inf:
-                d = min(math.sqrt(squares[a, b]), pace.comfort)
-            if d < pace.inner:
-                dx, dy = grid.x + (a + 0.5) * grid.cell - robot[0], grid.y + (b + 0.5) * grid.cell - robot[1]
-                if dx * dx + dy * dy > pace.room * pace.room:
-                    continue
-                d = pace.inner
-            share = (pace.comfort - d) / (pace.comfort - pace.inner)
-            out[(a + 1) * wide + b + 1] = (1.0 + pace.slowdown * share * share) / pace.v_max
-    return out
+@njit(cache=True, error_model="numpy", inline="always")
+def _slowness(square, away, least, pace):
+    """Time per metre at a squared distance from the nearest point and a distance from the robot [s/m]; inf: no passage."""
+    if square >= pace.comfort * pace.comfort:
+        return 1.0 / pace.v_max
+    if square < 0.0:
+        return np.inf
+    d = math.sqrt(square)
+    if d < pace.inner:
+        if d < least or away > pace.room:
+            return np.inf
+        d = pace.inner
+    share = (pace.comfort - d) / (pace.comfort - pace.inner)
+    return (1.0 + pace.slowdown * share * share) / pace.v_max
 
 
 @njit(cache=True, error_model="numpy")
-def _squared_distances(points, grid, reach):
-    """Squared distance of each cell's centre to the nearest point [m²]; inf beyond `reach`. One point per cell counts."""
-    size, cell = grid.size, grid.cell
-    squares = np.full((size, size), np.inf)
+def _squared_distances(points, robot, grid, pace):
+    """Squared distance of each cell's centre to the nearest point [m²], flat: inf beyond comfort, −1 in the frame.
+
+    One point per cell counts. Also the distance that a passage near the robot must have [m].
+    """
+    size, cell, wide = grid.size, grid.cell, grid.size + 2
+    squares = np.full(wide * wide, np.inf)
+    for k in range(wide):
+        squares[k] = squares[(wide - 1) * wide + k] = squares[k * wide] = squares[k * wide + wide - 1] = -1.0
     taken = np.zeros((size, size), np.bool_)
-    span = int(reach / cell) + 1
+    span = int(pace.comfort / cell) + 1
+    nearest = np.inf
     for m in range(len(points)):
         x, y = (points[m, 0] - grid.x) / cell, (points[m, 1] - grid.y) / cell
         i, j = math.floor(x), math.floor(y)
         if not (-span <= i < size + span and -span <= j < size + span):
             continue
+        nearest = min(nearest, (points[m, 0] - robot[0]) ** 2 + (points[m, 1] - robot[1]) ** 2)
         if 0 <= i < size and 0 <= j < size:
             if taken[i, j]:
                 continue
@@ -166,9 +173,9 @@ def _squared_distances(points, grid, reach):
         for a in range(max(i - span, 0), min(i + span + 1, size)):
             across = (a + 0.5 - x) ** 2
             for b in range(max(j - span, 0), min(j + span + 1, size)):
-                square = (across + (b + 0.5 - y) ** 2) * cell * cell
-                squares[a, b] = min(squares[a, b], square)
-    return squares
+                at = (a + 1) * wide + b + 1
+                squares[at] = min(squares[at], (across + (b + 0.5 - y) ** 2) * cell * cell)
+    return squares, min(math.sqrt(nearest), pace.inner) - 0.5 * cell
 
 
 @njit(cache=True, error_model="numpy")

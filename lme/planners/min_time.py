@@ -11,7 +11,7 @@ import numpy as np
 from lme.errors import InputError, require
 from lme.geometry.frames import to_robot
 from lme.kernels.arcs import first_contacts
-from lme.kernels.min_time import Estimate, Safety, best_twist
+from lme.kernels.min_time import Estimate, Safety, best_twist, split
 from lme.kernels.motion import drive
 from lme.kernels.straight_ways import KEPT
 from lme.planners.commands import limited
@@ -20,6 +20,7 @@ from lme.sensing.scan_points import is_full_circle, obstacle_points
 from lme.types import Floats, Guidance, Limits, Observation, Pose, Twist
 
 _STEP = 0.05  # [m] of the prediction over the latency
+_WIDEST = 1.0  # [m] greatest radius of a person or another mover
 _AT_REST = 1e-6  # [m/s, rad/s] slower than this counts as 0
 _TIGHT = 0.5  # share of the margin that is kept where the robot could not move otherwise
 _BACKWARD = 0.25  # share of v_max at which the robot backs up
@@ -82,14 +83,15 @@ class MinTime:
 
     def plan(self, observation: Observation, guidance: Guidance) -> Twist:
         """Command for one control period."""
-        points, knows_behind = guidance.points, True
-        if points is None:
-            points = obstacle_points(observation.scan, self._robot.lidar.mount)
-            knows_behind = is_full_circle(observation.scan)
+        seen = obstacle_points(observation.scan, self._robot.lidar.mount)
+        points = seen if guidance.points is None else guidance.points
+        knows_behind = guidance.points is not None or is_full_circle(observation.scan)
         subgoal, now = guidance.subgoal, _at_rest(observation.twist)
+        points, self._movers = split(points, seen, observation.pedestrians, _WIDEST)
         if self._under_way:
             pose, now = self._predict(now, observation.limits)
             subgoal, points = to_robot(subgoal, pose), to_robot(points, pose)
+            self._movers = self._later(pose)
         wanted = self._choose(subgoal, points, now, observation.limits)
         if knows_behind and (self._to_back > 0.0 or (guidance.blocked and not any(wanted))):
             wanted = self._back_up(points, observation.limits) or wanted
@@ -107,6 +109,13 @@ class MinTime:
             pose, now = Pose(*way[-1].tolist()), Twist(*twist)
         return pose, _at_rest(now)
 
+    def _later(self, pose: Pose) -> Floats:
+        """The movers when the next command takes effect, in the robot frame at that `pose`."""
+        movers, latency = self._movers.copy(), self._config.latency
+        movers[:, :2] = to_robot(movers[:, :2] + latency * movers[:, 2:4], pose)
+        movers[:, 2:4] = to_robot(movers[:, 2:4], Pose(0.0, 0.0, pose.yaw))
+        return movers
+
     def _choose(self, subgoal: Floats, points: Floats, now: Twist, limits: Limits) -> Twist:
         """The best command with all of the margin; if that is to stand still, with `_TIGHT` of it."""
         wide = self._best(subgoal, points, now, limits, 1.0)
@@ -120,7 +129,7 @@ class MinTime:
         margin, brake = share * config.margin, min(config.brake, limits.alpha_v)
         safety = Safety(margin, config.margin_time, brake, limits.alpha_omega, config.grip)
         omega, box = self._turn_rates(now, limits), self._robot.footprint.box
-        best_v, best_omega, time = best_twist(v, omega, subgoal, points, box, estimate, safety)
+        best_v, best_omega, time = best_twist(v, omega, subgoal, points, box, estimate, safety, self._movers)
         if math.isfinite(time):
             return Twist(best_v, best_omega)
         return Twist(0.0, now.omega * low / now.v if now.v > 0.0 else 0.0)

@@ -108,8 +108,9 @@ class LocalMinimumEscaperPlus:
     def _look(self, observation: Observation) -> Sight:
         config, robot, pose = self._config, self._robot, self._memory.pose
         target = to_world(observation.target, pose)
+        here, reach = np.array(pose[:2]), config.memory.reach
         times = expected_times(
-            self._memory.points, target, np.array(pose[:2]), robot, config.margin, config.travel
+            self._memory.points, target, here, reach, robot, config.margin, config.travel
         )
         points = to_robot(self._memory.points, pose)
         return Sight(

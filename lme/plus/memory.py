@@ -21,7 +21,7 @@ class MemoryConfig:
     """How far and how finely points are remembered."""
 
     kept: bool = True  # false: only the points of the present scan
-    reach: float = 8.0  # [m] farther points are forgotten, and those of the scan left out
+    reach: float = 12.0  # [m] farther points are forgotten, and those of the scan left out
     square: float = 0.05  # [m] one point per square of this side
 
     def __post_init__(self) -> None:

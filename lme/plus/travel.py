@@ -17,7 +17,6 @@ from lme.types import Floats
 BEYOND = 0.5  # [s] ways that take longer than the best by more than this are not searched
 _EVERY = 3  # cells between two places on the way of steepest descent
 _LEAST_BAND = 0.05  # [m] of slower driving near obstacles, however wide the robot
-_AHEAD = 0.25  # share of the window by which its centre is ahead of the robot
 
 
 @dataclass(slots=True)
@@ -25,13 +24,11 @@ class TravelConfig:
     """The grid on which times are found, and the speed near obstacles."""
 
     cell: float = 0.15  # [m] side of a cell
-    window: float = 10.0  # [m] side of the grid; beyond it, the way to the target counts as straight and free
     comfort: float = 0.5  # [m] from farther obstacles the robot is expected to drive at v_max
     slowdown: float = 2.0  # [-] in the narrowest passage it takes 1 + this times as long
 
     def __post_init__(self) -> None:
         require("guide.travel.cell", self.cell, above=0.0)
-        require("guide.travel.window", self.window, at_least=4 * self.cell)
         require("guide.travel.comfort", self.comfort, above=0.0)
         require("guide.travel.slowdown", self.slowdown, at_least=0.0)
 
@@ -64,16 +61,18 @@ class Field(NamedTuple):
 
 
 def expected_times(
-    points: Floats, target: Floats, here: Floats, robot: Robot, margin: float, config: TravelConfig
+    points: Floats, target: Floats, here: Floats, reach: float, robot: Robot, margin: float, config: TravelConfig
 ) -> Field:
-    """The field about a robot at `here` (2,), among `points` (M, 2), with its `target` (2,), all in one frame [m]."""
-    to_target = target - here
-    away = math.hypot(*to_target)
-    shift = min(0.5, _AHEAD * config.window / max(away, 1e-9)) * to_target  # the robot and a near target are inside
-    corner = np.floor((here + shift - config.window / 2) / config.cell) * config.cell
-    grid = Grid(float(corner[0]), float(corner[1]), config.cell, int(config.window / config.cell))
+    """The field within about `reach` [m] of a robot at `here` (2,), among `points` (M, 2), to its `target` (2,).
+
+    All are in one frame [m]. margin: distance that passages must leave on each side [m].
+    """
+    corner = np.floor((here - reach) / config.cell) * config.cell
+    grid = Grid(float(corner[0]), float(corner[1]), config.cell, math.ceil(2.0 * reach / config.cell) + 1)
     inner = robot.footprint.r_min + margin
     comfort = max(config.comfort, inner + _LEAST_BAND)
     pace = Pace(robot.v_max, inner, comfort, config.slowdown, robot.footprint.r_max + config.cell)
-    times, robot_time = travel_times(points, target, here, grid, pace, BEYOND)
+    times, robot_time = travel_times(points, target, here, grid, pace, BEYOND, False)
+    if not math.isfinite(robot_time):  # enclosed on the grid: perhaps there is a way around outside it
+        times, robot_time = travel_times(points, target, here, grid, pace, BEYOND, True)
     return Field(times, robot_time, grid, here, target, robot.v_max)
