@@ -17,6 +17,7 @@ from lme.types import Bools, Floats, Ints
 
 BUCKETS = 4096  # each as wide as the time for one cell at v_max; later times share the last one
 _NEIGHBOURS = 4
+HALF_DIAGONAL = math.sqrt(0.5)  # of a cell; the centre of the cell of a place is no farther from it
 _GAIN = 0.1  # times for a cell by which a known time must improve to be found anew
 
 
@@ -34,7 +35,7 @@ class Pace(NamedTuple):
 
     d ≥ comfort: v_max [m/s]. From there down to d = inner the time per metre grows with the square of the difference,
     up to (1 + slowdown) times. d < inner: no passage. If the robot is nearer to a point than that, its own distance, less
-    half a cell, takes the place of `inner` within `room` [m] of it; there it is as slow as at d = inner.
+    half a cell's diagonal, takes the place of `inner` within `room` [m] of it; there it is as slow as at d = inner.
     """
 
     v_max: float
@@ -177,7 +178,7 @@ def _squared_distances(points, robot, grid, pace):
             for b in range(max(j - span, 0), min(j + span + 1, size)):
                 at = (a + 1) * wide + b + 1
                 squares[at] = min(squares[at], (across + (b + 0.5 - y) ** 2) * cell * cell)
-    return squares, min(math.sqrt(nearest), pace.inner) - 0.5 * cell
+    return squares, min(math.sqrt(nearest), pace.inner) - HALF_DIAGONAL * cell
 
 
 @njit(cache=True, error_model="numpy")
