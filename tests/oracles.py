@@ -6,6 +6,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
+HALF_DIAGONAL = np.sqrt(0.5)  # as in lme/kernels/travel_time.py
 SLIDE_SWEEPS = 2  # as in lme/kernels/skid.py
 
 
@@ -371,16 +372,14 @@ def discs_in_sight(discs, velocities, ranges, angles, limits, lidar, base):
     return np.array(found).reshape(-1, 4)
 
 
-def travel_times(points, target, robot, grid, pace):
-    """Shortest times from the target over the cells to each of 32 neighbours: (size, size) [s].
-
-    From the frame of the grid, the way to a target outside is straight.
-    """
+def travel_times(points, target, robot, grid, pace, leave):
+    """Shortest times from the target over the cells to each of 32 neighbours: (size, size) [s]."""
     size, cell = grid.size, grid.cell
     along = (np.arange(size) + 0.5) * cell
     x, y = np.meshgrid(grid.x + along, grid.y + along, indexing="ij")
     d = np.min([np.hypot(x - px, y - py) for px, py in points], axis=0) if len(points) else np.inf * x
-    blocked = (d < pace.inner) & (np.hypot(x - robot[0], y - robot[1]) > pace.room)
+    nearest = min([pace.inner, *(np.hypot(*(point - robot)) for point in points)]) - HALF_DIAGONAL * cell
+    blocked = (d < pace.inner) & ((np.hypot(x - robot[0], y - robot[1]) > pace.room) | (d < nearest))
     share = (pace.comfort - np.clip(d, pace.inner, pace.comfort)) / (pace.comfort - pace.inner)
     slowness = np.where(blocked, np.inf, (1 + pace.slowdown * share**2) / pace.v_max)
     straight = np.hypot(x - target[0], y - target[1]) / pace.v_max
@@ -388,9 +387,10 @@ def travel_times(points, target, robot, grid, pace):
     if ((first <= np.asarray(target)) & (np.asarray(target) <= last)).all():
         starts = (np.abs(x - target[0]) <= cell) & (np.abs(y - target[1]) <= cell)
     else:
-        starts = np.pad(np.zeros((size - 2, size - 2), bool), 1, constant_values=True) & ~blocked
-    times = _shortest_times(slowness * cell, np.where(starts, straight, np.inf))
-    return times
+        starts, leave = np.zeros((size, size), bool), True
+    if leave:
+        starts |= np.pad(np.zeros((size - 2, size - 2), bool), 1, constant_values=True)
+    return _shortest_times(slowness * cell, np.where(starts, straight, np.inf))
 
 
 def _shortest_times(costs, starts):
