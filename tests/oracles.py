@@ -412,3 +412,25 @@ def _shortest_times(costs, starts):
     kept = np.isfinite(cost)
     graph = csr_array((cost[kept], (tail[kept], head[kept])), shape=(size * size + 1,) * 2)
     return dijkstra(graph, indices=size * size)[:-1].reshape(size, size)
+
+
+def remember(memory, points, ranges, beams, mount, pose, square, reach, slack):
+    """Point by point, with every beam's bearing."""
+    placed = np.asarray(_outwards(pose, points)).reshape(-1, 2)
+    lidar = _outwards(pose, np.array([mount[:2]]))[0]
+    bearings = pose[2] + mount[2] + beams[0] + beams[1] * np.arange(len(ranges))
+    squares = {}
+    for new, point in [*((True, point) for point in placed), *((False, point) for point in memory)]:
+        if np.hypot(*(point - pose[:2])) > reach:
+            continue
+        at = tuple(np.floor(point / square))
+        if not new:
+            dx, dy = point - lidar
+            away = np.abs((np.arctan2(dy, dx) - bearings + np.pi) % (2 * np.pi) - np.pi)
+            k = int(away.argmin())
+            inside = away[k] <= abs(beams[1]) / 2
+            about = ranges[max(k - 1, 0) : k + 2]
+            if inside and (about > np.hypot(dx, dy) - slack).all():
+                continue
+        squares.setdefault(at, point)
+    return np.array(list(squares.values())).reshape(-1, 2)
