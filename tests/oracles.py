@@ -377,7 +377,7 @@ def travel_times(points, target, robot, grid, pace, leave):
     size, cell = grid.size, grid.cell
     along = (np.arange(size) + 0.5) * cell
     x, y = np.meshgrid(grid.x + along, grid.y + along, indexing="ij")
-    d = np.min([np.hypot(x - px, y - py) for px, py in points], axis=0) if len(points) else np.inf * x
+    d = np.min([np.hypot(x - px, y - py) for px, py in points], axis=0) if len(points) else np.full_like(x, np.inf)
     nearest = min([pace.inner, *(np.hypot(*(point - robot)) for point in points)]) - HALF_DIAGONAL * cell
     blocked = (d < pace.inner) & ((np.hypot(x - robot[0], y - robot[1]) > pace.room) | (d < nearest))
     share = (pace.comfort - np.clip(d, pace.inner, pace.comfort)) / (pace.comfort - pace.inner)
@@ -394,7 +394,7 @@ def travel_times(points, target, robot, grid, pace, leave):
 
 
 def _shortest_times(costs, starts):
-    """Dijkstra; an edge costs its length times the mean of `costs` at its samples."""
+    """Dijkstra; an edge costs its length times the mean of `costs` in the rectangle between its ends."""
     size = len(costs)
     number = np.arange(size * size).reshape(size, size)
     steps = [(a, b) for a in range(-3, 4) for b in range(-3, 4) if np.gcd(a, b) == 1]
@@ -403,8 +403,8 @@ def _shortest_times(costs, starts):
         i, j = np.nonzero(np.ones((size, size), bool))
         inside = (i + a >= 0) & (i + a < size) & (j + b >= 0) & (j + b < size)
         i, j = i[inside], j[inside]
-        shares = np.linspace(0.0, 1.0, 2 * max(abs(a), abs(b)) + 1)
-        samples = [costs[np.rint(i + s * a).astype(int), np.rint(j + s * b).astype(int)] for s in shares]
+        rows, columns = (np.sign(k) * np.arange(abs(k) + 1) for k in (a, b))
+        samples = [costs[i + row, j + column] for row in rows for column in columns]
         edges.append((number[i, j], number[i + a, j + b], np.hypot(a, b) * np.mean(samples, axis=0)))
     begin = np.full(np.isfinite(starts).sum(), size * size)
     edges.append((begin, number[np.isfinite(starts)], np.maximum(starts[np.isfinite(starts)], 1e-12)))

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lme.kernels.arcs import SLACK, clearances, contact_times
+from lme.kernels.arcs import SLACK, clearances, contact_times, first_contacts
 from tests.tolerances import KERNEL
 
 JACKAL = (0.21, 0.155, 0.0)
@@ -153,3 +153,21 @@ def test_clearances_of_a_rectangle_and_a_disc():
     points = np.array([[0.51, 0.0], [0.51, 0.555], [0.0, 0.0]])
     np.testing.assert_allclose(clearances(points, JACKAL), [0.3, 0.5, 0.0], atol=KERNEL)
     np.testing.assert_allclose(clearances(points[:1], DISC), [0.31], atol=KERNEL)
+
+
+@given(st.lists(twists(), min_size=1, max_size=5), st.lists(POINTS, max_size=12), BOXES)
+def test_without_a_slack_the_shipped_one_is_kept(some_twists, points, box):
+    given_ = np.array(some_twists), np.array(points, dtype=float).reshape(-1, 2)
+    leasts, horizons, margins = (np.full(len(some_twists), value) for value in (0.0, 8.0, 0.3))
+    found = first_contacts(*given_, box, margins, leasts, horizons)
+    np.testing.assert_array_equal(found, first_contacts(*given_, box, margins, leasts, horizons, SLACK))
+    np.testing.assert_array_equal(found, contact_times(*given_, box, margins, leasts, horizons))
+
+
+@pytest.mark.parametrize("slack", [0.5, SLACK, 0.98])
+def test_a_point_inside_the_margin_keeps_its_share_of_the_distance(slack):
+    # 10 cm ahead of the front, with a margin of 20 cm: the robot may drive until `slack` of the 10 cm are left.
+    found = first_contacts(
+        np.array([[0.5, 0.0]]), np.array([[0.31, 0.0]]), JACKAL, *np.array([[0.2], [0.0], [8.0]]), slack
+    )
+    assert found[0] == pytest.approx(0.1 * (1.0 - slack) / 0.5, abs=KERNEL)
