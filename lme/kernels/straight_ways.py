@@ -23,7 +23,7 @@ def straight_ways(
     is nearer already must only come no nearer.
     """
     half_length, half_width, rounding = box
-    width = min(half_length, half_width) + rounding + margin
+    width = half_width + rounding + margin
     reach = math.hypot(half_length, half_width) + rounding + turn_margin
     ends, origin = np.empty(places.shape), np.zeros(2)
     for n in range(len(places)):
