@@ -377,7 +377,11 @@ def travel_times(points, target, robot, grid, pace, leave):
     size, cell = grid.size, grid.cell
     along = (np.arange(size) + 0.5) * cell
     x, y = np.meshgrid(grid.x + along, grid.y + along, indexing="ij")
-    d = np.min([np.hypot(x - px, y - py) for px, py in points], axis=0) if len(points) else np.full_like(x, np.inf)
+    d = (
+        np.min([np.hypot(x - px, y - py) for px, py in points], axis=0)
+        if len(points)
+        else np.full_like(x, np.inf)
+    )
     nearest = min([pace.inner, *(np.hypot(*(point - robot)) for point in points)]) - HALF_DIAGONAL * cell
     blocked = (d < pace.inner) & ((np.hypot(x - robot[0], y - robot[1]) > pace.room) | (d < nearest))
     share = (pace.comfort - np.clip(d, pace.inner, pace.comfort)) / (pace.comfort - pace.inner)

@@ -25,4 +25,4 @@ LIVE_TIME = (
 
 # Times from cell to cell against straight lines: the first-order scheme has its error near the target and at corners.
 ARRIVAL_SHARE = 0.07  # [-] relative
-ARRIVAL_CELLS = 2.5  # times for a cell
+ARRIVAL_CELLS = 3.0  # times for a cell

@@ -18,7 +18,17 @@ NOTHING = np.empty((0, 2))
 SLACK = 0.15
 
 
-def kept(memory, ranges, points=NOTHING, first=-math.pi, increment=None, mount=HERE, pose=HERE, square=0.05, reach=8.0):
+def kept(
+    memory,
+    ranges,
+    points=NOTHING,
+    first=-math.pi,
+    increment=None,
+    mount=HERE,
+    pose=HERE,
+    square=0.05,
+    reach=8.0,
+):
     """What is remembered of `memory`, and of the scan's `points`; the beams go all around unless told."""
     memory, points = (np.array(each, dtype=float).reshape(-1, 2) for each in (memory, points))
     beams = first, 2 * math.pi / len(ranges) if increment is None else increment
@@ -38,7 +48,17 @@ def test_it_remembers_what_the_twin_does(seed, full_circle, clockwise):
     ranges = rng.choice([0.5, 2.0, 5.0, 15.0, np.nan, np.inf, 0.0], count).astype(np.float32)
     ranges = ranges * rng.uniform(0.8, 1.2, count).astype(np.float32)
     memory, points = rng.uniform(-4, 4, (60, 2)) + pose[:2], rng.uniform(-4, 4, (30, 2))
-    given_ = memory, points, ranges, (rng.uniform(-4, 4), increment), mount, pose, rng.uniform(0.05, 1.0), 3.5, SLACK
+    given_ = (
+        memory,
+        points,
+        ranges,
+        (rng.uniform(-4, 4), increment),
+        mount,
+        pose,
+        rng.uniform(0.05, 1.0),
+        3.5,
+        SLACK,
+    )
     np.testing.assert_allclose(remember(*given_), oracles.remember(*given_), rtol=0, atol=KERNEL)
 
 
@@ -47,7 +67,9 @@ def test_points_that_a_beam_passed_are_gone_and_those_behind_an_obstacle_stay():
     ranges[150:211] = 2.0  # a wall ahead, 2 m away
     hidden, passed = [[3.0, 0.0], [2.2, 0.1]], [[1.0, 0.0], [0.0, 3.0], [-3.0, 0.0]]
     assert kept(hidden + passed, ranges).tolist() == hidden
-    assert kept([[2.1, 0.0]], ranges).tolist() == []  # nearer behind the surface than the slack: the surface itself
+    assert (
+        kept([[2.1, 0.0]], ranges).tolist() == []
+    )  # nearer behind the surface than the slack: the surface itself
 
 
 def test_a_beams_neighbours_must_see_past_a_point_too():
