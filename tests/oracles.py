@@ -2,8 +2,11 @@
 
 import numpy as np
 from scipy import stats
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
+HALF_DIAGONAL = np.sqrt(0.5)  # as in lme/kernels/travel_time.py
 SLIDE_SWEEPS = 2  # as in lme/kernels/skid.py
 
 
@@ -367,3 +370,67 @@ def discs_in_sight(discs, velocities, ranges, angles, limits, lidar, base):
             to_robot = np.array([[cos, sin], [-sin, cos]])
             found.append([*to_robot @ [x - base[0], y - base[1]], *to_robot @ velocity])
     return np.array(found).reshape(-1, 4)
+
+
+def travel_times(points, target, robot, grid, pace, leave):
+    """Shortest times from the target over the cells to each of 32 neighbours: (size, size) [s]."""
+    size, cell = grid.size, grid.cell
+    along = (np.arange(size) + 0.5) * cell
+    x, y = np.meshgrid(grid.x + along, grid.y + along, indexing="ij")
+    d = np.min([np.hypot(x - px, y - py) for px, py in points], axis=0) if len(points) else np.inf * x
+    nearest = min([pace.inner, *(np.hypot(*(point - robot)) for point in points)]) - HALF_DIAGONAL * cell
+    blocked = (d < pace.inner) & ((np.hypot(x - robot[0], y - robot[1]) > pace.room) | (d < nearest))
+    share = (pace.comfort - np.clip(d, pace.inner, pace.comfort)) / (pace.comfort - pace.inner)
+    slowness = np.where(blocked, np.inf, (1 + pace.slowdown * share**2) / pace.v_max)
+    straight = np.hypot(x - target[0], y - target[1]) / pace.v_max
+    first, last = grid.x + cell / 2, grid.x + (size - 0.5) * cell
+    if ((first <= np.asarray(target)) & (np.asarray(target) <= last)).all():
+        starts = (np.abs(x - target[0]) <= cell) & (np.abs(y - target[1]) <= cell)
+    else:
+        starts, leave = np.zeros((size, size), bool), True
+    if leave:
+        starts |= np.pad(np.zeros((size - 2, size - 2), bool), 1, constant_values=True)
+    return _shortest_times(slowness * cell, np.where(starts, straight, np.inf))
+
+
+def _shortest_times(costs, starts):
+    """Dijkstra; an edge costs its length times the mean of `costs` at its samples."""
+    size = len(costs)
+    number = np.arange(size * size).reshape(size, size)
+    steps = [(a, b) for a in range(-3, 4) for b in range(-3, 4) if np.gcd(a, b) == 1]
+    edges = []
+    for a, b in steps:
+        i, j = np.nonzero(np.ones((size, size), bool))
+        inside = (i + a >= 0) & (i + a < size) & (j + b >= 0) & (j + b < size)
+        i, j = i[inside], j[inside]
+        shares = np.linspace(0.0, 1.0, 2 * max(abs(a), abs(b)) + 1)
+        samples = [costs[np.rint(i + s * a).astype(int), np.rint(j + s * b).astype(int)] for s in shares]
+        edges.append((number[i, j], number[i + a, j + b], np.hypot(a, b) * np.mean(samples, axis=0)))
+    begin = np.full(np.isfinite(starts).sum(), size * size)
+    edges.append((begin, number[np.isfinite(starts)], np.maximum(starts[np.isfinite(starts)], 1e-12)))
+    tail, head, cost = (np.concatenate(parts) for parts in zip(*edges, strict=True))
+    kept = np.isfinite(cost)
+    graph = csr_array((cost[kept], (tail[kept], head[kept])), shape=(size * size + 1,) * 2)
+    return dijkstra(graph, indices=size * size)[:-1].reshape(size, size)
+
+
+def remember(memory, points, ranges, beams, mount, pose, square, reach, slack):
+    """Point by point, with every beam's bearing."""
+    placed = np.asarray(_outwards(pose, points)).reshape(-1, 2)
+    lidar = _outwards(pose, np.array([mount[:2]]))[0]
+    bearings = pose[2] + mount[2] + beams[0] + beams[1] * np.arange(len(ranges))
+    squares = {}
+    for new, point in [*((True, point) for point in placed), *((False, point) for point in memory)]:
+        if np.hypot(*(point - pose[:2])) > reach:
+            continue
+        at = tuple(np.floor(point / square))
+        if not new:
+            dx, dy = point - lidar
+            away = np.abs((np.arctan2(dy, dx) - bearings + np.pi) % (2 * np.pi) - np.pi)
+            k = int(away.argmin())
+            inside = away[k] <= abs(beams[1]) / 2
+            about = ranges[max(k - 1, 0) : k + 2]
+            if inside and (about > np.hypot(dx, dy) - slack).all():
+                continue
+        squares.setdefault(at, point)
+    return np.array(list(squares.values())).reshape(-1, 2)

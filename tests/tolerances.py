@@ -22,3 +22,7 @@ SWEEPS = 0.02  # [m, m/s, rad/s] two sweeps over the contacts against twenty, or
 LIVE_TIME = (
     0.15  # [-] relative: median time of a few worlds over ROS, with messages under way, against lme eval
 )
+
+# Times from cell to cell against straight lines: the first-order scheme has its error near the target and at corners.
+ARRIVAL_SHARE = 0.07  # [-] relative
+ARRIVAL_CELLS = 2.5  # times for a cell

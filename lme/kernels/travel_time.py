@@ -3,7 +3,8 @@
 The eikonal equation |∇T| = s is solved from the target outwards (fast marching: Sethian 1999, SIAM Review 41(2),
 DOI 10.1137/S0036144598347059), with buckets instead of a heap (Yatziv, Bartesaghi & Sapiro 2006, J. Comput. Phys.
 212(2), DOI 10.1016/j.jcp.2005.08.005). s is the time per metre. Cells are taken in the order of T plus the time that
-the straight line from the robot takes, as in A*, so cells far off every way of the robot are never looked at.
+the straight line from the robot takes, as in A*, so cells far off every way of the robot are never looked at. In this
+order a cell may come before one that it depends on; then its time is found anew.
 """
 
 import math
@@ -16,6 +17,8 @@ from lme.types import Bools, Floats, Ints
 
 BUCKETS = 4096  # each as wide as the time for one cell at v_max; later times share the last one
 _NEIGHBOURS = 4
+HALF_DIAGONAL = math.sqrt(0.5)  # of a cell; the centre of the cell of a place is no farther from it
+_GAIN = 0.1  # times for a cell by which a known time must improve to be found anew
 
 
 class Grid(NamedTuple):
@@ -32,7 +35,7 @@ class Pace(NamedTuple):
 
     d ≥ comfort: v_max [m/s]. From there down to d = inner the time per metre grows with the square of the difference,
     up to (1 + slowdown) times. d < inner: no passage. If the robot is nearer to a point than that, its own distance, less
-    half a cell, takes the place of `inner` within `room` [m] of it; there it is as slow as at d = inner.
+    half a cell's diagonal, takes the place of `inner` within `room` [m] of it; there it is as slow as at d = inner.
     """
 
     v_max: float
@@ -70,7 +73,7 @@ def travel_times(
         bucket = min(int(away + math.hypot(i - rx, j - ry) - first), BUCKETS - 1)
         follow[n], heads[bucket] = heads[bucket], n
     final = np.full(wide * wide, np.inf)
-    bucket, stop = 0, BUCKETS
+    bucket, stop, least_gain = 0, BUCKETS, _GAIN * cell_time
     while bucket < stop:
         node = heads[bucket]
         if node < 0:
@@ -78,14 +81,14 @@ def travel_times(
             continue
         heads[bucket] = follow[node]
         at = cells[node]
-        if final[at] < np.inf:
+        if final[at] <= tentative[at]:
             continue
         final[at] = tentative[at]
         if at == here:
             stop = min(bucket + int(beyond / cell_time) + 1, BUCKETS)
         for k in range(_NEIGHBOURS):
             near = at + (1 if k == 0 else -1 if k == 1 else wide if k == 2 else -wide)
-            if final[near] < np.inf:
+            if final[near] <= final[at]:
                 continue
             i, j = near // wide, near % wide
             away = math.sqrt((i - rx) ** 2 + (j - ry) ** 2)
@@ -95,7 +98,7 @@ def travel_times(
             time = _eikonal(
                 min(final[near - wide], final[near + wide]), min(final[near - 1], final[near + 1]), step
             )
-            if time < tentative[near] and count < len(cells):
+            if time < tentative[near] - least_gain and count < len(cells):
                 tentative[near] = time
                 into = max(min(int(time / cell_time + away - first), BUCKETS - 1), bucket)
                 cells[count], follow[count], heads[into] = near, heads[into], count
@@ -175,7 +178,7 @@ def _squared_distances(points, robot, grid, pace):
             for b in range(max(j - span, 0), min(j + span + 1, size)):
                 at = (a + 1) * wide + b + 1
                 squares[at] = min(squares[at], (across + (b + 0.5 - y) ** 2) * cell * cell)
-    return squares, min(math.sqrt(nearest), pace.inner) - 0.5 * cell
+    return squares, min(math.sqrt(nearest), pace.inner) - HALF_DIAGONAL * cell
 
 
 @njit(cache=True, error_model="numpy")

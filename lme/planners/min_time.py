@@ -16,7 +16,7 @@ from lme.kernels.motion import drive
 from lme.kernels.straight_ways import KEPT
 from lme.planners.commands import limited
 from lme.robots import Robot
-from lme.sensing.scan_points import obstacle_points
+from lme.sensing.scan_points import is_full_circle, obstacle_points
 from lme.types import Floats, Guidance, Limits, Observation, Pose, Twist
 
 _STEP = 0.05  # [m] of the prediction over the latency
@@ -85,6 +85,7 @@ class MinTime:
         """Command for one control period."""
         seen = obstacle_points(observation.scan, self._robot.lidar.mount)
         points = seen if guidance.points is None else guidance.points
+        knows_behind = guidance.points is not None or is_full_circle(observation.scan)
         subgoal, now = guidance.subgoal, _at_rest(observation.twist)
         points, self._movers = split(points, seen, observation.pedestrians, _WIDEST)
         if self._under_way:
@@ -92,7 +93,7 @@ class MinTime:
             subgoal, points = to_robot(subgoal, pose), to_robot(points, pose)
             self._movers = self._later(pose)
         wanted = self._choose(subgoal, points, now, observation.limits)
-        if self._to_back > 0.0 or (guidance.blocked and not any(wanted)):
+        if knows_behind and (self._to_back > 0.0 or (guidance.blocked and not any(wanted))):
             wanted = self._back_up(points, observation.limits) or wanted
         command = limited(*wanted, observation._replace(twist=now), self._robot.dt)
         self._under_way.append(command)

@@ -28,7 +28,7 @@ _NONE = np.empty((0, 2))
 class EscaperPlusConfig:
     """Candidates, memory, expected times, and the distances that ways keep."""
 
-    candidates: CandidateConfig = field(default_factory=CandidateConfig)
+    candidates: CandidateConfig = field(default_factory=lambda: CandidateConfig(number=100))
     structured: bool = True  # places on the fastest way are candidates, too
     memory: MemoryConfig = field(default_factory=MemoryConfig)
     travel: TravelConfig = field(default_factory=TravelConfig)
@@ -80,7 +80,7 @@ class LocalMinimumEscaperPlus:
         reachable = features[tuple(CRITERIA).index("c_o"), :old]
         decision = Decision(to_robot(self._subgoal, sight.pose), choice, not reachable.any())
         view = View(
-            sight.points,
+            self._memory.seen,
             observation.target,
             self._robot.footprint.r_min + sight.margin,
             _NONE,

@@ -43,6 +43,7 @@ class Memory:
         self._mount = robot.lidar.mount
         self.pose = Pose(0.0, 0.0, 0.0)  # of the robot in the carried frame
         self.points: Floats = np.empty((0, 2))  # in the carried frame
+        self.seen: Floats = np.empty((0, 2))  # points of the last scan in the robot frame, sorted by bearing
         self._twist: Twist | None = None
 
     def see(self, observation: Observation) -> None:
@@ -51,9 +52,10 @@ class Memory:
         if self._twist is not None:
             self.pose = _moved(self.pose, self._twist, now, self._dt)
         self._twist = now
+        self.seen = obstacle_points(scan, self._mount)
         self.points = remember(
             self.points if self._config.kept else self.points[:0],
-            obstacle_points(scan, self._mount),
+            self.seen,
             scan.ranges,
             (scan.angle_min, scan.angle_increment),
             self._mount,

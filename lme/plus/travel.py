@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lme.errors import require
+from lme.kernels.distance import distances_to
 from lme.kernels.travel_time import Grid, Pace, descend, times_at, travel_times
 from lme.robots import Robot
 from lme.types import Floats
@@ -33,20 +34,26 @@ class TravelConfig:
 
 
 class Field(NamedTuple):
-    """Expected times T of the cells of a grid [s], and the robot's. `here`: the robot's position."""
+    """Expected times T of the cells of a grid [s], and the robot's. `here`, `target`: positions (2,) [m]."""
 
     times: Floats
     robot_time: float
     grid: Grid
     here: Floats
+    target: Floats
     v_max: float
 
     def rest(self, places: Floats) -> Floats:
-        """T at (N, 2) places [s]: (N,). Where the search did not come, the least time that the search allows."""
+        """T at (N, 2) places [s]: (N,). Where the search did not come, the least time that the search allows.
+
+        If the robot has no way to the target, such places have the time of the straight line to it.
+        """
         times = times_at(self.times, places, self.grid)
-        away = np.hypot(places[:, 0] - self.here[0], places[:, 1] - self.here[1])
-        least = self.robot_time + BEYOND - away / self.v_max
-        return np.where(np.isfinite(times), times, np.maximum(least, 0.0))
+        if math.isfinite(self.robot_time):
+            least = np.maximum(self.robot_time + BEYOND - distances_to(places, self.here) / self.v_max, 0.0)
+        else:
+            least = distances_to(places, self.target) / self.v_max
+        return np.where(np.isfinite(times), times, least)
 
     def descent(self, length: float) -> Floats:
         """Places on the robot's fastest way, for `length` [m]: (K, 2)."""
@@ -68,4 +75,4 @@ def expected_times(
     times, robot_time = travel_times(points, target, here, grid, pace, BEYOND, False)
     if not math.isfinite(robot_time):  # enclosed on the grid: perhaps there is a way around outside it
         times, robot_time = travel_times(points, target, here, grid, pace, BEYOND, True)
-    return Field(times, robot_time, grid, here, robot.v_max)
+    return Field(times, robot_time, grid, here, target, robot.v_max)
