@@ -27,6 +27,7 @@ LEAST = 500
 LEFT_OUT = (
     "_tuned",
     "_skid",
+    "_no_latency",
     "dclp",
     "dclp_barn",
     "dclp_barn_global",

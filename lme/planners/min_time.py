@@ -22,7 +22,7 @@ from lme.types import Floats, Guidance, Limits, Observation, Pose, Twist
 _STEP = 0.05  # [m] of the prediction over the latency
 _WIDEST = 1.0  # [m] greatest radius of a person or another mover
 _AT_REST = 1e-6  # [m/s, rad/s] slower than this counts as 0
-_TIGHT = 0.5  # share of the margin that is kept where the robot could not move otherwise
+_TIGHT = 0.75  # share of the margin that is kept where the robot could not move otherwise
 _BACKWARD = 0.25  # share of v_max at which the robot backs up
 _SLOW = 0.05  # [s] time that a command of speed 0 counts more than one of v_max
 

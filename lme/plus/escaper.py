@@ -33,7 +33,7 @@ class EscaperPlusConfig:
     memory: MemoryConfig = field(default_factory=MemoryConfig)
     travel: TravelConfig = field(default_factory=TravelConfig)
     margin: float = 0.08  # [m] distance of a straight way's sides and front to obstacle points
-    turn_margin: float = 0.05  # [m] distance of the outline in a turn
+    turn_margin: float = 0.08  # [m] distance of the outline in a turn
 
     def __post_init__(self) -> None:
         require("guide.margin", self.margin, at_least=0.0)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from runners.analysis import paired
 from runners.analysis.paired import Block, Difference, interval, signed
-from runners.analysis.summary import DASH, METRICS, SETTING, SMOOTHNESS, Row, as_text, row_keys, title
+from runners.analysis.summary import DASH, METRICS, SETTING, SMOOTHNESS, USUAL, Row, as_text, row_keys, title
 from runners.records.whole_file import write_whole
 
 if TYPE_CHECKING:
@@ -78,21 +78,23 @@ def to_markdown(found: list[Comparison]) -> str:
 
 
 def _names(frame: pd.DataFrame, keys: list[str]) -> pd.Series:
-    """The system of each record, and its value of every key in which the records differ."""
+    """The system of each record, and its value of every key in which the records differ, unless it is usual."""
     names = as_text(frame["system"])
     for key in keys:
         values = as_text(frame[key])
         if values.nunique() > 1:
-            names = names + (f", {key} " + values).where(values != "", "")
+            names = names + (f", {key} " + values).where(~values.isin(USUAL), "")
     return names
 
 
 def _comparison(block: Block, reference: str) -> Comparison:
+    import pandas as pd
+
     by_measure = {measure: paired.compare(block, measure) for measure in MEASURES}
     parts = {reference: block.baseline, **block.variants}
     return Comparison(
         reference,
-        " · ".join(part for part in (block.heading, title(block.baseline)) if part),
+        " · ".join(part for part in (block.heading, title(pd.concat(parts.values()))) if part),
         {name: paired.row(part) for name, part in parts.items()},
         {
             name: {measure: found[name] for measure, found in by_measure.items() if name in found}

@@ -11,9 +11,12 @@ from lme.errors import InputError, nearest
 from lme.policy.parameter_file import read_parameters
 from lme.policy.score import CRITERIA
 from lme.resources import resource_dir
+from lme.yaml_entry import read_yaml
 from runners.config.composer import resume_command
 from runners.config.hydra_errors import unknown_key
 
+PUBLISHED = "published"  # the paper's weight set
+THRESHOLDS = ("d1", "d2")
 WEIGHTS = "weights.yaml"  # in the directory of a training run
 NETWORK = "weights.npz"  # in the directory of a run of lme learn
 REGISTERED = Path("outputs") / "weights"
@@ -26,16 +29,22 @@ def parameters(
     ablation: Mapping[str, float],
     criteria: Iterable[str] = (),
     scale: Mapping[str, float] | None = None,
+    own: str | None = None,
 ) -> dict[str, float]:
     """The parameters of a weight set, multiplied by `scale`, with those of the ablation in their place.
 
     weights: a name in `conf/weight_set/` or `outputs/weights/`, the directory of a training run, or the path of
     a YAML with a mapping `parameters`. criteria: names of criteria beside the paper's six. scale: factors by
-    name; an ablation replaces what they give.
+    name; an ablation replaces what they give. own: the weight set of a guide with other criteria than the paper's; it
+    names them, and is taken where `weights` is the paper's set.
     Raises InputError naming the file where it is missing or malformed, and for a scale of no parameter or a
     factor that is negative or not finite.
     """
-    learned = read_parameters(find(weights), (*CRITERIA, *criteria))
+    if own is None:
+        learned = read_parameters(find(weights), (*CRITERIA, *criteria))
+    else:
+        names = [name for name in read_yaml(find(own))["parameters"] if name not in THRESHOLDS]
+        learned = read_parameters(find(own if weights == PUBLISHED else weights), names)
     return {**learned, **_scaled(learned, scale or {}), **ablation}
 
 

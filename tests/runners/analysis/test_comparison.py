@@ -52,9 +52,17 @@ def test_rows_are_compared_in_their_own_setting():
 
 
 def test_other_weights_are_another_row():
+    """A row is named after what is unusual in it."""
     own = OTHER.assign(weights="mine")
     (study,) = comparison.studies(frame(LME.assign(weights="published"), own))
-    assert list(study.rows) == ["LME, weights published", "Other, weights mine"]
+    assert list(study.rows) == ["LME", "Other, weights mine"]
+
+
+def test_the_setting_is_what_all_rows_have_in_common():
+    values = ((LME, "0.3"), (OTHER, "0"))
+    parts = [part.assign(**{"map.count": "4", "planner.back": value}) for part, value in values]
+    (study,) = comparison.studies(frame(*parts))
+    assert study.place == "map.count=4 · 4 worlds × 2 runs"
 
 
 def test_files_and_words(tmp_path):

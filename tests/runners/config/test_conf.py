@@ -13,6 +13,7 @@ from lme.robots import Robot
 from runners.cli.main import command_files
 from runners.config import catalogue, schema
 from runners.config.composer import Composer, without_hydra
+from runners.config.flatten import flatten
 from runners.config.instantiate import configured
 from runners.records import launch_record
 
@@ -185,6 +186,30 @@ def test_no_maintenance_never_keeps_a_subgoal(composer):
 def test_ablations_add_up(composer):
     config = composer.compose(["ablation=[no_c_o,no_c_t]"])
     assert OmegaConf.to_container(config.ablation) == {"c_o": 0.0, "c_t": 0.0}
+
+
+WITHOUT = [name for name in CATALOGUE.options("system") if name.startswith("lme_plus_no_")]
+
+
+@pytest.mark.parametrize("option", WITHOUT)
+def test_a_part_of_lme_plus_is_removed_by_one_value(chosen, option):
+    whole, without = (_pair(chosen("system", name)) for name in ("lme_plus", option))
+    assert whole.keys() == without.keys()
+    assert sum(whole[key] != without[key] for key in whole) == 1
+
+
+def _pair(config):
+    """Dotted keys of guide and planner as written."""
+    parts = {group: OmegaConf.to_container(config[group], resolve=False) for group in ("guide", "planner")}
+    return dict(flatten(parts))
+
+
+def test_every_part_of_lme_plus_is_removed_in_an_experiment(chosen):
+    """The first system is the reference of the comparison."""
+    names = ("lme_plus_ablation", "lme_plus_robustness")
+    swept = [chosen("experiment", name).hydra.sweeper.params.system.split(",") for name in names]
+    assert swept[0][0].strip() == "lme_plus"
+    assert set(WITHOUT) <= {name.strip() for names in swept for name in names}
 
 
 # Published values

@@ -11,7 +11,7 @@ from runners.config import catalogue, schema
 from runners.config.command_line import compose_job
 from runners.config.composer import Composer, without_hydra
 from runners.config.instantiate import configured
-from runners.config.space import Range, read_space, with_values
+from runners.config.space import Range, own_values, read_space, with_values
 from tests.builders import PUBLISHED
 
 CATALOGUE = catalogue.shipped()
@@ -69,6 +69,16 @@ def test_the_papers_own_search(composer):
     assert config.search == {"_target_": "runners.search.Gp", "batch": 1, "startup": 3}
     assert (config.trials, config.configurations, len(config.held_out)) == (150, 4, 6)
     assert not any(found.log for found in read_space(config).values())
+
+
+def test_the_space_of_lme_plus_holds_its_values_and_its_planners(composer):
+    words = ["experiment=train/tune", "guide=lme_plus"]
+    config = compose_job(composer, [*words, "planner=min_time"]).config
+    space = read_space(config)
+    assert own_values(config, space).keys() == space.keys()
+    assert {"guide.parameters.d2", "guide.travel.comfort", "planner.turn"} <= space.keys()
+    without = read_space(compose_job(composer, [*words, "planner=dwa_tuned"]).config)
+    assert not any(key.startswith("planner.") for key in without)  # it has no space
 
 
 # The space

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
+import yaml
 from mlflow import MlflowClient
 
 from runners.cli.main import main
@@ -123,9 +124,14 @@ def test_a_launcher_of_processes_gives_the_same_records(tmp_path, monkeypatch):
 def test_labels_are_unique_among_the_pairs_that_run():
     pairs = systems.systems()
     assert len({each.label for each in pairs.values()}) == len(pairs)
-    of_their_own = {name: shipped().values(f"system/{name}").get("weights") for name in pairs}
-    chosen = {(each.guide, each.planner, of_their_own[name]) for name, each in pairs.items()}
+    files = [yaml.safe_load(shipped().file(f"system/{name}").read_text("utf-8")) for name in pairs]
+    chosen = {repr({key: value for key, value in file.items() if key != "system"}) for file in files}
     assert len(chosen) == len(pairs)
-    assert (
-        systems.label("lme", "simple", pairs.values()) == "LME"
-    )  # its own weights are named by choosing a system
+
+
+@pytest.mark.parametrize(
+    ("guide", "planner", "label"), [("lme", "simple", "LME"), ("lme_plus", "min_time", "LME+")]
+)
+def test_a_pair_has_the_label_of_the_whole_method(guide, planner, label):
+    """Weights, an ablation and removed parts are named by choosing their system."""
+    assert systems.label(guide, planner, systems.systems().values()) == label
