@@ -62,7 +62,7 @@ def remember(
 
 @njit(cache=True, error_model="numpy")
 def _in_sight(dx, dy, first, increment, ranges, slack):
-    """Whether the beam nearest in angle and its neighbours all end beyond the point, or less than `slack` before it."""
+    """Whether the beam nearest in angle and its neighbours end beyond the point, or less than `slack` before it."""
     turn = 2.0 * math.pi / abs(increment)
     beam = (math.atan2(dy, dx) - first) / increment
     beam -= turn * math.floor((beam + 0.5) / turn)
@@ -70,7 +70,4 @@ def _in_sight(dx, dy, first, increment, ranges, slack):
     if middle >= len(ranges):
         return False
     away = math.sqrt(dx * dx + dy * dy) - slack
-    for index in range(max(middle - 1, 0), min(middle + 2, len(ranges))):
-        if not ranges[index] > away:
-            return False
-    return True
+    return bool(np.all(ranges[max(middle - 1, 0) : middle + 2] > away))

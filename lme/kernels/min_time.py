@@ -20,8 +20,8 @@ _HOLDS = 5  # number of times for which a command is tried, from one period to t
 class Estimate(NamedTuple):
     """How the time to a subgoal is estimated. Times [s], v_max [m/s].
 
-    A command is held for some time up to `horizon`. Then the robot turns to the subgoal, which takes `turn` [s/rad], and
-    drives there at v_max. `slow`: added for a command of speed 0, in proportion less for faster ones.
+    A command is held for some time up to `horizon`. Then the robot turns to the subgoal, which takes `turn` [s/rad],
+    and drives there at v_max. `slow`: added for a command of speed 0, in proportion less for faster ones.
     """
 
     v_max: float
@@ -34,8 +34,9 @@ class Estimate(NamedTuple):
 class Safety(NamedTuple):
     """What makes a command safe.
 
-    Along its arc the outline, grown by margin + margin_time · (v + r_max |ω|), touches no point for one period and the time
-    to stop, at `brake` [m/s²] and alpha_omega [rad/s²]. v · |ω| is at most `grip` [m/s²], if a slower command is in reach.
+    Along its arc the outline, grown by margin + margin_time · (v + r_max |ω|), touches no point for one period and the
+    time to stop, at `brake` [m/s²] and alpha_omega [rad/s²]. v · |ω| is at most `grip` [m/s²], if a slower command is
+    in reach.
     """
 
     margin: float
@@ -49,8 +50,8 @@ class Safety(NamedTuple):
 def split(points: Floats, seen: Floats, people: Floats, most: float) -> tuple[Floats, Floats]:
     """The (M, 2) points that belong to no mover, and the movers (P, 5) with their radii [m].
 
-    seen (S, 2): points of the present scan. people (P, 4): x, y, vx, vy of the movers' centres [m, m/s]. A mover's radius is
-    the distance to the nearest point of the scan, at most `most`; points up to `_SKIN` farther belong to it.
+    seen (S, 2): points of the present scan. people (P, 4): x, y, vx, vy of the movers' centres [m, m/s]. A mover's
+    radius is the distance to the nearest point of the scan, at most `most`; points up to `_SKIN` farther belong to it.
     """
     movers = np.empty((len(people), 5))
     own = np.zeros(len(points), np.bool_)
@@ -78,10 +79,10 @@ def best_twist(
 ) -> tuple[float, float, float]:
     """(v, ω) of the safe command with the least expected time to the subgoal, and that time [s]; inf: none is safe.
 
-    v (V,), rising, and omega (W,): all pairs are tried [m/s, rad/s]; subgoal (2,), points (M, 2) in the robot frame [m];
-    box: footprint (half_length, half_width, rounding) [m]. movers (P, 5): x, y, vx, vy and radius of what moves
-    [m, m/s]. A command on whose arc one of them meets the robot's disc within `FORESEEN` seconds counts up to `_MEETING`
-    more, the sooner the more.
+    v (V,), rising, and omega (W,): all pairs are tried [m/s, rad/s]. subgoal (2,), points (M, 2): in the robot frame
+    [m]. box: footprint (half_length, half_width, rounding) [m]. movers (P, 5): x, y, vx, vy and radius of what moves
+    [m, m/s]. A command on whose arc one of them meets the robot's disc within `FORESEEN` [s] counts up to `_MEETING`
+    [s] more, the sooner the more.
     """
     count, r_max = len(v) * len(omega), math.hypot(box[0], box[1])  # a turning disc stays in its place
     twists, margins, stops = np.empty((count, 2)), np.empty(count), np.empty(count)
@@ -106,19 +107,26 @@ def best_twist(
     return twists[chosen, 0], twists[chosen, 1], best
 
 
+@njit(cache=True, error_model="numpy", inline="always")
+def _after(v, omega, time):
+    """Place of the robot after some time on its arc [m]."""
+    half = 0.5 * omega * time
+    chord = v * time * (math.sin(half) / half if abs(half) > 1e-6 else 1.0)
+    return chord * math.cos(half), chord * math.sin(half)
+
+
 @njit(cache=True, error_model="numpy")
 def _meeting(v, omega, movers, reach):
-    """Time until the robot on its arc comes within `reach` of one of the movers, and nearer still [s]; at most FORESEEN."""
+    """Time until the robot on its arc is within `reach` of a mover, and comes nearer [s]; at most FORESEEN."""
     steps = int(FORESEEN / _STEP + 0.5)
     for n in range(len(movers)):
         apart = reach + movers[n, 4]
         before = movers[n, 0] ** 2 + movers[n, 1] ** 2
         for k in range(1, steps + 1):
             time = k * _STEP
-            half = 0.5 * omega * time
-            chord = v * time * (math.sin(half) / half if abs(half) > 1e-6 else 1.0)
-            dx = movers[n, 0] + time * movers[n, 2] - chord * math.cos(half)
-            dy = movers[n, 1] + time * movers[n, 3] - chord * math.sin(half)
+            x, y = _after(v, omega, time)
+            dx = movers[n, 0] + time * movers[n, 2] - x
+            dy = movers[n, 1] + time * movers[n, 3] - y
             square = dx * dx + dy * dy
             if square < apart * apart and square < before:
                 steps = k - 1
@@ -129,16 +137,15 @@ def _meeting(v, omega, movers, reach):
 
 @njit(cache=True, error_model="numpy")
 def _time_to(subgoal, v, omega, free, estimate):
-    """Least expected time to the subgoal over the times for which the command is held, at most `free` but a period [s]."""
+    """Least expected time to the subgoal over the times for which the command is held, one period or up to `free` [s]."""
     least = np.inf
     for k in range(_HOLDS):
         held = estimate.period + (estimate.horizon - estimate.period) * k / (_HOLDS - 1)
         if k > 0 and held > free:
             break
-        half = 0.5 * omega * held
-        chord = v * held * (math.sin(half) / half if abs(half) > 1e-6 else 1.0)
-        x, y = subgoal[0] - chord * math.cos(half), subgoal[1] - chord * math.sin(half)
-        bearing = math.atan2(y, x) - 2.0 * half
+        x, y = _after(v, omega, held)
+        x, y = subgoal[0] - x, subgoal[1] - y
+        bearing = math.atan2(y, x) - omega * held
         bearing -= 2.0 * math.pi * math.floor(bearing / (2.0 * math.pi) + 0.5)
         time = held + math.sqrt(x * x + y * y) / estimate.v_max + estimate.turn * abs(bearing)
         least = min(least, time)

@@ -16,31 +16,38 @@ KEPT = 0.98  # share of its distance that a point inside the margin keeps
 def straight_ways(
     places: Floats, points: Floats, box: tuple[float, float, float], margin: float, turn_margin: float
 ) -> Bools:
-    """Whether the robot can turn in place to each place and then drive there without contact: (N,).
+    """Whether the robot can turn on the spot to each place and then drive there without contact: (N,).
 
-    places (N, 2), points (M, 2) in the robot frame [m]; box: footprint (half_length, half_width, rounding) [m]. The sides
-    and the front keep `margin` [m] on the straight way, the whole outline keeps `turn_margin` [m] in the turn. A point that
-    is nearer already must only come no nearer.
+    places (N, 2), points (M, 2) in the robot frame [m]; box: footprint (half_length, half_width, rounding) [m]. The
+    sides and the front keep `margin` [m] on the straight way, the whole outline keeps `turn_margin` [m] in the turn. A
+    point that is nearer already must only come no nearer.
     """
-    half_length, half_width, rounding = box
-    width = half_width + rounding + margin
-    reach = math.hypot(half_length, half_width) + rounding + turn_margin
-    ends, origin = np.empty(places.shape), np.zeros(2)
-    for n in range(len(places)):
-        away = max(math.hypot(places[n, 0], places[n, 1]), 1e-3)
-        stretch = 1.0 + max(half_length - half_width, 0.0) / away  # the front is ahead of the width's half disc
-        ends[n, 0], ends[n, 1] = stretch * places[n, 0], stretch * places[n, 1]
     away = np.sqrt(points[:, 0] ** 2 + points[:, 1] ** 2)
-    beside = away < width
-    blocked = fan_blocked(origin, ends, points[~beside], width)
-    if beside.any():
-        blocked |= fan_blocked(origin, ends, points[beside], KEPT * away[beside].min())
+    blocked = _blocked_ahead(places, points, away, box, margin)
+    reach = math.hypot(box[0], box[1]) + box[2] + turn_margin
     near = points[away < reach]
-    if half_length > 0.0 and len(near):
+    if box[0] > 0.0 and len(near):
         turns = np.array([[0.0, 1.0], [0.0, -1.0]])
         margins, zeros, full = np.full(2, turn_margin), np.zeros(2), np.full(2, 2.0 * math.pi)
         left, right = first_contacts(turns, near, box, margins, zeros, full, KEPT)
         for n in range(len(places)):
             bearing = math.atan2(places[n, 1], places[n, 0])
             blocked[n] = blocked[n] or bearing > left or -bearing > right
-    return ~blocked
+    free: Bools = np.logical_not(blocked)
+    return free
+
+
+@njit(cache=True, error_model="numpy")
+def _blocked_ahead(places, points, away, box, margin):
+    """Whether a point is on the straight way to each place, for a robot that faces it. away (M,): their distances [m]."""
+    width = box[1] + box[2] + margin
+    ahead = max(box[0] - box[1], 0.0)  # of the front beyond the half disc that ends the width's way
+    ends, origin = np.empty(places.shape), np.zeros(2)
+    for n in range(len(places)):
+        stretch = 1.0 + ahead / max(math.hypot(places[n, 0], places[n, 1]), 1e-3)
+        ends[n, 0], ends[n, 1] = stretch * places[n, 0], stretch * places[n, 1]
+    beside = away < width
+    blocked = fan_blocked(origin, ends, points[~beside], width)
+    if beside.any():
+        blocked |= fan_blocked(origin, ends, points[beside], KEPT * away[beside].min())
+    return blocked

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from lme.types import Bools, Floats, Ints
+from lme.types import Floats
 
 BUCKETS = 4096  # each as wide as the time for one cell at v_max; later times share the last one
 _NEIGHBOURS = 4
@@ -34,8 +34,8 @@ class Pace(NamedTuple):
     """The robot's expected speed at a place, by the distance d of the nearest obstacle point [m].
 
     d ≥ comfort: v_max [m/s]. From there down to d = inner the time per metre grows with the square of the difference,
-    up to (1 + slowdown) times. d < inner: no passage. If the robot is nearer to a point than that, its own distance, less
-    half a cell's diagonal, takes the place of `inner` within `room` [m] of it; there it is as slow as at d = inner.
+    up to (1 + slowdown) times. d < inner: no passage. If the robot is nearer to a point than that, its own distance,
+    less half a cell's diagonal, takes the place of `inner` within `room` [m] of it; there it is as slow as at d = inner.
     """
 
     v_max: float
@@ -51,9 +51,10 @@ def travel_times(
 ) -> tuple[Floats, float]:
     """T of every cell [s] (W, W), and of the robot's cell [s]; W = size + 2, since a frame of inf is around the cells.
 
-    points (M, 2); target (2,), robot (2,), in the frame of the grid [m]. A way that leaves the grid is straight and free
-    from there to the target; to a target on the grid, ways leave it only if `leave` is true. Only ways from the robot that
-    take at most `beyond` [s] more than the best are searched; cells on no such way are inf, as are those without passage.
+    points (M, 2); target (2,), robot (2,), in the frame of the grid [m]. A way that leaves the grid is straight and
+    free from there to the target; to a target on the grid, ways leave it only if `leave` is true. Only ways from the
+    robot that take at most `beyond` [s] more than the best are searched; cells on no such way are inf, as are those
+    without passage.
     """
     wide = grid.size + 2
     squares, least = _squared_distances(points, robot, grid, pace)
@@ -108,7 +109,7 @@ def travel_times(
 
 @njit(cache=True, error_model="numpy")
 def _sources(x, y, size, inside, leave):
-    """Cells whose time is known, about the target or at the edge of the grid, in an array with room for more; their number."""
+    """Cells whose time is known, about the target or at the edge, in an array with room for more; their number."""
     wide = size + 2
     cells = np.empty(5 * wide * wide, np.int32)
     count = 0
@@ -136,7 +137,7 @@ def _eikonal(a, b, step):
 
 @njit(cache=True, error_model="numpy", inline="always")
 def _slowness(square, away, least, pace):
-    """Time per metre at a squared distance from the nearest point and a distance from the robot [s/m]; inf: no passage."""
+    """Time per metre [s/m] by squared distance to the nearest point and distance to the robot; inf: no passage."""
     if square >= pace.comfort * pace.comfort:
         return 1.0 / pace.v_max
     if square < 0.0:

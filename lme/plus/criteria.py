@@ -1,7 +1,7 @@
 """The criteria of LME+ (docs/lme_plus.md). Each is a time [s], an angle [rad] or a yes or no; larger is better.
 
-Each takes (N, 2) candidates in the robot frame and a `Sight`, and returns (N,) unweighted values. The first line of each
-docstring is shown in explainer pages.
+Each takes (N, 2) candidates in the robot frame and a `Sight`, and returns (N,) unweighted values. The first line of
+each docstring is shown in explainer pages.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ TIGHT = 0.75  # share of the margins that is kept where there is no other way
 class Sight(NamedTuple):
     """Input of the criteria.
 
-    points: (M, 2) known obstacle points in the robot frame [m]. pose: of the robot in the frame of `field`. box: footprint.
-    margin, turn_margin: distances that straight ways and turns keep [m]. v_max [m/s].
+    points: (M, 2) known obstacle points in the robot frame [m]. pose: of the robot in the frame of `field`. box:
+    footprint. margin, turn_margin: distances that straight ways and turns keep [m]. v_max [m/s].
     """
 
     points: Floats
@@ -67,7 +67,8 @@ def c_o(candidates: Floats, sight: Sight) -> Floats:
     if free.any():
         return free.astype(np.float64)
     margins = TIGHT * sight.margin, TIGHT * sight.turn_margin
-    return 0.5 * straight_ways(candidates, sight.points, sight.box, *margins)
+    tight = straight_ways(candidates, sight.points, sight.box, *margins)
+    return 0.5 * tight.astype(np.float64)
 
 
 CRITERIA: Mapping[str, Criterion] = {"a_reach": a_reach, "a_dev": a_dev, "a_rest": a_rest, "c_o": c_o}

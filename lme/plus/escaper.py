@@ -22,6 +22,7 @@ from lme.robots import Robot
 from lme.types import Floats, Observation
 
 _NONE = np.empty((0, 2))
+_REACHABLE = tuple(CRITERIA).index("c_o")
 
 
 @dataclass(slots=True)
@@ -63,6 +64,15 @@ class LocalMinimumEscaperPlus:
         """Advance one control period; the subgoal, and all known obstacle points (M, 2), in the robot frame [m]."""
         self._memory.see(observation)
         sight = self._look(observation)
+        self._last = step = self._step(observation, sight)
+        return step.decision, sight.points
+
+    def explanation(self) -> Explanation | None:
+        """All quantities behind the last decision; None before the first."""
+        return None if self._last is None else explain(self._last)
+
+    def _step(self, observation: Observation, sight: Sight) -> Step:
+        """Algorithm 1 of the paper, with the criteria of LME+."""
         pool = self._generate(observation, sight)
         old = None if self._subgoal is None else len(pool)
         if self._subgoal is not None:
@@ -70,52 +80,33 @@ class LocalMinimumEscaperPlus:
         features = np.array([criterion(pool, sight) for criterion in CRITERIA.values()])
         scores = score(features, self._parameters.weights)
         new = int(np.argmax(scores[:old]))
-        choice = Choice.FIRST
-        if old is not None:
-            distance, d1, d2 = math.hypot(*pool[old]), self._parameters.d1, self._parameters.d2
-            choice = choose(distance, scores[old], scores[new], d1, d2)
+        choice = self._choose(pool, scores, new, old)
         if choice is not Choice.KEPT:
             self._subgoal = to_world(pool[new], sight.pose)
         assert self._subgoal is not None
-        reachable = features[tuple(CRITERIA).index("c_o"), :old]
-        decision = Decision(to_robot(self._subgoal, sight.pose), choice, not reachable.any())
-        view = View(
-            self._memory.seen,
-            observation.target,
-            self._robot.footprint.r_min + sight.margin,
-            _NONE,
-            None,
-            "every",
-        )
-        self._last = Step(
-            decision,
-            tuple(CRITERIA),
-            self._parameters,
-            observation.scan,
-            view,
-            pool,
-            features,
-            scores,
-            new,
-            old,
-        )
-        return decision, sight.points
+        blocked = not features[_REACHABLE, :old].any()
+        decision = Decision(to_robot(self._subgoal, sight.pose), choice, blocked)
+        view, names, parameters = self._view(observation, sight), tuple(CRITERIA), self._parameters
+        return Step(decision, names, parameters, observation.scan, view, pool, features, scores, new, old)
 
-    def explanation(self) -> Explanation | None:
-        """All quantities behind the last decision; None before the first."""
-        return None if self._last is None else explain(self._last)
+    def _choose(self, pool: Floats, scores: Floats, new: int, old: int | None) -> Choice:
+        if old is None:
+            return Choice.FIRST
+        distance, parameters = math.hypot(*pool[old]), self._parameters
+        return choose(distance, scores[old], scores[new], parameters.d1, parameters.d2)
+
+    def _view(self, observation: Observation, sight: Sight) -> View:
+        """What an explanation shows: the points of the scan and the target; LME+ has no history and no blockage."""
+        radius = self._robot.footprint.r_min + sight.margin
+        return View(self._memory.seen, observation.target, radius, _NONE, None, "every")
 
     def _look(self, observation: Observation) -> Sight:
         config, robot, pose = self._config, self._robot, self._memory.pose
         target = to_world(observation.target, pose)
         here, reach = np.array(pose[:2]), config.memory.reach
-        times = expected_times(
-            self._memory.points, target, here, reach, robot, config.margin, config.travel
-        )
+        times = expected_times(self._memory.points, target, here, reach, robot, config.margin, config.travel)
         points = to_robot(self._memory.points, pose)
-        return Sight(
-            points, pose, times, robot.footprint.box, config.margin, config.turn_margin, robot.v_max
-        )
+        return Sight(points, pose, times, robot.footprint.box, config.margin, config.turn_margin, robot.v_max)
 
     def _generate(self, observation: Observation, sight: Sight) -> Floats:
         """Random candidates all around, places on the fastest way, and the target if it is in range."""

@@ -61,7 +61,13 @@ class Field(NamedTuple):
 
 
 def expected_times(
-    points: Floats, target: Floats, here: Floats, reach: float, robot: Robot, margin: float, config: TravelConfig
+    points: Floats,
+    target: Floats,
+    here: Floats,
+    reach: float,
+    robot: Robot,
+    margin: float,
+    config: TravelConfig,
 ) -> Field:
     """The field within about `reach` [m] of a robot at `here` (2,), among `points` (M, 2), to its `target` (2,).
 
