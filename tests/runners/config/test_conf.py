@@ -24,7 +24,6 @@ CUSTOM = "custom"  # takes a class of the user's own
 OPTIONS = [(group, option) for group in GROUPS for option in CATALOGUE.options(group) if option != CUSTOM]
 COMMENTED = 0.8  # share of the keys of a file that have a comment
 PARAMETERS = {"a_close", "a_dev", "c_o", "c_t", "a_mount", "c_h", "d1", "d2"}
-WEIGHTS = "parameters"  # a mapping: its keys are no fields, and a class has no values for them
 SIX = {"a_close", "a_dev", "c_o", "c_t", "a_mount", "c_h"}
 
 
@@ -63,8 +62,7 @@ def test_every_option_composes(chosen, group, option):
 def test_keys_are_those_of_the_config_class(chosen, group, option):
     config = without_hydra(chosen(group, option))
     cls, _ = configured(config[group], group)
-    keys = {key.name for key in CATALOGUE.keys(f"{group}/{option}")} - {"_target_"}
-    written = {WEIGHTS if name.startswith(f"{WEIGHTS}.") else name for name in keys}
+    written = {key.name for key in CATALOGUE.keys(f"{group}/{option}")} - {"_target_"}
     assert written == set(_fields(cls.Config))
     module, _, name = str(config[group]._target_).rpartition(".")
     assert getattr(importlib.import_module(module), name) is cls
@@ -95,11 +93,7 @@ def test_the_default_of_a_class_is_the_value_in_its_yaml(path):
     node = OmegaConf.create(CATALOGUE.values(str(path.relative_to(CONF).with_suffix(""))))
     module, _, name = node._target_.rpartition(".")
     defaults = dict(_defaults(getattr(importlib.import_module(module), name).Config()))
-    written = {
-        key: OmegaConf.select(node, key)
-        for key in defaults
-        if key != WEIGHTS and not _interpolated(node, key)
-    }
+    written = {key: OmegaConf.select(node, key) for key in defaults if not _interpolated(node, key)}
     assert written == {key: default for key, default in defaults.items() if key in written}
 
 

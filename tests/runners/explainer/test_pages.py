@@ -286,7 +286,7 @@ def test_a_guide_without_reasons_has_pages_but_no_sentences(tmp_path, capsys):
     assert main(["explain", str(tmp_path), world, "--text"]) == 2
     out, error = capsys.readouterr()
     assert out == ""
-    assert "only guide=lme has reasons to tell" in error
+    assert "only guide=lme and guide=lme_plus have reasons to tell" in error
 
 
 # --- the sentences of real drives ------------------------------------------------------------------------
