@@ -8,6 +8,7 @@ import pytest
 import yaml
 from omegaconf import OmegaConf
 
+from lme.plus.criteria import CRITERIA as PLUS_CRITERIA
 from lme.resources import resource_dir
 from lme.robots import Robot
 from runners.cli.main import command_files
@@ -158,8 +159,13 @@ def test_no_group_bears_the_name_of_a_plain_key():
 # Ablations
 
 
-def test_the_papers_seven_ablations_and_none(composer):
-    assert set(CATALOGUE.options("ablation")) == {"none", "no_maintenance", *(f"no_{name}" for name in SIX)}
+def test_the_papers_seven_ablations_those_of_lme_plus_and_none():
+    weights = SIX | set(PLUS_CRITERIA)
+    assert set(CATALOGUE.options("ablation")) == {
+        "none",
+        "no_maintenance",
+        *(f"no_{name}" for name in weights),
+    }
 
 
 @pytest.mark.parametrize("name", sorted(SIX))
@@ -187,14 +193,17 @@ WITHOUT = [name for name in CATALOGUE.options("system") if name.startswith("lme_
 
 @pytest.mark.parametrize("option", WITHOUT)
 def test_a_part_of_lme_plus_is_removed_by_one_value(chosen, option):
-    whole, without = (_pair(chosen("system", name)) for name in ("lme_plus", option))
-    assert whole.keys() == without.keys()
-    assert sum(whole[key] != without[key] for key in whole) == 1
+    changed = set()
+    for resolve in (False, True):  # a latency is 0 here, however it is written; weights are one reference
+        whole, without = (_pair(chosen("system", name), resolve) for name in ("lme_plus", option))
+        assert whole.keys() == without.keys()
+        changed |= {key for key in whole if whole[key] != without[key]}
+    assert len(changed) == 1
 
 
-def _pair(config):
-    """Dotted keys of guide and planner as written."""
-    parts = {group: OmegaConf.to_container(config[group], resolve=False) for group in ("guide", "planner")}
+def _pair(config, resolve):
+    """Dotted keys of guide and planner, as written or with their values."""
+    parts = {group: OmegaConf.to_container(config[group], resolve=resolve) for group in ("guide", "planner")}
     return dict(flatten(parts))
 
 
