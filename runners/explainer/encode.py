@@ -7,13 +7,14 @@ Values that are only drawn are rounded to the millimetre or to single precision.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from lme.geometry.frames import to_world
-from lme.policy.criteria import SURMOUNT, View
+from lme.plus.criteria import CRITERIA as PLUS_CRITERIA
+from lme.policy.criteria import SURMOUNT
 from lme.policy.escaper import PAPER_CRITERIA
 from lme.policy.explanation import Explanation
 from lme.policy.maintenance import Choice
@@ -79,16 +80,19 @@ def _policy(first: Explanation, sentences: Sequence[str]) -> dict[str, Any]:
     return {
         "explained": True,
         "names": first.names,
-        "about": {name: _first_line(name, first.view) for name in first.names},
+        "about": {name: _first_line(name, first) for name in first.names},
         "parameters": {name: value if math.isfinite(value) else "inf" for name, value in given.items()},
         "choices": CHOICES,
         "sentences": list(sentences),
     }
 
 
-def _first_line(name: str, view: View) -> str:
-    """The first line of the docstring of a criterion, in the reading that is in force."""
-    criterion = SURMOUNT[view.surmount] if name == "a_mount" else PAPER_CRITERIA.get(name)
+def _first_line(name: str, first: Explanation) -> str:
+    """The first line of the docstring of a criterion of LME or LME+, in the reading that is in force."""
+    known: Mapping[str, Callable[..., Floats]] = {**PAPER_CRITERIA, "a_mount": SURMOUNT[first.view.surmount]}
+    if PLUS_CRITERIA.keys() == set(first.names):
+        known = PLUS_CRITERIA
+    criterion = known.get(name)
     return (criterion.__doc__ or "").partition("\n")[0] if criterion else "A criterion of your own."
 
 

@@ -199,7 +199,7 @@ def _sentences(steps: Sequence[TracedStep]) -> Iterator[str]:
     why = [step.explanation for step in steps if step.explanation is not None]
     if not why:
         raise InputError(
-            "--text: only guide=lme has reasons to tell; without --text the page shows the drive"
+            "--text: only guide=lme and guide=lme_plus have reasons to tell; without --text the page shows the drive"
         )
     yield f"{'step':>11}  {'time [s]':>13}  why"
     for first, last, text in reasons(why):

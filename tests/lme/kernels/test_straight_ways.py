@@ -1,4 +1,4 @@
-"""Straight ways: what is called free is free for the footprint that turns and drives in small steps, and what clears is free."""
+"""Straight ways: a free one is free for a footprint that turns and drives in small steps; what clears is free."""
 
 import math
 

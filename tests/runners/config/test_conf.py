@@ -8,6 +8,7 @@ import pytest
 import yaml
 from omegaconf import OmegaConf
 
+from lme.plus.criteria import CRITERIA as PLUS_CRITERIA
 from lme.resources import resource_dir
 from lme.robots import Robot
 from runners.cli.main import command_files
@@ -24,7 +25,6 @@ CUSTOM = "custom"  # takes a class of the user's own
 OPTIONS = [(group, option) for group in GROUPS for option in CATALOGUE.options(group) if option != CUSTOM]
 COMMENTED = 0.8  # share of the keys of a file that have a comment
 PARAMETERS = {"a_close", "a_dev", "c_o", "c_t", "a_mount", "c_h", "d1", "d2"}
-WEIGHTS = "parameters"  # a mapping: its keys are no fields, and a class has no values for them
 SIX = {"a_close", "a_dev", "c_o", "c_t", "a_mount", "c_h"}
 
 
@@ -63,8 +63,7 @@ def test_every_option_composes(chosen, group, option):
 def test_keys_are_those_of_the_config_class(chosen, group, option):
     config = without_hydra(chosen(group, option))
     cls, _ = configured(config[group], group)
-    keys = {key.name for key in CATALOGUE.keys(f"{group}/{option}")} - {"_target_"}
-    written = {WEIGHTS if name.startswith(f"{WEIGHTS}.") else name for name in keys}
+    written = {key.name for key in CATALOGUE.keys(f"{group}/{option}")} - {"_target_"}
     assert written == set(_fields(cls.Config))
     module, _, name = str(config[group]._target_).rpartition(".")
     assert getattr(importlib.import_module(module), name) is cls
@@ -95,11 +94,7 @@ def test_the_default_of_a_class_is_the_value_in_its_yaml(path):
     node = OmegaConf.create(CATALOGUE.values(str(path.relative_to(CONF).with_suffix(""))))
     module, _, name = node._target_.rpartition(".")
     defaults = dict(_defaults(getattr(importlib.import_module(module), name).Config()))
-    written = {
-        key: OmegaConf.select(node, key)
-        for key in defaults
-        if key != WEIGHTS and not _interpolated(node, key)
-    }
+    written = {key: OmegaConf.select(node, key) for key in defaults if not _interpolated(node, key)}
     assert written == {key: default for key, default in defaults.items() if key in written}
 
 
@@ -164,8 +159,13 @@ def test_no_group_bears_the_name_of_a_plain_key():
 # Ablations
 
 
-def test_the_papers_seven_ablations_and_none(composer):
-    assert set(CATALOGUE.options("ablation")) == {"none", "no_maintenance", *(f"no_{name}" for name in SIX)}
+def test_the_papers_seven_ablations_those_of_lme_plus_and_none():
+    weights = SIX | set(PLUS_CRITERIA)
+    assert set(CATALOGUE.options("ablation")) == {
+        "none",
+        "no_maintenance",
+        *(f"no_{name}" for name in weights),
+    }
 
 
 @pytest.mark.parametrize("name", sorted(SIX))
@@ -193,14 +193,17 @@ WITHOUT = [name for name in CATALOGUE.options("system") if name.startswith("lme_
 
 @pytest.mark.parametrize("option", WITHOUT)
 def test_a_part_of_lme_plus_is_removed_by_one_value(chosen, option):
-    whole, without = (_pair(chosen("system", name)) for name in ("lme_plus", option))
-    assert whole.keys() == without.keys()
-    assert sum(whole[key] != without[key] for key in whole) == 1
+    changed = set()
+    for resolve in (False, True):  # a latency is 0 here, however it is written; weights are one reference
+        whole, without = (_pair(chosen("system", name), resolve) for name in ("lme_plus", option))
+        assert whole.keys() == without.keys()
+        changed |= {key for key in whole if whole[key] != without[key]}
+    assert len(changed) == 1
 
 
-def _pair(config):
-    """Dotted keys of guide and planner as written."""
-    parts = {group: OmegaConf.to_container(config[group], resolve=False) for group in ("guide", "planner")}
+def _pair(config, resolve):
+    """Dotted keys of guide and planner, as written or with their values."""
+    parts = {group: OmegaConf.to_container(config[group], resolve=resolve) for group in ("guide", "planner")}
     return dict(flatten(parts))
 
 

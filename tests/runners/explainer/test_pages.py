@@ -1,5 +1,8 @@
 """Pages of a run's episodes: which, where, linked from where; and what `lme explain` says."""
 
+import base64
+import gzip
+import json
 import re
 import shutil
 
@@ -7,11 +10,13 @@ import pytest
 
 from lme.episode import TRAJECTORY_COLUMNS
 from lme.errors import InputError
+from lme.plus.criteria import CRITERIA as PLUS_CRITERIA
 from lme.policy.reasons import reason
 from runners.analysis.failures import failed_section, folder
 from runners.cli.main import main
 from runners.config.schema import Explain
 from runners.explainer import pages, write
+from runners.explainer.encode import encode
 from runners.records import launch_record
 from runners.records.episode_record import COLUMNS, EpisodeKey, EpisodeRecord, EpisodeResult
 from runners.records.records import RecordWriter, read_episodes, read_trajectories
@@ -286,7 +291,7 @@ def test_a_guide_without_reasons_has_pages_but_no_sentences(tmp_path, capsys):
     assert main(["explain", str(tmp_path), world, "--text"]) == 2
     out, error = capsys.readouterr()
     assert out == ""
-    assert "only guide=lme has reasons to tell" in error
+    assert "only guide=lme and guide=lme_plus have reasons to tell" in error
 
 
 # --- the sentences of real drives ------------------------------------------------------------------------
@@ -310,3 +315,23 @@ def test_episodes_of_a_figure_are_explained_though_nothing_is_booked(run, drawn)
     note.write_text("seed: 0\n")
     assert main(["explain", str(run), "230"]) == 0
     assert drawn == [ARRIVED]
+
+
+def test_lme_plus_has_pages_and_reasons_of_its_own(tmp_path, capsys):
+    words = ["guide=lme_plus", "planner=min_time", "map.worlds=[207]", "explain=all", "map.time_limit=2"]
+    assert main([*WORDS, *words, f"hydra.run.dir={tmp_path}"]) == 0
+    assert "207-0.html" in files(tmp_path)
+    capsys.readouterr()
+    assert main(["explain", str(tmp_path), "207", "--text"]) == 0
+    assert "first subgoal: the best of" in capsys.readouterr().out
+    trace = rerun(launch_record.read_launch(tmp_path).config, 207, 0)
+    head = header(encode(trace, [""] * len(trace.steps)))
+    assert head["about"] == {
+        name: criterion.__doc__.partition("\n")[0] for name, criterion in PLUS_CRITERIA.items()
+    }
+
+
+def header(text):
+    """What stands before the arrays."""
+    raw = gzip.decompress(base64.b64decode(text))
+    return json.loads(raw[4 : 4 + int.from_bytes(raw[:4], "little")])

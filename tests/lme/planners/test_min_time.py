@@ -1,0 +1,174 @@
+"""Minimum-time arcs: safe by small steps, fast in the open, at rest where enclosed, and ahead of its own latency."""
+
+import math
+from collections import deque
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from lme.errors import InputError
+from lme.geometry.frames import to_robot
+from lme.kernels.collision import sweep
+from lme.kernels.motion import drive
+from lme.planners.min_time import MinTime, MinTimeConfig
+from lme.types import Guidance, Pose, Twist
+from tests.builders import observation, shipped, stage, without_errors
+from tests.lme.planners.checks import assert_finite_within_limits, assert_mirrored
+from tests.tolerances import KERNEL
+
+JACKAL = without_errors(shipped("jackal"))
+ROBOTS = [JACKAL, stage()]
+NOTHING, NO_EDGES = np.empty((0, 2)), np.empty((0, 4))
+STEP = 0.01  # [m] between two poses of the slow sweep
+
+
+def made(robot=JACKAL, **config):
+    return MinTime(MinTimeConfig(**config), robot)
+
+
+def ring(radius, count=90):
+    turn = np.linspace(0.0, 2 * math.pi, count, endpoint=False)
+    return radius * np.column_stack((np.cos(turn), np.sin(turn)))
+
+
+def moved(robot, pose, twist, command):
+    """Poses on the way, and pose and twist a period later."""
+    way, after = drive(pose, twist, command, robot.limits, robot.dt, STEP, robot.footprint.r_max)
+    return way, Pose(*way[-1].tolist()), Twist(*after)
+
+
+def touches(robot, way, points):
+    return sweep(way, robot.footprint.box, np.column_stack((points, np.zeros(len(points)))), NO_EDGES)[1] >= 0
+
+
+def asked(planner, robot, pose, twist, subgoal, points, blocked=False):
+    """The planner's command at a pose among points in the world."""
+    guidance = Guidance(to_robot(subgoal, pose), None, False, blocked, to_robot(points, pose))
+    return planner.plan(observation(guidance.subgoal, twist=twist, robot=robot), guidance)
+
+
+def follow(planner, robot, subgoal, points=NOTHING, steps=40, delay=0, blocked=False):
+    """Commands, twists before them and all poses, with commands that take effect `delay` periods later."""
+    pose, twist, subgoal = Pose(0.0, 0.0, 0.0), Twist(0.0, 0.0), np.asarray(subgoal, dtype=float)
+    under_way = deque([Twist(0.0, 0.0)] * delay)
+    commands, twists, ways = [], [], []
+    for _ in range(steps):
+        twists.append(twist)
+        commands.append(asked(planner, robot, pose, twist, subgoal, points, blocked))
+        under_way.append(commands[-1])
+        way, pose, twist = moved(robot, pose, twist, under_way.popleft())
+        ways.append(way)
+    return np.array(commands), np.array(twists), ways
+
+
+@pytest.mark.parametrize("robot", ROBOTS, ids=lambda robot: robot.name)
+@settings(max_examples=15)
+@given(st.integers(0, 10**6))
+def test_it_touches_nothing_and_could_always_stop(robot, seed):
+    rng = np.random.default_rng(seed)
+    points = rng.uniform(-3.0, 3.0, (25, 2))
+    points = points[np.hypot(*points.T) > robot.footprint.r_max + 0.1]
+    commands, twists, ways = follow(made(robot), robot, rng.uniform(-3.0, 3.0, 2), points, 30)
+    for (v, omega), way in zip([*twists[1:], (0.0, 0.0)], ways, strict=True):
+        assert not touches(robot, way, points)
+        pose, twist = Pose(*way[-1].tolist()), Twist(v, omega)
+        for _ in range(math.ceil(robot.v_max / robot.alpha_v / robot.dt) + 1):
+            braking, pose, twist = moved(robot, pose, twist, Twist(0.0, 0.0))
+            assert not touches(robot, braking, points)
+    assert np.abs(commands[:, 0]).max() <= robot.v_max + KERNEL
+    assert np.abs(commands[:, 1]).max() <= robot.omega_max + KERNEL
+    change = np.abs(commands - twists).max(axis=0)
+    assert change[0] <= robot.alpha_v * robot.dt + KERNEL
+    assert change[1] <= robot.alpha_omega * robot.dt + KERNEL
+
+
+@pytest.mark.parametrize("robot", ROBOTS, ids=lambda robot: robot.name)
+def test_in_the_open_it_drives_straight_at_full_speed(robot):
+    commands, _, ways = follow(made(robot), robot, (50.0, 0.0))
+    assert commands[-1] == pytest.approx([robot.v_max, 0.0], abs=KERNEL)
+    assert np.abs(ways[-1][:, 1]).max() <= KERNEL
+    speeding = math.ceil(robot.v_max / (robot.alpha_v * robot.dt))
+    assert commands[speeding - 1 :, 0].min() == pytest.approx(robot.v_max, abs=KERNEL)
+
+
+def test_it_turns_to_a_subgoal_behind():
+    _, _, ways = follow(made(), JACKAL, (-3.0, 0.5), steps=60)
+    assert np.hypot(*(np.concatenate(ways)[:, :2] - (-3.0, 0.5)).T).min() < 0.2
+
+
+def test_enclosed_it_stands():
+    points = ring(JACKAL.footprint.r_max + 0.005)
+    commands, _, ways = follow(made(), JACKAL, (3.0, 0.0), points, 5)
+    assert np.abs(commands[:, 0]).max() == 0.0
+    assert not any(touches(JACKAL, way, points) for way in ways)
+
+
+def wedge():
+    """A wall at the Jackal's front and sides, nearer than any margin; free behind."""
+    half_length, half_width, _ = JACKAL.footprint.box
+    along = np.linspace(-half_length, half_length, 15)
+    sides = [np.column_stack((along, np.full(15, side * (half_width + 0.01)))) for side in (-1, 1)]
+    front = np.column_stack((np.full(15, half_length + 0.01), np.linspace(-half_width, half_width, 15)))
+    return np.concatenate((*sides, front))
+
+
+def test_where_it_is_stuck_it_backs_up_as_far_as_asked():
+    _, _, ways = follow(made(back=0.3), JACKAL, (3.0, 0.0), wedge(), 4, blocked=True)
+    track = np.concatenate(ways)
+    assert track[-1, 0] < -0.1
+    assert np.abs(track[:, 1]).max() <= KERNEL
+    assert not touches(JACKAL, track, wedge())
+    commands, _, _ = follow(made(back=0.3), JACKAL, (3.0, 0.0), wedge(), 4, blocked=False)
+    assert commands[:, 0].min() >= 0.0
+
+
+def test_it_does_not_back_up_into_what_it_knows_or_into_the_unknown():
+    behind = np.array([[-JACKAL.footprint.box[0] - 0.02, 0.0]])
+    points = np.concatenate((wedge(), behind))
+    commands, _, _ = follow(made(), JACKAL, (3.0, 0.0), points, 4, blocked=True)
+    assert commands[:, 0].min() >= 0.0
+    near = np.full(JACKAL.lidar.num_beams, 0.2, dtype=np.float32)  # a scan with a blind arc alone
+    command = made().plan(
+        observation(ranges=near, robot=JACKAL), Guidance(np.array([3.0, 0.0]), blocked=True)
+    )
+    assert command.v >= 0.0
+
+
+@pytest.mark.parametrize("delay", [1, 3])
+def test_with_a_known_latency_it_commands_what_it_would_where_it_will_be(delay):
+    # The robot stands for `delay` periods; from then on everything is as without latency, `delay` periods later.
+    points = np.array([[1.5, 0.4], [2.5, -0.5]])
+    late, _, late_ways = follow(
+        made(latency=delay * JACKAL.dt), JACKAL, (4.0, 1.0), points, 30 + delay, delay=delay
+    )
+    prompt, _, ways = follow(made(), JACKAL, (4.0, 1.0), points, 30)
+    assert late[:30] == pytest.approx(prompt, abs=1e-6)
+    assert np.concatenate(late_ways[delay:]) == pytest.approx(np.concatenate(ways), abs=1e-6)
+
+
+@settings(max_examples=25)
+@given(
+    st.lists(st.floats(0.4, 6.0), min_size=12, max_size=12),
+    st.tuples(st.floats(-3.0, 3.0), st.floats(-3.0, 3.0)),
+    st.tuples(st.floats(0.0, 0.5), st.floats(-0.5, 0.5)),
+)
+def test_a_mirrored_scene_gives_the_mirrored_command(arcs, target, twist):
+    if abs(target[1]) < 1e-3:
+        target = target[0], 1e-3  # equally good to both sides
+    assert_mirrored(made, stage(), arcs, target, twist)
+
+
+@pytest.mark.parametrize("value", [0.0, np.nan, np.inf, -1.0, 0.3, 5.0])
+def test_any_scan_gives_a_command_within_the_limits(value):
+    assert_finite_within_limits(made, JACKAL, value)
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [("horizon", 0), ("brake", -1), ("latency", -0.1), ("v_samples", 1), ("omega_samples", 4)],
+)
+def test_mistakes_are_named(key, value):
+    with pytest.raises(InputError, match=f"planner.{key} is {value}"):
+        MinTimeConfig(**{key: value})
