@@ -23,9 +23,9 @@ def remember(
 ) -> Floats:
     """Points of a scan and the remembered ones that it cannot see, one per square: (K, 2).
 
-    memory (N, 2), and the result: in the carried frame [m]. points (M, 2): of the scan, in the robot frame; the nearest
-    beams' `ranges` (B,) and `beams`, the first bearing and the increment [rad], in the lidar's frame at `mount`. pose: of
-    the robot in the carried frame. square [m]: side of the squares. A remembered point is dropped if it is farther than
+    memory (N, 2), and the result: in the carried frame [m]. points (M, 2): of the scan, in the robot frame. ranges
+    (B,), and beams: first bearing and increment [rad] in the lidar's frame, which is at `mount`. pose: of the robot in
+    the carried frame. square [m]: side of the squares. A remembered point is dropped if it is farther than
     `reach` [m] from the robot, or if its beam and both neighbours reach it, or nearly (`slack` [m]): then either a beam
     passed it, or the scan has a newer point of the same surface.
     """

@@ -137,7 +137,7 @@ def _meeting(v, omega, movers, reach):
 
 @njit(cache=True, error_model="numpy")
 def _time_to(subgoal, v, omega, free, estimate):
-    """Least expected time to the subgoal over the times for which the command is held, one period or up to `free` [s]."""
+    """Least expected time to the subgoal [s], if the command is held for one period or longer, up to `free` [s]."""
     least = np.inf
     for k in range(_HOLDS):
         held = estimate.period + (estimate.horizon - estimate.period) * k / (_HOLDS - 1)

@@ -39,7 +39,7 @@ def straight_ways(
 
 @njit(cache=True, error_model="numpy")
 def _blocked_ahead(places, points, away, box, margin):
-    """Whether a point is on the straight way to each place, for a robot that faces it. away (M,): their distances [m]."""
+    """Whether a point is on the straight way to each place, for a robot that faces it. away (M,): of the points."""
     width = box[1] + box[2] + margin
     ahead = max(box[0] - box[1], 0.0)  # of the front beyond the half disc that ends the width's way
     ends, origin = np.empty(places.shape), np.zeros(2)

@@ -35,7 +35,7 @@ class Pace(NamedTuple):
 
     d ≥ comfort: v_max [m/s]. From there down to d = inner the time per metre grows with the square of the difference,
     up to (1 + slowdown) times. d < inner: no passage. If the robot is nearer to a point than that, its own distance,
-    less half a cell's diagonal, takes the place of `inner` within `room` [m] of it; there it is as slow as at d = inner.
+    less half a cell's diagonal, takes the place of `inner` within `room` [m] of it, and is as slow as `inner`.
     """
 
     v_max: float

@@ -60,9 +60,9 @@ class MinTime:
 
     Every pair (v, ω) that is reachable within a period is tried: it is held for some time, then the robot turns to the
     subgoal and drives there. An arc is safe if the exact footprint, with a margin that grows with speed, reaches no
-    obstacle point before the robot has stopped. If none is safe, the robot brakes on its present arc. The points are those that
-    the guide knows, else those of the scan. If the delay of commands is known, all this starts where the robot will be
-    when the command takes effect.
+    obstacle point before the robot has stopped. If none is safe, the robot brakes on its present arc. The points are
+    those that the guide knows, else those of the scan. If the delay of commands is known, all this starts where the
+    robot will be when the command takes effect. Tracked people are foreseen at their present velocity.
     """
 
     Config = MinTimeConfig

@@ -43,9 +43,16 @@ def parameters(
     if own is None:
         learned = read_parameters(find(weights), (*CRITERIA, *criteria))
     else:
-        names = [name for name in read_yaml(find(own))["parameters"] if name not in THRESHOLDS]
+        names = [name for name in _own_names(own) if name not in THRESHOLDS]
         learned = read_parameters(find(own if weights == PUBLISHED else weights), names)
     return {**learned, **_scaled(learned, scale or {}), **ablation}
+
+
+def _own_names(own: str) -> list[str]:
+    """Names of the parameters in a weight set that ships."""
+    content = read_yaml(find(own))
+    assert isinstance(content, dict)
+    return list(content["parameters"])
 
 
 def check_scale(scale: Mapping[str, float], guide: Mapping[str, Any]) -> None:
