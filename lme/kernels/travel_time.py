@@ -87,11 +87,12 @@ def travel_times(
         final[at] = tentative[at]
         if at == here:
             stop = min(bucket + int(beyond / cell_time) + 1, BUCKETS)
+        row, column = at // wide, at % wide
         for k in range(_NEIGHBOURS):
-            near = at + (1 if k == 0 else -1 if k == 1 else wide if k == 2 else -wide)
-            if final[near] <= final[at]:
-                continue
-            i, j = near // wide, near % wide
+            i, j = row + (k == 2) - (k == 3), column + (k == 0) - (k == 1)
+            near = i * wide + j
+            if final[at] >= min(final[near], tentative[near] - least_gain):
+                continue  # a time by way of this cell is longer than its own
             away = math.sqrt((i - rx) ** 2 + (j - ry) ** 2)
             step = grid.cell * _slowness(squares[near], away * grid.cell, least, pace)
             if step == np.inf:
@@ -163,7 +164,7 @@ def _squared_distances(points, robot, grid, pace):
         squares[k] = squares[(wide - 1) * wide + k] = squares[k * wide] = squares[k * wide + wide - 1] = -1.0
     taken = np.zeros((size, size), np.bool_)
     span = int(pace.comfort / cell) + 1
-    nearest = np.inf
+    nearest, reach = np.inf, pace.comfort * pace.comfort
     for m in range(len(points)):
         x, y = (points[m, 0] - grid.x) / cell, (points[m, 1] - grid.y) / cell
         i, j = math.floor(x), math.floor(y)
@@ -176,6 +177,8 @@ def _squared_distances(points, robot, grid, pace):
             taken[i, j] = True
         for a in range(max(i - span, 0), min(i + span + 1, size)):
             across = (a + 0.5 - x) ** 2
+            if across * cell * cell > reach:
+                continue
             for b in range(max(j - span, 0), min(j + span + 1, size)):
                 at = (a + 1) * wide + b + 1
                 squares[at] = min(squares[at], (across + (b + 0.5 - y) ** 2) * cell * cell)
