@@ -438,3 +438,26 @@ def remember(memory, points, ranges, beams, mount, pose, square, reach, slack):
                 continue
         squares.setdefault(at, point)
     return np.array(list(squares.values())).reshape(-1, 2)
+
+
+def split(points, seen, people, most, skin):
+    """Every point against every person: the points of nobody, and the radius of each person."""
+    radii = _apart(people[:, :2], seen).min(axis=1, initial=most)
+    own = _apart(points, people[:, :2]) < radii + skin
+    return points[~own.any(axis=1)], np.column_stack((people, radii))
+
+
+def meeting(twist, movers, reach, step, foreseen):
+    """Places at all times; the last time before any mover is both near and nearer than a step earlier."""
+    v, omega = twist
+    times = step * np.arange(round(foreseen / step) + 1)
+    way = v * times if omega == 0.0 else v * (np.exp(1j * omega * times) - 1.0) / (1j * omega)
+    x, y, vx, vy, radii = movers.T[..., None]
+    away = np.abs(x + 1j * y + (vx + 1j * vy) * times - way)
+    meets = (away[:, 1:] < reach + radii) & (away[:, 1:] < away[:, :-1])
+    return min((times[np.argmax(one)] for one in meets if one.any()), default=foreseen)
+
+
+def _apart(one, other):
+    """(N, M) distances between all places."""
+    return np.hypot(*(one[:, None] - other[None]).transpose(2, 0, 1))

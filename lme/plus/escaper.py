@@ -57,13 +57,14 @@ class LocalMinimumEscaperPlus:
         """Start a new episode; `rng` draws the candidates."""
         self._rng = rng
         self._memory = Memory(self._config.memory, self._robot)
+        self.sight: Sight | None = None  # of the last decision
         self._subgoal: Floats | None = None  # in the carried frame
         self._last: Step | None = None
 
     def decide(self, observation: Observation) -> tuple[Decision, Floats]:
         """Advance one control period; the subgoal, and all known obstacle points (M, 2), in the robot frame [m]."""
         self._memory.see(observation)
-        sight = self._look(observation)
+        self.sight = sight = self._look(observation)
         self._last = step = self._step(observation, sight)
         return step.decision, sight.points
 

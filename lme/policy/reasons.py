@@ -20,6 +20,7 @@ _FELL = {
     "c_t": "lost its free line to the target",
     "c_h": "came to lie behind recent positions of the robot",
 }
+_NARROWED = "became reachable with a smaller margin only"  # c_o of LME+ is then 1/2
 _FELL_IN_A_MOUNT = {  # by the reading of the surmount feature
     "every": "came to lie off the way around the sector that now blocks the robot's way to the target",
     "hidden": "became hidden from the target behind the blocking sector",
@@ -184,6 +185,8 @@ def _fall(term: Term, then: float, now: float, weight: float, words: Mapping[str
     lost = weight * (then - now)
     if term.value <= 0.0 or lost < term.value / 2:
         return ""
+    if term.name == "c_o":
+        return _NARROWED if now > 0.0 else words["c_o"]
     return words[term.name] if then == _BEST.get(term.name) else f"fell by {_shown(lost)} in {term.name}"
 
 

@@ -13,10 +13,7 @@ class Bars {
    * @param {{picked: ?number[], chosen: ?number[], old: ?number[]}} sides
    */
   show(sides) {
-    const all = SIDES.flatMap((side) => sides[side] || []);
-    const low = Math.min(0, ...all);
-    const high = Math.max(0, ...all);
-    const span = high - low || 1;
+    const [low, high] = termScale(SIDES.map((side) => sides[side]).filter(Boolean));
     this.rows.forEach((row, i) => {
       for (const side of SIDES) {
         const terms = sides[side];
@@ -24,7 +21,7 @@ class Bars {
         const value = terms ? (total ? sum(terms) : terms[i]) : NaN;
         row.cells[side].textContent = number(value);
         row.cells[side].dataset.value = terms ? String(value) : "";
-        if (!total) stretch(row.bars[side], value, low, span);
+        if (!total) stretch(row.bars[side], value, low, high);
       }
     });
   }
@@ -51,10 +48,19 @@ function termRow(body, name, meanings) {
   return { cells, bars };
 }
 
-/** A bar from zero to its value, on a scale that starts at `low`; at least a pixel wide, so that it is visible. */
-function stretch(bar, value, low, span) {
+/** The ends of the scale of bars: of the terms that differ between the sides, if any do, and zero. */
+function termScale(shown) {
+  const differ = shown.map((terms) => terms.filter((term, i) => shown.some((other) => other[i] !== term))).flat();
+  const all = differ.length ? differ : shown.flat();
+  return [Math.min(0, ...all), Math.max(0, ...all)];
+}
+
+/** A bar from zero to its value, or to the end of the scale; at least a pixel wide, so that it is visible. */
+function stretch(bar, value, low, high) {
   bar.hidden = !Number.isFinite(value) || value === 0;
   if (bar.hidden) return;
-  bar.style.left = `${(100 * (Math.min(0, value) - low)) / span}%`;
-  bar.style.width = `max(1px, ${(100 * Math.abs(value)) / span}%)`;
+  const span = high - low || 1;
+  const [from, to] = [Math.min(0, value), Math.max(0, value)].map((end) => Math.min(Math.max(end, low), high));
+  bar.style.left = `${(100 * (from - low)) / span}%`;
+  bar.style.width = `max(1px, ${(100 * (to - from)) / span}%)`;
 }

@@ -212,7 +212,7 @@ class App {
     const row = head.names.indexOf(this.colour);
     const values = row < 0 ? scores : features[row].subarray(...span);
     const free = features[head.names.indexOf("c_o")].subarray(...span);
-    const counted = this.colour === "free" && free.includes(1) ? values.filter((_, i) => free[i]) : values;
+    const counted = this.colour === "free" && free.some(Boolean) ? values.filter((_, i) => free[i]) : values;
     return { values, scale: scaleOf(counted, values) };
   }
 
@@ -274,6 +274,8 @@ function dress(trace) {
   const ending = `${head.outcome} after ${seconds(head.time)}`;
   byId("subtitle").textContent = [head.system, ...ablation, head.robot, ending].filter(Boolean).join(" · ");
   document.body.classList.add(trace.explained ? "explained" : "unexplained", head.planned ? "planned" : "unplanned");
+  byId("key-blocking").hidden = !trace.arrays.blocking?.some((sector) => sector >= 0);
+  byId("key-history").hidden = !trace.arrays["history.count"]?.some(Boolean);
   if (!trace.decisions) byId("without-reasons").textContent = "The episode ended before the first decision.";
 }
 

@@ -46,7 +46,7 @@ function candidateText(trace, step, index, scores) {
     && i < index)), 0);
   const place = whereabouts(trace.candidate(step, index));
   const free = trace.arrays["feature.c_o"][trace.starts.candidates[step] + index];
-  const reach = free ? "" : ", not reachable";
+  const reach = free >= 1 ? "" : free > 0 ? ", reachable with less margin" : ", not reachable";
   return `Candidate ${index}: rank ${rank} of ${scores.length}, S ${number(scores[index])}, ${place}${reach}`;
 }
 

@@ -44,22 +44,6 @@ class Shot(NamedTuple):
         return int(_guide(self.trace.config).history_length)
 
 
-def shots(runs: Sequence[DrivenRun], worlds: Sequence[int], step: int | None, figure: str) -> list[Shot]:
-    """The decision to draw for every run and world. Skips runs that LME does not guide.
-
-    step: of the decision; None: the most telling one. figure: name of the kind, for messages. Raises InputError if
-    LME guides none of the runs, or if an episode has no such step.
-    """
-    guided = [driven for driven in runs if _is_guided(driven)]
-    if not guided:
-        guides = ", ".join(sorted({_target(driven.config) for driven in runs}))
-        raise InputError(
-            f"guide is {guides}: {figure} draws how LME scores candidates; choose guide=lme, or a run of LME"
-        )
-    asked: list[list[int]] = [[world] for world in worlds] or [[]]
-    return [_shot(driven, world, step) for driven in guided for world in asked]
-
-
 def telling_step(trace: Trace) -> int:
     """The step of the most telling decision: the first with the most of these properties.
 
@@ -69,6 +53,37 @@ def telling_step(trace: Trace) -> int:
     reach = candidate_reach(trace)
     held = [0 if step.explanation is None else sum(_signs(step.explanation, reach)) for step in trace.steps]
     return held.index(max(held))
+
+
+class Guided(NamedTuple):
+    """The guide whose decisions a figure shows. option: in `conf/guide/`. telling: finds the most telling step."""
+
+    cls: type
+    label: str
+    option: str
+    telling: Callable[[Trace], int]
+
+
+LME = Guided(Lme, "LME", "lme", telling_step)
+
+
+def shots(
+    runs: Sequence[DrivenRun], worlds: Sequence[int], step: int | None, figure: str, by: Guided = LME
+) -> list[Shot]:
+    """The decision to draw for every run and world. Skips runs that another guide guides.
+
+    step: of the decision; None: the most telling one. figure: name of the kind, for messages. Raises InputError if
+    no run is left, or if an episode has no such step.
+    """
+    guided = [driven for driven in runs if _is_guided(driven, by)]
+    if not guided:
+        guides = ", ".join(sorted({_target(driven.config) for driven in runs}))
+        raise InputError(
+            f"guide is {guides}: {figure} draws how {by.label} scores candidates; "
+            f"choose guide={by.option}, or a run of {by.label}"
+        )
+    asked: list[list[int]] = [[world] for world in worlds] or [[]]
+    return [_shot(driven, world, step, by) for driven in guided for world in asked]
 
 
 def candidate_reach(trace: Trace) -> float:
@@ -109,10 +124,10 @@ def draw_shots(
     ]
 
 
-def _shot(driven: DrivenRun, worlds: Sequence[int], step: int | None) -> Shot:
+def _shot(driven: DrivenRun, worlds: Sequence[int], step: int | None, by: Guided) -> Shot:
     world, run = chosen_world(driven, worlds)
     trace = driven.trace(world, run)
-    number = telling_step(trace) if step is None else step
+    number = by.telling(trace) if step is None else step
     if number >= len(trace.steps):
         raise InputError(
             f"figure.step is {number}: world {world}, run {run} of {driven.label} has the steps "
@@ -121,7 +136,7 @@ def _shot(driven: DrivenRun, worlds: Sequence[int], step: int | None) -> Shot:
     why = trace.steps[number].explanation
     if why is None:
         raise InputError(
-            f"figure.step is {number}: {_target(driven.config)} did not ask LME for a subgoal then"
+            f"figure.step is {number}: {_target(driven.config)} did not ask {by.label} for a subgoal then"
         )
     return Shot(driven.label, trace, number, why)
 
@@ -148,9 +163,9 @@ def _gain(why: Explanation, name: str) -> float:
     return float(why.features[row, why.new] - why.old_features[row])
 
 
-def _is_guided(driven: DrivenRun) -> bool:
+def _is_guided(driven: DrivenRun, by: Guided) -> bool:
     cls, _ = configured(driven.config.guide, "guide")
-    return isinstance(cls, type) and issubclass(cls, Lme)
+    return isinstance(cls, type) and issubclass(cls, by.cls)
 
 
 def _guide(config: SystemConfig) -> Any:

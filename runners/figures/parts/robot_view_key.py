@@ -20,19 +20,19 @@ def key(why: Explanation, reach_m: float, box: Box) -> list[Any]:
     rival, blockage = rival_subgoal(why), blockage_seen(why, box)
     outlined = {"marker": "*" if why.decision.choice.switched else "o", "markeredgecolor": GREEN}
     entries = [
-        _mark("chosen subgoal", color=GREEN, **STAR),
-        rival and _mark(rival[0], markerfacecolor="none", markersize=7, **outlined),
-        _mark("robot, heading up", marker="s", color="white", markeredgecolor=INK, markersize=6),
-        _line("target direction", color=INK, linewidth=0.9),
+        mark("chosen subgoal", color=GREEN, **STAR),
+        rival and mark(rival[0], markerfacecolor="none", markersize=7, **outlined),
+        mark("robot, heading up", marker="s", color="white", markeredgecolor=INK, markersize=6),
+        line("target direction", color=INK, linewidth=0.9),
         is_inside(why.view.target, box)
-        and _mark("target", marker="x", color=INK, markersize=6, markeredgewidth=1.8),
+        and mark("target", marker="x", color=INK, markersize=6, markeredgewidth=1.8),
         len(why.view.points) and _sectors_mark("scan, by sector", "ooo"),
-        blockage and _line("blocking sector", color=BLUE, linewidth=1.2),
+        blockage and line("blocking sector", color=BLUE, linewidth=1.2),
         blockage
-        and _mark("its ends $E_1$, $E_2$", color="white", marker="o", markeredgecolor=BLUE, markersize=4),
-        blockage and _mark("$B$, $r$ beyond $A$", color=BLUE, marker="o", markersize=4),
-        len(why.view.history) and _mark("recent positions", color=greens(2)[1], marker="o", markersize=4),
-        _line(f"range of candidates, {reach_m:g} m", color=INK, linestyle=":", linewidth=0.9),
+        and mark("its ends $E_1$, $E_2$", color="white", marker="o", markeredgecolor=BLUE, markersize=4),
+        blockage and mark("$B$, $r$ beyond $A$", color=BLUE, marker="o", markersize=4),
+        len(why.view.history) and mark("recent positions", color=greens(2)[1], marker="o", markersize=4),
+        line(f"range of candidates, {reach_m:g} m", color=INK, linestyle=":", linewidth=0.9),
     ]
     return [entry for entry in entries if entry]
 
@@ -41,7 +41,7 @@ def _sectors_mark(label: str, markers: str) -> tuple[Any, ...]:
     """One entry of a key with a mark in each sector colour."""
     colours = [colour for colour, _ in SECTORS]
     return tuple(
-        _mark(label, color=colour, marker=marker, markersize=3, markeredgewidth=0)
+        mark(label, color=colour, marker=marker, markersize=3, markeredgewidth=0)
         for colour, marker in zip(colours, markers, strict=True)
     )
 
@@ -55,13 +55,15 @@ def draw_key(figure: Figure, entries: Sequence[Any], at: tuple[float, float], lo
     figure.legend(entries, labels, loc=loc, bbox_to_anchor=at, handler_map=handlers, **look)
 
 
-def _mark(label: str, **look: Any) -> Artist:
+def mark(label: str, **look: Any) -> Artist:
+    """An entry of a key: a point."""
     from matplotlib.lines import Line2D
 
     return Line2D([], [], label=label, **{"linestyle": "", **look})
 
 
-def _line(label: str, **look: Any) -> Artist:
+def line(label: str, **look: Any) -> Artist:
+    """An entry of a key: a line."""
     from matplotlib.lines import Line2D
 
     return Line2D([], [], label=label, **look)

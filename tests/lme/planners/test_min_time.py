@@ -11,11 +11,14 @@ from hypothesis import strategies as st
 from lme.errors import InputError
 from lme.geometry.frames import to_robot
 from lme.kernels.collision import sweep
-from lme.kernels.motion import drive
+from lme.kernels.motion import drive as moved_by
 from lme.planners.min_time import MinTime, MinTimeConfig
-from lme.types import Guidance, Pose, Twist
-from tests.builders import observation, shipped, stage, without_errors
-from tests.lme.planners.checks import assert_finite_within_limits, assert_mirrored
+from lme.sim.fast import FastConfig, FastSimulator
+from lme.types import Guidance, Outcome, Pose, Twist
+from lme.worlds.movers import Mover
+from lme.worlds.world import World
+from tests.builders import observation, shipped, stage, task, without_errors
+from tests.lme.planners.checks import assert_finite_within_limits, assert_mirrored, drive
 from tests.tolerances import KERNEL
 
 JACKAL = without_errors(shipped("jackal"))
@@ -35,7 +38,7 @@ def ring(radius, count=90):
 
 def moved(robot, pose, twist, command):
     """Poses on the way, and pose and twist a period later."""
-    way, after = drive(pose, twist, command, robot.limits, robot.dt, STEP, robot.footprint.r_max)
+    way, after = moved_by(pose, twist, command, robot.limits, robot.dt, STEP, robot.footprint.r_max)
     return way, Pose(*way[-1].tolist()), Twist(*after)
 
 
@@ -146,6 +149,66 @@ def test_with_a_known_latency_it_commands_what_it_would_where_it_will_be(delay):
     prompt, _, ways = follow(made(), JACKAL, (4.0, 1.0), points, 30)
     assert late[:30] == pytest.approx(prompt, abs=1e-6)
     assert np.concatenate(late_ways[delay:]) == pytest.approx(np.concatenate(ways), abs=1e-6)
+
+
+class Untracked(MinTime):
+    """The same planner without a tracker: people are scan points."""
+
+    def plan(self, observation, guidance):
+        return super().plan(observation._replace(pedestrians=np.empty((0, 4))), guidance)
+
+
+def crossing(planner, late, speed=1.0):
+    """An episode in which a person crosses the robot's way, `late` [s] after a robot at full speed is there.
+
+    Also the person's y when the robot passes: positive if the robot passes before the person.
+    """
+    start = speed * (4.0 / JACKAL.v_max + late)
+    person = Mover(path=np.array([[4.0, start], [4.0, start - 10.0]]), radius=0.3, speed=speed)
+    made = planner(MinTimeConfig(), JACKAL)
+    episode = drive(made, JACKAL, World(movers=(person,)), goal=(8.0, 0.0))
+    track = episode.trajectory
+    return episode, start - speed * track[np.argmax(track[:, 1] > 4.0), 0]
+
+
+@pytest.mark.parametrize("late", [-0.5, 0.0, 0.25, 0.5])
+def test_it_comes_past_a_crossing_person_and_stays_in_motion(late):
+    episode, _ = crossing(MinTime, late)
+    assert episode.outcome is Outcome.SUCCESS
+    assert episode.trajectory[3:, 4].min() > 0.4
+
+
+def test_it_passes_before_or_behind_a_person():
+    hurries, waits = crossing(MinTime, 0.75)[1], crossing(MinTime, -0.25)[1]
+    assert waits < -0.4 < 0.4 < hurries
+
+
+def test_without_a_tracker_the_person_walks_into_it():
+    assert crossing(Untracked, 0.5)[0].outcome is Outcome.COLLISION
+    assert crossing(MinTime, 0.5)[0].outcome is Outcome.SUCCESS
+
+
+def stand(planner, side):
+    """Distances from its place, while a person comes from a side and walks through that place; whether they touch."""
+    person = Mover(path=np.array([[0.0, 3.0 * side], [0.0, -5.0 * side]]), radius=0.3, speed=0.8)
+    made, simulator = planner(MinTimeConfig(), JACKAL), FastSimulator(FastConfig(), JACKAL)
+    seen = simulator.reset(task(World(movers=(person,)), goal=(50.0, 0.0)), np.random.default_rng(0))
+    away = []
+    for _ in range(60):
+        at_its_place = Guidance(to_robot(np.zeros(2), simulator.state.pose))
+        seen = simulator.step(made.plan(seen, at_its_place))
+        away.append(math.hypot(*simulator.state.pose[:2]))
+        if simulator.state.contact:
+            break
+    return away, simulator.state.contact
+
+
+@pytest.mark.parametrize("side", [1, -1])
+def test_at_rest_it_leaves_before_somebody_and_comes_back(side):
+    away, touched = stand(MinTime, side)
+    assert not touched
+    assert max(away) > 0.5 > 0.1 > away[-1]
+    assert stand(Untracked, side)[1]
 
 
 @settings(max_examples=25)

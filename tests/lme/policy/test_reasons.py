@@ -59,6 +59,11 @@ def test_better_names_the_term_and_what_befell_the_old_one():
     )
 
 
+def test_what_was_reachable_with_a_smaller_margin_and_is_no_more_stopped_being_reachable():
+    now = explained([{}], old={"c_o": 0.0})
+    assert reason(now, explained([{"c_o": 0.5}])).endswith("c_o +999.8; the old one stopped being reachable")
+
+
 def test_what_the_old_one_never_had_is_no_change():
     before = explained([{"c_t": 0.0}])
     now = explained([{}], old={"c_t": 0.0})
@@ -70,6 +75,7 @@ def test_what_the_old_one_never_had_is_no_change():
     ("old", "change"),
     [
         ({"c_o": 0.0}, "stopped being reachable"),
+        ({"c_o": 0.5}, "; the old one became reachable with a smaller margin only"),
         (
             {"a_mount": -3.0},  # 88.7 · 3
             "; the old one came to lie off the way around the sector that now blocks the robot's way to the target",

@@ -7,8 +7,9 @@ import pytest
 
 from lme.policy.maintenance import Choice, choose
 from lme.policy.score import Parameters, score
+from runners.explainer.write import write_page
 from tests.builders import PUBLISHED
-from tests.runners.explainer.conftest import settle
+from tests.runners.explainer.conftest import settle, traced
 
 RELATIVE = 1e-6
 SETTINGS = {
@@ -172,3 +173,41 @@ def test_what_is_typed_counts_and_nonsense_is_refused(page):
     page.press("#n-a_close", "Enter")
     assert page.get_attribute("#n-a_close", "aria-invalid") == "true"
     assert page.evaluate("explainer.app.panel.values.a_close") == PUBLISHED["a_close"]
+
+
+PLUS = ("system=lme_plus", "map=barn", "robot=jackal", "map.time_limit=1.5")
+
+
+def test_the_page_of_lme_plus_decides_as_it_did_and_shows_what_it_has(open_page, tmp_path):
+    trace = traced(207, *PLUS, "map.worlds=[207]")
+    write_page(trace, tmp_path / "plus.html")
+    page = open_page(tmp_path / "plus.html")
+    choices = [str(step.explanation.decision.choice) for step in trace.steps]
+    assert page.evaluate("explainer.app.verdicts.map((verdict) => verdict.choice)") == choices
+    assert not any(page.evaluate("explainer.app.changed"))
+    sliders = page.evaluate(
+        "Array.from(document.querySelectorAll('#parameters input[type=range]'), (one) => one.id)"
+    )
+    assert sliders == [f"p-{name}" for name in ("a_reach", "a_dev", "a_rest", "c_o", "d1", "d2")]
+    assert not page.is_visible("#key-blocking")
+    assert not page.is_visible("#key-history")
+    assert page.watch.said == []
+
+
+@pytest.mark.parametrize(
+    ("chosen", "shares"), [([-2.0, 0.0, 9.0], [0.5, 1.0, 0.0]), ([-1.0, 0.0, 9.0], [0.1, 0.1, 0.9])]
+)
+def test_terms_equal_on_all_sides_do_not_set_the_scale_of_the_bars(page, chosen, shares):
+    widths = page.evaluate(
+        """(chosen) => {
+            const { bars } = explainer.app;
+            const rest = [0, 0, 0];
+            bars.show({ picked: [-1, 0, 9, ...rest], chosen: [...chosen, ...rest], old: null });
+            const [first, , third] = bars.rows;
+            const all = [first.bars.picked, first.bars.chosen, third.bars.picked];
+            const wide = (element) => element.getBoundingClientRect().width;
+            return all.map((bar) => wide(bar) / wide(bar.parentElement));
+        }""",
+        chosen,
+    )
+    assert widths == pytest.approx(shares, abs=0.05)

@@ -17,6 +17,12 @@ def lme_run(tmp_path_factory):
 
 
 @pytest.fixture(scope="session")
+def plus_run(tmp_path_factory):
+    """The same of LME+."""
+    return _driven(tmp_path_factory, "lme_plus")
+
+
+@pytest.fixture(scope="session")
 def target_run(tmp_path_factory):
     """The same without a guide."""
     return _driven(tmp_path_factory, "target")
