@@ -56,7 +56,7 @@ def _lme() -> Line:
 def _python() -> Line:
     found = f"{platform.python_version()}, {platform.platform()}, {sys.executable}"
     try:
-        wanted = metadata(extras.DISTRIBUTION).get("Requires-Python", "")
+        wanted = metadata(extras.DISTRIBUTION)["Requires-Python"]
     except PackageNotFoundError:
         wanted = ""
     fits = SpecifierSet(wanted).contains(platform.python_version(), prereleases=True)
