@@ -23,7 +23,7 @@ from runners.workers.executor import available_cores
 
 OUTPUTS = Path("outputs")
 WORKER_GB = 0.3  # memory of a worker process, with room to spare
-_REINSTALL = "install it: pip install --editable . in a checkout, or the wheel"
+_REINSTALL = "in a checkout: pip install --editable ."
 
 
 class Line(NamedTuple):
@@ -49,7 +49,7 @@ def _lme() -> Line:
             "lme", found, f"{extras.DISTRIBUTION} is not installed, so what it needs is unknown; {_REINSTALL}"
         )
     if installed != lme.__version__:
-        return Line("lme", found, f"the installed metadata are of {installed}; {_REINSTALL} again")
+        return Line("lme", found, f"the installed metadata are of {installed}; {_REINSTALL}")
     return Line("lme", found)
 
 

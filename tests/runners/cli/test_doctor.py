@@ -87,7 +87,7 @@ def test_an_extra_that_is_not_there_is_no_problem_but_an_old_one_is(installed):
 
 def test_metadata_that_are_missing_or_of_another_version(installed):
     installed["lme-nav"] = "0.0.1"
-    assert "metadata are of 0.0.1; install it" in line("lme").advice
+    assert "metadata are of 0.0.1; in a checkout: pip install" in line("lme").advice
     del installed["lme-nav"]
     assert "lme-nav is not installed" in line("lme").advice
 
