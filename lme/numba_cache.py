@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import tempfile
 from contextlib import suppress
@@ -23,6 +24,14 @@ def choose(package: Path = _PACKAGE) -> None:
         with suppress(OSError, RuntimeError):  # RuntimeError: this user has no home
             os.environ[_VARIABLE] = str(prepare())
             return
+
+
+def folder(source: Path) -> Path:
+    """Where Numba keeps the kernels of a source file: beside it, or in NUMBA_CACHE_DIR under the name of its folder."""
+    chosen = os.environ.get(_VARIABLE)
+    if not chosen:
+        return source.parent / "__pycache__"
+    return Path(chosen) / f"{source.parent.name}_{hashlib.sha1(str(source.parent).encode()).hexdigest()}"
 
 
 def _writable(package: Path) -> bool:

@@ -3,25 +3,27 @@
 from __future__ import annotations
 
 import hashlib
+import os
 import sys
+from importlib.metadata import version
 from pathlib import Path
+
+import lme
+from lme import numba_cache
+
+SOURCE = Path(lme.__file__).parent / "kernels" / "motion.py"
+_LAST = "travelled"  # the last kernel of it that the first step of an episode calls
 
 
 def compiled() -> bool:
-    """Whether Numba's cache has the current `travelled`, the last kernel that the first step of an episode calls.
+    """Whether Numba's cache has the current `travelled`. Numba itself, which takes a second, is not imported.
 
     The cache may still lack the kernels of a guide, planner or simulator that has not been used yet.
     """
-    from lme.kernels.motion import travelled
-
-    stats = getattr(travelled, "stats", None)
-    if stats is None:  # a plain function, with NUMBA_DISABLE_JIT
+    if os.environ.get("NUMBA_DISABLE_JIT", "0") != "0":
         return True
-    code = travelled.py_func.__code__
-    source = Path(code.co_filename)
-    python = f"py{sys.version_info.major}{sys.version_info.minor}"
-    name = f"{source.stem}.{code.co_name}-{code.co_firstlineno}.{python}*.nbi"
-    return any(_is_for(source, index) for index in Path(stats.cache_path).glob(name))
+    name = f"{SOURCE.stem}.{_LAST}-*.py{sys.version_info.major}{sys.version_info.minor}*.nbi"
+    return any(_is_for(SOURCE, index) for index in numba_cache.folder(SOURCE).glob(name))
 
 
 def _is_for(source: Path, index: Path) -> bool:
@@ -29,9 +31,7 @@ def _is_for(source: Path, index: Path) -> bool:
 
     Numba identifies a source by its hash; older versions use the time of its last change.
     """
-    import numba
-
     known = index.read_bytes()
     newer = index.stat().st_mtime >= source.stat().st_mtime
     same = newer or hashlib.sha256(source.read_bytes()).digest() in known
-    return same and numba.__version__.encode() in known
+    return same and version("numba").encode() in known

@@ -8,10 +8,15 @@ import signal
 import socket
 import subprocess
 import sys
+import warnings
 
 EXAMPLES = (
     "lme ui",
     "lme ui --port 5001 --uri sqlite:///elsewhere/mlflow.db",
+)
+_LOOPBACK = ("127.0.0.1", "::1", "localhost")
+_OPEN = (
+    "--host is {}: MLflow asks for no password, so whoever reaches port {} can read, change and delete runs"
 )
 
 
@@ -22,6 +27,8 @@ def main(argv: list[str]) -> int:
     arguments = _parser().parse_args(argv)
     _check_store(arguments.uri)
     _check_address(arguments.host, arguments.port)
+    if arguments.host not in _LOOPBACK:
+        warnings.warn(_OPEN.format(arguments.host, arguments.port), stacklevel=2)
     print(
         f"MLflow on http://{arguments.host}:{arguments.port} shows {arguments.uri}; Ctrl-C ends it",
         flush=True,

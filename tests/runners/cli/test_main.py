@@ -127,7 +127,7 @@ def test_version():
 @pytest.mark.parametrize(
     "words",
     [[], ["--help"], ["eval", "--help"], ["--version"], ["evl"], ["completion", "bash"],
-     ["completion", "words", "--", "lme eval robot="]],
+     ["doctor"], ["doctor", "--help"], ["completion", "words", "--", "lme eval robot="]],
 )  # fmt: skip
 def test_quick_answers_import_nothing_heavy(words):
     code = (

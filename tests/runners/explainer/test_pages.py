@@ -2,6 +2,7 @@
 
 import base64
 import gzip
+import html
 import json
 import re
 import shutil
@@ -17,6 +18,7 @@ from runners.cli.main import main
 from runners.config.schema import Explain
 from runners.explainer import pages, write
 from runners.explainer.encode import encode
+from runners.explainer.index import write_index
 from runners.records import launch_record
 from runners.records.episode_record import COLUMNS, EpisodeKey, EpisodeRecord, EpisodeResult
 from runners.records.records import RecordWriter, read_episodes, read_trajectories
@@ -96,6 +98,16 @@ def test_the_page_is_of_the_episode_and_needs_nothing_beside_it(driven):
     assert [other for _, other in links(index)] == ["207-0.html"]
     assert "<td>LME (ours)</td><td>0.500</td>" in index
     assert not re.search(r"https?:|<script", index)
+
+
+def test_names_in_the_index_are_text_and_nothing_else(run, drawn):
+    name = '{{RUN}}"><script>alert("1")</script><img src=x onerror=alert(1)>'
+    named = ["system", "ablation", "weights", "robot", "map", "subset"]
+    frame = read_episodes([run]).assign(**dict.fromkeys(named, name))
+    text = write_index(frame, run).read_text(encoding="utf-8")
+    assert html.escape(name) in text
+    assert "{{" not in text.replace(html.escape(name), "")
+    assert not re.search("<script|<img", text)
 
 
 def test_explaining_more_goes_on_with_the_same_run_and_keeps_what_is_there(run, drawn):

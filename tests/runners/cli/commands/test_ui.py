@@ -94,6 +94,16 @@ def test_what_cannot_be_served_is_said_in_one_line(tmp_path, arguments, message)
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize(("words", "is_open"), [([], False), (["--host", "0.0.0.0"], True)])
+def test_a_server_that_others_reach_is_warned_of(tmp_path, port, monkeypatch, recwarn, words, is_open):
+    (tmp_path / "mlflow.db").touch()
+    served = []
+    monkeypatch.setattr(ui, "_serve", lambda command, environment: served.append(command) or 0)
+    assert ui.main(["--uri", f"sqlite:///{tmp_path}/mlflow.db", "--port", str(port), *words]) == 0
+    assert served[0][served[0].index("--host") + 1] == ("0.0.0.0" if is_open else "127.0.0.1")
+    assert ["asks for no password" in str(warning.message) for warning in recwarn] == [True] * is_open
+
+
 def test_a_port_that_is_taken(tmp_path):
     (tmp_path / "mlflow.db").touch()
     with socket.socket() as other:

@@ -1,0 +1,50 @@
+"""Check this installation, and print what a bug report needs."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from runners.cli.doctor import Line
+
+EXAMPLES = (
+    "lme doctor",
+    "lme doctor > report.txt",
+)
+_MARK = "!"
+_NOTES = f"""\
+A line that begins with {_MARK} is a problem; what to do stands below it. The exit status is 1 if there is one, else 0.
+Call it in the folder where you call lme: outputs and the MLflow store are relative to it.
+Nothing is written, sent or started. The report names folders of yours: read it before you publish it."""
+
+
+def main(argv: list[str]) -> int:
+    """Print the report; returns 1 if there is a problem."""
+    from runners.cli import doctor
+
+    _parser().parse_args(argv)
+    lines = doctor.report()
+    print("\n".join(_printed(lines)))
+    return int(any(line.advice for line in lines))
+
+
+def _parser() -> argparse.ArgumentParser:
+    return argparse.ArgumentParser(
+        prog="lme doctor",
+        description=__doc__,
+        epilog="\n".join([_NOTES, "", "examples:", *(f"  {example}" for example in EXAMPLES)]),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+
+
+def _printed(lines: Sequence[Line]) -> list[str]:
+    """Two columns, marked problems with advice below them, and how many there are."""
+    width = max(len(line.name) for line in lines)
+    texts = []
+    for line in lines:
+        texts.append(f"{_MARK if line.advice else ' '} {line.name.ljust(width)}  {line.found}")
+        texts += [f"{' ' * (width + 4)}{line.advice}"] if line.advice else []
+    problems = sum(bool(line.advice) for line in lines)
+    return [*texts, "", f"{problems or 'No'} problem{'' if problems == 1 else 's'}."]

@@ -1,0 +1,149 @@
+"""What a bug report needs to say of this machine, line by line. Reads metadata and imports none of the packages."""
+
+from __future__ import annotations
+
+import os
+import platform
+import re
+import sys
+from importlib.metadata import PackageNotFoundError, metadata, version
+from pathlib import Path
+from typing import NamedTuple
+
+from packaging.requirements import Requirement
+from packaging.specifiers import SpecifierSet
+
+import lme
+from lme import numba_cache
+from lme.errors import InputError
+from runners.config import extras
+from runners.tracking.store import DEFAULT_URI, check_uri, sqlite_path
+from runners.workers import kernels
+from runners.workers.executor import available_cores
+
+OUTPUTS = Path("outputs")
+WORKER_GB = 0.3  # memory of a worker process, with room to spare
+_REINSTALL = "in a checkout: pip install --editable ."
+
+
+class Line(NamedTuple):
+    """One line of the report. advice: what to do about it, where it is a problem; else empty."""
+
+    name: str
+    found: str
+    advice: str = ""
+
+
+def report() -> list[Line]:
+    """All lines: versions, extras, machine, places."""
+    packages = [_package(each) for each in extras.needed()]
+    optional = [_extra(name, each) for name, each in extras.optional().items()]
+    return [_lme(), _python(), *packages, *optional, _cores(), *_memory(), _numba(), _outputs(), _mlflow()]
+
+
+def _lme() -> Line:
+    found = f"{lme.__version__}, {Path(lme.__file__).parent}"
+    installed = _version(extras.DISTRIBUTION)
+    if installed is None:
+        return Line(
+            "lme", found, f"{extras.DISTRIBUTION} is not installed, so what it needs is unknown; {_REINSTALL}"
+        )
+    if installed != lme.__version__:
+        return Line("lme", found, f"the installed metadata are of {installed}; {_REINSTALL}")
+    return Line("lme", found)
+
+
+def _python() -> Line:
+    found = f"{platform.python_version()}, {platform.platform()}, {sys.executable}"
+    try:
+        wanted = metadata(extras.DISTRIBUTION)["Requires-Python"]
+    except PackageNotFoundError:
+        wanted = ""
+    fits = SpecifierSet(wanted).contains(platform.python_version(), prereleases=True)
+    return Line("Python", found, "" if fits else f"must be {wanted}: make an environment with such a Python")
+
+
+def _package(needed: Requirement) -> Line:
+    found = _version(needed.name)
+    fits = found is not None and needed.specifier.contains(found, prereleases=True)
+    return Line(needed.name, found or "missing", "" if fits else extras.install(needed.name))
+
+
+def _extra(name: str, needed: Requirement) -> Line:
+    """An extra that is not there is no problem; one of a version that does not fit is."""
+    found = _version(needed.name)
+    label = f"extra {name}"
+    if found is None:
+        return Line(label, f"no; {extras.install(needed.name)}")
+    fits = needed.specifier.contains(found, prereleases=True)
+    return Line(label, f"yes, {needed.name} {found}", "" if fits else extras.install(needed.name))
+
+
+def _version(package: str) -> str | None:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return None
+
+
+def _cores() -> Line:
+    return Line("cores", f"{available_cores()} of {os.cpu_count()}, with a worker process on each")
+
+
+def _memory(meminfo: Path = Path("/proc/meminfo")) -> list[Line]:
+    """Total and available memory; nothing where the system does not say."""
+    try:
+        fields = dict(line.split(":") for line in meminfo.read_text().splitlines())
+        total, free = (int(fields[name].split()[0]) / 2**20 for name in ("MemTotal", "MemAvailable"))
+    except (OSError, KeyError, ValueError):
+        return []
+    fitting = max(int(free / WORKER_GB), 1)
+    advice = f"little for {available_cores()} worker processes: try executor.workers={fitting}"
+    enough = fitting >= available_cores()
+    return [Line("memory", f"{total:.1f} GB, {free:.1f} GB available", "" if enough else advice)]
+
+
+def _numba() -> Line:
+    folder = numba_cache.folder(kernels.SOURCE)
+    if not _can_make(folder):
+        return Line("Numba cache", f"{folder}, not writable", "set NUMBA_CACHE_DIR to a folder that is yours")
+    warm = "warm" if _version("numba") and kernels.compiled() else "cold: the first episode compiles"
+    return Line("Numba cache", f"{folder}, writable, {warm}")
+
+
+def _outputs() -> Line:
+    place = OUTPUTS.absolute()
+    if _can_make(place):
+        return Line("outputs", f"{place}, writable")
+    return Line(
+        "outputs", f"{place}, not writable", "call lme in a folder that is yours, or set hydra.run.dir=DIR"
+    )
+
+
+def _mlflow() -> Line:
+    uri = os.environ.get("MLFLOW_TRACKING_URI", DEFAULT_URI)
+    try:
+        check_uri("MLFLOW_TRACKING_URI", uri)
+    except InputError:  # its message shows the whole URI, and so a password
+        advice = f"MLFLOW_TRACKING_URI must be a database or a server, such as {DEFAULT_URI}"
+        return Line("MLflow store", _without_password(uri), advice)
+    path = sqlite_path(uri)
+    if path is None:
+        return Line("MLflow store", f"{_without_password(uri)}, not asked")
+    path = path.absolute()
+    if _can_make(path.parent) and (not path.exists() or os.access(path, os.W_OK)):
+        return Line("MLflow store", f"{path}, writable")
+    return Line(
+        "MLflow store", f"{path}, not writable", "set MLFLOW_TRACKING_URI to another place, or tracking=none"
+    )
+
+
+def _without_password(uri: str) -> str:
+    """A server's address, without the name and password before its @."""
+    return re.sub(r"//.*@", "//", uri)
+
+
+def _can_make(folder: Path) -> bool:
+    """Whether files can be made in `folder`, which may have to be made itself."""
+    nearest = next(place for place in (folder, *folder.absolute().parents) if os.access(place, os.F_OK))
+    return nearest.is_dir() and os.access(nearest, os.W_OK | os.X_OK)
