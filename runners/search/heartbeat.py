@@ -60,9 +60,8 @@ class Heartbeat:
         if self._storage is None:
             return
         for trial in study.get_trials(deepcopy=False, states=(TrialState.RUNNING,)):
-            if (
-                trial._trial_id not in self._seen
-            ):  # perhaps killed before the first sign: then nobody would miss it
+            # Perhaps its process was killed before the first sign. Optuna misses only a trial that has given one.
+            if trial._trial_id not in self._seen:
                 self._storage.record_heartbeat(trial._trial_id)
                 self._seen.add(trial._trial_id)
         with warnings.catch_warnings():

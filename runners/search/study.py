@@ -100,16 +100,16 @@ class Study:
         count = min(batch, total - self.num_told - self.num_elsewhere)
         proposals = self._unfinished() or [self._ask() for _ in range(count)]
         self._flush()
-        return [proposal for proposal in proposals if self._counts(proposal.number, total)]
+        return [each for each in proposals if each is not None and self._counts(each.number, total)]
 
-    def _unfinished(self) -> list[Proposal]:
+    def _unfinished(self) -> list[Proposal | None]:
         """Trials that a killed run in this directory proposed but did not finish."""
         import optuna
 
         mine = [t for t in self._in_state("RUNNING") if t.user_attrs.get(OWNER) == self._owner]
         return [self._proposal(optuna.trial.Trial(self._study, trial._trial_id)) for trial in mine]
 
-    def _ask(self) -> Proposal:
+    def _ask(self) -> Proposal | None:
         with warnings.catch_warnings():
             warnings.simplefilter(
                 "ignore"
@@ -177,8 +177,18 @@ class Study:
             self._study.tell(number, reward, state=state, skip_if_finished=True)
         self._heartbeat.end(self._frozen(number)._trial_id)
 
-    def _proposal(self, trial: optuna.Trial) -> Proposal:
+    def _proposal(self, trial: optuna.Trial) -> Proposal | None:
+        """The trial with its values; None if another process has taken it meanwhile."""
+        import optuna
+
         self._heartbeat.begin(trial._trial_id)
+        try:
+            return self._with_values(trial)
+        except optuna.exceptions.UpdateFinishedTrialError:
+            self._heartbeat.end(trial._trial_id)
+            return None
+
+    def _with_values(self, trial: optuna.Trial) -> Proposal:
         # The parameters have a fixed order, because the sampler's random numbers depend on it.
         values = {
             key: trial.suggest_float(key, found.low, found.high, log=found.log)

@@ -25,6 +25,7 @@ from runners.search.samplers import (
     RandomConfig,
     Tpe,
     TpeConfig,
+    per_trial,
     trial_seed,
 )
 from runners.search.storage import masked
@@ -321,6 +322,37 @@ def test_the_first_trial_may_be_what_the_config_has(tmp_path, search):
     assert 0.0 <= batch[0].values["planner.b"] <= 1.0
     assert not any(first.items() <= proposal.values.items() for proposal in batch[1:])
     assert study.best is None
+
+
+def test_a_repeated_trial_is_proposed_as_the_first_was():
+    """Where its process was killed before the storage had its values."""
+    import optuna
+
+    def values():
+        trial = study.ask()
+        return [trial.suggest_float(name, 0.0, 1.0) for name in ("a", "b")]
+
+    study = optuna.create_study(sampler=per_trial(SEARCHES["random"]().sampler, 0, {"a": 0.25}))
+    first, second = values(), values()
+    assert first[0] == 0.25 != second[0]
+    waiting = optuna.trial.TrialState.WAITING
+    study.add_trial(optuna.trial.create_trial(state=waiting, system_attrs={"failed_trial": 0}))
+    assert values() == first
+
+
+def test_a_trial_that_is_taken_while_it_is_proposed_is_left(tmp_path, monkeypatch):
+    import optuna
+
+    study = opened(tmp_path, "random", f"sqlite:///{tmp_path}/shared.db")
+    begin = study._heartbeat.begin
+
+    def taken(trial_id):
+        begin(trial_id)
+        if trial_id == 2:
+            study._study.tell(1, state=optuna.trial.TrialState.FAIL)
+
+    monkeypatch.setattr(study._heartbeat, "begin", taken)
+    assert [proposal.number for proposal in study.claim(9, 3)] == [0, 2]
 
 
 def test_own_values_are_those_within_the_ranges():
