@@ -13,6 +13,7 @@ from lme.errors import InputError, require
 from lme.worlds.world import MapSet
 from runners.analysis import failures
 from runners.config import build
+from runners.config.composer import resume_command
 from runners.config.instantiate import build as build_target
 from runners.config.job import Job
 from runners.config.schema import TrainConfig
@@ -24,9 +25,10 @@ from runners.experiments.resume_hint import resume_hint
 from runners.records import weight_file
 from runners.records.launch_record import fingerprint, identity
 from runners.records.run_directories import held
-from runners.search import study
 from runners.search.loop import run_trials
-from runners.search.study import Study, Trial
+from runners.search.opening import open_study
+from runners.search.storage import masked, open_storage, reached
+from runners.search.study import CONFIGURATIONS, Study, Trial
 from runners.workers import trials
 from runners.workers.progress import TrialProgress
 
@@ -52,7 +54,7 @@ def validate(job: Job[TrainConfig]) -> None:
     training_maps(config, training_worlds(config))
     weight_file.check_name(weights_name(config), _fingerprint(config))
     if config.storage is not None:
-        study.open_storage(config.storage)
+        open_storage(config.storage)
 
 
 def train(job: Job[TrainConfig]) -> None:
@@ -63,10 +65,13 @@ def train(job: Job[TrainConfig]) -> None:
     tags = {**asdict(labels), "changes": job.changes_text, "command": "train"}
     tracking.start(asdict(_without_password(config)), run_dir, tags, job.sweep_dir)
     with resume_hint("train", run_dir), held(run_dir):
-        found = _search(config, run_dir)
-        best = max(found.told, key=lambda trial: (trial.reward, -trial.number))
-        weights = _write_weights(job, found, best)
-        pictures = _pictures(found, read_space(config), run_dir)
+        with reached(
+            config.storage, f"finished trials are kept, go on with: {resume_command('train', run_dir)}"
+        ):
+            found = _search(config, run_dir)
+            best = max(found.told, key=lambda trial: (trial.reward, -trial.number))
+            weights = _write_weights(job, found, best)
+            pictures = _pictures(found, read_space(config), run_dir)
         frame = evaluate_held_out(job, best.values, weights_name(config))
     pages = [page for place in frame["run_dir"].unique() for page in failures.folder(Path(place))]
     _track(tracking, found.told, best, frame, [weights, *pictures, *pages])
@@ -113,15 +118,15 @@ def _search(config: TrainConfig, run_dir: Path) -> Study:
     search = build_target(config.search, "search")
     space = read_space(config)
     first = own_values(config, space) if config.start_from_config else {}
-    opened = study.open_study(config.storage, config.study, run_dir, identity(config), space, search, first)
+    opened = open_study(config.storage, config.study, run_dir, identity(config), space, search, first)
     worlds = _settled_worlds(opened, config, run_dir)
     training = with_values(config, {"map.worlds": worlds})
     with TrialProgress(f"train {config.robot.name}", config.trials) as progress:
         progress.skip(len(opened.told), opened.best)
-        if opened.room(config.trials, search.batch):
+        if opened.num_told < config.trials:
             executor = build_target(config.executor, "executor")
             with executor.open(trials.initialise, training, len(worlds) * search.batch) as run_all:
-                run_trials(opened, config.trials, search.batch, worlds, run_all, progress.add)
+                run_trials(opened, config.trials, search.batch, worlds, run_all, progress.reach)
     return opened
 
 
@@ -132,7 +137,7 @@ def _settled_worlds(opened: Study, config: TrainConfig, run_dir: Path) -> list[i
     drawn = []
     for task in map(maps.task, worlds):
         drawn.append({"world": task.number, "start": list(task.start), "goal": task.goal.tolist()})
-    kept = opened.settle(study.CONFIGURATIONS, drawn)
+    kept = opened.settle(CONFIGURATIONS, drawn)
     if kept != drawn:
         raise InputError(
             f"{run_dir}: its study was trained on other configurations of map {task.map_name}, which has changed "
@@ -201,4 +206,4 @@ def _class_name(node: Mapping[str, Any]) -> str:
 
 
 def _without_password(config: TrainConfig) -> TrainConfig:
-    return config if config.storage is None else replace(config, storage=study.masked(config.storage))
+    return config if config.storage is None else replace(config, storage=masked(config.storage))

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 
 from runners.search.study import Proposal, Study
 from runners.workers import trials
 from runners.workers.executor import Map
+
+_POLL_S = 1.0  # between two looks at the trials of other processes
 
 
 def run_trials(
@@ -15,18 +18,26 @@ def run_trials(
     batch: int,
     worlds: list[int],
     run_all: Map,
-    note: Callable[[float | None], None],
+    note: Callable[[int, float | None], None],
 ) -> None:
     """Run trials until the study has `total`, starting with the unfinished ones of a killed run.
 
-    run_all: maps attempts to scores, in any order. note: called after each trial with the best reward so far.
+    Where other processes run the last trials, wait for them and take up those of a process that dies.
+    run_all: maps attempts to scores, in any order. note: called with the number of finished trials and the best
+    reward so far.
     """
-    while count := opened.room(total, batch):
-        proposals = opened.unfinished() or opened.ask(count)
-        _run_batch(opened, proposals, worlds, run_all)
-        for proposal in proposals:
-            opened.tell(proposal.number)
-            note(opened.best)
+    with opened.alive():
+        while opened.num_told < total:
+            if proposals := opened.claim(total, batch):
+                _run_batch(opened, proposals, worlds, run_all)
+                for proposal in proposals:
+                    opened.tell(proposal.number)
+                    note(opened.num_told, opened.best)
+            elif opened.finds_dead:
+                time.sleep(_POLL_S)
+                note(opened.num_told, opened.best)
+            else:
+                break
 
 
 def _run_batch(opened: Study, batch: list[Proposal], worlds: list[int], run_all: Map) -> None:

@@ -7,7 +7,7 @@ resumes with the same proposals.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any, Protocol
@@ -151,8 +151,13 @@ class Random:
         return RandomSampler(seed=seed)
 
 
-def per_trial(make: Callable[[int], BaseSampler], seed: int) -> BaseSampler:
-    """A sampler that proposes trial n as a new sampler `make(trial_seed(seed, n))` would."""
+def per_trial(
+    make: Callable[[int], BaseSampler], seed: int, first: Mapping[str, float] | None = None
+) -> BaseSampler:
+    """A sampler that proposes trial n as a new sampler `make(trial_seed(seed, n))` would.
+
+    first: values of trial 0; the search chooses the others.
+    """
     from optuna.samplers import BaseSampler as Base
 
     class PerTrial(Base):
@@ -160,11 +165,14 @@ def per_trial(make: Callable[[int], BaseSampler], seed: int) -> BaseSampler:
         _sampler: BaseSampler
 
         def _of(self, trial: FrozenTrial) -> BaseSampler:
-            if trial.number != self._number:
-                self._number, self._sampler = trial.number, _quietly(make, trial_seed(seed, trial.number))
+            number = _origin(trial)
+            if number != self._number:
+                self._number, self._sampler = number, _quietly(make, trial_seed(seed, number))
             return self._sampler
 
         def infer_relative_search_space(self, study: Study, trial: FrozenTrial) -> Distributions:
+            if first and _origin(trial) == 0:
+                return {}
             return self._of(trial).infer_relative_search_space(study, trial)
 
         def sample_relative(
@@ -175,9 +183,18 @@ def per_trial(make: Callable[[int], BaseSampler], seed: int) -> BaseSampler:
         def sample_independent(
             self, study: Study, trial: FrozenTrial, param_name: str, param_distribution: BaseDistribution
         ) -> Any:
+            if first and param_name in first and _origin(trial) == 0:
+                return first[param_name]
             return self._of(trial).sample_independent(study, trial, param_name, param_distribution)
 
     return PerTrial()
+
+
+def _origin(trial: FrozenTrial) -> int:
+    """Number of the trial, or of the first one that a killed process left and that this one repeats."""
+    return int(
+        trial.system_attrs.get("failed_trial", trial.number)
+    )  # RetryHeartbeatStaleTrialCallback's name
 
 
 def trial_seed(seed: int, number: int) -> int:

@@ -2,33 +2,28 @@
 
 A batch of trials is proposed before any of them runs, and told to the sampler in the order of their numbers after all
 have run. The sampler therefore sees the same for any number of workers. The unfinished trials of a killed study keep
-their parameters and run again.
+their parameters and run again: in its own directory at once, in another process that shares the storage after a
+while of silence.
 """
 
 from __future__ import annotations
 
-import socket
 import warnings
-from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, suppress
 from statistics import fmean
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from lme.errors import InputError
 from runners.config.space import Space
-from runners.records import launch_record
-from runners.search.samplers import Search, per_trial
+from runners.search.heartbeat import Heartbeat
+from runners.search.score_log import ScoreLog
 from runners.workers.trials import Score
 
 if TYPE_CHECKING:
     import optuna
-    from optuna.storages import BaseStorage
     from optuna.trial import FrozenTrial
 
-JOURNAL = "study.journal"
-IDENTITY, CONFIGURATIONS, OWNER, SCORES = "identity", "configurations", "owner", "scores"
-# Keys that do not identify a study: the length of the search, and what is done with the result.
-_NOT_SEARCHED = ("trials", "runs", "held_out", "name", "storage", "study")
+CONFIGURATIONS, OWNER, SCORES = "configurations", "owner", "scores"
 
 
 class Proposal(NamedTuple):
@@ -50,11 +45,36 @@ class Trial(NamedTuple):
 class Study:
     """The trials of one search. One process works on a run directory; several may share a storage."""
 
-    def __init__(self, study: optuna.Study, space: Space, owner: str, flush: Callable[[], None]) -> None:
+    def __init__(
+        self,
+        study: optuna.Study,
+        space: Space,
+        owner: str,
+        flush: Callable[[], None],
+        heartbeat: Heartbeat,
+        log: ScoreLog,
+    ) -> None:
         self._study = study
         self._space = space
         self._owner = owner
         self._flush = flush
+        self._heartbeat = heartbeat
+        self._log = log
+        self._values: dict[int, dict[str, float]] = {}  # of the trials that this process has proposed
+
+    @property
+    def finds_dead(self) -> bool:
+        """Whether `claim` finds the trials of killed processes."""
+        return self._heartbeat.finds_dead
+
+    def alive(self) -> AbstractContextManager[None]:
+        """Within the block, other processes see that this one is alive."""
+        return self._heartbeat.beating()
+
+    @property
+    def num_told(self) -> int:
+        """Number of finished trials."""
+        return len(self._in_state("COMPLETE"))
 
     @property
     def told(self) -> list[Trial]:
@@ -68,27 +88,45 @@ class Study:
 
     @property
     def num_elsewhere(self) -> int:
-        """Number of trials that other machines are running."""
-        owners = [trial.user_attrs.get(OWNER, self._owner) for trial in self._in_state("RUNNING")]
-        return sum(owner != self._owner for owner in owners)
+        """Number of trials that other processes are running."""
+        return sum(trial.user_attrs.get(OWNER) != self._owner for trial in self._in_state("RUNNING"))
 
-    def room(self, total: int, batch: int) -> int:
-        """Number of trials to propose next: `batch`, or the rest of `total`."""
-        taken = len(self._in_state("COMPLETE")) + self.num_elsewhere
-        return max(min(batch, total - taken), 0)
+    def claim(self, total: int, batch: int) -> list[Proposal]:
+        """Trials to run next: the unfinished ones of this directory, or else those of killed processes and new ones.
 
-    def ask(self, count: int) -> list[Proposal]:
-        """Propose new trials."""
-        proposals = [self._proposal(self._study.ask()) for _ in range(count)]
+        At most `batch` of them, and never so many that more than `total` would finish. [] if others run the rest.
+        """
+        self._heartbeat.requeue_dead(self._study)
+        count = min(batch, total - self.num_told - self.num_elsewhere)
+        proposals = self._unfinished() or [self._ask() for _ in range(count)]
         self._flush()
-        return proposals
+        return [each for each in proposals if each is not None and self._counts(each.number, total)]
 
-    def unfinished(self) -> list[Proposal]:
+    def _unfinished(self) -> list[Proposal | None]:
         """Trials that a killed run in this directory proposed but did not finish."""
         import optuna
 
         mine = [t for t in self._in_state("RUNNING") if t.user_attrs.get(OWNER) == self._owner]
         return [self._proposal(optuna.trial.Trial(self._study, trial._trial_id)) for trial in mine]
+
+    def _ask(self) -> Proposal | None:
+        with warnings.catch_warnings():
+            warnings.simplefilter(
+                "ignore"
+            )  # Optuna's that only Study.optimize sends signs of life: Heartbeat does
+            return self._proposal(self._study.ask())
+
+    def _counts(self, number: int, total: int) -> bool:
+        """Whether fewer than `total` trials come before this one; if not, withdraw it.
+
+        Processes that propose at the same time may propose too many. The storage numbers trials one after the other,
+        and later ones never come before this one, so the first `total` are the same to all.
+        """
+        before = [trial for trial in self._study.get_trials(deepcopy=False) if trial.number < number]
+        if sum(trial.state.name != "FAIL" for trial in before) < total:
+            return True
+        self._finish(number, None)
+        return False
 
     def scored(self, number: int) -> bool:
         """Whether the scores of an unfinished trial are stored."""
@@ -96,14 +134,18 @@ class Study:
 
     def keep(self, number: int, scores: Sequence[Score]) -> None:
         """Store the scores of a trial, before `tell`."""
+        import optuna
+
         attributes = [list(score) for score in scores]
-        self._study._storage.set_trial_user_attr(self._frozen(number)._trial_id, SCORES, attributes)
+        self._log.add(self._values[number], attributes)  # before anything that needs the storage
+        with suppress(optuna.exceptions.UpdateFinishedTrialError):  # another process has taken it
+            self._study._storage.set_trial_user_attr(self._frozen(number)._trial_id, SCORES, attributes)
         self._flush()
 
     def tell(self, number: int) -> None:
-        """Finish a trial with the mean reward of its stored scores."""
-        scores = [Score(*score) for score in self._frozen(number).user_attrs[SCORES]]
-        self._study.tell(number, fmean(score.reward for score in scores))
+        """Finish a trial with the mean reward of its stored scores, unless another process has taken it."""
+        scores = self._frozen(number).user_attrs.get(SCORES)  # without any, another process has taken it
+        self._finish(number, None if scores is None else fmean(Score(*score).reward for score in scores))
         self._flush()
 
     def settle(self, name: str, value: Any) -> Any:
@@ -126,14 +168,38 @@ class Study:
         found = get_param_importances(self._study, evaluator=PedAnovaImportanceEvaluator())
         return {name: float(share) for name, share in found.items()}
 
-    def _proposal(self, trial: optuna.Trial) -> Proposal:
+    def _finish(self, number: int, reward: float | None) -> None:
+        """Finish a trial, unless another process has taken it. None: it has failed, and does not count."""
+        import optuna
+
+        state = optuna.trial.TrialState.FAIL if reward is None else None
+        with suppress(optuna.exceptions.UpdateFinishedTrialError):
+            self._study.tell(number, reward, state=state, skip_if_finished=True)
+        self._heartbeat.end(self._frozen(number)._trial_id)
+
+    def _proposal(self, trial: optuna.Trial) -> Proposal | None:
+        """The trial with its values; None if another process has taken it meanwhile."""
+        import optuna
+
+        self._heartbeat.begin(trial._trial_id)
+        try:
+            return self._with_values(trial)
+        except optuna.exceptions.UpdateFinishedTrialError:
+            self._heartbeat.end(trial._trial_id)
+            return None
+
+    def _with_values(self, trial: optuna.Trial) -> Proposal:
         # The parameters have a fixed order, because the sampler's random numbers depend on it.
         values = {
             key: trial.suggest_float(key, found.low, found.high, log=found.log)
             for key, found in self._space.items()
         }
-        if OWNER not in trial.user_attrs:
+        if trial.user_attrs.get(OWNER) != self._owner:
             trial.set_user_attr(OWNER, self._owner)
+        self._values[trial.number] = values
+        scores = self._log.get(values)
+        if scores is not None and SCORES not in trial.user_attrs:
+            trial.set_user_attr(SCORES, scores)
         return Proposal(trial.number, values)
 
     def _rewards(self) -> list[float]:
@@ -149,115 +215,8 @@ class Study:
         return next(trial for trial in reversed(trials) if trial.number == number)
 
 
-def open_study(
-    storage: str | None,
-    name: str | None,
-    run_dir: Path,
-    identity: Mapping[str, Any],
-    space: Space,
-    search: Search,
-    first: Mapping[str, float],
-) -> Study:
-    """Open the study of a run, or create it.
-
-    storage, name: as in the config. identity: of the config. first: values for the first trial; the search chooses
-    the others. Raises InputError if the storage cannot be used, or has a study of this name with another robot, map,
-    search space or seed.
-    """
-    import optuna
-
-    optuna.logging.set_verbosity(optuna.logging.ERROR)
-    searched = {key: value for key, value in identity.items() if key not in _NOT_SEARCHED}
-    backend, flush = _journal(run_dir / JOURNAL) if storage is None else (open_storage(storage), _nothing)
-    name = name or f"lme-{launch_record.fingerprint([searched], multirun=False)[:8]}"
-    study = _created(backend, name, per_trial(search.sampler, identity["seed"]), storage)
-    owner = "" if storage is None else f"{socket.gethostname()}:{run_dir.resolve()}"
-    if first and not study.get_trials(deepcopy=False):
-        study.enqueue_trial(dict(first))
-    opened = Study(study, space, owner, flush)
-    found = list(launch_record.differences(opened.settle(IDENTITY, searched), searched))
-    if found:
-        place = run_dir / JOURNAL if storage is None else f"study {name} in {masked(storage)}"
-        raise InputError(
-            f"{place}: is of another search ({launch_record.shortened(found)}): "
-            "choose another study=NAME or directory"
-        )
-    return opened
-
-
-def open_storage(url: str) -> BaseStorage:
-    """The storage at an Optuna URL: a database, or redis:// for a journal. Raises InputError if it cannot be used."""
-    from optuna.storages import JournalStorage, RDBStorage
-    from optuna.storages.journal import JournalRedisBackend
-
-    try:
-        if url.startswith(("redis://", "rediss://", "unix://")):
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")  # Optuna's warning that it is experimental
-                return JournalStorage(JournalRedisBackend(url))
-        return RDBStorage(url, engine_kwargs=_patience(url))
-    except Exception as error:  # any error of the driver, or of its import
-        raise unreachable(url, error) from error
-
-
-def unreachable(url: str, error: Exception) -> InputError:
-    """The error for a storage that cannot be used, in one line."""
-    reason = (str(error).splitlines() or [type(error).__name__])[0]
-    return InputError(
-        f"storage is {masked(url)}: cannot be used ({reason.replace(url, masked(url))[:200]}); must be an Optuna "
-        "storage URL such as postgresql://user@host/optuna, with its driver installed, or null for a journal"
-    )
-
-
-def masked(url: str) -> str:
-    """The URL without its password."""
-    scheme, separator, rest = url.partition("://")
-    account, at, host = rest.rpartition("@")
-    user = account.partition(":")[0]
-    return f"{scheme}{separator}{f'{user}:***' if ':' in account else account}{at}{host}"
-
-
-def _created(
-    storage: BaseStorage, name: str, sampler: optuna.samplers.BaseSampler, url: str | None
-) -> optuna.Study:
-    import optuna
-
-    try:
-        return optuna.create_study(
-            study_name=name,
-            storage=storage,
-            sampler=sampler,
-            pruner=optuna.pruners.NopPruner(),
-            direction="maximize",
-            load_if_exists=True,
-        )
-    except Exception as error:
-        if url is None:
-            raise
-        raise unreachable(url, error) from error
-
-
-def _journal(path: Path) -> tuple[BaseStorage, Callable[[], None]]:
-    from optuna.storages import JournalStorage
-
-    from runners.search.journal import Journal
-
-    journal = Journal(path)
-    return JournalStorage(journal), journal.flush
-
-
-def _nothing() -> None:
-    """A database needs no flush."""
-
-
-def _patience(url: str) -> dict[str, Any]:
-    """Options that give up on an unreachable server after seconds."""
-    if url.startswith(("postgresql", "mysql")):
-        return {"connect_args": {"connect_timeout": 10}}
-    return {}
-
-
 def _trial(trial: FrozenTrial) -> Trial:
-    scores = [Score(*score) for score in trial.user_attrs.get(SCORES, [])]
+    kept = [Score(*score) for score in trial.user_attrs.get(SCORES, [])]
+    scores = [score._replace(trial=trial.number) for score in kept]  # a repeated trial has those of the first
     assert trial.value is not None
     return Trial(trial.number, trial.value, dict(trial.params), scores)

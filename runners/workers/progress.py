@@ -75,7 +75,7 @@ class TrialProgress(_Bar):
     def __init__(self, label: str, total: int) -> None:
         best, rate = "best reward {task.fields[best]}", "{task.fields[rate]}"
         super().__init__(label, total, best, rate, best="–", rate="")
-        self._here = 0  # trials that this process finished
+        self._before = 0  # trials that were finished when this process began
 
     def __enter__(self) -> Self:
         self._began = perf_counter()
@@ -83,13 +83,13 @@ class TrialProgress(_Bar):
 
     def skip(self, done: int, best: float | None) -> None:
         """Count the trials that an earlier run or another machine finished."""
+        self._before = done
         self._bar.update(self._task, completed=done, best=_reward_text(best))
 
-    def add(self, best: float | None) -> None:
-        """Count one more trial."""
-        self._here += 1
-        rate = self._here / max(perf_counter() - self._began, 1e-9)
-        self._bar.update(self._task, advance=1, best=_reward_text(best), rate=f"{rate:.1f} trials/s")
+    def reach(self, done: int, best: float | None) -> None:
+        """So many trials are done, on all machines."""
+        rate = (done - self._before) / max(perf_counter() - self._began, 1e-9)
+        self._bar.update(self._task, completed=done, best=_reward_text(best), rate=f"{rate:.1f} trials/s")
 
 
 class LearnProgress(_Bar):

@@ -19,7 +19,7 @@ from lme.policy.escaper import LocalMinimumEscaper
 from runners.cli.main import main
 from runners.config.weights import parameters
 from runners.records.launch_record import read_launch
-from runners.search import study
+from runners.search.opening import JOURNAL
 from tests.builders import PUBLISHED, stage
 from tests.places import ROOT
 
@@ -287,7 +287,7 @@ def test_another_robot_map_or_space_is_no_resumption(trained, monkeypatch, capsy
 
 def test_a_corrupt_journal_is_one_line(trained, capsys):
     run_dir = train("trials=2")
-    journal = run_dir / study.JOURNAL
+    journal = run_dir / JOURNAL
     lines = journal.read_text().splitlines()
     journal.write_text("\n".join([*lines[:3], "not json", *lines[3:]]) + "\n")
     assert main(["train", f"resume={run_dir}"]) == 2

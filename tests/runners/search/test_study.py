@@ -2,7 +2,7 @@
 
 import json
 import math
-import shutil
+import sys
 import tempfile
 from pathlib import Path
 
@@ -13,7 +13,9 @@ from hypothesis import strategies as st
 from lme.errors import InputError
 from runners.config.space import Range, own_values
 from runners.experiments.train import run_trials
+from runners.search import storage
 from runners.search.journal import Journal
+from runners.search.opening import JOURNAL, open_study
 from runners.search.samplers import (
     Cmaes,
     CmaesConfig,
@@ -23,10 +25,11 @@ from runners.search.samplers import (
     RandomConfig,
     Tpe,
     TpeConfig,
+    per_trial,
     trial_seed,
 )
-from runners.search.study import JOURNAL, masked, open_study
-from runners.workers.trials import Score
+from runners.search.storage import masked
+from runners.workers.trials import Attempt, Score
 from tests.composing import jobs_of
 
 SPACE = {
@@ -48,10 +51,8 @@ def identity(seed=0, **changes):
     return {"seed": seed, "robot": {"name": "stage", "v_max": 0.5}, "trials": 9, **changes}
 
 
-def opened(folder, search="tpe", storage=None, name=None, first=None, **changes):
-    return open_study(
-        storage, name, Path(folder), identity(**changes), SPACE, SEARCHES[search](), first or {}
-    )
+def opened(folder, search="tpe", url=None, name=None, first=None, **changes):
+    return open_study(url, name, Path(folder), identity(**changes), SPACE, SEARCHES[search](), first or {})
 
 
 def score(attempt):
@@ -64,7 +65,7 @@ def score(attempt):
 def run(study, search="tpe", total=TRIALS, order=iter):
     batch = SEARCHES[search]().batch
     run_trials(
-        study, total, batch, WORLDS, lambda attempts: map(score, order(list(attempts))), lambda best: None
+        study, total, batch, WORLDS, lambda attempts: map(score, order(list(attempts))), lambda *_: None
     )
     return [(trial.number, trial.reward, trial.values, trial.scores) for trial in study.told]
 
@@ -126,16 +127,16 @@ def test_so_does_the_gaussian_process(whole, share, tmp_path):
 def test_a_trial_that_was_run_is_not_run_again(whole, tmp_path):
     """Killed when the first trial of a batch was over and the others were not."""
     study = opened(tmp_path)
-    proposals = study.ask(4)
+    proposals = study.claim(4, 4)
     study.keep(1, [Score(1, world, "success", 1, 0.5) for world in WORLDS])
     again, seen = opened(tmp_path), []
-    assert again.unfinished() == proposals
+    assert again.claim(4, 4) == proposals
 
     def note(attempts):
         seen.extend(attempt.trial for attempt in attempts)
         return map(score, attempts)
 
-    run_trials(again, 4, 4, WORLDS, note, lambda best: None)
+    run_trials(again, 4, 4, WORLDS, note, lambda *_: None)
     assert set(seen) == {0, 2, 3}
     assert again.told[1].reward == 0.5
 
@@ -189,11 +190,11 @@ def test_importances_need_trials_that_differ(tmp_path, whole):
 )
 def test_a_study_of_something_else_is_refused(tmp_path, changes, said):
     url = f"sqlite:///{tmp_path}/shared.db"
-    opened(tmp_path, storage=url, name="mine")
+    opened(tmp_path, url=url, name="mine")
     with pytest.raises(InputError, match="study mine in sqlite") as caught:
-        opened(tmp_path, storage=url, name="mine", **changes)
+        opened(tmp_path, url=url, name="mine", **changes)
     assert said in str(caught.value)
-    opened(tmp_path, storage=url, name="mine", trials=500, runs=9)
+    opened(tmp_path, url=url, name="mine", trials=500, runs=9)
 
 
 def test_a_damaged_journal_names_its_line(whole, tmp_path):
@@ -222,15 +223,24 @@ def test_every_entry_of_the_journal_is_a_line_of_json(whole):
             "postgresql+nodriver://me:secret@127.0.0.1:1/x",
             "storage is postgresql+nodriver://me:***@127.0.0.1:1/x",
         ),
-        ("redis://127.0.0.1:1/0", "storage is redis://127.0.0.1:1/0: cannot be used"),
+        ("redis://127.0.0.1:1/0", "storage is redis://127.0.0.1:1/0: "),
+        ("postgresql://me:secret@127.0.0.1:1/x", "me:***@127.0.0.1:1/x: cannot be used (connection failed"),
     ],
 )
 def test_a_storage_that_cannot_be_reached(tmp_path, url, said):
     with pytest.raises(InputError) as caught:
-        opened(tmp_path, storage=url)
+        opened(tmp_path, url=url)
     assert said in str(caught.value)
     assert "secret" not in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_a_driver_that_is_missing_is_named(monkeypatch):
+    monkeypatch.setitem(sys.modules, "psycopg", None)
+    with pytest.raises(InputError, match="needs psycopg") as caught:
+        storage.open_storage("postgresql://me:secret@127.0.0.1:1/x")
+    assert "pip install 'psycopg" in str(caught.value)
+    assert "secret" not in str(caught.value)
 
 
 def test_a_password_is_masked():
@@ -242,23 +252,54 @@ def test_a_password_is_masked():
 
 
 def test_a_database_holds_the_same_study(whole, tmp_path):
-    study = opened(tmp_path, storage=f"sqlite:///{tmp_path}/shared.db")
+    study = opened(tmp_path, url=f"sqlite:///{tmp_path}/shared.db")
     assert run(study, total=8) == [*whole("tpe")[0][:8]]
 
 
-def test_two_runs_share_a_study(tmp_path):
-    """One was killed with trials in flight; the other leaves them to it and does not wait for them."""
+def test_a_trial_of_a_killed_process_goes_to_another(tmp_path, monkeypatch):
+    """With its values; and the killed process, if it was only away, is not told a second time."""
+    monkeypatch.setattr(storage, "HEARTBEAT_S", 1)
+    monkeypatch.setattr(storage, "GRACE_S", 1)
     url, here, there = f"sqlite:///{tmp_path}/shared.db", tmp_path / "here", tmp_path / "there"
-    first = opened(here, "random", storage=url)
-    killed = first.ask(3)
-    second = opened(there, "random", storage=url)
+    here.mkdir()
+    there.mkdir()
+    away = opened(here, "random", url)
+    left = away.claim(10, 3)
+    second = opened(there, "random", url)
     assert second.num_elsewhere == 3
-    assert second.unfinished() == []
-    assert [number for number, *_ in run(second, "random", total=10)] == list(range(3, 10))
-    again = opened(here, "random", storage=url)
-    assert [(p.number, p.values) for p in again.unfinished()] == [(p.number, p.values) for p in killed]
-    assert len(run(again, "random", total=10)) == 10
-    shutil.rmtree(here, ignore_errors=True)
+    told = run(second, "random", total=10)
+    assert len(told) == 10
+    values = [found for _, _, found, _ in told]
+    assert all(proposal.values in values for proposal in left)
+    away.keep(0, [Score(0, world, "success", 1, 9.0) for world in WORLDS])
+    away.tell(0)
+    assert away.num_told == 10
+    assert away.best == second.best < 9.0
+
+
+def test_its_own_directory_takes_it_up_at_once(tmp_path):
+    url = f"sqlite:///{tmp_path}/shared.db"
+    killed = opened(tmp_path, "random", url)
+    left = killed.claim(9, 3)
+    killed._log.add(left[1].values, [list(score(each)) for each in attempts_of(left[1])])
+    again = opened(tmp_path, "random", url)
+    assert again.claim(9, 3) == left
+    assert [again.scored(proposal.number) for proposal in left] == [False, True, False]
+
+
+def attempts_of(proposal):
+    return [Attempt(proposal.number, world, tuple(proposal.values.items())) for world in WORLDS]
+
+
+def test_trials_beyond_the_total_are_withdrawn(tmp_path, monkeypatch):
+    """Two processes that see the same room propose at the same time."""
+    url = f"sqlite:///{tmp_path}/shared.db"
+    first, second = (opened(tmp_path / name, "random", url) for name in ("a", "b"))
+    monkeypatch.setattr(type(second), "num_elsewhere", 0)
+    assert len(first.claim(5, 3)) == 3
+    assert [proposal.number for proposal in second.claim(5, 3)] == [3, 4]
+    assert first.claim(5, 3) != []
+    assert second.claim(5, 3) != []
 
 
 def test_a_file_that_is_no_journal_is_left_as_it_is(tmp_path):
@@ -276,11 +317,42 @@ def test_the_first_trial_may_be_what_the_config_has(tmp_path, search):
     first = {"guide.parameters.a": 0.25, "planner.c": 3.5}  # b is left to the search
     study = opened(tmp_path, search, first=first)
     again = opened(tmp_path, search, first=first)  # killed before it asked: still one such trial
-    batch = again.ask(3)
+    batch = again.claim(3, 3)
     assert first.items() <= batch[0].values.items()
     assert 0.0 <= batch[0].values["planner.b"] <= 1.0
     assert not any(first.items() <= proposal.values.items() for proposal in batch[1:])
     assert study.best is None
+
+
+def test_a_repeated_trial_is_proposed_as_the_first_was():
+    """Where its process was killed before the storage had its values."""
+    import optuna
+
+    def values():
+        trial = study.ask()
+        return [trial.suggest_float(name, 0.0, 1.0) for name in ("a", "b")]
+
+    study = optuna.create_study(sampler=per_trial(SEARCHES["random"]().sampler, 0, {"a": 0.25}))
+    first, second = values(), values()
+    assert first[0] == 0.25 != second[0]
+    waiting = optuna.trial.TrialState.WAITING
+    study.add_trial(optuna.trial.create_trial(state=waiting, system_attrs={"failed_trial": 0}))
+    assert values() == first
+
+
+def test_a_trial_that_is_taken_while_it_is_proposed_is_left(tmp_path, monkeypatch):
+    import optuna
+
+    study = opened(tmp_path, "random", f"sqlite:///{tmp_path}/shared.db")
+    begin = study._heartbeat.begin
+
+    def taken(trial_id):
+        begin(trial_id)
+        if trial_id == 2:
+            study._study.tell(1, state=optuna.trial.TrialState.FAIL)
+
+    monkeypatch.setattr(study._heartbeat, "begin", taken)
+    assert [proposal.number for proposal in study.claim(9, 3)] == [0, 2]
 
 
 def test_own_values_are_those_within_the_ranges():

@@ -1,0 +1,100 @@
+"""Opens the study of a run, or creates it, and checks that it is of the same search."""
+
+from __future__ import annotations
+
+import socket
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from lme.errors import InputError
+from runners.config.space import Space
+from runners.records import launch_record
+from runners.search.heartbeat import Heartbeat
+from runners.search.samplers import Search, per_trial
+from runners.search.score_log import SCORE_LOG, ScoreLog
+from runners.search.storage import masked, open_storage, reached
+from runners.search.study import Study
+
+if TYPE_CHECKING:
+    import optuna
+    from optuna.storages import BaseStorage
+
+JOURNAL = "study.journal"
+_IDENTITY = "identity"
+# Keys that do not identify a study: the length of the search, and what is done with the result.
+_NOT_SEARCHED = ("trials", "runs", "held_out", "name", "storage", "study")
+
+
+def open_study(
+    storage: str | None,
+    name: str | None,
+    run_dir: Path,
+    identity: Mapping[str, Any],
+    space: Space,
+    search: Search,
+    first: Mapping[str, float],
+) -> Study:
+    """Open the study of a run, or create it.
+
+    storage, name: as in the config. identity: of the config. first: values for the first trial; the search chooses
+    the others. Raises InputError if the storage cannot be used, or has a study of this name with another robot, map,
+    search space or seed.
+    """
+    import optuna
+
+    optuna.logging.set_verbosity(optuna.logging.ERROR)
+    searched = {key: value for key, value in identity.items() if key not in _NOT_SEARCHED}
+    name = name or f"lme-{launch_record.fingerprint([searched], multirun=False)[:8]}"
+    sampler = per_trial(search.sampler, identity["seed"], first)
+    with reached(storage, "start again when it does"):
+        opened = _opened(storage, name, run_dir, space, sampler)
+        found = list(launch_record.differences(opened.settle(_IDENTITY, searched), searched))
+    if found:
+        place = run_dir / JOURNAL if storage is None else f"study {name} in {masked(storage)}"
+        raise InputError(
+            f"{place}: is of another search ({launch_record.shortened(found)}): "
+            "choose another study=NAME or directory"
+        )
+    return opened
+
+
+def _opened(
+    storage: str | None, name: str, run_dir: Path, space: Space, sampler: optuna.samplers.BaseSampler
+) -> Study:
+    from optuna.storages import RDBStorage
+
+    if storage is None:
+        backend, flush = _journal(run_dir / JOURNAL)
+        return Study(_created(backend, name, sampler), space, "", flush, Heartbeat(None), ScoreLog(None))
+    shared = open_storage(storage)
+    owner = f"{socket.gethostname()}:{run_dir.resolve()}"
+    heartbeat = Heartbeat(shared if isinstance(shared, RDBStorage) else None)
+    log = ScoreLog(run_dir / SCORE_LOG)
+    return Study(_created(shared, name, sampler), space, owner, _nothing, heartbeat, log)
+
+
+def _created(storage: BaseStorage, name: str, sampler: optuna.samplers.BaseSampler) -> optuna.Study:
+    import optuna
+
+    return optuna.create_study(
+        study_name=name,
+        storage=storage,
+        sampler=sampler,
+        pruner=optuna.pruners.NopPruner(),
+        direction="maximize",
+        load_if_exists=True,
+    )
+
+
+def _journal(path: Path) -> tuple[BaseStorage, Callable[[], None]]:
+    from optuna.storages import JournalStorage
+
+    from runners.search.journal import Journal
+
+    journal = Journal(path)
+    return JournalStorage(journal), journal.flush
+
+
+def _nothing() -> None:
+    """A database needs no flush."""

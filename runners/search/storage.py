@@ -1,0 +1,109 @@
+"""The storage of a study that several machines share, at an Optuna URL."""
+
+from __future__ import annotations
+
+import random
+import time
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+from lme.errors import InputError
+from runners.config.extras import install
+
+if TYPE_CHECKING:
+    from optuna.storages import BaseStorage, RDBStorage
+
+HEARTBEAT_S = 10  # between two signs of life of a running trial
+GRACE_S = 60  # a trial that is silent for longer goes to another process
+_LIBRARIES = ("optuna", "sqlalchemy", "redis")  # whose errors are those of a storage
+_REDIS = ("redis://", "rediss://", "unix://")
+_PACKAGES = {"MySQLdb": "mysqlclient", "psycopg2": "psycopg2-binary"}  # whose modules have other names
+_RIGHT = "must be an Optuna storage URL such as postgresql://user@host/optuna, or null for a journal"
+_CREATIONS = 6  # attempts to create the tables, while other processes create the same
+
+
+def open_storage(url: str) -> BaseStorage:
+    """The storage at an Optuna URL: a database, or redis:// for a journal. Raises InputError if it cannot be used."""
+    with _one_line(url, "cannot be used", _RIGHT), warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # Optuna's warnings that Redis and heartbeats are experimental
+        return _redis(url) if url.startswith(_REDIS) else _database(url)
+
+
+@contextmanager
+def reached(url: str | None, advice: str) -> Iterator[None]:
+    """Turn the error of a storage that fails in the block into an InputError. advice: what the user can do."""
+    try:
+        yield
+    except Exception as error:
+        if url is None or type(error).__module__.partition(".")[0] not in _LIBRARIES:
+            raise
+        with _one_line(url, "no longer answers", advice):
+            raise
+
+
+def masked(url: str) -> str:
+    """The URL without its password."""
+    scheme, separator, rest = url.partition("://")
+    account, at, host = rest.rpartition("@")
+    user = account.partition(":")[0]
+    return f"{scheme}{separator}{f'{user}:***' if ':' in account else account}{at}{host}"
+
+
+def _redis(url: str) -> BaseStorage:
+    from optuna.storages import JournalStorage
+    from optuna.storages.journal import JournalRedisBackend
+
+    return JournalStorage(JournalRedisBackend(url))
+
+
+def _database(url: str) -> RDBStorage:
+    """Open a database. Processes that start together all create its tables, and all but one of them fail."""
+    from optuna.exceptions import StorageInternalError
+    from optuna.storages import RDBStorage, RetryHeartbeatStaleTrialCallback
+    from sqlalchemy.exc import IntegrityError, ProgrammingError
+
+    # SQLAlchemy 2.0 and 2.1 choose different drivers for this.
+    named = url.replace("postgresql://", "postgresql+psycopg://", 1)
+    for attempt in range(1, _CREATIONS + 1):
+        try:
+            return RDBStorage(
+                named,
+                engine_kwargs=_patience(url),
+                heartbeat_interval=HEARTBEAT_S,
+                grace_period=GRACE_S,
+                heartbeat_stale_trial_callback=RetryHeartbeatStaleTrialCallback(),
+            )
+        except (IntegrityError, ProgrammingError, StorageInternalError):
+            if attempt == _CREATIONS:
+                raise
+            time.sleep(random.uniform(0.1, 0.5))
+    raise AssertionError("unreachable: the last attempt returns or raises")
+
+
+def _patience(url: str) -> dict[str, Any]:
+    """Options of the engine: give up on an unreachable server after seconds, survive the restart of a server."""
+    if url.startswith(("postgresql", "mysql")):
+        return {"connect_args": {"connect_timeout": 10}, "pool_pre_ping": True}
+    return {"connect_args": {"timeout": 30}} if url.startswith("sqlite") else {}
+
+
+@contextmanager
+def _one_line(url: str, trouble: str, advice: str) -> Iterator[None]:
+    """Turn any error of the block into an InputError of one line."""
+    try:
+        yield
+    except Exception as error:
+        *_, cause = _causes(error)
+        if isinstance(cause, ImportError) and cause.name is not None:
+            trouble, advice = f"needs {cause.name}", install(_PACKAGES.get(cause.name, cause.name))
+        reason = " ".join(str(cause).split()).replace(url, masked(url)) or type(cause).__name__
+        raise InputError(f"storage is {masked(url)}: {trouble} ({reason[:200]}); {advice}") from error
+
+
+def _causes(error: BaseException | None) -> Iterator[BaseException]:
+    """The error, and what caused it."""
+    while error is not None:
+        yield error
+        error = error.__cause__
