@@ -25,10 +25,11 @@ from runners.workers.executor import (
     WorkerDiedError,
     available_cores,
     serial_in_launcher,
+    sigint_ignored,
 )
 
 if TYPE_CHECKING:
-    from distributed import Client, Future
+    from distributed import Client, Future, LocalCluster
 
 _ADDRESS = r"\w+://\S+:\d+"
 _CONNECT_S = 5.0
@@ -79,8 +80,8 @@ class DaskExecutor:
         """Yield the result of `initialise(payload)` on every item, as they finish.
 
         initialise: a function at the top of a module. payload, items: anything that pickles. Raises InputError and
-        EpisodeError as ProcessExecutor does; WorkerDiedError if one task after the other killed its worker, or if the
-        scheduler is gone.
+        EpisodeError as ProcessExecutor does; WorkerDiedError if a task lost worker after worker, or if the scheduler is
+        gone.
         """
         todo = list(items)
         if todo:
@@ -108,25 +109,31 @@ class DaskExecutor:
     @contextlib.contextmanager
     def _client(self, at_once: int | None) -> Iterator[Client]:
         """A client of the scheduler, or of a cluster on this machine that ends with the `with`."""
-        from distributed import LocalCluster
-
         if self._config.address is not None:
             with _connected(self._config.address) as client:
                 yield client
             return
         most = self._config.workers or available_cores()
         with (
-            LocalCluster(
-                n_workers=most if at_once is None else min(most, at_once),
-                threads_per_worker=1,
-                dashboard_address="127.0.0.1:0",
-                memory_limit=None,
-                silence_logs=logging.CRITICAL,
-                env=ONE_THREAD,
-            ) as cluster,
+            _local_cluster(most if at_once is None else min(most, at_once)) as cluster,
             _connected(cluster.scheduler_address) as client,
         ):
             yield client
+
+
+def _local_cluster(workers: int) -> LocalCluster:
+    """Processes on this machine that only this machine can reach."""
+    from distributed import LocalCluster
+
+    with sigint_ignored():
+        return LocalCluster(
+            n_workers=workers,
+            threads_per_worker=1,
+            dashboard_address="127.0.0.1:0",
+            memory_limit=None,
+            silence_logs=logging.CRITICAL,
+            env=ONE_THREAD,
+        )
 
 
 @contextlib.contextmanager
@@ -202,8 +209,8 @@ def _receive(future: Future[Any], items: Sequence[Item]) -> tuple[list[Any], Exc
         return received
     except KilledWorker as error:
         raise WorkerDiedError(
-            f"{error.allowed_failures + 1} workers died on {'; '.join(map(str, items))}: finished episodes are kept; "
-            "add resume=true, with fewer executor.workers if memory ran out"
+            f"{error.allowed_failures + 1} workers died with {'; '.join(map(str, items))} to run: "
+            "finished episodes are kept; add resume=true, with fewer executor.workers if memory ran out"
         ) from None
     except CancelledError:
         raise WorkerDiedError(

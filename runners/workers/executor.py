@@ -213,7 +213,7 @@ def _start_workers(
         if with_server:
             # The server imports what all workers need; they are forked from it.
             context.set_forkserver_preload([initialise.__module__])
-            with _sigint_ignored():
+            with sigint_ignored():
                 forkserver.ensure_running()
         for _ in range(count):
             ours, theirs = context.Pipe()
@@ -284,8 +284,8 @@ def _environment(variables: dict[str, str]) -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def _sigint_ignored() -> Iterator[None]:
-    """A fork server started meanwhile, and the workers forked from it, ignore Ctrl-C: the coordinator stops them."""
+def sigint_ignored() -> Iterator[None]:
+    """Processes started meanwhile, and those that they start, ignore Ctrl-C: the coordinator stops them."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
