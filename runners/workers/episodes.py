@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import platform
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import asdict, dataclass, replace
@@ -13,6 +14,7 @@ import numpy as np
 
 from lme import metrics
 from lme.episode import Episode, Observer, run_episode
+from lme.errors import InputError
 from lme.navigator import Navigator
 from lme.robots import Robot
 from lme.sim.simulator import Simulator
@@ -45,6 +47,7 @@ class EpisodePayload:
 def initialise(payload: EpisodePayload) -> Callable[[EpisodeKey], EpisodeResult]:
     """Build everything once per process; return the function that runs one episode. Raises InputError."""
     config, seed, robot = payload.config, payload.config.seed, payload.config.robot
+    _check_run_dir(payload.recordings)
     maps = build.map_set(config)
     navigator = build.navigator(config)
     simulator = build.simulator(config)
@@ -67,6 +70,15 @@ def initialise(payload: EpisodePayload) -> Callable[[EpisodeKey], EpisodeResult]
 def episode_rng(seed: int, world: int, run: int) -> np.random.Generator:
     """The only source of randomness of an episode. `run_episode` first spawns the navigator's generator from it."""
     return np.random.default_rng(np.random.SeedSequence([seed, world, run]))
+
+
+def _check_run_dir(recordings: Recordings | None) -> None:
+    """Raise InputError on a machine of a cluster that lacks the run's directory."""
+    if recordings is not None and not recordings.folder.parent.is_dir():
+        raise InputError(
+            f"record=mcap: {recordings.folder.parent.absolute()} is not there on {platform.node()}: start the "
+            "workers in the folder in which lme was called, on a file system that the machines share"
+        )
 
 
 def _recorder(

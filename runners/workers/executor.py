@@ -32,7 +32,7 @@ Initialise = Callable[[Any], Run]
 Map = Callable[[Iterable[Item]], Iterator[Any]]  # items to results, as they finish
 
 # One thread per worker: the workers are the parallelism.
-_ONE_THREAD = dict.fromkeys(
+ONE_THREAD = dict.fromkeys(
     ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1"
 )
 _JOIN_S = 5.0
@@ -43,7 +43,7 @@ class EpisodeError(RuntimeError):
 
 
 class WorkerDiedError(RuntimeError):
-    """A worker process ended during an episode: it was killed, or memory ran out."""
+    """A worker process ended during an episode: it was killed, or memory ran out. Or a cluster is gone."""
 
 
 @dataclass(slots=True)
@@ -70,14 +70,14 @@ class SerialExecutor:
         try:
             run = initialise(payload)
         except Exception as error:
-            raise _portable(error, None) from error
+            raise portable(error, None) from error
 
         def run_all(items: Iterable[Item]) -> Iterator[Any]:
             for item in items:
                 try:
                     result = run(item)
                 except Exception as error:
-                    raise _portable(error, item) from error
+                    raise portable(error, item) from error
                 yield result
 
         yield run_all
@@ -129,9 +129,9 @@ class ProcessExecutor:
 
         at_once: length of the longest list, if known: no more workers than that are started.
         """
-        if parent_process() is not None:
-            _say_serial()
-            with SerialExecutor(SerialConfig()).open(initialise, payload) as run_all:
+        serial = serial_in_launcher("process")
+        if serial is not None:
+            with serial.open(initialise, payload) as run_all:
                 yield run_all
             return
         workers: dict[Connection, BaseProcess] = {}
@@ -150,9 +150,19 @@ def available_cores() -> int:
     return os.cpu_count() or 1
 
 
+def serial_in_launcher(executor: str) -> SerialExecutor | None:
+    """What runs the items in place of `executor` inside a launcher's worker process; None elsewhere."""
+    if parent_process() is None:
+        return None
+    _say_serial(executor)
+    return SerialExecutor(SerialConfig())
+
+
 @functools.cache  # print it once
-def _say_serial() -> None:
-    print("executor=process: inside a launcher's worker process, episodes run one by one", file=sys.stderr)
+def _say_serial(executor: str) -> None:
+    print(
+        f"executor={executor}: inside a launcher's worker process, episodes run one by one", file=sys.stderr
+    )
 
 
 def _hand_out(workers: dict[Connection, BaseProcess], items: Iterable[Item]) -> Iterator[Any]:
@@ -199,11 +209,11 @@ def _start_workers(
     # Never fork: threads of this process (MLflow's) may hold locks that the child would wait for forever.
     with_server = "forkserver" in get_all_start_methods()
     context: Any = get_context("forkserver" if with_server else "spawn")
-    with _environment(_ONE_THREAD):
+    with _environment(ONE_THREAD):
         if with_server:
             # The server imports what all workers need; they are forked from it.
             context.set_forkserver_preload([initialise.__module__])
-            with _sigint_ignored():
+            with sigint_ignored():
                 forkserver.ensure_running()
         for _ in range(count):
             ours, theirs = context.Pipe()
@@ -232,7 +242,7 @@ def _work(coordinator: Connection, initialise: Initialise, payload: Any) -> None
             run = initialise(payload)
         except Exception as error:
             coordinator.recv()
-            coordinator.send((_portable(error, None), None))
+            coordinator.send((portable(error, None), None))
             return
         while True:
             item = coordinator.recv()
@@ -240,11 +250,11 @@ def _work(coordinator: Connection, initialise: Initialise, payload: Any) -> None
             try:
                 answer = None, run(item)
             except Exception as error:
-                answer = _portable(error, item), None
+                answer = portable(error, item), None
             coordinator.send(answer)
 
 
-def _portable(error: Exception, item: Item | None) -> Exception:
+def portable(error: Exception, item: Item | None) -> Exception:
     """The error that the coordinator raises: an InputError stays one, any other carries its traceback as text."""
     where = "" if item is None else f"{item}: "
     if isinstance(error, InputError):
@@ -274,8 +284,8 @@ def _environment(variables: dict[str, str]) -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def _sigint_ignored() -> Iterator[None]:
-    """A fork server started meanwhile, and the workers forked from it, ignore Ctrl-C: the coordinator stops them."""
+def sigint_ignored() -> Iterator[None]:
+    """Processes started meanwhile, and those that they start, ignore Ctrl-C: the coordinator stops them."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return

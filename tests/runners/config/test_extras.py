@@ -10,6 +10,7 @@ import pytest
 from lme.errors import InputError
 from runners.config import extras
 from runners.replay import bags, rerun_file
+from runners.workers.cluster import DaskConfig
 from tests.places import ROOT
 
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
@@ -55,7 +56,7 @@ def test_the_distribution_asked_for_is_ours():
 
 def test_every_hint_in_the_code_is_of_an_optional_package():
     hinted = {name for text in SOURCES for name in re.findall(r"\binstall\([\"']([\w-]+)[\"']\)", text)}
-    assert {"rosbags", "rerun-sdk", "imageio-ffmpeg"} <= hinted <= set(OPTIONAL)
+    assert {"rosbags", "rerun-sdk", "imageio-ffmpeg", "distributed"} <= hinted <= set(OPTIONAL)
 
 
 def test_nothing_names_an_extra_of_the_other_project():
@@ -75,3 +76,9 @@ def test_a_rerun_file_without_its_package_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "rerun", None)
     with pytest.raises(InputError, match="needs the package rerun-sdk: pip install 'rerun-sdk"):
         rerun_file.check_installed()
+
+
+def test_a_cluster_without_its_package_says_what_to_install(monkeypatch):
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(InputError, match="needs the package distributed: pip install 'distributed"):
+        DaskConfig()

@@ -1,0 +1,232 @@
+"""The executor that runs the episodes on a cluster of dask.distributed: on this machine, or on many."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import math
+import pickle
+import re
+import sys
+import uuid
+from collections.abc import Iterable, Iterator, Sequence
+from concurrent.futures import CancelledError
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from lme.errors import InputError, require
+from runners.config.extras import install
+from runners.records.versions import versions
+from runners.workers.executor import (
+    ONE_THREAD,
+    Initialise,
+    Item,
+    Map,
+    WorkerDiedError,
+    available_cores,
+    serial_in_launcher,
+    sigint_ignored,
+)
+
+if TYPE_CHECKING:
+    from distributed import Client, Future, LocalCluster
+
+_ADDRESS = r"\w+://\S+:\d+"
+_CONNECT_S = 5.0
+_SHARES = 4  # of a worker in a list that is short: its last batches then end at about the same time
+_NUMERIC = ("numpy", "numba", "scipy")  # packages that may change the last bit of a result
+
+
+@dataclass(slots=True)
+class DaskConfig:
+    """address: of a scheduler; null: a cluster on this machine, of `workers` processes (null: one per core).
+
+    batch: most episodes in a task.
+    """
+
+    address: str | None = None
+    workers: int | None = None
+    batch: int = 4
+
+    def __post_init__(self) -> None:
+        try:
+            import distributed  # noqa: F401
+        except ImportError as error:
+            hint = install("distributed")
+            raise InputError(f"executor=dask needs the package distributed: {hint}") from error
+        require("executor.batch", self.batch, at_least=1)
+        if self.address is not None and not re.fullmatch(_ADDRESS, self.address):
+            raise InputError(f"executor.address is {self.address}: must be null or like tcp://host:8786")
+        if self.workers is not None:
+            require("executor.workers", self.workers, at_least=1)
+            if self.address is not None:
+                raise InputError(
+                    f"executor.workers is {self.workers}: must be null with executor.address, which has its own"
+                )
+
+
+class DaskExecutor:
+    """Runs items on the workers of a dask cluster; dask gives those of a lost worker to another.
+
+    Without an address, inside a worker process of a Hydra launcher, it runs them there, as ProcessExecutor does.
+    """
+
+    Config = DaskConfig
+
+    def __init__(self, config: DaskConfig) -> None:
+        self._config = config
+
+    def map(self, initialise: Initialise, payload: Any, items: Iterable[Item]) -> Iterator[Any]:
+        """Yield the result of `initialise(payload)` on every item, as they finish.
+
+        initialise: a function at the top of a module. payload, items: anything that pickles. Raises InputError and
+        EpisodeError as ProcessExecutor does; WorkerDiedError if a task lost worker after worker, or if the scheduler is
+        gone.
+        """
+        todo = list(items)
+        if todo:
+            with self.open(initialise, payload, len(todo)) as run_all:
+                yield from run_all(todo)
+
+    @contextlib.contextmanager
+    def open(self, initialise: Initialise, payload: Any, at_once: int | None = None) -> Iterator[Map]:
+        """Give a `map` for several lists of items; `initialise` is called once in each worker process.
+
+        at_once: length of the longest list, if known: no more workers than that are started on this machine.
+        """
+        serial = serial_in_launcher("dask") if self._config.address is None else None
+        if serial is not None:
+            with serial.open(initialise, payload) as run_all:
+                yield run_all
+            return
+        with (
+            _quiet_logs(),
+            self._client(at_once) as client,
+            _registered(client, initialise, payload) as token,
+        ):
+            yield lambda items: _hand_out(client, token, list(items), self._config.batch)
+
+    @contextlib.contextmanager
+    def _client(self, at_once: int | None) -> Iterator[Client]:
+        """A client of the scheduler, or of a cluster on this machine that ends with the `with`."""
+        if self._config.address is not None:
+            with _connected(self._config.address) as client:
+                yield client
+            return
+        most = self._config.workers or available_cores()
+        with (
+            _local_cluster(most if at_once is None else min(most, at_once)) as cluster,
+            _connected(cluster.scheduler_address) as client,
+        ):
+            yield client
+
+
+def _local_cluster(workers: int) -> LocalCluster:
+    """Processes on this machine that only this machine can reach."""
+    from distributed import LocalCluster
+
+    with sigint_ignored():
+        return LocalCluster(
+            n_workers=workers,
+            threads_per_worker=1,
+            dashboard_address="127.0.0.1:0",
+            memory_limit=None,
+            silence_logs=logging.CRITICAL,
+            env=ONE_THREAD,
+        )
+
+
+@contextlib.contextmanager
+def _connected(address: str) -> Iterator[Client]:
+    from distributed import Client
+
+    try:
+        client = Client(address, timeout=_CONNECT_S, set_as_default=False)
+    except (OSError, ValueError) as error:
+        raise InputError(
+            f"executor.address is {address}: no dask scheduler answers there; start one with `dask scheduler`, "
+            "and give the tcp:// address that it prints"
+        ) from error
+    with client:
+        if not client.nthreads():
+            print(f"executor=dask: waiting for a worker: dask worker {address} --nthreads 1", file=sys.stderr)
+        yield client
+
+
+@contextlib.contextmanager
+def _registered(client: Client, initialise: Initialise, payload: Any) -> Iterator[str]:
+    """Give every worker, also those that join later, what the items need; its name."""
+    from runners.workers.cluster_worker import Job
+
+    token = f"lme-{uuid.uuid4().hex}"
+    job = Job(token, pickle.dumps((initialise, payload)), versions(*_NUMERIC))
+    try:
+        client.register_plugin(job, name=token)
+    except ImportError as error:
+        raise InputError(
+            f"executor.address: a worker cannot import {error.name}: install the same lme on every machine"
+        ) from error
+    try:
+        yield token
+    finally:
+        if client.status == "running":
+            with contextlib.suppress(OSError, ValueError):
+                client.unregister_worker_plugin(token)
+
+
+def _hand_out(client: Client, token: str, items: Sequence[Item], batch: int) -> Iterator[Any]:
+    """Give the items out in batches; the scheduler hands each worker the next as soon as it is free."""
+    from distributed import as_completed
+
+    from runners.workers.cluster_worker import run_batch
+
+    size = _batch_size(len(items), sum(client.nthreads().values()), batch)
+    batches = [items[start : start + size] for start in range(0, len(items), size)]
+    futures = client.map(run_batch, batches, token=token, pure=False)
+    given = {future.key: batch for future, batch in zip(futures, batches, strict=True)}
+    try:
+        for future in as_completed(futures, loop=client.loop):
+            results, error = _receive(future, given[future.key])
+            future.release()
+            yield from results
+            if error is not None:
+                raise error
+    finally:
+        if client.status == "running":
+            client.cancel(futures)
+
+
+def _batch_size(items: int, workers: int, most: int) -> int:
+    """Items in a batch: `most`, or fewer where each worker would get few batches."""
+    return min(most, max(1, math.ceil(items / (_SHARES * max(workers, 1)))))
+
+
+def _receive(future: Future[Any], items: Sequence[Item]) -> tuple[list[Any], Exception | None]:
+    from distributed import KilledWorker
+
+    try:
+        received: tuple[list[Any], Exception | None] = future.result()
+        return received
+    except KilledWorker as error:
+        raise WorkerDiedError(
+            f"{error.allowed_failures + 1} workers died with {'; '.join(map(str, items))} to run: "
+            "finished episodes are kept; add resume=true, with fewer executor.workers if memory ran out"
+        ) from None
+    except CancelledError:
+        raise WorkerDiedError(
+            "the dask scheduler is gone: finished episodes are kept; add resume=true, "
+            "and executor=process to go on without it"
+        ) from None
+
+
+@contextlib.contextmanager
+def _quiet_logs() -> Iterator[None]:
+    """Keep dask's own account of lost connections off the terminal: our errors say it in one line."""
+    levels = {name: logging.getLogger(name).level for name in ("distributed", "distributed.client")}
+    try:
+        for name in levels:
+            logging.getLogger(name).setLevel(logging.CRITICAL)
+        yield
+    finally:
+        for name, level in levels.items():
+            logging.getLogger(name).setLevel(level)

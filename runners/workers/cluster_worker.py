@@ -1,0 +1,73 @@
+"""What runs in a worker process of a dask cluster."""
+
+from __future__ import annotations
+
+import pickle
+import warnings
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from distributed import Worker, WorkerPlugin, get_worker
+
+from lme.errors import InputError
+from runners.records.versions import versions
+from runners.workers.executor import Item, Run, portable
+
+
+class Job(WorkerPlugin):
+    """What every item of an open executor needs. Dask keeps it in each worker, and gives it to new ones.
+
+    pickled: `initialise` and its payload. wanted: the versions of the process that hands out the items.
+    """
+
+    def __init__(self, token: str, pickled: bytes, wanted: Mapping[str, str]) -> None:
+        self.name = token
+        self._pickled, self._wanted = pickled, wanted
+        self._run: Run | None = None
+
+    def run(self, items: Sequence[Item]) -> tuple[list[Any], Exception | None]:
+        """The results of the items, up to the first that fails, and its error."""
+        results: list[Any] = []
+        item: Item | None = None
+        try:
+            # The coordinator has built the same config and given the same warnings.
+            with warnings.catch_warnings(action="ignore", category=UserWarning):
+                run = self._built(get_worker())
+                for item in items:
+                    results.append(run(item))
+        except Exception as error:
+            return results, portable(error, item)
+        return results, None
+
+    def _built(self, worker: Worker) -> Run:
+        """What runs one item; it is built for the first."""
+        if self._run is None:
+            _check(worker, self._wanted)
+            initialise, payload = pickle.loads(self._pickled)
+            self._run = initialise(payload)
+        assert self._run is not None
+        return self._run
+
+
+def run_batch(items: Sequence[Item], token: str) -> tuple[list[Any], Exception | None]:
+    """A task: run items with the job that the worker holds under `token`."""
+    job = get_worker().plugins[token]
+    assert isinstance(job, Job)
+    return job.run(items)
+
+
+def _check(worker: Worker, wanted: Mapping[str, str]) -> None:
+    """Raise InputError unless the worker gives the same results and runs one item at a time."""
+    if worker.state.nthreads != 1:
+        raise InputError(
+            f"executor.address: the worker {worker.address} has {worker.state.nthreads} threads: "
+            "must have one; start it with --nthreads 1"
+        )
+    here = versions(*wanted)
+    other = [name for name in wanted if here.get(name) != wanted[name]]
+    if other:
+        has = ", ".join(f"{name} {here.get(name, 'is missing')}" for name in other)
+        must = ", ".join(f"{name} {wanted[name]}" for name in other)
+        raise InputError(
+            f"executor.address: the worker {worker.address} has {has}: must have {must}, as here"
+        )
