@@ -38,7 +38,8 @@ def agreement(rates, **columns):
 
 def test_all_that_is_said_has_a_file_and_every_file_is_spoken_of():
     files = {path.stem for path in (resource_dir("conf") / "ablation").glob("*.yaml")}
-    assert files - {"none"} == set(ablation.CLAIMS)
+    of_lme_plus = {"no_a_reach", "no_a_rest"}  # criteria that the paper has not
+    assert files - {"none"} - of_lme_plus == set(ablation.CLAIMS)
 
 
 def test_the_experiment_is_the_figures():

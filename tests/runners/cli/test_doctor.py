@@ -168,5 +168,15 @@ def test_the_real_metadata_name_every_requirement():
     assert {"numpy", "numba", "hydra-core", "optuna", "pymunk", "mlflow", "pandas"} <= {
         each.name for each in extras.needed()
     }
-    assert set(extras.optional()) == {"cmaes", "gp", "gym", "learn", "replay", "rerun", "video"}
+    assert set(extras.optional()) == {
+        "cluster",
+        "cmaes",
+        "gp",
+        "gym",
+        "learn",
+        "replay",
+        "rerun",
+        "shared",
+        "video",
+    }
     assert sys.executable in doctor._python().found
