@@ -43,6 +43,7 @@ class Plan:
 def plan(composer: Composer, overrides: Sequence[str], multirun: bool) -> Plan:
     """Compose every job of a command line. Raises InputError where Hydra could not."""
     parsed = normalised(overrides, composer)
+    _refuse_swept_hydra(parsed)
     words = [text_of(override) for override in parsed]
     job = next(_jobs(parsed))
     first = _composed(composer, job)
@@ -75,6 +76,18 @@ def _validated(config: DictConfig, words: Sequence[str], composer: Composer, val
         mistake = translated(error, OmegaConf.get_type(config))
         raise diagnosis.located(mistake, config, words, composer) from error
     return job
+
+
+def _refuse_swept_hydra(parsed: Sequence[Override]) -> None:
+    """Hydra's own keys are the same for all jobs of a sweep."""
+    for override in parsed:
+        if override.is_hydra_override() and override.is_sweep_override():
+            key, _, value = text_of(override).partition("=")
+            swept = key.removeprefix("hydra.sweeper.params.")
+            better = f"-m {swept}={value} to sweep it" if swept != key else "one value"
+            raise InputError(
+                f"{text_of(override)}: several values for a key of Hydra's own; must be {better}"
+            )
 
 
 def _refuse_sweep(parsed: Sequence[Override]) -> None:

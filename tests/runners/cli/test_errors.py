@@ -47,6 +47,11 @@ def _never(job):
         ("robot=null", ["robot=null: must be one of go2, "]),
         ("ablation=[none,no_co]", ["ablation=no_co", "did you mean no_c_o?"]),
         ("experiment=x", ["experiment=x: no such option; conf/experiment/ holds:"]),
+        (
+            "hydra.sweeper.params.seed=1,2",
+            ["several values for a key of Hydra's own; must be -m seed=1,2 to sweep it"],
+        ),
+        ("hydra.verbose=true,false", ["several values for a key of Hydra's own; must be one value"]),
         ("robots=jackal", ["robots: no such key; did you mean robot? eval holds: ablation, "]),
         ("sed=1", ["sed: no such key; did you mean seed?"]),
         ("+sed=1", ["sed: no such key; did you mean seed?"]),
