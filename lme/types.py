@@ -79,7 +79,8 @@ class Guidance(NamedTuple):
     """Output of a guide, input of a planner.
 
     subgoal: (2,) in the robot frame [m]. path: (K, 2) in the robot frame [m] if the guide plans one.
-    switched: the guide has switched to another subgoal. blocked: the guide found no free path.
+    switched: the guide has switched to another subgoal. blocked: the guide found no free path. points: (M, 2) all
+    obstacle points that the guide knows, in the robot frame [m], if it remembers some that the scan has not.
     """
 
     subgoal: Floats

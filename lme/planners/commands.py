@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import math
 
-from lme.types import Observation, Twist
+import numpy as np
+
+from lme.errors import InputError, require
+from lme.types import Floats, Observation, Twist
 
 
 def limited(v: float, omega: float, observation: Observation, dt: float) -> Twist:
@@ -39,3 +42,18 @@ def approach(error: float, rate: float, rate_max: float, alpha: float, dt: float
 def towards(wanted: float, rate: float, alpha: float, dt: float) -> float:
     """The rate nearest to `wanted` that is reachable from `rate` in one period at `alpha`."""
     return min(max(wanted, rate - alpha * dt), rate + alpha * dt)
+
+
+def check_turn_samples(number: int) -> None:
+    """Raise InputError unless this number of turn rates, `planner.omega_samples`, can have 0 in its middle."""
+    require("planner.omega_samples", number, at_least=3)
+    if number % 2 == 0:
+        raise InputError(
+            f"planner.omega_samples is {number}: must be odd, so that the robot may drive straight"
+        )
+
+
+def turn_shares(number: int) -> Floats:
+    """An odd number of shares of a range of turn rates, from −1 to 1 and symmetric to the last bit: (number,)."""
+    half = np.linspace(0.0, 1.0, number // 2 + 1)
+    return np.concatenate((-half[:0:-1], half))

@@ -8,9 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lme.errors import InputError, require
+from lme.errors import require
 from lme.kernels.arcs import clearances, contact_times
-from lme.planners.commands import approach, limited
+from lme.planners.commands import approach, check_turn_samples, limited, turn_shares
 from lme.robots import Robot
 from lme.sensing.scan_points import obstacle_points
 from lme.types import Floats, Guidance, Limits, Observation, Twist
@@ -39,11 +39,7 @@ class DwaConfig:
         if self.heading_time is not None:
             require("planner.heading_time", self.heading_time, above=0.0)
         require("planner.v_samples", self.v_samples, at_least=2)
-        require("planner.omega_samples", self.omega_samples, at_least=3)
-        if self.omega_samples % 2 == 0:
-            raise InputError(
-                f"planner.omega_samples is {self.omega_samples}: must be odd, so that the robot may drive straight"
-            )
+        check_turn_samples(self.omega_samples)
 
 
 class _Window(NamedTuple):
@@ -75,8 +71,7 @@ class Dwa:
         self._mount = robot.lidar.mount
         self._dt = robot.dt
         self._v_share = np.linspace(0.0, 1.0, config.v_samples)
-        half = np.linspace(0.0, 1.0, config.omega_samples // 2 + 1)
-        self._omega_share = np.concatenate((-half[:0:-1], half))  # symmetric to the last bit
+        self._omega_share = turn_shares(config.omega_samples)
 
     def reset(self, rng: np.random.Generator) -> None:
         """No state to reset."""

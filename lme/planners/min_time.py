@@ -5,21 +5,23 @@ from __future__ import annotations
 import math
 from collections import deque
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from lme.errors import InputError, require
+from lme.errors import require
 from lme.geometry.frames import to_robot
 from lme.kernels.arcs import first_contacts
 from lme.kernels.min_time import Estimate, Safety, best_twist, split
 from lme.kernels.motion import drive
 from lme.kernels.straight_ways import KEPT
-from lme.planners.commands import limited
+from lme.planners.commands import check_turn_samples, limited, turn_shares
 from lme.robots import Robot
 from lme.sensing.scan_points import is_full_circle, obstacle_points
 from lme.types import Floats, Guidance, Limits, Observation, Pose, Twist
 
 _STEP = 0.05  # [m] of the prediction over the latency
+_NOBODY = np.empty((0, 5))
 _WIDEST = 1.0  # [m] greatest radius of a person or another mover
 _AT_REST = 1e-6  # [m/s, rad/s] slower than this counts as 0
 _TIGHT = 0.75  # share of the margin that is kept where the robot could not move otherwise
@@ -48,11 +50,16 @@ class MinTimeConfig:
         for key in ("horizon", "brake", "grip"):
             require(f"planner.{key}", getattr(self, key), above=0.0)
         require("planner.v_samples", self.v_samples, at_least=2)
-        require("planner.omega_samples", self.omega_samples, at_least=3)
-        if self.omega_samples % 2 == 0:
-            raise InputError(
-                f"planner.omega_samples is {self.omega_samples}: must be odd, so that the robot may drive straight"
-            )
+        check_turn_samples(self.omega_samples)
+
+
+class _Situation(NamedTuple):
+    """What a command is chosen for: subgoal (2,), points (M, 2) and movers (P, 5) in the robot frame, and twist."""
+
+    subgoal: Floats
+    points: Floats
+    movers: Floats
+    twist: Twist
 
 
 class MinTime:
@@ -70,8 +77,7 @@ class MinTime:
     def __init__(self, config: MinTimeConfig, robot: Robot) -> None:
         self._config = config
         self._robot = robot
-        half = np.linspace(0.0, 1.0, config.omega_samples // 2 + 1)
-        self._omega_share = np.concatenate((-half[:0:-1], half))  # symmetric to the last bit
+        self._omega_share = turn_shares(config.omega_samples)
         self._v_share = np.linspace(0.0, 1.0, config.v_samples) ** 2  # more of them at low speed
         self.reset(np.random.default_rng(0))
 
@@ -83,21 +89,36 @@ class MinTime:
 
     def plan(self, observation: Observation, guidance: Guidance) -> Twist:
         """Command for one control period."""
-        seen = obstacle_points(observation.scan, self._robot.lidar.mount)
-        points = seen if guidance.points is None else guidance.points
         knows_behind = guidance.points is not None or is_full_circle(observation.scan)
-        subgoal, now = guidance.subgoal, _at_rest(observation.twist)
-        points, self._movers = split(points, seen, observation.pedestrians, _WIDEST)
-        if self._under_way:
-            pose, now = self._predict(now, observation.limits)
-            subgoal, points = to_robot(subgoal, pose), to_robot(points, pose)
-            self._movers = self._later(pose)
-        wanted = self._choose(subgoal, points, now, observation.limits)
+        now = self._now(observation, guidance)
+        wanted = self._choose(now, observation.limits)
         if knows_behind and (self._to_back > 0.0 or (guidance.blocked and not any(wanted))):
-            wanted = self._back_up(points, observation.limits) or wanted
-        command = limited(*wanted, observation._replace(twist=now), self._robot.dt)
+            wanted = self._back_up(now.points, observation.limits) or wanted
+        command = limited(*wanted, observation._replace(twist=now.twist), self._robot.dt)
         self._under_way.append(command)
         return command
+
+    def _now(self, observation: Observation, guidance: Guidance) -> _Situation:
+        """The situation in which the next command takes effect."""
+        points, movers = self._obstacles(observation, guidance)
+        here = _Situation(guidance.subgoal, points, movers, _at_rest(observation.twist))
+        return self._predicted(here, observation.limits) if self._under_way else here
+
+    def _obstacles(self, observation: Observation, guidance: Guidance) -> tuple[Floats, Floats]:
+        """Points that stay (M, 2), and movers (P, 5)."""
+        if guidance.points is not None and not len(observation.pedestrians):
+            return guidance.points, _NOBODY
+        seen = obstacle_points(observation.scan, self._robot.lidar.mount)
+        points = seen if guidance.points is None else guidance.points
+        return split(points, seen, observation.pedestrians, _WIDEST)
+
+    def _predicted(self, now: _Situation, limits: Limits) -> _Situation:
+        """A situation after the latency, in the robot frame of that time."""
+        pose, twist = self._predict(now.twist, limits)
+        movers, latency = now.movers.copy(), self._config.latency
+        movers[:, :2] = to_robot(movers[:, :2] + latency * movers[:, 2:4], pose)
+        movers[:, 2:4] = to_robot(movers[:, 2:4], Pose(0.0, 0.0, pose.yaw))
+        return _Situation(to_robot(now.subgoal, pose), to_robot(now.points, pose), movers, twist)
 
     def _predict(self, now: Twist, limits: Limits) -> tuple[Pose, Twist]:
         """Pose in the present robot frame and twist when the next command takes effect."""
@@ -109,27 +130,21 @@ class MinTime:
             pose, now = Pose(*way[-1].tolist()), Twist(*twist)
         return pose, _at_rest(now)
 
-    def _later(self, pose: Pose) -> Floats:
-        """The movers when the next command takes effect, in the robot frame at that `pose`."""
-        movers, latency = self._movers.copy(), self._config.latency
-        movers[:, :2] = to_robot(movers[:, :2] + latency * movers[:, 2:4], pose)
-        movers[:, 2:4] = to_robot(movers[:, 2:4], Pose(0.0, 0.0, pose.yaw))
-        return movers
-
-    def _choose(self, subgoal: Floats, points: Floats, now: Twist, limits: Limits) -> Twist:
+    def _choose(self, now: _Situation, limits: Limits) -> Twist:
         """The best command with all of the margin; if that is to stand still, with `_TIGHT` of it."""
-        wide = self._best(subgoal, points, now, limits, 1.0)
-        return wide if any(wide) else self._best(subgoal, points, now, limits, _TIGHT)
+        wide = self._best(now, limits, 1.0)
+        return wide if any(wide) else self._best(now, limits, _TIGHT)
 
-    def _best(self, subgoal: Floats, points: Floats, now: Twist, limits: Limits, share: float) -> Twist:
+    def _best(self, situation: _Situation, limits: Limits, share: float) -> Twist:
         config, dt = self._config, self._robot.dt
+        subgoal, points, movers, now = situation
         low = max(now.v - limits.alpha_v * dt, 0.0)
         v = low + (max(min(now.v + limits.alpha_v * dt, limits.v_max), low) - low) * self._v_share
         estimate = Estimate(limits.v_max, config.turn, dt, max(config.horizon, dt), _SLOW)
         margin, brake = share * config.margin, min(config.brake, limits.alpha_v)
         safety = Safety(margin, config.margin_time, brake, limits.alpha_omega, config.grip)
         omega, box = self._turn_rates(now, limits), self._robot.footprint.box
-        best_v, best_omega, time = best_twist(v, omega, subgoal, points, box, estimate, safety, self._movers)
+        best_v, best_omega, time = best_twist(v, omega, subgoal, points, box, estimate, safety, movers)
         if math.isfinite(time):
             return Twist(best_v, best_omega)
         return Twist(0.0, now.omega * low / now.v if now.v > 0.0 else 0.0)

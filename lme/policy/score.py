@@ -12,6 +12,7 @@ from lme.errors import InputError, nearest
 from lme.types import Floats
 
 CRITERIA = ("a_close", "a_dev", "c_o", "c_t", "a_mount", "c_h")  # the paper's criteria in the order of w1…w6
+THRESHOLDS = ("d1", "d2")  # of subgoal maintenance
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,14 +29,14 @@ class Parameters:
 
         Raises InputError if a name is missing or unknown, a value is negative or NaN, or a weight is infinite.
         """
-        names = [*criteria, "d1", "d2"]
+        names = [*criteria, *THRESHOLDS]
         for name, value in values.items():
             if name not in names:
                 raise InputError(
                     f"parameter {name!r} is unknown: {nearest(name, names)}The parameters are {', '.join(names)}"
                 )
-            if math.isnan(value) or value < 0 or (math.isinf(value) and name not in ("d1", "d2")):
-                finite = "" if name in ("d1", "d2") else " and finite"
+            if math.isnan(value) or value < 0 or (math.isinf(value) and name not in THRESHOLDS):
+                finite = "" if name in THRESHOLDS else " and finite"
                 raise InputError(f"parameter {name} is {value:g}: must be at least 0{finite}")
         missing = [name for name in names if name not in values]
         if missing:

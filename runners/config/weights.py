@@ -9,14 +9,13 @@ from typing import Any
 
 from lme.errors import InputError, nearest
 from lme.policy.parameter_file import read_parameters
-from lme.policy.score import CRITERIA
+from lme.policy.score import CRITERIA, THRESHOLDS
 from lme.resources import resource_dir
 from lme.yaml_entry import read_yaml
 from runners.config.composer import resume_command
 from runners.config.hydra_errors import unknown_key
 
 PUBLISHED = "published"  # the paper's weight set
-THRESHOLDS = ("d1", "d2")
 WEIGHTS = "weights.yaml"  # in the directory of a training run
 NETWORK = "weights.npz"  # in the directory of a run of lme learn
 REGISTERED = Path("outputs") / "weights"

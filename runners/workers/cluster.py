@@ -24,6 +24,7 @@ from runners.workers.executor import (
     Map,
     WorkerDiedError,
     available_cores,
+    map_once,
     serial_in_launcher,
     sigint_ignored,
 )
@@ -83,10 +84,7 @@ class DaskExecutor:
         EpisodeError as ProcessExecutor does; WorkerDiedError if a task lost worker after worker, or if the scheduler is
         gone.
         """
-        todo = list(items)
-        if todo:
-            with self.open(initialise, payload, len(todo)) as run_all:
-                yield from run_all(todo)
+        return map_once(self.open, initialise, payload, items)
 
     @contextlib.contextmanager
     def open(self, initialise: Initialise, payload: Any, at_once: int | None = None) -> Iterator[Map]:

@@ -118,10 +118,7 @@ class ProcessExecutor:
         EpisodeError (any other exception of a worker), which name the world and run, and WorkerDiedError if a
         worker was killed. The workers are stopped when the iteration is left.
         """
-        todo = list(items)
-        if todo:
-            with self.open(initialise, payload, len(todo)) as run_all:
-                yield from run_all(todo)
+        return map_once(self.open, initialise, payload, items)
 
     @contextlib.contextmanager
     def open(self, initialise: Initialise, payload: Any, at_once: int | None = None) -> Iterator[Map]:
@@ -141,6 +138,19 @@ class ProcessExecutor:
             yield lambda items: _hand_out(workers, items)
         finally:
             _stop(workers)
+
+
+def map_once(
+    open_workers: Callable[[Initialise, Any, int], contextlib.AbstractContextManager[Map]],
+    initialise: Initialise,
+    payload: Any,
+    items: Iterable[Item],
+) -> Iterator[Any]:
+    """Yield the result of every item, as they finish, from workers that live as long; none for no items."""
+    todo = list(items)
+    if todo:
+        with open_workers(initialise, payload, len(todo)) as run_all:
+            yield from run_all(todo)
 
 
 def available_cores() -> int:

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.spatial import cKDTree
 
-from lme.errors import require
 from lme.geometry.frames import to_robot
 from lme.guides.lme_plus import LmePlus
 from lme.plus.criteria import Sight
@@ -24,6 +22,7 @@ from runners.figures.parts.driven_runs import DrivenRun
 from runners.figures.parts.moment import (
     Guided,
     Shot,
+    StepConfig,
     candidate_reach,
     draw_heading,
     draw_shots,
@@ -49,25 +48,14 @@ CLIPPED = (5, 100)  # [percentile] ends of the colour scale of scores
 SAME_M = 1e-6  # [m] a known point this near to one of the scan is that point
 
 
-@dataclass(slots=True)
-class ExpectedTimeConfig:
-    """What `lme figure expected_time` shows."""
-
-    step: int | None = None  # null: the most telling; see `telling_step`
-
-    def __post_init__(self) -> None:
-        if self.step is not None:
-            require("figure.step", self.step, at_least=0)
-
-
 class ExpectedTime:
     """The field of expected times in the robot frame with the heading up, and what is decided on it."""
 
-    Config = ExpectedTimeConfig
+    Config = StepConfig
     name = "expected_time"
     drives = True
 
-    def __init__(self, config: ExpectedTimeConfig) -> None:
+    def __init__(self, config: StepConfig) -> None:
         self._config = config
 
     def draw(

@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from lme.errors import InputError, nearest, require
+from lme.errors import InputError, nearest
 from lme.policy.explanation import Explanation
 from lme.policy.score import CRITERIA
 from lme.types import Bools, Floats
 from runners.figures.parts import robot_view as view
 from runners.figures.parts.driven_runs import DrivenRun
 from runners.figures.parts.feature_page import FeaturePage
-from runners.figures.parts.moment import Shot, candidate_reach, draw_shots, shots
+from runners.figures.parts.moment import Shot, StepConfig, candidate_reach, draw_shots, shots
 from runners.figures.parts.robot_view_key import draw_key
 from runners.figures.parts.style import BLUE, INK, symbol
 
@@ -37,17 +37,15 @@ UNITS = {"a_close": "m", "a_dev": "rad", "a_mount": "m"}
 
 
 @dataclass(slots=True)
-class FeaturesConfig:
+class FeaturesConfig(StepConfig):
     """What `lme figure features` shows."""
 
-    step: int | None = None  # null: the most telling; see `runners.figures.parts.moment.telling_step`
     criteria: list[str] | None = None  # null: all
     values: str = "raw"
     percentiles: list[float] = field(default_factory=lambda: [5.0, 95.0])
 
     def __post_init__(self) -> None:
-        if self.step is not None:
-            require("figure.step", self.step, at_least=0)
+        StepConfig.__post_init__(self)  # super() fails in a dataclass with slots
         if self.values not in VALUES:
             raise InputError(f"figure.values is {self.values!r}: must be one of {', '.join(VALUES)}")
         low, high = (*self.percentiles, math.nan, math.nan)[:2]

@@ -5,13 +5,11 @@ from __future__ import annotations
 import math
 import textwrap
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lme.errors import require
 from lme.policy.criteria import View
 from lme.policy.surmount import Blockage, sector_points
 from lme.types import Floats
@@ -19,6 +17,7 @@ from runners.figures.parts import robot_view as view
 from runners.figures.parts.driven_runs import DrivenRun
 from runners.figures.parts.moment import (
     Shot,
+    StepConfig,
     candidate_reach,
     draw_heading,
     draw_shots,
@@ -39,25 +38,14 @@ NEAREST_M = 1.0  # shown around the robot at least
 ARCS = (0.62, 0.45)  # of the panel's half width: radii of the arcs of the smaller and the larger angle
 
 
-@dataclass(slots=True)
-class MethodConfig:
-    """What `lme figure method` shows."""
-
-    step: int | None = None  # null: the most telling; see `runners.figures.parts.moment.telling_step`
-
-    def __post_init__(self) -> None:
-        if self.step is not None:
-            require("figure.step", self.step, at_least=0)
-
-
 class Method:
     """Three panels of one decision, in the robot frame with the heading up."""
 
-    Config = MethodConfig
+    Config = StepConfig
     name = "method"
     drives = True
 
-    def __init__(self, config: MethodConfig) -> None:
+    def __init__(self, config: StepConfig) -> None:
         self._config = config
 
     def draw(

@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 import textwrap
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from lme.errors import InputError
+from lme.errors import InputError, require
 from lme.guides.lme import Lme
 from lme.policy.explanation import Explanation
 from lme.policy.maintenance import Choice
@@ -23,6 +24,17 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 LINE_IN, LINE_LETTERS = 0.145, 112  # of a heading on a page of 7 in
+
+
+@dataclass(slots=True)
+class StepConfig:
+    """The decision that a figure shows."""
+
+    step: int | None = None  # null: the most telling; see `telling_step`, or the figure's own
+
+    def __post_init__(self) -> None:
+        if self.step is not None:
+            require("figure.step", self.step, at_least=0)
 
 
 class Shot(NamedTuple):

@@ -12,12 +12,12 @@ from lme.policy.maintenance import Choice
 from runners.cli.main import main
 from runners.figures.kinds.expected_time import (
     ExpectedTime,
-    ExpectedTimeConfig,
     expected_time_figure,
     sights,
     telling_step,
 )
 from runners.figures.parts.driven_runs import read_runs
+from runners.figures.parts.moment import StepConfig
 from runners.figures.parts.style import BLUE, VERMILION
 from tests.tolerances import KERNEL
 
@@ -104,8 +104,8 @@ def test_the_command_draws_it(plus_run, tmp_path):
 
 
 def test_mistakes_are_named(lme_run, tmp_path):
-    kind = ExpectedTime(ExpectedTimeConfig())
+    kind = ExpectedTime(StepConfig())
     with pytest.raises(InputError, match=r"expected_time draws how LME\+ scores .* choose guide=lme_plus"):
         kind.draw(read_runs([lme_run]), [], tmp_path / "expected_time", ["png"])
     with pytest.raises(InputError, match=r"figure\.step is -1"):
-        ExpectedTimeConfig(step=-1)
+        StepConfig(step=-1)
