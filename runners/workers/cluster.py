@@ -84,7 +84,7 @@ class DaskExecutor:
         EpisodeError as ProcessExecutor does; WorkerDiedError if a task lost worker after worker, or if the scheduler is
         gone.
         """
-        return map_once(self.open, initialise, payload, items)
+        return map_once(self.open, self._most, initialise, payload, items)
 
     @contextlib.contextmanager
     def open(self, initialise: Initialise, payload: Any, at_once: int | None = None) -> Iterator[Map]:
@@ -104,6 +104,11 @@ class DaskExecutor:
         ):
             yield lambda items: _hand_out(client, token, list(items), self._config.batch)
 
+    @property
+    def _most(self) -> int:
+        """Processes of a cluster on this machine, if there are as many items."""
+        return self._config.workers or available_cores()
+
     @contextlib.contextmanager
     def _client(self, at_once: int | None) -> Iterator[Client]:
         """A client of the scheduler, or of a cluster on this machine that ends with the `with`."""
@@ -111,9 +116,8 @@ class DaskExecutor:
             with _connected(self._config.address) as client:
                 yield client
             return
-        most = self._config.workers or available_cores()
         with (
-            _local_cluster(most if at_once is None else min(most, at_once)) as cluster,
+            _local_cluster(self._most if at_once is None else min(self._most, at_once)) as cluster,
             _connected(cluster.scheduler_address) as client,
         ):
             yield client

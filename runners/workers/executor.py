@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import contextlib
 import functools
+import itertools
 import os
 import signal
 import sys
@@ -118,7 +119,7 @@ class ProcessExecutor:
         EpisodeError (any other exception of a worker), which name the world and run, and WorkerDiedError if a
         worker was killed. The workers are stopped when the iteration is left.
         """
-        return map_once(self.open, initialise, payload, items)
+        return map_once(self.open, self.workers, initialise, payload, items)
 
     @contextlib.contextmanager
     def open(self, initialise: Initialise, payload: Any, at_once: int | None = None) -> Iterator[Map]:
@@ -142,15 +143,20 @@ class ProcessExecutor:
 
 def map_once(
     open_workers: Callable[[Initialise, Any, int], contextlib.AbstractContextManager[Map]],
+    most: int,
     initialise: Initialise,
     payload: Any,
     items: Iterable[Item],
 ) -> Iterator[Any]:
-    """Yield the result of every item, as they finish, from workers that live as long; none for no items."""
-    todo = list(items)
-    if todo:
-        with open_workers(initialise, payload, len(todo)) as run_all:
-            yield from run_all(todo)
+    """Yield the result of every item, as they finish, from workers that live as long; none for no items.
+
+    most: number of workers; no more are started than there are items.
+    """
+    waiting = iter(items)
+    first = list(itertools.islice(waiting, most))
+    if first:
+        with open_workers(initialise, payload, len(first)) as run_all:
+            yield from run_all(itertools.chain(first, waiting))
 
 
 def available_cores() -> int:

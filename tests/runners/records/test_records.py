@@ -9,12 +9,15 @@ import textwrap
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
+import pyarrow.parquet as pq
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from lme.episode import TRAJECTORY_COLUMNS
 from lme.errors import InputError
+from runners.records import append_log, parquet
 from runners.records.episode_record import EpisodeKey, EpisodeResult
 from runners.records.launch_record import Launch
 from runners.records.parquet import EPISODES, TRAJECTORIES
@@ -92,8 +95,17 @@ def test_merge_leaves_two_files_and_resuming_a_complete_run_changes_nothing(tmp_
 
 
 @settings(max_examples=15, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(st.permutations(KEYS), st.integers(0, 6), st.booleans(), st.binary(min_size=1, max_size=40))
-def test_a_killed_and_resumed_run_gives_the_identical_files(tmp_path_factory, order, cut, merged, torn):
+@given(
+    st.permutations(KEYS),
+    st.integers(0, 6),
+    st.booleans(),
+    st.binary(min_size=1, max_size=40),
+    st.sampled_from([1, 9, 1000]),
+)
+def test_a_killed_and_resumed_run_gives_the_identical_files(
+    tmp_path_factory, monkeypatch, order, cut, merged, torn, block
+):
+    monkeypatch.setattr(parquet, "_BLOCK_STEPS", block)
     straight, resumed = tmp_path_factory.mktemp("straight"), tmp_path_factory.mktemp("resumed")
     write(straight, KEYS)
     write(resumed, order[:cut], merge=merged)
@@ -107,6 +119,31 @@ def test_a_killed_and_resumed_run_gives_the_identical_files(tmp_path_factory, or
             writer.append(episode(key))
         writer.merge()
     assert contents(straight) == contents(resumed)
+
+
+def test_steps_are_stored_in_blocks_of_whole_episodes_and_read_by_episode(tmp_path, monkeypatch):
+    monkeypatch.setattr(parquet, "_BLOCK_STEPS", 1)
+    write(tmp_path, KEYS)
+    with pq.ParquetFile(tmp_path / TRAJECTORIES) as file:
+        assert file.num_row_groups == len(KEYS)
+    every = read_trajectories([tmp_path])
+    write(tmp_path, [EpisodeKey(5, 0), EpisodeKey(6, 0)], merge=False)
+    wanted = [KEYS[0], KEYS[3], EpisodeKey(6, 0), EpisodeKey(8, 8)]
+    steps = read_trajectories([tmp_path], wanted)
+    assert set(map(EpisodeKey.of, steps.to_dict("records"))) == set(wanted[:3])
+    for key in wanted[:2]:
+        same = [frame[(frame["world"] == key.world) & (frame["run"] == key.run)] for frame in (steps, every)]
+        pd.testing.assert_frame_equal(*[part.reset_index(drop=True) for part in same])
+
+
+def test_a_torn_line_longer_than_a_block_is_cut(tmp_path, monkeypatch):
+    monkeypatch.setattr(append_log, "_BLOCK", 7)
+    log = tmp_path / "log"
+    for whole in (b"", b"one\n", b"one\ntwo and more\n"):
+        for torn in (b"", b"a", b"seven..", b"more than two blocks"):
+            log.write_bytes(whole + torn)
+            append_log.cut_torn_line(log)
+            assert log.read_bytes() == whole
 
 
 def test_killed_between_the_two_files_of_a_merge(tmp_path):
@@ -261,8 +298,6 @@ def test_missing_and_garbage_files_are_named(tmp_path):
 
 
 def test_a_parquet_file_of_something_else_is_refused(tmp_path):
-    import pandas as pd
-
     pd.DataFrame({"a": [1]}).to_parquet(tmp_path / EPISODES)
     with pytest.raises(InputError, match="lacks the columns run, world"):
         read_episodes([tmp_path])
