@@ -11,6 +11,7 @@ import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,7 @@ from runners.config.flatten import flatten
 from runners.config.instantiate import filled
 from runners.config.job import Job
 from runners.config.schema import RecordedConfig, SystemConfig
+from runners.records.versions import code
 from runners.records.whole_file import write_whole
 
 LAUNCH = "launch.json"
@@ -34,7 +36,8 @@ class Launch:
 
     configs: the part of the config that decides results; one for a run, one per job for a sweep. choices: the
     option of every config group. changes: keys that have other values than their options' files. Both are in the
-    order of configs. config_dir: of the user's own options. job: its number within a sweep.
+    order of configs. config_dir: of the user's own options. job: its number within a sweep. started: date and time.
+    code: the version that drove it, in words.
     """
 
     command: str
@@ -47,10 +50,15 @@ class Launch:
     config_dir: str | None = None
     config_name: str | None = None
     job: int | None = None
+    started: str = ""
+    code: str = ""
 
     def __post_init__(self) -> None:
         self.choices = self.choices or [{} for _ in self.configs]
         self.changes = self.changes or [{} for _ in self.configs]
+        lists = (self.configs, self.choices, self.changes)
+        if not self.configs or not all(isinstance(part, dict) for one in lists for part in one):
+            raise TypeError(f"configs are {self.configs!r}: must be one or more mappings")
 
     @property
     def config(self) -> RecordedConfig:
@@ -63,8 +71,14 @@ class Launch:
         return catalogue.shipped(*([Path(self.config_dir)] if self.config_dir else [])).folders
 
     def write(self, directory: Path) -> None:
-        """Write `launch.json` whole. Raises InputError where the directory cannot be written."""
-        text = json.dumps(dataclasses.asdict(self), indent=1, sort_keys=True)
+        """Write `launch.json` whole. A run that is resumed keeps its start and its code.
+
+        Raises InputError where the directory cannot be written.
+        """
+        before = read_launch(directory)
+        resumed = before is not None and before.fingerprint == self.fingerprint
+        kept = {"started": before.started, "code": before.code} if before is not None and resumed else {}
+        text = json.dumps({**dataclasses.asdict(self), **kept}, indent=1, sort_keys=True)
         try:
             write_whole(directory / LAUNCH, text + "\n")
         except OSError as error:
@@ -108,6 +122,8 @@ def launch_of(
         changes=[_canonical(dict(job.changes)) for job in jobs],
         config_dir=str(own[0]) if own else None,
         config_name=config_name,
+        started=datetime.now(UTC).isoformat(timespec="seconds"),
+        code=code(),
     )
 
 

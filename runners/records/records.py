@@ -160,7 +160,7 @@ def find_runs(paths: Iterable[Path]) -> list[Path]:
     runs: list[Path] = []
     for path in map(Path, paths):
         below = sorted(path.iterdir(), key=_natural_order) if path.is_dir() else []
-        found = [path] if _has_records(path) else [child for child in below if _has_records(child)]
+        found = [path] if has_records(path) else [child for child in below if has_records(child)]
         if not found:
             problem = "holds no records" if path.is_dir() else "is not a directory"
             raise InputError(
@@ -214,7 +214,8 @@ def read_trajectories(
     return pd.concat(frames, ignore_index=True)
 
 
-def _has_records(path: Path) -> bool:
+def has_records(path: Path) -> bool:
+    """Whether the directory is that of a run with records."""
     return (path / EPISODES).is_file() or (path / APPEND_LOG).is_file()
 
 
@@ -224,7 +225,7 @@ def _natural_order(path: Path) -> tuple[bool, int, str]:
 
 def _log_of(run_dir: Path) -> contextlib.AbstractContextManager[AppendLog]:
     """The append log of a run, finished or not. Raises InputError where there is no run."""
-    if not _has_records(run_dir):
+    if not has_records(run_dir):
         raise InputError(f"{run_dir} holds no records: expected {EPISODES} or {APPEND_LOG}")
     return read_log(run_dir / APPEND_LOG)
 
