@@ -8,6 +8,7 @@ from importlib.metadata import PackageNotFoundError, requires
 from packaging.requirements import Requirement
 
 DISTRIBUTION = "lme-nav"  # the name on a package index, where `lme` is another project
+_FOR_DEVELOPERS = {"dev", "docs"}
 _EXTRA = re.compile(r'extra == "([\w-]+)"')
 
 
@@ -28,7 +29,7 @@ def optional() -> dict[str, Requirement]:
     """The package behind each extra of ours, by the extra's name, those for developers left out."""
     marked = [(each, str(each.marker)) for each in map(Requirement, _declared()) if each.marker is not None]
     named = [(found[1], each) for each, marker in marked if (found := _EXTRA.search(marker))]
-    return {extra: each for extra, each in named if extra != "dev"}
+    return {extra: each for extra, each in named if extra not in _FOR_DEVELOPERS}
 
 
 def _declared() -> list[str]:

@@ -36,6 +36,11 @@ def configured(node: DictConfig | Mapping[str, Any], key: str) -> tuple[Any, Any
     return cls, filled(cls.Config, given, key)
 
 
+def config_class(target: Any, key: str) -> Any:
+    """The dataclass that checks the keys beside `_target_: target`. Raises InputError where there is none."""
+    return _class(target, key).Config
+
+
 def filled(schema: Any, given: DictConfig | Mapping[str, Any], key: str) -> Any:
     """An instance of the dataclass `schema` with the values `given`.
 

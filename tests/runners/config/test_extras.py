@@ -18,7 +18,7 @@ OPTIONAL = {
     re.match(r"[\w-]+", requirement)[0]: (extra, requirement)
     for extra, requirements in PROJECT["optional-dependencies"].items()
     for requirement in requirements
-    if extra != "dev"
+    if extra not in ("dev", "docs")
 }
 SOURCES = [path.read_text(encoding="utf-8") for path in (ROOT / "runners").rglob("*.py")]
 

@@ -1,0 +1,69 @@
+"""The config reference of the documentation: nothing of the catalogue is missing, and types are the dataclasses'."""
+
+import re
+
+import pytest
+
+from runners.config import catalogue, reference, schema
+
+CATALOGUE = catalogue.shipped()
+
+
+@pytest.fixture(scope="module")
+def pages():
+    return reference.pages()
+
+
+@pytest.fixture(scope="module", autouse=True)
+def torch():
+    pytest.importorskip("torch", reason="the learners' classes need torch")
+
+
+def test_there_is_a_page_for_every_group_of_conf(pages):
+    folders = {folder.name for folder in catalogue.shipped().folders[0].iterdir() if folder.is_dir()}
+    assert set(pages) == {"commands", *folders - {"network", "weight_set"}}
+
+
+@pytest.mark.parametrize("command", schema.COMMANDS)
+def test_every_key_of_a_command_is_in_its_section(pages, command):
+    section = _sections(pages["commands"])[f"lme {command}"]
+    for key in CATALOGUE.keys(command):
+        assert f"| `{key.name}` | `{key.value}` |" in section
+        assert key.comment.replace("|", r"\|") in section
+
+
+def test_every_key_of_every_option_is_in_its_section(pages):
+    for group in set(pages) - {"commands", "experiment", "system"}:
+        sections = _sections(pages[group])
+        for option in CATALOGUE.options(group):
+            for key in CATALOGUE.keys(f"{group}/{option}"):
+                assert key.name == "_target_" or f"| `{key.name}` |" in sections[option], f"{group}={option}"
+
+
+def test_options_in_folders_are_listed(pages):
+    assert "| `figure/task` | " in pages["experiment"]
+    assert "## planner/dwa" in pages["space"]
+
+
+@pytest.mark.parametrize(
+    ("group", "row"),
+    [
+        ("planner", "| `alpha_v` | `null` | a number or null | "),
+        ("robot", "| `footprint.radius` | `0.2` | a number or null | "),
+        ("map", "| `worlds` | `null` | a list, each a whole number or null | "),
+        ("learner", "| `reward.progress` | `2.0` | a number | [1/m] per metre nearer to the goal |"),
+    ],
+)
+def test_a_row_has_default_type_and_comment(pages, group, row):
+    assert row in pages[group]
+
+
+def test_no_cell_breaks_its_table(pages):
+    for text in pages.values():
+        for table in re.findall(r"(?:^\|.*\n)+", text, re.MULTILINE):
+            columns = {len(re.findall(r"(?<!\\)\|", line)) for line in table.splitlines()}
+            assert len(columns) == 1, table
+
+
+def _sections(text):
+    return {part.partition("\n")[0]: part for part in text.split("\n## ")[1:]}
