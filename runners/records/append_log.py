@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lme.errors import InputError
-from runners.records.episode_record import EpisodeKey, EpisodeResult
+from runners.records.episode_record import COLUMNS, KEY_COLUMNS, TEXTS, EpisodeKey, EpisodeResult
 
 APPEND_LOG = "parts/episodes.jsonl"
 
@@ -76,10 +76,25 @@ def _decode(line: bytes, path: Path, number: int) -> LogEntry:
             for name, (kind, data) in fields["trajectory"].items()
         }
         entry = LogEntry(fields["record"], arrays)
-        _ = entry.key
-    except (ValueError, TypeError, KeyError, AttributeError):
+        _check(entry)
+    except (ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError):
         raise InputError(f"{path} line {number} is not an episode record: remove that line") from None
     return entry
+
+
+def _check(entry: LogEntry) -> None:
+    """Raise ValueError, TypeError or KeyError unless the values are of the kinds that `encode` writes."""
+    if any(type(entry.row[name]) is not int for name in KEY_COLUMNS):
+        raise TypeError("a world or run is no whole number")
+    for name, value in entry.row.items():
+        kind = str if name in TEXTS else int | float if name in COLUMNS else str | int | float
+        if value is not None and not isinstance(value, kind):
+            raise TypeError(f"{name} is {value!r}")
+        if isinstance(value, int) and abs(value) >= 2**63:
+            raise ValueError(f"{name} is too large")
+    lengths = {len(array) for array in entry.trajectory.values()}
+    if len(lengths) > 1 or any(array.dtype.kind not in "fiu" for array in entry.trajectory.values()):
+        raise ValueError("the columns of the trajectory do not fit each other")
 
 
 def cut_torn_line(path: Path) -> None:
