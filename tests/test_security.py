@@ -97,6 +97,7 @@ def test_reading_a_launch_imports_nothing_that_it_names(tmp_path, monkeypatch):
     [
         ("parameters: !!python/object/apply:os.getcwd []", "not valid YAML"),
         ("parameters: {d1: os}", "must be a number"),
+        (f"parameters: {{d1: 1{'0' * 400}}}", "too large"),
     ],
 )
 def test_a_weight_file_holds_numbers_only(tmp_path, content, says):

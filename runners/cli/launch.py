@@ -15,6 +15,7 @@ from omegaconf.errors import OmegaConfBaseException
 
 from lme.errors import InputError
 from runners.cli import arguments, hydra_jobs, show
+from runners.cli.interrupts import status_of
 from runners.config import command_line, schema
 from runners.config.catalogue import Catalogue
 from runners.config.composer import Composer, resume_command, unquoted
@@ -96,7 +97,14 @@ def _why_no_run(directory: Path) -> str:
         found = directory.is_dir()
     except OSError as error:
         return f"cannot be read ({error.strerror})"
-    return f"holds no {launch_record.LAUNCH}, so it is no run" if found else "no such directory"
+    if not found:
+        return "no such directory"
+    damaged = (directory / launch_record.LAUNCH).is_file()
+    return (
+        f"its {launch_record.LAUNCH} is damaged"
+        if damaged
+        else f"holds no {launch_record.LAUNCH}, so it is no run"
+    )
 
 
 def _key(override: str) -> str:
@@ -165,15 +173,15 @@ def _start(
     task = _Task(command, config_name, folders, plan.num_jobs if plan.multirun else None)
     try:
         status = hydra_jobs.run(composer, plan, command.name, directory, task)
+        if plan.multirun and status == 0 and command.finish_sweep is not None:
+            first = replace(jobs[0], sweep_dir=directory)
+            command.finish_sweep(first, run_directories.jobs_of_sweep(directory, plan.num_jobs))
     except SystemExit as end:
         return end.code if isinstance(end.code, int) else 1
-    except KeyboardInterrupt:
+    except KeyboardInterrupt as interrupt:
         if plan.multirun:
             print(f"The whole sweep: {resume_command(command.name, directory)}", file=sys.stderr)
-        return 130
-    if plan.multirun and status == 0 and command.finish_sweep is not None:
-        first = replace(jobs[0], sweep_dir=directory)
-        command.finish_sweep(first, run_directories.jobs_of_sweep(directory, plan.num_jobs))
+        return status_of(interrupt)
     return status
 
 

@@ -136,9 +136,14 @@ def _choices(parsed: Sequence[Override]) -> list[list[str]]:
 def _composed(composer: Composer, job: Sequence[str]) -> DictConfig:
     try:
         config = composer.compose(job)
-    except yaml.MarkedYAMLError as error:
+    except yaml.YAMLError as error:
         raise diagnosis.broken_yaml(error) from error
-    except (HydraException, OmegaConfBaseException, ValueError) as error:
+    except (
+        HydraException,
+        OmegaConfBaseException,
+        ValueError,
+        TypeError,
+    ) as error:  # the last for a list's key
         raise diagnosis.diagnosed(error, composer, job) from error
     except AssertionError as error:  # OmegaConf's, where a key is set in a part that is null
         deep = ", ".join(word for word in job if word.partition("=")[0].count(".") > 1)

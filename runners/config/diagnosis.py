@@ -20,7 +20,9 @@ from runners.config.hydra_errors import expected, full_key, one_line, translated
 from runners.config.overrides import places, text_of
 
 
-def broken_yaml(error: yaml.MarkedYAMLError) -> InputError:
+def broken_yaml(error: yaml.YAMLError) -> InputError:
+    if not isinstance(error, yaml.MarkedYAMLError):  # a character that YAML does not allow
+        return InputError(f"a config file: no valid YAML ({one_line(str(error))})")
     mark = error.problem_mark
     place = f"{mark.name}, line {mark.line + 1}" if mark else "a config file"
     return InputError(f"{place}: no valid YAML ({error.problem})")
@@ -38,7 +40,7 @@ def diagnosed(error: Exception, composer: Composer, job: Sequence[str]) -> Input
     groups = [text for text in job if text not in {text_of(o) for o in dotted}]
     try:
         config = composer.compose(groups)
-    except (HydraException, OmegaConfBaseException, ValueError):
+    except (HydraException, OmegaConfBaseException, ValueError, TypeError):
         return InputError(f"{' '.join(job)}: {one_line(str(error))}")
     for override in dotted:
         mistake = _mistaken(override, config, composer)
@@ -71,7 +73,7 @@ def _mistaken(override: Override, config: DictConfig, composer: Composer) -> Inp
         return _unknown(key, known, config, composer)
     try:
         OmegaConf.update(config, key, override.value(), merge=True, force_add=override.is_force_add())
-    except OmegaConfBaseException as error:
+    except (OmegaConfBaseException, TypeError) as error:
         schema = OmegaConf.get_type(config)
         wanted = expected(schema, key)
         shown = text_of(override).partition("=")[2] or "empty"

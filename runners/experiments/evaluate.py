@@ -60,8 +60,8 @@ def evaluate(job: Job[EvalConfig]) -> None:
     with resume_hint("eval", run_dir):
         drive(job.config, labels, maps, run_dir)
         pages.as_asked(job.config.explain, run_dir, build_target(job.config.executor, "executor"))
-    frame, rows, artifacts = report(maps, job)
-    artifacts += [*_film(job.config, maps, run_dir), *failures.folder(run_dir)]
+        frame, rows, artifacts = report(maps, job)
+        artifacts += [*_film(job.config, maps, run_dir), *failures.folder(run_dir)]
     print_table(frame, rows)
     print(f"Records, tables and pictures: {run_dir}")
     for place in failures.folder(run_dir):

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lme.errors import InputError
-from runners.records.episode_record import EpisodeKey, EpisodeResult
+from runners.records.episode_record import COLUMNS, TEXTS, EpisodeKey, EpisodeResult
 
 APPEND_LOG = "parts/episodes.jsonl"
 
@@ -100,7 +100,7 @@ class AppendLog:
                 key = EpisodeKey.of(fields["record"])
                 places.extend((key.world, key.run, start))
                 self.layouts.add(
-                    tuple((name, np.dtype(kind).str) for name, (kind, _) in fields["trajectory"].items())
+                    tuple((name, _dtype(kind).str) for name, (kind, _) in fields["trajectory"].items())
                 )
             start += len(line)
         return places
@@ -117,12 +117,30 @@ def _decode(line: bytes, path: Path, number: int) -> LogEntry:
     with _told(path, number):
         fields = json.loads(line)
         arrays = {
-            name: np.frombuffer(base64.b64decode(data), dtype=np.dtype(kind))
+            name: np.frombuffer(base64.b64decode(data), dtype=_dtype(kind))
             for name, (kind, data) in fields["trajectory"].items()
         }
         if len(set(map(len, arrays.values()))) > 1:
             raise ValueError("columns of different lengths")
+        _check(fields["record"])
         return LogEntry(fields["record"], arrays)
+
+
+def _dtype(kind: str) -> np.dtype[Any]:
+    dtype = np.dtype(kind)
+    if dtype.kind not in "fiu":
+        raise ValueError(f"{kind} is no type of numbers")
+    return dtype
+
+
+def _check(row: dict[str, Any]) -> None:
+    """Raise TypeError or ValueError unless the values are of the kinds that `encode` writes."""
+    for name, value in row.items():
+        kind = str if name in TEXTS else int | float if name in COLUMNS else str | int | float
+        if value is not None and not isinstance(value, kind):
+            raise TypeError(f"{name} is {value!r}")
+        if isinstance(value, int) and abs(value) >= 2**63:
+            raise ValueError(f"{name} is too large")
 
 
 @contextlib.contextmanager
@@ -130,7 +148,7 @@ def _told(path: Path, number: int) -> Iterator[None]:
     """Raise InputError, which names the line, where its content is not that of an episode."""
     try:
         yield
-    except (ValueError, TypeError, KeyError, AttributeError, OverflowError):
+    except (ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError):
         raise InputError(f"{path} line {number} is not an episode record: remove that line") from None
 
 

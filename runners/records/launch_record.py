@@ -88,9 +88,10 @@ class Launch:
 def read_launch(directory: Path) -> Launch | None:
     """The launch of a run directory; None where it holds no readable one."""
     try:
-        return Launch(**json.loads((directory / LAUNCH).read_text(encoding="utf-8")))
-    except (OSError, ValueError, TypeError):
+        launch = Launch(**json.loads((directory / LAUNCH).read_text(encoding="utf-8")))
+    except (OSError, ValueError, TypeError, RecursionError):
         return None
+    return launch if _is_whole(launch) else None
 
 
 def recorded_config(values: Mapping[str, Any]) -> RecordedConfig:
@@ -166,6 +167,24 @@ def unusable(directory: Path, what: str, error: OSError) -> InputError:
         f"output directory {directory}: cannot be {what} ({error.strerror}): "
         "choose another with hydra.run.dir=PATH"
     )
+
+
+def _is_whole(launch: Launch) -> bool:
+    """Whether a launch that was read holds what `launch_of` gives, and as much of it for every job."""
+    texts = [launch.command, launch.fingerprint, launch.config_dir or "", launch.config_name or ""]
+    parts = (launch.configs, launch.choices, launch.changes)
+    return (
+        all(isinstance(text, str) for text in texts)
+        and isinstance(launch.multirun, bool)
+        and (launch.job is None or isinstance(launch.job, int))
+        and _is_list_of(str, launch.overrides)
+        and all(_is_list_of(dict, part) and len(part) == len(launch.configs) > 0 for part in parts)
+        and all(isinstance(name, str) for choices in launch.choices for name in choices.values())
+    )
+
+
+def _is_list_of(kind: type, value: Any) -> bool:
+    return isinstance(value, list) and all(isinstance(item, kind) for item in value)
 
 
 def _canonical(value: Any) -> Any:

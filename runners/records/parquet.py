@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from lme.errors import InputError
 from lme.types import Ints
 from runners.records.append_log import AppendLog, LogEntry
-from runners.records.episode_record import COLUMNS, KEY_COLUMNS, EpisodeKey
+from runners.records.episode_record import COLUMNS, KEY_COLUMNS, TEXTS, EpisodeKey
 from runners.records.whole_file import replacing
 
 if TYPE_CHECKING:
@@ -50,7 +50,8 @@ def episode_table(run_dir: Path, log: AppendLog) -> pa.Table:
     path = run_dir / EPISODES
     known = [_read_table(path)] if path.is_file() else []
     new = new_in(log, keys_of(run_dir))
-    return _episodes([*known, *map(_rows, _blocks(log.entries(new)))])
+    with _agreeing(run_dir):
+        return _episodes([*known, *map(_rows, _blocks(log.entries(new)))])
 
 
 def trajectory_table(run_dir: Path, log: AppendLog, wanted: Collection[EpisodeKey] | None = None) -> pa.Table:
@@ -64,13 +65,14 @@ def trajectory_table(run_dir: Path, log: AppendLog, wanted: Collection[EpisodeKe
     new = new_in(log, done)
     if wanted is not None:
         done, new = done.intersection(wanted), new.intersection(wanted)
-    schema = _step_schema(log)
-    tables = [
-        schema.empty_table(),
-        *_steps_in_file(run_dir / TRAJECTORIES, done),
-        *(_steps(block, schema) for block in _blocks(log.entries(new))),
-    ]
-    joined = pa.concat_tables(tables, promote_options="permissive")
+    with _agreeing(run_dir):
+        schema = _step_schema(log)
+        tables = [
+            schema.empty_table(),
+            *_steps_in_file(run_dir / TRAJECTORIES, done),
+            *(_steps(block, schema) for block in _blocks(log.entries(new))),
+        ]
+        joined = pa.concat_tables(tables, promote_options="permissive")
     return joined.sort_by([(name, "ascending") for name in _STEP_KEY]).combine_chunks()
 
 
@@ -80,17 +82,19 @@ def write_files(run_dir: Path, log: AppendLog) -> None:
 
     # Trajectories first: an episode is complete once it is in episodes.parquet.
     # Through Python files, because their OSError has the number that tells a full disk from other causes.
-    rows, schema = [], _step_schema(log)
     with (
+        _agreeing(run_dir),
         replacing(run_dir / TRAJECTORIES) as draft,
         draft.open("wb") as file,
-        pq.ParquetWriter(file, schema) as writer,
+        pq.ParquetWriter(file, schema := _step_schema(log)) as writer,
     ):
+        rows = []
         for block in _blocks(log.entries()):
             rows.append(_rows(block))
             writer.write_table(_steps(block, schema))
+        episodes = _episodes(rows)
     with replacing(run_dir / EPISODES) as draft, draft.open("wb") as file:
-        pq.write_table(_episodes(rows), file)
+        pq.write_table(episodes, file)
 
 
 def entries_in_files(run_dir: Path) -> Iterator[LogEntry]:
@@ -203,10 +207,10 @@ def _by_episode(path: Path) -> Iterator[tuple[EpisodeKey, pa.Table]]:
 
 def _row_groups(path: Path, worlds: Ints | None = None) -> Iterator[pa.Table]:
     """The row groups that are not empty; only those which may hold one of the sorted `worlds`."""
-    with _opened(path) as file:
+    with _opened(path, _STEP_KEY) as file:
         for number in range(file.num_row_groups):
             if worlds is None or _may_hold(file, number, worlds):
-                table = file.read_row_group(number)
+                table = _whole(file.read_row_group(number), path)
                 if table.num_rows:
                     yield table
 
@@ -222,11 +226,11 @@ def _may_hold(file: pq.ParquetFile, group: int, worlds: Ints) -> bool:
 def _read_table(path: Path, columns: Sequence[str] | None = None) -> pa.Table:
     """A Parquet file of records, or these columns of it. Raises InputError where it is none."""
     with _opened(path) as file:
-        return file.read(columns)
+        return _whole(file.read(columns), path)
 
 
 @contextlib.contextmanager
-def _opened(path: Path) -> Iterator[pq.ParquetFile]:
+def _opened(path: Path, required: Sequence[str] = KEY_COLUMNS) -> Iterator[pq.ParquetFile]:
     """A Parquet file of records. Raises InputError where it is none, also while it is read."""
     import pyarrow as pa
     import pyarrow.parquet as pq
@@ -234,15 +238,60 @@ def _opened(path: Path) -> Iterator[pq.ParquetFile]:
     try:
         # read_table would take the name of the folder for a partition key; ParquetFile does not.
         with pq.ParquetFile(path) as file:
-            missing = set(KEY_COLUMNS) - set(file.schema_arrow.names)
-            if missing:
-                raise InputError(
-                    f"{path} lacks the columns {', '.join(sorted(missing))}: not a file of lme eval"
-                )
+            _check_columns(file.schema_arrow, required, path)
             yield file
-    except (pa.ArrowException, OSError) as error:
+    except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
         reason = str(error).splitlines()[0]
         raise InputError(f"{path} is not a readable Parquet file: {reason}; restore or remove it") from None
+
+
+def _check_columns(schema: pa.Schema, required: Sequence[str], path: Path) -> None:
+    """Raise InputError for a column that is missing, that stands twice, or whose values are not of its kind."""
+    names = schema.names
+    missing = set(required) - set(names)
+    if missing:
+        raise InputError(f"{path} lacks the columns {', '.join(sorted(missing))}: not a file of lme eval")
+    for field in schema:
+        if names.count(field.name) > 1:
+            raise InputError(f"{path}: column {field.name!r} stands twice: not a file of lme eval")
+        if not _is_right(field):
+            raise InputError(f"{path}: column {field.name!r} holds {field.type}: not a file of lme eval")
+
+
+def _is_right(column: pa.Field) -> bool:
+    """Whether the type of a column is one that its values may have; pandas may have written it again."""
+    import pyarrow.types as types
+
+    held = column.type.value_type if types.is_dictionary(column.type) else column.type
+    if column.name in _STEP_KEY:
+        return bool(types.is_integer(held))
+    number = types.is_integer(held) or types.is_floating(held)
+    text = types.is_string(held) or types.is_large_string(held)
+    if column.name in COLUMNS:
+        return bool(types.is_null(held) or (text if column.name in TEXTS else number))
+    return bool(types.is_null(held) or types.is_boolean(held) or number or text)
+
+
+def _whole(table: pa.Table, path: Path) -> pa.Table:
+    """The table, after a check of its values, which are not decoded before they are used."""
+    table.validate(full=True)
+    if any(table[name].null_count for name in KEY_COLUMNS):
+        raise InputError(f"{path} has rows without a world or run: not a file of lme eval")
+    return table
+
+
+@contextlib.contextmanager
+def _agreeing(run_dir: Path) -> Iterator[None]:
+    """Raise InputError for records that are each right, but hold different things under the same name."""
+    import pyarrow as pa
+
+    try:
+        yield
+    except pa.ArrowException as error:
+        reason = str(error).splitlines()[0]
+        raise InputError(
+            f"records in {run_dir} disagree: {reason}; remove the line or file that differs"
+        ) from None
 
 
 def _keys(table: pa.Table) -> Ints:

@@ -26,8 +26,8 @@ from runners.workers.executor import (
     available_cores,
     map_once,
     serial_in_launcher,
-    sigint_ignored,
 )
+from runners.workers.signals import sigint_ignored
 
 if TYPE_CHECKING:
     from distributed import Client, Future, LocalCluster

@@ -1,0 +1,32 @@
+"""`python -m tests.torture KIND`: what must not break lme. docs/reliability.md tells what was tried."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+
+from tests.torture import fuzz, kills
+from tests.torture.runs import KINDS
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(prog="python -m tests.torture", description=__doc__)
+    kinds = parser.add_subparsers(required=True, metavar="KIND")
+    readers = kinds.add_parser("readers", help="damaged inputs for every reader")
+    readers.add_argument("--inputs", type=int, default=100_000)
+    readers.add_argument("--seed", type=int, default=0)
+    readers.add_argument("--only", default="", help="readers whose names hold this")
+    readers.set_defaults(run=lambda given: fuzz.report(given.inputs, given.seed, given.only))
+    killed = kinds.add_parser("kills", help="SIGKILL at random moments of eval, sweep, train and learn")
+    killed.add_argument(
+        "names", nargs="*", default=[], metavar="NAME", help=f"of {', '.join(KINDS)}; default: all"
+    )
+    killed.add_argument("--times", type=int, default=100)
+    killed.add_argument("--seed", type=int, default=0)
+    killed.set_defaults(run=lambda given: kills.report(given.names or list(KINDS), given.times, given.seed))
+    given = parser.parse_args()
+    return int(given.run(given))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
