@@ -3,6 +3,8 @@
 The source folder is the checkout, so links to maps/, examples/ and benchmarks/ hold here as they do in the files.
 """
 
+import os
+import sysconfig
 from pathlib import Path
 
 import lme
@@ -31,20 +33,43 @@ html_theme = "furo"
 html_title = f"lme {release}"
 html_extra_path = ["index.html"]  # the site's root; the pages keep the paths of their files
 html_copy_source = False
+html_static_path = ["static"]
+html_css_files = ["site.css"]
 
 myst_heading_anchors = 4  # links to headings, as GitHub makes them
 
+autodoc_default_options = {"members": True, "imported-members": True}
+autoclass_content = "both"  # what __init__ raises stands in its own docstring
+default_role = "code"  # docstrings have Markdown's backticks
+
+os.environ["PATH"] = os.pathsep.join(
+    [sysconfig.get_path("scripts"), os.environ["PATH"]]
+)  # the notebook calls lme
 nb_execution_mode = "force"
+nb_execution_in_temp = True
 nb_execution_timeout = 120
 nb_execution_raise_on_error = True
 
 
 def setup(app):
-    """Before the pages are read: write the config reference into docs/config/, which git ignores."""
+    """Before the pages are read, write the config reference into docs/config/, which git ignores."""
     app.connect("builder-inited", lambda app: write_config_reference(Path(app.confdir) / "config"))
+    app.connect("autodoc-process-docstring", drop_of_modules)
+    app.connect("autodoc-skip-member", skip_tuple_fields)
 
 
 def write_config_reference(folder):
     folder.mkdir(exist_ok=True)
     for name, text in reference.pages().items():
         (folder / f"{name}.md").write_text(text, encoding="utf-8")
+
+
+def drop_of_modules(app, what, name, member, options, lines):
+    """The pages introduce the modules themselves."""
+    if what == "module":
+        lines.clear()
+
+
+def skip_tuple_fields(app, what, name, member, skip, options):
+    """Fields of a NamedTuple stand in its signature and docstring; by themselves they say "alias for field 0"."""
+    return True if type(member).__name__ == "_tuplegetter" else None

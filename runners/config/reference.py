@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Sequence
 from typing import Any
 
@@ -51,7 +52,7 @@ def _group(configs: Catalogue, group: str) -> str:
     commands = [f"`lme {command}`" for command in schema.COMMANDS if group in configs.groups(command)]
     sections = [f"# {group}", f"Options of `{group}=`, a group of {', '.join(commands)}."]
     sections += [_NOTES[group]] if group in _NOTES else []
-    titles = {option: configs.title(file) for option, file in _files(configs, group).items()}
+    titles = {option: _plain(configs.title(file)) for option, file in _files(configs, group).items()}
     sections.append(_table(("Option", ""), ((_code(option), title) for option, title in titles.items())))
     if group not in _NO_KEYS:
         sections += [part for option in titles for part in _option(configs, group, option)]
@@ -73,8 +74,9 @@ def _option(configs: Catalogue, group: str, option: str) -> list[str]:
     if not keys:
         return []
     schema_class = instantiate.config_class(target, group) if target else _SCHEMAS.get(group)
+    title = _plain(configs.title(name)).removesuffix(".")
     made_by = f" Class `{target}`." if target else ""
-    return [f"## {option}", f"{configs.title(name)}.{made_by}", _keys(keys, schema_class)]
+    return [f"## {option}", f"{title}.{made_by}", _keys(keys, schema_class)]
 
 
 def _keys(keys: Sequence[Key], schema_class: Any) -> str:
@@ -83,7 +85,7 @@ def _keys(keys: Sequence[Key], schema_class: Any) -> str:
             _code(key.name),
             _code(key.value),
             expected(schema_class, key.name) if schema_class else "",
-            key.comment,
+            _plain(key.comment),
         )
         for key in keys
     )
@@ -97,6 +99,12 @@ def _link(group: str) -> str:
 
 def _code(text: str | None) -> str:
     return f"`{text}`" if text else ""
+
+
+def _plain(text: str) -> str:
+    """A comment with its own backticks, but without emphasis, links and tags: the `_target_` of a key is none."""
+    parts = re.split(r"(`[^`]*`)", text)
+    return "".join(part if part.startswith("`") else re.sub(r"([_*<\[])", r"\\\1", part) for part in parts)
 
 
 def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
