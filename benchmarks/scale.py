@@ -3,8 +3,8 @@
     python -m benchmarks.scale [--sizes 1000 10000 100000] [--record]
 
 Drives with `lme eval`, as a user would. The episodes are cheap, so that the machinery around them shows: the robot
-heads for the goal in an empty room, from a hundred starts, on wheels that slip, so that no two episodes are equal. They
-take 70 control steps, as many as LME's in BARN, so their records are as large. Takes ten minutes on two quiet cores.
+heads for the goal in an empty room, from a hundred starts, with noise, so that no two episodes are equal. They take 70
+control steps, as many as LME's in BARN, so their records are as large. Takes ten minutes on two quiet cores.
 --record also writes benchmarks/results/scale.md and scale.png. Memory is read from /proc, on Linux only.
 """
 
@@ -30,7 +30,7 @@ MOST = 10_000  # episodes for each number of workers
 STARTS = 100
 ROOM = "bounds: [0, 0, 9, 3]\nstart: [1, 1.5]\ngoal: [8, 1.5]\n"  # a scene file, 7 m to drive
 CHEAP = (
-    *("map=real1", "map.path=room.yaml", "map.name=room", f"map.starts={STARTS}", "sim.slip=0.05"),
+    *("map=real1", "map.path=room.yaml", "map.name=room", f"map.starts={STARTS}", "sim.goal_noise=0.05"),
     *("robot=stage", "robot.lidar.num_beams=90", "guide=target", "planner=simple"),
 )
 BARN = ("map=barn",)  # LME in the hundred worlds
@@ -68,7 +68,7 @@ def report(numbers: Sequence[int], record: bool) -> Iterator[str]:
     yield f"`python -m benchmarks.scale --record`, {time.strftime('%Y-%m-%d')}, {machine()}\n"
     yield f"`lme eval {' '.join(CHEAP)} executor.workers=2 tracking=none`\n"
     yield f"{STARTS} starts × `runs`. The episodes are cheap, so that the machinery shows: ahead through an empty room,"
-    yield "on wheels that slip, in 70 control steps, as many as LME takes in BARN, so the records have the same size."
+    yield "with a noisy goal, in 70 control steps, as many as LME takes in BARN, so the records have the same size."
     yield "Every run is killed by SIGKILL when half of its episodes are on disk, and resumed.\n"
     yield "## Time and memory of a run\n"
     yield "Coordinator: the process that hands out the episodes and writes the records; its workers are not counted."
