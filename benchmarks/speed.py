@@ -35,10 +35,6 @@ from lme.worlds.barn.map_set import Barn, BarnConfig
 from lme.worlds.scene import Scene, SceneConfig
 from lme.worlds.world import MapSet
 
-PEERS = (
-    "Stage 4.3 2,800–5,600, navground 1,600–2,700, pymunk rays 540, ir-sim 8–14 (measured earlier, elsewhere)"
-)
-
 
 def main() -> None:
     """Print the report, and write it with --record."""
@@ -61,7 +57,7 @@ def report() -> Iterator[str]:
     yield from loop_rows("jackal", "720 beams, 270°")
     yield cloud_row()
     yield skid_row()
-    yield f"\nScan steps per second of peers on one core, for scale: {PEERS}.\n"
+    yield "\nOther simulators: [peers.md](peers.md).\n"
     yield "## Whole commands, wall time\n"
     yield "| command | median [s] | least [s] | peak memory, all processes [MB] |"
     yield "|---|---:|---:|---:|"

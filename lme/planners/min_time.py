@@ -128,7 +128,8 @@ class MinTime:
         rest = self._config.latency - (len(self._under_way) - 1) * dt  # of the oldest command
         for k, command in enumerate(self._under_way):
             duration = dt if k else rest
-            way, twist = drive(pose, now, command, limits, duration, _STEP, self._robot.footprint.r_max)
+            motion = (*pose,), (*now,), (*command,), (*limits,)  # plain tuples, as in `FastSimulator.step`
+            way, twist = drive(*motion, duration, _STEP, self._robot.footprint.r_max)
             pose, now = Pose(*way[-1].tolist()), Twist(*twist)
         return pose, _at_rest(now)
 

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 
 from lme.errors import InputError, nearest
 from lme.types import Floats
@@ -48,10 +49,13 @@ class Parameters:
         )
 
 
+@njit(cache=True)
 def score(features: Floats, weights: Floats) -> Floats:
     """S of Eq. 7 for (C, N) features and (C,) weights: (N,).
 
     Sums in the order of the criteria, because a matrix product may round equal candidates differently.
     """
-    scores: Floats = (weights[:, None] * features).sum(axis=0)
+    scores: Floats = weights[0] * features[0]
+    for i in range(1, len(weights)):
+        scores += weights[i] * features[i]
     return scores
