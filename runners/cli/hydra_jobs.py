@@ -13,6 +13,7 @@ from hydra.core.utils import run_job
 from hydra.types import HydraContext, RunMode
 from omegaconf import DictConfig, OmegaConf, open_dict
 
+from runners.cli.submitted import Submitted
 from runners.config.command_line import Plan
 from runners.config.composer import Composer
 
@@ -21,6 +22,7 @@ def run(composer: Composer, plan: Plan, name: str, directory: Path, task: Callab
     """Call `task` on every job of the plan; the highest status that it returns, or raises what it raises.
 
     A job writes to `directory`; a job of a sweep to a folder of its own below it. name: of the jobs, for Hydra.
+    Raises LauncherError.
     """
     if plan.multirun:
         return _sweep(composer, plan, name, directory, task)
@@ -55,9 +57,14 @@ def _sweep(
         hydra_context=HydraContext(config_loader=loader, callbacks=callbacks),
         task_function=task,
     )
-    batches = sweeper.sweep(arguments=list(config.hydra.overrides.task))
+    submitted = Submitted.of(config, name)
+    submitted.announce(plan.num_jobs)
+    with submitted.errors_in_words():
+        batches = sweeper.sweep(arguments=list(config.hydra.overrides.task))
     callbacks.on_multirun_end(config=config, config_name=composer.config_name)
-    return max((int(job.return_value) for batch in batches or () for job in batch), default=0)
+    jobs = [job for batch in batches or () for job in batch]
+    submitted.tell_failed(jobs)
+    return max((int(job.return_value) for job in jobs), default=0)
 
 
 class _Planned(ConfigLoaderImpl):

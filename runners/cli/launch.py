@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import os
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -16,6 +17,7 @@ from omegaconf.errors import OmegaConfBaseException
 from lme.errors import InputError
 from runners.cli import arguments, hydra_jobs, show
 from runners.cli.interrupts import status_of
+from runners.cli.submitted import LauncherError
 from runners.config import command_line, schema
 from runners.config.catalogue import Catalogue
 from runners.config.composer import Composer, resume_command, unquoted
@@ -63,7 +65,10 @@ def launch(command: Command, argv: Sequence[str]) -> int:
 
 
 def _with_resumed(command: str, given: arguments.Arguments) -> tuple[arguments.Arguments, Path | None]:
-    """Add the overrides of the run that `resume=PATH` names; those given now win. Returns the PATH too."""
+    """Add the overrides of the run that `resume=PATH` names; those given now win. Returns the PATH too.
+
+    With an option chosen anew, such as `hydra/launcher=basic`, the keys of the former one are left out.
+    """
     directory = _resume_path(given.overrides)
     if directory is None:
         return given, None
@@ -80,7 +85,8 @@ def _with_resumed(command: str, given: arguments.Arguments) -> tuple[arguments.A
     keys = {_key(override) for override in given.overrides}
     if keys & {*_DIRECTORY_KEYS}:
         raise InputError(f"resume={directory}: names the directory already; omit hydra.run.dir")
-    kept = [override for override in saved.overrides if _key(override) not in keys]
+    anew = tuple(f"{key.replace('/', '.')}." for key in keys)
+    kept = [word for word in saved.overrides if _key(word) not in keys and not _key(word).startswith(anew)]
     if not saved.multirun and "hydra.mode" not in keys:
         kept.append("hydra.mode=RUN")  # one job of a sweep, though its experiment may ask for the whole sweep
     return replace(
@@ -170,7 +176,7 @@ def _start(
 ) -> int:
     """Run all jobs in or below `directory`; the exit status."""
     folders = composer.catalogue.folders
-    task = _Task(command, config_name, folders, plan.num_jobs if plan.multirun else None)
+    task = _Task(command, config_name, folders, plan.num_jobs if plan.multirun else None, os.getpid())
     try:
         status = hydra_jobs.run(composer, plan, command.name, directory, task)
         if plan.multirun and status == 0 and command.finish_sweep is not None:
@@ -182,6 +188,10 @@ def _start(
         if plan.multirun:
             print(f"The whole sweep: {resume_command(command.name, directory)}", file=sys.stderr)
         return status_of(interrupt)
+    except LauncherError as error:
+        print(f"lme {command.name}: {error}", file=sys.stderr)
+        print(f"The whole sweep: {resume_command(command.name, directory)}", file=sys.stderr)
+        return 1
     return status
 
 
@@ -189,19 +199,20 @@ def _start(
 class _Task:
     """What Hydra calls for every job, in this process or in one of a launcher plugin's.
 
-    num_jobs: of the sweep; None where the job is part of none.
+    num_jobs: of the sweep; None where the job is part of none. process: the id of that which launches the jobs.
     """
 
     command: Command
     config_name: str | None
     folders: tuple[Path, ...]
     num_jobs: int | None
+    process: int
 
     def __call__(self, config: DictConfig) -> int:
         """Run the command on a composed config; Hydra's own part is in HydraConfig. Returns the exit status.
 
         A failed episode ends its job alone: the other jobs of a sweep still run. Raises SystemExit for what would
-        end the others too.
+        end the others too, unless they run in processes of their own.
         """
         from runners.workers.executor import EpisodeError
 
@@ -213,7 +224,7 @@ class _Task:
             if status is None:
                 raise
             print(f"lme {self.command.name}: {error}", file=sys.stderr)
-            if isinstance(error, EpisodeError):
+            if isinstance(error, EpisodeError) or os.getpid() != self.process:
                 return status
             raise SystemExit(status) from error
         return 0

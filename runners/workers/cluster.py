@@ -34,6 +34,8 @@ if TYPE_CHECKING:
 
 _ADDRESS = r"\w+://\S+:\d+"
 _CONNECT_S = 5.0
+_NO_WORKER_S = 30  # with an empty cluster on this machine, after which the run ends
+_ALONE = "add resume=true, and executor=process to go on without it"
 _SHARES = 4  # of a worker in a list that is short: its last batches then end at about the same time
 _NUMERIC = ("numpy", "numba", "scipy")  # packages that may change the last bit of a result
 
@@ -124,18 +126,26 @@ class DaskExecutor:
 
 
 def _local_cluster(workers: int) -> LocalCluster:
-    """Processes on this machine that only this machine can reach."""
+    """Processes on this machine that only this machine can reach. Raises WorkerDiedError where they do not start.
+
+    Dask starts a process that died again, but not one that dies while it starts.
+    """
+    import dask
     from distributed import LocalCluster
 
-    with sigint_ignored():
-        return LocalCluster(
-            n_workers=workers,
-            threads_per_worker=1,
-            dashboard_address="127.0.0.1:0",
-            memory_limit=None,
-            silence_logs=logging.CRITICAL,
-            env=ONE_THREAD,
-        )
+    patience = {"distributed.scheduler.no-workers-timeout": f"{_NO_WORKER_S}s"}
+    try:
+        with sigint_ignored(), dask.config.set(patience):
+            return LocalCluster(
+                n_workers=workers,
+                threads_per_worker=1,
+                dashboard_address="127.0.0.1:0",
+                memory_limit=None,
+                silence_logs=logging.CRITICAL,
+                env=ONE_THREAD,
+            )
+    except RuntimeError as error:
+        raise WorkerDiedError(f"executor=dask: no worker process starts ({error}); {_ALONE}") from error
 
 
 @contextlib.contextmanager
@@ -205,6 +215,7 @@ def _batch_size(items: int, workers: int, most: int) -> int:
 
 def _receive(future: Future[Any], items: Sequence[Item]) -> tuple[list[Any], Exception | None]:
     from distributed import KilledWorker
+    from distributed.scheduler import NoWorkerError
 
     try:
         received: tuple[list[Any], Exception | None] = future.result()
@@ -214,11 +225,12 @@ def _receive(future: Future[Any], items: Sequence[Item]) -> tuple[list[Any], Exc
             f"{error.allowed_failures + 1} workers died with {'; '.join(map(str, items))} to run: "
             "finished episodes are kept; add resume=true, with fewer executor.workers if memory ran out"
         ) from None
-    except CancelledError:
+    except NoWorkerError:
         raise WorkerDiedError(
-            "the dask scheduler is gone: finished episodes are kept; add resume=true, "
-            "and executor=process to go on without it"
+            f"executor=dask: all worker processes died and none starts again: finished episodes are kept; {_ALONE}"
         ) from None
+    except CancelledError:
+        raise WorkerDiedError(f"the dask scheduler is gone: finished episodes are kept; {_ALONE}") from None
 
 
 @contextlib.contextmanager
