@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -15,6 +14,7 @@ from omegaconf.errors import OmegaConfBaseException
 
 from lme.errors import InputError
 from runners.cli import arguments, hydra_jobs, show
+from runners.cli.disk_full import disk_full
 from runners.cli.interrupts import status_of
 from runners.config import command_line, schema
 from runners.config.catalogue import Catalogue
@@ -24,7 +24,6 @@ from runners.config.job import Job
 from runners.records import launch_record, run_directories
 
 _DIRECTORY_KEYS = ("hydra.run.dir", "hydra.sweep.dir")
-_DISK_FULL = (errno.ENOSPC, errno.EDQUOT)
 _HYDRAS_OWN = ("outputs/${now:", "multirun/${now:")  # where Hydra writes unless it is told otherwise
 
 
@@ -212,7 +211,7 @@ class _Task:
             status = _status(error)
             if status is None:
                 raise
-            print(f"lme {self.command.name}: {error}", file=sys.stderr)
+            print(f"lme {self.command.name}: {disk_full(error) or error}", file=sys.stderr)
             if isinstance(error, EpisodeError):
                 return status
             raise SystemExit(status) from error
@@ -248,6 +247,5 @@ def _status(error: Exception) -> int | None:
 
     if isinstance(error, InputError):
         return 2
-    disk_full = isinstance(error, OSError) and error.errno in _DISK_FULL
     known = isinstance(error, EpisodeError | RecordsWriteError | WorkerDiedError)
-    return 1 if disk_full or known else None
+    return 1 if disk_full(error) or known else None

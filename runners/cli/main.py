@@ -20,6 +20,7 @@ import lme
 from lme.errors import InputError, nearest
 from lme.resources import resource_dir
 from runners.cli import commands, help
+from runners.cli.disk_full import disk_full
 from runners.cli.interrupts import status_of, terminable
 
 
@@ -45,6 +46,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     except BrokenPipeError:  # `lme … | head`: the reader has closed the pipe
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
+    except OSError as error:
+        said = disk_full(error)
+        if not said:
+            raise
+        print(f"lme {words[0]}: {said}", file=sys.stderr)
+        return 1
 
 
 def command_files() -> dict[str, Path]:

@@ -8,7 +8,6 @@ run is killed, every finished episode is in one of the two places or in both. Re
 from __future__ import annotations
 
 import contextlib
-import errno
 import os
 import warnings
 from collections.abc import Iterable, Sequence
@@ -32,14 +31,13 @@ from runners.records.parquet import (
     write_table,
 )
 from runners.records.planned import planned_columns
+from runners.records.whole_file import DISK_FULL
 
 if TYPE_CHECKING:
     import pandas as pd
     import pyarrow as pa
 
 REQUIRED = frozenset({*KEY_COLUMNS, "system", "outcome"})
-
-_DISK_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
 class RecordsWriteError(OSError):
@@ -129,7 +127,7 @@ class RecordWriter:
             raise self._write_error(path, error) from None
 
     def _write_error(self, path: Path, error: OSError) -> RecordsWriteError:
-        cause = "disk full" if error.errno in _DISK_FULL else error.strerror or str(error)
+        cause = "disk full" if error.errno in DISK_FULL else error.strerror or str(error)
         return RecordsWriteError(
             f"{cause} while writing {path}: {len(self._done)} episodes are kept; "
             "free some space and add resume=true"

@@ -465,9 +465,12 @@ def test_an_input_error_in_the_run_is_one_line(probe, capsys):
 
 
 def test_a_full_disk_is_one_line(probe, capsys):
-    probe.failure = OSError(errno.ENOSPC, "No space left on device")
+    probe.failure = OSError(errno.ENOSPC, "No space left on device", "run/table.md")
     assert probe.launch() == 1
-    assert capsys.readouterr().err.count("\n") == 1
+    assert capsys.readouterr().err == (
+        "lme eval: disk full while writing run/table.md: what is finished is kept; "
+        "free some space and add resume=true\n"
+    )
 
 
 def test_a_bug_keeps_its_traceback(probe):
