@@ -14,8 +14,8 @@ from omegaconf.errors import OmegaConfBaseException
 
 from lme.errors import InputError
 from runners.cli import arguments, hydra_jobs, show
-from runners.cli.disk_full import disk_full
 from runners.cli.interrupts import status_of
+from runners.cli.outside import outside
 from runners.config import command_line, schema
 from runners.config.catalogue import Catalogue
 from runners.config.composer import Composer, resume_command, unquoted
@@ -211,7 +211,7 @@ class _Task:
             status = _status(error)
             if status is None:
                 raise
-            print(f"lme {self.command.name}: {disk_full(error) or error}", file=sys.stderr)
+            print(f"lme {self.command.name}: {outside(error) or error}", file=sys.stderr)
             if isinstance(error, EpisodeError):
                 return status
             raise SystemExit(status) from error
@@ -248,4 +248,4 @@ def _status(error: Exception) -> int | None:
     if isinstance(error, InputError):
         return 2
     known = isinstance(error, EpisodeError | RecordsWriteError | WorkerDiedError)
-    return 1 if disk_full(error) or known else None
+    return 1 if outside(error) or known else None

@@ -20,8 +20,8 @@ import lme
 from lme.errors import InputError, nearest
 from lme.resources import resource_dir
 from runners.cli import commands, help
-from runners.cli.disk_full import disk_full
 from runners.cli.interrupts import status_of, terminable
+from runners.cli.outside import outside
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -47,7 +47,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except OSError as error:
-        said = disk_full(error)
+        said = outside(error)
         if not said:
             raise
         print(f"lme {words[0]}: {said}", file=sys.stderr)

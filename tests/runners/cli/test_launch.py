@@ -473,6 +473,15 @@ def test_a_full_disk_is_one_line(probe, capsys):
     )
 
 
+@pytest.mark.parametrize("number", [errno.EROFS, errno.EACCES])
+def test_a_place_that_cannot_be_written_is_one_line(probe, capsys, number):
+    probe.failure = OSError(number, "Not allowed", "run/table.md")
+    assert probe.launch() == 1
+    assert capsys.readouterr().err == (
+        "lme eval: run/table.md: cannot be used (Not allowed): what is finished is kept; use another place\n"
+    )
+
+
 def test_a_bug_keeps_its_traceback(probe):
     probe.failure = ZeroDivisionError("a bug")
     with pytest.raises(ZeroDivisionError, match="a bug"):
