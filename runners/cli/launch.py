@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 import os
 import sys
 from collections.abc import Callable, Sequence
@@ -17,6 +16,7 @@ from omegaconf.errors import OmegaConfBaseException
 from lme.errors import InputError
 from runners.cli import arguments, hydra_jobs, show
 from runners.cli.interrupts import status_of
+from runners.cli.outside import outside
 from runners.cli.submitted import LauncherError
 from runners.config import command_line, schema
 from runners.config.catalogue import Catalogue
@@ -26,7 +26,6 @@ from runners.config.job import Job
 from runners.records import launch_record, run_directories
 
 _DIRECTORY_KEYS = ("hydra.run.dir", "hydra.sweep.dir")
-_DISK_FULL = (errno.ENOSPC, errno.EDQUOT)
 _HYDRAS_OWN = ("outputs/${now:", "multirun/${now:")  # where Hydra writes unless it is told otherwise
 
 
@@ -223,7 +222,7 @@ class _Task:
             status = _status(error)
             if status is None:
                 raise
-            print(f"lme {self.command.name}: {error}", file=sys.stderr)
+            print(f"lme {self.command.name}: {outside(error) or error}", file=sys.stderr)
             if isinstance(error, EpisodeError) or os.getpid() != self.process:
                 return status
             raise SystemExit(status) from error
@@ -259,6 +258,5 @@ def _status(error: Exception) -> int | None:
 
     if isinstance(error, InputError):
         return 2
-    disk_full = isinstance(error, OSError) and error.errno in _DISK_FULL
     known = isinstance(error, EpisodeError | RecordsWriteError | WorkerDiedError)
-    return 1 if disk_full or known else None
+    return 1 if outside(error) or known else None

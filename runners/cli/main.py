@@ -21,6 +21,7 @@ from lme.errors import InputError, nearest
 from lme.resources import resource_dir
 from runners.cli import commands, help
 from runners.cli.interrupts import status_of, terminable
+from runners.cli.outside import outside
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -45,6 +46,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     except BrokenPipeError:  # `lme … | head`: the reader has closed the pipe
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
+    except OSError as error:
+        said = outside(error)
+        if not said:
+            raise
+        print(f"lme {words[0]}: {said}", file=sys.stderr)
+        return 1
 
 
 def command_files() -> dict[str, Path]:

@@ -8,7 +8,6 @@ run is killed, every finished episode is in one of the two places or in both. Re
 from __future__ import annotations
 
 import contextlib
-import errno
 import os
 import warnings
 from collections.abc import Collection, Iterable, Sequence
@@ -42,13 +41,12 @@ from runners.records.parquet import (
     write_files,
 )
 from runners.records.planned import planned_columns
+from runners.records.whole_file import DISK_FULL
 
 if TYPE_CHECKING:
     import pandas as pd
 
 REQUIRED = frozenset({*KEY_COLUMNS, "system", "outcome"})
-
-_DISK_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
 class RecordsWriteError(OSError):
@@ -145,7 +143,7 @@ class RecordWriter:
             raise self._write_error(self._log, error) from None
 
     def _write_error(self, path: Path, error: OSError) -> RecordsWriteError:
-        cause = "disk full" if error.errno in _DISK_FULL else error.strerror or str(error)
+        cause = "disk full" if error.errno in DISK_FULL else error.strerror or str(error)
         return RecordsWriteError(
             f"{cause} while writing {path}: {len(self._done) + self._appended} episodes are kept; "
             "free some space and add resume=true"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 
-from tests.torture import fuzz, kills
+from tests.torture import disk, fuzz, kills
 from tests.torture.runs import KINDS
 
 
@@ -17,13 +17,17 @@ def main() -> int:
     readers.add_argument("--seed", type=int, default=0)
     readers.add_argument("--only", default="", help="readers whose names hold this")
     readers.set_defaults(run=lambda given: fuzz.report(given.inputs, given.seed, given.only))
-    killed = kinds.add_parser("kills", help="SIGKILL at random moments of eval, sweep, train and learn")
-    killed.add_argument(
-        "names", nargs="*", default=[], metavar="NAME", help=f"of {', '.join(KINDS)}; default: all"
-    )
-    killed.add_argument("--times", type=int, default=100)
-    killed.add_argument("--seed", type=int, default=0)
-    killed.set_defaults(run=lambda given: kills.report(given.names or list(KINDS), given.times, given.seed))
+    for kind, report, times, what in (
+        ("kills", kills.report, 100, "SIGKILL at random moments of eval, sweep, train and learn"),
+        ("disk", disk.report, 5, "a disk that is full at random moments of the same"),
+    ):
+        stopped = kinds.add_parser(kind, help=what)
+        stopped.add_argument("names", nargs="*", metavar="NAME", help=f"of {', '.join(KINDS)}; default: all")
+        stopped.add_argument("--times", type=int, default=times)
+        stopped.add_argument("--seed", type=int, default=0)
+        stopped.set_defaults(
+            run=lambda given, report=report: report(given.names or list(KINDS), given.times, given.seed)
+        )
     given = parser.parse_args()
     return int(given.run(given))
 

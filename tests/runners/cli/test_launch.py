@@ -465,9 +465,21 @@ def test_an_input_error_in_the_run_is_one_line(probe, capsys):
 
 
 def test_a_full_disk_is_one_line(probe, capsys):
-    probe.failure = OSError(errno.ENOSPC, "No space left on device")
+    probe.failure = OSError(errno.ENOSPC, "No space left on device", "run/table.md")
     assert probe.launch() == 1
-    assert capsys.readouterr().err.count("\n") == 1
+    assert capsys.readouterr().err == (
+        "lme eval: disk full while writing run/table.md: what is finished is kept; "
+        "free some space and add resume=true\n"
+    )
+
+
+@pytest.mark.parametrize("number", [errno.EROFS, errno.EACCES])
+def test_a_place_that_cannot_be_written_is_one_line(probe, capsys, number):
+    probe.failure = OSError(number, "Not allowed", "run/table.md")
+    assert probe.launch() == 1
+    assert capsys.readouterr().err == (
+        "lme eval: run/table.md: cannot be used (Not allowed): what is finished is kept; use another place\n"
+    )
 
 
 def test_a_bug_keeps_its_traceback(probe):
