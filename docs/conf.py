@@ -47,7 +47,7 @@ os.environ["PATH"] = os.pathsep.join(
 )  # the notebook calls lme
 nb_execution_mode = "force"
 nb_execution_in_temp = True
-nb_execution_timeout = 120
+nb_execution_timeout = 600  # [s] of a cell
 nb_execution_raise_on_error = True
 
 

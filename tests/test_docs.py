@@ -1,12 +1,15 @@
-"""What the documents promise: assumed values are listed, links lead somewhere, Python blocks run."""
+"""What the documents promise: assumed values are listed, links lead somewhere, commands compose, Python blocks run."""
 
 import ast
 import re
 import runpy
+import shlex
 from pathlib import Path
 
 import pytest
 
+from runners.cli import main
+from runners.config import catalogue
 from tests.places import ROOT
 
 ASSUMED = sorted(
@@ -17,10 +20,22 @@ ASSUMED = sorted(
 )
 PAGES = sorted(
     path.relative_to(ROOT)
-    for pattern in ("*.md", "docs/*.md", "maps/*.md", "benchmarks/results/*.md")
+    for pattern in (
+        "*.md",
+        "docs/*.md",
+        "docs/tutorials/*.md",
+        "*/README.md",
+        "*/*/README.md",
+        "benchmarks/results/*.md",
+    )
     for path in ROOT.glob(pattern)
 )
-NEEDS_FILES = {Path("docs/records.md"), Path("maps/README.md")}  # a run, and the published worlds
+NEEDS_FILES = {  # runs, and the published worlds
+    Path("docs/records.md"),
+    Path("docs/tutorials/on_a_cluster.md"),
+    Path("maps/README.md"),
+}
+COMPOSED = ("eval", "train", "learn", "figure", "live")  # from a config; the other commands take files
 BLOCKS = [
     pytest.param(page, code, id=f"{page}-{number}")
     for page in PAGES
@@ -31,6 +46,23 @@ BLOCKS = [
     )
 ]
 RUNNING = [block for block in BLOCKS if block.values[0] not in NEEDS_FILES]
+
+
+def _commands(page: Path) -> list[tuple[str, ...]]:
+    """The words after `lme` of every command in a block, and of those in the text, that is composed from a config."""
+    text = (ROOT / page).read_text(encoding="utf-8").replace("\\\n", " ")
+    blocks = re.findall(r"^```(?:sh)?\n(.*?)^```$", text, re.DOTALL | re.MULTILINE)
+    written = [line.rstrip(" &") for block in blocks for line in block.splitlines()]
+    written += [" ".join(inline.split()) for inline in re.findall(r"`(lme (?!live)[^`]*=[^`]*)`", text)]
+    found = [re.match(rf"(?:\w+=\S+ )?lme ((?:{'|'.join(COMPOSED)})(?: .*)?)$", line) for line in written]
+    commands = [tuple(shlex.split(each[1], comments=True)) for each in found if each and "…" not in each[1]]
+    return [command for command in commands if not {"--help", "system=NAME"} & {*command}]
+
+
+# Each once, with the first page that has it; the changelog tells of commands that were.
+COMMANDS = {
+    command: page for page in reversed(PAGES) if page.name != "CHANGELOG.md" for command in _commands(page)
+}
 
 
 @pytest.mark.parametrize(("file", "key"), ASSUMED, ids=lambda part: str(part))
@@ -70,6 +102,46 @@ def test_a_python_block_runs_as_it_stands(page, code, tmp_path, monkeypatch, cap
     (tmp_path / "block.py").write_text(code, encoding="utf-8")
     runpy.run_path("block.py")
     assert ("print(" in code) == bool(capsys.readouterr().out)
+
+
+@pytest.fixture
+def users_files(tmp_path, monkeypatch):
+    """A folder with the files that the pages tell the reader to write, each named by the first comment of its block."""
+    for page in PAGES:
+        text = (ROOT / page).read_text(encoding="utf-8")
+        for block in re.findall(r"^```(?:python|yaml)\n(.*?)^```$", text, re.DOTALL | re.MULTILINE):
+            named = re.match(r"(?:# @package .*\n)?# ([\w/]+\.(?:py|yaml))", block)
+            if named:
+                (tmp_path / named[1]).parent.mkdir(parents=True, exist_ok=True)
+                (tmp_path / named[1]).write_text(block, encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.mark.parametrize("page", sorted({*COMMANDS.values()}), ids=str)
+def test_every_command_composes(page, users_files, capsys):
+    for command in (command for command, first in COMMANDS.items() if first == page):
+        status = main.main([*_one_of_its_jobs(command), "--cfg", "job"])
+        assert status == 0, f"lme {shlex.join(command)}\n{capsys.readouterr().err}"
+
+
+def _one_of_its_jobs(command: tuple[str, ...]) -> list[str]:
+    """The words with the last value of each that is swept; options before it must exist.
+
+    An experiment of `lme eval` may be a sweep of dozens of configs: it must exist; tests/runners/config composes it.
+    resume= goes, because its run is not there.
+    """
+    configs = catalogue.shipped(Path("my_conf"))
+    words = []
+    for word in command:
+        key, _, value = word.partition("=")
+        values = re.split(r",(?![^\[{]*[\]}])", value) if key[0] not in "'-" else [value]
+        if key == "+experiment":
+            assert value.rpartition("/")[2] in configs.choices("experiment", command[0]), f"no {word}"
+        if key in configs.groups(command[0]):
+            assert {*values[:-1]} <= {*configs.options(key)}, f"no option: {word}"
+        if key not in ("resume", "-m") and (key != "+experiment" or command[0] != "eval"):
+            words.append(f"{key}={values[-1]}" if value else word)
+    return words
 
 
 def test_readmes_snippet_prints_a_subgoal_and_the_reason_for_it(capsys):

@@ -1,6 +1,10 @@
-"""The scripts in examples/ run from any folder, with public names alone, and write where they are called."""
+"""The scripts in examples/ run from any folder, with public names alone, and write where they are called.
+
+The notebook runs in the build of the documentation.
+"""
 
 import ast
+import json
 import os
 import re
 import subprocess
@@ -67,3 +71,20 @@ def test_an_example_uses_public_names_alone(path):
     }
     assert used or envs
     assert used <= set(lme.__all__)
+
+
+def test_the_notebook_is_kept_without_outputs_and_uses_public_names_alone():
+    notebook = json.loads((ROOT / "examples" / "records.ipynb").read_text(encoding="utf-8"))
+    cells = [cell for cell in notebook["cells"] if cell["cell_type"] == "code"]
+    assert not [cell for cell in cells if cell["outputs"] or cell["execution_count"]]
+    code = "\n".join("".join(cell["source"]) for cell in cells if not cell["source"][-1].startswith("!"))
+    used = {node for node in ast.walk(ast.parse(code)) if isinstance(node, ast.Attribute)}
+    names = {node.attr for node in used if isinstance(node.value, ast.Name) and node.value.id == "lme"}
+    assert names
+    assert names <= set(lme.__all__)
+
+
+def test_the_page_of_the_examples_lists_them_all():
+    listed = (ROOT / "examples" / "README.md").read_text(encoding="utf-8")
+    files = [*EXAMPLES, *(ROOT / "examples").glob("*.ipynb")]
+    assert not [path.name for path in files if f"({path.name})" not in listed]
