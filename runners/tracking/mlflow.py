@@ -27,6 +27,7 @@ from runners.tracking.store import (
     log_params,
     log_series,
     open_client,
+    remove_doubles,
     run_of,
     set_defaults,
     sqlite_path,
@@ -171,6 +172,7 @@ class MlflowTracking:
         log_series(self._client, self._run_id, series)
         for path in artifacts:
             self._client.log_artifact(self._run_id, str(path))
+        remove_doubles(self._client, self._run_id)
         self._client.set_terminated(self._run_id)
 
 
