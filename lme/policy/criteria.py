@@ -117,4 +117,8 @@ def c_h(candidates: Floats, view: View) -> Floats:
 @njit(cache=True)
 def _free(apex: Floats, ends: Floats, points: Floats, radius: float) -> Floats:
     """1 if the segment from the apex to the end is at least `radius` away from every point, else 0: (N,)."""
-    return np.where(fan_blocked(apex, ends, points, radius), 0.0, 1.0)
+    blocked = fan_blocked(apex, ends, points, radius)
+    free = np.empty(len(ends))
+    for i in range(len(ends)):
+        free[i] = 0.0 if blocked[i] else 1.0
+    return free

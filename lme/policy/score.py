@@ -55,7 +55,9 @@ def score(features: Floats, weights: Floats) -> Floats:
 
     Sums in the order of the criteria, because a matrix product may round equal candidates differently.
     """
-    scores: Floats = weights[0] * features[0]
-    for i in range(1, len(weights)):
-        scores += weights[i] * features[i]
+    scores = np.empty(features.shape[1])
+    for j in range(len(scores)):
+        scores[j] = weights[0] * features[0, j]
+        for i in range(1, len(weights)):
+            scores[j] += weights[i] * features[i, j]
     return scores
