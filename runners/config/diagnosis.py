@@ -8,13 +8,13 @@ from typing import Any
 
 import yaml
 from hydra.core.override_parser.types import Override
-from hydra.errors import HydraException, MissingConfigException
+from hydra.errors import MissingConfigException
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from lme.errors import InputError, nearest
 from lme.resources import resource_dir
-from runners.config.composer import Composer
+from runners.config.composer import COMPOSING, Composer
 from runners.config.flatten import dotted_keys
 from runners.config.hydra_errors import expected, full_key, one_line, translated
 from runners.config.overrides import places, text_of
@@ -40,7 +40,7 @@ def diagnosed(error: Exception, composer: Composer, job: Sequence[str]) -> Input
     groups = [text for text in job if text not in {text_of(o) for o in dotted}]
     try:
         config = composer.compose(groups)
-    except (HydraException, OmegaConfBaseException, ValueError, TypeError):
+    except COMPOSING:
         return InputError(f"{' '.join(job)}: {one_line(str(error))}")
     for override in dotted:
         mistake = _mistaken(override, config, composer)
@@ -73,7 +73,7 @@ def _mistaken(override: Override, config: DictConfig, composer: Composer) -> Inp
         return _unknown(key, known, config, composer)
     try:
         OmegaConf.update(config, key, override.value(), merge=True, force_add=override.is_force_add())
-    except (OmegaConfBaseException, TypeError) as error:
+    except (OmegaConfBaseException, TypeError, OverflowError) as error:
         schema = OmegaConf.get_type(config)
         wanted = expected(schema, key)
         shown = text_of(override).partition("=")[2] or "empty"

@@ -117,8 +117,9 @@ class Run:
             "network": self.network.state_dict(),
             "state": dict(state),
         }
-        with replacing(self.run_dir / CHECKPOINT) as draft:
-            torch.save(saved, draft)
+        # Through a Python file, because torch's own error does not tell a full disk from other causes.
+        with replacing(self.run_dir / CHECKPOINT) as draft, draft.open("wb") as file:
+            torch.save(saved, file)
         self._progress.reach(done, self.best)
 
     def write(self, name: str = PRESENT) -> str:

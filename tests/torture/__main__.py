@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 
-from tests.torture import disk, fuzz, kills
+from tests.torture import disk, fuzz, kills, machine
 from tests.torture.runs import KINDS
 
 
@@ -28,6 +28,8 @@ def main() -> int:
         stopped.set_defaults(
             run=lambda given, report=report: report(given.names or list(KINDS), given.times, given.seed)
         )
+    of_machine = kinds.add_parser("machine", help="clock, read-only folders, two processes, SIGTERM")
+    of_machine.set_defaults(run=lambda given: machine.report())
     given = parser.parse_args()
     return int(given.run(given))
 
