@@ -25,7 +25,7 @@ _NOTES = (
     "Time and path are means over successful episodes. n: episodes.",
     "A column of the first table is one map set, robot and simulator with all their keys; a line is one guide and "
     "planner with all theirs. Runs that differ in any key are never averaged.",
-    "An unfinished run says how much of it was driven, and is sorted last.",
+    "An unfinished run says how much of it was driven; the first table sorts it last.",
 )
 
 

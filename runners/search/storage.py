@@ -14,6 +14,7 @@ from runners.config.extras import install
 
 if TYPE_CHECKING:
     from optuna.storages import BaseStorage, RDBStorage
+    from sqlalchemy.exc import OperationalError
 
 HEARTBEAT_S = 10  # between two signs of life of a running trial
 GRACE_S = 60  # a trial that is silent for longer goes to another process
@@ -62,7 +63,7 @@ def _database(url: str) -> RDBStorage:
     """Open a database. Processes that start together all create its tables, and all but one of them fail."""
     from optuna.exceptions import StorageInternalError
     from optuna.storages import RDBStorage, RetryHeartbeatStaleTrialCallback
-    from sqlalchemy.exc import IntegrityError, ProgrammingError
+    from sqlalchemy.exc import IntegrityError, OperationalError, ProgrammingError
 
     # SQLAlchemy 2.0 and 2.1 choose different drivers for this.
     named = url.replace("postgresql://", "postgresql+psycopg://", 1)
@@ -75,11 +76,17 @@ def _database(url: str) -> RDBStorage:
                 grace_period=GRACE_S,
                 heartbeat_stale_trial_callback=RetryHeartbeatStaleTrialCallback(),
             )
-        except (IntegrityError, ProgrammingError, StorageInternalError):
-            if attempt == _CREATIONS:
+        except (IntegrityError, OperationalError, ProgrammingError, StorageInternalError) as error:
+            refused = isinstance(error, OperationalError) and not _mysql_has_it(error)
+            if refused or attempt == _CREATIONS:
                 raise
             time.sleep(random.uniform(0.1, 0.5))
     raise AssertionError("unreachable: the last attempt returns or raises")
+
+
+def _mysql_has_it(error: OperationalError) -> bool:
+    """Whether MySQL says that another process has created a table or an index meanwhile."""
+    return error.orig is not None and error.orig.args[:1] in ((1050,), (1061,))
 
 
 def _patience(url: str) -> dict[str, Any]:

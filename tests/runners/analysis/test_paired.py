@@ -39,6 +39,15 @@ def test_by_hand():
     assert paired.difference(one, other, METRIC).mean == pytest.approx(-0.1)
 
 
+def test_the_interval_of_a_mean_is_that_of_a_difference_from_nothing():
+    some = episodes(draws(0.7), runs=2)
+    found = paired.difference(episodes([0] * 60, runs=2), some, METRIC)
+    low, high = paired.interval_of_mean(some, METRIC)
+    assert (low, high) == (found.low, found.high)
+    assert low < some["barn_metric"].mean() < high
+    assert all(map(math.isnan, paired.interval_of_mean(episodes([1], runs=3), METRIC)))
+
+
 def test_few_worlds_have_every_sign_tried():
     """Three worlds that all gain: of eight ways to choose the signs two are as far off."""
     found = paired.difference(episodes([0, 0, 0]), episodes([1, 1, 1]), SUCCESS)

@@ -177,6 +177,7 @@ def test_the_real_metadata_name_every_requirement():
         "replay",
         "rerun",
         "shared",
+        "slurm",
         "video",
     }
     assert sys.executable in doctor._python().found

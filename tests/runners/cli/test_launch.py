@@ -297,6 +297,23 @@ def test_resume_by_path_replays_the_overrides(probe):
     assert (run_dir / "launch.json").read_text() == record
 
 
+def test_a_resumed_run_takes_another_option_without_the_keys_of_the_former(probe):
+    assert probe.launch("executor=process", "executor.workers=2") == 0
+    assert probe.launch(f"resume={probe.directory}", "executor=serial") == 0
+    assert "workers" not in probe.runs[-1][0].executor
+
+
+def test_a_resumed_run_keeps_when_it_was_started_and_by_which_code(probe, monkeypatch):
+    assert probe.launch("-m", "seed=0,1") == 0
+    before = launch_record.read_launch(probe.directory)
+    assert before.code.startswith("lme ")
+    monkeypatch.setattr(launch_record, "code", lambda: "lme 9")
+    assert probe.launch(f"resume={probe.directory.parent}") == 0
+    assert launch_record.read_launch(probe.directory) == before
+    assert probe.launch("seed=1") == 0
+    assert launch_record.read_launch(probe.directory).code == "lme 9"
+
+
 def test_resume_by_path_refuses_another_config_and_names_it(probe):
     probe.launch("seed=5")
     with pytest.raises(InputError, match=r"another config \(runs: 3 there, 4 now; seed: 5 there, 6 now\)"):

@@ -1,4 +1,4 @@
-"""Several `lme train` share one study in a real PostgreSQL, and some of them are killed."""
+"""Several `lme train` share one study in a real PostgreSQL, MariaDB or Redis, and some of them are killed."""
 
 import os
 import signal
@@ -13,10 +13,9 @@ import yaml
 
 from runners.cli.main import main
 from runners.search import study
-from tests import postgres
+from runners.search.storage import open_storage
+from tests import mariadb, postgres, redis_server
 from tests.places import ROOT
-
-pytestmark = pytest.mark.skipif(bool(postgres.lacking()), reason=postgres.lacking() or "never")
 
 SMALL = (
     "study=shared", "search=random", "search.batch=3", "configurations=1", "runs=1", "map.configurations=1",
@@ -45,11 +44,28 @@ sys.exit(main(["train", *sys.argv[3:]]))
 """
 
 
+def served(module, driver):
+    """A running server, if it and its driver are installed."""
+    pytest.importorskip(driver)
+    if module.lacking():
+        pytest.skip(module.lacking())
+    with module.running() as found:
+        yield found
+
+
 @pytest.fixture(scope="module")
 def server():
-    pytest.importorskip("psycopg")
-    with postgres.running() as found:
-        yield found
+    yield from served(postgres, "psycopg")
+
+
+@pytest.fixture(scope="module")
+def mysql():
+    yield from served(mariadb, "pymysql")
+
+
+@pytest.fixture(scope="module")
+def redis():
+    yield from served(redis_server, "redis")
 
 
 @pytest.fixture(autouse=True)
@@ -68,18 +84,19 @@ def started(name, url, killed_at, trials, pause):
 
 
 def trials_of(url):
-    named = url.replace("postgresql:", "postgresql+psycopg:")
-    return optuna.load_study(study_name="shared", storage=named).get_trials()
+    return optuna.load_study(study_name="shared", storage=open_storage(url)).get_trials()
 
 
-def train_together(server, killed_at, trials, pause=0.0):
+def train_together(url, killed_at, trials, pause=0.0):
     """Start one process per entry at once. Returns the trials, and the weights of those that were not killed."""
-    url = server.create(f"of{len(killed_at)}")
-    processes = [started(str(number), url, kill, trials, pause) for number, kill in enumerate(killed_at)]
+    processes = [
+        started(f"{len(killed_at)}-{number}", url, kill, trials, pause)
+        for number, kill in enumerate(killed_at)
+    ]
     outputs = [process.communicate(timeout=200) for process in processes]
     for process, kill, (_, errors) in zip(processes, killed_at, outputs, strict=True):
         assert process.returncode == (-signal.SIGKILL if kill else 0), errors
-    whole = [str(number) for number, kill in enumerate(killed_at) if not kill]
+    whole = [f"{len(killed_at)}-{number}" for number, kill in enumerate(killed_at) if not kill]
     return trials_of(url), [yaml.safe_load(Path(name, "run/weights.yaml").read_text()) for name in whole]
 
 
@@ -100,14 +117,14 @@ def check(found, weights, trials):
 
 
 def test_the_trials_of_a_killed_process_go_to_the_other(server):
-    found, weights = train_together(server, [1, 0], trials=8)
+    found, weights = train_together(server.create("two"), [1, 0], trials=8)
     assert len(check(found, weights, 8)) >= 3
 
 
 @pytest.mark.slow
 def test_four_processes_of_which_two_are_killed(server):
     """A trial of the others takes longer than a silent process is given, and is not taken from them."""
-    found, weights = train_together(server, [2, 0, 5, 0], trials=30, pause=5.0)
+    found, weights = train_together(server.create("four"), [2, 0, 5, 0], trials=30, pause=5.0)
     assert len(weights) == 2
     assert 4 <= len(check(found, weights, 30)) <= 6
 
@@ -145,10 +162,34 @@ def test_a_storage_that_goes_away_loses_no_finished_trial(server, monkeypatch, c
     words = [*SMALL, "trials=3", f"storage='{server.create('away')}'", "hydra.run.dir=run"]
     assert main(["train", *words]) == 2
     shown = capsys.readouterr().err.splitlines()[-1]
-    assert shown.count("storage is postgresql://") == 1
+    assert shown.count("storage is ") == 1
     assert "no longer answers" in shown
     assert "finished trials are kept, go on with: lme train resume=" in shown
     server.start()
     assert main(["train", "resume=run"]) == 0
     assert kept == [0, 1, 2]
     assert yaml.safe_load(Path("run/weights.yaml").read_text())["trials"] == 3
+
+
+@pytest.mark.slow
+def test_mariadb_keeps_what_postgresql_keeps(mysql, monkeypatch, capsys):
+    """Processes that start together create its tables, one is killed, and the server stops and comes again."""
+    found, weights = train_together(mysql.create("two"), [1, 0], trials=8)
+    assert len(check(found, weights, 8)) >= 3
+    found, weights = train_together(mysql.create("three"), [0, 0, 0], trials=9)
+    assert len(weights) == 3
+    check(found, weights, 9)
+    test_a_storage_that_goes_away_loses_no_finished_trial(mysql, monkeypatch, capsys)
+
+
+@pytest.mark.slow
+def test_redis_ends_with_exactly_the_trials_and_a_killed_run_goes_on(redis):
+    found, weights = train_together(redis, [1, 0], trials=8)
+    states = Counter(trial.state.name for trial in found)
+    assert len(weights) == 1
+    assert 0 < states["RUNNING"] <= 3  # those of the killed process
+    assert states["COMPLETE"] + states["RUNNING"] == 8
+    assert main(["train", "resume=2-0/run"]) == 0
+    states = Counter(trial.state.name for trial in trials_of(redis))
+    assert states["COMPLETE"] == 8
+    assert set(states) <= {"COMPLETE", "FAIL"}
