@@ -22,6 +22,7 @@ import numpy as np
 
 from benchmarks.kernels import kernel_rows, measure
 from benchmarks.recording import parser, show
+from benchmarks.step import step_rows
 from lme.episode import run_episode
 from lme.guides.lme import Lme, LmeConfig
 from lme.navigator import Navigator
@@ -34,10 +35,6 @@ from lme.sim.skid import SkidConfig, SkidSimulator
 from lme.worlds.barn.map_set import Barn, BarnConfig
 from lme.worlds.scene import Scene, SceneConfig
 from lme.worlds.world import MapSet
-
-PEERS = (
-    "Stage 4.3 2,800–5,600, navground 1,600–2,700, pymunk rays 540, ir-sim 8–14 (measured earlier, elsewhere)"
-)
 
 
 def main() -> None:
@@ -55,14 +52,21 @@ def report() -> Iterator[str]:
     yield "|---|---|---:|---:|---:|---:|---:|---:|"
     yield from kernel_rows()
     yield "\n## Decision and closed loop, one core\n"
+    yield "A decision in wall time, least / median; steps per second of processor time.\n"
     yield "| what | figure |"
     yield "|---|---:|"
     yield from loop_rows("stage", "540 beams, 360°")
     yield from loop_rows("jackal", "720 beams, 270°")
     yield cloud_row()
     yield skid_row()
-    yield f"\nScan steps per second of peers on one core, for scale: {PEERS}.\n"
-    yield "## Whole commands, wall time\n"
+    yield "\nOther simulators: [peers.md](peers.md).\n"
+    yield "## Where a step of `stage` spends its time\n"
+    yield "µs of processor time, the kernels with the call from Python; the fastest of five runs.\n"
+    yield "| what | µs | share | calls |"
+    yield "|---|---:|---:|---:|"
+    robot = load_robot("stage")
+    yield from step_rows(Barn(BarnConfig()), lme_on(robot), FastSimulator(FastConfig(), robot))
+    yield "\n## Whole commands, wall time\n"
     yield "| command | median [s] | least [s] | peak memory, all processes [MB] |"
     yield "|---|---:|---:|---:|"
     yield from command_rows()
@@ -122,11 +126,11 @@ def lme_on(robot: Robot) -> Navigator:
 
 
 def closed_loop(maps: MapSet, navigator: Navigator, simulator: Simulator) -> float:
-    """Steps per second over every fifth task: twenty episodes of BARN."""
+    """Steps per second of processor time over every fifth task: twenty episodes of BARN."""
     tasks = [maps.task(number) for number in maps.numbers[::5]]
-    begin = time.perf_counter()
+    begin = time.process_time()
     episodes = [run_episode(task, navigator, simulator, np.random.default_rng(1)) for task in tasks]
-    return sum(episode.steps for episode in episodes) / (time.perf_counter() - begin)
+    return sum(episode.steps for episode in episodes) / (time.process_time() - begin)
 
 
 def command_rows() -> Iterator[str]:

@@ -97,6 +97,7 @@ def test_reading_a_launch_imports_nothing_that_it_names(tmp_path, monkeypatch):
     [
         ("parameters: !!python/object/apply:os.getcwd []", "not valid YAML"),
         ("parameters: {d1: os}", "must be a number"),
+        (f"parameters: {{d1: 1{'0' * 400}}}", "too large"),
     ],
 )
 def test_a_weight_file_holds_numbers_only(tmp_path, content, says):
@@ -108,8 +109,11 @@ def test_a_weight_file_holds_numbers_only(tmp_path, content, says):
 def test_an_append_log_holds_no_objects(tmp_path):
     entry = {"record": {"world": 1, "run": 0}, "trajectory": {"x_m": ["|O", "AAAAAAAAAAA="]}}
     (tmp_path / "episodes.jsonl").write_text(json.dumps(entry) + "\n")
-    with pytest.raises(InputError, match="line 1 is not an episode record"):
-        list(read_log(tmp_path / "episodes.jsonl"))
+    with (
+        pytest.raises(InputError, match="line 1 is not an episode record"),
+        read_log(tmp_path / "episodes.jsonl") as log,
+    ):
+        list(log.entries())
 
 
 def test_the_pages_scripts_make_no_markup_and_run_no_text():

@@ -11,20 +11,20 @@ from lme.types import Floats, Pose
 def to_world(points: Floats, pose: Pose) -> Floats:
     """Transform points (..., 2) [m] from the frame at `pose` to its parent frame."""
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
-    x, y = points[..., 0], points[..., 1]
+    x, y = points.T  # of a single point: two numbers, which numpy adds faster than arrays
     moved = np.empty(points.shape)
-    moved[..., 0] = pose[0] + cos * x - sin * y
-    moved[..., 1] = pose[1] + sin * x + cos * y
+    moved.T[0] = pose[0] + cos * x - sin * y
+    moved.T[1] = pose[1] + sin * x + cos * y
     return moved
 
 
 def to_robot(points: Floats, pose: Pose) -> Floats:
     """Transform points (..., 2) [m] from the parent frame to the frame at `pose`; the inverse of `to_world`."""
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
-    x, y = points[..., 0] - pose[0], points[..., 1] - pose[1]
+    x, y = points.T[0] - pose[0], points.T[1] - pose[1]
     moved = np.empty(points.shape)
-    moved[..., 0] = cos * x + sin * y
-    moved[..., 1] = cos * y - sin * x
+    moved.T[0] = cos * x + sin * y
+    moved.T[1] = cos * y - sin * x
     return moved
 
 

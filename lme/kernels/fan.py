@@ -19,7 +19,7 @@ from lme.types import Bools, Floats
 
 _FEW = 8  # [ends or points] up to this number, sorting does not pay
 _ENDS_PER_BIN = 4
-_STRIDE = 16  # number of passes over the points, since neighbours in a scan block the same ends
+_STRIDE = 8  # number of passes over the points, since neighbours in a scan block the same ends
 _SLACK = 1e-9  # share of all lengths by which discs are widened, more than any rounding error
 
 
@@ -52,15 +52,14 @@ def fan_blocked(apex: Floats, ends: Floats, points: Floats, radius: float) -> Bo
 
 @njit(cache=True, error_model="numpy")
 def _near(dx, dy, length_square, qx, qy, radius_square):
-    """Whether q is nearer than the radius to the segment from the origin to d."""
-    along = qx * dx + qy * dy
-    if along <= 0.0:
-        return qx * qx + qy * qy < radius_square
-    if along >= length_square:
-        ex, ey = qx - dx, qy - dy
-        return ex * ex + ey * ey < radius_square
-    across = qx * dy - qy * dx
-    return across * across < radius_square * length_square
+    """Whether q is nearer than the radius to the segment from the origin to d. No branches: none can be predicted."""
+    along, across, ex, ey = qx * dx + qy * dy, qx * dy - qy * dx, qx - dx, qy - dy
+    square, limit = across * across, radius_square * length_square
+    beyond = along >= length_square
+    square, limit = ex * ex + ey * ey if beyond else square, radius_square if beyond else limit
+    behind = along <= 0.0
+    square, limit = qx * qx + qy * qy if behind else square, radius_square if behind else limit
+    return square < limit
 
 
 @njit(cache=True, error_model="numpy")
@@ -168,16 +167,14 @@ def _take(offset, rays, cones, ends, arms, start, stop, reach, radius, wide, blo
             k = turned if turned < num_bins else turned - num_bins
             if square >= reach[k]:
                 continue
-            i, before = start[k], stop[k]
-            while i < stop[k]:
-                if not _near(arms[0, i], arms[1, i], arms[2, i], qx, qy, radius_square):
-                    i += 1
-                    continue
-                blocked[ends[i]] = True
-                stop[k] -= 1
-                last = stop[k]
-                ends[i] = ends[last]
-                arms[0, i], arms[1, i], arms[2, i] = arms[0, last], arms[1, last], arms[2, last]
+            before, left = stop[k], start[k]
+            for i in range(start[k], before):
+                end, x, y, length_square = ends[i], arms[0, i], arms[1, i], arms[2, i]
+                near = _near(x, y, length_square, qx, qy, radius_square)
+                blocked[end] |= near
+                ends[left], arms[0, left], arms[1, left], arms[2, left] = end, x, y, length_square
+                left += not near
+            stop[k] = left
             if stop[k] < before:
                 reach[k] = 0.0
                 for i in range(start[k], stop[k]):

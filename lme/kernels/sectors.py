@@ -35,7 +35,9 @@ def cluster(points: Floats, gap: float, full_circle: bool) -> tuple[Ints, bool]:
     _span_blocks(points, gap, full_circle, start, boxes, nearest, spanned)
     sectors = _sectors(spanned)
     if num_points > 0 and len(sectors) == 0:
-        return np.array([[0, num_points - 1]]), True
+        ring = np.zeros((1, 2), np.int64)
+        ring[0, 1] = num_points - 1
+        return ring, True
     return sectors, False
 
 

@@ -39,7 +39,7 @@ class MinTimeConfig:
     margin_time: float = 0.1  # [s] further distance per speed of the outline
     brake: float = 3.0  # [m/s²] deceleration that the robot can rely on, at most its limit
     grip: float = 1.0  # [m/s²] greatest v·|ω|, the lateral acceleration
-    back: float = 0.3  # [m] way that a stuck robot backs up
+    back: float = 0.3  # [m] way that a stuck robot backs up; 0: never
     latency: float = 0.0  # [s] known delay from a command to its effect
     v_samples: int = 7
     omega_samples: int = 15  # odd, so that one of them is in the middle
@@ -89,10 +89,12 @@ class MinTime:
 
     def plan(self, observation: Observation, guidance: Guidance) -> Twist:
         """Command for one control period."""
-        knows_behind = guidance.points is not None or is_full_circle(observation.scan)
+        may_back = self._config.back > 0.0 and (
+            guidance.points is not None or is_full_circle(observation.scan)
+        )
         now = self._now(observation, guidance)
         wanted = self._choose(now, observation.limits)
-        if knows_behind and (self._to_back > 0.0 or (guidance.blocked and not any(wanted))):
+        if may_back and (self._to_back > 0.0 or (guidance.blocked and not any(wanted))):
             wanted = self._back_up(now.points, observation.limits) or wanted
         command = limited(*wanted, observation._replace(twist=now.twist), self._robot.dt)
         self._under_way.append(command)
@@ -126,7 +128,8 @@ class MinTime:
         rest = self._config.latency - (len(self._under_way) - 1) * dt  # of the oldest command
         for k, command in enumerate(self._under_way):
             duration = dt if k else rest
-            way, twist = drive(pose, now, command, limits, duration, _STEP, self._robot.footprint.r_max)
+            motion = (*pose,), (*now,), (*command,), (*limits,)  # plain tuples, as in `FastSimulator.step`
+            way, twist = drive(*motion, duration, _STEP, self._robot.footprint.r_max)
             pose, now = Pose(*way[-1].tolist()), Twist(*twist)
         return pose, _at_rest(now)
 

@@ -12,11 +12,12 @@ from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 import numpy as np
+from numba import njit
 
 from lme.kernels.distance import bearings, distances_to
 from lme.kernels.fan import fan_blocked
 from lme.policy.surmount import Blockage
-from lme.types import Bools, Floats
+from lme.types import Floats
 
 ORIGIN = np.zeros(2)
 
@@ -61,7 +62,7 @@ def c_o(candidates: Floats, view: View) -> Floats:
 
     Eq. 4: free if the segment from the origin to the candidate is at least r away from every scan point.
     """
-    return _free(fan_blocked(ORIGIN, candidates, view.points, view.radius))
+    return _free(ORIGIN, candidates, view.points, view.radius)
 
 
 def c_t(candidates: Floats, view: View) -> Floats:
@@ -69,7 +70,7 @@ def c_t(candidates: Floats, view: View) -> Floats:
 
     Eq. 5: free if the segment from the candidate to the target is at least r away from every scan point.
     """
-    return _free(fan_blocked(view.target, candidates, view.points, view.radius))
+    return _free(view.target, candidates, view.points, view.radius)
 
 
 def a_mount(candidates: Floats, view: View) -> Floats:
@@ -110,8 +111,14 @@ def c_h(candidates: Floats, view: View) -> Floats:
 
     Eq. 6: free if the segment from the origin to the candidate is at least r away from every recent position.
     """
-    return _free(fan_blocked(ORIGIN, candidates, view.history, view.radius))
+    return _free(ORIGIN, candidates, view.history, view.radius)
 
 
-def _free(blocked: Bools) -> Floats:
-    return np.logical_not(blocked).astype(np.float64)
+@njit(cache=True)
+def _free(apex: Floats, ends: Floats, points: Floats, radius: float) -> Floats:
+    """1 if the segment from the apex to the end is at least `radius` away from every point, else 0: (N,)."""
+    blocked = fan_blocked(apex, ends, points, radius)
+    free = np.empty(len(ends))
+    for i in range(len(ends)):
+        free[i] = 0.0 if blocked[i] else 1.0
+    return free

@@ -51,7 +51,7 @@ def _at_least(points: Floats, distance: float) -> Floats:
     count = 0
     for i in range(len(points)):
         if math.hypot(points[i, 0], points[i, 1]) >= distance:
-            kept[count] = points[i]
+            kept[count, 0], kept[count, 1] = points[i, 0], points[i, 1]
             count += 1
     return kept[:count]
 

@@ -22,10 +22,10 @@ def read_parameters(path: Path, criteria: Sequence[str]) -> dict[str, float]:
         raise InputError(f"weights file {path}: must hold a mapping `parameters` of names to numbers")
     for name, value in values.items():
         if isinstance(value, bool) or not isinstance(value, int | float):
-            raise InputError(f"weights file {path}: parameters.{name} is {value!r}: must be a number")
-    parameters = {str(name): float(value) for name, value in values.items()}
+            raise InputError(f"weights file {path}: parameters.{name} is {value!r:.80}: must be a number")
     try:
+        parameters = {str(name): float(value) for name, value in values.items()}
         Parameters.from_mapping(parameters, criteria)
-    except InputError as error:
+    except (InputError, OverflowError) as error:
         raise InputError(f"weights file {path}: {error}") from error
     return parameters

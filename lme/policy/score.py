@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 
 from lme.errors import InputError, nearest
 from lme.types import Floats
@@ -48,10 +49,15 @@ class Parameters:
         )
 
 
+@njit(cache=True)
 def score(features: Floats, weights: Floats) -> Floats:
     """S of Eq. 7 for (C, N) features and (C,) weights: (N,).
 
     Sums in the order of the criteria, because a matrix product may round equal candidates differently.
     """
-    scores: Floats = (weights[:, None] * features).sum(axis=0)
+    scores = np.empty(features.shape[1])
+    for j in range(len(scores)):
+        scores[j] = weights[0] * features[0, j]
+        for i in range(1, len(weights)):
+            scores[j] += weights[i] * features[i, j]
     return scores

@@ -16,7 +16,8 @@ def obstacle_points(scan: LaserScan, mount: Pose) -> Floats:
     hit; M may be 0.
     """
     directions = _directions(scan.angle_min, scan.angle_increment, len(scan.ranges))
-    return scan_points(scan.ranges, directions, scan.range_min, scan.range_max, mount)
+    # A plain tuple: Numba takes a named one for another type, and needs longer to recognise it.
+    return scan_points(scan.ranges, directions, scan.range_min, scan.range_max, (*mount,))
 
 
 def is_full_circle(scan: LaserScan) -> bool:

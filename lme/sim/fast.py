@@ -73,9 +73,9 @@ class FastSimulator:
             return self._observe()
         robot, state = self._robot, self.state
         limits = self._limits(command, state.twist)
-        travel, twist = drive(
-            state.pose, state.twist, command, limits, robot.dt, self._config.max_step, robot.hull.r_max
-        )
+        # Plain tuples: Numba takes a named one for another type, and needs longer to recognise it.
+        motion = (*state.pose,), (*state.twist,), (*command,), (*limits,)
+        travel, twist = drive(*motion, robot.dt, self._config.max_step, robot.hull.r_max)
         self.state = self._end_at_event(travel, Twist(*twist), state.time, robot.dt)
         return self._observe()
 

@@ -41,7 +41,7 @@ def read_ros_map(path: Path, unknown_is_obstacle: bool) -> FloorPlan:
     """
     entry = Entry(str(path), read_yaml(path), _ROS_KEYS, ["mode"])
     image = entry.value("image")
-    if not isinstance(image, str) or not image:
+    if not isinstance(image, str) or not image or not image.isprintable():
         raise entry.mistake("image", "the name of a picture beside this file, or its path")
     resolution = entry.number("resolution", above=0.0)
     origin = Pose(*entry.numbers("origin", "x, y, yaw", 3))

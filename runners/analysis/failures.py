@@ -85,7 +85,8 @@ def _closest_m(frame: pd.DataFrame) -> Mapping[Any, float]:
     """Least distance to the goal [m] by (run_dir, world, run); empty if the records have no goal."""
     if frame.empty or not {"goal_x_m", "goal_y_m"} <= set(frame.columns):
         return {}
-    steps = read_trajectories([Path(run_dir) for run_dir in frame["run_dir"].unique()])
+    keys = {EpisodeKey.of(row) for row in frame[list(KEY_COLUMNS)].to_dict("records")}
+    steps = read_trajectories([Path(run_dir) for run_dir in frame["run_dir"].unique()], keys)
     steps = steps.merge(frame[[*_EPISODE, "goal_x_m", "goal_y_m"]], on=_EPISODE)
     steps["distance_m"] = np.hypot(steps["x_m"] - steps["goal_x_m"], steps["y_m"] - steps["goal_y_m"])
     return dict(steps.groupby(_EPISODE)["distance_m"].min())

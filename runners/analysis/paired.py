@@ -122,6 +122,12 @@ def difference(baseline: pd.DataFrame, variant: pd.DataFrame, quantity: str) -> 
     return Difference(float(by_world.mean()), low, high, p, len(by_world), len(changes))
 
 
+def interval_of_mean(part: pd.DataFrame, quantity: str) -> tuple[float, float]:
+    """95 % interval of the mean of a quantity: bootstrap over worlds. (NaN, NaN) for fewer than two worlds."""
+    by_world = _values(part, quantity).dropna().groupby("world").mean().to_numpy()
+    return _bounds(by_world) if len(by_world) > 1 else (math.nan, math.nan)
+
+
 def holm(p_values: Sequence[float]) -> list[float]:
     """p-values adjusted for multiple comparisons (Holm 1979, https://www.jstor.org/stable/4615733); NaN stays NaN."""
     order = sorted((p, index) for index, p in enumerate(p_values) if not math.isnan(p))
@@ -198,13 +204,20 @@ def _tested(by_world: Floats) -> tuple[float, float, float]:
     worlds = len(by_world)
     if worlds < 2:
         return math.nan, math.nan, math.nan
-    low, high = np.quantile(by_world[_draws(worlds)].mean(axis=1), [LEVEL / 2, 1 - LEVEL / 2])
+    low, high = _bounds(by_world)
     signs = _signs(worlds)
     # TIE: sums that are equal in exact arithmetic must not differ by rounding.
     as_far = np.abs(signs @ by_world) >= abs(by_world.sum()) - TIE
     every = len(signs) == 2**worlds
     p = as_far.mean() if every else (1 + as_far.sum()) / (1 + len(signs))
-    return float(low), float(high), float(p)
+    return low, high, float(p)
+
+
+def _bounds(by_world: Floats) -> tuple[float, float]:
+    """Bootstrap interval of the mean of one value per world (W,)."""
+    means = by_world[_draws(len(by_world))].mean(axis=1)
+    low, high = np.quantile(means, [LEVEL / 2, 1 - LEVEL / 2])
+    return float(low), float(high)
 
 
 @cache

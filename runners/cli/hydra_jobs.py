@@ -9,10 +9,12 @@ from typing import Any
 from hydra._internal.callbacks import Callbacks
 from hydra._internal.config_loader_impl import ConfigLoaderImpl
 from hydra.core.plugins import Plugins
-from hydra.core.utils import run_job
+from hydra.core.utils import JobReturn, run_job
+from hydra.experimental.callback import Callback
 from hydra.types import HydraContext, RunMode
 from omegaconf import DictConfig, OmegaConf, open_dict
 
+from runners.cli.submitted import Submitted
 from runners.config.command_line import Plan
 from runners.config.composer import Composer
 
@@ -21,6 +23,7 @@ def run(composer: Composer, plan: Plan, name: str, directory: Path, task: Callab
     """Call `task` on every job of the plan; the highest status that it returns, or raises what it raises.
 
     A job writes to `directory`; a job of a sweep to a folder of its own below it. name: of the jobs, for Hydra.
+    Raises LauncherError.
     """
     if plan.multirun:
         return _sweep(composer, plan, name, directory, task)
@@ -50,14 +53,21 @@ def _sweep(
     callbacks = Callbacks(config)
     callbacks.on_multirun_start(config=config, config_name=composer.config_name)
     loader = _Planned(composer, plan, own)
+    plan.configs.clear()
+    callbacks.callbacks.append(loader.forgetting)
     sweeper = Plugins.instance().instantiate_sweeper(
         config=config,
         hydra_context=HydraContext(config_loader=loader, callbacks=callbacks),
         task_function=task,
     )
-    batches = sweeper.sweep(arguments=list(config.hydra.overrides.task))
+    submitted = Submitted.of(config, name)
+    submitted.announce(plan.num_jobs)
+    with submitted.errors_in_words():
+        batches = sweeper.sweep(arguments=list(config.hydra.overrides.task))
     callbacks.on_multirun_end(config=config, config_name=composer.config_name)
-    return max((int(job.return_value) for batch in batches or () for job in batch), default=0)
+    jobs = [job for batch in batches or () for job in batch]
+    submitted.tell_failed(jobs)
+    return max((int(job.return_value) for job in jobs), default=0)
 
 
 class _Planned(ConfigLoaderImpl):
@@ -69,6 +79,7 @@ class _Planned(ConfigLoaderImpl):
         self._configs = {composer.canonical(words): config for words, config in plan.configs.items()}
         self._composer = composer
         self._own = own
+        self.forgetting = _Forgetting(self._configs)
 
     def load_sweep_config(self, master_config: DictConfig, sweep_overrides: list[str]) -> DictConfig:
         """The config of one job. A very large sweep has jobs that nobody has composed yet."""
@@ -77,6 +88,20 @@ class _Planned(ConfigLoaderImpl):
             config = super().load_sweep_config(master_config, sweep_overrides)
         _set(config, self._own)
         return config
+
+
+class _Forgetting(Callback):
+    """Lets go of a job's configs when it has run: those of a thousand jobs take half a gigabyte."""
+
+    def __init__(self, configs: dict[frozenset[tuple[str, str]], DictConfig]) -> None:
+        """configs: of the jobs to come."""
+        self._configs = configs
+
+    def on_job_end(self, config: DictConfig, job_return: JobReturn, **kwargs: Any) -> None:
+        """Hydra keeps what the job returns, with two configs, until the sweep ends."""
+        job_return.cfg = job_return.hydra_cfg = None
+        for key in [key for key, known in self._configs.items() if known is config]:
+            del self._configs[key]
 
 
 def _set(config: DictConfig, values: Mapping[str, Any]) -> None:

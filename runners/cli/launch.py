@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import errno
+import os
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -15,6 +15,9 @@ from omegaconf.errors import OmegaConfBaseException
 
 from lme.errors import InputError
 from runners.cli import arguments, hydra_jobs, show
+from runners.cli.interrupts import status_of
+from runners.cli.outside import outside
+from runners.cli.submitted import LauncherError
 from runners.config import command_line, schema
 from runners.config.catalogue import Catalogue
 from runners.config.composer import Composer, resume_command, unquoted
@@ -23,7 +26,6 @@ from runners.config.job import Job
 from runners.records import launch_record, run_directories
 
 _DIRECTORY_KEYS = ("hydra.run.dir", "hydra.sweep.dir")
-_DISK_FULL = (errno.ENOSPC, errno.EDQUOT)
 _HYDRAS_OWN = ("outputs/${now:", "multirun/${now:")  # where Hydra writes unless it is told otherwise
 
 
@@ -62,7 +64,10 @@ def launch(command: Command, argv: Sequence[str]) -> int:
 
 
 def _with_resumed(command: str, given: arguments.Arguments) -> tuple[arguments.Arguments, Path | None]:
-    """Add the overrides of the run that `resume=PATH` names; those given now win. Returns the PATH too."""
+    """Add the overrides of the run that `resume=PATH` names; those given now win. Returns the PATH too.
+
+    With an option chosen anew, such as `hydra/launcher=basic`, the keys of the former one are left out.
+    """
     directory = _resume_path(given.overrides)
     if directory is None:
         return given, None
@@ -79,7 +84,8 @@ def _with_resumed(command: str, given: arguments.Arguments) -> tuple[arguments.A
     keys = {_key(override) for override in given.overrides}
     if keys & {*_DIRECTORY_KEYS}:
         raise InputError(f"resume={directory}: names the directory already; omit hydra.run.dir")
-    kept = [override for override in saved.overrides if _key(override) not in keys]
+    anew = tuple(f"{key.replace('/', '.')}." for key in keys)
+    kept = [word for word in saved.overrides if _key(word) not in keys and not _key(word).startswith(anew)]
     if not saved.multirun and "hydra.mode" not in keys:
         kept.append("hydra.mode=RUN")  # one job of a sweep, though its experiment may ask for the whole sweep
     return replace(
@@ -96,7 +102,14 @@ def _why_no_run(directory: Path) -> str:
         found = directory.is_dir()
     except OSError as error:
         return f"cannot be read ({error.strerror})"
-    return f"holds no {launch_record.LAUNCH}, so it is no run" if found else "no such directory"
+    if not found:
+        return "no such directory"
+    damaged = (directory / launch_record.LAUNCH).is_file()
+    return (
+        f"its {launch_record.LAUNCH} is damaged"
+        if damaged
+        else f"holds no {launch_record.LAUNCH}, so it is no run"
+    )
 
 
 def _key(override: str) -> str:
@@ -162,18 +175,22 @@ def _start(
 ) -> int:
     """Run all jobs in or below `directory`; the exit status."""
     folders = composer.catalogue.folders
-    task = _Task(command, config_name, folders, plan.num_jobs if plan.multirun else None)
+    task = _Task(command, config_name, folders, plan.num_jobs if plan.multirun else None, os.getpid())
     try:
         status = hydra_jobs.run(composer, plan, command.name, directory, task)
+        if plan.multirun and status == 0 and command.finish_sweep is not None:
+            first = replace(jobs[0], sweep_dir=directory)
+            command.finish_sweep(first, run_directories.jobs_of_sweep(directory, plan.num_jobs))
     except SystemExit as end:
         return end.code if isinstance(end.code, int) else 1
-    except KeyboardInterrupt:
+    except KeyboardInterrupt as interrupt:
         if plan.multirun:
             print(f"The whole sweep: {resume_command(command.name, directory)}", file=sys.stderr)
-        return 130
-    if plan.multirun and status == 0 and command.finish_sweep is not None:
-        first = replace(jobs[0], sweep_dir=directory)
-        command.finish_sweep(first, run_directories.jobs_of_sweep(directory, plan.num_jobs))
+        return status_of(interrupt)
+    except LauncherError as error:
+        print(f"lme {command.name}: {error}", file=sys.stderr)
+        print(f"The whole sweep: {resume_command(command.name, directory)}", file=sys.stderr)
+        return 1
     return status
 
 
@@ -181,19 +198,20 @@ def _start(
 class _Task:
     """What Hydra calls for every job, in this process or in one of a launcher plugin's.
 
-    num_jobs: of the sweep; None where the job is part of none.
+    num_jobs: of the sweep; None where the job is part of none. process: the id of that which launches the jobs.
     """
 
     command: Command
     config_name: str | None
     folders: tuple[Path, ...]
     num_jobs: int | None
+    process: int
 
     def __call__(self, config: DictConfig) -> int:
         """Run the command on a composed config; Hydra's own part is in HydraConfig. Returns the exit status.
 
         A failed episode ends its job alone: the other jobs of a sweep still run. Raises SystemExit for what would
-        end the others too.
+        end the others too, unless they run in processes of their own.
         """
         from runners.workers.executor import EpisodeError
 
@@ -204,8 +222,8 @@ class _Task:
             status = _status(error)
             if status is None:
                 raise
-            print(f"lme {self.command.name}: {error}", file=sys.stderr)
-            if isinstance(error, EpisodeError):
+            print(f"lme {self.command.name}: {outside(error) or error}", file=sys.stderr)
+            if isinstance(error, EpisodeError) or os.getpid() != self.process:
                 return status
             raise SystemExit(status) from error
         return 0
@@ -240,6 +258,5 @@ def _status(error: Exception) -> int | None:
 
     if isinstance(error, InputError):
         return 2
-    disk_full = isinstance(error, OSError) and error.errno in _DISK_FULL
     known = isinstance(error, EpisodeError | RecordsWriteError | WorkerDiedError)
-    return 1 if disk_full or known else None
+    return 1 if outside(error) or known else None

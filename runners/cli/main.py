@@ -20,6 +20,8 @@ import lme
 from lme.errors import InputError, nearest
 from lme.resources import resource_dir
 from runners.cli import commands, help
+from runners.cli.interrupts import status_of, terminable
+from runners.cli.outside import outside
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -34,16 +36,22 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 0
     sys.path.append(str(Path.cwd()))  # where a user's own planner may lie
     try:
-        with plain_warnings():
+        with plain_warnings(), terminable():
             return _run(words[0], words[1:], known)
     except InputError as error:
         print(f"lme {words[0]}: {error}" if words[0] in known else f"lme: {error}", file=sys.stderr)
         return 2
-    except KeyboardInterrupt:
-        return 130
+    except KeyboardInterrupt as interrupt:
+        return status_of(interrupt)
     except BrokenPipeError:  # `lme … | head`: the reader has closed the pipe
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
+    except OSError as error:
+        said = outside(error)
+        if not said:
+            raise
+        print(f"lme {words[0]}: {said}", file=sys.stderr)
+        return 1
 
 
 def command_files() -> dict[str, Path]:

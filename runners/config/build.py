@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import cast
 
-from lme.errors import require
+from lme.errors import InputError, require
 from lme.navigator import Navigator
 from lme.robots import Robot
 from lme.sim.simulator import Simulator
@@ -21,7 +21,14 @@ _CHECKED_TASKS = (
 
 
 def map_set(config: DriveConfig, worlds: Sequence[int] | None = None) -> MapSet:
-    """The map set of a config, with these worlds if they are given. A `radius` of null becomes the robot's r_max."""
+    """The map set of a config, with these worlds if they are given. A `radius` of null becomes the robot's r_max.
+
+    Raises InputError.
+    """
+    if not isinstance(
+        config.map, Mapping
+    ):  # one of several in a dictionary of map sets, which Hydra does not check
+        raise InputError(f"map is {config.map!r}: must be a map set")
     node = config.map if worlds is None else {**config.map, "worlds": list(worlds)}
     if "radius" in node and node["radius"] is None:
         node = {**node, "radius": config.robot.hull.r_max}

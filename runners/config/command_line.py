@@ -10,13 +10,12 @@ from typing import Any
 
 import yaml
 from hydra.core.override_parser.types import Override
-from hydra.errors import HydraException
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from lme.errors import InputError
 from runners.config import diagnosis
-from runners.config.composer import Composer, without_hydra
+from runners.config.composer import COMPOSING, Composer, without_hydra
 from runners.config.hydra_errors import keys_beside, translated, unknown_key
 from runners.config.job import Job
 from runners.config.overrides import normalised, text_of
@@ -136,9 +135,9 @@ def _choices(parsed: Sequence[Override]) -> list[list[str]]:
 def _composed(composer: Composer, job: Sequence[str]) -> DictConfig:
     try:
         config = composer.compose(job)
-    except yaml.MarkedYAMLError as error:
+    except yaml.YAMLError as error:
         raise diagnosis.broken_yaml(error) from error
-    except (HydraException, OmegaConfBaseException, ValueError) as error:
+    except COMPOSING as error:
         raise diagnosis.diagnosed(error, composer, job) from error
     except AssertionError as error:  # OmegaConf's, where a key is set in a part that is null
         deep = ", ".join(word for word in job if word.partition("=")[0].count(".") > 1)

@@ -18,10 +18,14 @@ from hydra.core.override_parser.types import Override, Quote, QuotedString
 from hydra.errors import HydraException, OverrideParseException
 from hydra.types import RunMode
 from omegaconf import DictConfig, open_dict, read_write
+from omegaconf.errors import OmegaConfBaseException
 
 from lme.errors import InputError
 from lme.resources import resource_dir
 from runners.config import catalogue
+
+# What Hydra and OmegaConf raise for what cannot be composed.
+COMPOSING = (HydraException, OmegaConfBaseException, ValueError, TypeError, OverflowError, RecursionError)
 
 
 class Composer:

@@ -8,19 +8,21 @@ from typing import Any
 
 import yaml
 from hydra.core.override_parser.types import Override
-from hydra.errors import HydraException, MissingConfigException
+from hydra.errors import MissingConfigException
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from lme.errors import InputError, nearest
 from lme.resources import resource_dir
-from runners.config.composer import Composer
+from runners.config.composer import COMPOSING, Composer
 from runners.config.flatten import dotted_keys
 from runners.config.hydra_errors import expected, full_key, one_line, translated
 from runners.config.overrides import places, text_of
 
 
-def broken_yaml(error: yaml.MarkedYAMLError) -> InputError:
+def broken_yaml(error: yaml.YAMLError) -> InputError:
+    if not isinstance(error, yaml.MarkedYAMLError):  # a character that YAML does not allow
+        return InputError(f"a config file: no valid YAML ({one_line(str(error))})")
     mark = error.problem_mark
     place = f"{mark.name}, line {mark.line + 1}" if mark else "a config file"
     return InputError(f"{place}: no valid YAML ({error.problem})")
@@ -38,7 +40,7 @@ def diagnosed(error: Exception, composer: Composer, job: Sequence[str]) -> Input
     groups = [text for text in job if text not in {text_of(o) for o in dotted}]
     try:
         config = composer.compose(groups)
-    except (HydraException, OmegaConfBaseException, ValueError):
+    except COMPOSING:
         return InputError(f"{' '.join(job)}: {one_line(str(error))}")
     for override in dotted:
         mistake = _mistaken(override, config, composer)
@@ -71,7 +73,7 @@ def _mistaken(override: Override, config: DictConfig, composer: Composer) -> Inp
         return _unknown(key, known, config, composer)
     try:
         OmegaConf.update(config, key, override.value(), merge=True, force_add=override.is_force_add())
-    except OmegaConfBaseException as error:
+    except (OmegaConfBaseException, TypeError, OverflowError) as error:
         schema = OmegaConf.get_type(config)
         wanted = expected(schema, key)
         shown = text_of(override).partition("=")[2] or "empty"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -59,8 +60,8 @@ def evaluate(job: Job[EvalConfig]) -> None:
     with resume_hint("eval", run_dir):
         drive(job.config, labels, maps, run_dir)
         pages.as_asked(job.config.explain, run_dir, build_target(job.config.executor, "executor"))
-    frame, rows, artifacts = report(maps, job)
-    artifacts += [*_film(job.config, maps, run_dir), *failures.folder(run_dir)]
+        frame, rows, artifacts = report(maps, job)
+        artifacts += [*_film(job.config, maps, run_dir), *failures.folder(run_dir)]
     print_table(frame, rows)
     print(f"Records, tables and pictures: {run_dir}")
     for place in failures.folder(run_dir):
@@ -70,13 +71,15 @@ def evaluate(job: Job[EvalConfig]) -> None:
 
 def drive(config: EpisodesConfig, labels: RunLabels, maps: MapSet, run_dir: Path) -> None:
     """Run what is missing of map set × runs into the records of `run_dir`."""
-    keys = [EpisodeKey(world, run) for world in maps.numbers for run in range(config.runs)]
     executor = build_target(config.executor, "executor")
     payload = EpisodePayload(config, labels, _recordings(config, run_dir))
-    with RecordWriter(run_dir) as writer, EpisodeProgress(labels.system, len(keys)) as progress:
+    with (
+        RecordWriter(run_dir) as writer,
+        EpisodeProgress(labels.system, len(maps.numbers) * config.runs) as progress,
+    ):
         done = writer.done()
         progress.skip(len(done))
-        todo = [key for key in _by_run(keys) if key not in done]
+        todo = (key for key in _by_run(maps, config.runs) if key not in done)
         for result in executor.map(initialise, payload, todo):
             writer.append(result)
             progress.add(result.record.outcome)
@@ -87,7 +90,7 @@ def report(maps: MapSet, job: Job[EvalConfig]) -> tuple[pd.DataFrame, list[Row],
     """Write tables and picture, from the records alone; the records, the rows of the table, and all files."""
     from runners.analysis.summary import summarise
     from runners.analysis.tables import write_tables
-    from runners.figures.reports.paths import sample_worlds, trajectories_figure
+    from runners.figures.reports.paths import sample_episodes, sample_worlds, trajectories_figure
 
     run_dir = job.run_dir
     frame = read_episodes([run_dir])
@@ -95,7 +98,8 @@ def report(maps: MapSet, job: Job[EvalConfig]) -> tuple[pd.DataFrame, list[Row],
     tables = write_tables(frame, rows, run_dir)
     picture = run_dir / "trajectories.png"
     tasks = {number: maps.task(number) for number in sample_worlds(frame)}
-    trajectories_figure(frame, read_trajectories([run_dir]), tasks, picture)
+    paths = read_trajectories([run_dir], sample_episodes(frame))
+    trajectories_figure(frame, paths, tasks, picture)
     return frame, rows, [*tables, picture, run_dir / EPISODES]
 
 
@@ -118,6 +122,6 @@ def _recordings(config: EpisodesConfig, run_dir: Path) -> Recordings | None:
     return Recordings(run_dir / recorder.FOLDER, identity(config))
 
 
-def _by_run(keys: list[EpisodeKey]) -> list[EpisodeKey]:
-    """Order the episodes run by run, so that a partial run covers the map set."""
-    return sorted(keys, key=lambda key: (key.run, key.world))
+def _by_run(maps: MapSet, runs: int) -> Iterator[EpisodeKey]:
+    """The episodes run by run, so that a partial run covers the map set; none is held in memory."""
+    return (EpisodeKey(world, run) for run in range(runs) for world in sorted(maps.numbers))

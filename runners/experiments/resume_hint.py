@@ -1,4 +1,4 @@
-"""What Ctrl-C leaves: a run that can be resumed."""
+"""What Ctrl-C and SIGTERM leave: a run that can be resumed."""
 
 from __future__ import annotations
 
@@ -12,9 +12,12 @@ from runners.config.composer import resume_command
 
 @contextmanager
 def resume_hint(command: str, run_dir: Path) -> Iterator[None]:
-    """Print the command that resumes the run in `run_dir` if Ctrl-C ends the block."""
+    """Print the command that resumes the run in `run_dir` if Ctrl-C or SIGTERM ends the block."""
     try:
         yield
     except KeyboardInterrupt:
-        print(f"\nStopped. Go on with: {resume_command(command, run_dir)}", file=sys.stderr)
+        print(
+            f"\nStopped; what is finished is kept. Go on with: {resume_command(command, run_dir)}",
+            file=sys.stderr,
+        )
         raise

@@ -12,7 +12,7 @@ from urllib.parse import quote
 from runners.analysis.failures import FOLDER, HEADER, INDEX, cells, episodes_told, page_path
 from runners.analysis.summary import summarise, title
 from runners.analysis.tables import to_html
-from runners.explainer.write import fill, write_html
+from runners.explainer.write import asset, fill, write_html
 from runners.records.episode_record import EpisodeKey
 
 if TYPE_CHECKING:
@@ -36,6 +36,7 @@ def write_index(frame: pd.DataFrame, run_dir: Path) -> Path:
     header = "".join(f"<th>{name}</th>" for name in ("Episode", *HEADER[2:], "Switches"))
     parts = {
         "TITLE": html.escape(title(frame)),
+        "STYLE": asset("index.css"),
         "RUN": html.escape("/".join(run_dir.resolve().parts[-2:])),  # as MLflow names it
         "RESULTS": to_html(summarise(frame)),
         "PAGES": f"<table>\n<tr>{header}</tr>\n" + "\n".join(lines) + "\n</table>",

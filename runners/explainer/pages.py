@@ -7,7 +7,6 @@ import json
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -128,13 +127,12 @@ def initialise(payload: PagePayload) -> Callable[[EpisodeKey], Page]:
     from runners.workers.trace import rerun_recorded
 
     run_dir = payload.run_dir
-    trajectories = cache(lambda: read_trajectories([run_dir]))  # once per process, for its first page
 
     def make(key: EpisodeKey) -> Page:
         path = payload.places[key]
         try:
             mark = _MARK.format(payload.marks[key])
-            trace = rerun_recorded(run_dir, key.world, key.run, trajectories())
+            trace = rerun_recorded(run_dir, key.world, key.run, read_trajectories([run_dir], [key]))
             write_page(trace, path, payload.systems[key], mark)
         except (InputError, OSError) as error:
             return Page(key, path, str(error))

@@ -66,12 +66,12 @@ def sentences(trace: Trace) -> list[str]:
 
 def page(trace: Trace, reasons: Sequence[str], system: str = "") -> str:
     """The HTML of the page. reasons: one sentence per decision."""
-    style = "\n".join(_asset(name) for name in STYLES)
-    scripts = "\n".join(_asset(name) for name in SCRIPTS)
-    script = f'/*\n{_asset(LICENCE)}*/\n{_asset(LIBRARY)}\n(() => {{\n"use strict";\n{scripts}\n}})();'
+    style = "\n".join(asset(name) for name in STYLES)
+    scripts = "\n".join(asset(name) for name in SCRIPTS)
+    script = f'/*\n{asset(LICENCE)}*/\n{asset(LIBRARY)}\n(() => {{\n"use strict";\n{scripts}\n}})();'
     parts = {
         "TITLE": html.escape(title(trace)),
-        "POLICY": _policy(style, script),
+        "POLICY": policy(style, script),
         "STYLE": style,
         "DATA": encode(trace, reasons, system),
         "SCRIPT": script,
@@ -81,10 +81,10 @@ def page(trace: Trace, reasons: Sequence[str], system: str = "") -> str:
 
 def fill(name: str, parts: Mapping[str, str]) -> str:
     """An asset in which each NAME in double braces is replaced by its part."""
-    return re.sub(r"{{([A-Z]+)}}", lambda found: parts[found[1]], _asset(name))
+    return re.sub(r"{{([A-Z]+)}}", lambda found: parts[found[1]], asset(name))
 
 
-def _policy(style: str, script: str) -> str:
+def policy(style: str, script: str) -> str:
     """Content security policy: this style, this script, and no connections."""
     return (
         f"default-src 'none'; style-src {_hash(style)}; script-src {_hash(script)}; img-src data:; "
@@ -96,5 +96,6 @@ def _hash(text: str) -> str:
     return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode('utf-8')).digest()).decode('ascii')}'"
 
 
-def _asset(name: str) -> str:
+def asset(name: str) -> str:
+    """The text of a file that pages are made of."""
     return (ASSETS / name).read_text(encoding="utf-8")

@@ -110,11 +110,12 @@ class Clone:
     def learn(self, run: Run) -> None:
         run.sharpness = self._config.sharpness
         optimiser = torch.optim.Adam(run.network.parameters(), self._config.lr)
-        state = run.restore()
-        done = 0
-        if state is not None:
-            done = state["rounds"]
+
+        def take(state: dict[str, Any]) -> int:
             optimiser.load_state_dict(state["optimiser"])
+            return int(state["rounds"])
+
+        done = run.restore(take) or 0
         parts = [_read(_file(run, number)) for number in range(done)]
         for number in range(done, self._config.rounds):
             new = self._collected(run, number)
@@ -204,11 +205,17 @@ def _write(path: Path, found: list[Taught], failures: bool) -> None:
 
 
 def _read(path: Path) -> Data:
-    with np.load(path) as file:
-        arrays = {name: torch.from_numpy(file[name]) for name in file.files}
-    count = sum(name.startswith("feature_") for name in arrays)
-    features = tuple(arrays[f"feature_{i}"] for i in range(count))
-    return Data(features, arrays["actions"], arrays["outcomes"])
+    """The steps in a file. Raises InputError for a damaged one."""
+    try:
+        with np.load(path) as file:
+            arrays = {name: torch.from_numpy(file[name]) for name in file.files}
+        count = sum(name.startswith("feature_") for name in arrays)
+        features = tuple(arrays[f"feature_{i}"] for i in range(count))
+        return Data(features, arrays["actions"], arrays["outcomes"])
+    except Exception as error:  # damaged bytes raise anything
+        raise InputError(
+            f"{path}: is damaged ({type(error).__name__}): restore it, or start anew in another directory"
+        ) from error
 
 
 def _joined(data: list[Data]) -> Data:

@@ -161,8 +161,9 @@ def _judge(run: Run, parts: Parts, done: int, driving: Driving, numbers: Row) ->
 
 def _restored(run: Run, parts: Parts) -> tuple[int, int, int]:
     """Steps, stage and episodes of the checkpoint, whose other content goes into the parts."""
-    state = run.restore()
-    if state is None:
-        return 0, 0, 0
-    parts.load(state)
-    return state["steps"], state["stage"], state["episodes"]
+
+    def take(state: dict[str, Any]) -> tuple[int, int, int]:
+        parts.load(state)
+        return state["steps"], state["stage"], state["episodes"]
+
+    return run.restore(take) or (0, 0, 0)

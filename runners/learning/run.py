@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import csv
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from time import perf_counter
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 import torch
 from torch import Tensor, nn
 
+from lme.errors import InputError
 from runners.config.schema import LearnConfig
 from runners.config.weights import NETWORK
 from runners.learning.learnable import Learnable, network_class, planner_config
@@ -26,6 +27,7 @@ CHECKPOINT, CURVES, PRESENT = "checkpoint.pt", "curves.csv", "network.npz"
 _GUIDES = 0x6775  # seeds the draw of guides apart from the episodes
 
 Row = dict[str, float]
+T = TypeVar("T")
 
 
 class Learner(Protocol):
@@ -75,17 +77,25 @@ class Run:
         """Time spent on the training, also before it was resumed [s]."""
         return self._seconds + perf_counter() - self._began
 
-    def restore(self) -> dict[str, Any] | None:
-        """Take over curves and network of the checkpoint; the learner's own state there, or None without one."""
+    def restore(self, take: Callable[[dict[str, Any]], T]) -> T | None:
+        """Take over curves and network of the checkpoint; what `take` makes of the learner's own state there.
+
+        None without a checkpoint. Raises InputError, naming the file, for a damaged one.
+        """
         path = self.run_dir / CHECKPOINT
         if not path.is_file():
             return None
-        saved = torch.load(path, weights_only=True)
-        self.rows, self.best, self._seconds = saved["rows"], saved["best"], saved["seconds"]
-        self.network.load_state_dict(saved["network"])
-        self._progress.reach(int(saved["done"]), self.best)
-        state: dict[str, Any] = saved["state"]
-        return state
+        try:
+            saved = torch.load(path, weights_only=True)
+            self.rows, self.best, self._seconds = saved["rows"], saved["best"], saved["seconds"]
+            self.network.load_state_dict(saved["network"])
+            self._progress.reach(int(saved["done"]), self.best)
+            return take(saved["state"])
+        except Exception as error:  # damaged bytes raise anything
+            raise InputError(
+                f"{path}: is no checkpoint of this training, or damaged ({type(error).__name__}): restore it, or start "
+                "anew in another directory"
+            ) from error
 
     def keep(self, done: int, row: Row | None, state: Mapping[str, Any]) -> None:
         """Write the checkpoint after `done` rounds or steps.
@@ -107,8 +117,9 @@ class Run:
             "network": self.network.state_dict(),
             "state": dict(state),
         }
-        with replacing(self.run_dir / CHECKPOINT) as draft:
-            torch.save(saved, draft)
+        # Through a Python file, because torch's own error does not tell a full disk from other causes.
+        with replacing(self.run_dir / CHECKPOINT) as draft, draft.open("wb") as file:
+            torch.save(saved, file)
         self._progress.reach(done, self.best)
 
     def write(self, name: str = PRESENT) -> str:

@@ -7,19 +7,24 @@ the episode that was written.
 from __future__ import annotations
 
 import base64
+import contextlib
+import io
 import json
 import os
-from collections.abc import Iterator
+from array import array
+from collections.abc import Container, Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lme.errors import InputError
-from runners.records.episode_record import EpisodeKey, EpisodeResult
+from runners.records.episode_record import COLUMNS, TEXTS, EpisodeKey, EpisodeResult
 
 APPEND_LOG = "parts/episodes.jsonl"
+
+_BLOCK = 1 << 20  # bytes
 
 
 class LogEntry(NamedTuple):
@@ -36,59 +41,133 @@ class LogEntry(NamedTuple):
         """Which episode this is."""
         return EpisodeKey.of(self.row)
 
+    @property
+    def steps(self) -> int:
+        """Rows of the trajectory."""
+        return len(next(iter(self.trajectory.values()), ()))
 
-def encode(result: EpisodeResult) -> bytes:
-    """The line of an episode. An array is [dtype, base64 of its bytes]: exact, and shorter than decimal digits."""
+
+def entry_of(result: EpisodeResult) -> LogEntry:
+    """The entry of an episode."""
     from lme.episode import TRAJECTORY_COLUMNS
 
-    columns = zip(TRAJECTORY_COLUMNS, result.trajectory.T, strict=True)
+    return LogEntry(result.record.columns(), dict(zip(TRAJECTORY_COLUMNS, result.trajectory.T, strict=True)))
+
+
+def encode(entry: LogEntry) -> bytes:
+    """The line of an episode. An array is [dtype, base64 of its bytes]: exact, and shorter than decimal digits."""
     arrays = {
         name: [array.dtype.str, base64.b64encode(np.ascontiguousarray(array).tobytes()).decode()]
-        for name, array in columns
+        for name, array in entry.trajectory.items()
     }
-    entry = {"record": result.record.columns(), "trajectory": arrays}
-    return json.dumps(entry, default=lambda scalar: scalar.item()).encode() + b"\n"
+    line = {"record": entry.row, "trajectory": arrays}
+    return json.dumps(line, default=lambda scalar: scalar.item()).encode() + b"\n"
 
 
-def read_log(path: Path) -> Iterator[LogEntry]:
-    """Entries of an append log, the first of each key. A last line without a newline is left out.
+class AppendLog:
+    """An append log, read in the order of the keys; of equal keys the first line counts.
 
-    Raises InputError for a line that is not an episode.
+    Only the keys and places of its lines are held in memory, 24 bytes each. A last line without a newline is left out.
+    keys: (N, 2) world and run, sorted. layouts: every combination of (name, dtype) of trajectory columns.
     """
-    if not path.is_file():
-        return
-    seen: set[EpisodeKey] = set()
-    with path.open("rb") as lines:
-        for number, line in enumerate(lines, start=1):
+
+    def __init__(self, lines: BinaryIO, path: Path) -> None:
+        """Raises InputError for a line that is not an episode."""
+        self._lines, self._path = lines, path
+        self.layouts: set[tuple[tuple[str, str], ...]] = set()
+        places = np.array(self._places(), dtype=np.int64).reshape(-1, 3)  # world, run, first byte
+        order = np.lexsort((places[:, 1], places[:, 0]))  # stable
+        first = np.ones(len(order), dtype=bool)
+        first[1:] = (np.diff(places[order, :2], axis=0) != 0).any(axis=1)
+        self._order = order[first]
+        self._starts = places[self._order, 2]
+        self.keys = places[self._order, :2]
+
+    def entries(self, wanted: Container[EpisodeKey] | None = None) -> Iterator[LogEntry]:
+        """Entries in the order of the keys; all, or the `wanted` ones. Raises InputError."""
+        for number, start, key in zip(self._order, self._starts, self.keys.tolist(), strict=True):
+            if wanted is None or EpisodeKey(*key) in wanted:
+                self._lines.seek(start)
+                yield _decode(self._lines.readline(), self._path, int(number) + 1)
+
+    def _places(self) -> array[int]:
+        places, start = array("q"), 0
+        for number, line in enumerate(self._lines, start=1):
             if not line.endswith(b"\n"):
-                return
-            entry = _decode(line, path, number)
-            if entry.key not in seen:
-                seen.add(entry.key)
-                yield entry
+                break
+            with _told(self._path, number):
+                fields = json.loads(line)
+                key = EpisodeKey.of(fields["record"])
+                places.extend((key.world, key.run, start))
+                self.layouts.add(
+                    tuple((name, _dtype(kind).str) for name, (kind, _) in fields["trajectory"].items())
+                )
+            start += len(line)
+        return places
+
+
+@contextlib.contextmanager
+def read_log(path: Path) -> Iterator[AppendLog]:
+    """Give the append log at `path`; an empty one where there is none. Raises InputError as `AppendLog` does."""
+    with path.open("rb") if path.is_file() else io.BytesIO() as lines:
+        yield AppendLog(lines, path)
 
 
 def _decode(line: bytes, path: Path, number: int) -> LogEntry:
-    try:
+    with _told(path, number):
         fields = json.loads(line)
         arrays = {
-            name: np.frombuffer(base64.b64decode(data), dtype=np.dtype(kind))
+            name: np.frombuffer(base64.b64decode(data), dtype=_dtype(kind))
             for name, (kind, data) in fields["trajectory"].items()
         }
-        entry = LogEntry(fields["record"], arrays)
-        _ = entry.key
-    except (ValueError, TypeError, KeyError, AttributeError):
+        if len(set(map(len, arrays.values()))) > 1:
+            raise ValueError("columns of different lengths")
+        _check(fields["record"])
+        return LogEntry(fields["record"], arrays)
+
+
+def _dtype(kind: str) -> np.dtype[Any]:
+    dtype = np.dtype(kind)
+    if dtype.kind not in "fiu":
+        raise ValueError(f"{kind} is no type of numbers")
+    return dtype
+
+
+def _check(row: dict[str, Any]) -> None:
+    """Raise TypeError or ValueError unless the values are of the kinds that `encode` writes."""
+    for name, value in row.items():
+        kind = str if name in TEXTS else int | float if name in COLUMNS else str | int | float
+        if value is not None and not isinstance(value, kind):
+            raise TypeError(f"{name} is {value!r}")
+        if isinstance(value, int) and abs(value) >= 2**63:
+            raise ValueError(f"{name} is too large")
+
+
+@contextlib.contextmanager
+def _told(path: Path, number: int) -> Iterator[None]:
+    """Raise InputError, which names the line, where its content is not that of an episode."""
+    try:
+        yield
+    except (ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError):
         raise InputError(f"{path} line {number} is not an episode record: remove that line") from None
-    return entry
 
 
 def cut_torn_line(path: Path) -> None:
     """Remove a last line without a newline, which a killed run left; the next line would be joined to it."""
-    if path.is_file():
-        content = path.read_bytes()
-        whole = content.rfind(b"\n") + 1
-        if whole < len(content):
-            os.truncate(path, whole)
+    if not path.is_file():
+        return
+    with path.open("rb") as file:
+        size = whole = file.seek(0, os.SEEK_END)
+        while whole > 0:
+            begin = max(0, whole - _BLOCK)
+            file.seek(begin)
+            newline = file.read(whole - begin).rfind(b"\n")
+            if newline >= 0:
+                whole = begin + newline + 1
+                break
+            whole = begin
+    if whole < size:
+        os.truncate(path, whole)
 
 
 def lock(file: Any, run_dir: Path) -> None:

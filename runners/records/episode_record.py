@@ -95,3 +95,4 @@ class EpisodeResult:
 
 KEY_COLUMNS = tuple(column.name for column in fields(EpisodeKey))
 COLUMNS = tuple(column.name for column in fields(EpisodeRecord) if column.name != "world_measures")
+TEXTS = tuple(column.name for column in fields(EpisodeRecord) if column.type == "str")

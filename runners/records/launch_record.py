@@ -11,6 +11,7 @@ import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,7 @@ from runners.config.flatten import flatten
 from runners.config.instantiate import filled
 from runners.config.job import Job
 from runners.config.schema import RecordedConfig, SystemConfig
+from runners.records.versions import code
 from runners.records.whole_file import write_whole
 
 LAUNCH = "launch.json"
@@ -34,7 +36,8 @@ class Launch:
 
     configs: the part of the config that decides results; one for a run, one per job for a sweep. choices: the
     option of every config group. changes: keys that have other values than their options' files. Both are in the
-    order of configs. config_dir: of the user's own options. job: its number within a sweep.
+    order of configs. config_dir: of the user's own options. job: its number within a sweep. started: date and time.
+    code: the version that drove it, in words.
     """
 
     command: str
@@ -47,10 +50,15 @@ class Launch:
     config_dir: str | None = None
     config_name: str | None = None
     job: int | None = None
+    started: str = ""
+    code: str = ""
 
     def __post_init__(self) -> None:
         self.choices = self.choices or [{} for _ in self.configs]
         self.changes = self.changes or [{} for _ in self.configs]
+        lists = (self.configs, self.choices, self.changes)
+        if not self.configs or not all(isinstance(part, dict) for one in lists for part in one):
+            raise TypeError(f"configs are {self.configs!r}: must be one or more mappings")
 
     @property
     def config(self) -> RecordedConfig:
@@ -63,8 +71,14 @@ class Launch:
         return catalogue.shipped(*([Path(self.config_dir)] if self.config_dir else [])).folders
 
     def write(self, directory: Path) -> None:
-        """Write `launch.json` whole. Raises InputError where the directory cannot be written."""
-        text = json.dumps(dataclasses.asdict(self), indent=1, sort_keys=True)
+        """Write `launch.json` whole. A run that is resumed keeps its start and its code.
+
+        Raises InputError where the directory cannot be written.
+        """
+        before = read_launch(directory)
+        resumed = before is not None and before.fingerprint == self.fingerprint
+        kept = {"started": before.started, "code": before.code} if before is not None and resumed else {}
+        text = json.dumps({**dataclasses.asdict(self), **kept}, indent=1, sort_keys=True)
         try:
             write_whole(directory / LAUNCH, text + "\n")
         except OSError as error:
@@ -74,9 +88,10 @@ class Launch:
 def read_launch(directory: Path) -> Launch | None:
     """The launch of a run directory; None where it holds no readable one."""
     try:
-        return Launch(**json.loads((directory / LAUNCH).read_text(encoding="utf-8")))
-    except (OSError, ValueError, TypeError):
+        launch = Launch(**json.loads((directory / LAUNCH).read_text(encoding="utf-8")))
+    except (OSError, ValueError, TypeError, RecursionError):
         return None
+    return launch if _is_whole(launch) else None
 
 
 def recorded_config(values: Mapping[str, Any]) -> RecordedConfig:
@@ -108,6 +123,8 @@ def launch_of(
         changes=[_canonical(dict(job.changes)) for job in jobs],
         config_dir=str(own[0]) if own else None,
         config_name=config_name,
+        started=datetime.now(UTC).isoformat(timespec="seconds"),
+        code=code(),
     )
 
 
@@ -150,6 +167,24 @@ def unusable(directory: Path, what: str, error: OSError) -> InputError:
         f"output directory {directory}: cannot be {what} ({error.strerror}): "
         "choose another with hydra.run.dir=PATH"
     )
+
+
+def _is_whole(launch: Launch) -> bool:
+    """Whether a launch that was read holds what `launch_of` gives, and as much of it for every job."""
+    texts = [launch.command, launch.fingerprint, launch.config_dir or "", launch.config_name or ""]
+    parts = (launch.configs, launch.choices, launch.changes)
+    return (
+        all(isinstance(text, str) for text in texts)
+        and isinstance(launch.multirun, bool)
+        and (launch.job is None or isinstance(launch.job, int))
+        and _is_list_of(str, launch.overrides)
+        and all(_is_list_of(dict, part) and len(part) == len(launch.configs) > 0 for part in parts)
+        and all(isinstance(name, str) for choices in launch.choices for name in choices.values())
+    )
+
+
+def _is_list_of(kind: type, value: Any) -> bool:
+    return isinstance(value, list) and all(isinstance(item, kind) for item in value)
 
 
 def _canonical(value: Any) -> Any:

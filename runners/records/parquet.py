@@ -1,99 +1,313 @@
-"""The two Parquet files of a run, `episodes.parquet` and `trajectories.parquet`."""
+"""The two Parquet files of a run, `episodes.parquet` and `trajectories.parquet`.
+
+Control steps are read and written in blocks of whole episodes, so a run of any length needs little memory.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import contextlib
+from collections.abc import Collection, Iterable, Iterator, Sequence
+from itertools import groupby, pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lme.errors import InputError
-from runners.records.append_log import LogEntry
-from runners.records.episode_record import COLUMNS, KEY_COLUMNS, EpisodeKey
+from lme.types import Ints
+from runners.records.append_log import AppendLog, LogEntry
+from runners.records.episode_record import COLUMNS, KEY_COLUMNS, TEXTS, EpisodeKey
 from runners.records.whole_file import replacing
 
 if TYPE_CHECKING:
     import pyarrow as pa
+    import pyarrow.parquet as pq
 
 EPISODES = "episodes.parquet"
 TRAJECTORIES = "trajectories.parquet"
+
+_BLOCK_STEPS = 100_000  # control steps of a block, which is a row group of trajectories.parquet
+_STEP_KEY = (*KEY_COLUMNS, "step")
 
 
 def keys_of(run_dir: Path) -> set[EpisodeKey]:
     """Keys of the episodes in the Parquet file of a run."""
     path = run_dir / EPISODES
-    return _keys(_read_table(path)) if path.is_file() else set()
+    if not path.is_file():
+        return set()
+    columns = _read_table(path, KEY_COLUMNS).to_pydict()
+    return set(map(EpisodeKey, columns["world"], columns["run"]))
 
 
-def episode_table(run_dir: Path, entries: Sequence[LogEntry]) -> pa.Table:
+def new_in(log: AppendLog, done: Collection[EpisodeKey]) -> set[EpisodeKey]:
+    """Keys of the append log that are not `done`."""
+    return {key for world, run in log.keys.tolist() if (key := EpisodeKey(world, run)) not in done}
+
+
+def episode_table(run_dir: Path, log: AppendLog) -> pa.Table:
     """Episodes of the run's Parquet file and of its append log, sorted by key, each once."""
+    path = run_dir / EPISODES
+    known = [_read_table(path)] if path.is_file() else []
+    new = new_in(log, keys_of(run_dir))
+    with _agreeing(run_dir):
+        return _episodes([*known, *map(_rows, _blocks(log.entries(new)))])
+
+
+def trajectory_table(run_dir: Path, log: AppendLog, wanted: Collection[EpisodeKey] | None = None) -> pa.Table:
+    """Control steps in the run's Parquet file and of its append log, sorted; those of each episode once.
+
+    wanted: the episodes; None for all.
+    """
     import pyarrow as pa
 
-    path = run_dir / EPISODES
-    rows = _read_table(path).to_pylist() if path.is_file() else []
-    by_key = {EpisodeKey.of(row): row for row in [*(entry.row for entry in entries), *rows]}
-    ordered = [by_key[key] for key in sorted(by_key)]
-    names = _in_order({name for row in ordered for name in row}, COLUMNS)
-    return pa.table({name: [row.get(name) for row in ordered] for name in names})
+    done = keys_of(run_dir)
+    new = new_in(log, done)
+    if wanted is not None:
+        done, new = done.intersection(wanted), new.intersection(wanted)
+    with _agreeing(run_dir):
+        schema = _step_schema(log)
+        tables = [
+            schema.empty_table(),
+            *_steps_in_file(run_dir / TRAJECTORIES, done),
+            *(_steps(block, schema) for block in _blocks(log.entries(new))),
+        ]
+        joined = pa.concat_tables(tables, promote_options="permissive")
+    return joined.sort_by([(name, "ascending") for name in _STEP_KEY]).combine_chunks()
 
 
-def trajectory_table(run_dir: Path, entries: Sequence[LogEntry]) -> pa.Table:
-    """Control steps in the run's Parquet file and of its append log, sorted; those of each episode once."""
+def write_files(run_dir: Path, log: AppendLog) -> None:
+    """Write both files anew with the episodes of the append log. Raises OSError."""
+    import pyarrow.parquet as pq
+
+    # Trajectories first: an episode is complete once it is in episodes.parquet.
+    # Through Python files, because their OSError has the number that tells a full disk from other causes.
+    with (
+        _agreeing(run_dir),
+        replacing(run_dir / TRAJECTORIES) as draft,
+        draft.open("wb") as file,
+        pq.ParquetWriter(file, schema := _step_schema(log)) as writer,
+    ):
+        rows = []
+        for block in _blocks(log.entries()):
+            rows.append(_rows(block))
+            writer.write_table(_steps(block, schema))
+        episodes = _episodes(rows)
+    with replacing(run_dir / EPISODES) as draft, draft.open("wb") as file:
+        pq.write_table(episodes, file)
+
+
+def entries_in_files(run_dir: Path) -> Iterator[LogEntry]:
+    """The episodes of the two files, if there are any, as they were in the append log."""
+    if not (run_dir / EPISODES).is_file():
+        return
+    table = _read_table(run_dir / EPISODES).to_pylist()
+    rows = {
+        EpisodeKey.of(row): {name: value for name, value in row.items() if value is not None} for row in table
+    }
+    for key, steps in _by_episode(run_dir / TRAJECTORIES):
+        if key in rows:
+            yield LogEntry(rows.pop(key), _trajectory(steps))
+    for row in rows.values():
+        yield LogEntry(row, {})
+
+
+def _blocks(entries: Iterable[LogEntry]) -> Iterator[list[LogEntry]]:
+    """Lists of entries with about `_BLOCK_STEPS` control steps together."""
+    block: list[LogEntry] = []
+    steps = 0
+    for entry in entries:
+        block.append(entry)
+        steps += entry.steps
+        if steps >= _BLOCK_STEPS:
+            yield block
+            block, steps = [], 0
+    if block:
+        yield block
+
+
+def _rows(block: Sequence[LogEntry]) -> pa.Table:
+    import pyarrow as pa
+
+    names = dict.fromkeys(name for entry in block for name in entry.row)
+    return pa.table({name: [entry.row.get(name) for entry in block] for name in names})
+
+
+def _episodes(tables: Sequence[pa.Table]) -> pa.Table:
+    """One table of episodes: known columns in their order, then the others by name; sorted by key."""
+    import pyarrow as pa
+
+    joined = pa.concat_tables(tables, promote_options="permissive") if tables else pa.table({})
+    names = _in_order(set(joined.column_names), COLUMNS)
+    if not names:
+        return joined
+    return joined.select(names).sort_by([(name, "ascending") for name in KEY_COLUMNS]).combine_chunks()
+
+
+def _step_schema(log: AppendLog) -> pa.Schema:
+    """All trajectory columns of the log; those that this version knows if it is empty."""
     import pyarrow as pa
 
     from lme.episode import TRAJECTORY_COLUMNS
 
-    known = (*KEY_COLUMNS, "step", *TRAJECTORY_COLUMNS)
-    path = run_dir / TRAJECTORIES
-    tables = [_read_table(path)] if path.is_file() else []
-    done = {key for table in tables for key in _keys(table)}
-    tables += [_steps(entry) for entry in entries if entry.key not in done]
-    if not tables:
-        return pa.table({name: [] for name in known})
-    joined = pa.concat_tables(tables, promote_options="default")
-    joined = joined.select(_in_order(set(joined.column_names), known))
-    return joined.sort_by([(name, "ascending") for name in (*KEY_COLUMNS, "step")]).combine_chunks()
+    key = [(name, pa.int64()) for name in _STEP_KEY]
+    layouts = [
+        pa.schema([*key, *((name, pa.from_numpy_dtype(np.dtype(kind))) for name, kind in layout)])
+        for layout in sorted(log.layouts)
+    ]
+    schema = pa.unify_schemas(
+        layouts or [pa.schema([*key, *((name, pa.null()) for name in TRAJECTORY_COLUMNS)])],
+        promote_options="permissive",
+    )
+    names = _in_order(set(schema.names), (*_STEP_KEY, *TRAJECTORY_COLUMNS))
+    return pa.schema([schema.field(name) for name in names])
 
 
-def write_table(table: pa.Table, path: Path) -> None:
-    """Write a Parquet file whole. Raises OSError."""
-    import pyarrow.parquet as pq
+def _steps(block: Sequence[LogEntry], schema: pa.Schema) -> pa.Table:
+    """The control steps of the entries, in their order."""
+    import pyarrow as pa
 
-    # Through a Python file, because its OSError has the number that tells a full disk from other causes.
-    with replacing(path) as draft, draft.open("wb") as file:
-        pq.write_table(table, file)
+    tables = [schema.empty_table()]
+    for names, same in groupby(block, key=lambda entry: tuple(entry.trajectory)):
+        entries = list(same)
+        counts = [entry.steps for entry in entries]
+        keys = {name: np.repeat([entry.row[name] for entry in entries], counts) for name in KEY_COLUMNS}
+        numbers = np.concatenate([np.arange(count) for count in counts])
+        columns = {name: np.concatenate([entry.trajectory[name] for entry in entries]) for name in names}
+        tables.append(pa.table({**keys, "step": numbers, **columns}))
+    return pa.concat_tables(tables, promote_options="permissive").cast(schema).combine_chunks()
 
 
-def _read_table(path: Path) -> pa.Table:
-    """A Parquet file of records. Raises InputError where it is none."""
+def _steps_in_file(path: Path, wanted: Collection[EpisodeKey]) -> Iterator[pa.Table]:
+    """The control steps of the wanted episodes, by row group."""
+    import pyarrow as pa
+
+    if not path.is_file() or not wanted:
+        return
+    keys = np.array([(key.world, key.run) for key in wanted], dtype=np.int64)
+    for table in _row_groups(path, np.unique(keys[:, 0])):
+        yield table.filter(pa.array(np.isin(_codes(_keys(table)), _codes(keys))))
+
+
+def _by_episode(path: Path) -> Iterator[tuple[EpisodeKey, pa.Table]]:
+    """The control steps of every episode in turn; a row group may end within an episode."""
+    import pyarrow as pa
+
+    rest = None
+    for group in _row_groups(path) if path.is_file() else ():
+        table = group if rest is None else pa.concat_tables([rest, group])
+        keys = _keys(table)
+        starts = np.flatnonzero(np.diff(_codes(keys), prepend=-1))
+        for start, end in pairwise(starts.tolist()):
+            yield EpisodeKey(*keys[start].tolist()), table.slice(start, end - start)
+        rest = table.slice(int(starts[-1]))
+    if rest is not None:
+        yield EpisodeKey(*_keys(rest)[0].tolist()), rest
+
+
+def _row_groups(path: Path, worlds: Ints | None = None) -> Iterator[pa.Table]:
+    """The row groups that are not empty; only those which may hold one of the sorted `worlds`."""
+    with _opened(path, _STEP_KEY) as file:
+        for number in range(file.num_row_groups):
+            if worlds is None or _may_hold(file, number, worlds):
+                table = _whole(file.read_row_group(number), path)
+                if table.num_rows:
+                    yield table
+
+
+def _may_hold(file: pq.ParquetFile, group: int, worlds: Ints) -> bool:
+    column = file.schema_arrow.get_field_index("world")
+    found = file.metadata.row_group(group).column(column).statistics
+    if found is None or not found.has_min_max:
+        return True
+    return bool(((worlds >= found.min) & (worlds <= found.max)).any())
+
+
+def _read_table(path: Path, columns: Sequence[str] | None = None) -> pa.Table:
+    """A Parquet file of records, or these columns of it. Raises InputError where it is none."""
+    with _opened(path) as file:
+        return _whole(file.read(columns), path)
+
+
+@contextlib.contextmanager
+def _opened(path: Path, required: Sequence[str] = KEY_COLUMNS) -> Iterator[pq.ParquetFile]:
+    """A Parquet file of records. Raises InputError where it is none, also while it is read."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
     try:
         # read_table would take the name of the folder for a partition key; ParquetFile does not.
         with pq.ParquetFile(path) as file:
-            table = file.read()
-    except (pa.ArrowException, OSError) as error:
+            _check_columns(file.schema_arrow, required, path)
+            yield file
+    except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
         reason = str(error).splitlines()[0]
         raise InputError(f"{path} is not a readable Parquet file: {reason}; restore or remove it") from None
-    missing = set(KEY_COLUMNS) - set(table.column_names)
+
+
+def _check_columns(schema: pa.Schema, required: Sequence[str], path: Path) -> None:
+    """Raise InputError for a column that is missing, that stands twice, or whose values are not of its kind."""
+    names = schema.names
+    missing = set(required) - set(names)
     if missing:
         raise InputError(f"{path} lacks the columns {', '.join(sorted(missing))}: not a file of lme eval")
+    for field in schema:
+        if names.count(field.name) > 1:
+            raise InputError(f"{path}: column {field.name!r} stands twice: not a file of lme eval")
+        if not _is_right(field):
+            raise InputError(f"{path}: column {field.name!r} holds {field.type}: not a file of lme eval")
+
+
+def _is_right(column: pa.Field) -> bool:
+    """Whether the type of a column is one that its values may have; pandas may have written it again."""
+    import pyarrow.types as types
+
+    held = column.type.value_type if types.is_dictionary(column.type) else column.type
+    if column.name in _STEP_KEY:
+        return bool(types.is_integer(held))
+    number = types.is_integer(held) or types.is_floating(held)
+    text = types.is_string(held) or types.is_large_string(held)
+    if column.name in COLUMNS:
+        return bool(types.is_null(held) or (text if column.name in TEXTS else number))
+    return bool(types.is_null(held) or types.is_boolean(held) or number or text)
+
+
+def _whole(table: pa.Table, path: Path) -> pa.Table:
+    """The table, after a check of its values, which are not decoded before they are used."""
+    table.validate(full=True)
+    if any(table[name].null_count for name in KEY_COLUMNS):
+        raise InputError(f"{path} has rows without a world or run: not a file of lme eval")
     return table
 
 
-def _keys(table: pa.Table) -> set[EpisodeKey]:
-    distinct = table.group_by(list(KEY_COLUMNS)).aggregate([])
-    return {EpisodeKey.of(row) for row in distinct.to_pylist()}
-
-
-def _steps(entry: LogEntry) -> pa.Table:
+@contextlib.contextmanager
+def _agreeing(run_dir: Path) -> Iterator[None]:
+    """Raise InputError for records that are each right, but hold different things under the same name."""
     import pyarrow as pa
 
-    num_steps = max(map(len, entry.trajectory.values()), default=0)
-    world, run = (np.full(num_steps, number) for number in (entry.key.world, entry.key.run))
-    return pa.table({"world": world, "run": run, "step": np.arange(num_steps), **entry.trajectory})
+    try:
+        yield
+    except pa.ArrowException as error:
+        reason = str(error).splitlines()[0]
+        raise InputError(
+            f"records in {run_dir} disagree: {reason}; remove the line or file that differs"
+        ) from None
+
+
+def _keys(table: pa.Table) -> Ints:
+    """World and run of each row (N, 2)."""
+    return np.column_stack([table[name].to_numpy() for name in KEY_COLUMNS]).astype(np.int64)
+
+
+def _codes(keys: Ints) -> Ints:
+    """World and run (N, 2) as one number, in the same order."""
+    return (keys[:, 0] << 32) + keys[:, 1]
+
+
+def _trajectory(steps: pa.Table) -> dict[str, NDArray[Any]]:
+    """The columns of an episode that it has."""
+    names = [name for name in steps.column_names if name not in _STEP_KEY]
+    return {name: steps[name].to_numpy() for name in names if steps[name].null_count < len(steps)}
 
 
 def _in_order(names: set[str], known: Sequence[str]) -> list[str]:

@@ -8,10 +8,9 @@ run is killed, every finished episode is in one of the two places or in both. Re
 from __future__ import annotations
 
 import contextlib
-import errno
 import os
 import warnings
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
@@ -20,26 +19,34 @@ from lme.errors import InputError
 from runners.config.changes import in_words
 from runners.config.flatten import flatten
 from runners.config.weights import scale_in_words
-from runners.records.append_log import APPEND_LOG, LogEntry, cut_torn_line, encode, lock, read_log
+from runners.records.append_log import (
+    APPEND_LOG,
+    AppendLog,
+    LogEntry,
+    cut_torn_line,
+    encode,
+    entry_of,
+    lock,
+    read_log,
+)
 from runners.records.episode_record import KEY_COLUMNS, EpisodeKey, EpisodeResult
 from runners.records.launch_record import Launch, read_launch
 from runners.records.parquet import (
     EPISODES,
-    TRAJECTORIES,
+    entries_in_files,
     episode_table,
     keys_of,
+    new_in,
     trajectory_table,
-    write_table,
+    write_files,
 )
 from runners.records.planned import planned_columns
+from runners.records.whole_file import DISK_FULL
 
 if TYPE_CHECKING:
     import pandas as pd
-    import pyarrow as pa
 
 REQUIRED = frozenset({*KEY_COLUMNS, "system", "outcome"})
-
-_DISK_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
 class RecordsWriteError(OSError):
@@ -58,6 +65,8 @@ class RecordWriter:
         self._log = self._run_dir / APPEND_LOG
         self._file: Any = None
         self._done: set[EpisodeKey] = set()
+        self._appended = 0
+        self._unmerged = 0  # episodes that are in the append log alone
 
     def __enter__(self) -> RecordWriter:
         try:
@@ -72,7 +81,10 @@ class RecordWriter:
         try:
             lock(self._file, self._run_dir)
             cut_torn_line(self._log)
-            self._done = self.done()
+            with read_log(self._log) as log:
+                merged = keys_of(self._run_dir)
+                new = new_in(log, merged)
+            self._done, self._unmerged = merged | new, len(new)
         except BaseException:
             self._file.close()
             raise
@@ -84,18 +96,43 @@ class RecordWriter:
         self._file.close()
 
     def done(self) -> set[EpisodeKey]:
-        """Keys of all episodes recorded so far."""
-        return keys_of(self._run_dir) | {entry.key for entry in read_log(self._log)}
+        """Keys of the episodes that were recorded before."""
+        return self._done
 
     def append(self, result: EpisodeResult) -> None:
-        """Add one finished episode. An episode that is recorded already stays as it is.
+        """Add one finished episode. An episode that was recorded before stays as it is.
 
         Raises RecordsWriteError, for example when the disk is full.
         """
-        key = result.record.key
-        if key in self._done:
-            return
-        line = encode(result)
+        if result.record.key not in self._done:
+            self._append(entry_of(result))
+            self._appended += 1
+            self._unmerged += 1
+
+    def merge(self) -> None:
+        """Move the episodes of the append log to the two Parquet files, sorted by key, and remove the log.
+
+        The result depends on the episodes alone, not on the order in which they finished or on how often the run
+        was resumed. Each file is replaced whole. Raises RecordsWriteError.
+        """
+        if self._unmerged:
+            for entry in entries_in_files(self._run_dir):
+                self._append(entry)
+            try:
+                with read_log(self._log) as log:
+                    write_files(self._run_dir, log)
+            except OSError as error:
+                raise self._write_error(Path(error.filename or self._run_dir), error) from None
+        try:
+            self._log.unlink()  # whoever has it open reads on
+        except OSError:  # Windows keeps a file that is open
+            with contextlib.suppress(OSError):
+                self._file.truncate(0)
+        with contextlib.suppress(OSError):
+            self._log.parent.rmdir()
+
+    def _append(self, entry: LogEntry) -> None:
+        line = encode(entry)
         size_before = os.fstat(self._file.fileno()).st_size
         try:
             while line:
@@ -104,34 +141,11 @@ class RecordWriter:
             with contextlib.suppress(OSError):
                 self._file.truncate(size_before)
             raise self._write_error(self._log, error) from None
-        self._done.add(key)
-
-    def merge(self) -> None:
-        """Move the episodes of the append log to the two Parquet files, sorted by key, and remove the log.
-
-        The result depends on the episodes alone, not on the order in which they finished or on how often the run
-        was resumed. Each file is replaced whole. Raises RecordsWriteError.
-        """
-        entries = list(read_log(self._log))
-        if entries:
-            # Trajectories first: an episode is complete once it is in episodes.parquet.
-            self._write(trajectory_table(self._run_dir, entries), self._run_dir / TRAJECTORIES)
-            self._write(episode_table(self._run_dir, entries), self._run_dir / EPISODES)
-        with contextlib.suppress(OSError):
-            self._file.truncate(0)
-            self._log.unlink()
-            self._log.parent.rmdir()
-
-    def _write(self, table: pa.Table, path: Path) -> None:
-        try:
-            write_table(table, path)
-        except OSError as error:
-            raise self._write_error(path, error) from None
 
     def _write_error(self, path: Path, error: OSError) -> RecordsWriteError:
-        cause = "disk full" if error.errno in _DISK_FULL else error.strerror or str(error)
+        cause = "disk full" if error.errno in DISK_FULL else error.strerror or str(error)
         return RecordsWriteError(
-            f"{cause} while writing {path}: {len(self._done)} episodes are kept; "
+            f"{cause} while writing {path}: {len(self._done) + self._appended} episodes are kept; "
             "free some space and add resume=true"
         )
 
@@ -144,7 +158,7 @@ def find_runs(paths: Iterable[Path]) -> list[Path]:
     runs: list[Path] = []
     for path in map(Path, paths):
         below = sorted(path.iterdir(), key=_natural_order) if path.is_dir() else []
-        found = [path] if _has_records(path) else [child for child in below if _has_records(child)]
+        found = [path] if has_records(path) else [child for child in below if has_records(child)]
         if not found:
             problem = "holds no records" if path.is_dir() else "is not a directory"
             raise InputError(
@@ -165,7 +179,8 @@ def read_episodes(run_dirs: Sequence[Path]) -> pd.DataFrame:
     frames = []
     run_dirs = [Path(run_dir) for run_dir in run_dirs]
     for run_dir, differing in zip(run_dirs, _run_columns(run_dirs), strict=True):
-        table = episode_table(run_dir, _log_entries(run_dir))
+        with _log_of(run_dir) as log:
+            table = episode_table(run_dir, log)
         if table.num_rows == 0:
             warnings.warn(f"{run_dir} holds no finished episode yet: left out", stacklevel=2)
             continue
@@ -180,18 +195,25 @@ def read_episodes(run_dirs: Sequence[Path]) -> pd.DataFrame:
     return pd.concat(frames, ignore_index=True)
 
 
-def read_trajectories(run_dirs: Sequence[Path]) -> pd.DataFrame:
-    """Trajectories of one or more runs, finished or not: one row per control step, with the column `run_dir`."""
+def read_trajectories(
+    run_dirs: Sequence[Path], episodes: Collection[EpisodeKey] | None = None
+) -> pd.DataFrame:
+    """Trajectories of one or more runs, finished or not: one row per control step, with the column `run_dir`.
+
+    episodes: those to read, of each run; None for all, which takes 9 kB of memory for an episode of 70 steps.
+    """
     import pandas as pd
 
-    frames = [
-        trajectory_table(run_dir, _log_entries(run_dir)).to_pandas().assign(run_dir=str(run_dir))
-        for run_dir in map(Path, run_dirs)
-    ]
+    frames = []
+    for run_dir in map(Path, run_dirs):
+        with _log_of(run_dir) as log:
+            table = trajectory_table(run_dir, log, episodes)
+        frames.append(table.to_pandas().assign(run_dir=str(run_dir)))
     return pd.concat(frames, ignore_index=True)
 
 
-def _has_records(path: Path) -> bool:
+def has_records(path: Path) -> bool:
+    """Whether the directory is that of a run with records."""
     return (path / EPISODES).is_file() or (path / APPEND_LOG).is_file()
 
 
@@ -199,10 +221,11 @@ def _natural_order(path: Path) -> tuple[bool, int, str]:
     return not path.name.isdigit(), int(path.name) if path.name.isdigit() else 0, path.name
 
 
-def _log_entries(run_dir: Path) -> list[LogEntry]:
-    if not _has_records(run_dir):
+def _log_of(run_dir: Path) -> contextlib.AbstractContextManager[AppendLog]:
+    """The append log of a run, finished or not. Raises InputError where there is no run."""
+    if not has_records(run_dir):
         raise InputError(f"{run_dir} holds no records: expected {EPISODES} or {APPEND_LOG}")
-    return list(read_log(run_dir / APPEND_LOG))
+    return read_log(run_dir / APPEND_LOG)
 
 
 def _run_columns(run_dirs: Sequence[Path]) -> list[dict[str, object]]:

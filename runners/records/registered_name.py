@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Container
 from contextlib import suppress
 from pathlib import Path
@@ -10,12 +11,21 @@ from typing import Any
 import yaml
 
 from lme.errors import InputError
+from runners.config.weights import REGISTERED
 
 
 def check_name(name: str, ending: str, what: str, shipped: Container[str], key: str = "name") -> None:
-    """Raise InputError unless `name` can name a file that no shipped one hides. what: a shipped file's content."""
+    """Raise InputError unless `name` can name a file that no shipped one hides, and that can be written.
+
+    what: a shipped file's content.
+    """
     if not name or Path(name).name != name or name.startswith("."):
         raise InputError(f"{key} is {name!r}: must be a plain file name without {ending}")
+    place = next(folder for folder in (REGISTERED, *REGISTERED.parents) if folder.exists())
+    if not os.access(place, os.W_OK):
+        raise InputError(
+            f"{place.resolve()}: cannot be written, and {name} belongs there: call lme in another folder"
+        )
     if name in shipped:
         raise InputError(f"{key} is {name!r}: {what} of that name ships with lme; choose another name")
 

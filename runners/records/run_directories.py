@@ -9,7 +9,7 @@ from itertools import count
 from pathlib import Path
 
 from lme.errors import InputError
-from runners.records.append_log import lock
+from runners.records.append_log import APPEND_LOG, lock
 from runners.records.launch_record import LAUNCH, Launch, differences, read_launch, shortened, unusable
 
 ROOT = Path("outputs")
@@ -93,7 +93,7 @@ def _holds_run(directory: Path) -> bool:
 @contextlib.contextmanager
 def held(run_dir: Path) -> Iterator[None]:
     """Lock the directory of a run. Raises InputError if another process holds it."""
-    with (run_dir / LAUNCH).open("rb") as file:
+    with (run_dir / LAUNCH).open("r+b") as file:  # NFS locks only what may be written
         lock(file, run_dir)
         yield
 
@@ -113,13 +113,21 @@ def jobs_of_sweep(sweep_dir: Path, num_jobs: int) -> list[Path]:
 def make_fresh(launch: Launch, given: Path | None, root: Path = ROOT) -> Path:
     """Make the directory of a new run and write its `launch.json`. Returns `given`, or a new one under `root`.
 
-    Raises InputError where it cannot be written or holds a run already.
+    Raises InputError where it cannot be written, holds a run already, or belongs to a process that runs.
     """
     if given is not None and holds_run(given):
         raise InputError(f"{given}: already holds a run: add resume=true or choose another directory")
     directory = _new_directory(launch, root) if given is None else _made(given, exist_ok=True)
+    _check_free(directory)
     launch.write(directory)
     return directory
+
+
+def _check_free(directory: Path) -> None:
+    """Raise InputError if another process is at work in the directory, though it has no results yet."""
+    for path in (directory / LAUNCH, directory / APPEND_LOG):
+        with contextlib.suppress(FileNotFoundError, PermissionError), path.open("r+b") as file:
+            lock(file, directory)
 
 
 def _new_directory(launch: Launch, root: Path) -> Path:

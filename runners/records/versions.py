@@ -1,12 +1,26 @@
-"""Versions of Python and of packages, on which a result may depend."""
+"""Versions of Python, of packages and of the checkout, on which a result may depend."""
 
 from __future__ import annotations
 
 import platform
+import subprocess
 from contextlib import suppress
+from functools import cache
 from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import NamedTuple
 
 import lme
+
+_ROOT = Path(__file__).resolve().parents[2]
+_SHOWN = 8  # digits of a commit in words
+
+
+class Commit(NamedTuple):
+    """The commit of a checkout. changed: whether its files have uncommitted changes."""
+
+    number: str
+    changed: bool
 
 
 def versions(*packages: str) -> dict[str, str]:
@@ -16,3 +30,27 @@ def versions(*packages: str) -> dict[str, str]:
         with suppress(PackageNotFoundError):
             found[package] = version(package)
     return found
+
+
+@cache
+def commit() -> Commit | None:
+    """The commit of this file's checkout; None in an installed wheel."""
+    try:
+        if Path(_git("rev-parse", "--show-toplevel")).resolve() != _ROOT:
+            return None
+        changed = bool(_git("status", "--porcelain", "--untracked-files=no"))
+        return Commit(_git("rev-parse", "HEAD"), changed)
+    except (OSError, subprocess.SubprocessError):
+        return None
+
+
+def code() -> str:
+    """The version of lme and its commit in words: "lme 0.2.0, commit 1ec8305b, changed"."""
+    found = commit()
+    parts = [] if found is None else [f"commit {found.number[:_SHOWN]}", *["changed"] * found.changed]
+    return ", ".join([f"lme {lme.__version__}", *parts])
+
+
+def _git(*arguments: str) -> str:
+    command = ["git", "-C", str(_ROOT), *arguments]
+    return subprocess.run(command, capture_output=True, text=True, check=True, timeout=10).stdout.strip()

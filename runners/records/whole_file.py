@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import glob
 import os
 import time
 from collections.abc import Iterator
 from pathlib import Path
 
+DISK_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 STALE_S = 60.0  # a draft that nobody has written to for so long belongs to a process that was killed
 
 
@@ -26,9 +28,9 @@ def replacing(path: Path) -> Iterator[Path]:
         yield draft
         draft.replace(path)
     except OSError as error:
-        if str(error.filename or draft) == str(draft):
-            error.filename, error.filename2 = str(path), None
-        raise
+        if str(error.filename or draft) != str(draft):
+            raise
+        raise OSError(error.errno, error.strerror or str(error), str(path)) from error
     finally:
         with contextlib.suppress(OSError):
             draft.unlink()

@@ -5,17 +5,22 @@ Uses the package rosbags (extra `replay`). Any error in a file becomes an InputE
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Any, NamedTuple, Self
 
 from lme.errors import InputError
+from lme.live import messages
 from runners.config.extras import install
 
 SUFFIXES = (".bag", ".db3", ".mcap")
 _SECOND = 1_000_000_000
+_READ = (  # message types that a replay reads
+    messages.LASER_SCAN, messages.POINT_CLOUD, messages.ODOMETRY, messages.POSE, messages.POSE_WITH_COVARIANCE,
+    messages.TRANSFORM, messages.TWIST, messages.TWIST_STAMPED, messages.TF[0],
+)  # fmt: skip
 _ROS1_MAGIC, _MCAP_MAGIC, _SQLITE_MAGIC = b"#ROSBAG", b"\x89MCAP0\r\n", b"SQLite format 3\x00"
 _MAGIC = {".bag": _ROS1_MAGIC, ".mcap": _MCAP_MAGIC, ".db3": _SQLITE_MAGIC}
 
@@ -109,11 +114,40 @@ def _opened(path: Path) -> Any:
         reader.open()
     except Exception as error:  # rosbags raises AssertionError on some bags of 2010, struct.error on others
         raise _unreadable(path, error, "not readable as a recording") from error
-    if not reader.message_count:
+    odd = _odd_type(reader.typestore.fielddefs, get_typestore(Stores.ROS2_HUMBLE).fielddefs)
+    if odd or not reader.message_count:
         with suppress(Exception):
             reader.close()
-        raise InputError(f"bag {path}: holds no messages")
+        what = f"defines {odd} otherwise than ROS does, or is damaged" if odd else "holds no messages"
+        raise InputError(f"bag {path}: {what}")
     return reader
+
+
+def _odd_type(defined: Mapping[str, Any], standard: Mapping[str, Any]) -> str:
+    """A type that is read, or is part of one, and lacks a field that it has in ROS; empty if there is none.
+
+    Both give (constants, fields) by the name of a type; a field is a name and a type. ROS 1 has more fields.
+    """
+    todo, seen = [*_READ], set[str]()
+    while todo:
+        name = todo.pop()
+        names = messages.TF if name in messages.TF else (name,)
+        fields = standard[name][1]
+        for own in names:
+            if own in defined and not {*map(repr, fields)} <= {*map(repr, defined[own][1])}:
+                return own
+        seen.add(name)
+        todo += [part for part in _parts(fields) if part in standard and part not in seen]
+    return ""
+
+
+def _parts(fields: Any) -> Iterator[str]:
+    """Every name in a definition; some are those of types."""
+    for item in fields:
+        if isinstance(item, str):
+            yield item
+        elif isinstance(item, tuple):
+            yield from _parts(item)
 
 
 def _check_path(path: Path) -> None:

@@ -80,8 +80,8 @@ def _whole_steps(path: Path) -> Iterator[dict[str, Any]]:
 def _decoded(line: bytes, path: Path, number: int) -> dict[str, Any]:
     try:
         entry: dict[str, Any] = json.loads(line)
-        _ = entry["op_code"], entry["worker_id"]
-    except (ValueError, KeyError, TypeError):
+        _ = entry["op_code"], entry["worker_id"], dict(entry.get("system_attr") or {})
+    except (ValueError, KeyError, TypeError, RecursionError):
         raise _no_entry(path, number) from None
     return entry
 

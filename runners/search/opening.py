@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import socket
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -65,8 +65,7 @@ def _opened(
     from optuna.storages import RDBStorage
 
     if storage is None:
-        backend, flush = _journal(run_dir / JOURNAL)
-        return Study(_created(backend, name, sampler), space, "", flush, Heartbeat(None), ScoreLog(None))
+        return _of_journal(run_dir / JOURNAL, name, space, sampler)
     shared = open_storage(storage)
     owner = f"{socket.gethostname()}:{run_dir.resolve()}"
     heartbeat = Heartbeat(shared if isinstance(shared, RDBStorage) else None)
@@ -87,13 +86,22 @@ def _created(storage: BaseStorage, name: str, sampler: optuna.samplers.BaseSampl
     )
 
 
-def _journal(path: Path) -> tuple[BaseStorage, Callable[[], None]]:
+def _of_journal(path: Path, name: str, space: Space, sampler: optuna.samplers.BaseSampler) -> Study:
+    """The study of a journal. Raises InputError for a damaged one."""
     from optuna.storages import JournalStorage
 
     from runners.search.journal import Journal
 
     journal = Journal(path)
-    return JournalStorage(journal), journal.flush
+    try:
+        created = _created(JournalStorage(journal), name, sampler)
+        study = Study(created, space, "", journal.flush, Heartbeat(None), ScoreLog(None))
+        _ = study.told  # every trial can be read
+    except Exception as error:  # entries that are JSON but no steps of a study raise anything
+        raise InputError(
+            f"{path}: is damaged ({type(error).__name__}): restore the file, or start another study"
+        ) from error
+    return study
 
 
 def _nothing() -> None:

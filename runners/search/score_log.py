@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from lme.errors import InputError
 from runners.records.append_log import cut_torn_line
 
 SCORE_LOG = "scores.jsonl"
@@ -19,12 +20,14 @@ class ScoreLog:
     """
 
     def __init__(self, path: Path | None) -> None:
+        """Raises InputError for a line that holds no scores."""
         self._path = path
         self._scores: dict[frozenset[tuple[str, float]], list[Any]] = {}
         if path is not None and path.is_file():
             cut_torn_line(path)
-            for values, scores in map(json.loads, path.read_text().splitlines()):
-                self._scores[frozenset(values.items())] = scores
+            for number, line in enumerate(path.read_bytes().splitlines(), start=1):
+                values, scores = _decoded(line, path, number)
+                self._scores[values] = scores
 
     def get(self, values: Mapping[str, float]) -> list[Any] | None:
         """The scores of the trial with these values; equal values have equal scores."""
@@ -35,3 +38,13 @@ class ScoreLog:
         if self._path is not None:
             with self._path.open("a") as file:
                 file.write(json.dumps([dict(values), list(scores)]) + "\n")
+
+
+def _decoded(line: bytes, path: Path, number: int) -> tuple[frozenset[tuple[str, float]], list[Any]]:
+    try:
+        values, scores = json.loads(line)
+        return frozenset((key, float(value)) for key, value in values.items()), [
+            list(score) for score in scores
+        ]
+    except (ValueError, TypeError, AttributeError, OverflowError, RecursionError):
+        raise InputError(f"{path} line {number} holds no scores of a trial: remove that line") from None

@@ -9,7 +9,6 @@ from __future__ import annotations
 import json
 import math
 import platform
-import subprocess
 import threading
 import warnings
 from collections.abc import Mapping, Sequence
@@ -18,7 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 from lme.errors import InputError
-from runners.records.versions import versions
+from runners.records.versions import commit, versions
 from runners.tracking.store import (
     DEFAULT_URI,
     KEY_LENGTH,
@@ -28,6 +27,7 @@ from runners.tracking.store import (
     log_params,
     log_series,
     open_client,
+    remove_doubles,
     run_of,
     set_defaults,
     sqlite_path,
@@ -172,6 +172,7 @@ class MlflowTracking:
         log_series(self._client, self._run_id, series)
         for path in artifacts:
             self._client.log_artifact(self._run_id, str(path))
+        remove_doubles(self._client, self._run_id)
         self._client.set_terminated(self._run_id)
 
 
@@ -212,17 +213,8 @@ def environment_tags() -> dict[str, str]:
 
 
 def _git_tags() -> dict[str, str]:
-    """Commit of this file's checkout, and whether it has uncommitted changes; {} in an installed wheel."""
-    root = Path(__file__).resolve().parents[2]
-
-    def git(*arguments: str) -> str:
-        command = ["git", "-C", str(root), *arguments]
-        return subprocess.run(command, capture_output=True, text=True, check=True, timeout=10).stdout.strip()
-
-    try:
-        if Path(git("rev-parse", "--show-toplevel")).resolve() != root:
-            return {}
-        changed = bool(git("status", "--porcelain", "--untracked-files=no"))
-        return {"mlflow.source.git.commit": git("rev-parse", "HEAD"), "git_changed": str(changed).lower()}
-    except (OSError, subprocess.SubprocessError):
+    """Commit of the checkout, and whether it has uncommitted changes; {} in an installed wheel."""
+    found = commit()
+    if found is None:
         return {}
+    return {"mlflow.source.git.commit": found.number, "git_changed": str(found.changed).lower()}

@@ -8,7 +8,8 @@ import logging
 import math
 import os
 import time
-from collections.abc import Mapping, Sequence
+import uuid
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,6 +24,7 @@ DEFAULT_URI = "sqlite:///outputs/mlflow.db"
 SQLITE = "sqlite:///"
 SCHEMES = ("sqlite", "http", "https", "postgresql", "mysql", "mssql", "databricks")
 RUN_ID_FILE = "mlflow_run.json"
+_CREATED = "lme_created"  # a tag: equal in runs that one request has created
 
 # MLflow's limits.
 KEY_LENGTH = 250
@@ -94,6 +96,8 @@ def _create_store(path: Path) -> None:
 
 def experiment_id(client: MlflowClient, uri: str, name: str) -> str:
     """Id of the experiment, which is created if needed. Its files are stored beside the database, or by the server."""
+    from mlflow.exceptions import MlflowException
+
     found = client.get_experiment_by_name(name)
     if found is not None:
         return str(found.experiment_id)
@@ -101,21 +105,59 @@ def experiment_id(client: MlflowClient, uri: str, name: str) -> str:
     if not uri.startswith(("http", "databricks")):
         store = sqlite_path(uri) or Path("outputs") / "mlflow.db"
         location = (store.parent / "mlartifacts").resolve().as_uri()
-    return str(client.create_experiment(name, artifact_location=location))
+    try:
+        return str(client.create_experiment(name, artifact_location=location))
+    except MlflowException:
+        found = client.get_experiment_by_name(name)  # another process may have created it meanwhile
+        if found is None:
+            raise
+        return str(found.experiment_id)
 
 
 def run_of(directory: Path, client: MlflowClient, uri: str, experiment: str, tags: Mapping[str, Any]) -> str:
     """Id of the MLflow run of `directory`: the one noted there if it still exists, else a new one."""
-    note = directory / RUN_ID_FILE
-    with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
-        known = json.loads(note.read_text())
-        if known["experiment"] == experiment and _exists(client, known["run"]):
-            return str(known["run"])
-    texts = {name: str(value)[:TAG_LENGTH] for name, value in tags.items()}
-    run_id = str(client.create_run(experiment, tags=texts, run_name=_run_name(directory)).info.run_id)
     directory.mkdir(parents=True, exist_ok=True)
-    write_whole(note, json.dumps({"uri": uri, "experiment": experiment, "run": run_id}) + "\n")
+    with _locked(directory):  # the jobs of a sweep may ask for its run at the same time
+        note = directory / RUN_ID_FILE
+        with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
+            known = json.loads(note.read_text())
+            if known["experiment"] == experiment and _exists(client, known["run"]):
+                return str(known["run"])
+        texts = {name: str(value)[:TAG_LENGTH] for name, value in tags.items()}
+        texts[_CREATED] = uuid.uuid4().hex
+        run_id = str(client.create_run(experiment, tags=texts, run_name=_run_name(directory)).info.run_id)
+        write_whole(note, json.dumps({"uri": uri, "experiment": experiment, "run": run_id}) + "\n")
     return run_id
+
+
+def remove_doubles(client: MlflowClient, run_id: str) -> None:
+    """Remove the other runs that creating this one has left.
+
+    MLflow sends a request again if no answer comes in time, and a server that was only slow then creates two runs.
+    """
+    run = client.get_run(run_id)
+    mark = run.data.tags.get(_CREATED)
+    if mark is None:
+        return
+    for other in client.search_runs([run.info.experiment_id], f"tags.{_CREATED} = '{mark}'"):
+        if other.info.run_id != run_id:
+            client.delete_run(other.info.run_id)
+
+
+@contextlib.contextmanager
+def _locked(directory: Path) -> Iterator[None]:
+    """Let one process at a time work on the directory; the lock ends with the process."""
+    try:
+        import fcntl
+    except ImportError:  # Windows has no such locks
+        yield
+        return
+    place = os.open(directory, os.O_RDONLY)
+    try:
+        fcntl.flock(place, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(place)
 
 
 def _exists(client: MlflowClient, run_id: str) -> bool:

@@ -26,14 +26,16 @@ from runners.workers.executor import (
     available_cores,
     map_once,
     serial_in_launcher,
-    sigint_ignored,
 )
+from runners.workers.signals import sigint_ignored
 
 if TYPE_CHECKING:
     from distributed import Client, Future, LocalCluster
 
 _ADDRESS = r"\w+://\S+:\d+"
 _CONNECT_S = 5.0
+_NO_WORKER_S = 30  # with an empty cluster on this machine, after which the run ends
+_ALONE = "add resume=true, and executor=process to go on without it"
 _SHARES = 4  # of a worker in a list that is short: its last batches then end at about the same time
 _NUMERIC = ("numpy", "numba", "scipy")  # packages that may change the last bit of a result
 
@@ -84,7 +86,7 @@ class DaskExecutor:
         EpisodeError as ProcessExecutor does; WorkerDiedError if a task lost worker after worker, or if the scheduler is
         gone.
         """
-        return map_once(self.open, initialise, payload, items)
+        return map_once(self.open, self._most, initialise, payload, items)
 
     @contextlib.contextmanager
     def open(self, initialise: Initialise, payload: Any, at_once: int | None = None) -> Iterator[Map]:
@@ -104,6 +106,11 @@ class DaskExecutor:
         ):
             yield lambda items: _hand_out(client, token, list(items), self._config.batch)
 
+    @property
+    def _most(self) -> int:
+        """Processes of a cluster on this machine, if there are as many items."""
+        return self._config.workers or available_cores()
+
     @contextlib.contextmanager
     def _client(self, at_once: int | None) -> Iterator[Client]:
         """A client of the scheduler, or of a cluster on this machine that ends with the `with`."""
@@ -111,27 +118,34 @@ class DaskExecutor:
             with _connected(self._config.address) as client:
                 yield client
             return
-        most = self._config.workers or available_cores()
         with (
-            _local_cluster(most if at_once is None else min(most, at_once)) as cluster,
+            _local_cluster(self._most if at_once is None else min(self._most, at_once)) as cluster,
             _connected(cluster.scheduler_address) as client,
         ):
             yield client
 
 
 def _local_cluster(workers: int) -> LocalCluster:
-    """Processes on this machine that only this machine can reach."""
+    """Processes on this machine that only this machine can reach. Raises WorkerDiedError where they do not start.
+
+    Dask starts a process that died again, but not one that dies while it starts.
+    """
+    import dask
     from distributed import LocalCluster
 
-    with sigint_ignored():
-        return LocalCluster(
-            n_workers=workers,
-            threads_per_worker=1,
-            dashboard_address="127.0.0.1:0",
-            memory_limit=None,
-            silence_logs=logging.CRITICAL,
-            env=ONE_THREAD,
-        )
+    patience = {"distributed.scheduler.no-workers-timeout": f"{_NO_WORKER_S}s"}
+    try:
+        with sigint_ignored(), dask.config.set(patience):
+            return LocalCluster(
+                n_workers=workers,
+                threads_per_worker=1,
+                dashboard_address="127.0.0.1:0",
+                memory_limit=None,
+                silence_logs=logging.CRITICAL,
+                env=ONE_THREAD,
+            )
+    except RuntimeError as error:
+        raise WorkerDiedError(f"executor=dask: no worker process starts ({error}); {_ALONE}") from error
 
 
 @contextlib.contextmanager
@@ -201,6 +215,7 @@ def _batch_size(items: int, workers: int, most: int) -> int:
 
 def _receive(future: Future[Any], items: Sequence[Item]) -> tuple[list[Any], Exception | None]:
     from distributed import KilledWorker
+    from distributed.scheduler import NoWorkerError
 
     try:
         received: tuple[list[Any], Exception | None] = future.result()
@@ -210,11 +225,12 @@ def _receive(future: Future[Any], items: Sequence[Item]) -> tuple[list[Any], Exc
             f"{error.allowed_failures + 1} workers died with {'; '.join(map(str, items))} to run: "
             "finished episodes are kept; add resume=true, with fewer executor.workers if memory ran out"
         ) from None
-    except CancelledError:
+    except NoWorkerError:
         raise WorkerDiedError(
-            "the dask scheduler is gone: finished episodes are kept; add resume=true, "
-            "and executor=process to go on without it"
+            f"executor=dask: all worker processes died and none starts again: finished episodes are kept; {_ALONE}"
         ) from None
+    except CancelledError:
+        raise WorkerDiedError(f"the dask scheduler is gone: finished episodes are kept; {_ALONE}") from None
 
 
 @contextlib.contextmanager

@@ -11,10 +11,10 @@ from __future__ import annotations
 
 import contextlib
 import functools
+import itertools
 import os
 import signal
 import sys
-import threading
 import traceback
 import warnings
 from collections.abc import Callable, Iterable, Iterator
@@ -25,6 +25,7 @@ from multiprocessing.process import BaseProcess
 from typing import Any
 
 from lme.errors import InputError, require
+from runners.workers.signals import sigint_ignored, sigterm_blocked
 
 Item = Any  # anything that pickles; messages name it by its str()
 Run = Callable[[Item], Any]
@@ -118,7 +119,7 @@ class ProcessExecutor:
         EpisodeError (any other exception of a worker), which name the world and run, and WorkerDiedError if a
         worker was killed. The workers are stopped when the iteration is left.
         """
-        return map_once(self.open, initialise, payload, items)
+        return map_once(self.open, self.workers, initialise, payload, items)
 
     @contextlib.contextmanager
     def open(self, initialise: Initialise, payload: Any, at_once: int | None = None) -> Iterator[Map]:
@@ -142,15 +143,20 @@ class ProcessExecutor:
 
 def map_once(
     open_workers: Callable[[Initialise, Any, int], contextlib.AbstractContextManager[Map]],
+    most: int,
     initialise: Initialise,
     payload: Any,
     items: Iterable[Item],
 ) -> Iterator[Any]:
-    """Yield the result of every item, as they finish, from workers that live as long; none for no items."""
-    todo = list(items)
-    if todo:
-        with open_workers(initialise, payload, len(todo)) as run_all:
-            yield from run_all(todo)
+    """Yield the result of every item, as they finish, from workers that live as long; none for no items.
+
+    most: number of workers; no more are started than there are items.
+    """
+    waiting = iter(items)
+    first = list(itertools.islice(waiting, most))
+    if first:
+        with open_workers(initialise, payload, len(first)) as run_all:
+            yield from run_all(itertools.chain(first, waiting))
 
 
 def available_cores() -> int:
@@ -223,7 +229,7 @@ def _start_workers(
         if with_server:
             # The server imports what all workers need; they are forked from it.
             context.set_forkserver_preload([initialise.__module__])
-            with sigint_ignored():
+            with sigint_ignored(), sigterm_blocked():
                 forkserver.ensure_running()
         for _ in range(count):
             ours, theirs = context.Pipe()
@@ -234,17 +240,21 @@ def _start_workers(
 
 
 def _stop(workers: dict[Connection, BaseProcess]) -> None:
-    """Terminate the workers at once: they hold nothing that must be closed."""
+    """Kill the workers at once: they hold nothing that must be closed."""
     for worker, process in workers.items():
         worker.close()
-        process.terminate()
+        process.kill()
     for process in workers.values():
         process.join(_JOIN_S)
 
 
 def _work(coordinator: Connection, initialise: Initialise, payload: Any) -> None:
     """Build, then answer items until the coordinator closes the connection."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    for number in (
+        signal.SIGINT,
+        signal.SIGTERM,
+    ):  # they come to all processes; the coordinator ends the workers
+        signal.signal(number, signal.SIG_IGN)
     # The coordinator has built the same config and given the same warnings.
     warnings.simplefilter("ignore", UserWarning)
     with contextlib.suppress(EOFError, BrokenPipeError, ConnectionResetError):
@@ -291,16 +301,3 @@ def _environment(variables: dict[str, str]) -> Iterator[None]:
                 del os.environ[name]
             else:
                 os.environ[name] = value
-
-
-@contextlib.contextmanager
-def sigint_ignored() -> Iterator[None]:
-    """Processes started meanwhile, and those that they start, ignore Ctrl-C: the coordinator stops them."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)

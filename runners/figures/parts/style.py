@@ -6,6 +6,8 @@ styles, hatches and markers repeat the information for print in grey.
 
 from __future__ import annotations
 
+import importlib
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -56,6 +58,9 @@ def new_figure(width_in: float, height_in: float, dpi: int = DPI, layout: Any = 
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
+    if "IPython" in sys.modules:
+        # Matplotlib asks for its version. MLflow, in a thread of its own, may be importing it: this waits for the end.
+        importlib.import_module("IPython")
     figure = Figure(figsize=(width_in, height_in), dpi=dpi, layout=layout)
     FigureCanvasAgg(figure)
     return figure

@@ -13,6 +13,7 @@ from lme.worlds.world import Task
 from runners.figures.parts.layout import Around, aspect_of, best_columns, lay_out, panel_width, wrapped
 from runners.figures.parts.scene import Box, common_box, draw_paths, draw_task, legend_keys
 from runners.figures.parts.style import INK, LEGEND_ORDER, STYLES, new_figure, save
+from runners.records.episode_record import EpisodeKey
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -20,7 +21,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 PANELS = 12  # at most: more cannot be read on a page
-FAILURES = 2 / 3  # of the panels at most, if there are enough worlds without a failure
+RUNS = 30  # paths in a panel at most, for the same reason
+FAILURES = 2 / 3  # of a sample at most, if there are enough others
 PAGE_IN = (10.0, 8.0)  # at most
 LEGEND_IN = 6.6  # minimum width for the key
 AROUND = Around(header=0.55, footer=0.42)
@@ -31,8 +33,8 @@ def trajectories_figure(
 ) -> None:
     """Draw the paths of a run in a sample of its worlds, all at one scale, and save them as PNG.
 
-    frame, trajectories: from `read_episodes` and `read_trajectories`. worlds: tasks by number, at least those of
-    `sample_worlds`.
+    frame: from `read_episodes`. trajectories: from `read_trajectories`, of the episodes to draw (`sample_episodes`).
+    worlds: tasks by number, at least those of `sample_worlds`.
     """
     numbers = [number for number in sample_worlds(frame) if number in worlds]
     shown = trajectories[trajectories["world"].isin(numbers)]
@@ -51,14 +53,28 @@ def trajectories_figure(
 def sample_worlds(frame: pd.DataFrame, limit: int = PANELS) -> list[int]:
     """At most `limit` worlds, spread over outcomes and numbers. Failures go first but do not fill the sample."""
     worst = _worst_outcomes(frame)
-    kinds = {kind: sorted(w for w, outcome in worst.items() if outcome == kind) for kind in STYLES}
+    return _sample({kind: [w for w, outcome in worst.items() if outcome == kind] for kind in STYLES}, limit)
+
+
+def sample_episodes(frame: pd.DataFrame) -> list[EpisodeKey]:
+    """The episodes of `sample_worlds`: at most `RUNS` of each, chosen among its runs in the same way."""
+    episodes = []
+    for world in sample_worlds(frame):
+        runs = frame[frame["world"] == world]
+        kinds = {kind: runs["run"][runs["outcome"] == kind].tolist() for kind in STYLES}
+        episodes += [EpisodeKey(world, run) for run in _sample(kinds, RUNS)]
+    return episodes
+
+
+def _sample(kinds: Mapping[str, Sequence[int]], limit: int) -> list[int]:
+    """At most `limit` of the numbers, which are given by outcome."""
     good = len(kinds["success"])
     failures = max(limit - good, math.ceil(limit * FAILURES))
-    # Timeouts are rare and most informative; collisions follow; worlds without a failure fill the rest.
+    # Timeouts are rare and most informative; collisions follow; successes fill the rest.
     timeouts = min(len(kinds["timeout"]), max(failures - len(kinds["collision"]), failures // 2))
     collisions = min(len(kinds["collision"]), failures - timeouts)
     shares = {"timeout": timeouts, "collision": collisions, "success": limit - timeouts - collisions}
-    return sorted(number for kind, share in shares.items() for number in _spread(kinds[kind], share))
+    return sorted(number for kind, share in shares.items() for number in _spread(sorted(kinds[kind]), share))
 
 
 def _worst_outcomes(frame: pd.DataFrame) -> dict[int, str]:
@@ -88,8 +104,9 @@ def _label(figure: Figure, frame: pd.DataFrame, shown: int, box: Box) -> None:
     """Write the heading and the counts of outcomes above, and the key below."""
     counts = frame["outcome"].value_counts()
     outcomes = ", ".join(f"{counts[kind]} {kind}" for kind in LEGEND_ORDER if counts.get(kind, 0))
-    worlds = frame["world"].nunique()
-    sample = f" · {shown} of {worlds} worlds, failures first" if shown < worlds else ""
+    parts = [(shown, frame["world"].nunique(), "worlds"), (RUNS, frame["run"].nunique(), "runs")]
+    fewer = ", ".join(f"{some} of {number} {name}" for some, number, name in parts if some < number)
+    sample = f" · {fewer}, failures first" if fewer else ""
     summary = f"{len(frame)} episodes: {outcomes}{sample} · panel width {box.x1 - box.x0:.1f} m"
     for text, from_top_in, size in ((" · ".join(_names(frame)), 0.18, 11), (summary, 0.39, 8.5)):
         y = 1 - from_top_in / figure.get_figheight()

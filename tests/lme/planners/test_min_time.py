@@ -127,6 +127,11 @@ def test_where_it_is_stuck_it_backs_up_as_far_as_asked():
     assert commands[:, 0].min() >= 0.0
 
 
+def test_with_back_of_zero_it_never_backs_up():
+    commands, _, _ = follow(made(back=0.0), JACKAL, (3.0, 0.0), wedge(), 20, blocked=True)
+    assert commands[:, 0].min() >= 0.0
+
+
 def test_it_does_not_back_up_into_what_it_knows_or_into_the_unknown():
     behind = np.array([[-JACKAL.footprint.box[0] - 0.02, 0.0]])
     points = np.concatenate((wedge(), behind))

@@ -58,6 +58,8 @@ def _never(job):
         ("++sed=1", ["sed: no such key; did you mean seed?"]),
         ("robot.v_mx=1", ["robot.v_mx: no such key; did you mean robot.v_max? robot holds: "]),
         ("robot.contact.width=1", ["robot.contact.width=1: sets a key of a part that is null"]),
+        ("map.start.x=1", ["map.start.x: no such key; map.start is a single value"]),
+        (f"robot.lidar.yaw=1{'0' * 400}", ["robot.lidar.yaw is 1000", ": must be a number"]),
         ("robot.num_beams=9", ["did you mean robot.lidar.num_beams?"]),
         ("robot.lidar.num_beam=9", ["did you mean robot.lidar.num_beams? robot.lidar holds: cloud, fov, "]),
         ("map.subst=all", ["did you mean map.subset?"]),

@@ -1,6 +1,7 @@
 """From a command line to a run directory: composing, sweeping, resuming, ending."""
 
 import errno
+import gc
 import json
 import os
 import re
@@ -14,6 +15,7 @@ from pathlib import Path
 
 import pytest
 import yaml
+from omegaconf import DictConfig
 
 from lme.errors import InputError
 from runners.cli.launch import Command, launch
@@ -109,6 +111,23 @@ def test_a_sweep_runs_every_combination_and_finishes_once(probe, capsys):
     )
     assert "-sweep-" in sweep_dir.name
     assert "[6/6] ablation=[no_c_o,no_c_t] seed=1" in capsys.readouterr().err
+
+
+def test_the_configs_of_jobs_that_have_run_are_not_kept(probe):
+    """Those of a thousand jobs would take half a gigabyte."""
+    composed = []
+
+    def run(job):
+        gc.collect()
+        roots = [
+            each for each in gc.get_objects() if isinstance(each, DictConfig) and each._get_parent() is None
+        ]
+        composed.append(len(roots))
+
+    numbers = range(6)
+    assert launch(Command("eval", run, lambda job: None), ["-m", f"seed={','.join(map(str, numbers))}"]) == 0
+    assert composed == sorted(composed, reverse=True)
+    assert composed[0] - composed[-1] == len(numbers) - 1  # one less after each job
 
 
 def test_multirun_without_a_sweep_is_one_job(probe):
@@ -465,9 +484,21 @@ def test_an_input_error_in_the_run_is_one_line(probe, capsys):
 
 
 def test_a_full_disk_is_one_line(probe, capsys):
-    probe.failure = OSError(errno.ENOSPC, "No space left on device")
+    probe.failure = OSError(errno.ENOSPC, "No space left on device", "run/table.md")
     assert probe.launch() == 1
-    assert capsys.readouterr().err.count("\n") == 1
+    assert capsys.readouterr().err == (
+        "lme eval: disk full while writing run/table.md: what is finished is kept; "
+        "free some space and add resume=true\n"
+    )
+
+
+@pytest.mark.parametrize("number", [errno.EROFS, errno.EACCES])
+def test_a_place_that_cannot_be_written_is_one_line(probe, capsys, number):
+    probe.failure = OSError(number, "Not allowed", "run/table.md")
+    assert probe.launch() == 1
+    assert capsys.readouterr().err == (
+        "lme eval: run/table.md: cannot be used (Not allowed): what is finished is kept; use another place\n"
+    )
 
 
 def test_a_bug_keeps_its_traceback(probe):

@@ -1,5 +1,6 @@
 """`lme` itself: finding commands, help, errors, exit statuses, and answering at once."""
 
+import errno
 import os
 import subprocess
 import sys
@@ -89,6 +90,14 @@ def test_an_unknown_command_names_the_nearest(capsys):
 def test_an_input_error_is_one_line_and_status_2(greet, capsys):
     assert main.main(["greet", "wrong"]) == 2
     assert capsys.readouterr().err == "lme greet: greet.who is wrong: must be a name\n"
+
+
+def test_a_full_disk_is_one_line(greet, monkeypatch, capsys):
+    """Also outside of a job, as where a sweep ends."""
+    full = OSError(errno.ENOSPC, "No space left on device", "sweep/table.md")
+    monkeypatch.setattr(main, "_run", lambda *_: (_ for _ in ()).throw(full))
+    assert main.main(["greet"]) == 1
+    assert capsys.readouterr().err.startswith("lme greet: disk full while writing sweep/table.md: ")
 
 
 def test_an_interrupt_is_status_130(greet):

@@ -2,6 +2,7 @@
 
 import csv
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -284,3 +285,21 @@ def test_without_torch_it_says_what_to_install(monkeypatch, capsys):
     monkeypatch.setattr(learn, "find_spec", lambda package: None)
     assert main(["learn", *IN_PROCESS]) == 2
     assert "lme learn needs torch: pip install 'lme-nav[learn]'" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("name", "damage"),
+    [
+        ("checkpoint.pt", lambda data: data[: len(data) // 2]),
+        ("checkpoint.pt", lambda data: b"no checkpoint"),
+        ("data/round_000.npz", lambda data: data[: len(data) // 2]),
+    ],
+)
+def test_a_damaged_file_of_a_training_is_named(learned, name, damage, capsys):
+    shutil.copytree(learned, "run")
+    file = Path("run") / name
+    file.write_bytes(damage(file.read_bytes()))
+    assert main(["learn", "resume=run"]) == 2
+    said = capsys.readouterr().err.splitlines()
+    assert len([line for line in said if f"run/{name}: is" in line and "damaged" in line]) == 1
+    assert not any("Traceback" in line for line in said)

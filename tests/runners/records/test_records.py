@@ -9,14 +9,17 @@ import textwrap
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
+import pyarrow.parquet as pq
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from lme.episode import TRAJECTORY_COLUMNS
 from lme.errors import InputError
+from runners.records import append_log, parquet
 from runners.records.episode_record import EpisodeKey, EpisodeResult
-from runners.records.launch_record import Launch
+from runners.records.launch_record import LAUNCH, Launch, read_launch
 from runners.records.parquet import EPISODES, TRAJECTORIES
 from runners.records.records import (
     RecordsWriteError,
@@ -92,8 +95,17 @@ def test_merge_leaves_two_files_and_resuming_a_complete_run_changes_nothing(tmp_
 
 
 @settings(max_examples=15, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(st.permutations(KEYS), st.integers(0, 6), st.booleans(), st.binary(min_size=1, max_size=40))
-def test_a_killed_and_resumed_run_gives_the_identical_files(tmp_path_factory, order, cut, merged, torn):
+@given(
+    st.permutations(KEYS),
+    st.integers(0, 6),
+    st.booleans(),
+    st.binary(min_size=1, max_size=40),
+    st.sampled_from([1, 9, 1000]),
+)
+def test_a_killed_and_resumed_run_gives_the_identical_files(
+    tmp_path_factory, monkeypatch, order, cut, merged, torn, block
+):
+    monkeypatch.setattr(parquet, "_BLOCK_STEPS", block)
     straight, resumed = tmp_path_factory.mktemp("straight"), tmp_path_factory.mktemp("resumed")
     write(straight, KEYS)
     write(resumed, order[:cut], merge=merged)
@@ -107,6 +119,31 @@ def test_a_killed_and_resumed_run_gives_the_identical_files(tmp_path_factory, or
             writer.append(episode(key))
         writer.merge()
     assert contents(straight) == contents(resumed)
+
+
+def test_steps_are_stored_in_blocks_of_whole_episodes_and_read_by_episode(tmp_path, monkeypatch):
+    monkeypatch.setattr(parquet, "_BLOCK_STEPS", 1)
+    write(tmp_path, KEYS)
+    with pq.ParquetFile(tmp_path / TRAJECTORIES) as file:
+        assert file.num_row_groups == len(KEYS)
+    every = read_trajectories([tmp_path])
+    write(tmp_path, [EpisodeKey(5, 0), EpisodeKey(6, 0)], merge=False)
+    wanted = [KEYS[0], KEYS[3], EpisodeKey(6, 0), EpisodeKey(8, 8)]
+    steps = read_trajectories([tmp_path], wanted)
+    assert set(map(EpisodeKey.of, steps.to_dict("records"))) == set(wanted[:3])
+    for key in wanted[:2]:
+        same = [frame[(frame["world"] == key.world) & (frame["run"] == key.run)] for frame in (steps, every)]
+        pd.testing.assert_frame_equal(*[part.reset_index(drop=True) for part in same])
+
+
+def test_a_torn_line_longer_than_a_block_is_cut(tmp_path, monkeypatch):
+    monkeypatch.setattr(append_log, "_BLOCK", 7)
+    log = tmp_path / "log"
+    for whole in (b"", b"one\n", b"one\ntwo and more\n"):
+        for torn in (b"", b"a", b"seven..", b"more than two blocks"):
+            log.write_bytes(whole + torn)
+            append_log.cut_torn_line(log)
+            assert log.read_bytes() == whole
 
 
 def test_killed_between_the_two_files_of_a_merge(tmp_path):
@@ -261,11 +298,95 @@ def test_missing_and_garbage_files_are_named(tmp_path):
 
 
 def test_a_parquet_file_of_something_else_is_refused(tmp_path):
-    import pandas as pd
-
     pd.DataFrame({"a": [1]}).to_parquet(tmp_path / EPISODES)
     with pytest.raises(InputError, match="lacks the columns run, world"):
         read_episodes([tmp_path])
     pd.DataFrame({"world": [1], "run": [0]}).to_parquet(tmp_path / EPISODES)
     with pytest.raises(InputError, match="lack the columns outcome, system"):
         read_episodes([tmp_path])
+
+
+@pytest.mark.parametrize(
+    ("column", "value", "held"),
+    [
+        ("world", "x", ".*string"),
+        ("run", None, "null"),
+        ("run", 0.5, "double"),
+        ("outcome", 1.0, "double"),
+        ("time_s", "x", ".*string"),
+        ("world_fill", {"a": 1}, "struct"),
+    ],
+)
+def test_a_column_of_another_type_is_named(tmp_path, column, value, held):
+    import pandas as pd
+
+    write(tmp_path, KEYS)
+    frame = pd.read_parquet(tmp_path / EPISODES)
+    frame[column] = [value] * len(frame)
+    frame.to_parquet(tmp_path / EPISODES)
+    with pytest.raises(
+        InputError, match=rf"episodes\.parquet: column '{column}' holds {held}.*: not a file of lme"
+    ):
+        read_episodes([tmp_path])
+
+
+def test_records_that_pandas_has_written_again_are_read(tmp_path):
+    """With categories, a number that is missing, and a column of the user's own."""
+    import pandas as pd
+
+    write(tmp_path, KEYS)
+    frame = pd.read_parquet(tmp_path / EPISODES)
+    frame["steps"] = frame["steps"].astype(float).where(frame["run"] == 0)
+    frame = frame.assign(outcome=frame["outcome"].astype("category"), checked=True, note="x")
+    frame.to_parquet(tmp_path / EPISODES)
+    assert read_episodes([tmp_path])["outcome"].tolist() == frame["outcome"].tolist()
+
+
+def test_a_trajectory_without_its_steps_is_refused(tmp_path):
+    import pandas as pd
+
+    write(tmp_path, KEYS)
+    pd.read_parquet(tmp_path / TRAJECTORIES).drop(columns="step").to_parquet(tmp_path / TRAJECTORIES)
+    with pytest.raises(InputError, match=r"trajectories\.parquet lacks the columns step"):
+        read_trajectories([tmp_path])
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        {"record": {"system": 5}},
+        {"record": {"time_s": "x"}},
+        {"record": {"steps": 2**70}},
+        {"record": {"world": "3"}},
+        {"trajectory": {"x_m": ["<f8", ""]}},
+        {"trajectory": {"x_m": ["<U2", "AAAAAAAAAAA="]}},
+    ],
+)
+def test_a_line_with_a_value_of_another_kind_is_named(tmp_path, damage):
+    write(tmp_path, KEYS[:1], merge=False)
+    log = tmp_path / "parts" / "episodes.jsonl"
+    entry = json.loads(log.read_text())
+    for part, values in damage.items():
+        entry[part] |= values
+    log.write_text(json.dumps(entry) + "\n")
+    with pytest.raises(InputError, match=r"episodes\.jsonl line 1 is not an episode record"):
+        read_episodes([tmp_path])
+
+
+def test_records_that_disagree_are_told_in_one_line(tmp_path):
+    write(tmp_path, KEYS[:2], merge=False)
+    log = tmp_path / "parts" / "episodes.jsonl"
+    lines = log.read_text().splitlines(keepends=True)
+    log.write_text(lines[0] + lines[1].replace('"world_fill": ', '"world_fill": "x", "other": '))
+    with pytest.raises(InputError, match=r"records in .* disagree: .*"):
+        read_episodes([tmp_path])
+
+
+@pytest.mark.parametrize("nested", ["[" * 100_000, '{"a":' * 100_000])
+def test_json_that_is_nested_too_deep_is_damage(tmp_path, nested):
+    (tmp_path / "parts").mkdir()
+    (tmp_path / "parts" / "episodes.jsonl").write_text(nested + "\n")
+    with pytest.raises(InputError, match="line 1 is not an episode record"):
+        read_episodes([tmp_path])
+    (tmp_path / LAUNCH).write_text(nested)
+    assert read_launch(tmp_path) is None

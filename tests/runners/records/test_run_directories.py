@@ -1,10 +1,13 @@
 """Which folders are jobs of a sweep, and whether a run may be resumed."""
 
+import json
+
 import pytest
 
 from lme.errors import InputError
-from runners.records.launch_record import Launch
-from runners.records.run_directories import check_same, jobs_of_sweep
+from runners.records.launch_record import LAUNCH, Launch, read_launch
+from runners.records.records import RecordWriter
+from runners.records.run_directories import check_same, held, jobs_of_sweep, make_fresh
 
 
 def launch(**fields):
@@ -46,3 +49,37 @@ def test_another_config_is_refused_with_advice_that_helps(tmp_path, now, said):
     launch(overrides=["seed=x"], configs=[{"seed": 1}]).write(tmp_path)
     with pytest.raises(InputError, match=said):
         check_same(launch(fingerprint="1", configs=[{"seed": 2}], **now), tmp_path)
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        {"command": 1},
+        {"multirun": "no"},
+        {"overrides": [1]},
+        {"overrides": {}},
+        {"configs": []},
+        {"configs": [[]]},
+        {"choices": [{"sim": 1}]},
+        {"changes": 5},
+        {"changes": [{}, {}]},
+        {"config_dir": 3.5},
+        {"job": "0"},
+    ],
+)
+def test_a_launch_with_a_value_of_another_kind_is_none(tmp_path, damage):
+    launch().write(tmp_path)
+    assert read_launch(tmp_path) == launch()
+    values = json.loads((tmp_path / LAUNCH).read_text())
+    (tmp_path / LAUNCH).write_text(json.dumps(values | damage))
+    assert read_launch(tmp_path) is None
+
+
+@pytest.mark.parametrize("hold", [RecordWriter, held])
+def test_a_directory_at_work_without_results_yet_is_left_alone(tmp_path, hold):
+    make_fresh(launch(), tmp_path)
+    with hold(tmp_path), pytest.raises(InputError, match="is being written by another process: wait for it"):
+        make_fresh(launch(fingerprint="1"), tmp_path)
+    assert read_launch(tmp_path) == launch()
+    make_fresh(launch(fingerprint="1"), tmp_path)
+    assert read_launch(tmp_path).fingerprint == "1"

@@ -54,6 +54,7 @@ def test_an_error_names_the_file_and_not_its_draft(tmp_path, place):
         write_whole(tmp_path / place, "text")
     assert caught.value.filename == str(tmp_path / place)
     assert "new" not in str(caught.value)
+    assert str(caught.value).endswith("table.md'")
 
 
 def test_permissions_are_those_of_any_new_file(tmp_path):

@@ -199,3 +199,14 @@ def test_the_list_says_what_a_topic_can_be(tmp_path, capsys):
     assert "/scan" in capsys.readouterr().out
     with pytest.raises(InputError, match="bag is null"):
         main(["list=true"])
+
+
+def test_a_message_that_is_defined_otherwise_is_refused(tmp_path):
+    """A bit of a definition has flipped: every message would be read with another field."""
+    path = drive(".mcap", steps=3).write(tmp_path)
+    content = path.read_bytes()
+    path.write_bytes(content.replace(b"Quaternion orientation", b"Quaternion orientatioo"))
+    assert path.read_bytes() != content
+    with pytest.raises(InputError) as error, Bag(path):
+        pass
+    assert "geometry_msgs/msg/Pose otherwise than ROS does, or is damaged" in one_line(error)

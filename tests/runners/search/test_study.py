@@ -28,6 +28,7 @@ from runners.search.samplers import (
     per_trial,
     trial_seed,
 )
+from runners.search.score_log import SCORE_LOG, ScoreLog
 from runners.search.storage import masked
 from runners.workers.trials import Attempt, Score
 from tests.composing import jobs_of
@@ -200,7 +201,12 @@ def test_a_study_of_something_else_is_refused(tmp_path, changes, said):
 def test_a_damaged_journal_names_its_line(whole, tmp_path):
     lines = whole("random")[1].splitlines(keepends=True)
     path = tmp_path / JOURNAL
-    for damage in (b"{torn\n", b"17\n", b'{"op_code": 4}\n'):
+    for damage in (
+        b"{torn\n",
+        b"17\n",
+        b'{"op_code": 4}\n',
+        b'{"op_code": 4, "worker_id": "", "system_attr": 5}\n',
+    ):
         path.write_bytes(b"".join([*lines[:5], damage, *lines[5:]]))
         with pytest.raises(InputError, match=rf"{JOURNAL} line 6: no entry of an Optuna journal"):
             opened(tmp_path, "random")
@@ -361,3 +367,24 @@ def test_own_values_are_those_within_the_ranges():
     config.planner |= {"b": 0.5, "c": None}
     config.guide["parameters"] = {"a": 11.0}
     assert own_values(config, SPACE) == {"planner.b": 0.5}
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [('"scores":[', '"scores":[true,'), ('"trial_id":', '"trial":'), ('"scores":[', '"scores":"x","y":[')],
+)
+def test_a_journal_of_other_steps_is_damaged(whole, tmp_path, old, new):
+    (tmp_path / JOURNAL).write_bytes(whole("random")[1].replace(old.encode(), new.encode()))
+    with pytest.raises(InputError, match=r"study\.journal: is damaged \(\w+\): restore the file"):
+        opened(tmp_path, "random")
+
+
+@pytest.mark.parametrize("line", ["nothing", "[1]", '[{"a": [1]}, []]', '[{"a": 1}, 5]', "[" * 100_000])
+def test_a_line_without_scores_is_named(tmp_path, line):
+    log = ScoreLog(tmp_path / SCORE_LOG)
+    log.add({"a": 1.5, "b": 2}, [("success", 1, 2.5)])
+    assert ScoreLog(tmp_path / SCORE_LOG).get({"b": 2.0, "a": 1.5}) == [["success", 1, 2.5]]
+    with (tmp_path / SCORE_LOG).open("a") as file:
+        file.write(f"{line}\n")
+    with pytest.raises(InputError, match=r"scores\.jsonl line 2 holds no scores of a trial"):
+        ScoreLog(tmp_path / SCORE_LOG)

@@ -21,7 +21,7 @@ from runners.tracking.mlflow import (
     add_files,
     environment_tags,
 )
-from runners.tracking.store import DEFAULTS, RUN_ID_FILE
+from runners.tracking.store import DEFAULTS, RUN_ID_FILE, experiment_id
 from tests.places import ROOT
 
 CONFIG = {"seed": 3, "robot": {"name": "jackal", "lidar": {"num_beams": 720}}, "text": "x" * 9000}
@@ -145,6 +145,62 @@ def test_runs_of_a_sweep_lie_below_one(store, tmp_path):
     children = [booked(store, tmp_path / number) for number in ("0", "1")]
     assert {child.data.tags["mlflow.parentRunId"] for child in children} == {parent.info.run_id}
     assert parent.info.status == "FINISHED"
+
+
+def test_a_run_that_a_repeated_request_created_twice_is_booked_once(store, tmp_path, monkeypatch):
+    from mlflow import MlflowClient
+
+    create = MlflowClient.create_run
+
+    def twice(self, *arguments, **options):
+        create(self, *arguments, **options)
+        return create(self, *arguments, **options)
+
+    monkeypatch.setattr(MlflowClient, "create_run", twice)
+    book(store, tmp_path / "0", sweep_dir=tmp_path)
+    book(store, tmp_path)
+    for place in (tmp_path, tmp_path / "0"):
+        run = booked(store, place)
+        assert run.info.lifecycle_stage == "active"
+        like = f"tags.run_dir = '{place}'"
+        assert len(MlflowClient(tracking_uri=store).search_runs([run.info.experiment_id], like)) == 1
+
+
+def test_jobs_of_a_sweep_that_start_together_have_one_parent(store, tmp_path, monkeypatch):
+    from mlflow import MlflowClient
+
+    create = MlflowClient.create_run
+
+    def slowly(self, *arguments, **options):
+        time.sleep(0.2)
+        return create(self, *arguments, **options)
+
+    monkeypatch.setattr(MlflowClient, "create_run", slowly)
+    jobs = [
+        threading.Thread(target=book, args=(store, tmp_path / name), kwargs={"sweep_dir": tmp_path})
+        for name in "012"
+    ]
+    for job in jobs:
+        job.start()
+    for job in jobs:
+        job.join()
+    parents = {booked(store, tmp_path / name).data.tags["mlflow.parentRunId"] for name in "012"}
+    assert parents == {booked(store, tmp_path).info.run_id}
+
+
+def test_an_experiment_that_another_process_creates_meanwhile_is_used(store, monkeypatch):
+    from mlflow import MlflowClient
+
+    client = MlflowClient(tracking_uri=store)
+    found = client.create_experiment("meanwhile")
+    look, looks = MlflowClient.get_experiment_by_name, []
+
+    def too_early(self, name):
+        looks.append(name)
+        return look(self, name) if len(looks) > 1 else None
+
+    monkeypatch.setattr(MlflowClient, "get_experiment_by_name", too_early)
+    assert experiment_id(client, store, "meanwhile") == found
 
 
 @pytest.mark.parametrize("broken", ["refused", "not a database"])

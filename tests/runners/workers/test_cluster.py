@@ -150,6 +150,39 @@ def test_a_worker_of_several_threads_is_named():
             list(threads.map(multiply, {"factor": 1}, ITEMS))
 
 
+DYING = """
+import os, signal, threading, time
+from pathlib import Path
+
+marks = Path(__file__).parent
+if len(list(marks.glob("*.mark"))) >= int(os.environ["LIVES"]):
+    os.kill(os.getpid(), signal.SIGKILL)
+(marks / f"{os.getpid()}.mark").touch()
+
+def dask_setup(worker):
+    threading.Thread(target=lambda: (time.sleep(1), os.kill(os.getpid(), signal.SIGKILL)), daemon=True).start()
+"""
+
+
+def sleep_long(payload):
+    return lambda item: time.sleep(60)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("lives", "message"), [(0, "no worker process starts"), (2, "all worker processes died")]
+)
+def test_a_cluster_whose_processes_die_ends_the_run(tmp_path, monkeypatch, lives, message):
+    """At once, or once the processes that are started again die as they start."""
+    (tmp_path / "dying.py").write_text(DYING)
+    monkeypatch.setenv("LIVES", str(lives))
+    monkeypatch.setattr(module, "_NO_WORKER_S", 1)
+    dying = module.DaskExecutor(module.DaskConfig(workers=2))
+    preload = {"distributed.worker.preload": [str(tmp_path / "dying.py")]}
+    with dask.config.set(preload), pytest.raises(WorkerDiedError, match=message):
+        list(dying.map(sleep_long, None, ITEMS))
+
+
 def test_an_address_where_nobody_answers(monkeypatch):
     monkeypatch.setattr(module, "_CONNECT_S", 0.3)
     nobody = module.DaskExecutor(module.DaskConfig(address="tcp://127.0.0.1:9"))

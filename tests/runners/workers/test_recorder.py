@@ -310,7 +310,7 @@ def test_every_episode_has_its_file_and_a_resumed_run_keeps_those_there_are(plac
 
     def stop_after_three(self, result):
         append(self, result)
-        if len(self.done()) == 3:
+        if len(Path("out/parts/episodes.jsonl").read_bytes().splitlines()) == 3:
             raise KeyboardInterrupt
 
     monkeypatch.setattr(evaluate.RecordWriter, "append", stop_after_three)

@@ -1,0 +1,55 @@
+"""Collect runs on one page: systems by map sets, with intervals and links to the reasons."""
+
+from __future__ import annotations
+
+import argparse
+import warnings
+from pathlib import Path
+
+from lme.errors import InputError
+
+EXAMPLES = (
+    "lme leaderboard",
+    "lme leaderboard outputs/eval/SWEEP1 outputs/eval/SWEEP2 --into board.html",
+)
+NAME = "leaderboard.html"
+
+
+def main(argv: list[str]) -> int:
+    """Write the page and say where it is. Raises InputError where there are no records or it cannot be written."""
+    from runners.analysis.leaderboard import entries
+    from runners.explainer.leaderboard import write_leaderboard
+    from runners.records.collect import collect
+
+    arguments = _parser().parse_args(argv)
+    frames, problems = collect(arguments.folders)
+    for problem in problems:
+        warnings.warn(f"left out: {problem}", stacklevel=2)
+    if not frames:
+        raise InputError(f"no run in {', '.join(map(str, arguments.folders))} can be read: see above")
+    page = arguments.into or arguments.folders[0] / NAME
+    write_leaderboard(entries(frames), problems, page)
+    print(f"Leaderboard of {len(frames)} run{'s' * (len(frames) != 1)}: {page}")
+    return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    from runners.records.run_directories import ROOT
+
+    parser = argparse.ArgumentParser(
+        prog="lme leaderboard",
+        description=__doc__,
+        epilog="The page is one file that needs no server or network. It links to the explainer pages of the runs.\n\n"
+        "examples:\n  " + "\n  ".join(EXAMPLES),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument(
+        "folders",
+        nargs="*",
+        type=Path,
+        metavar="DIR",
+        default=[ROOT],
+        help="folders of runs; default: outputs",
+    )
+    parser.add_argument("--into", type=Path, metavar="FILE", help=f"default: {NAME} in the first folder")
+    return parser

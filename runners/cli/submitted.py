@@ -1,0 +1,71 @@
+"""What the terminal says of the jobs of a sweep that submitit runs elsewhere: their own output goes to files."""
+
+from __future__ import annotations
+
+import contextlib
+import sys
+import traceback
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from hydra.core.utils import JobReturn
+from omegaconf import DictConfig, OmegaConf
+
+_ID = "%j"  # submitit's sign for the number of a job
+
+
+class LauncherError(RuntimeError):
+    """Jobs could not be submitted, or one of them ended without a result, as when it was cancelled or killed."""
+
+
+@dataclass(frozen=True, slots=True)
+class Submitted:
+    """The jobs of a sweep. name: of the command. folder: of a job's output, with _ID; "" for other launchers."""
+
+    name: str
+    folder: str
+
+    @classmethod
+    def of(cls, config: DictConfig, name: str) -> Submitted:
+        """The jobs of a config with Hydra's own part."""
+        return cls(name, str(OmegaConf.select(config, "hydra.launcher.submitit_folder", default="")))
+
+    def announce(self, num_jobs: int) -> None:
+        """Say where to look while the jobs run."""
+        if self.folder:
+            print(
+                f"lme {self.name}: {num_jobs} jobs are submitted; their output: {self._above}",
+                file=sys.stderr,
+            )
+
+    def tell_failed(self, jobs: Sequence[JobReturn]) -> None:
+        """Name every job that failed, and the file in which it says why."""
+        for job in jobs if self.folder else ():
+            if int(job.return_value):
+                assert job.hydra_cfg is not None
+                own, words = job.hydra_cfg.hydra.job, " ".join(job.overrides or ())
+                log = Path(self.folder.replace(_ID, own.id)) / f"{own.id}_0_log.err"
+                print(f"lme {self.name}: job {own.num} failed ({words}): see {log}", file=sys.stderr)
+
+    @contextlib.contextmanager
+    def errors_in_words(self) -> Iterator[None]:
+        """Raise a LauncherError of one line for an error of submitit, about a job or about the cluster."""
+        try:
+            yield
+        except RuntimeError as error:
+            if not _is_of_submitit(error):
+                raise
+            what = " ".join(str(error).splitlines()[:2])  # the log of the job follows
+            raise LauncherError(f"{what}; output of the jobs: {self._above}") from error
+
+    @property
+    def _above(self) -> Path:
+        """The folder with the output of all jobs."""
+        return Path(self.folder.partition(_ID)[0])
+
+
+def _is_of_submitit(error: Exception) -> bool:
+    """Whether submitit itself raised it. The error of a job's code was raised elsewhere."""
+    frames = [frame for frame, _ in traceback.walk_tb(error.__traceback__)]
+    return str(frames[-1].f_globals["__name__"]).startswith("submitit.")

@@ -1,0 +1,56 @@
+"""Collect the records of all runs below some folders."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+from lme.errors import InputError
+from runners.records.launch_record import LAUNCH
+from runners.records.records import has_records, read_episodes
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+class Collected(NamedTuple):
+    """frames: records by run directory. problems: a line for each run that was left out."""
+
+    frames: dict[Path, pd.DataFrame]
+    problems: list[str]
+
+
+def collect(folders: Iterable[Path]) -> Collected:
+    """The records of every run in or below the folders, finished or not.
+
+    Below a folder, a run is what holds a launch record: MLflow keeps copies of records without one.
+    Raises InputError for a folder that does not exist or has no run below it.
+    """
+    found = Collected({}, [])
+    for folder in folders:
+        runs = _runs_below(folder)
+        if not runs:
+            problem = "no run below it" if folder.is_dir() else "no such directory"
+            raise InputError(f"{folder}: {problem}; give folders of runs, such as outputs")
+        for run_dir in runs:
+            _add(run_dir, found)
+    return found
+
+
+def _runs_below(folder: Path) -> list[Path]:
+    below = sorted(path.parent for path in folder.rglob(LAUNCH))
+    return [run for run in dict.fromkeys([folder, *below]) if has_records(run)]
+
+
+def _add(run_dir: Path, found: Collected) -> None:
+    """Read a run, once, however it is named."""
+    if any(run_dir.samefile(known) for known in found.frames):
+        return
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # of a run without episodes: the error says so
+            found.frames[run_dir] = read_episodes([run_dir])
+    except (InputError, OSError) as error:
+        found.problems.append(str(error))

@@ -1,0 +1,117 @@
+"""The leaderboard's runs: what shares a cell, what is a repeat, and what tells names apart."""
+
+import json
+import math
+
+import pytest
+
+from runners.analysis.leaderboard import UNKNOWN, entries
+from runners.records.collect import collect
+from tests.composing import jobs_of
+from tests.made_runs import write_run
+
+
+@pytest.fixture
+def board(tmp_path):
+    """Write runs, each from overrides and from columns of its records, and give the board's entry of each."""
+
+    def made(**runs):
+        with jobs_of() as job:
+            for name, (words, columns) in runs.items():
+                write_run(tmp_path / name, job=None if words is None else job(*words), **columns)
+        found = entries(collect([tmp_path / name for name in runs]).frames)
+        return {entry.run_dir.name: entry for entry in found}
+
+    return made
+
+
+def test_a_run_has_its_figures_and_what_it_was_driven_with(board):
+    entry = board(one=(["map.worlds=[200,201]", "runs=1"], {"barn_metric": 0.5}))["one"]
+    assert entry.system == "LME"
+    assert entry.setting[1:] == ("barn", "jackal", "fast")
+    assert entry.row.stats["success"][0] == 0.5
+    assert entry.row.unfinished == ""
+    assert entry.metric_interval == (0.5, 0.5)
+    assert entry.command == "lme eval"
+    assert entry.code.startswith("lme ")
+    assert (entry.repeats, entry.shown) == (1, True)
+
+
+def test_other_robots_simulators_and_maps_are_other_settings(board):
+    ways = (
+        [],
+        ["robot.v_max=1"],
+        ["sim=physics"],
+        ["map.time_limit=50"],
+        ["map.worlds=[1]"],
+        ["map.worlds=[2]"],
+    )
+    found = board(**{f"run{number}": (words, {}) for number, words in enumerate(ways)})
+    names = [found[f"run{number}"].setting.name for number in range(len(ways))]
+    assert len(set(names)) == len(ways)
+    assert names[1].endswith("robot.v_max=1")
+    assert "sim=physics" in names[2]
+    assert names[3].endswith("map.time_limit=50")
+    assert {entry.system for entry in found.values()} == {"LME"}
+
+
+def test_worlds_tell_settings_of_one_name_apart(board):
+    found = board(
+        one=(["map.worlds=[1]"], {"subset": "custom"}), two=(["map.worlds=[2]"], {"subset": "custom"})
+    )
+    assert found["one"].setting.name.endswith("map.worlds=[1]")
+    assert found["two"].setting.name.endswith("map.worlds=[2]")
+
+
+def test_changed_keys_of_the_system_are_in_its_name_and_not_in_the_settings(board):
+    found = board(
+        usual=([], {}),
+        changed=(["guide.history_length=4"], {}),
+        ablation=(["ablation=no_c_o"], {"ablation": "no_c_o"}),
+    )
+    assert [entry.system for entry in found.values()].count("LME") == 1
+    assert found["changed"].system == "LME, guide.history_length=4"
+    assert found["ablation"].system == "LME, ablation no_c_o"
+    assert len({entry.setting for entry in found.values()}) == 1
+
+
+def test_parameters_that_no_name_tells_apart_are_named(board):
+    """Weights of two files of one name."""
+    found = board(one=([], {}), two=([], {}))
+    assert found["one"].system == found["two"].system
+    launch = found["two"].run_dir / "launch.json"
+    values = json.loads(launch.read_text())
+    values["configs"][0]["guide"]["parameters"]["c_t"] = 7
+    launch.write_text(json.dumps(values))
+    again = {entry.run_dir.name: entry for entry in entries(collect([found["two"].run_dir.parent]).frames)}
+    assert again["two"].system == "LME, guide.parameters.c_t=7"
+    assert again["one"].system != again["two"].system
+
+
+def test_repeats_of_a_job_are_told_and_the_newest_finished_one_is_shown(board):
+    worlds = ["map.worlds=[200,201]", "runs=1"]
+    found = board(old=(worlds, {}), new=(worlds, {}), cut=(worlds, {"worlds": (200,)}))
+    assert [entry.repeats for entry in found.values()] == [3, 3, 3]
+    assert sum(entry.shown for entry in found.values()) == 1
+    assert not found["cut"].shown
+    assert found["cut"].row.unfinished == "1 of 2 worlds"
+    assert not found["new"].same
+    assert board(old=(worlds, {}), new=(worlds, {}))["new"].same
+
+
+def test_another_seed_is_no_repeat(board):
+    found = board(one=([], {}), two=(["seed=1"], {"seed": 1}))
+    assert {entry.repeats for entry in found.values()} == {1}
+    assert len({(entry.setting, entry.system) for entry in found.values()}) == 1
+
+
+def test_runs_of_unknown_origin_share_no_setting(board):
+    found = board(one=(None, {}), two=(None, {}))
+    assert {entry.setting.sim for entry in found.values()} == {UNKNOWN}
+    assert len({entry.setting for entry in found.values()}) == 2
+    assert [entry.repeats for entry in found.values()] == [1, 1]
+    assert all(entry.started.startswith("20") for entry in found.values())
+
+
+def test_one_world_has_no_interval_of_the_mean(board):
+    assert all(map(math.isnan, board(one=([], {"worlds": (200,)}))["one"].metric_interval))

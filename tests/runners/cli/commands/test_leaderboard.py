@@ -1,0 +1,44 @@
+"""`lme leaderboard` collects what lies in outputs, and says what it left out."""
+
+import pytest
+
+from runners.cli.main import main
+from tests.composing import jobs_of
+from tests.made_runs import write_run
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with jobs_of() as job:
+        write_run(tmp_path / "outputs" / "eval" / "one", job=job())
+        write_run(tmp_path / "outputs" / "eval" / "two", job=job("seed=1"), seed=1)
+    return tmp_path
+
+
+def test_without_words_it_takes_outputs(here, capsys):
+    assert main(["leaderboard"]) == 0
+    assert capsys.readouterr().out == "Leaderboard of 2 runs: outputs/leaderboard.html\n"
+    text = (here / "outputs" / "leaderboard.html").read_text(encoding="utf-8")
+    assert "outputs/eval/one" in text
+    assert "2 of 100 worlds" in text
+
+
+def test_a_run_that_cannot_be_read_is_told_here_and_on_the_page(here, capsys):
+    (here / "outputs" / "eval" / "two" / "episodes.parquet").write_text("junk")
+    with pytest.warns(UserWarning, match=r"left out: outputs/eval/two/episodes.parquet is not a readable"):
+        assert main(["leaderboard", "outputs", "--into", "board.html"]) == 0
+    assert capsys.readouterr().out == "Leaderboard of 1 run: board.html\n"
+    assert "<h2>Left out</h2>" in (here / "board.html").read_text(encoding="utf-8")
+
+
+def test_what_cannot_be_done_is_one_line(here, capsys):
+    assert main(["leaderboard", "nowhere"]) == 2
+    assert "nowhere: no such directory" in capsys.readouterr().err
+    assert main(["leaderboard", "--into", "outputs"]) == 2
+    assert "outputs: cannot be written" in capsys.readouterr().err
+    for name in ("one", "two"):
+        (here / "outputs" / "eval" / name / "episodes.parquet").write_text("junk")
+    with pytest.warns(UserWarning, match="left out"):
+        assert main(["leaderboard"]) == 2
+    assert "no run in outputs can be read" in capsys.readouterr().err

@@ -1,0 +1,65 @@
+"""Which folders count as runs, and what becomes of those that cannot be read."""
+
+import pytest
+
+from lme.errors import InputError
+from runners.records.collect import collect
+from tests.composing import jobs_of
+from tests.made_runs import write_run
+
+
+@pytest.fixture
+def outputs(tmp_path):
+    with jobs_of() as job:
+        for place in ("eval/one", "eval/sweep/0", "train/two/held_out"):
+            write_run(tmp_path / place, job=job())
+    write_run(tmp_path / "mlartifacts" / "copy")  # as MLflow keeps it
+    return tmp_path
+
+
+def test_runs_are_found_however_deep_and_copies_are_not(outputs):
+    frames, problems = collect([outputs])
+    assert [str(run.relative_to(outputs)) for run in frames] == [
+        "eval/one",
+        "eval/sweep/0",
+        "train/two/held_out",
+    ]
+    assert problems == []
+
+
+def test_a_run_counts_once_and_without_a_launch_record_where_it_is_named(outputs):
+    copy = outputs / "mlartifacts" / "copy"
+    frames, _ = collect([outputs / "eval" / "one", outputs / "eval", copy])
+    assert [run.name for run in frames] == ["one", "0", "copy"]
+
+
+@pytest.mark.parametrize(
+    ("path", "content", "says"),
+    [
+        ("episodes.parquet", b"junk", "not a readable Parquet file"),
+        ("parts/episodes.jsonl", b"[]\n", "line 1 is not an episode record"),
+        ("parts/episodes.jsonl", b"", "no finished episode yet"),
+    ],
+)
+def test_a_run_that_cannot_be_read_is_left_out_with_a_reason(outputs, path, content, says):
+    run = outputs / "eval" / "one"
+    (run / "episodes.parquet").unlink()
+    (run / path).parent.mkdir(exist_ok=True)
+    (run / path).write_bytes(content)
+    frames, (problem,) = collect([outputs])
+    assert len(frames) == 2
+    assert says in problem
+    assert str(run) in problem
+
+
+@pytest.mark.parametrize("content", ["{", "[]", '{"configs": [], "command": "eval"}'])
+def test_a_damaged_launch_record_takes_no_other_run_away(outputs, content):
+    (outputs / "eval" / "one" / "launch.json").write_text(content)
+    assert len(collect([outputs]).frames) == 3
+
+
+def test_a_folder_without_runs_is_named(tmp_path):
+    with pytest.raises(InputError, match="no run below it; give folders of runs"):
+        collect([tmp_path])
+    with pytest.raises(InputError, match=r"gone: no such directory"):
+        collect([tmp_path / "gone"])
