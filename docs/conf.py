@@ -1,4 +1,4 @@
-"""The documentation site: `python -m sphinx -W --keep-going -c docs . build/site`.
+"""The documentation site: `python -m sphinx --fail-on-warning --keep-going --conf-dir docs . build/site`.
 
 The source folder is the checkout, so links to maps/, examples/ and benchmarks/ hold here as they do in the files.
 """
@@ -42,9 +42,8 @@ autodoc_default_options = {"members": True, "imported-members": True}
 autoclass_content = "both"  # what __init__ raises stands in its own docstring
 default_role = "code"  # docstrings have Markdown's backticks
 
-os.environ["PATH"] = os.pathsep.join(
-    [sysconfig.get_path("scripts"), os.environ["PATH"]]
-)  # the notebook calls lme
+# The notebook calls lme.
+os.environ["PATH"] = os.pathsep.join([sysconfig.get_path("scripts"), os.environ["PATH"]])
 nb_execution_mode = "force"
 nb_execution_in_temp = True
 nb_execution_timeout = 600  # [s] of a cell
