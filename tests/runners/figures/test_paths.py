@@ -57,6 +57,17 @@ def test_a_sample_favours_failures_but_is_not_made_of_them():
     assert [shown.count(outcome) for outcome in OUTCOMES] == [4, 4, 4]
 
 
+@pytest.mark.parametrize(("runs", "shown"), [(5, 5), (100, figures.RUNS)])
+def test_a_panel_shows_all_runs_of_its_world_up_to_a_number_and_failures_are_among_them(runs, shown):
+    outcomes = ["success"] * (runs - 2) + ["timeout", "collision"]
+    rows = [{"world": w, "run": n, "outcome": o} for w in (4, 7) for n, o in enumerate(outcomes)]
+    chosen = figures.sample_episodes(pd.DataFrame(rows))
+    for world in (4, 7):
+        numbers = [key.run for key in chosen if key.world == world]
+        assert len(set(numbers)) == len(numbers) == shown
+        assert {runs - 2, runs - 1} <= set(numbers)
+
+
 def test_a_world_counts_by_its_worst_run():
     frame = pd.DataFrame(
         {"world": [1, 1, 2], "run": [0, 1, 0], "outcome": ["success", "collision", "success"]}

@@ -75,6 +75,15 @@ def processes(workers=2):
     return ProcessExecutor(ProcessConfig(workers=workers))
 
 
+def test_items_are_taken_when_a_worker_is_free():
+    taken = []
+    items = (taken.append(item) or item for item in ITEMS)
+    results = ProcessExecutor(ProcessConfig(workers=2)).map(multiply, {"factor": 10}, items)
+    next(results)
+    assert len(taken) <= 4  # two at work, and the next of a worker that was done
+    assert len(list(results)) == len(ITEMS) - 1
+
+
 @pytest.mark.parametrize("executor", [SerialExecutor(SerialConfig()), processes(1), processes(3)])
 def test_every_executor_gives_the_same_results(executor):
     results = sorted(executor.map(multiply, {"factor": 10}, iter(ITEMS)))
