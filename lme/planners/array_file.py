@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import lzma
 import math
+import struct
+import tokenize
 import zipfile
+import zlib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -20,7 +24,8 @@ Shape = tuple[int, ...]
 _ENDING = ".npy"
 _HEADER_MAX = 10_000  # [bytes] numpy's own limit
 _DAMAGE = (
-    zipfile.BadZipFile, zipfile.LargeZipFile, EOFError, ValueError, RuntimeError, SyntaxError, OverflowError,
+    zipfile.BadZipFile, zipfile.LargeZipFile, zlib.error, lzma.LZMAError, struct.error, tokenize.TokenError, EOFError,
+    ValueError, RuntimeError, SyntaxError, OverflowError,
 )  # fmt: skip
 
 

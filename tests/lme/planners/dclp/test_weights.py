@@ -45,7 +45,14 @@ def test_an_array_of_another_kind(tmp_path, array, says):
 
 def test_a_member_that_is_large_or_cut_off(tmp_path):
     whole = network_file(tmp_path / "w.npz")
-    for content in (bytes(2**21), zipfile.ZipFile(whole).read("alpha.npy")[:-2], b"\x93NUMPY\x01\x00", b""):
+    torn = b"\x93NUMPY\x01\x00\x14\x00" + b"{'descr': ('<f4'".ljust(19) + b"\n"
+    for content in (
+        bytes(2**21),
+        zipfile.ZipFile(whole).read("alpha.npy")[:-2],
+        torn,
+        b"\x93NUMPY\x01\x00",
+        b"",
+    ):
         path = tmp_path / "changed.npz"
         for method in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
             with zipfile.ZipFile(path, "w", method) as archive:
