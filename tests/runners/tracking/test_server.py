@@ -157,7 +157,9 @@ def test_a_server_that_is_killed_costs_no_record_and_a_resumed_run_is_tracked(se
     jobs = [tmp_path / "a" / "sweep" / job for job in "01"]
     assert [len(read_episodes([job])) for job in jobs] == [2, 2]
     server.start()
-    output, _ = sweep(server, tmp_path / "a", "seed=0,1", "resume=sweep").communicate()
+    process = sweep(server, tmp_path / "a", "seed=0,1", "resume=true")
+    output, _ = process.communicate()
+    assert process.returncode == 0, output
     assert "not logged" not in output
     found = runs_below(server, tmp_path)
     assert set(found) == {jobs[0].parent, *jobs}
