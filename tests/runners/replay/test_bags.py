@@ -213,11 +213,10 @@ def test_a_message_that_is_defined_otherwise_is_refused(tmp_path):
     assert "geometry_msgs/msg/Pose otherwise than ROS does, or is damaged" in one_line(error)
 
 
-@pytest.mark.parametrize("stamp", ["NULL", "'x'"])
-def test_a_message_without_a_time_is_damage(tmp_path, stamp):
+def test_a_message_whose_time_is_no_number_is_damage(tmp_path):
     path = drive(".db3", steps=6).write(tmp_path)
     with sqlite3.connect(path) as database:
-        database.execute(f"UPDATE messages SET timestamp = {stamp} WHERE id = 4")
+        database.execute("UPDATE messages SET timestamp = 'x' WHERE id = 4")
     with pytest.raises(InputError) as error, Bag(path) as bag:
         list(bag.messages([topic.name for topic in bag.topics()]))
     assert "damaged" in one_line(error) or "not readable" in one_line(error)
