@@ -92,6 +92,10 @@ def _check(entry: LogEntry) -> None:
             raise TypeError(f"{name} is {value!r}")
         if isinstance(value, int) and abs(value) >= 2**63:
             raise ValueError(f"{name} is too large")
+    texts = [value for value in entry.row.values() if isinstance(value, str)]
+    "".join(
+        [*entry.row, *entry.trajectory, *texts]
+    ).encode()  # JSON may hold half characters, Parquet may not
     lengths = {len(array) for array in entry.trajectory.values()}
     if len(lengths) > 1 or any(array.dtype.kind not in "fiu" for array in entry.trajectory.values()):
         raise ValueError("the columns of the trajectory do not fit each other")
