@@ -27,19 +27,16 @@ from runners.cli.outside import outside
 def main(argv: Sequence[str] | None = None) -> int:
     """Run `lme` with these words, or those of the process; returns the exit status."""
     words = list(sys.argv[1:] if argv is None else argv)
+    name = words[0] if words else "--help"
     known = command_files()
-    if not words or words[0] in ("-h", "--help", "help"):
-        print(help.overview({name: title(path) for name, path in known.items()}))
-        return 0
-    if words[0] in ("-V", "--version"):
-        print(f"lme {lme.__version__}")
-        return 0
     sys.path.append(str(Path.cwd()))  # where a user's own planner may lie
     try:
         with plain_warnings(), terminable():
-            return _run(words[0], words[1:], known)
+            status = _run(name, words[1:], known)
+            sys.stdout.flush()
+            return status
     except InputError as error:
-        print(f"lme {words[0]}: {error}" if words[0] in known else f"lme: {error}", file=sys.stderr)
+        print(f"lme {name}: {error}" if name in known else f"lme: {error}", file=sys.stderr)
         return 2
     except KeyboardInterrupt as interrupt:
         return status_of(interrupt)
@@ -50,7 +47,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         said = outside(error)
         if not said:
             raise
-        print(f"lme {words[0]}: {said}", file=sys.stderr)
+        print(f"lme {name}: {said}", file=sys.stderr)
         return 1
 
 
@@ -79,6 +76,12 @@ def _parsed(path: Path) -> ast.Module:
 
 
 def _run(name: str, argv: list[str], known: dict[str, Path]) -> int:
+    if name in ("-h", "--help", "help"):
+        print(help.overview({name: title(path) for name, path in known.items()}))
+        return 0
+    if name in ("-V", "--version"):
+        print(f"lme {lme.__version__}")
+        return 0
     if name not in known:
         raise InputError(f"{name}: no such command; {nearest(name, known)}there are: {', '.join(known)}")
     if {"-h", "--help"} & set(argv) and (resource_dir("conf") / f"{name}.yaml").is_file():

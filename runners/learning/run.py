@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -117,9 +118,10 @@ class Run:
             "network": self.network.state_dict(),
             "state": dict(state),
         }
-        # Through a Python file, because torch's own error does not tell a full disk from other causes.
-        with replacing(self.run_dir / CHECKPOINT) as draft, draft.open("wb") as file:
-            torch.save(saved, file)
+        whole = io.BytesIO()  # torch's own error does not tell a full disk from other causes
+        torch.save(saved, whole)
+        with replacing(self.run_dir / CHECKPOINT) as draft:
+            draft.write_bytes(whole.getbuffer())
         self._progress.reach(done, self.best)
 
     def write(self, name: str = PRESENT) -> str:

@@ -99,9 +99,7 @@ class AppendLog:
                 fields = json.loads(line)
                 key = EpisodeKey.of(fields["record"])
                 places.extend((key.world, key.run, start))
-                self.layouts.add(
-                    tuple((name, _dtype(kind).str) for name, (kind, _) in fields["trajectory"].items())
-                )
+                self.layouts.add(_layout(fields["trajectory"]))
             start += len(line)
         return places
 
@@ -126,6 +124,12 @@ def _decode(line: bytes, path: Path, number: int) -> LogEntry:
         return LogEntry(fields["record"], arrays)
 
 
+def _layout(trajectory: dict[str, tuple[str, str]]) -> tuple[tuple[str, str], ...]:
+    """Names and types of the columns. Raises ValueError or TypeError for what Parquet could not hold."""
+    "".join(trajectory).encode()  # JSON may hold half characters
+    return tuple((name, _dtype(kind).str) for name, (kind, _) in trajectory.items())
+
+
 def _dtype(kind: str) -> np.dtype[Any]:
     dtype = np.dtype(kind)
     if dtype.kind not in "fiu":
@@ -141,6 +145,8 @@ def _check(row: dict[str, Any]) -> None:
             raise TypeError(f"{name} is {value!r}")
         if isinstance(value, int) and abs(value) >= 2**63:
             raise ValueError(f"{name} is too large")
+    texts = [value for value in row.values() if isinstance(value, str)]
+    "".join([*row, *texts]).encode()  # JSON may hold half characters, Parquet may not
 
 
 @contextlib.contextmanager

@@ -96,7 +96,7 @@ class Bag:
         try:
             for connection, recorded, raw in self._reader.messages(wanted, start=start, stop=stop):
                 content = self._reader.deserialize(raw, connection.msgtype)
-                yield Message(connection.topic, connection.msgtype, recorded, content)
+                yield Message(connection.topic, connection.msgtype, int(recorded), content)
         except Exception as error:  # decoding damaged bytes can raise anything
             raise _unreadable(self.path, error, "damaged") from error
 

@@ -172,3 +172,15 @@ def test_help_fits_the_terminal(monkeypatch, capsys):
     main.main(["eval", "--help"])
     table = capsys.readouterr().out.partition("groups")[2]
     assert max(map(len, table.splitlines())) <= 80
+
+
+def test_a_reader_that_closes_the_pipe_ends_it_quietly():
+    """As `lme --help | head -1` does."""
+    with subprocess.Popen(
+        [sys.executable, "-m", "runners.cli.main", "--help"], stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    ) as process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        process.stdout.close()
+        assert process.stderr.read() == b""
+    assert process.returncode == 0

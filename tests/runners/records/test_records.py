@@ -358,6 +358,8 @@ def test_a_trajectory_without_its_steps_is_refused(tmp_path):
         {"record": {"time_s": "x"}},
         {"record": {"steps": 2**70}},
         {"record": {"world": "3"}},
+        {"record": {"system": "\ud800"}},
+        {"record": {"\ud800": 1}},
         {"trajectory": {"x_m": ["<f8", ""]}},
         {"trajectory": {"x_m": ["<U2", "AAAAAAAAAAA="]}},
     ],

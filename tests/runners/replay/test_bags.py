@@ -1,5 +1,6 @@
 """Reading recordings: every format, topics by type, and one clear line for whatever is wrong with a file."""
 
+import sqlite3
 from contextlib import suppress
 
 import pytest
@@ -210,3 +211,12 @@ def test_a_message_that_is_defined_otherwise_is_refused(tmp_path):
     with pytest.raises(InputError) as error, Bag(path):
         pass
     assert "geometry_msgs/msg/Pose otherwise than ROS does, or is damaged" in one_line(error)
+
+
+def test_a_message_whose_time_is_no_number_is_damage(tmp_path):
+    path = drive(".db3", steps=6).write(tmp_path)
+    with sqlite3.connect(path) as database:
+        database.execute("UPDATE messages SET timestamp = 'x' WHERE id = 4")
+    with pytest.raises(InputError) as error, Bag(path) as bag:
+        list(bag.messages([topic.name for topic in bag.topics()]))
+    assert "damaged" in one_line(error) or "not readable" in one_line(error)
