@@ -9,7 +9,7 @@ from typing import Any
 from hydra._internal.callbacks import Callbacks
 from hydra._internal.config_loader_impl import ConfigLoaderImpl
 from hydra.core.plugins import Plugins
-from hydra.core.utils import JobReturn, run_job
+from hydra.core.utils import JobReturn, JobStatus, run_job
 from hydra.experimental.callback import Callback
 from hydra.types import HydraContext, RunMode
 from omegaconf import DictConfig, OmegaConf, open_dict
@@ -99,7 +99,9 @@ class _Forgetting(Callback):
 
     def on_job_end(self, config: DictConfig, job_return: JobReturn, **kwargs: Any) -> None:
         """Hydra keeps what the job returns, with two configs, until the sweep ends."""
-        job_return.cfg = job_return.hydra_cfg = None
+        job_return.cfg = None
+        if job_return.status == JobStatus.COMPLETED and job_return.return_value == 0:
+            job_return.hydra_cfg = None  # a job that failed is named by it
         for key in [key for key, known in self._configs.items() if known is config]:
             del self._configs[key]
 

@@ -250,10 +250,8 @@ def _stop(workers: dict[Connection, BaseProcess]) -> None:
 
 def _work(coordinator: Connection, initialise: Initialise, payload: Any) -> None:
     """Build, then answer items until the coordinator closes the connection."""
-    for number in (
-        signal.SIGINT,
-        signal.SIGTERM,
-    ):  # they come to all processes; the coordinator ends the workers
+    # These two come to all processes; the coordinator ends the workers.
+    for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, signal.SIG_IGN)
     # The coordinator has built the same config and given the same warnings.
     warnings.simplefilter("ignore", UserWarning)
