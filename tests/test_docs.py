@@ -133,7 +133,7 @@ def _one_of_its_jobs(command: tuple[str, ...]) -> list[str]:
     configs = catalogue.shipped(Path("my_conf"))
     words = []
     for word in command:
-        key, _, value = word.partition("=")
+        key, _, value = re.sub(r"=range\((?:\d+,)?(\d+)\)$", r"=\1", word).partition("=")
         values = re.split(r",(?![^\[{]*[\]}])", value) if key[0] not in "'-" else [value]
         if key == "+experiment":
             assert value.rpartition("/")[2] in configs.choices("experiment", command[0]), f"no {word}"

@@ -297,15 +297,16 @@ def _resume(folder: Path) -> None:
 
 def _log(folder: Path) -> None:
     from lme.episode import TRAJECTORY_COLUMNS
-    from runners.records.append_log import encode
+    from runners.records.append_log import encode, entry_of
     from runners.records.episode_record import EpisodeResult
     from tests.builders import episode_record
 
     rng = np.random.default_rng(0)
-    lines = [
-        encode(EpisodeResult(episode_record(world, 0), rng.normal(size=(5, len(TRAJECTORY_COLUMNS)))))
+    results = (
+        EpisodeResult(episode_record(world, 0), rng.normal(size=(5, len(TRAJECTORY_COLUMNS))))
         for world in range(4)
-    ]
+    )
+    lines = [encode(entry_of(result)) for result in results]
     (folder / "run" / "parts").mkdir(parents=True)
     (folder / "run" / "parts" / "episodes.jsonl").write_bytes(b"".join(lines))
 
