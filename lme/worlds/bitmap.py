@@ -19,6 +19,8 @@ MAX_PIXELS = 4096 * 4096  # a larger picture is refused before it is decoded
 DARK = 0.5  # of white; darker pixels of a plain bitmap are obstacles. JPEG artefacts stay far from it
 
 _EIGHT_BIT = ("1", "L", "LA", "P", "PA", "RGB", "RGBA", "CMYK", "YCbCr")
+# What Pillow raises for a damaged picture.
+_DAMAGED = (OSError, SyntaxError, ValueError, EOFError, IndexError, TypeError, OverflowError, MemoryError)
 _ROS_KEYS = ("image", "resolution", "origin", "negate", "occupied_thresh", "free_thresh")
 
 
@@ -66,10 +68,10 @@ def brightness(path: Path) -> Floats:
         raise InputError(f"{path}: {error}: must have at most {MAX_PIXELS} pixels") from error
     except FileNotFoundError as error:
         raise InputError(f"{path}: no such picture") from error
-    except (OSError, SyntaxError, ValueError, EOFError, IndexError, TypeError, OverflowError) as error:
+    except _DAMAGED as error:
         if isinstance(error, InputError):
             raise
-        reason = " ".join(str(error).split())
+        reason = " ".join(str(error).split()) or "it asks for too much memory"
         raise InputError(f"{path}: must be a whole picture (PNG, PGM, JPEG, …): {reason}") from error
     return np.asarray(grey, dtype=np.float64)[::-1] / 255.0
 

@@ -200,6 +200,19 @@ def test_broken_and_enormous_pictures_are_one_line(tmp_path):
         assert "\n" not in str(error.value)
 
 
+def test_a_picture_that_asks_for_too_much_memory_is_one_line(tmp_path, monkeypatch):
+    path = picture(tmp_path / "map.png", [[255, 0]])
+
+    def no_memory(*_):
+        raise MemoryError
+
+    monkeypatch.setattr(Image.Image, "convert", no_memory)
+    with pytest.raises(
+        InputError, match=r"map\.png: must be a whole picture .*: it asks for too much memory"
+    ):
+        read_bitmap(path, (1.0, 1.0))
+
+
 @given(st.data())
 def test_a_picture_with_damaged_bytes_is_read_or_refused(tmp_path_factory, data):
     path = tmp_path_factory.mktemp("damaged") / "map.png"
