@@ -215,6 +215,7 @@ def _batch_size(items: int, workers: int, most: int) -> int:
 
 def _receive(future: Future[Any], items: Sequence[Item]) -> tuple[list[Any], Exception | None]:
     from distributed import KilledWorker
+    from distributed.comm import CommClosedError
     from distributed.scheduler import NoWorkerError
 
     try:
@@ -229,7 +230,7 @@ def _receive(future: Future[Any], items: Sequence[Item]) -> tuple[list[Any], Exc
         raise WorkerDiedError(
             f"executor=dask: all worker processes died and none starts again: finished episodes are kept; {_ALONE}"
         ) from None
-    except CancelledError:
+    except (CancelledError, CommClosedError):
         raise WorkerDiedError(f"the dask scheduler is gone: finished episodes are kept; {_ALONE}") from None
 
 

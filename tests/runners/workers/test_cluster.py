@@ -34,6 +34,7 @@ from tests.runners.workers.test_executor import (
 pytest.importorskip("distributed")
 import dask
 from distributed import KilledWorker, LocalCluster
+from distributed.comm import CommClosedError
 
 WORDS = ["map=traps", "robot=stage", "map.time_limit=2", "runs=10", "tracking=none"]
 LABELS = RunLabels(**dict.fromkeys(RunLabels.__slots__, ""))
@@ -190,6 +191,15 @@ def test_an_address_where_nobody_answers(monkeypatch):
         InputError, match=r"^executor\.address is tcp://127\.0\.0\.1:9: no dask scheduler answers"
     ):
         list(nobody.map(multiply, {"factor": 1}, ITEMS))
+
+
+def test_a_connection_that_ends_while_a_result_comes_is_told():
+    class Cut:
+        def result(self):
+            raise CommClosedError("in <TCP (closed)>: ConnectionResetError")
+
+    with pytest.raises(WorkerDiedError, match="the dask scheduler is gone: finished episodes are kept"):
+        module._receive(Cut(), ITEMS)
 
 
 @pytest.mark.parametrize(
