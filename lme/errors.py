@@ -25,11 +25,15 @@ def require(
     at_most: float | None = None,
 ) -> None:
     """Raise InputError, naming key, value and bounds, unless `value` is finite and within the bounds."""
+    try:
+        finite = math.isfinite(value)
+    except OverflowError:  # an integer that no float holds
+        raise InputError(f"{key} is too large: must be finite") from None
     bounds = {
         f"greater than {above:g}" if above is not None else "": above is None or value > above,
         f"at least {at_least:g}" if at_least is not None else "": at_least is None or value >= at_least,
         f"at most {at_most:g}" if at_most is not None else "": at_most is None or value <= at_most,
-        "finite": math.isfinite(value),
+        "finite": finite,
     }
     if not all(bounds.values()):
         raise InputError(f"{key} is {value:g}: must be {' and '.join(name for name in bounds if name)}")

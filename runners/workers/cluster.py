@@ -215,7 +215,7 @@ def _batch_size(items: int, workers: int, most: int) -> int:
 
 def _receive(future: Future[Any], items: Sequence[Item]) -> tuple[list[Any], Exception | None]:
     from distributed import KilledWorker
-    from distributed.comm import CommClosedError
+    from distributed.comm.core import CommClosedError
     from distributed.scheduler import NoWorkerError
 
     try:

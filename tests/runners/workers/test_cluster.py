@@ -34,7 +34,7 @@ from tests.runners.workers.test_executor import (
 pytest.importorskip("distributed")
 import dask
 from distributed import KilledWorker, LocalCluster
-from distributed.comm import CommClosedError
+from distributed.comm.core import CommClosedError
 
 WORDS = ["map=traps", "robot=stage", "map.time_limit=2", "runs=10", "tracking=none"]
 LABELS = RunLabels(**dict.fromkeys(RunLabels.__slots__, ""))
