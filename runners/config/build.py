@@ -25,9 +25,8 @@ def map_set(config: DriveConfig, worlds: Sequence[int] | None = None) -> MapSet:
 
     Raises InputError.
     """
-    if not isinstance(
-        config.map, Mapping
-    ):  # one of several in a dictionary of map sets, which Hydra does not check
+    # Hydra does not check one of several in a dictionary of map sets.
+    if not isinstance(config.map, Mapping):
         raise InputError(f"map is {config.map!r}: must be a map set")
     node = config.map if worlds is None else {**config.map, "worlds": list(worlds)}
     if "radius" in node and node["radius"] is None:

@@ -20,7 +20,7 @@ from runners.explainer import pages
 from runners.records.episode_record import EpisodeKey, RunLabels
 from runners.records.launch_record import identity
 from runners.records.parquet import EPISODES
-from runners.records.records import RecordWriter, read_episodes, read_trajectories
+from runners.records.records import RecordWriter, read_episodes
 from runners.workers import mcap_file, recorder
 from runners.workers.episodes import EpisodePayload, Recordings, initialise
 from runners.workers.progress import EpisodeProgress
@@ -90,16 +90,14 @@ def report(maps: MapSet, job: Job[EvalConfig]) -> tuple[pd.DataFrame, list[Row],
     """Write tables and picture, from the records alone; the records, the rows of the table, and all files."""
     from runners.analysis.summary import summarise
     from runners.analysis.tables import write_tables
-    from runners.figures.reports.paths import sample_episodes, sample_worlds, trajectories_figure
+    from runners.figures.reports.paths import draw_run
 
     run_dir = job.run_dir
     frame = read_episodes([run_dir])
     rows = summarise(frame, systems=systems.systems(job.folders))
     tables = write_tables(frame, rows, run_dir)
     picture = run_dir / "trajectories.png"
-    tasks = {number: maps.task(number) for number in sample_worlds(frame)}
-    paths = read_trajectories([run_dir], sample_episodes(frame))
-    trajectories_figure(frame, paths, tasks, picture)
+    draw_run(frame, run_dir, maps, picture)
     return frame, rows, [*tables, picture, run_dir / EPISODES]
 
 
@@ -124,4 +122,5 @@ def _recordings(config: EpisodesConfig, run_dir: Path) -> Recordings | None:
 
 def _by_run(maps: MapSet, runs: int) -> Iterator[EpisodeKey]:
     """The episodes run by run, so that a partial run covers the map set; none is held in memory."""
-    return (EpisodeKey(world, run) for run in range(runs) for world in sorted(maps.numbers))
+    worlds = sorted(maps.numbers)
+    return (EpisodeKey(world, run) for run in range(runs) for world in worlds)

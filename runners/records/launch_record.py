@@ -56,9 +56,6 @@ class Launch:
     def __post_init__(self) -> None:
         self.choices = self.choices or [{} for _ in self.configs]
         self.changes = self.changes or [{} for _ in self.configs]
-        lists = (self.configs, self.choices, self.changes)
-        if not self.configs or not all(isinstance(part, dict) for one in lists for part in one):
-            raise TypeError(f"configs are {self.configs!r}: must be one or more mappings")
 
     @property
     def config(self) -> RecordedConfig:
@@ -75,10 +72,10 @@ class Launch:
 
         Raises InputError where the directory cannot be written.
         """
-        before = read_launch(directory)
-        resumed = before is not None and before.fingerprint == self.fingerprint
-        kept = {"started": before.started, "code": before.code} if before is not None and resumed else {}
-        text = json.dumps({**dataclasses.asdict(self), **kept}, indent=1, sort_keys=True)
+        fields, before = dataclasses.asdict(self), read_launch(directory)
+        if before is not None and before.fingerprint == self.fingerprint:
+            fields |= {"started": before.started, "code": before.code}
+        text = json.dumps(fields, indent=1, sort_keys=True)
         try:
             write_whole(directory / LAUNCH, text + "\n")
         except OSError as error:
@@ -171,7 +168,8 @@ def unusable(directory: Path, what: str, error: OSError) -> InputError:
 
 def _is_whole(launch: Launch) -> bool:
     """Whether a launch that was read holds what `launch_of` gives, and as much of it for every job."""
-    texts = [launch.command, launch.fingerprint, launch.config_dir or "", launch.config_name or ""]
+    texts = [launch.command, launch.fingerprint, launch.started, launch.code]
+    texts += [launch.config_dir or "", launch.config_name or ""]
     parts = (launch.configs, launch.choices, launch.changes)
     return (
         all(isinstance(text, str) for text in texts)

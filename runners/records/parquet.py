@@ -34,10 +34,7 @@ _STEP_KEY = (*KEY_COLUMNS, "step")
 def keys_of(run_dir: Path) -> set[EpisodeKey]:
     """Keys of the episodes in the Parquet file of a run."""
     path = run_dir / EPISODES
-    if not path.is_file():
-        return set()
-    columns = _read_table(path, KEY_COLUMNS).to_pydict()
-    return set(map(EpisodeKey, columns["world"], columns["run"]))
+    return _keys_in(_read_table(path, KEY_COLUMNS)) if path.is_file() else set()
 
 
 def new_in(log: AppendLog, done: Collection[EpisodeKey]) -> set[EpisodeKey]:
@@ -49,7 +46,7 @@ def episode_table(run_dir: Path, log: AppendLog) -> pa.Table:
     """Episodes of the run's Parquet file and of its append log, sorted by key, each once."""
     path = run_dir / EPISODES
     known = [_read_table(path)] if path.is_file() else []
-    new = new_in(log, keys_of(run_dir))
+    new = new_in(log, set().union(*map(_keys_in, known)))
     with _agreeing(run_dir):
         return _episodes([*known, *map(_rows, _blocks(log.entries(new)))])
 
@@ -292,6 +289,11 @@ def _agreeing(run_dir: Path) -> Iterator[None]:
         raise InputError(
             f"records in {run_dir} disagree: {reason}; remove the line or file that differs"
         ) from None
+
+
+def _keys_in(table: pa.Table) -> set[EpisodeKey]:
+    """Keys of a table of episodes."""
+    return set(map(EpisodeKey, table["world"].to_pylist(), table["run"].to_pylist()))
 
 
 def _keys(table: pa.Table) -> Ints:

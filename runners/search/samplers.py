@@ -192,9 +192,8 @@ def per_trial(
 
 def _origin(trial: FrozenTrial) -> int:
     """Number of the trial, or of the first one that a killed process left and that this one repeats."""
-    return int(
-        trial.system_attrs.get("failed_trial", trial.number)
-    )  # RetryHeartbeatStaleTrialCallback's name
+    # RetryHeartbeatStaleTrialCallback writes this name.
+    return int(trial.system_attrs.get("failed_trial", trial.number))
 
 
 def trial_seed(seed: int, number: int) -> int:

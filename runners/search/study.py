@@ -111,9 +111,8 @@ class Study:
 
     def _ask(self) -> Proposal | None:
         with warnings.catch_warnings():
-            warnings.simplefilter(
-                "ignore"
-            )  # Optuna's that only Study.optimize sends signs of life: Heartbeat does
+            # Optuna warns that only Study.optimize sends signs of life; here Heartbeat does.
+            warnings.simplefilter("ignore")
             return self._proposal(self._study.ask())
 
     def _counts(self, number: int, total: int) -> bool:

@@ -95,14 +95,10 @@ def _rewrite(frame: pd.DataFrame, rows: list[Row], runs: list[Path], place: Path
 def _draw(frame: pd.DataFrame, run: Path) -> None:
     """Draw the paths. That needs the worlds, so a folder without a launch record gets no picture."""
     from runners.config import build
-    from runners.figures.reports.paths import sample_episodes, sample_worlds, trajectories_figure
+    from runners.figures.reports.paths import draw_run, sample_worlds
     from runners.records.launch_record import read_launch
-    from runners.records.records import read_trajectories
 
     launch = read_launch(run)
     if launch is not None:
-        sample = sample_worlds(frame)
-        maps = build.map_set(launch.config, sample)
-        worlds = {number: maps.task(number) for number in sample}
-        paths = read_trajectories([run], sample_episodes(frame))
-        trajectories_figure(frame, paths, worlds, run / "trajectories.png")
+        maps = build.map_set(launch.config, sample_worlds(frame))
+        draw_run(frame, run, maps, run / "trajectories.png")

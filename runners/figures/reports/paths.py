@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lme.worlds.world import Task
+from lme.worlds.world import MapSet, Task
 from runners.figures.parts.layout import Around, aspect_of, best_columns, lay_out, panel_width, wrapped
 from runners.figures.parts.scene import Box, common_box, draw_paths, draw_task, legend_keys
 from runners.figures.parts.style import INK, LEGEND_ORDER, STYLES, new_figure, save
 from runners.records.episode_record import EpisodeKey
+from runners.records.records import read_trajectories
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -26,6 +27,15 @@ FAILURES = 2 / 3  # of a sample at most, if there are enough others
 PAGE_IN = (10.0, 8.0)  # at most
 LEGEND_IN = 6.6  # minimum width for the key
 AROUND = Around(header=0.55, footer=0.42)
+
+
+def draw_run(frame: pd.DataFrame, run_dir: Path, maps: MapSet, path: Path) -> None:
+    """Draw the paths of a run in a sample of its worlds, reading only those.
+
+    frame: from `read_episodes`. maps: holds at least the worlds of `sample_worlds`.
+    """
+    worlds = {number: maps.task(number) for number in sample_worlds(frame)}
+    trajectories_figure(frame, read_trajectories([run_dir], sample_episodes(frame)), worlds, path)
 
 
 def trajectories_figure(
