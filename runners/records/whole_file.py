@@ -6,12 +6,14 @@ import contextlib
 import errno
 import glob
 import os
+import socket
 import time
 from collections.abc import Iterator
 from pathlib import Path
 
 DISK_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 STALE_S = 60.0  # a draft that nobody has written to for so long belongs to a process that was killed
+_HOST = socket.gethostname()
 
 
 @contextlib.contextmanager
@@ -21,9 +23,9 @@ def replacing(path: Path) -> Iterator[Path]:
     The draft has the suffix of `path` and lies beside it. If an exception ends the `with`, the draft is removed
     and `path` stays as it was. An OSError that concerns the draft names `path` instead.
     """
-    # The process id is part of the name because two processes may write the same file at the same time.
-    draft = path.with_name(f".{path.name}.{os.getpid()}.new{path.suffix}")
-    _remove_stale_drafts(path)
+    # Host and process are part of the name because two processes may write the same file at the same time.
+    draft = path.with_name(f".{path.name}.{_HOST}.{os.getpid()}.new{path.suffix}")
+    _remove_left_drafts(path)
     try:
         yield draft
         draft.replace(path)
@@ -42,8 +44,22 @@ def write_whole(path: Path, text: str) -> None:
         draft.write_text(text, encoding="utf-8")
 
 
-def _remove_stale_drafts(path: Path) -> None:
+def _remove_left_drafts(path: Path) -> None:
+    """Remove the drafts of processes that were killed: here those that do not run, elsewhere the old ones."""
     for draft in path.parent.glob(f".{glob.escape(path.name)}.*.new{glob.escape(path.suffix)}"):
         with contextlib.suppress(OSError):  # another process may have removed it
-            if time.time() - draft.stat().st_mtime > STALE_S:
+            writer = draft.name.removeprefix(f".{path.name}.{_HOST}.").partition(".")[0]
+            ended = writer.isdecimal() and not _runs(int(writer))
+            if ended or time.time() - draft.stat().st_mtime > STALE_S:
                 draft.unlink()
+
+
+def _runs(process: int) -> bool:
+    """Whether a process of this machine runs."""
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except (PermissionError, OverflowError):
+        pass
+    return True

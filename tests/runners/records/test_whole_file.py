@@ -12,10 +12,9 @@ from runners.records.whole_file import replacing, write_whole
 from tests.places import ROOT
 
 
-def test_a_file_takes_the_place_of_the_old_one_and_stale_drafts_go(tmp_path):
-    path, old, young = (
-        tmp_path / name for name in ("page.html", ".page.html.1.new.html", ".page.html.2.new.html")
-    )
+def test_a_file_takes_the_place_of_the_old_one_and_old_drafts_of_other_machines_go(tmp_path):
+    names = ("page.html", ".page.html.other.1.new.html", ".page.html.other.2.new.html")
+    path, old, young = (tmp_path / name for name in names)
     for file in (path, old, young):
         file.write_text("before")
     os.utime(old, (0.0, 0.0))  # its writer was killed; the other one may be at work
@@ -63,6 +62,17 @@ def test_permissions_are_those_of_any_new_file(tmp_path):
     assert (tmp_path / "whole").stat().st_mode == (tmp_path / "usual").stat().st_mode
 
 
+def test_the_draft_of_a_process_at_work_stays(tmp_path):
+    path = tmp_path / "table.md"
+    with replacing(path) as ours:
+        ours.write_text("half")
+    for process in (os.getppid(), 1):  # one of ours and one of the system's
+        draft = ours.with_name(ours.name.replace(f".{os.getpid()}.", f".{process}."))
+        draft.write_text("half")
+    write_whole(path, "whole")
+    assert len(list(tmp_path.iterdir())) == 3
+
+
 KILLED = """
     import os, signal, sys
     from pathlib import Path
@@ -80,7 +90,6 @@ def test_a_killed_writer_leaves_the_old_file(tmp_path):
     command = [sys.executable, "-c", textwrap.dedent(KILLED), str(path)]
     assert subprocess.run(command, cwd=ROOT).returncode == -signal.SIGKILL
     assert path.read_text() == "before"
-    (draft,) = set(tmp_path.iterdir()) - {path}
-    os.utime(draft, (0.0, 0.0))
+    assert len(list(tmp_path.iterdir())) == 2
     write_whole(path, "whole")
     assert list(tmp_path.iterdir()) == [path]
