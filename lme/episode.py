@@ -181,5 +181,8 @@ class _Log:
 
     def _row(self, subgoal: Floats, switched: bool) -> tuple[float, ...]:
         state = self._simulator.state
-        pose = state.pose._replace(yaw=wrap_angle(state.pose.yaw))
-        return (state.time, *pose, *state.twist, *subgoal.tolist(), float(switched), state.clearance)
+        x, y, yaw = state.pose
+        subgoal_x, subgoal_y = subgoal.tolist()
+        return (
+            state.time, x, y, wrap_angle(yaw), *state.twist, subgoal_x, subgoal_y, float(switched), state.clearance,
+        )  # fmt: skip

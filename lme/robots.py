@@ -39,7 +39,7 @@ class Footprint:
     def box(self) -> tuple[float, float, float]:
         """(half_length, half_width, rounding) [m]; a disc is a point with a rounding of its radius."""
         if self.radius is not None:
-            return 0.0, 0.0, self.radius
+            return 0.0, 0.0, float(self.radius)
         assert self.length is not None
         assert self.width is not None
         return self.length / 2, self.width / 2, 0.0

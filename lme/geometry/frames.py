@@ -1,6 +1,7 @@
 """Transforms of points and poses between planar frames."""
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -11,21 +12,16 @@ from lme.types import Floats, Pose
 def to_world(points: Floats, pose: Pose) -> Floats:
     """Transform points (..., 2) [m] from the frame at `pose` to its parent frame."""
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
-    x, y = points.T  # of a single point: two numbers, which numpy adds faster than arrays
-    moved = np.empty(points.shape)
-    moved.T[0] = pose[0] + cos * x - sin * y
-    moved.T[1] = pose[1] + sin * x + cos * y
-    return moved
+    x, y = _coordinates(points)
+    return _points(pose[0] + cos * x - sin * y, pose[1] + sin * x + cos * y)
 
 
 def to_robot(points: Floats, pose: Pose) -> Floats:
     """Transform points (..., 2) [m] from the parent frame to the frame at `pose`; the inverse of `to_world`."""
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
-    x, y = points.T[0] - pose[0], points.T[1] - pose[1]
-    moved = np.empty(points.shape)
-    moved.T[0] = cos * x + sin * y
-    moved.T[1] = cos * y - sin * x
-    return moved
+    x, y = _coordinates(points)
+    x, y = x - pose[0], y - pose[1]
+    return _points(cos * x + sin * y, cos * y - sin * x)
 
 
 def relative(pose: Pose, frame: Pose) -> Pose:
@@ -41,3 +37,13 @@ def compose(pose: Pose, child: Pose) -> Pose:
     x = pose[0] + cos * child[0] - sin * child[1]
     y = pose[1] + sin * child[0] + cos * child[1]
     return Pose(x, y, wrap_angle(pose[2] + child[2]))
+
+
+def _coordinates(points: Floats) -> Any:
+    """x and y of points (..., 2); of a single point two numbers, which Python adds faster than numpy."""
+    return points.T if points.ndim > 1 else points.tolist()
+
+
+def _points(x: Any, y: Any) -> Floats:
+    """The points (..., 2) with these coordinates."""
+    return np.ascontiguousarray(np.array((x, y)).T)

@@ -20,11 +20,11 @@ def distances_to(points: Floats, target: Floats) -> Floats:
 
 
 @njit(cache=True)
-def bearings(points: Floats) -> Floats:
-    """Bearing of each of the (N, 2) points about the origin, in (−π, π] [rad]: (N,)."""
+def turns(points: Floats) -> Floats:
+    """Unsigned angle between +x and each of the (N, 2) points, seen from the origin [rad]: (N,)."""
     out = np.empty(len(points))
     for i in range(len(points)):
-        out[i] = math.atan2(points[i, 1], points[i, 0])
+        out[i] = abs(math.atan2(points[i, 1], points[i, 0]))
     return out
 
 

@@ -52,7 +52,7 @@ class Simple:
 
     def plan(self, observation: Observation, guidance: Guidance) -> Twist:
         """Command for one control period."""
-        x, y = guidance.subgoal
+        x, y = guidance.subgoal.tolist()
         bearing = math.atan2(y, x)
         v, omega = observation.twist
         limits = observation.limits

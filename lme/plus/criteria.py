@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lme.geometry.frames import to_world
-from lme.kernels.distance import bearings, distances_to
+from lme.kernels.distance import distances_to, turns
 from lme.kernels.straight_ways import straight_ways
 from lme.plus.travel import Field
 from lme.types import Floats, Pose
@@ -50,7 +50,7 @@ def a_dev(candidates: Floats, sight: Sight) -> Floats:
 
     Eq. 3 of the paper, as in LME.
     """
-    return -np.abs(bearings(candidates))
+    return -turns(candidates)
 
 
 def a_rest(candidates: Floats, sight: Sight) -> Floats:

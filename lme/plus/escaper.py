@@ -17,7 +17,7 @@ from lme.policy.candidates import CandidateConfig, sample
 from lme.policy.criteria import View
 from lme.policy.explanation import Decision, Explanation, Step, explain
 from lme.policy.maintenance import Choice, choose
-from lme.policy.score import Parameters, score
+from lme.policy.score import Parameters, rank
 from lme.robots import Robot
 from lme.types import Floats, Observation
 
@@ -75,17 +75,16 @@ class LocalMinimumEscaperPlus:
     def _step(self, observation: Observation, sight: Sight) -> Step:
         """Algorithm 1 of the paper, with the criteria of LME+."""
         pool = self._generate(observation, sight)
-        old = None if self._subgoal is None else len(pool)
+        candidates = len(pool)
+        old = None if self._subgoal is None else candidates
         if self._subgoal is not None:
             pool = np.concatenate((pool, to_robot(self._subgoal, sight.pose)[None]))
         features = np.array([criterion(pool, sight) for criterion in CRITERIA.values()])
-        scores = score(features, self._parameters.weights)
-        new = int(np.argmax(scores[:old]))
+        scores, new, blocked = rank(features, self._parameters.weights, candidates, _REACHABLE)
         choice = self._choose(pool, scores, new, old)
         if choice is not Choice.KEPT:
             self._subgoal = to_world(pool[new], sight.pose)
         assert self._subgoal is not None
-        blocked = not features[_REACHABLE, :old].any()
         decision = Decision(to_robot(self._subgoal, sight.pose), choice, blocked)
         view, names, parameters = self._view(observation, sight), tuple(CRITERIA), self._parameters
         return Step(decision, names, parameters, observation.scan, view, pool, features, scores, new, old)

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from lme.kernels.distance import bearings, distances_to
+from lme.kernels.distance import distances_to, turns
 from lme.kernels.fan import fan_blocked
 from lme.policy.surmount import Blockage
 from lme.types import Floats
@@ -54,7 +54,7 @@ def a_dev(candidates: Floats, view: View) -> Floats:
     Eq. 3. The paper's heading is +y and its angle is not wrapped; here the heading is +x and the bearing is in
     (−π, π].
     """
-    return -np.abs(bearings(candidates))
+    return -turns(candidates)
 
 
 def c_o(candidates: Floats, view: View) -> Floats:

@@ -18,7 +18,7 @@ from lme.policy.criteria import ORIGIN, SURMOUNT, Criterion, View
 from lme.policy.explanation import Decision, Explanation, Step, explain
 from lme.policy.maintenance import Choice, History, choose, update_position
 from lme.policy.parameter_file import read_parameters
-from lme.policy.score import CRITERIA, Parameters, score
+from lme.policy.score import CRITERIA, Parameters, rank
 from lme.policy.surmount import RULES, find_blockage
 from lme.robots import Robot
 from lme.sensing.scan_points import is_full_circle, obstacle_points
@@ -57,7 +57,7 @@ class LocalMinimumEscaper:
         criteria: Mapping[str, Criterion] = PAPER_CRITERIA,
     ) -> None:
         """parameters: a weight for each criterion by name, and d1 [m], d2. criteria: must include c_o."""
-        self._robot = robot
+        self._mount, self._radius, self._dt = robot.lidar.mount, robot.r, robot.dt
         self._config = config or EscaperConfig()
         self._names = tuple(criteria)
         self._criteria = tuple(criteria.values())
@@ -79,9 +79,7 @@ class LocalMinimumEscaper:
     def reset(self, rng: np.random.Generator) -> None:
         """Start a new episode; `rng` draws the candidates."""
         self._rng = rng
-        self._history = History(
-            self._config.history_length, self._config.history_min_distance * self._robot.r
-        )
+        self._history = History(self._config.history_length, self._config.history_min_distance * self._radius)
         self._subgoal: Floats | None = None
         self._twist: Twist | None = None
         self._last: Step | None = None
@@ -100,19 +98,18 @@ class LocalMinimumEscaper:
         self._advance(observation.twist)
         view = self._look(observation)
         pool = self._generate(observation, view)
-        old = None if self._subgoal is None else len(pool)
+        candidates = len(pool)
+        old = None if self._subgoal is None else candidates
         if self._subgoal is not None:
             pool = np.concatenate((pool, self._subgoal[None]))
         features = np.empty((len(self._criteria), len(pool)))
-        for row, criterion in zip(features, self._criteria, strict=True):
-            row[:] = criterion(pool, view)
-        scores = score(features, self._parameters.weights)
-        new = int(np.argmax(scores[:old]))
+        for row, criterion in enumerate(self._criteria):
+            features[row] = criterion(pool, view)
+        scores, new, blocked = rank(features, self._parameters.weights, candidates, self._reachable)
         choice = self._choose(scores, new)
         if choice is not Choice.KEPT:
             self._subgoal = pool[new].copy()  # callers may write to the pool
         assert self._subgoal is not None
-        blocked = not features[self._reachable, :old].any()
         decision = Decision(self._subgoal.copy(), choice, blocked)
         names, parameters = self._names, self._parameters
         return Step(decision, names, parameters, observation.scan, view, pool, features, scores, new, old)
@@ -120,15 +117,15 @@ class LocalMinimumEscaper:
     def _advance(self, twist: Twist) -> None:
         """Transform the history and the old subgoal from the last robot frame to the present one."""
         if self._twist is not None:
-            self._history.step(self._twist, twist, self._robot.dt)
+            self._history.step(self._twist, twist, self._dt)
         if self._twist is not None and self._subgoal is not None:
-            self._subgoal = update_position(self._subgoal[None], self._twist, twist, self._robot.dt)[0]
+            self._subgoal = update_position(self._subgoal[None], self._twist, twist, self._dt)[0]
         self._twist = twist
 
     def _look(self, observation: Observation) -> View:
         scan = observation.scan
-        points = obstacle_points(scan, self._robot.lidar.mount)
-        radius, target = self._robot.r, observation.target
+        points = obstacle_points(scan, self._mount)
+        radius, target = self._radius, observation.target
         full_circle = is_full_circle(scan)
         blockage = find_blockage(points, target, radius, full_circle, self._config.blocking)
         return View(points, target, radius, self._history.points(), blockage, self._config.surmount)
@@ -143,7 +140,7 @@ class LocalMinimumEscaper:
         config, scan = self._config.candidates, observation.scan
         reach = min(config.max_range, scan.range_max)
         span = scan.angle_increment * (len(scan.ranges) - (not is_full_circle(scan)))  # negative if clockwise
-        bearing_min, fov = scan.angle_min + self._robot.lidar.yaw + min(span, 0.0), abs(span)
+        bearing_min, fov = scan.angle_min + self._mount.yaw + min(span, 0.0), abs(span)
         candidates = sample(self._rng, config, reach, bearing_min, fov)
         target = view.target
         if not config.target or not _in_view(target, reach, bearing_min, fov):
@@ -155,11 +152,12 @@ class LocalMinimumEscaper:
     def _choose(self, scores: Floats, new: int) -> Choice:
         if self._subgoal is None:
             return Choice.FIRST
-        distance = math.hypot(self._subgoal[0], self._subgoal[1])
+        distance = math.hypot(*self._subgoal.tolist())
         return choose(distance, scores[-1], scores[new], self._parameters.d1, self._parameters.d2)
 
 
 def _in_view(point: Floats, reach: float, bearing_min: float, fov: float) -> bool:
     """Whether a point lies in the sector [bearing_min, bearing_min + fov], within `reach` [m]."""
-    off_centre = math.remainder(math.atan2(point[1], point[0]) - bearing_min - fov / 2, 2 * math.pi)
-    return math.hypot(point[0], point[1]) <= reach and abs(off_centre) <= fov / 2
+    x, y = point.tolist()
+    off_centre = math.remainder(math.atan2(y, x) - bearing_min - fov / 2, 2 * math.pi)
+    return math.hypot(x, y) <= reach and abs(off_centre) <= fov / 2

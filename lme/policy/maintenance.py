@@ -30,7 +30,12 @@ def update_position(points: Floats, before: Twist, now: Twist, dt: float) -> Flo
     points: (N, 2) in the old robot frame [m]. First order, as in the paper: translate by the mean forward
     velocity, then rotate by the mean turn rate.
     """
-    return _shift_and_turn(points, (before.v + now.v) / 2 * dt, (before.omega + now.omega) / 2 * dt)
+    return _shift_and_turn(points, *_motion(before, now, dt))
+
+
+def _motion(before: Twist, now: Twist, dt: float) -> tuple[float, float]:
+    """Distance [m] and turn [rad] of one control period, by the mean velocities."""
+    return (before.v + now.v) / 2 * dt, (before.omega + now.omega) / 2 * dt
 
 
 @njit(cache=True)
@@ -42,6 +47,15 @@ def _shift_and_turn(points: Floats, forward: float, angle: float) -> Floats:
         moved[i, 0] = cos * x + sin * y
         moved[i, 1] = cos * y - sin * x
     return moved
+
+
+@njit(cache=True)
+def _remember(positions: Floats, length: int, forward: float, angle: float) -> Floats:
+    """The last `length` of the (N, 2) positions and the origin, after a motion."""
+    kept = min(len(positions), length - 1)
+    recent = np.zeros((kept + 1, 2))
+    recent[:kept] = positions[len(positions) - kept :]
+    return _shift_and_turn(recent, forward, angle)
 
 
 @njit(cache=True)
@@ -74,8 +88,7 @@ class History:
 
     def step(self, before: Twist, now: Twist, dt: float) -> None:
         """Add the position of one control period ago and transform all positions to the present frame."""
-        recent = np.concatenate((self._positions, np.zeros((1, 2))))[-self._length :]
-        self._positions = update_position(recent, before, now, dt)
+        self._positions = _remember(self._positions, self._length, *_motion(before, now, dt))
 
     def points(self) -> Floats:
         """(H, 2) positions at least `min_distance` away [m], oldest first."""

@@ -61,3 +61,14 @@ def score(features: Floats, weights: Floats) -> Floats:
         for i in range(1, len(weights)):
             scores[j] += weights[i] * features[i, j]
     return scores
+
+
+@njit(cache=True)
+def rank(features: Floats, weights: Floats, candidates: int, reachable: int) -> tuple[Floats, int, bool]:
+    """S of all N points, index of the best candidate, and whether no candidate is reachable.
+
+    The first points are the candidates. reachable: row of the (C, N) features that is 0 where a point is not.
+    """
+    scores = score(features, weights)
+    new = int(np.argmax(scores[:candidates]))
+    return scores, new, not np.any(features[reachable, :candidates] != 0.0)

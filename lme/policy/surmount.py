@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -41,26 +42,35 @@ def find_blockage(
     owner = _blocking_point(points, target, radius, rule)
     if owner < 0:
         return None
-    sectors, closed = cluster(points, 2.0 * radius, full_circle)
+    sector, closed = _sector_of(points, owner, 2.0 * radius, full_circle)
     if closed:
         return None
-    sector = sector_points(points, sectors[sector_of(sectors, owner)])
-    E1, E2 = sector[0], sector[-1]
-    A = E1 if _angle_between(E1, target) <= _angle_between(E2, target) else E2
-    return Blockage(sector, E1, E2, A, A * (1.0 + radius / math.hypot(A[0], A[1])))
+    seen = sector_points(points, sector)
+    first_is_nearer, B = _past_the_end(seen, target, radius)
+    return Blockage(seen, seen[0], seen[-1], seen[0] if first_is_nearer else seen[-1], B)
 
 
 @njit(cache=True)
-def sector_of(sectors: Ints, index: int) -> int:
-    """Row of the (K, 2) sectors [first, last] that contains scan point `index`; −1 if none does."""
+def _sector_of(points: Floats, index: int, gap: float, full_circle: bool) -> tuple[tuple[int, int], bool]:
+    """The sector (first, last) that contains scan point `index`, and whether the sectors form a closed ring."""
+    sectors, closed = cluster(points, gap, full_circle)
+    first, last = 0, len(points) - 1
     for k in range(len(sectors)):
         first, last = sectors[k, 0], sectors[k, 1]
         if first <= index <= last or (first > last and (index >= first or index <= last)):
-            return k
-    return -1
+            break
+    return (first, last), closed
 
 
-def sector_points(points: Floats, sector: Ints) -> Floats:
+@njit(cache=True)
+def _past_the_end(sector: Floats, target: Floats, radius: float) -> tuple[bool, Floats]:
+    """Whether A is the first of the (P, 2) sector's points, not the last; B, `radius` beyond A on the ray OA."""
+    first_is_nearer = _angle_between(sector[0], target) <= _angle_between(sector[-1], target)
+    A = sector[0] if first_is_nearer else sector[-1]
+    return first_is_nearer, A * (1.0 + radius / math.hypot(A[0], A[1]))
+
+
+def sector_points(points: Floats, sector: Sequence[int] | Ints) -> Floats:
     """Scan points of one sector [first, last], counter-clockwise, also across ±π: (P, 2)."""
     first, last = sector
     if first <= last:
@@ -88,6 +98,7 @@ def _point_on_ray(points: Floats, target: Floats, radius: float) -> int:
     return index if hit else -1
 
 
+@njit(cache=True)
 def _angle_between(a: Floats, b: Floats) -> float:
     """Unsigned angle ∠aOb [rad]."""
     return abs(math.atan2(a[0] * b[1] - a[1] * b[0], a[0] * b[0] + a[1] * b[1]))

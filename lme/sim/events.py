@@ -16,9 +16,8 @@ def until_event(
 
     travel (K, 3); box of what collides; circles (C, 3) and edges (E, 4). Contact on arrival counts as contact only.
     """
-    half_length, half_width, rounding = map(float, box)
     goal = np.asarray(task.goal, dtype=np.float64)
     passed, clearance, contact, arrived = first_event(
-        travel, goal, float(task.goal_tolerance), (half_length, half_width, rounding), circles, edges
+        travel, goal, float(task.goal_tolerance), box, circles, edges
     )
     return travel[:passed], clearance, contact, arrived

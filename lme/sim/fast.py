@@ -45,6 +45,7 @@ class FastSimulator:
 
     def __init__(self, config: FastConfig, robot: Robot) -> None:
         self._robot = robot
+        self._box, self._reach, self._dt = robot.hull.box, robot.hull.r_max, robot.dt
         self._config = config
 
     @property
@@ -71,12 +72,12 @@ class FastSimulator:
         if self._substepper:
             self.state = self._substepper.period(command, self._substeps, self._limits)
             return self._observe()
-        robot, state = self._robot, self.state
+        state = self.state
         limits = self._limits(command, state.twist)
         # Plain tuples: Numba takes a named one for another type, and needs longer to recognise it.
         motion = (*state.pose,), (*state.twist,), (*command,), (*limits,)
-        travel, twist = drive(*motion, robot.dt, self._config.max_step, robot.hull.r_max)
-        self.state = self._end_at_event(travel, Twist(*twist), state.time, robot.dt)
+        travel, twist = drive(*motion, self._dt, self._config.max_step, self._reach)
+        self.state = self._end_at_event(travel, Twist(*twist), state.time, self._dt)
         return self._observe()
 
     def _make_substepper(self, task: Task, rng: np.random.Generator) -> Substepper | None:
@@ -97,8 +98,8 @@ class FastSimulator:
 
     def _end_at_event(self, travel: Floats, twist: Twist, start_time: float, dt: float) -> State:
         """Cut the motion at contact or arrival."""
-        box = self._robot.hull.box
-        passed, clearance, contact, arrived = until_event(travel, self._task, box, self._circles, self._edges)
+        obstacles = (self._circles, self._edges)
+        passed, clearance, contact, arrived = until_event(travel, self._task, self._box, *obstacles)
         time = start_time + dt * len(passed) / len(travel)
         return State(Pose(*passed[-1].tolist()), twist, time, passed, clearance, contact, arrived)
 

@@ -57,11 +57,12 @@ class Sensors:
     def __init__(self, robot: Robot, config: Disturbances, goal: Floats, rng: np.random.Generator) -> None:
         """`rng` gives the lidar's own noise; the disturbances draw from streams spawned from it."""
         self._robot = robot
+        self._limits = robot.limits
         self._config = config
         self._rng = rng
         self._scan_rng, goal_rng = rng.spawn(2)
         self._target = TargetEstimate(config, goal, goal_rng)
-        self._fired = robot.lidar.native
+        self._fired, self._mount = robot.lidar.native, robot.lidar.mount
         self._mid360 = mid360_of(robot.lidar) if robot.lidar.cloud else None
         if self._mid360:
             self._mid360.reset(rng)
@@ -83,10 +84,10 @@ class Sensors:
         scan_pose = scan_pose or state.pose
         scan = self._scan(scan_pose, circles, edges)
         target = self._target.seen_from(state.pose, odometry, state.time)
-        seen = Observation(scan, target, twist, self._robot.limits, odometry)
+        seen = Observation(scan, target, twist, self._limits, odometry)
         if crowd is None or not len(crowd):
             return seen
-        lidar = compose(scan_pose, self._robot.lidar.mount)
+        lidar = compose(scan_pose, self._mount)
         return seen._replace(pedestrians=tracked(crowd, scan, lidar, state.pose))
 
     def _scan(self, pose: Pose, circles: Floats, edges: Floats) -> LaserScan:
@@ -96,7 +97,7 @@ class Sensors:
             ranges, own_noise = self._mid360.scan(lidar, pose, circles, edges), 0.0
         else:
             angles = (fired.angle_min, fired.angle_increment, fired.num_beams)
-            ranges = cast(compose(pose, lidar.mount), angles, lidar.range_max, circles, edges)
+            ranges = cast(compose(pose, self._mount), angles, lidar.range_max, circles, edges)
             own_noise = lidar.noise_std
         for std, rng in ((own_noise, self._rng), (config.scan_noise, self._scan_rng)):
             if std > 0.0:
@@ -105,4 +106,4 @@ class Sensors:
         if config.scan_dropout > 0.0:
             lose_beams(ranges, config.scan_dropout, lidar.range_max, self._scan_rng)
         scan = LaserScan(ranges, fired.angle_min, fired.angle_increment, lidar.range_min, lidar.range_max)
-        return scan if fired is lidar else resampled(tidied(scan), lidar.mount, lidar)
+        return scan if fired is lidar else resampled(tidied(scan), self._mount, lidar)
