@@ -24,7 +24,9 @@ from runners.config.composer import Composer, resume_command, unquoted
 from runners.config.hydra_errors import translated
 from runners.config.job import Job
 from runners.records import launch_record, run_directories
+from runners.workers import server
 
+_PROCESSES = "runners.workers.executor.ProcessExecutor"
 _DIRECTORY_KEYS = ("hydra.run.dir", "hydra.sweep.dir")
 _HYDRAS_OWN = ("outputs/${now:", "multirun/${now:")  # where Hydra writes unless it is told otherwise
 
@@ -55,9 +57,12 @@ def launch(command: Command, argv: Sequence[str]) -> int:
         return show.hydras_own(command.name, config_name, given)
     with Composer(config_name, given.config_dir) as composer:
         plan = command_line.plan(composer, given.overrides, given.multirun)
+        config = next(iter(plan.configs.values()))
         if given.cfg:
-            show.config(next(iter(plan.configs.values())), given.cfg, given.package, given.resolve)
+            show.config(config, given.cfg, given.package, given.resolve)
             return 0
+        if OmegaConf.select(config, "executor._target_") == _PROCESSES:
+            server.start()  # it imports while this process builds and checks the jobs
         jobs = command_line.validated(plan, composer, command.validate)
         directory = _directory(command, given, plan, jobs, resumed)
         return _start(command, given.config_name, plan, composer, jobs, directory)

@@ -18,7 +18,6 @@ from lme.errors import InputError, require
 from runners.config.extras import install
 from runners.records.versions import versions
 from runners.workers.executor import (
-    ONE_THREAD,
     Initialise,
     Item,
     Map,
@@ -27,6 +26,7 @@ from runners.workers.executor import (
     map_once,
     serial_in_launcher,
 )
+from runners.workers.server import ONE_THREAD
 from runners.workers.signals import sigint_ignored
 
 if TYPE_CHECKING:

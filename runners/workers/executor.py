@@ -19,23 +19,19 @@ import traceback
 import warnings
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from multiprocessing import connection, forkserver, get_all_start_methods, get_context, parent_process
+from multiprocessing import connection, parent_process
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from typing import Any
 
 from lme.errors import InputError, require
-from runners.workers.signals import sigint_ignored, sigterm_blocked
+from runners.workers import server
 
 Item = Any  # anything that pickles; messages name it by its str()
 Run = Callable[[Item], Any]
 Initialise = Callable[[Any], Run]
 Map = Callable[[Iterable[Item]], Iterator[Any]]  # items to results, as they finish
 
-# One thread per worker: the workers are the parallelism.
-ONE_THREAD = dict.fromkeys(
-    ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1"
-)
 _JOIN_S = 5.0
 
 
@@ -222,15 +218,7 @@ def _start_workers(
     workers: dict[Connection, BaseProcess], count: int, initialise: Initialise, payload: Any
 ) -> None:
     """Add each worker's connection and process to `workers`."""
-    # Never fork: threads of this process (MLflow's) may hold locks that the child would wait for forever.
-    with_server = "forkserver" in get_all_start_methods()
-    context: Any = get_context("forkserver" if with_server else "spawn")
-    with _environment(ONE_THREAD):
-        if with_server:
-            # The server imports what all workers need; they are forked from it.
-            context.set_forkserver_preload([initialise.__module__])
-            with sigint_ignored(), sigterm_blocked():
-                forkserver.ensure_running()
+    with server.context() as context:
         for _ in range(count):
             ours, theirs = context.Pipe()
             process = context.Process(target=_work, args=(theirs, initialise, payload), daemon=True)
@@ -284,18 +272,3 @@ def _cause(exit_code: int | None) -> str:
     if exit_code is None or exit_code >= 0:
         return f"exit code {exit_code}"
     return signal.Signals(-exit_code).name
-
-
-@contextlib.contextmanager
-def _environment(variables: dict[str, str]) -> Iterator[None]:
-    """Set environment variables, which processes started meanwhile inherit."""
-    before = {name: os.environ.get(name) for name in variables}
-    os.environ.update(variables)
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value

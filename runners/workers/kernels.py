@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import struct
 import sys
 from importlib.metadata import version
 from pathlib import Path
@@ -29,9 +30,8 @@ def compiled() -> bool:
 def _is_for(source: Path, index: Path) -> bool:
     """Whether an index of Numba's cache belongs to this version of Numba and of the source.
 
-    Numba identifies a source by its hash; older versions use the time of its last change.
+    The index is a pickle. It names the source by its hash, or in older versions by the time of its last change.
     """
     known = index.read_bytes()
-    newer = index.stat().st_mtime >= source.stat().st_mtime
-    same = newer or hashlib.sha256(source.read_bytes()).digest() in known
-    return same and version("numba").encode() in known
+    names = (hashlib.sha256(source.read_bytes()).digest(), struct.pack(">d", source.stat().st_mtime))
+    return any(name in known for name in names) and version("numba").encode() in known

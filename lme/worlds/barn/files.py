@@ -16,7 +16,6 @@ import numpy as np
 from defusedxml import DefusedXmlException
 from defusedxml.ElementTree import fromstring
 from numpy.lib import format as npy
-from scipy.spatial import cKDTree
 
 from lme.errors import InputError
 from lme.types import Floats, Ints
@@ -184,6 +183,8 @@ def _check_is_barn(file: Path, cylinders: Floats) -> None:
     """Raise InputError unless at least half of the wall of the start area is there: start and goal need it."""
     if len(cylinders) == 0:
         raise InputError(f"{file} is no BARN world: it has no cylinders")
+    from scipy.spatial import cKDTree  # slow to import, and worlds made from recipes do not need it
+
     wall = start_wall()
     gaps, _ = cKDTree(cylinders[:, :2]).query(wall[:, :2])
     standing = int(np.count_nonzero(gaps < _SAME_PLACE_M))

@@ -80,12 +80,16 @@ def outline(footprint: Footprint) -> Floats:
 
 def draw_task(axes: Axes, task: Task) -> None:
     """Draw obstacles, start (an arrowhead along its heading), goal and the circle of its tolerance."""
-    from matplotlib.collections import LineCollection, PatchCollection
-    from matplotlib.patches import Circle, Patch, Polygon
+    from matplotlib.collections import EllipseCollection, LineCollection, PolyCollection
+    from matplotlib.patches import Circle
 
-    solids: list[Patch] = [Circle((x, y), radius) for x, y, radius in task.world.circles]
-    solids += [Polygon(corners) for corners in task.world.polygons]
-    axes.add_collection(PatchCollection(solids, facecolor=OBSTACLE, edgecolor="none"))
+    centres, diameters = task.world.circles[:, :2], 2.0 * task.world.circles[:, 2]
+    discs = EllipseCollection(
+        diameters, diameters, np.zeros(len(diameters)), units="xy", offsets=centres,
+        offset_transform=axes.transData, facecolors=OBSTACLE, edgecolors="none",
+    )  # fmt: skip
+    axes.add_collection(discs)
+    axes.add_collection(PolyCollection(task.world.polygons, facecolors=OBSTACLE, edgecolors="none"))
     walls = list(task.world.segments.reshape(-1, 2, 2))
     axes.add_collection(LineCollection(walls, colors=OBSTACLE, linewidths=1.2))
     gx, gy = task.goal
@@ -112,8 +116,9 @@ def draw_paths(
     """
     for outcome, kind in reversed(STYLES.items()):
         style = kind if system is None else system._replace(marker=kind.marker)
-        for episode in episodes[episodes["outcome"] == outcome].itertuples():
-            steps = paths.get((episode.world, episode.run))
+        chosen = episodes[episodes["outcome"] == outcome]
+        for world, run in zip(chosen["world"], chosen["run"], strict=True):
+            steps = paths.get((world, run))
             if steps is None:
                 continue
             x, y = steps["x_m"].to_numpy(), steps["y_m"].to_numpy()

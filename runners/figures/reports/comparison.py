@@ -23,22 +23,36 @@ METRIC = "barn_metric"
 WIDTH_IN, ROW_IN, AROUND_IN = 9.0, 0.3, 1.75
 THICK, THIN = 0.8, 0.42  # height of our bars, of published bars
 FADED = 0.45  # opacity of published bars
+MOST = 60  # bars that a page can show
 
 
 def comparison_figure(frame: pd.DataFrame, rows: Sequence[Row], place: Path) -> list[Path]:
     """Draw one bar per row of the table, save the chart in `place` as PNG and PDF, and return the paths.
 
-    frame: one row per episode.
+    frame: one row per episode. Of more than `MOST` rows the best and the worst are drawn.
     """
     scored = any(METRIC in row.stats for row in rows)
+    of, rows = len(rows), best_and_worst(rows)
     figure = new_figure(WIDTH_IN, AROUND_IN + ROW_IN * len(rows))
     widths = [3.0, 1.4] if scored else [1.0]
     panels = figure.subplots(1, len(widths), sharey=True, squeeze=False, width_ratios=widths)[0]
     _outcomes(panels[0], rows)
     if scored:
         _metric(panels[1], rows)
-    _label(figure, panels[0], rows, title(frame))
+    _label(figure, panels[0], rows, of, title(frame))
     return save(figure, place / NAME, ("png", "pdf"))
+
+
+def best_and_worst(rows: Sequence[Row]) -> list[Row]:
+    """At most `MOST` of the rows, in their order: as many of the best as of the worst, by metric and success."""
+
+    def score(line: int) -> list[float]:
+        means = (rows[line].stats.get(name, (math.nan, math.nan))[0] for name in (METRIC, "success"))
+        return [-math.inf if math.isnan(mean) else mean for mean in means]
+
+    ranked = sorted(range(len(rows)), key=score)
+    ends = ranked if len(rows) <= MOST else ranked[: MOST // 2] + ranked[-MOST // 2 :]
+    return [rows[line] for line in sorted(ends)]
 
 
 def _outcomes(axes: Axes, rows: Sequence[Row]) -> None:
@@ -95,8 +109,8 @@ def _value(axes: Axes, line: int, mean: float, std: float, digits: int) -> None:
         axes.errorbar(mean, line, xerr=std, color=INK, elinewidth=0.9, capsize=2.0, capthick=0.9, zorder=5)
 
 
-def _label(figure: Figure, axes: Axes, rows: Sequence[Row], heading: str) -> None:
-    """Write the names of the rows, the heading and the key above, and the notes below."""
+def _label(figure: Figure, axes: Axes, rows: Sequence[Row], of: int, heading: str) -> None:
+    """Write the names of the rows, the heading and the key above, and the notes below. of: rows of the table."""
     from matplotlib.patches import Patch
 
     axes.set_yticks(range(len(rows)), [_name(row) for row in rows], fontsize=8, color=INK)
@@ -113,12 +127,15 @@ def _label(figure: Figure, axes: Axes, rows: Sequence[Row], heading: str) -> Non
     ]
     figure.legend(handles=keys, loc="outside upper right", ncols=3, frameon=False, fontsize=8, labelcolor=INK)
     figure.suptitle(heading, fontsize=10.5, color=INK, x=0.01, ha="left")
-    figure.supxlabel("\n".join(_notes(rows)), fontsize=7, color=INK, x=0.01, ha="left")
+    figure.supxlabel("\n".join(_notes(rows, of)), fontsize=7, color=INK, x=0.01, ha="left")
 
 
-def _notes(rows: Sequence[Row]) -> list[str]:
-    """Notes on the rows shown."""
+def _notes(rows: Sequence[Row], of: int) -> list[str]:
+    """Notes on the rows shown, of so many in the table."""
     lines = []
+    if len(rows) < of:
+        half = len(rows) // 2
+        lines.append(f"The {half} best and the {half} worst of {of:,} rows; the table has all.")
     if any(row.global_planner != "no" for row in rows):
         lines.append("* with a global planner.")
     if any(row.runs is not None and row.runs > 1 for row in rows):

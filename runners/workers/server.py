@@ -1,0 +1,58 @@
+"""The process that worker processes are forked from: it imports what they need once, while the command starts."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from collections.abc import Iterator
+from multiprocessing import forkserver, get_all_start_methods, get_context
+from typing import Any
+
+from runners.workers.signals import sigint_ignored, sigterm_blocked
+
+# One thread per worker: the workers are the parallelism.
+ONE_THREAD = dict.fromkeys(
+    ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1"
+)
+# What most jobs need; a worker imports the rest of its job itself.
+_PRELOAD = (
+    "runners.workers.episodes",
+    "runners.workers.trials",
+    "lme.guides.lme",
+    "lme.planners.simple",
+    "lme.sim.fast",
+    "lme.worlds.barn.map_set",
+)
+# Never fork: threads of this process (MLflow's) may hold locks that the child would wait for forever.
+_METHOD = "forkserver" if "forkserver" in get_all_start_methods() else "spawn"
+
+
+def start() -> None:
+    """Start the server if there is one on this system and it does not run. Returns at once; the server imports."""
+    if _METHOD == "forkserver":
+        get_context(_METHOD).set_forkserver_preload(list(_PRELOAD))
+        with _environment(ONE_THREAD), sigint_ignored(), sigterm_blocked():
+            forkserver.ensure_running()
+
+
+@contextlib.contextmanager
+def context() -> Iterator[Any]:
+    """Give the `multiprocessing` context that starts workers, with the environment that they need."""
+    start()
+    with _environment(ONE_THREAD):
+        yield get_context(_METHOD)
+
+
+@contextlib.contextmanager
+def _environment(variables: dict[str, str]) -> Iterator[None]:
+    """Set environment variables, which processes started meanwhile inherit."""
+    before = {name: os.environ.get(name) for name in variables}
+    os.environ.update(variables)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value

@@ -1,0 +1,38 @@
+"""The chart of a sweep: all rows, or the ends of a long table."""
+
+import math
+
+import pytest
+
+from runners.analysis.summary import Row
+from runners.figures.reports.comparison import MOST, best_and_worst
+
+
+def row(number, success, metric=math.nan):
+    return Row(
+        "LME", {"seed": str(number)}, {"success": (success, math.nan), "barn_metric": (metric, math.nan)}
+    )
+
+
+@pytest.mark.parametrize("count", [1, MOST])
+def test_a_short_table_is_drawn_whole_and_in_its_order(count):
+    rows = [row(number, (number * 7 % count) / count) for number in range(count)]
+    assert best_and_worst(rows) == rows
+
+
+def test_of_a_long_table_the_best_and_the_worst_are_drawn_in_its_order():
+    count = 10 * MOST
+    rows = [row(number, 0.5, (number * 7 % count) / count) for number in range(count)]
+    drawn = best_and_worst(rows)
+    metrics = [one.stats["barn_metric"][0] for one in drawn]
+    ranked = sorted(one.stats["barn_metric"][0] for one in rows)
+    assert sorted(metrics) == ranked[: MOST // 2] + ranked[-MOST // 2 :]
+    assert [int(one.keys["seed"]) for one in drawn] == sorted(int(one.keys["seed"]) for one in drawn)
+
+
+def test_without_a_metric_success_counts_and_an_empty_row_is_worst():
+    rows = [row(number, number / 100) for number in range(MOST)] + [Row("none", {}, {})]
+    drawn = best_and_worst(rows)
+    assert len(drawn) == MOST
+    assert rows[-1] in drawn
+    assert rows[MOST // 2 - 1] not in drawn
