@@ -8,7 +8,9 @@ that. Nothing heavy is imported, and no command either, before one is run.
 from __future__ import annotations
 
 import ast
+import atexit
 import contextlib
+import gc
 import importlib
 import os
 import sys
@@ -26,6 +28,7 @@ from runners.cli.outside import outside
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run `lme` with these words, or those of the process; returns the exit status."""
+    _collect_rarely()
     words = list(sys.argv[1:] if argv is None else argv)
     name = words[0] if words else "--help"
     known = command_files()
@@ -49,6 +52,12 @@ def main(argv: Sequence[str] | None = None) -> int:
             raise
         print(f"lme {name}: {said}", file=sys.stderr)
         return 1
+
+
+def _collect_rarely() -> None:
+    """Search for garbage less often, and not at the end: libraries make a million objects that all stay."""
+    gc.set_threshold(50_000)
+    atexit.register(gc.freeze)
 
 
 def command_files() -> dict[str, Path]:
