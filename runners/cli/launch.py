@@ -57,11 +57,10 @@ def launch(command: Command, argv: Sequence[str]) -> int:
         return show.hydras_own(command.name, config_name, given)
     with Composer(config_name, given.config_dir) as composer:
         plan = command_line.plan(composer, given.overrides, given.multirun)
-        config = next(iter(plan.configs.values()))
         if given.cfg:
-            show.config(config, given.cfg, given.package, given.resolve)
+            show.config(plan.first, given.cfg, given.package, given.resolve)
             return 0
-        if OmegaConf.select(config, "executor._target_") == _PROCESSES:
+        if OmegaConf.select(plan.first, "executor._target_") == _PROCESSES:
             server.start()  # it imports while this process builds and checks the jobs
         jobs = command_line.validated(plan, composer, command.validate)
         directory = _directory(command, given, plan, jobs, resumed)
@@ -138,9 +137,8 @@ def _directory(
     """The directory to write to. Makes it and its launch record, unless a run is resumed."""
     words = [word for word in plan.overrides if _key(word) not in (*_DIRECTORY_KEYS, "resume")]
     record = launch_record.launch_of(command.name, jobs, words, plan.multirun, given.config_name)
-    config = next(iter(plan.configs.values()))
-    asked = _asked_directory(config, plan.multirun)
-    if resumed is None and OmegaConf.select(config, "resume") is not True:
+    asked = _asked_directory(plan.first, plan.multirun)
+    if resumed is None and OmegaConf.select(plan.first, "resume") is not True:
         return run_directories.make_fresh(record, asked)
     if resumed is None and asked is not None and not run_directories.holds_run(asked):
         print(f"resume=true: nothing in {asked} yet, starting afresh", file=sys.stderr)

@@ -38,6 +38,11 @@ class Plan:
     num_jobs: int
     configs: dict[tuple[str, ...], DictConfig]
 
+    @property
+    def first(self) -> DictConfig:
+        """The config of the first job that has not run: configs are let go when their jobs have."""
+        return next(iter(self.configs.values()))
+
 
 def plan(composer: Composer, overrides: Sequence[str], multirun: bool) -> Plan:
     """Compose every job of a command line. Raises InputError where Hydra could not."""
