@@ -1,53 +1,78 @@
-"""Where Numba keeps compiled kernels when the package's own folders cannot be written, as in a container."""
+"""Where Numba keeps compiled kernels: in a folder for each version of their sources.
+
+Numba compiles what a kernel calls into it, but notices only changes of the file that holds the kernel itself. After
+an update it would go on with old code, or crash. So a change of any source begins a new folder.
+"""
 
 from __future__ import annotations
 
 import hashlib
 import os
+import shutil
+import sys
 import tempfile
+from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 
 _VARIABLE = "NUMBA_CACHE_DIR"
 _NAME = "lme-nav"
 _PACKAGE = Path(__file__).resolve().parent
+_PREFIX = "kernels-"
+_KEPT = 3  # versions: a checkout may go back and forth between some
 
 
 def choose(package: Path = _PACKAGE) -> None:
-    """Set NUMBA_CACHE_DIR to a folder of the user's, unless it is set or `package` can be written.
+    """Set NUMBA_CACHE_DIR to a folder for the present sources: in the one it names, in `package`, or the user's.
 
     Numba reads the variable when it is imported, so this comes first. Worker processes inherit it.
     """
-    if os.environ.get(_VARIABLE) or _writable(package):
-        return
-    for prepare in (_user_folder, _private_folder):
-        with suppress(OSError, RuntimeError):  # RuntimeError: this user has no home
-            os.environ[_VARIABLE] = str(prepare())
+    for base in _places(package):
+        folder = base / f"{_PREFIX}{_version(package)}"
+        with suppress(OSError):
+            is_new = not folder.is_dir()
+            folder.mkdir(parents=True, exist_ok=True)
+            tempfile.TemporaryFile(dir=folder).close()
+            os.environ[_VARIABLE] = str(folder)
+            if "numba" in sys.modules:
+                sys.modules["numba"].config.CACHE_DIR = str(folder)
+            if is_new:
+                _remove_old(base)
             return
 
 
 def folder(source: Path) -> Path:
-    """Where Numba keeps the kernels of a source file: beside it, or in NUMBA_CACHE_DIR under the name of its folder."""
+    """Where Numba keeps the kernels of a source file: in NUMBA_CACHE_DIR under the name of its folder."""
     chosen = os.environ.get(_VARIABLE)
     if not chosen:
         return source.parent / "__pycache__"
     return Path(chosen) / f"{source.parent.name}_{hashlib.sha1(str(source.parent).encode()).hexdigest()}"
 
 
-def _writable(package: Path) -> bool:
-    """Whether Numba can write beside every module: in `__pycache__`, or where it has to be made."""
-    folders = {path.parent for path in package.rglob("*.py")}
-    caches = [folder / "__pycache__" for folder in folders]
-    return all(os.access(cache if cache.is_dir() else cache.parent, os.W_OK) for cache in caches)
+def _version(package: Path) -> str:
+    """A name for the present sources of all kernels."""
+    known = hashlib.sha256()
+    for path in sorted(package.rglob("*.py")):
+        source = path.read_bytes()
+        if b"njit" in source:
+            known.update(str(path.relative_to(package)).encode() + b"\0" + source)
+    return known.hexdigest()[:16]
 
 
-def _user_folder() -> Path:
-    """`lme-nav` in the user's folder of caches. Raises OSError where it cannot be written."""
-    base = os.environ.get("XDG_CACHE_HOME", "")
-    folder = (Path(base) if Path(base).is_absolute() else Path.home() / ".cache") / _NAME
-    folder.mkdir(parents=True, exist_ok=True)
-    tempfile.TemporaryFile(dir=folder).close()
-    return folder
+def _places(package: Path) -> Iterator[Path]:
+    """Where the folder may lie, best first. What NUMBA_CACHE_DIR names is the only one, if it is set."""
+    given = os.environ.get(_VARIABLE)
+    if given:
+        # A process that has called `choose` gives its own folder to those that it starts.
+        yield Path(given).parent if Path(given).name.startswith(_PREFIX) else Path(given)
+        return
+    if os.access(package, os.W_OK):
+        yield package / "__pycache__"
+    with suppress(RuntimeError):  # this user has no home
+        base = os.environ.get("XDG_CACHE_HOME", "")
+        yield (Path(base) if Path(base).is_absolute() else Path.home() / ".cache") / _NAME
+    with suppress(OSError):
+        yield _private_folder()
 
 
 def _private_folder() -> Path:
@@ -60,3 +85,10 @@ def _private_folder() -> Path:
     status = folder.lstat()
     ours = status.st_uid == os.getuid() and not status.st_mode & 0o077 and not folder.is_symlink()
     return folder if ours else Path(tempfile.mkdtemp(prefix=f"{_NAME}-"))
+
+
+def _remove_old(base: Path) -> None:
+    """Remove the folders of earlier sources but for the newest."""
+    folders = sorted(base.glob(f"{_PREFIX}*"), key=lambda path: path.stat().st_mtime)
+    for old in folders[:-_KEPT]:
+        shutil.rmtree(old, ignore_errors=True)

@@ -21,6 +21,7 @@ _FEW = 8  # [ends or points] up to this number, sorting does not pay
 _ENDS_PER_BIN = 4
 _STRIDE = 8  # number of passes over the points, since neighbours in a scan block the same ends
 _SLACK = 1e-9  # share of all lengths by which discs are widened, more than any rounding error
+_FAR = 1e100  # [m²] products of squares beyond this may overflow
 
 
 @njit(cache=True, error_model="numpy")
@@ -30,23 +31,21 @@ def fan_blocked(apex: Floats, ends: Floats, points: Floats, radius: float) -> Bo
     apex (2,), ends (N, 2), points (M, 2) [m], in any order. A distance of exactly `radius` does not block.
     """
     blocked = np.zeros(len(ends), np.bool_)
-    arms, longest = _arms(apex, ends)
-    rays, farthest = _arms(apex, points)
-    if min(len(ends), len(points)) <= _FEW:
+    arms, sum_ends = _arms(apex, ends)
+    rays, sum_points = _arms(apex, points)
+    if min(len(ends), len(points)) <= _FEW or not sum_ends + sum_points < _FAR:  # also where one is NaN
         _test_all(arms, rays, radius, blocked)
         return blocked
-    wide = radius + _SLACK * (radius + longest + farthest)
+    wide = radius + _SLACK * (radius + math.sqrt(sum_ends) + math.sqrt(sum_points))
     axis = (arms[0].sum(), arms[1].sum())  # reference for bearings, so that a narrow fan does not wrap around
     bearing = _bearings(arms, axis)
     low = bearing.min()
     num_bins = len(ends) // _ENDS_PER_BIN + 1
     scale = num_bins / (bearing.max() - low + _SLACK)
     cones = _cones(rays, axis, wide, low, scale, num_bins)
-    ends_left, arms_left, start = _sort_into_bins(arms, bearing, low, scale, num_bins)
-    stop = start[1:].copy()
-    reach = _reaches(arms_left, start, wide)
+    ends_left, arms_left, start, stop, reach = _sort_into_bins(arms, bearing, low, scale, num_bins, wide)
     for offset in range(_STRIDE):
-        _take(offset, rays, cones, ends_left, arms_left, start, stop, reach, radius, wide, blocked)
+        _take(offset, rays, cones, ends_left, arms_left, start, stop, reach, radius, blocked)
     return blocked
 
 
@@ -74,15 +73,15 @@ def _test_all(arms, rays, radius, blocked):
 
 @njit(cache=True, error_model="numpy")
 def _arms(apex, points):
-    """x, y and squared length of the points relative to the apex, (3, N), and the greatest length."""
+    """x, y and squared length of the points relative to the apex, (3, N), and the sum of the squared lengths."""
     ax, ay = apex[0], apex[1]
     arms = np.empty((3, len(points)))
-    longest = 0.0
+    total = 0.0
     for i in range(len(points)):
         x, y = points[i, 0] - ax, points[i, 1] - ay
         arms[0, i], arms[1, i], arms[2, i] = x, y, x * x + y * y
-        longest = max(longest, arms[2, i])
-    return arms, math.sqrt(longest)
+        total += arms[2, i]
+    return arms, total
 
 
 @njit(cache=True, error_model="numpy")
@@ -122,8 +121,12 @@ def _cones(rays, axis, wide, low, scale, num_bins):
 
 
 @njit(cache=True, error_model="numpy")
-def _sort_into_bins(arms, bearing, low, scale, num_bins):
-    """Counting sort: the ends' indices (N,) and arms (3, N) by bin, and the bins' starts (num_bins + 1,)."""
+def _sort_into_bins(arms, bearing, low, scale, num_bins, wide):
+    """Counting sort of the ends: indices (N,), arms (4, N), where bins start and stop, and their reach (num_bins,).
+
+    The fourth row is the squared distance at which a point is too far to block the arm. The reach of a bin is the
+    greatest of its ends, 0 without any.
+    """
     start = np.zeros(num_bins + 1, np.int64)
     bin_of = np.empty(len(bearing), np.int64)
     for i in range(len(bearing)):
@@ -131,29 +134,23 @@ def _sort_into_bins(arms, bearing, low, scale, num_bins):
         start[bin_of[i] + 1] += 1
     for k in range(num_bins):
         start[k + 1] += start[k]
-    free = start[:-1].copy()
+    stop = start[:-1].copy()
+    reach = np.zeros(num_bins)
     ends = np.empty(len(bearing), np.int64)
-    sorted_arms = np.empty_like(arms)
+    sorted_arms = np.empty((4, len(bearing)))
     for i in range(len(bearing)):
-        slot = free[bin_of[i]]
-        free[bin_of[i]] += 1
+        k = bin_of[i]
+        slot, far = stop[k], (math.sqrt(arms[2, i]) + wide) ** 2
         ends[slot] = i
-        sorted_arms[0, slot], sorted_arms[1, slot], sorted_arms[2, slot] = arms[0, i], arms[1, i], arms[2, i]
-    return ends, sorted_arms, start
+        sorted_arms[0, slot], sorted_arms[1, slot] = arms[0, i], arms[1, i]
+        sorted_arms[2, slot], sorted_arms[3, slot] = arms[2, i], far
+        stop[k] = slot + 1
+        reach[k] = max(reach[k], far)
+    return ends, sorted_arms, start, stop, reach
 
 
 @njit(cache=True, error_model="numpy")
-def _reaches(arms, start, wide):
-    """Squared distance at which a point is too far to block the longest arm of each bin; 0 for an empty bin."""
-    reach = np.zeros(len(start) - 1)
-    for k in range(len(reach)):
-        for i in range(start[k], start[k + 1]):
-            reach[k] = max(reach[k], (math.sqrt(arms[2, i]) + wide) ** 2)
-    return reach
-
-
-@njit(cache=True, error_model="numpy")
-def _take(offset, rays, cones, ends, arms, start, stop, reach, radius, wide, blocked):
+def _take(offset, rays, cones, ends, arms, start, stop, reach, radius, blocked):
     """Test every `_STRIDE`-th point from `offset` on against the ends in its bins, and remove blocked ends."""
     num_bins, radius_square = len(reach), radius * radius
     farthest = 0.0
@@ -168,14 +165,18 @@ def _take(offset, rays, cones, ends, arms, start, stop, reach, radius, wide, blo
             if square >= reach[k]:
                 continue
             before, left = stop[k], start[k]
+            reach[k] = 0.0
             for i in range(start[k], before):
-                end, x, y, length_square = ends[i], arms[0, i], arms[1, i], arms[2, i]
+                end, x, y, length_square, far = ends[i], arms[0, i], arms[1, i], arms[2, i], arms[3, i]
                 near = _near(x, y, length_square, qx, qy, radius_square)
                 blocked[end] |= near
-                ends[left], arms[0, left], arms[1, left], arms[2, left] = end, x, y, length_square
+                ends[left], arms[0, left], arms[1, left], arms[2, left], arms[3, left] = (
+                    end,
+                    x,
+                    y,
+                    length_square,
+                    far,
+                )
                 left += not near
+                reach[k] = max(reach[k], 0.0 if near else far)
             stop[k] = left
-            if stop[k] < before:
-                reach[k] = 0.0
-                for i in range(start[k], stop[k]):
-                    reach[k] = max(reach[k], (math.sqrt(arms[2, i]) + wide) ** 2)

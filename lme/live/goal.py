@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from lme.geometry.frames import to_robot, to_world
 from lme.live.frames import Frames
 from lme.live.messages import planar_matrix
 from lme.live.track import StampedMotion, Track
 from lme.live.transforms import TransformTree
 from lme.types import Floats
+
+FARTHEST = 1e4  # [m] goals beyond come from a fault; some planners sample the way
 
 
 class Goal:
@@ -39,7 +43,14 @@ class Goal:
         return self._placed is not None
 
     def target(self, motion: StampedMotion, frames: Frames, tree: TransformTree) -> Floats | None:
-        """The goal (2,) in the robot frame [m]; not transformed if it was given there at the stamp of the motion."""
+        """The goal (2,) in the robot frame [m]; not transformed if it was given there at the stamp of the motion.
+
+        None where tf does not connect its frame, or puts it absurdly far away.
+        """
+        found = self._seen_from(motion, frames, tree)
+        return found if found is not None and (np.abs(found) <= FARTHEST).all() else None
+
+    def _seen_from(self, motion: StampedMotion, frames: Frames, tree: TransformTree) -> Floats | None:
         if self.frame == frames.base and self._stamp == motion.stamp:
             return self._point
         if self._placed is not None:

@@ -9,6 +9,9 @@ from lme.live.messages import ODOMETRY, frame, planar_matrix, pose_of, twist_of
 from lme.live.transforms import TransformTree
 from lme.types import Pose, Twist
 
+FARTHEST = 1e9  # [m], [rad] larger numbers come from a fault
+FASTEST = 50.0  # [m/s], [rad/s] the same
+
 
 class Sample(NamedTuple):
     """The pose of the base in the odometry frame, the header with its stamp, and the twist if the message has one."""
@@ -16,6 +19,12 @@ class Sample(NamedTuple):
     header: Any
     pose: Pose
     twist: Twist | None
+
+
+def is_sound(pose: Pose, twist: Twist | None) -> bool:
+    """Whether all numbers are finite and of a size that a robot can have."""
+    near = all(abs(number) <= FARTHEST for number in pose)
+    return near and all(abs(number) <= FASTEST for number in twist or ())
 
 
 def message_pose(message: Any, kind: str) -> Sample:

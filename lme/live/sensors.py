@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,7 +9,7 @@ import numpy as np
 from lme.live.config import LiveConfig
 from lme.live.frames import Frames, FramesConfig, message_frames, tf_frames
 from lme.live.messages import SECOND, frame, is_empty, is_turned, kind_of_pose, matrix_of, stamp_of
-from lme.live.poses import Sample, message_pose, tf_pose
+from lme.live.poses import Sample, is_sound, message_pose, tf_pose
 from lme.live.step import NotReadyError
 from lme.live.track import StampedMotion, Track
 from lme.live.transforms import TransformTree
@@ -137,8 +136,8 @@ class Sensors:
         stamp = self._stamp("pose", sample.header, now)
         if stamp is None:
             return
-        if not all(map(math.isfinite, (*sample.pose, *(sample.twist or ())))):
-            self.complain("pose", "it is not finite")
+        if not is_sound(sample.pose, sample.twist):
+            self.complain("pose", "it is not finite, or absurd")
             return
         if self.track.newest is None or stamp > self.track.newest:
             self.track.add(stamp, sample.pose, sample.twist)

@@ -11,6 +11,7 @@ import contextlib
 import io
 import json
 import os
+import re
 from array import array
 from collections.abc import Container, Iterator
 from pathlib import Path
@@ -131,10 +132,10 @@ def _layout(trajectory: dict[str, tuple[str, str]]) -> tuple[tuple[str, str], ..
 
 
 def _dtype(kind: str) -> np.dtype[Any]:
-    dtype = np.dtype(kind)
-    if dtype.kind not in "fiu":
+    # numpy evaluates a text with a comma.
+    if not re.fullmatch(r"[<>|=]?[fiu]\d\d?", kind):
         raise ValueError(f"{kind} is no type of numbers")
-    return dtype
+    return np.dtype(kind)
 
 
 def _check(row: dict[str, Any]) -> None:

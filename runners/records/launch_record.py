@@ -178,7 +178,12 @@ def _is_whole(launch: Launch) -> bool:
         and _is_list_of(str, launch.overrides)
         and all(_is_list_of(dict, part) and len(part) == len(launch.configs) > 0 for part in parts)
         and all(isinstance(name, str) for choices in launch.choices for name in choices.values())
+        and all(_is_scale(config.get("scale", {})) for config in launch.configs)
     )
+
+
+def _is_scale(value: Any) -> bool:
+    return isinstance(value, dict) and all(isinstance(factor, int | float) for factor in value.values())
 
 
 def _is_list_of(kind: type, value: Any) -> bool:

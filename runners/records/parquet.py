@@ -272,8 +272,9 @@ def _is_right(column: pa.Field) -> bool:
 def _whole(table: pa.Table, path: Path) -> pa.Table:
     """The table, after a check of its values, which are not decoded before they are used."""
     table.validate(full=True)
-    if any(table[name].null_count for name in KEY_COLUMNS):
-        raise InputError(f"{path} has rows without a world or run: not a file of lme eval")
+    for name in (*KEY_COLUMNS, "outcome"):
+        if name in table.column_names and table[name].null_count:
+            raise InputError(f"{path} has rows without {name}: not a file of lme eval")
     return table
 
 

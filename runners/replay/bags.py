@@ -114,13 +114,22 @@ def _opened(path: Path) -> Any:
         reader.open()
     except Exception as error:  # rosbags raises AssertionError on some bags of 2010, struct.error on others
         raise _unreadable(path, error, "not readable as a recording") from error
-    odd = _odd_type(reader.typestore.fielddefs, get_typestore(Stores.ROS2_HUMBLE).fielddefs)
-    if odd or not reader.message_count:
+    wrong = _what_is_wrong(reader, get_typestore(Stores.ROS2_HUMBLE).fielddefs)
+    if wrong:
         with suppress(Exception):
             reader.close()
-        what = f"defines {odd} otherwise than ROS does, or is damaged" if odd else "holds no messages"
-        raise InputError(f"bag {path}: {what}")
+        raise InputError(f"bag {path}: {wrong}")
     return reader
+
+
+def _what_is_wrong(reader: Any, standard: Mapping[str, Any]) -> str:
+    """Why a recording cannot be used, though rosbags can read it; empty if it can."""
+    if not all(isinstance(name, str) for c in reader.connections for name in (c.topic, c.msgtype)):
+        return "damaged (a topic has no name or no type)"
+    if not reader.message_count:
+        return "holds no messages"
+    odd = _odd_type(reader.typestore.fielddefs, standard)
+    return f"defines {odd} otherwise than ROS does, or is damaged" if odd else ""
 
 
 def _odd_type(defined: Mapping[str, Any], standard: Mapping[str, Any]) -> str:

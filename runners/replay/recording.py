@@ -11,7 +11,7 @@ from typing import NamedTuple
 from lme.errors import InputError
 from lme.live.frames import Frames, FramesConfig, message_frames, tf_frames
 from lme.live.messages import SECOND, frame, stamp_of
-from lme.live.poses import message_pose, tf_pose
+from lme.live.poses import is_sound, message_pose, tf_pose
 from lme.live.transforms import TransformTree
 from lme.types import Floats, Pose, Twist
 from runners.replay.bags import Bag, Message
@@ -60,7 +60,10 @@ class Recording:
         return (stamp + self.offset - self.bag.start) / SECOND
 
     def pose(self, message: Message, tree: TransformTree) -> Sample | None:
-        """The pose that a message contains, if any. Transforms of a tf message are first added to `tree`."""
+        """The pose that a message contains, if any; one with absurd numbers is none.
+
+        Transforms of a tf message are first added to `tree`.
+        """
         if message.topic in self.topics.tf:
             tree.update(message.content)
             found = tf_pose(message.content, tree, self.frames) if self.topics.pose is None else None
@@ -68,7 +71,7 @@ class Recording:
             found = message_pose(message.content, self.topics.pose.type)
         else:
             return None
-        if found is None:
+        if found is None or not is_sound(found.pose, found.twist):
             return None
         stamp = stamp_of(found.header) if self.headers else message.recorded - self.offset
         return Sample(stamp, found.pose, found.twist)

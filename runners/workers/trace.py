@@ -112,7 +112,7 @@ def rerun_recorded(run_dir: Path, world: int, run: int, trajectories: pd.DataFra
             f"{run_dir}: has no episode of world {world}, run {run}: episodes.parquet lists those that it has"
         )
     trace = rerun(launch.config, world, run)
-    recorded = steps[["x_m", "y_m"]].to_numpy()
+    recorded = steps[["x_m", "y_m"]].to_numpy(float)
     driven = trace.episode.trajectory[:, 1:3]
     if recorded.shape != driven.shape or not np.allclose(recorded, driven, rtol=0.0, atol=SAME_M):
         raise InputError(

@@ -37,69 +37,115 @@ def package(tmp_path, monkeypatch):
 
 @pytest.fixture
 def read_only(package, monkeypatch):
-    """The same, and nothing in it can be written: permissions do not bind root, so the question is answered."""
+    """The same, and it cannot be written: permissions do not bind root, so the question is answered."""
     monkeypatch.setattr(numba_cache.os, "access", lambda path, mode: not Path(path).is_relative_to(package))
     return package
 
 
 def chosen(package):
+    """The folder for the package's kernels, which is there, and the place that it lies in."""
     numba_cache.choose(package)
-    return os.environ["NUMBA_CACHE_DIR"]
+    folder = Path(os.environ["NUMBA_CACHE_DIR"])
+    assert folder.is_dir()
+    return folder, folder.parent
 
 
 def test_a_package_that_can_be_written_keeps_its_own_cache(package):
-    assert chosen(package) == ""
+    assert chosen(package)[1] == package / "__pycache__"
     assert not (package.parent / "home").exists()
 
 
 def test_a_read_only_package_has_a_cache_in_the_users_home(read_only):
-    folder = read_only.parent / "home" / ".cache" / "lme-nav"
-    assert chosen(read_only) == str(folder)
-    assert folder.is_dir()
-
-
-def test_one_folder_that_cannot_be_written_is_enough(package, monkeypatch):
-    blocked = package / "kernels" / "__pycache__"
-    blocked.mkdir()
-    monkeypatch.setattr(numba_cache.os, "access", lambda path, mode: Path(path) != blocked)
-    assert chosen(package).endswith("lme-nav")
+    assert chosen(read_only)[1] == read_only.parent / "home" / ".cache" / "lme-nav"
 
 
 def test_the_users_cache_folder_counts_where_it_is_absolute(read_only, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(read_only.parent / "caches"))
-    assert chosen(read_only) == str(read_only.parent / "caches" / "lme-nav")
+    assert chosen(read_only)[1] == read_only.parent / "caches" / "lme-nav"
     monkeypatch.setenv("NUMBA_CACHE_DIR", "")
     monkeypatch.setenv("XDG_CACHE_HOME", "caches")
-    assert chosen(read_only) == str(read_only.parent / "home" / ".cache" / "lme-nav")
+    assert chosen(read_only)[1] == read_only.parent / "home" / ".cache" / "lme-nav"
 
 
-def test_what_the_user_has_set_stays(read_only, monkeypatch):
-    monkeypatch.setenv("NUMBA_CACHE_DIR", "/mine")
-    assert chosen(read_only) == "/mine"
+def test_the_place_that_the_user_has_set_counts(package, monkeypatch):
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(package.parent / "mine"))
+    assert chosen(package)[1] == package.parent / "mine"
+    assert chosen(package)[1] == package.parent / "mine"  # in a process that this one starts
+
+
+def test_a_place_of_the_users_that_cannot_be_written_stays(package, monkeypatch):
+    monkeypatch.setenv("NUMBA_CACHE_DIR", os.devnull)
+    numba_cache.choose(package)
+    assert os.environ["NUMBA_CACHE_DIR"] == os.devnull
 
 
 def test_without_a_home_a_private_folder_among_the_temporary_files(read_only, monkeypatch):
     monkeypatch.setenv("HOME", os.devnull)
-    folder = Path(chosen(read_only))
-    assert folder == read_only.parent / "temporary" / f"lme-nav-{os.getuid()}"
-    assert folder.stat().st_mode & 0o777 == 0o700
+    folder, place = chosen(read_only)
+    assert place == read_only.parent / "temporary" / f"lme-nav-{os.getuid()}"
+    assert place.stat().st_mode & 0o777 == 0o700
     monkeypatch.setenv("NUMBA_CACHE_DIR", "")
-    assert chosen(read_only) == str(folder)  # and the next process finds what was compiled
+    assert chosen(read_only)[0] == folder  # and the next process finds what was compiled
 
 
 @pytest.mark.parametrize("trap", ["open", "link"])
 def test_a_temporary_folder_that_others_could_have_filled_is_not_used(read_only, monkeypatch, trap):
     monkeypatch.setenv("HOME", os.devnull)
-    folder = read_only.parent / "temporary" / f"lme-nav-{os.getuid()}"
+    trapped = read_only.parent / "temporary" / f"lme-nav-{os.getuid()}"
     if trap == "open":
-        folder.mkdir()
-        folder.chmod(0o777)
+        trapped.mkdir()
+        trapped.chmod(0o777)
     else:
-        folder.symlink_to(read_only, target_is_directory=True)
-    other = Path(chosen(read_only))
-    assert other != folder
-    assert other.parent == folder.parent
-    assert other.stat().st_mode & 0o777 == 0o700
+        trapped.symlink_to(read_only, target_is_directory=True)
+    _, place = chosen(read_only)
+    assert place != trapped
+    assert place.parent == trapped.parent
+    assert place.stat().st_mode & 0o777 == 0o700
+
+
+def test_each_version_of_a_kernel_has_a_folder_and_the_newest_are_kept(package):
+    source, folders = package / "kernels" / "motion.py", []
+    for number in range(5):
+        source.write_text(f"@njit\ndef travelled(): return {number}\n")
+        folders.append(chosen(package)[0])
+        os.utime(folders[-1], (number, number))
+    assert len(set(folders)) == 5
+    assert [folder.is_dir() for folder in folders] == [False, False, True, True, True]
+    (package / "errors.py").write_text("no kernel")
+    assert chosen(package)[0] == folders[-1]
+
+
+CALLER = """
+from numba import njit
+import lme
+from lme.kernels.{name} import {name}
+
+@njit(cache=True)
+def caller():
+    return {name}()
+"""
+CALLED = """
+from numba import njit
+
+@njit(cache=True)
+def called():
+    return {value}
+"""
+
+
+def test_a_kernel_follows_a_change_of_a_kernel_that_it_calls(tmp_path):
+    """Numba alone would go on with the old one, because the caller's own file is the same."""
+    copy = tmp_path / "lme"
+    shutil.copytree(ROOT / "lme", copy, ignore=shutil.ignore_patterns("__pycache__"))
+    (copy / "kernels" / "caller.py").write_text(CALLER.format(name="called"))
+    environment = {**os.environ, "PYTHONPATH": str(tmp_path), "NUMBA_CACHE_DIR": ""}
+    command = [sys.executable, "-c", "from lme.kernels.caller import caller; print(caller())"]
+    for value in ("1", "2"):
+        (copy / "kernels" / "called.py").write_text(CALLED.format(value=value))
+        done = subprocess.run(
+            command, env=environment, cwd=tmp_path, capture_output=True, text=True, timeout=300
+        )
+        assert done.stdout == f"{value}\n", done.stderr
 
 
 @pytest.fixture

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 
-from tests.torture import disk, fuzz, kills, machine
+from tests.torture import disk, fuzz, kills, machine, observations
 from tests.torture.runs import KINDS
 
 
@@ -30,6 +30,10 @@ def main() -> int:
         )
     of_machine = kinds.add_parser("machine", help="clock, read-only folders, two processes, SIGTERM")
     of_machine.set_defaults(run=lambda given: machine.report())
+    seen = kinds.add_parser("observations", help="numbers that no robot has, for every system")
+    seen.add_argument("names", nargs="*", metavar="SYSTEM", help="default: all of conf/system/")
+    seen.add_argument("--drives", type=int, default=200)
+    seen.set_defaults(run=lambda given: observations.report(given.names, given.drives))
     given = parser.parse_args()
     return int(given.run(given))
 

@@ -179,12 +179,13 @@ def _columns(rng: Rng, data: bytes) -> bytes:
 
     try:
         table = pq.read_table(io.BytesIO(data))
+        names = table.column_names
     except Exception:  # damaged before
         return _flipped(rng, data)
     if not table.num_columns:
         return _flipped(rng, data)
     at, rows = int(rng.integers(table.num_columns)), table.num_rows
-    name = table.column_names[at]
+    name = names[at]
     others = (
         pa.nulls(rows), pa.array(["x"] * rows), pa.array([2**62] * rows), pa.array([float("nan")] * rows),
         pa.array([b"\xff"] * rows), pa.array([[1, 2]] * rows), pa.array([{"a": 1}] * rows), pa.array([-1] * rows),

@@ -39,8 +39,9 @@ class Box(NamedTuple):
 def common_box(tasks: Sequence[Task], path: Floats) -> Box:
     """The box that every panel shows: obstacles, starts, goals and paths, without the empty space around them.
 
-    path: (N, 2) positions on all paths [m].
+    path: (N, 2) positions on all paths [m]; those that are not finite, in damaged records, do not count.
     """
+    path = path[np.isfinite(path).all(axis=1)]
     ends = np.array([[[task.start.x, task.start.y], task.goal] for task in tasks]).reshape(-1, 2)
     reach = np.array([task.goal_tolerance for task in tasks]).max()
     solid = np.vstack([ends - reach, ends + reach, *(extremes(task.world) for task in tasks)])

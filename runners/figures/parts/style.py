@@ -7,6 +7,7 @@ styles, hatches and markers repeat the information for print in grey.
 from __future__ import annotations
 
 import importlib
+import io
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -73,8 +74,11 @@ def save(figure: Figure, stem: Path, formats: Sequence[str] = ("png",)) -> list[
     paths = [stem.with_name(f"{stem.name}.{ending}") for ending in formats]
     with rc_context(_PRINT):
         for path, ending in zip(paths, formats, strict=True):
+            # Not into the file: on a full disk Matplotlib fails for other reasons than that.
+            picture = io.BytesIO()
+            figure.savefig(picture, format=ending, metadata=_NO_DATES[ending])
             with replacing(path) as draft:
-                figure.savefig(draft, metadata=_NO_DATES[ending])
+                draft.write_bytes(picture.getbuffer())
     return paths
 
 

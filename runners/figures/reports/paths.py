@@ -49,7 +49,7 @@ def trajectories_figure(
     numbers = [number for number in sample_worlds(frame) if number in worlds]
     shown = trajectories[trajectories["world"].isin(numbers)]
     paths = dict(list(shown.groupby(["world", "run"])))
-    box = common_box([worlds[number] for number in numbers], shown[["x_m", "y_m"]].to_numpy())
+    box = common_box([worlds[number] for number in numbers], shown[["x_m", "y_m"]].to_numpy(float))
     figure = new_figure(*PAGE_IN, layout=None)
     for number, axes in zip(numbers, _panels(figure, len(numbers), box), strict=True):
         episodes = frame[frame["world"] == number]

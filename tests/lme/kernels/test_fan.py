@@ -110,3 +110,19 @@ def test_a_distance_of_exactly_the_radius_does_not_block(copies):
         point = np.array([x, y])
         assert not fan_blocked(ORIGIN, ends, np.tile(point, (copies, 1)), 0.5).any()
         assert fan_blocked(ORIGIN, ends, np.tile(point + 1e-9 * np.array(towards), (copies, 1)), 0.5).all()
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 1e60, -1e154, 1e230, 1e308])
+@pytest.mark.parametrize("of", ["apex", "ends", "points"])
+def test_coordinates_that_overflow_harm_nothing_else(value, of):
+    """A localisation that fails can put the target anywhere; the kernel must stay within its arrays."""
+    apex, ends, points, radius = scan_scene(0)
+    sound = fan_blocked(apex, ends, points, radius)
+    changed = {"apex": apex[None], "ends": ends, "points": points}[of]
+    changed[0, 1] = value
+    blocked = fan_blocked(apex, ends, points, radius)
+    if of == "ends":
+        assert np.array_equal(blocked[1:], sound[1:])
+    elif of == "points":
+        assert np.array_equal(blocked, fan_blocked(apex, ends, points[1:], radius))
+    assert len(blocked) == len(ends)

@@ -268,14 +268,15 @@ def test_stale_odometry_stops_it(rig):
     assert drives(rig.period())
 
 
-def test_odometry_that_is_not_a_number_does_not_count(rig):
+@pytest.mark.parametrize("x", [math.nan, math.inf, -1e230])
+def test_odometry_that_is_not_a_number_or_absurd_does_not_count(rig, x):
     rig.drive()
     for _ in range(3):
         rig.pass_time()
         rig.scan()
-        rig.odometry(pose=Pose(math.nan, 0.0, 0.0))
+        rig.odometry(pose=Pose(x, 0.0, 0.0))
         step = rig.tick()
-    assert stands(step, "the odometry is older than 0.5 s (it is not finite)")
+    assert stands(step, "the odometry is older than 0.5 s (it is not finite, or absurd)")
 
 
 def test_between_two_poses_the_one_at_the_scans_stamp_counts(rig):

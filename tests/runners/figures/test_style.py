@@ -1,9 +1,15 @@
-"""Figures can be made while another thread imports IPython, as MLflow does."""
+"""Figures can be made while another thread imports IPython, as MLflow does; a full disk is told as one."""
 
+import errno
+import os
 import subprocess
 import sys
 import textwrap
+from pathlib import Path
 
+import pytest
+
+from runners.figures.parts.style import FORMATS, new_figure, save
 from tests.places import ROOT
 
 SCRIPT = """
@@ -26,3 +32,19 @@ def test_a_figure_waits_for_an_import_of_ipython_in_another_thread(tmp_path):
     command = [sys.executable, "-c", textwrap.dedent(SCRIPT), str(tmp_path)]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize("ending", FORMATS)
+def test_a_full_disk_is_told_as_one_and_leaves_the_old_picture(tmp_path, monkeypatch, ending):
+    path = tmp_path / f"chart.{ending}"
+    path.write_text("before")
+
+    def full(self, data):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(self))
+
+    monkeypatch.setattr(Path, "write_bytes", full)
+    with pytest.raises(OSError, match="No space left") as caught:
+        save(new_figure(1, 1), tmp_path / "chart", [ending])
+    assert caught.value.filename == str(path)
+    assert list(tmp_path.iterdir()) == [path]
+    assert path.read_text() == "before"

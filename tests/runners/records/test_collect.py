@@ -1,9 +1,12 @@
 """Which folders count as runs, and what becomes of those that cannot be read."""
 
+import json
+
 import pytest
 
 from lme.errors import InputError
 from runners.records.collect import collect
+from runners.records.launch_record import read_launch
 from tests.composing import jobs_of
 from tests.made_runs import write_run
 
@@ -55,6 +58,16 @@ def test_a_run_that_cannot_be_read_is_left_out_with_a_reason(outputs, path, cont
 @pytest.mark.parametrize("content", ["{", "[]", '{"configs": [], "command": "eval"}'])
 def test_a_damaged_launch_record_takes_no_other_run_away(outputs, content):
     (outputs / "eval" / "one" / "launch.json").write_text(content)
+    assert len(collect([outputs]).frames) == 3
+
+
+@pytest.mark.parametrize("scale", ["x", {"a_close": {}}, [1.0]])
+def test_a_launch_record_with_a_damaged_scale_is_none(outputs, scale):
+    path = outputs / "eval" / "one" / "launch.json"
+    launch = json.loads(path.read_text())
+    launch["configs"][0]["scale"] = scale
+    path.write_text(json.dumps(launch))
+    assert read_launch(path.parent) is None
     assert len(collect([outputs]).frames) == 3
 
 

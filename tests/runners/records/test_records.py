@@ -342,6 +342,15 @@ def test_records_that_pandas_has_written_again_are_read(tmp_path):
     assert read_episodes([tmp_path])["outcome"].tolist() == frame["outcome"].tolist()
 
 
+def test_rows_without_an_outcome_are_refused(tmp_path):
+    import pandas as pd
+
+    write(tmp_path, KEYS)
+    pd.read_parquet(tmp_path / EPISODES).assign(outcome=None).to_parquet(tmp_path / EPISODES)
+    with pytest.raises(InputError, match=r"episodes\.parquet has rows without outcome"):
+        read_episodes([tmp_path])
+
+
 def test_a_trajectory_without_its_steps_is_refused(tmp_path):
     import pandas as pd
 
@@ -362,6 +371,7 @@ def test_a_trajectory_without_its_steps_is_refused(tmp_path):
         {"record": {"\ud800": 1}},
         {"trajectory": {"x_m": ["<f8", ""]}},
         {"trajectory": {"x_m": ["<U2", "AAAAAAAAAAA="]}},
+        {"trajectory": {"x_m": ["<f8,(", "AAAAAAAAAAA="]}},  # numpy evaluates what has a comma
     ],
 )
 def test_a_line_with_a_value_of_another_kind_is_named(tmp_path, damage):

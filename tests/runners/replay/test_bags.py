@@ -1,5 +1,6 @@
 """Reading recordings: every format, topics by type, and one clear line for whatever is wrong with a file."""
 
+import contextlib
 import sqlite3
 from contextlib import suppress
 
@@ -200,6 +201,20 @@ def test_the_list_says_what_a_topic_can_be(tmp_path, capsys):
     assert "/scan" in capsys.readouterr().out
     with pytest.raises(InputError, match="bag is null"):
         main(["list=true"])
+
+
+@pytest.mark.parametrize("column", ["name", "type"])
+def test_a_topic_without_a_name_or_a_type_is_refused(tmp_path, column):
+    path = drive(".db3", steps=3).write(tmp_path)
+    with contextlib.closing(sqlite3.connect(path)) as database:
+        database.execute("CREATE TABLE damaged AS SELECT * FROM topics")
+        database.execute(f"UPDATE damaged SET {column} = NULL WHERE name = '/odom'")
+        database.execute("DROP TABLE topics")
+        database.execute("ALTER TABLE damaged RENAME TO topics")
+        database.commit()
+    with pytest.raises(InputError, match="a topic has no name or no type") as error, Bag(path):
+        pass
+    one_line(error)
 
 
 def test_a_message_that_is_defined_otherwise_is_refused(tmp_path):

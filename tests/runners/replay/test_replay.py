@@ -302,6 +302,18 @@ def test_poses_and_scans_that_never_meet(tmp_path, capsys, monkeypatch):
     assert "10 without a pose" in fails(capsys, f"bag={maker.write(tmp_path)}")
 
 
+@pytest.mark.parametrize("x", [math.nan, 1e230])
+def test_absurd_poses_do_not_count(replay, tmp_path, x):
+    maker = drive(steps=40)
+    for k in range(0, 40, 8):
+        late = BEGAN + k * SECOND // 10 + SECOND // 20
+        maker.add("/odom", "nav_msgs/msg/Odometry", late, maker.odometry(late, Pose(x, 0.0, 0.0), x, 0.0))
+    table = replay(maker.write(tmp_path))
+    assert len(table) > 10
+    assert (table[["x_m", "v_mps"]].abs() < 100.0).all(axis=None)
+    assert table[["command_v_mps", "command_omega_radps"]].notna().all(axis=None)
+
+
 def test_a_second_replay_into_the_same_directory(replay, plain, capsys):
     replay(plain, "end=1")
     assert "already holds a replay" in fails(capsys, f"bag={plain}", f"hydra.run.dir={replay.folder}")
