@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import yaml
 
+from lme.errors import InputError
 from lme.resources import overlaid, resource_dir
 
 _Loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
@@ -104,7 +105,7 @@ class Catalogue:
         found: dict[str, Key] = {}
         for file in self.files(name):
             text = file.read_text(encoding="utf-8")
-            for key in _walk(yaml.compose(text, _Loader), text.splitlines(), ""):
+            for key in _walk(_parsed(file, text, yaml.compose), text.splitlines(), ""):
                 comment = key.comment or (found[key.name].comment if key.name in found else "")
                 found[key.name] = replace(key, comment=comment)
         return list(found.values())
@@ -120,8 +121,16 @@ def shipped(*more: Path) -> Catalogue:
 
 
 def _plain(file: Path) -> dict[str, Any]:
-    content = yaml.load(file.read_text(encoding="utf-8"), _Loader)
+    content = _parsed(file, file.read_text(encoding="utf-8"), yaml.load)
     return content if isinstance(content, dict) else {}
+
+
+def _parsed(file: Path, text: str, parse: Callable[[str, Any], Any]) -> Any:
+    """The YAML of a file, parsed so. Raises InputError for what PyYAML refuses; OmegaConf reads a little more."""
+    try:
+        return parse(text, _Loader)
+    except yaml.YAMLError as error:
+        raise InputError(f"{file}: no valid YAML ({' '.join(str(error).split())})") from error
 
 
 def _walk(node: Any, lines: list[str], prefix: str) -> Iterator[Key]:

@@ -25,7 +25,10 @@ from lme.resources import resource_dir
 from runners.config import catalogue
 
 # What Hydra and OmegaConf raise for what cannot be composed.
-COMPOSING = (HydraException, OmegaConfBaseException, ValueError, TypeError, OverflowError, RecursionError)
+COMPOSING = (
+    HydraException, OmegaConfBaseException, ValueError, TypeError, OverflowError, RecursionError, AttributeError,
+    OSError,
+)  # fmt: skip
 
 
 class Composer:

@@ -73,7 +73,7 @@ def _mistaken(override: Override, config: DictConfig, composer: Composer) -> Inp
         return _unknown(key, known, config, composer)
     try:
         OmegaConf.update(config, key, override.value(), merge=True, force_add=override.is_force_add())
-    except (OmegaConfBaseException, TypeError, OverflowError) as error:
+    except (OmegaConfBaseException, TypeError, OverflowError, AttributeError) as error:
         schema = OmegaConf.get_type(config)
         wanted = expected(schema, key)
         shown = text_of(override).partition("=")[2] or "empty"
@@ -81,6 +81,8 @@ def _mistaken(override: Override, config: DictConfig, composer: Composer) -> Inp
         if wanted and whole:
             return InputError(f"{key} is {shown}: must be {wanted}")
         return translated(error, schema)
+    except ValueError:  # a word for the number of an item of a list
+        return _unknown(key, known, config, composer)
     return None
 
 
@@ -95,7 +97,8 @@ def _unknown(key: str, known: set[str], config: DictConfig, composer: Composer) 
     if not parent:
         names = sorted({*names, *composer.slots})
     hint = nearest(key, {name for name in known if not name.startswith("hydra")} | set(composer.slots))
-    return InputError(f"{key}: no such key; {hint}{parent or composer.config_name} holds: {', '.join(names)}")
+    holds = f"{parent or composer.config_name} holds: {', '.join(names)}"
+    return InputError(one_line(f"{key}: no such key; {hint}{holds}"))
 
 
 def _in_file(error: Exception, name: str, composer: Composer) -> InputError:

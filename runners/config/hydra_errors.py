@@ -22,7 +22,8 @@ def unknown_key(key: str, known: Iterable[str]) -> InputError:
     parent, _, name = key.rpartition(".")
     names = sorted(known)
     place = f"{parent} holds: " if parent else "there are: "
-    return InputError(f"{key}: no such key; {nearest(name, names)}{place}{', '.join(names) or 'no keys'}")
+    hint = nearest(name, names)
+    return InputError(one_line(f"{key}: no such key; {hint}{place}{', '.join(names) or 'no keys'}"))
 
 
 def translated(error: BaseException, schema: Any = None) -> InputError:
@@ -63,6 +64,17 @@ def keys_beside(schema: Any, key: str) -> list[str]:
 def dataclass_of(annotation: Any) -> Any:
     """The dataclass of `Part` or of `Part | None`; None for any other type."""
     return next((a for a in (annotation, *typing.get_args(annotation)) if dataclasses.is_dataclass(a)), None)
+
+
+def check_parts(config: Any, key: str = "") -> None:
+    """Raise InputError for a part of a typed config that is a single value: OmegaConf lets a resolver's through."""
+    annotations = typing.get_type_hints(type(config))
+    for field in dataclasses.fields(config):
+        value, name = getattr(config, field.name), f"{key}.{field.name}".removeprefix(".")
+        if dataclasses.is_dataclass(value):
+            check_parts(value, name)
+        elif value is not None and dataclass_of(annotations[field.name]):
+            raise InputError(f"{name} is {value!r:.80}: must be a mapping")
 
 
 def describe(annotation: Any) -> str:

@@ -68,9 +68,9 @@ def _fill(node: DictConfig, schema: Any, given: Mapping[str, Any], key: str) -> 
             continue
         try:
             node[name] = value
-        except OmegaConfBaseException as error:
+        except (OmegaConfBaseException, OverflowError) as error:
             wanted = describe(annotations[name])
-            raise InputError(f"{key}.{name} is {value!r}: must be {wanted}") from error
+            raise InputError(f"{key}.{name} is {value!r:.80}: must be {wanted}") from error
 
 
 def _plain(node: DictConfig | Mapping[str, Any], key: str) -> dict[str, Any]:

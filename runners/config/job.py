@@ -11,6 +11,7 @@ from omegaconf import DictConfig, OmegaConf
 
 from runners.config.catalogue import Catalogue
 from runners.config.changes import SEVERAL, changed_keys, in_words
+from runners.config.hydra_errors import check_parts
 from runners.config.schema import SystemConfig
 
 C = TypeVar("C", bound=SystemConfig, covariant=True)
@@ -46,6 +47,7 @@ class Job(Generic[C]):
         Raises what OmegaConf raises, and InputError.
         """
         typed = cast(C, OmegaConf.to_object(config))  # first: its errors name the key
+        check_parts(typed)
         overrides = tuple(hydra.overrides.task)
         choices = {**_several(overrides), **_single(hydra.runtime.choices)}
         return cls(

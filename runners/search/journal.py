@@ -71,8 +71,8 @@ def _whole_steps(path: Path) -> Iterator[dict[str, Any]]:
         counted = (entry.get("system_attr") or {}).get(_MARK, number)
         if counted != number:
             raise InputError(
-                f"{path} line {number}: should be line {counted}, so lines are missing or were added; restore the "
-                "file, or start another study"
+                f"{path} line {number}: should be line {counted!r:.40}, so lines are missing or were added; "
+                "restore the file, or start another study"
             )
         yield entry
 
@@ -81,6 +81,8 @@ def _decoded(line: bytes, path: Path, number: int) -> dict[str, Any]:
     try:
         entry: dict[str, Any] = json.loads(line)
         _ = entry["op_code"], entry["worker_id"], dict(entry.get("system_attr") or {})
+        if not all(isinstance(value, int | float) for value in entry.get("values") or []):
+            raise TypeError("a reward is a number")
     except (ValueError, KeyError, TypeError, RecursionError):
         raise _no_entry(path, number) from None
     return entry

@@ -95,6 +95,8 @@ def _of_journal(path: Path, name: str, space: Space, sampler: optuna.samplers.Ba
     journal = Journal(path)
     try:
         created = _created(JournalStorage(journal), name, sampler)
+        if created._study_id:
+            raise ValueError("the first study was deleted")
         study = Study(created, space, "", journal.flush, Heartbeat(None), ScoreLog(None))
         _ = study.told  # every trial can be read
     except Exception as error:  # entries that are JSON but no steps of a study raise anything

@@ -33,8 +33,11 @@ _PATH_BYTES = 2**16  # a published path has at most 1.1 kB
 def find_worlds(source: str | Path) -> dict[int, Path]:
     """The world files by number, in order. source: an official checkout, its `worlds/` or its `BARN/` folder."""
     root = Path(source).expanduser()
-    if not root.is_dir():
-        state = "is a file" if root.exists() else "does not exist"
+    try:
+        state = "" if root.is_dir() else "is a file" if root.exists() else "does not exist"
+    except OSError as error:
+        raise InputError(f"map.source {root!s:.80}: cannot be read ({error.strerror})") from error
+    if state:
         raise InputError(f"map.source {root} {state}: must be a folder with the BARN files world_N.world")
     for layout in _LAYOUTS:
         found = {

@@ -59,6 +59,8 @@ def _never(job):
         ("robot.v_mx=1", ["robot.v_mx: no such key; did you mean robot.v_max? robot holds: "]),
         ("robot.contact.width=1", ["robot.contact.width=1: sets a key of a part that is null"]),
         ("map.start.x=1", ["map.start.x: no such key; map.start is a single value"]),
+        ("+map.start.x=1", ["map.start.x: no such key; map.start is a single value"]),
+        ("robot.lidar.cloud={a: 1}", ["robot.lidar.cloud is {a: 1}: must be a mapping of height, "]),
         (f"robot.lidar.yaw=1{'0' * 400}", ["robot.lidar.yaw is 1000", ": must be a number"]),
         ("robot.num_beams=9", ["did you mean robot.lidar.num_beams?"]),
         ("robot.lidar.num_beam=9", ["did you mean robot.lidar.num_beams? robot.lidar holds: cloud, fov, "]),
@@ -137,6 +139,8 @@ def own(tmp_path):
         ("v_max: 2.0", "", "robot.v_max has no value"),
         ("num_beams: 720", "num_beams: 7.5", "robot.lidar.num_beams is 7.5: must be a whole number"),
         ("num_beams: 720", "num_beams: 0", "robot.lidar.num_beams is 0"),
+        ("contact: null", "contact: ${oc.env:PATH}", "robot.contact is '"),
+        ("v_max: 2.0", 'v_max: 2.0\n"a\\nb": 1', "a b"),
     ],
 )
 def test_a_mistake_in_an_own_yaml_names_the_file(launch, own, old, new, said):
@@ -156,6 +160,19 @@ def test_broken_yaml_names_file_and_line(launch, own):
     message = launch(*words)
     assert "own/robot/mine.yaml, line " in message
     assert "no valid YAML" in message
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("0.5", "Invalid loaded object type: float"),
+        (ROBOT.replace("name: jackal", 'name: "\\uD800"'), "no valid YAML"),
+    ],
+)
+def test_a_file_that_is_no_mapping_or_that_only_one_parser_reads(launch, own, text, said):
+    words, _ = own("v_max: 2.0", "v_max: 1.0")
+    Path(words[1], "robot", "mine.yaml").write_text(text)
+    assert said in launch(*words)
 
 
 def test_an_unknown_option_names_both_folders(launch, own):

@@ -206,6 +206,7 @@ def test_a_damaged_journal_names_its_line(whole, tmp_path):
         b"17\n",
         b'{"op_code": 4}\n',
         b'{"op_code": 4, "worker_id": "", "system_attr": 5}\n',
+        b'{"op_code": 6, "worker_id": "", "trial_id": 0, "state": 1, "values": ["x"]}\n',
     ):
         path.write_bytes(b"".join([*lines[:5], damage, *lines[5:]]))
         with pytest.raises(InputError, match=rf"{JOURNAL} line 6: no entry of an Optuna journal"):
@@ -371,7 +372,12 @@ def test_own_values_are_those_within_the_ranges():
 
 @pytest.mark.parametrize(
     ("old", "new"),
-    [('"scores":[', '"scores":[true,'), ('"trial_id":', '"trial":'), ('"scores":[', '"scores":"x","y":[')],
+    [
+        ('"scores":[', '"scores":[true,'),
+        ('"trial_id":', '"trial":'),
+        ('"scores":[', '"scores":"x","y":['),
+        ('"op_code":2', '"op_code":1'),  # the study is deleted
+    ],
 )
 def test_a_journal_of_other_steps_is_damaged(whole, tmp_path, old, new):
     (tmp_path / JOURNAL).write_bytes(whole("random")[1].replace(old.encode(), new.encode()))

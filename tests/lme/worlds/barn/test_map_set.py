@@ -65,6 +65,7 @@ def test_schema_composes_with_omegaconf():
         ({"worlds": [300, 7, 301]}, r"map\.worlds asks for 300, 301: must be 0 to 299"),
         ({"worlds": [5], "subset": "fresh"}, r"map\.worlds asks for 5: must be from 1000 on"),
         ({"source": "/nowhere"}, r"map\.source /nowhere does not exist"),
+        ({"source": "1" * 300}, r"map\.source 1+: cannot be read \(File name too long\)"),
     ],
 )
 def test_bad_configs(keys, message):
