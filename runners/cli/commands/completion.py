@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import argparse
 
+from runners.cli.parsers import texts
+
 EXAMPLES = (
     'eval "$(lme completion bash)"  # in ~/.bashrc to keep it',
     'eval "$(lme completion zsh)"  # in ~/.zshrc',
@@ -25,12 +27,8 @@ def main(argv: list[str]) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog="lme completion",
-        description=(__doc__ or "").partition("\n")[0],
-        epilog="\n".join(["examples:", *(f"  {example}" for example in EXAMPLES)]),
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+    title = (__doc__ or "").partition("\n")[0]
+    parser = argparse.ArgumentParser(prog="lme completion", **texts(title, EXAMPLES))
     parser.add_argument("what", choices=("bash", "zsh", "words"), help="a shell; words: for its script")
     parser.add_argument("line", nargs="?", default="", help="with words: the line typed so far")
     parser.add_argument("--breaks", default="", help="with words: letters at which the shell breaks words")

@@ -6,6 +6,8 @@ import argparse
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from runners.cli.parsers import texts
+
 if TYPE_CHECKING:
     from runners.cli.doctor import Line
 
@@ -31,12 +33,7 @@ def main(argv: list[str]) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    return argparse.ArgumentParser(
-        prog="lme doctor",
-        description=__doc__,
-        epilog="\n".join([_NOTES, "", "examples:", *(f"  {example}" for example in EXAMPLES)]),
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+    return argparse.ArgumentParser(prog="lme doctor", **texts(__doc__, EXAMPLES, _NOTES))
 
 
 def _printed(lines: Sequence[Line]) -> list[str]:

@@ -7,6 +7,8 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from runners.cli.parsers import texts
+
 if TYPE_CHECKING:
     import pandas as pd
 
@@ -40,13 +42,8 @@ def main(argv: list[str]) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog="lme explain",
-        description=__doc__,
-        epilog="Episodes are driven once more, and must go as they are recorded.\n\nexamples:\n  "
-        + "\n  ".join(EXAMPLES),
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+    notes = "Episodes are driven once more, and must go as they are recorded."
+    parser = argparse.ArgumentParser(prog="lme explain", **texts(__doc__, EXAMPLES, notes))
     what = "a run's directory, that of a sweep's job, or a recording"
     parser.add_argument("run", type=Path, metavar="RUN", help=what)
     parser.add_argument(

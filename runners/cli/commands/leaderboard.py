@@ -7,6 +7,7 @@ import warnings
 from pathlib import Path
 
 from lme.errors import InputError
+from runners.cli.parsers import texts
 
 EXAMPLES = (
     "lme leaderboard",
@@ -36,13 +37,10 @@ def main(argv: list[str]) -> int:
 def _parser() -> argparse.ArgumentParser:
     from runners.records.run_directories import ROOT
 
-    parser = argparse.ArgumentParser(
-        prog="lme leaderboard",
-        description=__doc__,
-        epilog="The page is one file that needs no server or network. It links to the explainer pages of the runs.\n\n"
-        "examples:\n  " + "\n  ".join(EXAMPLES),
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+    notes = (
+        "The page is one file that needs no server or network. It links to the explainer pages of the runs."
     )
+    parser = argparse.ArgumentParser(prog="lme leaderboard", **texts(__doc__, EXAMPLES, notes))
     parser.add_argument(
         "folders",
         nargs="*",

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lme.errors import InputError
+from runners.cli.parsers import texts
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -47,24 +48,19 @@ def _parsed(argv: list[str]) -> argparse.Namespace:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog="lme maps",
-        description=f"{__doc__}\nIn a terminal each map set comes with a picture of its first world.",
-        epilog="examples:\n  " + "\n  ".join(EXAMPLES),
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+    about = f"{__doc__}\nIn a terminal each map set comes with a picture of its first world."
+    parser = argparse.ArgumentParser(prog="lme maps", **texts(about, EXAMPLES))
     parser.set_defaults(run=_list)
     _add_plain(parser, False)
     verbs = parser.add_subparsers(metavar="VERB")
-    show = verbs.add_parser(
-        "show",
-        help="the worlds of one map set: measures; of single worlds a picture too",
-        description="The worlds of one map set: optimal time and measures.\n"
+    about = (
+        "The worlds of one map set: optimal time and measures.\n"
         "Worlds that are named by their numbers are drawn too: in the terminal, and as a file.\n"
-        "Settings are the keys of conf/map/MAP.yaml.",
-        epilog="examples:\n  " + "\n  ".join(each for each in EXAMPLES if " show " in each),
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        "Settings are the keys of conf/map/MAP.yaml."
     )
+    examples = [each for each in EXAMPLES if " show " in each]
+    title = "the worlds of one map set: measures; of single worlds a picture too"
+    show = verbs.add_parser("show", help=title, **texts(about, examples))
     show.add_argument("map", help="a map set that `lme maps` lists")
     show.add_argument("what", nargs="*", metavar="NUMBER|key=value", help="worlds; settings of the map set")
     show.add_argument(

@@ -6,6 +6,8 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from runners.cli.parsers import texts
+
 if TYPE_CHECKING:
     import pandas as pd
 
@@ -35,13 +37,11 @@ def main(argv: list[str]) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog="lme table",
-        description=__doc__,
-        epilog="One run or sweep: its own files are written anew, not those of a sweep's jobs.\n"
-        "Several: nothing is written without --into.\n\nexamples:\n  " + "\n  ".join(EXAMPLES),
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+    notes = (
+        "One run or sweep: its own files are written anew, not those of a sweep's jobs.\n"
+        "Several: nothing is written without --into."
     )
+    parser = argparse.ArgumentParser(prog="lme table", **texts(__doc__, EXAMPLES, notes))
     parser.add_argument("runs", nargs="+", type=Path, metavar="RUN", help="a run's directory, or a sweep's")
     parser.add_argument(
         "--into", type=Path, metavar="DIR", help="write the tables and pictures of all runs there"

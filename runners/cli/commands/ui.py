@@ -10,6 +10,8 @@ import subprocess
 import sys
 import warnings
 
+from runners.cli.parsers import texts
+
 EXAMPLES = (
     "lme ui",
     "lme ui --port 5001 --uri sqlite:///elsewhere/mlflow.db",
@@ -46,12 +48,7 @@ def main(argv: list[str]) -> int:
 def _parser() -> argparse.ArgumentParser:
     from runners.tracking.store import DEFAULT_URI
 
-    parser = argparse.ArgumentParser(
-        prog="lme ui",
-        description=__doc__,
-        epilog="examples:\n  " + "\n  ".join(EXAMPLES),
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+    parser = argparse.ArgumentParser(prog="lme ui", **texts(__doc__, EXAMPLES))
     parser.add_argument("--port", type=int, default=5000, help="default: 5000")
     parser.add_argument("--host", default="127.0.0.1", help="default: 127.0.0.1, this machine alone")
     parser.add_argument(

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from lme.errors import InputError
+from runners.cli.parsers import texts
 
 if TYPE_CHECKING:
     from lme.planners.array_file import Arrays
@@ -57,12 +58,8 @@ def main(argv: list[str]) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog="lme weights",
-        description=f"{__doc__}\nlme eval takes parameters of LME as weights=NAME, a network as planner.weights=NAME.",
-        epilog="examples:\n  " + "\n  ".join(EXAMPLES),
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+    about = f"{__doc__}\nlme eval takes parameters of LME as weights=NAME, a network as planner.weights=NAME."
+    parser = argparse.ArgumentParser(prog="lme weights", **texts(about, EXAMPLES))
     parser.set_defaults(run=_list)
     verbs = parser.add_subparsers(metavar="VERB")
     bring = verbs.add_parser("import", help="check a network that its authors published, and keep it")

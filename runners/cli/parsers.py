@@ -1,0 +1,17 @@
+"""The help of commands that have options of their own instead of a config."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterable
+from typing import Any
+
+
+def texts(description: str | None, examples: Iterable[str], notes: str = "") -> dict[str, Any]:
+    """Keywords for `ArgumentParser` and `add_parser`: the help ends with notes, if any, and examples."""
+    shown = "\n".join(["examples:", *(f"  {example}" for example in examples)])
+    return {
+        "description": description,
+        "epilog": f"{notes}\n\n{shown}" if notes else shown,
+        "formatter_class": argparse.RawDescriptionHelpFormatter,
+    }
