@@ -17,24 +17,23 @@ from numpy.typing import NDArray
 from lme.errors import InputError
 from lme.types import Ints
 from runners.records.append_log import AppendLog, LogEntry
-from runners.records.episode_record import COLUMNS, KEY_COLUMNS, TEXTS, EpisodeKey
+from runners.records.checked_parquet import STEP_KEY, read_table, row_groups
+from runners.records.episode_record import COLUMNS, KEY_COLUMNS, EpisodeKey
 from runners.records.whole_file import replacing
 
 if TYPE_CHECKING:
     import pyarrow as pa
-    import pyarrow.parquet as pq
 
 EPISODES = "episodes.parquet"
 TRAJECTORIES = "trajectories.parquet"
 
 _BLOCK_STEPS = 100_000  # control steps of a block, which is a row group of trajectories.parquet
-_STEP_KEY = (*KEY_COLUMNS, "step")
 
 
 def keys_of(run_dir: Path) -> set[EpisodeKey]:
     """Keys of the episodes in the Parquet file of a run."""
     path = run_dir / EPISODES
-    return _keys_in(_read_table(path, KEY_COLUMNS)) if path.is_file() else set()
+    return _keys_in(read_table(path, KEY_COLUMNS)) if path.is_file() else set()
 
 
 def new_in(log: AppendLog, done: Collection[EpisodeKey]) -> set[EpisodeKey]:
@@ -45,7 +44,7 @@ def new_in(log: AppendLog, done: Collection[EpisodeKey]) -> set[EpisodeKey]:
 def episode_table(run_dir: Path, log: AppendLog) -> pa.Table:
     """Episodes of the run's Parquet file and of its append log, sorted by key, each once."""
     path = run_dir / EPISODES
-    known = [_read_table(path)] if path.is_file() else []
+    known = [read_table(path)] if path.is_file() else []
     new = new_in(log, set().union(*map(_keys_in, known)))
     with _agreeing(run_dir):
         return _episodes([*known, *map(_rows, _blocks(log.entries(new)))])
@@ -70,7 +69,7 @@ def trajectory_table(run_dir: Path, log: AppendLog, wanted: Collection[EpisodeKe
             *(_steps(block, schema) for block in _blocks(log.entries(new))),
         ]
         joined = pa.concat_tables(tables, promote_options="permissive")
-    return joined.sort_by([(name, "ascending") for name in _STEP_KEY]).combine_chunks()
+    return joined.sort_by([(name, "ascending") for name in STEP_KEY]).combine_chunks()
 
 
 def write_files(run_dir: Path, log: AppendLog) -> None:
@@ -98,7 +97,7 @@ def entries_in_files(run_dir: Path) -> Iterator[LogEntry]:
     """The episodes of the two files, if there are any, as they were in the append log."""
     if not (run_dir / EPISODES).is_file():
         return
-    table = _read_table(run_dir / EPISODES).to_pylist()
+    table = read_table(run_dir / EPISODES).to_pylist()
     rows = {
         EpisodeKey.of(row): {name: value for name, value in row.items() if value is not None} for row in table
     }
@@ -147,7 +146,7 @@ def _step_schema(log: AppendLog) -> pa.Schema:
 
     from lme.episode import TRAJECTORY_COLUMNS
 
-    key = [(name, pa.int64()) for name in _STEP_KEY]
+    key = [(name, pa.int64()) for name in STEP_KEY]
     layouts = [
         pa.schema([*key, *((name, pa.from_numpy_dtype(np.dtype(kind))) for name, kind in layout)])
         for layout in sorted(log.layouts)
@@ -156,7 +155,7 @@ def _step_schema(log: AppendLog) -> pa.Schema:
         layouts or [pa.schema([*key, *((name, pa.null()) for name in TRAJECTORY_COLUMNS)])],
         promote_options="permissive",
     )
-    names = _in_order(set(schema.names), (*_STEP_KEY, *TRAJECTORY_COLUMNS))
+    names = _in_order(set(schema.names), (*STEP_KEY, *TRAJECTORY_COLUMNS))
     return pa.schema([schema.field(name) for name in names])
 
 
@@ -182,7 +181,7 @@ def _steps_in_file(path: Path, wanted: Collection[EpisodeKey]) -> Iterator[pa.Ta
     if not path.is_file() or not wanted:
         return
     keys = np.array([(key.world, key.run) for key in wanted], dtype=np.int64)
-    for table in _row_groups(path, np.unique(keys[:, 0])):
+    for table in row_groups(path, np.unique(keys[:, 0])):
         yield table.filter(pa.array(np.isin(_codes(_keys(table)), _codes(keys))))
 
 
@@ -191,7 +190,7 @@ def _by_episode(path: Path) -> Iterator[tuple[EpisodeKey, pa.Table]]:
     import pyarrow as pa
 
     rest = None
-    for group in _row_groups(path) if path.is_file() else ():
+    for group in row_groups(path) if path.is_file() else ():
         table = group if rest is None else pa.concat_tables([rest, group])
         keys = _keys(table)
         starts = np.flatnonzero(np.diff(_codes(keys), prepend=-1))
@@ -200,82 +199,6 @@ def _by_episode(path: Path) -> Iterator[tuple[EpisodeKey, pa.Table]]:
         rest = table.slice(int(starts[-1]))
     if rest is not None:
         yield EpisodeKey(*_keys(rest)[0].tolist()), rest
-
-
-def _row_groups(path: Path, worlds: Ints | None = None) -> Iterator[pa.Table]:
-    """The row groups that are not empty; only those which may hold one of the sorted `worlds`."""
-    with _opened(path, _STEP_KEY) as file:
-        for number in range(file.num_row_groups):
-            if worlds is None or _may_hold(file, number, worlds):
-                table = _whole(file.read_row_group(number), path)
-                if table.num_rows:
-                    yield table
-
-
-def _may_hold(file: pq.ParquetFile, group: int, worlds: Ints) -> bool:
-    column = file.schema_arrow.get_field_index("world")
-    found = file.metadata.row_group(group).column(column).statistics
-    if found is None or not found.has_min_max:
-        return True
-    return bool(((worlds >= found.min) & (worlds <= found.max)).any())
-
-
-def _read_table(path: Path, columns: Sequence[str] | None = None) -> pa.Table:
-    """A Parquet file of records, or these columns of it. Raises InputError where it is none."""
-    with _opened(path) as file:
-        return _whole(file.read(columns), path)
-
-
-@contextlib.contextmanager
-def _opened(path: Path, required: Sequence[str] = KEY_COLUMNS) -> Iterator[pq.ParquetFile]:
-    """A Parquet file of records. Raises InputError where it is none, also while it is read."""
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
-    try:
-        # read_table would take the name of the folder for a partition key; ParquetFile does not.
-        with pq.ParquetFile(path) as file:
-            _check_columns(file.schema_arrow, required, path)
-            yield file
-    except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
-        reason = str(error).splitlines()[0]
-        raise InputError(f"{path} is not a readable Parquet file: {reason}; restore or remove it") from None
-
-
-def _check_columns(schema: pa.Schema, required: Sequence[str], path: Path) -> None:
-    """Raise InputError for a column that is missing, that stands twice, or whose values are not of its kind."""
-    names = schema.names
-    missing = set(required) - set(names)
-    if missing:
-        raise InputError(f"{path} lacks the columns {', '.join(sorted(missing))}: not a file of lme eval")
-    for field in schema:
-        if names.count(field.name) > 1:
-            raise InputError(f"{path}: column {field.name!r} stands twice: not a file of lme eval")
-        if not _is_right(field):
-            raise InputError(f"{path}: column {field.name!r} holds {field.type}: not a file of lme eval")
-
-
-def _is_right(column: pa.Field) -> bool:
-    """Whether the type of a column is one that its values may have; pandas may have written it again."""
-    import pyarrow.types as types
-
-    held = column.type.value_type if types.is_dictionary(column.type) else column.type
-    if column.name in _STEP_KEY:
-        return bool(types.is_integer(held))
-    number = types.is_integer(held) or types.is_floating(held)
-    text = types.is_string(held) or types.is_large_string(held)
-    if column.name in COLUMNS:
-        return bool(types.is_null(held) or (text if column.name in TEXTS else number))
-    return bool(types.is_null(held) or types.is_boolean(held) or number or text)
-
-
-def _whole(table: pa.Table, path: Path) -> pa.Table:
-    """The table, after a check of its values, which are not decoded before they are used."""
-    table.validate(full=True)
-    for name in (*KEY_COLUMNS, "outcome"):
-        if name in table.column_names and table[name].null_count:
-            raise InputError(f"{path} has rows without {name}: not a file of lme eval")
-    return table
 
 
 @contextlib.contextmanager
@@ -309,7 +232,7 @@ def _codes(keys: Ints) -> Ints:
 
 def _trajectory(steps: pa.Table) -> dict[str, NDArray[Any]]:
     """The columns of an episode that it has."""
-    names = [name for name in steps.column_names if name not in _STEP_KEY]
+    names = [name for name in steps.column_names if name not in STEP_KEY]
     return {name: steps[name].to_numpy() for name in names if steps[name].null_count < len(steps)}
 
 
