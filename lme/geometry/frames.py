@@ -46,4 +46,5 @@ def _coordinates(points: Floats) -> Any:
 
 def _points(x: Any, y: Any) -> Floats:
     """The points (..., 2) with these coordinates."""
-    return np.ascontiguousarray(np.array((x, y)).T)
+    points = np.array((x, y))
+    return points if points.ndim == 1 else np.ascontiguousarray(points.T)

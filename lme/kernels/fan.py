@@ -67,8 +67,7 @@ def _test_all(arms, rays, radius, blocked):
     radius_square = radius * radius
     for j in range(rays.shape[1]):
         for i in range(len(blocked)):
-            near = _near(arms[0, i], arms[1, i], arms[2, i], rays[0, j], rays[1, j], radius_square)
-            blocked[i] = blocked[i] or near
+            blocked[i] |= _near(arms[0, i], arms[1, i], arms[2, i], rays[0, j], rays[1, j], radius_square)
 
 
 @njit(cache=True, error_model="numpy")

@@ -97,11 +97,12 @@ class LocalMinimumEscaper:
         """Algorithm 1: generate, score, keep or switch."""
         self._advance(observation.twist)
         view = self._look(observation)
-        pool = self._generate(observation, view)
-        candidates = len(pool)
+        parts = self._generate(observation, view)
+        candidates = sum(map(len, parts))
         old = None if self._subgoal is None else candidates
         if self._subgoal is not None:
-            pool = np.concatenate((pool, self._subgoal[None]))
+            parts.append(self._subgoal[None])
+        pool = np.concatenate(parts)
         features = np.empty((len(self._criteria), len(pool)))
         for row, criterion in enumerate(self._criteria):
             features[row] = criterion(pool, view)
@@ -130,8 +131,8 @@ class LocalMinimumEscaper:
         blockage = find_blockage(points, target, radius, full_circle, self._config.blocking)
         return View(points, target, radius, self._history.points(), blockage, self._config.surmount)
 
-    def _generate(self, observation: Observation, view: View) -> Floats:
-        """Random candidates in the field of view, and the target itself if it is in view and free.
+    def _generate(self, observation: Observation, view: View) -> list[Floats]:
+        """Random candidates in the field of view, and the target itself if it is in view and free: (N, 2) each.
 
         Ranges, bearings and the field of view are about the base, as in the paper: a lidar mounted off the base
         misses only a strip as wide as the mount's offset. Candidates drawn about the lidar would be denser ahead
@@ -144,10 +145,10 @@ class LocalMinimumEscaper:
         candidates = sample(self._rng, config, reach, bearing_min, fov)
         target = view.target
         if not config.target or not _in_view(target, reach, bearing_min, fov):
-            return candidates
+            return [candidates]
         if fan_blocked(ORIGIN, target[None], view.points, view.radius)[0]:
-            return candidates
-        return np.concatenate((candidates, target[None]))
+            return [candidates]
+        return [candidates, target[None]]
 
     def _choose(self, scores: Floats, new: int) -> Choice:
         if self._subgoal is None:

@@ -36,7 +36,12 @@ def row_groups(path: Path, worlds: Ints | None = None) -> Iterator[pa.Table]:
 
 def _may_hold(file: pq.ParquetFile, group: int, worlds: Ints) -> bool:
     column = file.schema_arrow.get_field_index("world")
-    found = file.metadata.row_group(group).column(column).statistics
+    chunk = file.metadata.row_group(group).column(column)
+    if chunk.physical_type != file.schema.column(column).physical_type:
+        raise OSError(
+            f"row group {group} holds world as {chunk.physical_type}"
+        )  # its statistics would end the process
+    found = chunk.statistics
     if found is None or not found.has_min_max:
         return True
     return bool(((worlds >= found.min) & (worlds <= found.max)).any())

@@ -88,13 +88,21 @@ class Bag:
     ) -> Iterator[Message]:
         """Yield the messages of these topics in the order of recording, from `start` to just before `stop` [ns].
 
-        Raises InputError if the file is damaged.
+        Raises InputError if the file is damaged, or if messages of one topic are of several types.
         """
         wanted = [c for c in self._reader.connections if c.topic in topics]
         if not wanted:
             return
+        for topic in self.topics():
+            alike = len(topic.types) == 1 or set(topic.types) <= set(
+                messages.TF
+            )  # tf and tf2 have the same fields
+            if topic.name in topics and not alike:
+                raise InputError(f"bag {self.path}: {topic.name} has several types: {', '.join(topic.types)}")
         try:
             for connection, recorded, raw in self._reader.messages(wanted, start=start, stop=stop):
+                if connection.topic not in topics:
+                    raise ValueError("its index and its messages name different topics")
                 content = self._reader.deserialize(raw, connection.msgtype)
                 yield Message(connection.topic, connection.msgtype, int(recorded), content)
         except Exception as error:  # decoding damaged bytes can raise anything

@@ -21,17 +21,20 @@ SMALL = (
     "study=shared", "search=random", "search.batch=3", "configurations=1", "runs=1", "map.configurations=1",
     "tracking=none", "executor=serial",
 )  # fmt: skip
-# lme train with quick heartbeats. It is killed when it stores the scores of its n-th trial; 0: never. Then it takes
-# some seconds for the third.
+# lme train with quick heartbeats. It stores no scores before each process has a trial. It is killed when it stores the
+# scores of its n-th trial; 0: never. Then it takes some seconds for the third.
 PROGRAM = """
-import os, signal, sys, time
+import os, pathlib, signal, sys, time
 from runners.cli.main import main
 from runners.search import storage, study
 storage.HEARTBEAT_S, storage.GRACE_S = 1, 3
-left, pause, keep = int(sys.argv[1]), float(sys.argv[2]), study.Study.keep
+left, pause, started, keep = int(sys.argv[1]), float(sys.argv[2]), int(sys.argv[3]), study.Study.keep
 
 def counted(*given):
     global left
+    pathlib.Path("has_a_trial").touch()
+    while len(list(pathlib.Path("..").glob(f"{started}-*/has_a_trial"))) < started:
+        time.sleep(0.01)
     left -= 1
     if left == 0:
         os.kill(os.getpid(), signal.SIGKILL)
@@ -40,7 +43,7 @@ def counted(*given):
     keep(*given)
 
 study.Study.keep = counted
-sys.exit(main(["train", *sys.argv[3:]]))
+sys.exit(main(["train", *sys.argv[4:]]))
 """
 
 
@@ -73,12 +76,12 @@ def _elsewhere(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
 
 
-def started(name, url, killed_at, trials, pause):
+def started(name, url, killed_at, trials, pause, processes):
     Path(name).mkdir()
     words = [*SMALL, f"trials={trials}", f"storage='{url}'", "hydra.run.dir=run"]
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     return subprocess.Popen(
-        [sys.executable, "-c", PROGRAM, str(killed_at), str(pause), *words],
+        [sys.executable, "-c", PROGRAM, str(killed_at), str(pause), str(processes), *words],
         cwd=name, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
     )  # fmt: skip
 
@@ -90,7 +93,7 @@ def trials_of(url):
 def train_together(url, killed_at, trials, pause=0.0):
     """Start one process per entry at once. Returns the trials, and the weights of those that were not killed."""
     processes = [
-        started(f"{len(killed_at)}-{number}", url, kill, trials, pause)
+        started(f"{len(killed_at)}-{number}", url, kill, trials, pause, len(killed_at))
         for number, kill in enumerate(killed_at)
     ]
     outputs = [process.communicate(timeout=200) for process in processes]

@@ -297,6 +297,23 @@ def test_missing_and_garbage_files_are_named(tmp_path):
         read_episodes([tmp_path])
 
 
+def test_a_footer_that_gives_a_column_another_type(tmp_path):
+    """Reading the least and the greatest world of such a column would end the process."""
+    write(tmp_path, KEYS)
+    path = tmp_path / TRAJECTORIES
+    whole = path.read_bytes()
+    int64, byte_array = (
+        b"\x15\x04\x19",
+        b"\x15\x0c\x19",
+    )  # the type of a column's chunk in Thrift's compact form
+    assert int64 in whole
+    path.write_bytes(whole.replace(int64, byte_array))
+    with pytest.raises(
+        InputError, match=r"trajectories\.parquet is not .*: row group 0 holds world as BYTE_ARRAY"
+    ):
+        read_trajectories([tmp_path], KEYS)
+
+
 def test_a_parquet_file_of_something_else_is_refused(tmp_path):
     pd.DataFrame({"a": [1]}).to_parquet(tmp_path / EPISODES)
     with pytest.raises(InputError, match="lacks the columns run, world"):

@@ -81,6 +81,27 @@ def test_damaged_bytes_within(path, tmp_path):
             pass
 
 
+@pytest.mark.parametrize("topic", ["/tf_static", "/odom", "/cmd_vel", "/scan"])
+def test_a_topic_of_two_types_is_refused(tmp_path, topic, capsys):
+    maker = drive(steps=12)
+    maker.add(
+        topic, "geometry_msgs/msg/PoseStamped", BEGAN, maker.pose_stamped(BEGAN, "odom", Pose(0.0, 0.0, 0.0))
+    )
+    assert main([str(maker.write(tmp_path)), "tracking=none", f"hydra.run.dir={tmp_path / 'run'}"]) == 2
+    assert f"{topic} has several types: geometry_msgs/msg/PoseStamped, " in capsys.readouterr().err
+
+
+def test_an_index_that_names_another_topic(tmp_path, monkeypatch):
+    with Bag(drive(".bag", steps=2).write(tmp_path)) as bag:
+        every = bag._reader.messages
+        monkeypatch.setattr(bag._reader, "messages", lambda connections, **times: every(**times))
+        with pytest.raises(
+            InputError, match=r"damaged .its index and its messages name different topics"
+        ) as error:
+            list(bag.messages(["/scan"]))
+    one_line(error)
+
+
 @pytest.mark.parametrize("suffix", FORMATS)
 @pytest.mark.parametrize(
     ("content", "message"),

@@ -172,7 +172,7 @@ def test_more_worlds_than_a_sheet_holds_are_still_a_table(capsys):
     ("words", "said"),
     [
         (["barn", "300"], "300: must be 0 to 299"),
-        (["barn", "-1"], "map.worlds is \[-1\]: must be different numbers from 0 on"),
+        (["barn", "-1"], r"map.worlds is \[-1\]: must be different numbers from 0 on"),
         (["barn", "3", "subset=fresh"], "from 1000 on"),
         (["env1", "-1"], "from 0 on"),
         (["barn", "4a"], "'4a' is neither a world number nor key=value"),
