@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 from collections.abc import Iterator
-from multiprocessing import forkserver, get_all_start_methods, get_context
+from multiprocessing import forkserver, get_all_start_methods, get_context, resource_tracker
 from typing import Any
 
 from runners.workers.signals import sigint_ignored, sigterm_blocked
@@ -28,9 +28,13 @@ _METHOD = "forkserver" if "forkserver" in get_all_start_methods() else "spawn"
 
 
 def start() -> None:
-    """Start the server if there is one on this system and it does not run. Returns at once; the server imports."""
+    """Start the server if there is one on this system and it does not run. Returns at once; the server imports.
+
+    It and the processes that it forks do not hear SIGTERM.
+    """
     if _METHOD == "forkserver":
         get_context(_METHOD).set_forkserver_preload(list(_PRELOAD))
+        resource_tracker.ensure_running()  # its start, a part of the server's, ends with SIGTERM unblocked
         with _environment(ONE_THREAD), sigint_ignored(), sigterm_blocked():
             forkserver.ensure_running()
 

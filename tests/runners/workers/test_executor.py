@@ -143,10 +143,24 @@ def _wait_until_gone(pid, limit_s=10.0):
         time.sleep(0.02)
 
 
+def test_the_server_of_workers_does_not_hear_sigterm_which_comes_to_all_processes():
+    program = (
+        "import os, signal; from multiprocessing import forkserver as f; from runners.workers import server; "
+        "server.start(); pid = f._forkserver._forkserver_pid; os.kill(pid, signal.SIGTERM); "
+        "import time; time.sleep(0.5); print(os.waitpid(pid, os.WNOHANG))"
+    )
+    run = subprocess.run(
+        [sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    assert run.stdout == "(0, 0)\n"  # still alive
+
+
 def test_a_launchers_worker_process_runs_the_items_itself():
     """It may be one that can start no others; the reason is said once."""
     with get_context("forkserver").Pool(1) as launcher:
         (first, reason), (second, silence) = (launcher.apply(run_inside) for _ in range(2))
+        launcher.close()  # its process may be one of our server, which does not hear SIGTERM
+        launcher.join()
     assert first == second == [(item, True) for item in ITEMS]
     assert reason == "executor=process: inside a launcher's worker process, episodes run one by one\n"
     assert silence == ""
