@@ -169,13 +169,8 @@ def _take(offset, rays, cones, ends, arms, start, stop, reach, radius, blocked):
                 end, x, y, length_square, far = ends[i], arms[0, i], arms[1, i], arms[2, i], arms[3, i]
                 near = _near(x, y, length_square, qx, qy, radius_square)
                 blocked[end] |= near
-                ends[left], arms[0, left], arms[1, left], arms[2, left], arms[3, left] = (
-                    end,
-                    x,
-                    y,
-                    length_square,
-                    far,
-                )
+                ends[left], arms[0, left], arms[1, left] = end, x, y
+                arms[2, left], arms[3, left] = length_square, far
                 left += not near
                 reach[k] = max(reach[k], 0.0 if near else far)
             stop[k] = left

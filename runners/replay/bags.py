@@ -94,9 +94,7 @@ class Bag:
         if not wanted:
             return
         for topic in self.topics():
-            alike = len(topic.types) == 1 or set(topic.types) <= set(
-                messages.TF
-            )  # tf and tf2 have the same fields
+            alike = len(topic.types) == 1 or {*topic.types} <= {*messages.TF}  # which have the same fields
             if topic.name in topics and not alike:
                 raise InputError(f"bag {self.path}: {topic.name} has several types: {', '.join(topic.types)}")
         try:
