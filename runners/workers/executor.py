@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import contextlib
 import functools
+import gc
 import itertools
 import os
 import signal
@@ -250,6 +251,7 @@ def _work(coordinator: Connection, initialise: Initialise, payload: Any) -> None
             coordinator.recv()
             coordinator.send((portable(error, None), None))
             return
+        gc.freeze()  # no search for garbage goes through what has been imported and built: it stays
         while True:
             item = coordinator.recv()
             answer: tuple[Exception | None, Any]
