@@ -12,8 +12,12 @@ class InputError(ValueError):
     """A mistake in the user's input: a config value, a file, a path.
 
     The message is one line that names the file or key, the value, and what would be right.
-    The command line prints only this line, without a traceback, and exits with status 2.
+    Line breaks in a name or value become spaces. The command line prints only this line, without a traceback, and
+    exits with status 2.
     """
+
+    def __init__(self, message: str) -> None:
+        super().__init__(" ".join(message.splitlines()))
 
 
 def require(

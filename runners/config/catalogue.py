@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -111,8 +112,10 @@ class Catalogue:
         return list(found.values())
 
     def _found(self, name: str) -> Path | None:
-        files = (folder / f"{name}.yaml" for folder in self.folders)
-        return next((file for file in files if file.is_file()), None)
+        with suppress(OSError):  # no file has a name that is too long
+            files = (folder / f"{name}.yaml" for folder in self.folders)
+            return next((file for file in files if file.is_file()), None)
+        return None
 
 
 def shipped(*more: Path) -> Catalogue:

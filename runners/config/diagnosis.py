@@ -90,7 +90,10 @@ def _unknown(key: str, known: set[str], config: DictConfig, composer: Composer) 
     parent = key
     while parent and parent not in known:
         parent = parent.rpartition(".")[0]
-    holder = OmegaConf.select(config, parent) if parent else config
+    try:
+        holder = OmegaConf.select(config, parent) if parent else config
+    except OmegaConfBaseException as error:  # an interpolation that another override has put there
+        return translated(error)
     if parent and not OmegaConf.is_dict(holder):
         return InputError(f"{key}: no such key; {parent} is a single value")
     names = sorted(str(name) for name in holder if name != "hydra")

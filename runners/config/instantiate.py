@@ -87,7 +87,8 @@ def _plain(node: DictConfig | Mapping[str, Any], key: str) -> dict[str, Any]:
 
 
 def _class(target: Any, key: str) -> Any:
-    if not isinstance(target, str) or "." not in target:
+    names = target.split(".") if isinstance(target, str) else []
+    if len(names) < 2 or not all(map(str.isidentifier, names)):
         raise InputError(
             f"{key}._target_ is {target!r}: must be the dotted path of a class, package.module.Name"
         )

@@ -32,3 +32,7 @@ def test_a_value_out_of_bounds_is_named_with_its_bounds(value, bounds, right):
 
 def test_a_value_on_a_closed_bound_is_right():
     require("robot.v_max", 2.0, at_least=2.0, at_most=2.0)
+
+
+def test_a_line_break_in_a_name_does_not_break_the_message():
+    assert str(InputError("key line\nbreak is 3: must be 4")) == "key line break is 3: must be 4"

@@ -41,8 +41,9 @@ def import_archive(path: Path) -> dict[str, NDArray[np.float32]]:
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
     except _DAMAGE as error:
-        what = str(error).replace("\n", " ")
-        raise InputError(f"{path}: is no archive of a DRL-VO network by Stable-Baselines3 ({what})") from None
+        raise InputError(
+            f"{path}: is no archive of a DRL-VO network by Stable-Baselines3 ({error})"
+        ) from None
 
 
 def _policy(archive: zipfile.ZipFile) -> zipfile.ZipFile:

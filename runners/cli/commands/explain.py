@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -85,7 +86,7 @@ def _recording(path: Path, words: Sequence[str], output: Path | None, text: bool
 
 
 def _one_run(path: Path) -> Path:
-    """The run directory. Raises InputError, naming the runs, for a directory that holds several."""
+    """The run directory. Raises InputError for a directory that holds several; prints them."""
     from lme.errors import InputError
     from runners.records.launch_record import read_launch
     from runners.records.records import find_runs
@@ -93,11 +94,10 @@ def _one_run(path: Path) -> Path:
     runs = find_runs([path])
     if runs == [path]:
         return path
-    names = []
     for run in runs:
         launch = read_launch(run)
-        names.append(f"{run} ({' '.join(launch.overrides)})" if launch and launch.overrides else str(run))
-    raise InputError(f"{path} holds {len(runs)} runs: give one of them\n  " + "\n  ".join(names))
+        print(f"{run} ({' '.join(launch.overrides)})" if launch and launch.overrides else run)
+    raise InputError(f"{path} holds {len(runs)} runs: give one of them")
 
 
 def _list(run_dir: Path) -> None:
@@ -125,7 +125,8 @@ def _lines(frames: Sequence[pd.DataFrame]) -> list[str]:
     for frame in frames:
         for episode in frame.to_dict("records"):
             name = f"{episode['world']}/{episode['run']}"
-            rows.append((name, episode["outcome"], f"{episode['time_s']:.1f}", str(episode["switches"])))
+            time, switches = episode.get("time_s", math.nan), episode.get("switches", "")
+            rows.append((name, episode["outcome"], f"{time:.1f}", f"{switches}"))
     return aligned(rows, right=(2, 3))
 
 

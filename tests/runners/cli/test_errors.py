@@ -110,6 +110,11 @@ def test_a_planner_that_nothing_says_how_to_search(launch, words):
     assert "conf/space/planner/ holds: apf, dwa, " in message
 
 
+def test_a_key_within_an_interpolation_that_another_override_puts_there(launch):
+    message = launch("robot.footprint=${x.y}", "robot.footprint.width={}")
+    assert message == "robot.footprint: Interpolation key 'x.y' not found"
+
+
 def test_a_mistake_in_one_job_of_a_sweep(launch):
     assert "robot=nope: no such option" in launch("-m", "robot=jackal,nope")
     assert "seed is x: must be a whole number" in launch("-m", "seed=0,x", "robot=jackal,go2")

@@ -62,6 +62,8 @@ def test_a_base_file_is_no_option(own):
 def test_an_absent_file_is_not_found(own):
     with pytest.raises(FileNotFoundError):
         own.files("robot/narrow")
+    with pytest.raises(FileNotFoundError):
+        own.files("x" * 5000)
 
 
 @pytest.mark.parametrize("name", INHERITING)

@@ -107,6 +107,7 @@ def test_what_does_not_fit(given, message):
     [
         ({}, "planner._target_ is None: must be the dotted path"),
         ({"_target_": "Thing"}, "planner._target_ is 'Thing': must be the dotted path"),
+        ({"_target_": "../."}, "planner._target_ is '../.': must be the dotted path"),
         ({"_target_": "no_such.package.Thing"}, "cannot be imported (No module named 'no_such')"),
         ({"_target_": f"{__name__}.Thingy"}, f"did you mean Thing? {__name__} has no Thingy"),
         ({"_target_": f"{__name__}.Bare"}, "needs an attribute Config, a dataclass"),

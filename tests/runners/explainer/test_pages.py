@@ -7,6 +7,7 @@ import json
 import re
 import shutil
 
+import pandas as pd
 import pytest
 
 from lme.episode import TRAJECTORY_COLUMNS
@@ -207,6 +208,13 @@ def test_without_an_episode_they_are_listed_failures_first(driven, capsys):
     assert any(line.endswith(f"lme explain {driven} 207/0 --text") for line in lines)
 
 
+def test_records_without_a_count_of_switches_are_listed_too(run, capsys):
+    path = run / "episodes.parquet"
+    pd.read_parquet(path).drop(columns=["switches", "time_s"]).to_parquet(path)
+    assert main(["explain", str(run)]) == 0
+    assert ["207/0", "timeout", "nan"] in map(str.split, capsys.readouterr().out.splitlines())
+
+
 def test_pages_lie_with_the_run_and_in_its_index(run, drawn, capsys):
     assert main(["explain", str(run), "230"]) == 0
     assert capsys.readouterr().out.split() == [str(run / "explain" / "230-0.html")]
@@ -270,9 +278,9 @@ def test_a_directory_of_several_runs_names_them(driven, capsys):
     shutil.copytree(driven, driven.parent / "sweep" / "0")
     shutil.copytree(driven, driven.parent / "sweep" / "1")
     assert main(["explain", str(driven.parent / "sweep"), "207"]) == 2
-    error = capsys.readouterr().err
-    assert "sweep holds 2 runs: give one of them" in error
-    assert f"{driven.parent / 'sweep' / '1'} (map.worlds=[207,230]" in error
+    said = capsys.readouterr()
+    assert said.err == f"lme explain: {driven.parent / 'sweep'} holds 2 runs: give one of them\n"
+    assert f"{driven.parent / 'sweep' / '1'} (map.worlds=[207,230]" in said.out
 
 
 def test_a_run_of_another_version_is_refused_by_the_command(run, drawn, capsys):
