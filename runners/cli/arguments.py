@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NoReturn
@@ -38,8 +39,8 @@ class Arguments:
 def parse(argv: Sequence[str]) -> Arguments:
     """Parse a command line. Raises InputError for an unknown flag."""
     flags = _parser().parse_intermixed_args(list(argv))
-    if flags.config_dir is not None and not flags.config_dir.is_dir():
-        raise InputError(f"--config-dir {flags.config_dir}: no such directory")
+    if flags.config_dir is not None:
+        check_config_dir(flags.config_dir)
     if flags.resolve and flags.cfg is None:
         raise InputError("--resolve goes with --cfg: --cfg job --resolve")
     info = [] if flags.info is None else ["--info", flags.info]
@@ -53,6 +54,14 @@ def parse(argv: Sequence[str]) -> Arguments:
         resolve=flags.resolve,
         info=["--hydra-help"] if flags.hydra_help else info,
     )
+
+
+def check_config_dir(folder: Path) -> None:
+    """Raise InputError unless a folder of the user's own options exists."""
+    with suppress(OSError):  # no folder has a name that is too long
+        if folder.is_dir():
+            return
+    raise InputError(f"--config-dir {folder}: no such directory")
 
 
 def _from_home(word: str) -> str:

@@ -92,11 +92,14 @@ def _with_resumed(command: str, given: arguments.Arguments) -> tuple[arguments.A
     kept = [word for word in saved.overrides if _key(word) not in keys and not _key(word).startswith(anew)]
     if not saved.multirun and "hydra.mode" not in keys:
         kept.append("hydra.mode=RUN")  # one job of a sweep, though its experiment may ask for the whole sweep
+    config_dir = given.config_dir or (Path(saved.config_dir) if saved.config_dir else None)
+    if config_dir is not None:
+        arguments.check_config_dir(config_dir)
     return replace(
         given,
         overrides=kept + given.overrides,
         multirun=given.multirun or saved.multirun,
-        config_dir=given.config_dir or (Path(saved.config_dir) if saved.config_dir else None),
+        config_dir=config_dir,
         config_name=given.config_name or saved.config_name,
     ), directory
 

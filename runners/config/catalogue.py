@@ -52,7 +52,11 @@ class Catalogue:
 
     def options(self, group: str) -> list[str]:
         """Names of the options of a group. A file whose name begins with _ is no option: others inherit it."""
-        return sorted({path.stem for folder in self.folders for path in (folder / group).glob("[!_]*.yaml")})
+        with suppress(OSError):  # no folder has a name that is too long
+            return sorted(
+                {path.stem for folder in self.folders for path in (folder / group).glob("[!_]*.yaml")}
+            )
+        return []
 
     def file(self, name: str) -> Path:
         """The YAML `name` ("robot/jackal"), in the first folder that has it; raises FileNotFoundError."""

@@ -11,6 +11,7 @@ from lme.errors import InputError, nearest
 from runners.config.catalogue import Catalogue
 from runners.config.composer import Composer
 
+_LONGEST = 255  # [letters] of a key, and of an option in a subfolder: no file has a longer name
 CUSTOM = "custom"  # the option of a group that takes a class of the user's own
 OPEN_MAPPINGS = (  # may be given new keys
     "ablation", "scale", "guide.criteria", "space", "held_out", "training", "guides", "learner.expert.settings",
@@ -23,6 +24,9 @@ def normalised(overrides: Sequence[str], composer: Composer) -> list[Override]:
     Raises InputError for one that cannot be read, and for an option or a group that does not exist.
     """
     given = composer.parse([*_implied(composer.parse(overrides), composer), *overrides])
+    for override in given:
+        if len(override.key_or_group) > _LONGEST:
+            raise InputError(f"{override.key_or_group:.40}…: no such key or group")
     custom = [override.key_or_group for override in given if override.value() == CUSTOM]
     texts = (_normalised(override, composer, (*OPEN_MAPPINGS, *custom)) for override in given)
     parsed = composer.parse([text for text in texts if text])
@@ -105,7 +109,11 @@ def _values(override: Override) -> Iterator[object]:
 
 def _in_subfolder(group: str, name: str, composer: Composer) -> bool:
     folders = composer.catalogue.folders
-    return "/" in name and any((folder / group / f"{name}.yaml").is_file() for folder in folders)
+    return (
+        "/" in name
+        and len(name) <= _LONGEST
+        and any((folder / group / f"{name}.yaml").is_file() for folder in folders)
+    )
 
 
 def _how_to_add(group: str, name: str, known: Iterable[str]) -> str:

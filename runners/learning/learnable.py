@@ -83,7 +83,7 @@ class Learnable(Protocol):
 
 def check_learnable(planner: Mapping[str, Any], name: str) -> None:
     """Raise InputError for a planner without a network. name: its option."""
-    if planner["_target_"] not in _NETWORKS:
+    if str(planner["_target_"]) not in _NETWORKS:
         known = ", ".join(option for option, _ in _NETWORKS.values())
         raise InputError(f"planner is {name}: has no network that can be learned; must be one of {known}")
 

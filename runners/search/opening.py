@@ -49,7 +49,9 @@ def open_study(
     sampler = per_trial(search.sampler, identity["seed"], first)
     with reached(storage, "start again when it does"):
         opened = _opened(storage, name, run_dir, space, sampler)
-        found = list(launch_record.differences(opened.settle(_IDENTITY, searched), searched))
+        settled = opened.settle(_IDENTITY, searched)
+    damaged = [] if isinstance(settled, Mapping) else [f"{_IDENTITY} is {settled!r:.40}: must be a mapping"]
+    found = damaged or list(launch_record.differences(settled, searched))
     if found:
         place = run_dir / JOURNAL if storage is None else f"study {name} in {masked(storage)}"
         raise InputError(

@@ -64,6 +64,7 @@ def test_an_absent_file_is_not_found(own):
         own.files("robot/narrow")
     with pytest.raises(FileNotFoundError):
         own.files("x" * 5000)
+    assert own.options("x" * 5000) == []
 
 
 @pytest.mark.parametrize("name", INHERITING)

@@ -240,6 +240,7 @@ def test_reinforcement_killed_and_resumed_ends_with_its_steps():
     ("words", "said"),
     [
         (["planner=dwa"], "planner is dwa: has no network that can be learned; must be one of dclp"),
+        (["planner._target_={}"], "planner is custom: has no network that can be learned; must be one of dclp"),
         (["planner.weights=x"], "planner.weights is x: lme learn makes the weights; to go on from some give start="),
         (["start=nowhere"], "start is 'nowhere': must be one of taken, dclp_clone, dclp_jackal"),
         (["learner=clonee"], "learner=clonee: no such option; did you mean clone?"),
