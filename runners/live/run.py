@@ -61,12 +61,23 @@ def validate(job: Job[LiveConfig]) -> None:
 
 def drive(job: Job[LiveConfig], words: Sequence[str] = ()) -> None:
     """Drive until Ctrl-C, or until the simulator has driven all worlds. words: ROS's own arguments."""
-    before = {number: signal.signal(number, _interrupt) for number in _ends()}
+    came: list[int] = []
+
+    def interrupt(number: int, frame: FrameType | None) -> None:
+        """End as Ctrl-C does, with the robot at rest."""
+        came.append(number)
+        raise KeyboardInterrupt
+
+    before = {number: signal.signal(number, interrupt) for number in _ends()}
     transport = None
     try:
         transport = connect(job.config.ros, SIMULATOR if _simulates(job) else "lme", words)
         (_simulate if _simulates(job) else drive_robot)(job, transport)
     except KeyboardInterrupt:
+        print("stopped")
+    except RuntimeError:
+        if not came:  # pybind11, in rclpy, makes this error of an interrupt that comes while it converts
+            raise
         print("stopped")
     finally:
         if transport is not None:
@@ -132,8 +143,3 @@ def _ends() -> list[signal.Signals]:
     """Signals that end the command. A terminal that closes sends SIGHUP, which nohup ignores."""
     hears = signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN
     return [signal.SIGINT, signal.SIGTERM, *([signal.SIGHUP] if hears else [])]
-
-
-def _interrupt(number: int, frame: FrameType | None) -> None:
-    """End as Ctrl-C does, with the robot at rest."""
-    raise KeyboardInterrupt

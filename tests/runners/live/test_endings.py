@@ -1,9 +1,12 @@
 """However a node ends, the robot stands."""
 
 import signal
+from contextlib import nullcontext, suppress
+from types import SimpleNamespace
 
 import pytest
 
+from runners.live import run
 from tests.runners.live.test_safety import GOAL, _await_node, moves, stands
 
 
@@ -27,3 +30,19 @@ def test_it_stands_when(ros, robot, ending):
     robot.until(stands, timeout=30.0)
     assert node.wait(20) == 0
     assert not robot.commands(0.5)
+
+
+@pytest.mark.parametrize("came", [True, False])
+def test_an_interrupt_that_pybind11_makes_another_error_of_ends_alike(monkeypatch, capsys, came):
+    def drives(job, transport):
+        with suppress(KeyboardInterrupt):
+            if came:
+                signal.raise_signal(signal.SIGINT)
+        raise RuntimeError("Unable to convert call argument")
+
+    monkeypatch.setattr(run, "drive_robot", drives)
+    monkeypatch.setattr(run, "_simulates", lambda job: False)
+    monkeypatch.setattr(run, "connect", lambda *given: SimpleNamespace(close=lambda: None))
+    with nullcontext() if came else pytest.raises(RuntimeError):
+        run.drive(SimpleNamespace(config=SimpleNamespace(ros=2)))
+    assert capsys.readouterr().out == ("stopped\n" if came else "")
