@@ -58,6 +58,10 @@ class Catalogue:
             )
         return []
 
+    def has(self, name: str) -> bool:
+        """Whether a folder has the YAML `name`."""
+        return self._found(name) is not None
+
     def file(self, name: str) -> Path:
         """The YAML `name` ("robot/jackal"), in the first folder that has it; raises FileNotFoundError."""
         file = self._found(name)
@@ -137,7 +141,7 @@ def _parsed(file: Path, text: str, parse: Callable[[str, Any], Any]) -> Any:
     try:
         return parse(text, _Loader)
     except yaml.YAMLError as error:
-        raise InputError(f"{file}: no valid YAML ({' '.join(str(error).split())})") from error
+        raise InputError(f"{file}: no valid YAML ({error})") from error
 
 
 def _walk(node: Any, lines: list[str], prefix: str) -> Iterator[Key]:

@@ -100,8 +100,7 @@ def _unknown(key: str, known: set[str], config: DictConfig, composer: Composer) 
     if not parent:
         names = sorted({*names, *composer.slots})
     hint = nearest(key, {name for name in known if not name.startswith("hydra")} | set(composer.slots))
-    holds = f"{parent or composer.config_name} holds: {', '.join(names)}"
-    return InputError(one_line(f"{key}: no such key; {hint}{holds}"))
+    return InputError(f"{key}: no such key; {hint}{parent or composer.config_name} holds: {', '.join(names)}")
 
 
 def _in_file(error: Exception, name: str, composer: Composer) -> InputError:

@@ -22,8 +22,7 @@ def unknown_key(key: str, known: Iterable[str]) -> InputError:
     parent, _, name = key.rpartition(".")
     names = sorted(known)
     place = f"{parent} holds: " if parent else "there are: "
-    hint = nearest(name, names)
-    return InputError(one_line(f"{key}: no such key; {hint}{place}{', '.join(names) or 'no keys'}"))
+    return InputError(f"{key}: no such key; {nearest(name, names)}{place}{', '.join(names) or 'no keys'}")
 
 
 def translated(error: BaseException, schema: Any = None) -> InputError:

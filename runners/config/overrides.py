@@ -11,7 +11,7 @@ from lme.errors import InputError, nearest
 from runners.config.catalogue import Catalogue
 from runners.config.composer import Composer
 
-_LONGEST = 255  # [letters] of a key, and of an option in a subfolder: no file has a longer name
+_LONGEST = 255  # [letters] of a key: a group is a folder, and none has a longer name
 CUSTOM = "custom"  # the option of a group that takes a class of the user's own
 OPEN_MAPPINGS = (  # may be given new keys
     "ablation", "scale", "guide.criteria", "space", "held_out", "training", "guides", "learner.expert.settings",
@@ -108,12 +108,7 @@ def _values(override: Override) -> Iterator[object]:
 
 
 def _in_subfolder(group: str, name: str, composer: Composer) -> bool:
-    folders = composer.catalogue.folders
-    return (
-        "/" in name
-        and len(name) <= _LONGEST
-        and any((folder / group / f"{name}.yaml").is_file() for folder in folders)
-    )
+    return "/" in name and composer.catalogue.has(f"{group}/{name}")
 
 
 def _how_to_add(group: str, name: str, known: Iterable[str]) -> str:

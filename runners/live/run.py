@@ -73,10 +73,9 @@ def drive(job: Job[LiveConfig], words: Sequence[str] = ()) -> None:
     try:
         transport = connect(job.config.ros, SIMULATOR if _simulates(job) else "lme", words)
         (_simulate if _simulates(job) else drive_robot)(job, transport)
-    except KeyboardInterrupt:
-        print("stopped")
-    except RuntimeError:
-        if not came:  # pybind11, in rclpy, makes this error of an interrupt that comes while it converts
+    except (KeyboardInterrupt, RuntimeError) as error:
+        # pybind11, in rclpy, makes a RuntimeError of an interrupt that comes while it converts.
+        if isinstance(error, RuntimeError) and not came:
             raise
         print("stopped")
     finally:

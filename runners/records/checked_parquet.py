@@ -37,10 +37,9 @@ def row_groups(path: Path, worlds: Ints | None = None) -> Iterator[pa.Table]:
 def _may_hold(file: pq.ParquetFile, group: int, worlds: Ints) -> bool:
     column = file.schema_arrow.get_field_index("world")
     chunk = file.metadata.row_group(group).column(column)
+    # Arrow would end the process when it reads the statistics of such a column.
     if chunk.physical_type != file.schema.column(column).physical_type:
-        raise OSError(
-            f"row group {group} holds world as {chunk.physical_type}"
-        )  # its statistics would end the process
+        raise OSError(f"row group {group} holds world as {chunk.physical_type}")
     found = chunk.statistics
     if found is None or not found.has_min_max:
         return True
