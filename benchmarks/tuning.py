@@ -2,7 +2,7 @@
 
     python -m benchmarks.tuning [PLANNER …] [--seed 0] [--variant tuned|skid]
 
-Each takes one `lme train +experiment=tune guide=… planner=…`: 600 episodes on fresh BARN worlds, none official.
+Each takes one `lme train experiment=tune guide=… planner=…`: 600 episodes on fresh BARN worlds, none official.
 """
 
 import argparse
@@ -47,7 +47,7 @@ def main() -> None:
 def tune(planner: str, name: str, seed: int) -> Path:
     """Run or resume the search, and write the YAML file with the values found. name: of the variant."""
     pair = [f"guide={GUIDES[planner]}", f"planner={planner}"]
-    words = ["train", "+experiment=tune", *pair, *VARIANTS[name][1], f"seed={seed}"]
+    words = ["train", "experiment=tune", *pair, *VARIANTS[name][1], f"seed={seed}"]
     place = OUT / f"{planner}-{name}-{seed}"
     options = [f"hydra.run.dir={place}", "resume=true", "tracking=none"]
     subprocess.run([sys.executable, "-m", "runners.cli.main", *words, *options], check=True)

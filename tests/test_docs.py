@@ -135,11 +135,11 @@ def _one_of_its_jobs(command: tuple[str, ...]) -> list[str]:
     for word in command:
         key, _, value = re.sub(r"=range\((?:\d+,)?(\d+)\)$", r"=\1", word).partition("=")
         values = re.split(r",(?![^\[{]*[\]}])", value) if key[0] not in "'-" else [value]
-        if key == "+experiment":
+        if key == "experiment":
             assert value.rpartition("/")[2] in configs.choices("experiment", command[0]), f"no {word}"
         if key in configs.groups(command[0]):
             assert {*values[:-1]} <= {*configs.options(key)}, f"no option: {word}"
-        if key not in ("resume", "-m") and (key != "+experiment" or command[0] != "eval"):
+        if key not in ("resume", "-m") and (key != "experiment" or command[0] != "eval"):
             words.append(f"{key}={values[-1]}" if value else word)
     return words
 

@@ -14,8 +14,8 @@ from runners.config.hydra_errors import expected
 _SCHEMAS = {"robot": Robot}  # groups that are a dataclass themselves; the others name a class in `_target_`
 _NO_KEYS = {"experiment", "system"}  # their keys are those of other groups, or figures of the paper
 _NOTES = {
-    "experiment": "`+experiment=` sets several groups and keys at once. What has a folder belongs to that command, "
-    "where the folder may be left out: `lme figure +experiment=task`.",
+    "experiment": "`experiment=` sets several groups and keys at once. What has a folder belongs to that command, "
+    "where the folder may be left out: `lme figure experiment=task`.",
     "space": "Without `space=`, `lme train` takes the file of the guide, and for another guide than LME the planner's.",
 }
 

@@ -6,7 +6,7 @@ EXAMPLES = (
     "lme figure trajectories -m system=dwa_tuned,lme_dwa_tuned,lme world=250",
     "lme figure features world=250 step=40",
     "lme figure video run=outputs/eval/RUN world=250",
-    "lme figure +experiment=barn_trajectories",
+    "lme figure experiment=barn_trajectories",
 )
 _BESIDE_RUN = {"run", "world", "formats", "figure", "experiment", "resume"}  # keys that say what to draw
 _SHORT = {"map.world": "world", "step": "figure.step", "moment": "figure.moment"}

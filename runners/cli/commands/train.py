@@ -5,7 +5,7 @@ from __future__ import annotations
 EXAMPLES = (
     "lme train",
     "lme train robot=stage map=env1 search=gp seed=3",
-    "lme train +experiment=table1",
+    "lme train experiment=table1",
 )
 
 

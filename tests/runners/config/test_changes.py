@@ -71,7 +71,7 @@ def test_a_robot_of_ones_own_is_as_its_file_and_the_defaults_say(tmp_path):
 
 def test_changed_keys_of_a_held_out_map_are_those_of_its_evaluation_alone():
     with jobs_of("train") as job:
-        training = job("+experiment=table1", "held_out.env2.goal_tolerance=3", "map.time_limit=5")
+        training = job("experiment=table1", "held_out.env2.goal_tolerance=3", "map.time_limit=5")
     limits = {
         f"held_out.{name}_{limit}s.time_limit": limit for name in ("env1", "env2") for limit in (60, 100)
     }

@@ -193,7 +193,7 @@ def test_table1_trains_once_and_evaluates_both_maps():
         for limit in ("60s", "100s")
     ]
     words += ["trials=1", "held_out.env1.configurations=2", "held_out.env2.configurations=1"]
-    run_dir = train("+experiment=table1", *words)
+    run_dir = train("experiment=table1", *words)
     assert [len(pd.read_parquet(run_dir / name / "episodes.parquet")) for name in ("env1", "env2")] == [2, 1]
     table = (run_dir / "table.md").read_text()
     assert "LME (published)" not in table, "the paper has 50 configurations"
