@@ -564,3 +564,21 @@ def test_the_launch_record_is_plain_json(probe):
     text = (probe.directory / "launch.json").read_text()
     assert json.loads(text)["configs"][0]["ablation"] == {"d1": "inf"}
     assert "Infinity" not in text
+
+
+def test_ranges_of_worlds_may_be_swept(probe):
+    probe.launch("-m", "map.worlds=0-2,7,[3-4,9]")
+    assert [config.map["worlds"] for config, _ in probe.runs] == [[0, 1, 2], [7], [3, 4, 9]]
+    saved = yaml.safe_load((probe.directory / ".hydra" / "config.yaml").read_text())
+    assert saved["map"]["worlds"] == [3, 4, 9]
+
+
+def test_ranges_of_worlds_in_a_sweep_too_large_to_compose_beforehand(probe):
+    probe.launch("-m", "map.worlds=0-1,2-3", "seed=range(40)")
+    assert [config.map["worlds"] for config, _ in probe.runs] == [[0, 1]] * 40 + [[2, 3]] * 40
+
+
+def test_a_run_of_listed_worlds_is_resumed_by_their_range(probe):
+    probe.launch("map.worlds=[0,1,2]")
+    probe.launch("map.worlds=0-2", "resume=true")
+    assert probe.runs[0][1] == probe.runs[1][1]
