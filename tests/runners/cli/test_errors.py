@@ -72,6 +72,21 @@ def _never(job):
         ("robot={v_mx: 3}", ["robot.v_mx: no such key; did you mean v_max?"]),
         (f"{'x' * 300}=1", ["xxx…: no such key or group"]),
         (f"robot=x/{'x' * 300}", ["xxx: no such option"]),
+        ("+guide.nope=3", ["guide.nope: no such key; guide holds: _target_, blocking, "]),
+        ("guide.nope.deep=3", ["guide.nope.deep: no such key; guide holds: "]),
+        ("guide.candidate=3", ["did you mean guide.candidates? guide holds: "]),
+        (
+            "robot=/x.yaml",
+            ["robot=/x.yaml: no such option; ", "; an option is given by its name: robot=x --config-dir "],
+        ),
+        ("robot=my/x.yml", ["by its name: robot=x --config-dir DIR, with the file DIR/robot/x.yaml"]),
+        ("robot=my/x", ["with the file DIR/robot/my/x.yaml"]),
+        (
+            "topics=go2",
+            ["topics=go2: no such group; topics is a group of lme live; there are: robot, "],
+        ),
+        ("+topics=go2", ["+topics=go2: no such group; topics is a group of lme live;"]),
+        ("weight_set=skid", ["weight_set=skid: no such group; there are: robot, "]),
         ("~seed", ["~seed: keys cannot be removed"]),
         ("seed=1.5", ["seed is 1.5: must be a whole number"]),
         ("seed=x", ["seed is x: must be a whole number"]),
@@ -198,6 +213,13 @@ def test_an_unknown_option_names_both_folders(launch, own):
     message = launch(flag, folder, "robot=min")
     assert "did you mean mine?" in message
     assert "conf/robot/ and " in message
+
+
+def test_a_group_of_the_users_own_needs_its_plus(launch, tmp_path):
+    (tmp_path / "own" / "colour").mkdir(parents=True)
+    (tmp_path / "own" / "colour" / "red.yaml").write_text("# @package _global_\nseed: 7\n")
+    message = launch("--config-dir", "own", "colour=red")
+    assert message == "colour=red: colour is not in the defaults of eval: add it with +colour=red"
 
 
 @pytest.fixture(scope="module")
