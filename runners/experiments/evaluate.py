@@ -56,7 +56,7 @@ def evaluate(job: Job[EvalConfig]) -> None:
     labels = run_labels(job, maps)
     tracking = build_target(job.config.tracking, "tracking")
     tags = {**asdict(labels), "changes": job.changes_text, "command": "eval"}
-    tracking.start(asdict(job.config), run_dir, tags, job.sweep_dir)
+    tracking.start({**asdict(job.config), "weights": job.weights}, run_dir, tags, job.sweep_dir)
     with resume_hint("eval", run_dir):
         drive(job.config, labels, maps, run_dir)
         pages.as_asked(job.config.explain, run_dir, build_target(job.config.executor, "executor"))
