@@ -2,14 +2,13 @@
 
 from contextlib import contextmanager
 
-from runners.config import command_line, schema
+from runners.config import command_line
 from runners.config.composer import Composer
 
 
 @contextmanager
 def jobs_of(command="eval", *always, config_dir=None):
     """A function from words to the job that `lme COMMAND` makes of them; `always` come before them."""
-    schema.register()
     with Composer(command, config_dir) as composer:
         yield lambda *words: command_line.compose_job(composer, [*always, *words])
 

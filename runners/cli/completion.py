@@ -10,8 +10,8 @@ from collections.abc import Iterable, Sequence
 from itertools import pairwise
 from pathlib import Path
 
-from runners.cli.arguments import CFG, INFO
 from runners.config import catalogue
+from runners.config.arguments import CFG, INFO
 
 _FLAGS = (
     "--help",

@@ -1,4 +1,10 @@
-"""Run composed jobs as Hydra does, with its folders, sweepers, launchers and callbacks, but compose none anew."""
+"""Run composed jobs as Hydra does, with its folders, sweepers, launchers and callbacks, but compose none again.
+
+The one user of Hydra's private part, `hydra._internal`. Every job is composed and checked before any of them runs, and
+is then run as it was checked. Hydra can run only what it composes itself: `hydra.main` composes a job when its turn
+comes, and sweepers and launchers ask a config loader for it. So they are given a loader that has the configs
+(`ConfigLoaderImpl` is the class that they expect), and the callbacks (`Callbacks`) that `hydra.main` would make.
+"""
 
 from __future__ import annotations
 

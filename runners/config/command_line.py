@@ -14,7 +14,7 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from lme.errors import InputError
-from runners.config import diagnosis, worlds
+from runners.config import arguments, contradictions, diagnosis, worlds
 from runners.config.composer import COMPOSING, Composer, without_hydra
 from runners.config.hydra_errors import keys_beside, translated, unknown_key
 from runners.config.job import Job
@@ -44,8 +44,30 @@ class Plan:
         return next(iter(self.configs.values()))
 
 
-def plan(composer: Composer, overrides: Sequence[str], multirun: bool) -> Plan:
-    """Compose every job of a command line. Raises InputError where Hydra could not."""
+def compose(command: str, argv: Sequence[str] = (), validate: Validate = lambda job: None) -> list[Job[Any]]:
+    """The jobs that `lme COMMAND ARGV` runs, checked and typed; nothing is run or written, and `resume` not followed.
+
+    validate: the checks of the command. Of a very large sweep, enough jobs to meet each value once.
+    Raises InputError.
+    """
+    given = arguments.parse(argv)
+    with Composer(given.config_name or command, given.config_dir) as composer:
+        planned = plan(composer, given.overrides, given.multirun, given.overrides)
+        return validated(planned, composer, validate)
+
+
+def plan(composer: Composer, overrides: Sequence[str], multirun: bool, typed: Sequence[str] = ()) -> Plan:
+    """Compose every job of a command line.
+
+    typed: those of the overrides that must not contradict each other; the others are of a run that is resumed.
+    Raises InputError where Hydra could not compose.
+    """
+    made = _plan(composer, overrides, multirun)
+    contradictions.refuse(composer.parse(typed), made.configs.values())
+    return made
+
+
+def _plan(composer: Composer, overrides: Sequence[str], multirun: bool) -> Plan:
     parsed = normalised(overrides, composer)
     _refuse_swept_hydra(parsed)
     words = [text_of(override) for override in parsed]

@@ -6,7 +6,6 @@ import copy
 import shlex
 from collections.abc import Sequence
 from pathlib import Path
-from types import TracebackType
 from typing import Self
 
 import yaml
@@ -22,7 +21,7 @@ from omegaconf.errors import OmegaConfBaseException
 
 from lme.errors import InputError
 from lme.resources import resource_dir
-from runners.config import catalogue
+from runners.config import catalogue, schema
 
 # What Hydra and OmegaConf raise for what cannot be composed.
 COMPOSING = (
@@ -31,7 +30,7 @@ COMPOSING = (
 )  # fmt: skip
 
 
-class Composer:
+class Composer(initialize_config_dir):
     """Composes configs within a `with` block. Hydra's global state is restored at its end."""
 
     def __init__(self, config_name: str, config_dir: Path | None = None) -> None:
@@ -46,21 +45,11 @@ class Composer:
             raise InputError(
                 f"config {config_name}: no {config_name}.yaml with defaults in {places}"
             ) from error
+        schema.register()
+        super().__init__(str(resource_dir("conf")), config_name, version_base="1.3")
 
-    def __enter__(self) -> Self:
-        self._hydra = initialize_config_dir(
-            version_base="1.3", config_dir=str(resource_dir("conf")), job_name=self.config_name
-        )
-        self._hydra.__enter__()
+    def __enter__(self) -> Self:  # type: ignore[override]  # Hydra's own gives nothing
         return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        self._hydra.__exit__(kind, error, traceback)
 
     @property
     def loader(self) -> ConfigLoader:

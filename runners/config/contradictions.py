@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
+from typing import Any
 
 from hydra.core.override_parser.types import Override
 from omegaconf import DictConfig
@@ -29,7 +30,7 @@ def refuse(given: Sequence[Override], configs: Collection[DictConfig]) -> None:
             _check_worlds(config.map)
 
 
-def _check_worlds(barn: Mapping[str, object]) -> None:
+def _check_worlds(barn: Mapping[str, Any]) -> None:
     """Fresh worlds have no end, and a number needs its subset to say which kind of them is meant."""
     subset, worlds = barn.get("subset"), barn.get("worlds")
     if barn.get("_target_") != _BARN or not worlds or subset == "all" or subset not in OFFICIAL:
