@@ -28,9 +28,9 @@ if TYPE_CHECKING:
     from lme.guides.lme import Lme as Lme
     from lme.navigator import Navigator as Navigator
     from lme.planners.simple import Simple as Simple
-    from lme.policy.escaper import EscaperConfig as EscaperConfig
-    from lme.policy.escaper import LocalMinimumEscaper as LocalMinimumEscaper
-    from lme.policy.reasons import reason as reason
+    from lme.policies.lme.escaper import EscaperConfig as EscaperConfig
+    from lme.policies.lme.escaper import LocalMinimumEscaper as LocalMinimumEscaper
+    from lme.policies.lme.reasons import reason as reason
     from lme.presets import load_parameters as load_parameters
     from lme.presets import load_robot as load_robot
     from lme.robots import Footprint as Footprint
@@ -48,7 +48,7 @@ __version__ = "0.2.0"
 
 _MODULES = {
     "Barn": "lme.worlds.barn",
-    "EscaperConfig": "lme.policy.escaper",
+    "EscaperConfig": "lme.policies.lme.escaper",
     "FastSimulator": "lme.sim.fast",
     "Footprint": "lme.robots",
     "Guidance": "lme.types",
@@ -56,7 +56,7 @@ _MODULES = {
     "LaserScan": "lme.types",
     "Lidar": "lme.robots",
     "Lme": "lme.guides.lme",
-    "LocalMinimumEscaper": "lme.policy.escaper",
+    "LocalMinimumEscaper": "lme.policies.lme.escaper",
     "Navigator": "lme.navigator",
     "Observation": "lme.types",
     "Pose": "lme.types",
@@ -65,7 +65,7 @@ _MODULES = {
     "Twist": "lme.types",
     "load_parameters": "lme.presets",
     "load_robot": "lme.presets",
-    "reason": "lme.policy.reasons",
+    "reason": "lme.policies.lme.reasons",
     "run_episode": "lme.episode",
 }
 __all__ = ["__version__", *_MODULES]

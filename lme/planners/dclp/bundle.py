@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lme.errors import InputError
-from lme.kernels.crc32c import crc32c
 from lme.planners.dclp import leveldb
+from lme.planners.dclp.kernels.crc32c import crc32c
 
 INDEX, SHARD = ".index", ".data-00000-of-00001"
 _SIZE_MAX = 64 * 2**20  # [bytes] of either file; the published checkpoint has 1.8 MB

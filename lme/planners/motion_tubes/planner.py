@@ -11,9 +11,9 @@ import numpy as np
 
 from lme.errors import require
 from lme.kernels.collision import sweep
-from lme.kernels.tubes import Ranges
 from lme.planners.commands import approach, limited, towards
 from lme.planners.motion_tubes.choice import Route, TubeChoice, TubeChoiceConfig, TubeGoal
+from lme.planners.motion_tubes.kernels import Ranges
 from lme.planners.motion_tubes.surroundings import Surroundings
 from lme.planners.motion_tubes.tubes import BackwardTubes, LidarView, backward_tubes, lidar_view
 from lme.planners.stopping import until_rest

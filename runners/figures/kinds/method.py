@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lme.policy.criteria import View
-from lme.policy.surmount import Blockage, sector_points
+from lme.policies.lme.criteria import View
+from lme.policies.lme.surmount import Blockage, sector_points
 from lme.types import Floats
 from runners.figures.parts import robot_view as view
 from runners.figures.parts.driven_runs import DrivenRun

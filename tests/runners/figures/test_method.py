@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from matplotlib.text import Text
 
-from lme.policy.maintenance import Choice
+from lme.policies.lme.maintenance import Choice
 from runners.cli.main import main
 from runners.figures.kinds.method import method_figure
 from runners.figures.parts.moment import telling_step
