@@ -16,6 +16,7 @@ from packaging.specifiers import SpecifierSet
 import lme
 from lme import numba_cache
 from lme.errors import InputError
+from lme.requirements import DISTRIBUTION, install
 from runners.config import extras
 from runners.tracking.store import DEFAULT_URI, check_uri, sqlite_path
 from runners.workers import kernels
@@ -43,10 +44,10 @@ def report() -> list[Line]:
 
 def _lme() -> Line:
     found = f"{lme.__version__}, {Path(lme.__file__).parent}"
-    installed = _version(extras.DISTRIBUTION)
+    installed = _version(DISTRIBUTION)
     if installed is None:
         return Line(
-            "lme", found, f"{extras.DISTRIBUTION} is not installed, so what it needs is unknown; {_REINSTALL}"
+            "lme", found, f"{DISTRIBUTION} is not installed, so what it needs is unknown; {_REINSTALL}"
         )
     if installed != lme.__version__:
         return Line("lme", found, f"the installed metadata are of {installed}; {_REINSTALL}")
@@ -56,7 +57,7 @@ def _lme() -> Line:
 def _python() -> Line:
     found = f"{platform.python_version()}, {platform.platform()}, {sys.executable}"
     try:
-        wanted = metadata(extras.DISTRIBUTION)["Requires-Python"]
+        wanted = metadata(DISTRIBUTION)["Requires-Python"]
     except PackageNotFoundError:
         wanted = ""
     fits = SpecifierSet(wanted).contains(platform.python_version(), prereleases=True)
@@ -66,7 +67,7 @@ def _python() -> Line:
 def _package(needed: Requirement) -> Line:
     found = _version(needed.name)
     fits = found is not None and needed.specifier.contains(found, prereleases=True)
-    return Line(needed.name, found or "missing", "" if fits else extras.install(needed.name))
+    return Line(needed.name, found or "missing", "" if fits else install(needed.name))
 
 
 def _extra(name: str, needed: Requirement) -> Line:
@@ -74,9 +75,9 @@ def _extra(name: str, needed: Requirement) -> Line:
     found = _version(needed.name)
     label = f"extra {name}"
     if found is None:
-        return Line(label, f"no; {extras.install(needed.name)}")
+        return Line(label, f"no; {install(needed.name)}")
     fits = needed.specifier.contains(found, prereleases=True)
-    return Line(label, f"yes, {needed.name} {found}", "" if fits else extras.install(needed.name))
+    return Line(label, f"yes, {needed.name} {found}", "" if fits else install(needed.name))
 
 
 def _version(package: str) -> str | None:
