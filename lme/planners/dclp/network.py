@@ -24,7 +24,7 @@ class Mixture(NamedTuple):
     means: Floats
 
 
-class Network:
+class DclpPolicy:
     """The published network in compiled code: 1 M multiplications.
 
     weights: the arrays of `lme.planners.dclp.weights.SHAPES`.
