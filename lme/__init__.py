@@ -7,9 +7,10 @@ is the paper's policy by itself, for a robot or a stack of your own; `Lme` is th
     escaper = lme.LocalMinimumEscaper(robot, lme.load_parameters("published"))
     decision = escaper.decide(observation)  # an lme.Observation; decision.subgoal in the robot frame [m]
 
-To drive in simulation: a task of `Barn`, a `Navigator`, a `FastSimulator` and `run_episode`. docs/python.md
-describes every name, `examples/` uses them. Frames follow REP-103: x ahead, y left, angles counter-clockwise.
-Units are metres, seconds and radians. A mistake in what you give raises `InputError`.
+To drive in simulation: a task of `Barn`, a `Navigator`, a `FastSimulator` and `run_episode`; or `evaluate`, which is
+`lme eval` as a function. docs/python.md describes every name, `examples/` uses them. Frames follow REP-103: x ahead,
+y left, angles counter-clockwise. Units are metres, seconds and radians. A mistake in what you give raises
+`InputError`.
 
 The names are imported when they are first used: Numba alone takes a second.
 """
@@ -25,6 +26,7 @@ from lme.envs import discovery
 if TYPE_CHECKING:
     from lme.episode import run_episode as run_episode
     from lme.errors import InputError as InputError
+    from lme.evaluation import evaluate as evaluate
     from lme.guides.lme import Lme as Lme
     from lme.navigator import Navigator as Navigator
     from lme.planners.simple import Simple as Simple
@@ -63,6 +65,7 @@ _MODULES = {
     "Robot": "lme.robots",
     "Simple": "lme.planners.simple",
     "Twist": "lme.types",
+    "evaluate": "lme.evaluation",
     "load_parameters": "lme.presets",
     "load_robot": "lme.presets",
     "reason": "lme.policies.lme.reasons",
