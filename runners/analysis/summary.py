@@ -58,7 +58,7 @@ NAMED = (
     "scale",
     "sim",
 )  # shown even if all rows have the same value, unless it is usual
-USUAL = frozenset({"none", "published", "fast", ""})
+USUAL = frozenset({"none", "published", "lme_plus", "fast", ""})  # LME+ has no other weight set of ours
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,6 +15,7 @@ from hydra.types import HydraContext, RunMode
 from omegaconf import DictConfig, OmegaConf, open_dict
 
 from runners.cli.submitted import Submitted
+from runners.config import worlds
 from runners.config.command_line import Plan
 from runners.config.composer import Composer
 
@@ -86,6 +87,7 @@ class _Planned(ConfigLoaderImpl):
         config = self._configs.get(self._composer.canonical(sweep_overrides))
         if config is None:
             config = super().load_sweep_config(master_config, sweep_overrides)
+            worlds.expand(config)
         _set(config, self._own)
         return config
 

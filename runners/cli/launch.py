@@ -18,7 +18,7 @@ from runners.cli import arguments, hydra_jobs, show
 from runners.cli.interrupts import status_of
 from runners.cli.outside import outside
 from runners.cli.submitted import LauncherError
-from runners.config import command_line, schema
+from runners.config import command_line, contradictions, schema
 from runners.config.catalogue import Catalogue
 from runners.config.composer import Composer, resume_command, unquoted
 from runners.config.hydra_errors import translated
@@ -51,12 +51,14 @@ def launch(command: Command, argv: Sequence[str]) -> int:
     Raises InputError for what the user can put right.
     """
     schema.register()
-    given, resumed = _with_resumed(command.name, arguments.parse(argv))
+    typed = arguments.parse(argv)
+    given, resumed = _with_resumed(command.name, typed)
     config_name = given.config_name or command.name
     if given.info:
         return show.hydras_own(command.name, config_name, given)
     with Composer(config_name, given.config_dir) as composer:
         plan = command_line.plan(composer, given.overrides, given.multirun)
+        contradictions.refuse(composer.parse(typed.overrides), plan.configs.values())
         if given.cfg:
             show.config(plan.first, given.cfg, given.package, given.resolve)
             return 0

@@ -14,7 +14,7 @@ from hydra import initialize_config_dir
 from hydra.core.config_loader import ConfigLoader
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.override_parser.overrides_parser import OverridesParser
-from hydra.core.override_parser.types import Override, Quote, QuotedString
+from hydra.core.override_parser.types import Override, Quote, QuotedString, Sweep
 from hydra.errors import HydraException, OverrideParseException
 from hydra.types import RunMode
 from omegaconf import DictConfig, open_dict, read_write
@@ -137,9 +137,19 @@ def _parse(parser: OverridesParser, override: str) -> Override:
     if equals and not key.strip("+"):
         raise InputError(f"{override}: must be key=value; the key is missing")
     try:
-        return parser.parse_overrides([override])[0]
+        parsed = parser.parse_overrides([override])[0]
     except OverrideParseException as error:
         raise InputError(
             f"{override}: the value {value} cannot be read: close every bracket and quote, "
             f"and quote special characters, e.g. \"{key}='...'\""
         ) from error
+    if not parsed.is_sweep_override() and _holds_sweep(parsed.value()):
+        raise InputError(f"{override}: several values within a list or a mapping; must be single values")
+    return parsed
+
+
+def _holds_sweep(value: object) -> bool:
+    """Whether a part of a value is a sweep, such as range(5), which only a whole value may be."""
+    if isinstance(value, dict):
+        return any(map(_holds_sweep, value.values()))
+    return any(map(_holds_sweep, value)) if isinstance(value, list) else isinstance(value, Sweep)

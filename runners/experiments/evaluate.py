@@ -68,7 +68,7 @@ def start_tracking(job: Job[EvalConfig]) -> Tracking:
     labels = run_labels(job, build.map_set(job.config))
     tracking: Tracking = build_target(job.config.tracking, "tracking")
     tags = {**asdict(labels), "changes": job.changes_text, "command": "eval"}
-    tracking.start(asdict(job.config), job.run_dir, tags, job.sweep_dir)
+    tracking.start({**asdict(job.config), "weights": job.weights}, job.run_dir, tags, job.sweep_dir)
     return tracking
 
 

@@ -21,7 +21,7 @@ def run_labels(job: Job[DriveConfig], maps: MapSet) -> RunLabels:
         planner=planner,
         global_map=str(config.guide.get("global_map", "")),
         ablation=_ablation(job),
-        weights=config.weights,
+        weights=job.weights,
         robot=config.robot.name,
         map=maps.name if isinstance(maps, Named) else job.choices["map"],
         subset="custom" if config.map.get("worlds") else str(config.map.get("subset", "")),

@@ -33,7 +33,7 @@ FLEET = (
     *SHORT, "training.fresh_hard.subset=fresh", "learner.robots=4", "learner.worlds=3", "learner.batch=16",
     "learner.warm_up=32", "executor=serial",
 )  # fmt: skip
-PPO = (*FLEET, "learner=ppo", "learner.horizon=8", "learner.steps=192", "learner.judge_every=64")
+PPO = (*FLEET, "learner=ppo", "learner.horizon=8", "learner.judge_every=64")
 SAC = (
     *FLEET,
     "learner=sac",
@@ -203,7 +203,11 @@ def test_it_goes_on_from_a_network_with_robots_that_differ():
 @pytest.mark.parametrize(
     ("words", "points", "losses"),
     [
-        ([*PPO, "learner.curriculum.within=[11]"], [0, 64, 128, 192], ["loss_policy", "loss_value", "kl"]),
+        (
+            [*PPO, "learner.steps=192", "learner.curriculum.within=[11]"],
+            [0, 64, 128, 192],
+            ["loss_policy", "loss_value", "kl"],
+        ),
         ([*SAC, "robots.v_max=[0.5,2]"], [0, 40, 64], ["loss_policy", "loss_value", "entropy"]),
     ],
     ids=["ppo", "sac"],
