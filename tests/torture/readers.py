@@ -395,7 +395,7 @@ def _lessons(folder: Path) -> None:
 
 
 def _read_lessons(folder: Path) -> None:
-    from runners.learning.clone import _read
+    from runners.learning.clone_training import _read
 
     _read(folder / "round_000.npz")
 
