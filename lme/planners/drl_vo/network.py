@@ -15,7 +15,7 @@ from lme.types import Floats
 BATCH_NORMS = ("sample", "running")
 
 
-class Network:
+class DrlVoPolicy:
     """The actor on one core: 4.7 GFLOP at the published size.
 
     weights: the arrays that `architecture` lists. batch_norm: "sample" takes mean and variance of each feature map

@@ -10,10 +10,12 @@ from runners.cli.left_out import PACKAGES, left_out
 from tests.lme.test_requirements import EXPERIMENTS
 from tests.places import ROOT
 
-MAIN = (
-    "import sys; sys.modules.update(dict.fromkeys({left_out!r})); "
-    "from runners.cli.main import main; sys.exit(main())"
-)
+MAIN = """
+import sys
+sys.modules.update(dict.fromkeys({left_out!r}))
+from runners.cli.main import main
+sys.exit(main())
+"""
 ONLY_LIVE = [
     *PACKAGES.keys() - {"hydra", "omegaconf", "packaging"},
     "rclpy",

@@ -8,7 +8,7 @@ import pytest
 import yaml
 from omegaconf import OmegaConf
 
-from lme.plus.criteria import CRITERIA as PLUS_CRITERIA
+from lme.policies.lme_plus.criteria import CRITERIA as PLUS_CRITERIA
 from lme.resources import resource_dir
 from lme.robots import Robot
 from runners.cli.main import command_files

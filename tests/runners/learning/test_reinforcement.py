@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from lme.envs.reward import Reward
-from lme.planners.dclp.interface import DclpConfig, Interface
+from lme.planners.dclp.interface import DclpConfig, DclpInterface
 from lme.robots import Footprint
 from tests.composing import jobs_of
 from tests.tolerances import FLOAT32_LAYER
@@ -156,7 +156,9 @@ def test_robots_are_seen_as_their_planner_would_see_them(config):
         assert state[i, 0].item() == pytest.approx(math.hypot(*views.targets[i]), abs=FLOAT32_LAYER)
         assert state[i, 2:].numpy() == pytest.approx([*views.twists[i], *views.limits[i]], abs=FLOAT32_LAYER)
         footprint = Footprint(length=2 * half_length, width=2 * half_width)
-        own = Interface(DclpConfig(), replace(config.robot, footprint=footprint, v_max=views.limits[i, 0]))
+        own = DclpInterface(
+            DclpConfig(), replace(config.robot, footprint=footprint, v_max=views.limits[i, 0])
+        )
         seen = own.features(made._observation(views, i), views.targets[i])
         np.testing.assert_allclose(directions[i].numpy(), seen.directions, atol=FLOAT32_LAYER)
     assert len(set(views.limits[:, 0])) == 3
