@@ -2,7 +2,7 @@
 
     python -m benchmarks.fidelity [--episodes 300] [--record]
 
-Uses fresh BARN worlds, none of the official ones. Prints the tables of docs/fidelity.md.
+Uses fresh BARN worlds, none of the official ones. Prints the tables of docs/research/fidelity.md.
 """
 
 import itertools

@@ -13,7 +13,7 @@ from lme.kernels.collision import sweep
 from lme.kernels.fan import fan_blocked
 from lme.kernels.points import beam_directions, scan_points
 from lme.kernels.raycast import cast
-from lme.kernels.sectors import cluster
+from lme.policies.lme.kernels import cluster
 from lme.types import Pose
 from lme.worlds.barn.map_set import Barn, BarnConfig
 from tests import oracles

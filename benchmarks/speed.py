@@ -31,7 +31,7 @@ from lme.presets import load_parameters, load_robot
 from lme.robots import Robot
 from lme.sim.fast import FastConfig, FastSimulator
 from lme.sim.simulator import Simulator
-from lme.sim.skid import SkidConfig, SkidSimulator
+from lme.sim.skid.simulator import SkidConfig, SkidSimulator
 from lme.worlds.barn.map_set import Barn, BarnConfig
 from lme.worlds.scene import Scene, SceneConfig
 from lme.worlds.world import MapSet

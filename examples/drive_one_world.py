@@ -2,14 +2,18 @@
 
 import sys
 
-import matplotlib
 import numpy as np
 
 import lme
 
-matplotlib.use("Agg")
-from matplotlib import pyplot as plt
-from matplotlib.patches import Circle
+try:
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot as plt
+    from matplotlib.patches import Circle
+except ModuleNotFoundError:
+    sys.exit("drive_one_world.py needs Matplotlib for its plot: pip install matplotlib")
 
 
 def main(world: int) -> None:

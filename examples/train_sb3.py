@@ -1,6 +1,6 @@
 """Learn to drive in BARN worlds with PPO of Stable-Baselines3: ten minutes on one core, or as many as you say.
 
-    pip install 'lme-nav[gym]' stable-baselines3
+    pip install stable-baselines3
     python train_sb3.py [MINUTES]
 
 It trains 64 robots in fresh worlds, then drives the learned policy through fifty other fresh worlds.
@@ -11,12 +11,16 @@ import time
 from collections import deque
 from typing import Any
 
-import gymnasium as gym
 import numpy as np
-import torch
-from stable_baselines3 import PPO
-from stable_baselines3.common.callbacks import BaseCallback
-from stable_baselines3.common.vec_env import VecEnv
+
+try:
+    import gymnasium as gym
+    import torch
+    from stable_baselines3 import PPO
+    from stable_baselines3.common.callbacks import BaseCallback
+    from stable_baselines3.common.vec_env import VecEnv
+except ModuleNotFoundError as error:
+    sys.exit(f"train_sb3.py needs {error.name}: pip install stable-baselines3")
 
 from lme.envs import FlatObservation, flattened
 

@@ -7,9 +7,10 @@ is the paper's policy by itself, for a robot or a stack of your own; `Lme` is th
     escaper = lme.LocalMinimumEscaper(robot, lme.load_parameters("published"))
     decision = escaper.decide(observation)  # an lme.Observation; decision.subgoal in the robot frame [m]
 
-To drive in simulation: a task of `Barn`, a `Navigator`, a `FastSimulator` and `run_episode`. docs/python.md
-describes every name, `examples/` uses them. Frames follow REP-103: x ahead, y left, angles counter-clockwise.
-Units are metres, seconds and radians. A mistake in what you give raises `InputError`.
+To drive in simulation: a task of `Barn`, a `Navigator`, a `FastSimulator` and `run_episode`; or `evaluate`, which is
+`lme eval` as a function. docs/python.md describes every name, `examples/` uses them. Frames follow REP-103: x ahead,
+y left, angles counter-clockwise. Units are metres, seconds and radians. A mistake in what you give raises
+`InputError`.
 
 The names are imported when they are first used: Numba alone takes a second.
 """
@@ -25,12 +26,13 @@ from lme.envs import discovery
 if TYPE_CHECKING:
     from lme.episode import run_episode as run_episode
     from lme.errors import InputError as InputError
+    from lme.evaluation import evaluate as evaluate
     from lme.guides.lme import Lme as Lme
     from lme.navigator import Navigator as Navigator
     from lme.planners.simple import Simple as Simple
-    from lme.policy.escaper import EscaperConfig as EscaperConfig
-    from lme.policy.escaper import LocalMinimumEscaper as LocalMinimumEscaper
-    from lme.policy.reasons import reason as reason
+    from lme.policies.lme.escaper import EscaperConfig as EscaperConfig
+    from lme.policies.lme.escaper import LocalMinimumEscaper as LocalMinimumEscaper
+    from lme.policies.lme.reasons import reason as reason
     from lme.presets import load_parameters as load_parameters
     from lme.presets import load_robot as load_robot
     from lme.robots import Footprint as Footprint
@@ -48,7 +50,7 @@ __version__ = "0.2.0"
 
 _MODULES = {
     "Barn": "lme.worlds.barn",
-    "EscaperConfig": "lme.policy.escaper",
+    "EscaperConfig": "lme.policies.lme.escaper",
     "FastSimulator": "lme.sim.fast",
     "Footprint": "lme.robots",
     "Guidance": "lme.types",
@@ -56,16 +58,17 @@ _MODULES = {
     "LaserScan": "lme.types",
     "Lidar": "lme.robots",
     "Lme": "lme.guides.lme",
-    "LocalMinimumEscaper": "lme.policy.escaper",
+    "LocalMinimumEscaper": "lme.policies.lme.escaper",
     "Navigator": "lme.navigator",
     "Observation": "lme.types",
     "Pose": "lme.types",
     "Robot": "lme.robots",
     "Simple": "lme.planners.simple",
     "Twist": "lme.types",
+    "evaluate": "lme.evaluation",
     "load_parameters": "lme.presets",
     "load_robot": "lme.presets",
-    "reason": "lme.policy.reasons",
+    "reason": "lme.policies.lme.reasons",
     "run_episode": "lme.episode",
 }
 __all__ = ["__version__", *_MODULES]

@@ -8,7 +8,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 
 from lme.errors import InputError
-from lme.policy.explanation import Decision, Explanation
+from lme.policies.lme.explanation import Decision, Explanation
 from lme.types import Guidance, Guide, Observation, Planner, Pose, Twist
 from lme.worlds.world import World
 

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from lme.drivetrain import Controller, Drivetrain, Response
 from lme.errors import InputError, nearest
-from lme.policy.parameter_file import read_parameters
-from lme.policy.score import CRITERIA
+from lme.policies.lme.parameter_file import read_parameters
+from lme.policies.lme.score import CRITERIA
 from lme.resources import overlaid, resource_dir
 from lme.robots import Cloud, Contact, Footprint, Lidar, Robot
 from lme.yaml_entry import Entry, read_yaml

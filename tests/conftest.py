@@ -1,7 +1,45 @@
-"""What holds for every test."""
+"""What holds for every test, and `--last-skipped`."""
 
+import pytest
 from hypothesis import HealthCheck, settings
 
 # No test fails for being slow: the machine may be busy, and the first call compiles.
 settings.register_profile("no deadline", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("no deadline")
+
+_CACHE_KEY = "lme/skipped"
+_skipped: set[str] = set()
+
+
+def pytest_addoption(parser):
+    parser.addoption(
+        "--last-skipped",
+        action="store_true",
+        help="run only the tests that the last run skipped, as after an installation of torch or ROS",
+    )
+
+
+def pytest_collection_modifyitems(config, items):
+    if config.getoption("last_skipped"):
+        skipped = set(config.cache.get(_CACHE_KEY, []))
+        chosen = [item for item in items if not skipped.isdisjoint((item.nodeid, item.nodeid.split("::")[0]))]
+        config.hook.pytest_deselected(items=[item for item in items if item not in chosen])
+        items[:] = chosen
+
+
+def pytest_collectreport(report):
+    _note(report)  # a whole module
+
+
+def pytest_runtest_logreport(report):
+    _note(report)
+
+
+def pytest_sessionfinish(session):
+    if not hasattr(session.config, "workerinput"):  # workers of pytest-xdist report to the process that began
+        session.config.cache.set(_CACHE_KEY, sorted(_skipped))
+
+
+def _note(report: pytest.CollectReport | pytest.TestReport) -> None:
+    if report.skipped and not hasattr(report, "wasxfail"):
+        _skipped.add(report.nodeid)

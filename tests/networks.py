@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from lme.errors import InputError
-from lme.kernels.crc32c import crc32c
 from lme.planners.dclp.bundle import INDEX, SHARD
 from lme.planners.dclp.importing import tensor_names
+from lme.planners.dclp.kernels.crc32c import crc32c
 from lme.planners.dclp.leveldb import masked
 from lme.planners.dclp.weights import SHAPES, TOLD, TRAINED, write_weights
 from lme.planners.drl_vo import architecture

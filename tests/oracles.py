@@ -6,8 +6,8 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
-HALF_DIAGONAL = np.sqrt(0.5)  # as in lme/kernels/travel_time.py
-SLIDE_SWEEPS = 2  # as in lme/kernels/skid.py
+HALF_DIAGONAL = np.sqrt(0.5)  # as in lme/policies/lme_plus/kernels/travel_time.py
+SLIDE_SWEEPS = 2  # as in lme/sim/skid/kernels.py
 
 
 def cast(lidar_pose, angles, range_max, circles, edges):

@@ -27,6 +27,22 @@ def test_every_config_and_map_is_in_the_wheel(wheel):
                 assert f"lme/_data/{path.relative_to(ROOT)}" in packed
     for path in (ROOT / "runners" / "explainer" / "assets").rglob("*.*"):
         assert str(path.relative_to(ROOT)) in packed
+    assert {"lme/py.typed", "runners/py.typed"} <= packed
+    assert "lme/pyproject.toml" not in packed  # of the installation for robots
+
+
+@pytest.mark.slow
+def test_the_installation_for_robots_has_the_same_files(wheel, tmp_path):
+    command = [sys.executable, "-m", "build", "--wheel", "--outdir", str(tmp_path), str(ROOT / "lme")]
+    subprocess.run(command, check=True, capture_output=True, timeout=600)
+    (small,) = tmp_path.glob("*.whl")
+    assert _packed(small) == _packed(wheel)
+
+
+def _packed(wheel):
+    """Its files and their checksums, without those that describe the wheel."""
+    files = zipfile.ZipFile(wheel).infolist()
+    return {(file.filename, file.CRC) for file in files if ".dist-info/" not in file.filename}
 
 
 @pytest.mark.slow

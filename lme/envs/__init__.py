@@ -42,5 +42,7 @@ def __getattr__(name: str) -> Any:
     except ModuleNotFoundError as error:
         if error.name != "gymnasium":
             raise
-        raise InputError(f"lme.envs.{name} needs Gymnasium: run pip install 'lme-nav[gym]'") from None
+        from lme.requirements import install
+
+        raise InputError(f"lme.envs.{name} needs Gymnasium: {install('gymnasium')}") from None
     return getattr(module, name)

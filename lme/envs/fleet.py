@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lme.envs.episodes import DrawRobot, Episodes
+from lme.envs.kernels import RUNNING, TIMEOUT, Bodies, Places, States, advance, look
 from lme.envs.reward import OUTCOMES, Result, Reward, distances
 from lme.errors import InputError
-from lme.kernels.fleet import RUNNING, TIMEOUT, Bodies, Places, States, advance, look
 from lme.kernels.raycast import beam_table
 from lme.robots import Robot
 from lme.sim.fast import FastConfig
@@ -55,7 +55,7 @@ class Transition(NamedTuple):
     """What a step of N robots gives.
 
     views: what the robots see next; a robot whose episode has ended is at the start of its next one. rewards (N,).
-    terminated, truncated (N,): arrived or in contact; out of time. outcomes (N,): codes of `lme.kernels.fleet`.
+    terminated, truncated (N,): arrived or in contact; out of time. outcomes (N,): codes of `lme.envs.kernels`.
     ended (K,): the robots whose episode has ended, with their `last_views` and `results` (K).
     """
 

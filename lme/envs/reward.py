@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lme.envs.kernels import COLLISION, RUNNING, SUCCESS, TIMEOUT
 from lme.errors import require
-from lme.kernels.fleet import COLLISION, RUNNING, SUCCESS, TIMEOUT
 from lme.metrics import barn_metric
 from lme.types import Floats, Ints, Outcome
 
@@ -33,7 +33,7 @@ class Reward:
             require(f"reward.{key}", getattr(self, key))
 
     def of(self, before: Floats, after: Floats, outcomes: Ints) -> Floats:
-        """Rewards (N,). before, after (N,): distances to the goal [m]; outcomes (N,): codes of `lme.kernels.fleet`."""
+        """Rewards (N,). before, after (N,): distances to the goal [m]; outcomes (N,): codes of `lme.envs.kernels`."""
         ends = np.array([0.0, self.success, self.collision, self.timeout])
         return self.progress * (before - after) + (self.step + ends[outcomes])
 

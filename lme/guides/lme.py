@@ -9,9 +9,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from lme.errors import InputError
-from lme.policy.criteria import Criterion
-from lme.policy.escaper import PAPER_CRITERIA, EscaperConfig, LocalMinimumEscaper
-from lme.policy.explanation import Explanation
+from lme.policies.lme.criteria import Criterion
+from lme.policies.lme.escaper import PAPER_CRITERIA, EscaperConfig, LocalMinimumEscaper
+from lme.policies.lme.explanation import Explanation
 from lme.robots import Robot
 from lme.types import Guidance, Observation
 

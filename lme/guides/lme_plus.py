@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from lme.plus.escaper import EscaperPlusConfig, LocalMinimumEscaperPlus
-from lme.policy.explanation import Explanation
+from lme.policies.lme.explanation import Explanation
+from lme.policies.lme_plus.escaper import EscaperPlusConfig, LocalMinimumEscaperPlus
 from lme.robots import Robot
 from lme.types import Guidance, Observation
 

@@ -1,7 +1,7 @@
 """Cells under the outline of a footprint, and those inside it.
 
-Lattice, `Grid` and `Costs` are those of `lme.kernels.costmap`. An outline (P, 2) holds the corners of a convex polygon
-in the robot frame [m]. Its sides are drawn from cell to cell: Bresenham 1965, DOI 10.1147/sj.41.0025.
+Lattice, `Grid` and `Costs` are those of `lme.kernels.obstacle_grid`. An outline (P, 2) holds the corners of a convex
+polygon in the robot frame [m]. Its sides are drawn from cell to cell: Bresenham 1965, DOI 10.1147/sj.41.0025.
 """
 
 import math
@@ -9,7 +9,7 @@ import math
 import numpy as np
 from numba import njit
 
-from lme.kernels.costmap import TOUCHING, Costs, Grid, Hits, lattice
+from lme.kernels.obstacle_grid import TOUCHING, Costs, Grid, Hits, lattice
 from lme.types import Bools, Floats, Ints
 
 

@@ -18,7 +18,7 @@ from lme.live.goal import Goal
 from lme.live.messages import SECOND, frame
 from lme.live.pilot import Pilot
 from lme.live.scan_source import ScanConfig, ScanSource
-from lme.live.sensors import Sensors, Sight
+from lme.live.sensors import LiveSensors, LiveSight
 from lme.live.step import STILL, LiveState, LiveStep, NotReadyError
 from lme.live.track import StampedMotion
 from lme.navigator import Navigator
@@ -31,7 +31,7 @@ _ANY_TIME = 1 << 62  # [ns]
 class _Ready(NamedTuple):
     """All that a decision needs. target: (2,) [m] at the stamp of the scan."""
 
-    sight: Sight
+    sight: LiveSight
     target: Floats
     number: int
 
@@ -62,7 +62,7 @@ class LiveDriver:
         self._make_navigator, self._configured = make_navigator, robot
         self._scan_config = scan_config or ScanConfig()
         self._stale = round(self.config.stale * SECOND)
-        self._sensors = Sensors(self.config, frames or FramesConfig())
+        self._sensors = LiveSensors(self.config, frames or FramesConfig())
         self._wall = wall
         self._clock = Clock(round(self.config.time_jump * SECOND), wall)
         self._lock = Lock()

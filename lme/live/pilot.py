@@ -11,7 +11,7 @@ from lme.geometry.frames import relative
 from lme.live.messages import SECOND
 from lme.live.safety import gone_on, limited, touches
 from lme.live.scan_source import ScanSource
-from lme.live.sensors import Sight
+from lme.live.sensors import LiveSight
 from lme.live.step import STILL, LiveState, LiveStep
 from lme.live.track import StampedMotion
 from lme.navigator import Explanations, Navigator
@@ -36,10 +36,10 @@ class Pilot:
         here = StampedMotion(0, Pose(0.0, 0.0, 0.0), STILL)
         self._navigator.reset(np.random.default_rng(self._seed))
         for _ in range(_WARM_UPS):
-            step = self.decide(Sight(scan, here, here), _AHEAD, self._number, STILL, 0)
+            step = self.decide(LiveSight(scan, here, here), _AHEAD, self._number, STILL, 0)
             self.leads_into_contact(step, STILL)
 
-    def decide(self, sight: Sight, target: Floats, number: int, last: Twist, now: int) -> LiveStep:
+    def decide(self, sight: LiveSight, target: Floats, number: int, last: Twist, now: int) -> LiveStep:
         """A step that drives. Raises what guide or planner raise.
 
         target: (2,) at the stamp of the scan [m]; it is goal `number`. last: the command before.

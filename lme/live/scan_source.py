@@ -13,7 +13,8 @@ from lme.errors import InputError, require
 from lme.live.messages import is_cloud, planar_matrix, scan_of
 from lme.live.track import StampedMotion
 from lme.robots import Lidar, Robot
-from lme.sensing.point_cloud import Projection, cloud_points, rigid_transform, to_scan
+from lme.sensing.point_cloud import cloud_points, rigid_transform
+from lme.sensing.projection import Projection, to_scan
 from lme.sensing.resampling import own_lidar, resampled, same_lidar, tidied
 from lme.types import Floats, LaserScan, Observation, Pose
 

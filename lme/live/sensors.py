@@ -18,7 +18,7 @@ from lme.types import Floats
 _NAMES = {"scan": "scan", "pose": "odometry"}
 
 
-class Sight(NamedTuple):
+class LiveSight(NamedTuple):
     """What the robot senses. scan: the latest message. motion: at its stamp. newest: the latest motion."""
 
     scan: Any
@@ -26,7 +26,7 @@ class Sight(NamedTuple):
     newest: StampedMotion
 
 
-class Sensors:
+class LiveSensors:
     """Keeps what has come, and says whether it is fresh enough to drive on.
 
     A message counts if its stamp is within `stale` of the time at which it comes, and later than those before it.
@@ -105,7 +105,7 @@ class Sensors:
             return None
         return self.tree.lookup(self.frames.base, frame(self.scan.header.frame_id))
 
-    def look(self, now: int) -> Sight:
+    def look(self, now: int) -> LiveSight:
         """What the robot senses at `now` [ns]. Raises NotReadyError if something is missing, stale or empty."""
         self._check("scan", now)
         if is_empty(self.scan):
@@ -114,7 +114,7 @@ class Sensors:
         motion, newest = self.track.at(self._scan_stamp, self._stale), self.track.latest
         if motion is None or newest is None:
             raise NotReadyError("no odometry close in time to the scan")
-        return Sight(self.scan, motion, newest)
+        return LiveSight(self.scan, motion, newest)
 
     def check_transforms(self, names: set[str], now: int) -> None:
         """Raise NotReadyError if one of these frames moves and its transform is stale."""

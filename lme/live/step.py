@@ -6,7 +6,7 @@ from enum import StrEnum
 from typing import NamedTuple
 
 from lme.live.track import StampedMotion
-from lme.policy.explanation import Explanation
+from lme.policies.lme.explanation import Explanation
 from lme.types import Guidance, Observation, Twist
 
 STILL = Twist(0.0, 0.0)

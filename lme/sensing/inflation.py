@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from lme.kernels.costmap import HIGHEST, INSCRIBED, TOUCHING
+from lme.kernels.obstacle_grid import HIGHEST, INSCRIBED, TOUCHING
 from lme.types import Ints
 
 

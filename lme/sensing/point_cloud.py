@@ -1,76 +1,22 @@
-"""Conversion of a 3D point cloud to a planar scan.
-
-The conventions are those of the ROS package `pointcloud_to_laserscan`, so its parameters carry over unchanged.
-Clouds have the layout of ROS `sensor_msgs/PointCloud2`.
-"""
+"""Points of a 3D cloud with the layout of ROS `sensor_msgs/PointCloud2`, and the mount of the sensor."""
 
 from __future__ import annotations
 
 import math
-import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from lme.errors import InputError, require
-from lme.kernels.projection import nearest_per_bin
-from lme.types import Floats, LaserScan
+from lme.errors import InputError
+from lme.types import Floats
 
 _TYPES = {7: "f4", 8: "f8"}  # sensor_msgs/PointField: FLOAT32, FLOAT64
 _TYPE_NAMES = dict(
     enumerate(("INT8", "UINT8", "INT16", "UINT16", "INT32", "UINT32", "FLOAT32", "FLOAT64"), start=1)
 )
-_MOST_BEAMS = 100_000
-_ROUNDING = 1e-6  # for π written with six digits or as float32
 _NOT_RIGID = 1e-3  # deviation from orthonormal; accepts a rotation written with four digits
-
-
-@dataclass(slots=True)
-class Projection:
-    """Selection and binning of points; names and defaults of ROS 2 `pointcloud_to_laserscan`.
-
-    Heights are in the frame of the scan. The default of min_height is the smallest positive number, as in ROS:
-    points at or below the height of the frame's origin are dropped.
-    """
-
-    min_height: float = sys.float_info.min  # [m]
-    max_height: float = math.inf  # [m]
-    angle_min: float = -math.pi  # [rad]
-    angle_max: float = math.pi  # [rad]
-    angle_increment: float = math.pi / 180  # [rad]
-    range_min: float = 0.0  # [m] nearer points are dropped
-    range_max: float = math.inf  # [m] farther points are dropped
-    use_inf: bool = True  # a bin without a point reads inf, else range_max + inf_epsilon
-    inf_epsilon: float = 1.0  # [m]
-
-    def __post_init__(self) -> None:
-        require("projection.angle_min", self.angle_min, at_least=-math.pi - _ROUNDING)
-        require("projection.angle_max", self.angle_max, above=self.angle_min, at_most=math.pi + _ROUNDING)
-        span = self.angle_max - self.angle_min
-        require("projection.angle_increment", self.angle_increment, above=0.0, at_most=span)
-        require("projection.angle_increment", self.angle_increment, at_least=span / _MOST_BEAMS)
-        require("projection.range_min", self.range_min, at_least=0.0)
-        if not self.range_max > self.range_min:
-            raise InputError(
-                f"projection.range_max is {self.range_max:g}: must be greater than range_min {self.range_min:g}"
-            )
-        if not self.min_height <= self.max_height:
-            raise InputError(
-                f"projection.min_height is {self.min_height:g} and max_height {self.max_height:g}: must be two "
-                "heights [m], the first not above the second"
-            )
-        if not self.use_inf:
-            require("projection.range_max (with use_inf false)", self.range_max)
-            require("projection.inf_epsilon", self.inf_epsilon, at_least=0.0)
-
-    @property
-    def num_beams(self) -> int:
-        """Bins from angle_min to angle_max, counted in float32 as in ROS: ±1.57 by 0.01 are 315, not 314."""
-        first, last = np.float32(self.angle_min), np.float32(self.angle_max)
-        return math.ceil((last - first) / np.float32(self.angle_increment))
 
 
 class PointField(Protocol):
@@ -140,30 +86,6 @@ def rigid_transform(mount: ArrayLike) -> Floats:
         f"mount is {shown}: must be six finite numbers (x, y, z [m], roll, pitch, yaw [rad]) or a 4 × 4 matrix "
         "of a rotation and a translation"
     )
-
-
-def to_scan(points: ArrayLike, projection: Projection, mount: ArrayLike = (0, 0, 0, 0, 0, 0)) -> LaserScan:
-    """Project a cloud to a scan: each bin gets the point at the least horizontal range.
-
-    points: (N, 3) [m] in the sensor's frame; mount: see `rigid_transform`. The scan and its heights are in the
-    base frame. A beam's bin starts at its bearing and ends at the next one's, as in ROS; in other scans the
-    bearing is the middle of the bin. Raises InputError for points or mounts of another shape.
-    """
-    cloud = np.ascontiguousarray(points, dtype=np.float64)
-    if cloud.ndim != 2 or cloud.shape[1] != 3:
-        raise InputError(
-            f"points have shape {cloud.shape}: must be (N, 3), one row x, y, z [m] for each point"
-        )
-    p = projection
-    ranges: NDArray[np.float32] = nearest_per_bin(
-        cloud,
-        np.ascontiguousarray(rigid_transform(mount)),
-        (float(p.min_height), float(p.max_height)),
-        (float(p.angle_min), float(p.angle_max), float(p.angle_increment), p.num_beams),
-        (float(p.range_min), float(p.range_max)),
-        math.inf if p.use_inf else p.range_max + p.inf_epsilon,
-    )
-    return LaserScan(ranges, p.angle_min, p.angle_increment, p.range_min, p.range_max)
 
 
 def _layout(cloud: PointCloud2) -> np.dtype[np.void]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lme.kernels.events import first_event
+from lme.kernels.first_event import first_event
 from lme.types import Floats
 from lme.worlds.world import Task
 

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import json
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 from runners.analysis.paired import METRIC, interval_of_mean
 from runners.analysis.summary import USUAL, Row, as_text, measure, numbers
@@ -34,25 +34,38 @@ _DIGITS = 9  # of figures that count as the same
 
 
 class Setting(NamedTuple):
-    """A column of the board. name: unique, and says all that is unusual. map, robot, sim: to filter by."""
+    """Where runs were driven. told: what is unusual in it, and what tells it from others, such as "robot.v_max=1"."""
 
-    name: str
     map: str
+    subset: str
     robot: str
     sim: str
+    told: tuple[str, ...] = ()
+
+
+class System(NamedTuple):
+    """What drove. told: what is unusual in it, and what tells it from others, such as "ablation no_c_o"."""
+
+    label: str
+    told: tuple[str, ...] = ()
+
+    @property
+    def name(self) -> str:
+        return ", ".join([self.label, *self.told])
 
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """One run. system: its name. row: its figures. metric_interval: 95 % of the mean BARN metric. runs: as planned.
+    """One run. row: its figures. metric_interval: 95 % of the mean BARN metric. runs: as planned.
 
+    config: every key of the setting and the system, dotted; empty for a run without a launch record.
     repeats: number of runs of the same job. same: whether they have the same figures. shown: whether it is the one of
     them to show: the newest that was finished.
     """
 
     run_dir: Path
     setting: Setting
-    system: str
+    system: System
     row: Row
     metric_interval: tuple[float, float]
     seed: str
@@ -60,26 +73,25 @@ class Entry:
     started: str
     code: str
     command: str
+    config: dict[str, Any]
     repeats: int = 1
     same: bool = True
     shown: bool = True
 
 
-class _Named(NamedTuple):
-    """A setting or a system. keys: what tells it from others, by dotted key; none if that is not known."""
-
-    name: str
-    keys: dict[str, Any]
+_Name = TypeVar("_Name", Setting, System)
 
 
 class _Run(NamedTuple):
-    """A run as read."""
+    """A run as read. of_setting, of_system: parts of its config by dotted key; empty without a launch record."""
 
     run_dir: Path
     frame: pd.DataFrame
     launch: Launch | None
-    setting: _Named
-    system: _Named
+    setting: Setting
+    system: System
+    of_setting: dict[str, Any]
+    of_system: dict[str, Any]
 
     def text(self, column: str) -> str:
         """The value that all episodes of a run share; empty without the column."""
@@ -92,31 +104,38 @@ def entries(frames: Mapping[Path, pd.DataFrame]) -> list[Entry]:
     frames: records of each run by its directory, as `read_episodes` gives them for this run alone.
     """
     runs = [_read(run_dir, frame) for run_dir, frame in frames.items()]
-    settings = _unique([run.setting for run in runs])
-    systems = _unique([run.system for run in runs])
-    found = [_entry(*three) for three in zip(runs, settings, systems, strict=True)]
+    settings = _by_name((run.setting, run.of_setting) for run in runs)
+    systems = _by_name((run.system, run.of_system) for run in runs)
+    found = [
+        _entry(
+            run,
+            run.setting._replace(told=run.setting.told + _apart(run.of_setting, settings[run.setting])),
+            run.system._replace(told=run.system.told + _apart(run.of_system, systems[run.system])),
+        )
+        for run in runs
+    ]
     return _with_repeats(sorted(found, key=lambda entry: entry.started, reverse=True))
 
 
 def _read(run_dir: Path, frame: pd.DataFrame) -> _Run:
     launch = read_launch(run_dir)
     changes = launch.changes[0] if launch else {}
-    place = filter(None, (_text(frame, key) for key in ("map", "subset", "robot")))
-    sim = f"sim={_text(frame, 'sim')}" if launch else f"simulator {UNKNOWN} ({run_dir})"
+    map_set, subset, robot = (_text(frame, key) for key in ("map", "subset", "robot"))
     named = {key: _text(frame, key) for key in _NAMED}
     own = [f"{key} {value}" for key, value in named.items() if value not in USUAL]
     config = launch.configs[0] if launch else {}
-    of_place = {key: config[key] for key in PLACES if key in config}
+    of_setting = {key: config[key] for key in PLACES if key in config}
     of_system = {key: value for key, value in config.items() if key not in (*PLACES, *_NEITHER)}
+    sim = _text(frame, "sim") if launch else UNKNOWN
+    told = _changed(changes, of_setting) if launch else (f"no launch record: {run_dir}",)
     return _Run(
         run_dir,
         frame,
         launch,
-        _Named(" · ".join([*place, sim, *_in_words(changes, of_place)]), dict(flatten(of_place))),
-        _Named(
-            ", ".join([_text(frame, "system"), *own, *_in_words(changes, of_system)]),
-            dict(flatten(of_system)),
-        ),
+        Setting(map_set, subset, robot, sim, told),
+        System(_text(frame, "system"), (*own, *_changed(changes, of_system))),
+        dict(flatten(of_setting)),
+        dict(flatten(of_system)),
     )
 
 
@@ -124,37 +143,44 @@ def _text(frame: pd.DataFrame, column: str) -> str:
     return str(as_text(frame[column]).iloc[0]) if column in frame else ""
 
 
-def _in_words(changes: Mapping[str, Any], part: Mapping[str, Any]) -> list[str]:
-    """The changed keys of some groups of the config, in words; none if there are none."""
-    words = in_words({key: value for key, value in changes.items() if key.partition(".")[0] in part})
-    return [words] if words else []
+def _changed(changes: Mapping[str, Any], part: Mapping[str, Any]) -> tuple[str, ...]:
+    """The changed keys of some groups of the config, each in words."""
+    return _each_in_words({key: value for key, value in changes.items() if key.partition(".")[0] in part})
 
 
-def _unique(named: Sequence[_Named]) -> list[str]:
-    """The names; those of different things under one name say in which keys the things differ."""
-    return [
-        _apart(name, values, [other for its, other in named if its == name and other]) if values else name
-        for name, values in named
-    ]
+def _each_in_words(values: Mapping[str, Any]) -> tuple[str, ...]:
+    return tuple(in_words({key: value}) for key, value in values.items())
 
 
-def _apart(name: str, values: Mapping[str, Any], namesakes: Sequence[Mapping[str, Any]]) -> str:
+def _by_name(named: Iterable[tuple[_Name, dict[str, Any]]]) -> dict[_Name, list[dict[str, Any]]]:
+    """The different things that have a name. Those of unknown keys are not among them."""
+    found: dict[_Name, list[dict[str, Any]]] = {}
+    for name, values in named:
+        namesakes = found.setdefault(name, [])
+        if values and values not in namesakes:
+            namesakes.append(values)
+    return found
+
+
+def _apart(values: Mapping[str, Any], namesakes: Sequence[Mapping[str, Any]]) -> tuple[str, ...]:
+    """The keys in which a thing differs from its namesakes, in words; none where its keys are not known."""
+    if not values:
+        return ()
     keys = dict.fromkeys(key for other in namesakes for key in other)
     differing = [key for key in keys if any(other.get(key) != values.get(key) for other in namesakes)]
     shown = {key: values.get(key, "absent") for key in differing}
     if len(shown) <= _MOST_KEYS:
-        return ", ".join(filter(None, (name, in_words(shown))))
-    number = [other for at, other in enumerate(namesakes) if other not in namesakes[:at]].index(values) + 1
-    first = in_words({key: shown[key] for key in differing[:_MOST_KEYS]})
-    return f"{name}, {first} and {len(shown) - _MOST_KEYS} more (no. {number})"
+        return _each_in_words(shown)
+    first = _each_in_words({key: shown[key] for key in differing[:_MOST_KEYS]})
+    return (*first, f"{len(shown) - _MOST_KEYS} more (no. {namesakes.index(values) + 1})")
 
 
-def _entry(run: _Run, setting: str, system: str) -> Entry:
+def _entry(run: _Run, setting: Setting, system: System) -> Entry:
     launch = run.launch
     row = measure(run.frame, run.text("system"), {})
     return Entry(
         run_dir=run.run_dir,
-        setting=Setting(setting, run.text("map"), run.text("robot"), run.text("sim") or UNKNOWN),
+        setting=setting,
         system=system,
         row=row,
         metric_interval=interval_of_mean(run.frame, METRIC),
@@ -163,6 +189,7 @@ def _entry(run: _Run, setting: str, system: str) -> Entry:
         started=(launch.started if launch else "") or _last_written(run.run_dir),
         code=launch.code if launch else "",
         command=_command(run.run_dir, launch),
+        config=run.of_setting | run.of_system,
     )
 
 

@@ -7,7 +7,7 @@ The published figures of a system follow its row if they were measured in the sa
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 class Metric(NamedTuple):
     """A column of the table.
 
-    spread: show ± over runs. of_successes: only successful episodes count. spare: left out on a narrow terminal.
+    spread: show ± over runs. of_successes: only successful episodes count. spare: left out first on a narrow terminal.
     """
 
     key: str
@@ -175,14 +175,19 @@ def title(frame: pd.DataFrame) -> str:
     return " · ".join([*common, f"{_counted(frame, 'world')} {TIMES} {_counted(frame, 'run')}"])
 
 
-def notes(rows: Sequence[Row]) -> list[str]:
-    """Notes that explain the table."""
+def notes(rows: Sequence[Row], left_out: Collection[str] = ()) -> list[str]:
+    """Notes that explain the table. left_out: headers of columns that it does not show."""
     lines = []
     if any(row.runs is not None and row.runs > 1 for row in rows):
         lines.append("± is the standard deviation over runs.")
-    lines.append(f"{INTERVAL_HEADER}: {INTERVAL_NOTE}")
-    lines.append("Time and path are means over successful episodes.")
-    if any(SMOOTHNESS in row.stats for row in rows):
+    if INTERVAL_HEADER not in left_out:
+        lines.append(f"{INTERVAL_HEADER}: {INTERVAL_NOTE}")
+    means = [each.header.split()[0] for each in METRICS if each.of_successes and each.header not in left_out]
+    if means:
+        words = " and ".join(means).capitalize() + (" are means" if len(means) > 1 else " is the mean")
+        lines.append(f"{words} over successful episodes.")
+    smoothness = next(metric.header for metric in METRICS if metric.key == SMOOTHNESS)
+    if smoothness not in left_out and any(SMOOTHNESS in row.stats for row in rows):
         lines.append(
             "|Δω|: mean change of the turn rate from one control step to the next; lower is smoother."
         )

@@ -33,6 +33,8 @@ if TYPE_CHECKING:
 MISSING = DASH
 GAP = 2  # between columns on the terminal
 
+Column = tuple[str, ...]  # its header, then a cell for each row
+
 
 def to_markdown(rows: Sequence[Row]) -> str:
     """The table in GitHub's Markdown, with notes below."""
@@ -90,13 +92,14 @@ def to_latex(rows: Sequence[Row]) -> str:
 
 
 def to_rich(rows: Sequence[Row], heading: str, width: int) -> rich.table.Table:
-    """The table for a terminal of `width` columns, at least 80; what does not fit is folded, then left out."""
+    """The table for a terminal of `width` columns, at least 80; what does not fit is folded, or left out and named."""
     from rich.box import SIMPLE_HEAD
     from rich.table import Table
     from rich.text import Text
 
-    columns, gap = _fitting(rows, width)
-    table = Table(title=Text(heading), caption=Text("\n".join(notes(rows))), caption_justify="left")
+    columns, gap, left_out = _fitting(rows, width)
+    below = notes(rows, [header for header, *_ in left_out]) + _about(left_out, width)
+    table = Table(title=Text(heading), caption=Text("\n".join(below)), caption_justify="left")
     table.box, table.show_edge, table.pad_edge, table.padding = SIMPLE_HEAD, False, False, (0, gap - 1, 0, 0)
     # Text, not str: Rich would read a unit in brackets as markup.
     for number, (header, *_) in enumerate(columns):
@@ -158,18 +161,65 @@ def _compares_planners(rows: Sequence[Row]) -> bool:
     return len(names) > 1 or any(row.global_planner != "no" for row in rows)
 
 
-def _fitting(rows: Sequence[Row], width: int) -> tuple[list[tuple[str, ...]], int]:
-    """Columns and the gap between them for `width` characters: ± below its mean, then without spare metrics."""
+def _fitting(rows: Sequence[Row], width: int) -> tuple[list[Column], int, list[Column]]:
+    """Columns for `width` characters with the gap between them, and the columns that were left out for them.
+
+    First ± goes below its mean, then as few columns as possible are left out.
+    """
     columns = list(zip(*_cells(rows, " ±"), strict=True))
     if _width(columns, GAP) <= width:
-        return columns, GAP
+        return columns, GAP, []
     columns = list(zip(*_cells(rows, " ±", f" {DASH}"), strict=True))
-    spare = [metric.header for metric in METRICS if metric.spare]
-    for gap, left_out in ((GAP, []), (1, []), (1, spare)):
-        folded = [_folded(column) for column in columns if column[0] not in left_out]
-        if _width(folded, gap) <= width:
-            break
-    return folded, gap
+    spare = _least_needed_first(columns[1:], len(rows[0].keys))
+    for count in range(len(spare) + 1):
+        folded = [_folded(column) for column in columns if column not in spare[:count]]
+        for gap in (GAP, 1):
+            if _width(folded, gap) <= width:
+                return folded, gap, spare[:count]
+    return folded, gap, spare
+
+
+def _least_needed_first(columns: Sequence[Column], keys: int) -> list[Column]:
+    """The columns that a table can lack: those with one value, then spare metrics, then others, each from the right.
+
+    keys: number of columns at the left that distinguish the rows; they stay if they vary, as the success rate does.
+    """
+    metrics = {metric.header: metric for metric in METRICS}
+    ranked = []
+    for place, column in enumerate(columns):
+        metric = metrics.get(column[0])
+        if _is_constant(column) and column[0] != INTERVAL_HEADER:
+            rank = 0 if metric is None else 1
+        elif metric is None:
+            rank = 4
+        else:
+            rank = 2 if metric.spare else 3
+        if column[0] != METRICS[0].header and (place >= keys or rank == 0):
+            ranked.append((rank, -place, column))
+    return [column for *_, column in sorted(ranked)]
+
+
+def _is_constant(column: Column) -> bool:
+    """Whether several rows have a value, and the same."""
+    values = [cell for cell in column[1:] if cell != MISSING]
+    return len(values) > 1 and len(set(values)) == 1
+
+
+def _about(left_out: Sequence[Column], width: int) -> list[str]:
+    """Lines that name the columns that are left out, and say where they are."""
+    same = [
+        f"{header} {next(cell for cell in cells if cell != MISSING)}"
+        for header, *cells in left_out
+        if _is_constant((header, *cells))
+    ]
+    lines = [f"The same in every row with a value: {', '.join(same)}."] if same else []
+    others = [column[0] for column in left_out if not _is_constant(column)]
+    if others:
+        lines.append(
+            f"Left out at {width} columns: {', '.join(others)}. "
+            "A wider terminal shows them, and so does `lme table RUN --format md`."
+        )
+    return lines
 
 
 def _width(columns: Sequence[Sequence[str]], gap: int) -> int:
@@ -178,7 +228,7 @@ def _width(columns: Sequence[Sequence[str]], gap: int) -> int:
     return sum(width + gap for width in widest) - gap
 
 
-def _folded(column: Sequence[str]) -> tuple[str, ...]:
+def _folded(column: Column) -> Column:
     """The cells, wrapped to the width of their longest word."""
     narrow = max(len(word) for cell in column for word in cell.split())
     return tuple("\n".join(textwrap.wrap(cell, narrow, break_on_hyphens=False)) for cell in column)

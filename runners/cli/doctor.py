@@ -16,7 +16,9 @@ from packaging.specifiers import SpecifierSet
 import lme
 from lme import numba_cache
 from lme.errors import InputError
+from lme.requirements import DISTRIBUTION, install
 from runners.config import extras
+from runners.records.whole_file import obstacle
 from runners.tracking.store import DEFAULT_URI, check_uri, sqlite_path
 from runners.workers import kernels
 from runners.workers.executor import available_cores
@@ -43,10 +45,10 @@ def report() -> list[Line]:
 
 def _lme() -> Line:
     found = f"{lme.__version__}, {Path(lme.__file__).parent}"
-    installed = _version(extras.DISTRIBUTION)
+    installed = _version(DISTRIBUTION)
     if installed is None:
         return Line(
-            "lme", found, f"{extras.DISTRIBUTION} is not installed, so what it needs is unknown; {_REINSTALL}"
+            "lme", found, f"{DISTRIBUTION} is not installed, so what it needs is unknown; {_REINSTALL}"
         )
     if installed != lme.__version__:
         return Line("lme", found, f"the installed metadata are of {installed}; {_REINSTALL}")
@@ -56,7 +58,7 @@ def _lme() -> Line:
 def _python() -> Line:
     found = f"{platform.python_version()}, {platform.platform()}, {sys.executable}"
     try:
-        wanted = metadata(extras.DISTRIBUTION)["Requires-Python"]
+        wanted = metadata(DISTRIBUTION)["Requires-Python"]
     except PackageNotFoundError:
         wanted = ""
     fits = SpecifierSet(wanted).contains(platform.python_version(), prereleases=True)
@@ -66,7 +68,7 @@ def _python() -> Line:
 def _package(needed: Requirement) -> Line:
     found = _version(needed.name)
     fits = found is not None and needed.specifier.contains(found, prereleases=True)
-    return Line(needed.name, found or "missing", "" if fits else extras.install(needed.name))
+    return Line(needed.name, found or "missing", "" if fits else install(needed.name))
 
 
 def _extra(name: str, needed: Requirement) -> Line:
@@ -74,9 +76,9 @@ def _extra(name: str, needed: Requirement) -> Line:
     found = _version(needed.name)
     label = f"extra {name}"
     if found is None:
-        return Line(label, f"no; {extras.install(needed.name)}")
+        return Line(label, f"no; {install(needed.name)}")
     fits = needed.specifier.contains(found, prereleases=True)
-    return Line(label, f"yes, {needed.name} {found}", "" if fits else extras.install(needed.name))
+    return Line(label, f"yes, {needed.name} {found}", "" if fits else install(needed.name))
 
 
 def _version(package: str) -> str | None:
@@ -131,7 +133,7 @@ def _mlflow() -> Line:
     if path is None:
         return Line("MLflow store", f"{_without_password(uri)}, not asked")
     path = path.absolute()
-    if _can_make(path.parent) and (not path.exists() or os.access(path, os.W_OK)):
+    if obstacle(path) is None:
         return Line("MLflow store", f"{path}, writable")
     return Line(
         "MLflow store", f"{path}, not writable", "set MLFLOW_TRACKING_URI to another place, or tracking=none"
@@ -145,5 +147,4 @@ def _without_password(uri: str) -> str:
 
 def _can_make(folder: Path) -> bool:
     """Whether files can be made in `folder`, which may have to be made itself."""
-    nearest = next(place for place in (folder, *folder.absolute().parents) if os.access(place, os.F_OK))
-    return nearest.is_dir() and os.access(nearest, os.W_OK | os.X_OK)
+    return obstacle(folder / "file") is None

@@ -23,6 +23,7 @@ from lme.errors import InputError, nearest
 from lme.resources import resource_dir
 from runners.cli import commands, help
 from runners.cli.interrupts import status_of, terminable
+from runners.cli.left_out import left_out
 from runners.cli.outside import outside
 
 
@@ -46,8 +47,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     except BrokenPipeError:  # `lme … | head`: the reader has closed the pipe
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
-    except OSError as error:
-        said = outside(error)
+    except (ModuleNotFoundError, OSError) as error:
+        said = left_out(error, name) if isinstance(error, ModuleNotFoundError) else outside(error)
         if not said:
             raise
         print(f"lme {name}: {said}", file=sys.stderr)

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from lme.errors import InputError, nearest
-from lme.policy.parameter_file import read_parameters
-from lme.policy.score import CRITERIA, THRESHOLDS
+from lme.policies.lme.parameter_file import read_parameters
+from lme.policies.lme.score import CRITERIA, THRESHOLDS
 from lme.resources import resource_dir
 from lme.yaml_entry import read_yaml
 from runners.config.catalogue import Catalogue

@@ -21,6 +21,7 @@ from runners.records.episode_record import EpisodeKey, RunLabels
 from runners.records.launch_record import identity
 from runners.records.parquet import EPISODES
 from runners.records.records import RecordWriter, read_episodes
+from runners.tracking.mlflow import Tracking
 from runners.workers import mcap_file, recorder
 from runners.workers.episodes import EpisodePayload, Recordings, initialise
 from runners.workers.progress import EpisodeProgress
@@ -52,37 +53,53 @@ def evaluate(job: Job[EvalConfig]) -> None:
     from runners.analysis.summary import metrics
     from runners.analysis.tables import print_table
 
-    maps, run_dir = build.map_set(job.config), job.run_dir
-    labels = run_labels(job, maps)
-    tracking = build_target(job.config.tracking, "tracking")
-    tags = {**asdict(labels), "changes": job.changes_text, "command": "eval"}
-    tracking.start({**asdict(job.config), "weights": job.weights}, run_dir, tags, job.sweep_dir)
-    with resume_hint("eval", run_dir):
-        drive(job.config, labels, maps, run_dir)
-        pages.as_asked(job.config.explain, run_dir, build_target(job.config.executor, "executor"))
-        frame, rows, artifacts = report(maps, job)
-        artifacts += [*_film(job.config, maps, run_dir), *failures.folder(run_dir)]
+    tracking = start_tracking(job)
+    with resume_hint("eval", job.run_dir):
+        frame, rows, artifacts = produce(job)
     print_table(frame, rows)
-    print(f"Records, tables and pictures: {run_dir}")
-    for place in failures.folder(run_dir):
+    print(f"Records, tables and pictures: {job.run_dir}")
+    for place in failures.folder(job.run_dir):
         print(f"Why the robot went there: {place / failures.INDEX}")
     tracking.finish(metrics(frame), artifacts)
 
 
-def drive(config: EpisodesConfig, labels: RunLabels, maps: MapSet, run_dir: Path) -> None:
-    """Run what is missing of map set × runs into the records of `run_dir`."""
+def start_tracking(job: Job[EvalConfig]) -> Tracking:
+    """Open the tracked run of a job, as its config says."""
+    labels = run_labels(job, build.map_set(job.config))
+    tracking: Tracking = build_target(job.config.tracking, "tracking")
+    tags = {**asdict(labels), "changes": job.changes_text, "command": "eval"}
+    tracking.start({**asdict(job.config), "weights": job.weights}, job.run_dir, tags, job.sweep_dir)
+    return tracking
+
+
+def produce(job: Job[EvalConfig], progress: bool = True) -> tuple[pd.DataFrame, list[Row], list[Path]]:
+    """Run what is missing and report on it; the records, the rows of the table, and all files.
+
+    progress: show a bar.
+    """
+    maps, run_dir = build.map_set(job.config), job.run_dir
+    drive(job.config, run_labels(job, maps), maps, run_dir, progress)
+    pages.as_asked(job.config.explain, run_dir, build_target(job.config.executor, "executor"))
+    frame, rows, artifacts = report(maps, job)
+    return frame, rows, [*artifacts, *_film(job.config, maps, run_dir), *failures.folder(run_dir)]
+
+
+def drive(
+    config: EpisodesConfig, labels: RunLabels, maps: MapSet, run_dir: Path, progress: bool = True
+) -> None:
+    """Run what is missing of map set × runs into the records of `run_dir`. progress: show a bar."""
     executor = build_target(config.executor, "executor")
     payload = EpisodePayload(config, labels, _recordings(config, run_dir))
     with (
         RecordWriter(run_dir) as writer,
-        EpisodeProgress(labels.system, len(maps.numbers) * config.runs) as progress,
+        EpisodeProgress(labels.system, len(maps.numbers) * config.runs, progress) as bar,
     ):
         done = writer.done()
-        progress.skip(len(done))
+        bar.skip(len(done))
         todo = (key for key in _by_run(maps, config.runs) if key not in done)
         for result in executor.map(initialise, payload, todo):
             writer.append(result)
-            progress.add(result.record.outcome)
+            bar.add(result.record.outcome)
         writer.merge()
 
 

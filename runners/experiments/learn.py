@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lme.errors import InputError, require
+from lme.requirements import install
 from runners.analysis import failures
 from runners.config import build
 from runners.config.instantiate import build as build_target
@@ -35,15 +36,13 @@ if TYPE_CHECKING:
 
     from runners.learning.run import Learner, Row, Run
 
-_EXTRA = "learn"
-
 
 def validate(job: Job[LearnConfig]) -> None:
     """Check the job before anything runs. Raises InputError."""
     config = job.config
     check_learnable(config.planner, job.choices["planner"])
     if find_spec("torch") is None:
-        raise InputError(f"lme learn needs torch: pip install 'lme-nav[{_EXTRA}]'")
+        raise InputError(f"lme learn needs torch: {install('torch')}")
     evaluate.check_report(job)
     build.check_episodes(config)
     _check_network(job)

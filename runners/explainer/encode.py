@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 
 from lme.geometry.frames import to_world
-from lme.plus.criteria import CRITERIA as PLUS_CRITERIA
-from lme.policy.criteria import SURMOUNT
-from lme.policy.escaper import PAPER_CRITERIA
-from lme.policy.explanation import Explanation
-from lme.policy.maintenance import Choice
+from lme.policies.lme.criteria import SURMOUNT
+from lme.policies.lme.escaper import PAPER_CRITERIA
+from lme.policies.lme.explanation import Explanation
+from lme.policies.lme.maintenance import Choice
+from lme.policies.lme_plus.criteria import CRITERIA as PLUS_CRITERIA
 from lme.sensing.scan_points import obstacle_points
 from lme.types import Floats
 from runners.explainer.packer import Packer

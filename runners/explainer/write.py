@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from lme.errors import InputError
-from lme.policy.reasons import reason
+from lme.policies.lme.reasons import reason
 from runners.explainer.encode import encode, title
 from runners.records.whole_file import write_whole
 from runners.workers.trace import Trace

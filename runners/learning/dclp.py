@@ -11,7 +11,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from lme.planners.dclp.interface import DclpConfig, Interface, told_values
+from lme.planners.dclp.interface import DclpConfig, DclpInterface, told_values
 from lme.planners.dclp.network import DISTANCE, LEAST_DISTANCE, SLOPE
 from lme.planners.dclp.weights import (
     COMPONENTS,
@@ -116,18 +116,18 @@ class DclpNetwork(Body):
             self.layer(_LAST).bias.view(COMPONENTS, MIXTURE)[:, 1:] = torch.tensor(_FIRST_ACTIONS)
 
     def forward(self, directions: Tensor, state: Tensor) -> Mixture:
-        """directions: (B, 90, 6), state: (B, 8), as `lme.planners.dclp.interface.Features`."""
+        """directions: (B, 90, 6), state: (B, 8), as `DclpFeatures`."""
         output = self.output(directions, state).view(-1, COMPONENTS, MIXTURE)
         return Mixture(output[..., 0], output[..., 1:3], output[..., 3:].clamp(*_LOG_SIGMA))
 
     @staticmethod
-    def interface(planner: DclpConfig, robot: Robot) -> Interface:
+    def interface(planner: DclpConfig, robot: Robot) -> DclpInterface:
         """What the network is told of a robot, and what its answer means."""
-        return Interface(planner, robot)
+        return DclpInterface(planner, robot)
 
     def trained_for(self, planner: DclpConfig, robots: Iterable[Robot]) -> None:
         """Remember what the network is trained for. robots: those with the lowest and the highest values."""
-        told = [told_values(Interface(planner, robot).told) for robot in robots]
+        told = [told_values(DclpInterface(planner, robot).told) for robot in robots]
         self._trained = np.column_stack([np.min(told, axis=0), np.max(told, axis=0)]).astype(np.float32)
 
     @staticmethod

@@ -15,7 +15,7 @@ from torch import Tensor, nn
 from lme.planners.drl_vo import architecture as net
 from lme.planners.drl_vo.architecture import Convolution, Residual, Sizes
 from lme.planners.drl_vo.config import DrlVoConfig
-from lme.planners.drl_vo.interface import Interface
+from lme.planners.drl_vo.interface import DrlVoInterface
 from lme.planners.drl_vo.observation import image_of
 from lme.planners.drl_vo.weights import TOLD, TRAINED, read_weights, write_weights
 from lme.robots import Robot
@@ -130,7 +130,7 @@ class DrlVoNetwork(Body):
         self._trained = np.zeros(len(TOLD), np.float32)
 
     def forward(self, sweeps: Tensor, pedestrians: Tensor, goal: Tensor) -> Mixture:
-        """sweeps: (B, 20, 80), pedestrians: (B, 32, 4), goal: (B, 2), as `lme.planners.drl_vo.interface.Features`."""
+        """sweeps: (B, 20, 80), pedestrians: (B, 32, 4), goal: (B, 2), as `DrlVoFeatures`."""
         mean = self.answer(sweeps, pedestrians, goal)
         # a mean beyond the greatest answer is cut off, but its gradient goes on
         mean = mean + (mean.clamp(-_MEAN_MAX, _MEAN_MAX) - mean).detach()
@@ -138,9 +138,9 @@ class DrlVoNetwork(Body):
         return Mixture(torch.zeros(len(mu), 1), mu, self.log_std.expand_as(mu))
 
     @staticmethod
-    def interface(planner: DrlVoConfig, robot: Robot) -> Interface:
+    def interface(planner: DrlVoConfig, robot: Robot) -> DrlVoInterface:
         """What the network is told, and what its answer means."""
-        return Interface(planner, robot)
+        return DrlVoInterface(planner, robot)
 
     def trained_for(self, planner: DrlVoConfig, robots: Iterable[Robot]) -> None:
         """Remember the greatest commands. The network is told nothing of the robots."""

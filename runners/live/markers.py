@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lme.policy.explanation import Explanation
-from lme.policy.surmount import sector_points
+from lme.policies.lme.explanation import Explanation
+from lme.policies.lme.surmount import sector_points
 from lme.types import Floats, Guidance, Observation
 
 _VIRIDIS = np.array(

@@ -15,8 +15,8 @@ from lme.live.config import LiveConfig
 from lme.live.driver import LiveDriver
 from lme.live.messages import SECOND
 from lme.live.step import STILL, LiveState, LiveStep
-from lme.policy.explanation import Explanation
-from lme.policy.reasons import reason
+from lme.policies.lme.explanation import Explanation
+from lme.policies.lme.reasons import reason
 from lme.types import Twist
 from runners.live.clock import SystemClock, TopicClock
 from runners.live.markers import markers

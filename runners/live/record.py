@@ -10,8 +10,8 @@ from typing import Self
 
 from lme.live.driver import LiveDriver
 from lme.live.step import LiveState, LiveStep
-from lme.policy.explanation import Explanation
-from lme.policy.reasons import reason
+from lme.policies.lme.explanation import Explanation
+from lme.policies.lme.reasons import reason
 from runners.config.schema import DriveConfig
 from runners.records.launch_record import identity
 from runners.workers.mcap_file import McapFile

@@ -46,6 +46,7 @@ from runners.records.whole_file import DISK_FULL
 
 if TYPE_CHECKING:
     import pandas as pd
+    import pyarrow as pa
 
 REQUIRED = frozenset({*KEY_COLUMNS, "system", "outcome"})
 
@@ -178,23 +179,33 @@ def read_episodes(run_dirs: Sequence[Path]) -> pd.DataFrame:
     import pandas as pd
 
     frames = []
+    for launch, table, columns in episode_tables(run_dirs):
+        frame = _with_own_weights(table.to_pandas(), launch)
+        frames.append(frame.assign(**{key: columns[key] for key in columns if key not in frame}))
+    return pd.concat(frames, ignore_index=True)
+
+
+def episode_tables(run_dirs: Sequence[Path]) -> list[tuple[Launch | None, pa.Table, dict[str, object]]]:
+    """Of each run: its launch record, the records as its files hold them, and the columns that `read_episodes` adds.
+
+    Raises as `read_episodes` does.
+    """
+    found = []
     run_dirs = [Path(run_dir) for run_dir in run_dirs]
     launches = [read_launch(run_dir) for run_dir in run_dirs]
-    for run_dir, launch, differing in zip(run_dirs, launches, _run_columns(launches), strict=True):
-        with _log_of(run_dir) as log:
+    for run_dir, launch, columns in zip(run_dirs, launches, _run_columns(launches), strict=True):
+        with log_of(run_dir) as log:
             table = episode_table(run_dir, log)
         if table.num_rows == 0:
-            warnings.warn(f"{run_dir} holds no finished episode yet: left out", stacklevel=2)
+            warnings.warn(f"{run_dir} holds no finished episode yet: left out", stacklevel=3)
             continue
         missing = ", ".join(sorted(REQUIRED - set(table.column_names)))
         if missing:
             raise InputError(f"records in {run_dir} lack the columns {missing}: not written by lme eval")
-        frame = _with_own_weights(table.to_pandas(), launch)
-        constants = {"run_dir": str(run_dir), **differing}
-        frames.append(frame.assign(**{key: constants[key] for key in constants if key not in frame}))
-    if not frames:
+        found.append((launch, table, {"run_dir": str(run_dir), **columns}))
+    if not found:
         raise InputError(f"no finished episode yet in {', '.join(map(str, run_dirs))}")
-    return pd.concat(frames, ignore_index=True)
+    return found
 
 
 def read_trajectories(
@@ -208,7 +219,7 @@ def read_trajectories(
 
     frames = []
     for run_dir in map(Path, run_dirs):
-        with _log_of(run_dir) as log:
+        with log_of(run_dir) as log:
             table = trajectory_table(run_dir, log, episodes)
         frames.append(table.to_pandas().assign(run_dir=str(run_dir)))
     return pd.concat(frames, ignore_index=True)
@@ -223,7 +234,7 @@ def _natural_order(path: Path) -> tuple[bool, int, str]:
     return not path.name.isdigit(), int(path.name) if path.name.isdigit() else 0, path.name
 
 
-def _log_of(run_dir: Path) -> contextlib.AbstractContextManager[AppendLog]:
+def log_of(run_dir: Path) -> contextlib.AbstractContextManager[AppendLog]:
     """The append log of a run, finished or not. Raises InputError where there is no run."""
     if not has_records(run_dir):
         raise InputError(f"{run_dir} holds no records: expected {EPISODES} or {APPEND_LOG}")

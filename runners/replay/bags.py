@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, Self
 
 from lme.errors import InputError
 from lme.live import messages
-from runners.config.extras import install
+from lme.requirements import install
 
 SUFFIXES = (".bag", ".db3", ".mcap")
 _SECOND = 1_000_000_000

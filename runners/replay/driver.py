@@ -18,8 +18,8 @@ from lme.live.messages import SECOND, twist_of
 from lme.live.scan_source import ScanSource
 from lme.live.track import StampedMotion, Track
 from lme.navigator import Navigator
-from lme.policy.explanation import Explanation
-from lme.policy.maintenance import Choice
+from lme.policies.lme.explanation import Explanation
+from lme.policies.lme.maintenance import Choice
 from lme.robots import Robot
 from lme.sensing.scan_points import obstacle_points
 from lme.types import Floats, Observation, Pose, Twist

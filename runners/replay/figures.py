@@ -11,6 +11,7 @@ import numpy as np
 from lme.geometry.frames import to_robot, to_world
 from lme.live.scan_source import ScanSource
 from lme.sensing.scan_points import obstacle_points
+from runners.figures.parts.scene import pointer
 from runners.figures.parts.style import INK, OBSTACLE, new_figure, save
 from runners.replay.driver import Log
 from runners.replay.recording import Recording
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
 
 PROPOSED, RECORDED, GOAL = "#D55E00", "#0072B2", "#009E73"
 _FADED: dict[str, Any] = {"linewidth": 0.8, "alpha": 0.6}
+EDGE, EDGE_M = 0.02, 0.3  # shown around everything on the map: share of its longer side, and metres
 _SEEN_M = 8.0  # largest distance shown around the robot in the picture of one scan
 
 
@@ -91,27 +93,26 @@ def orientation_figure(scan_source: ScanSource, recording: Recording, path: Path
 
 
 def _draw_path(axes: Axes, frame: pd.DataFrame, log: Log) -> None:
-    """Draw the map, in the odometry frame."""
-    clouds = [to_world(one.points, one.motion.pose) for one in log.sample]
-    seen = np.concatenate(clouds) if clouds else np.empty((0, 2))
-    axes.plot(seen[:, 0], seen[:, 1], ".", color=OBSTACLE, markersize=0.8, alpha=0.5, zorder=1)
-    for one in log.sample:
-        subgoal = to_world(one.subgoal, one.motion.pose)
+    """Draw the map, in the odometry frame: what the scans saw, the path, subgoals and the goal, all of them whole."""
+    path = frame[["x_m", "y_m"]].to_numpy()
+    seen = np.concatenate([np.empty((0, 2)), *(to_world(one.points, one.motion.pose) for one in log.sample)])
+    subgoals = np.array([to_world(one.subgoal, one.motion.pose) for one in log.sample])
+    goal = to_world(log.sample[-1].target, log.sample[-1].motion.pose)
+    axes.plot(*seen.T, ".", color=OBSTACLE, markersize=0.8, alpha=0.5, zorder=1)
+    for one, subgoal in zip(log.sample, subgoals, strict=True):
         axes.plot(*zip(one.motion.pose[:2], subgoal, strict=True), color=PROPOSED, zorder=2, **_FADED)
         axes.plot(*subgoal, ".", color=PROPOSED, markersize=3, zorder=2)
-    axes.plot(frame["x_m"], frame["y_m"], color=RECORDED, linewidth=1.6, zorder=3, label="robot")
-    x, y, yaw = frame[["x_m", "y_m", "yaw_rad"]].iloc[0]
-    axes.plot(x, y, marker=(3, 0, math.degrees(yaw) - 90), markersize=9, color=RECORDED, zorder=4)
-    last = log.sample[-1]
-    axes.plot(
-        *to_world(last.target, last.motion.pose), "*", color=GOAL, markersize=12, zorder=5, label="goal"
-    )
+    axes.plot(*path.T, color=RECORDED, linewidth=1.6, zorder=3, label="robot")
+    start: dict[str, Any] = {"marker": pointer(frame["yaw_rad"].iloc[0]), "linestyle": "", "label": "start"}
+    axes.plot(*path[0], markersize=13, color=INK, markeredgecolor="white", zorder=4, **start)
+    axes.plot(*goal, "*", color=GOAL, markersize=12, zorder=5, label="goal")
     axes.plot([], [], color=PROPOSED, marker=".", label="to the subgoal", **_FADED)
-    low, high = seen.min(axis=0, initial=math.inf), seen.max(axis=0, initial=-math.inf)
-    if len(seen):
-        axes.set(xlim=(low[0] - 0.3, high[0] + 0.3), ylim=(low[1] - 0.3, high[1] + 0.3))
+    everything = np.vstack([seen, path, subgoals, goal])
+    low, high = everything.min(axis=0), everything.max(axis=0)
+    (x0, y0), (x1, y1) = low - EDGE * (high - low).max() - EDGE_M, high + EDGE * (high - low).max() + EDGE_M
+    axes.set(xlim=(x0, x1), ylim=(y0, y1))
     axes.set(aspect="equal", xlabel="x in the odometry frame [m]", ylabel="y [m]")
-    axes.legend(fontsize=8, frameon=False, loc="upper left", bbox_to_anchor=(0.0, 1.08), ncols=3)
+    axes.legend(fontsize=8, frameon=False, loc="upper left", bbox_to_anchor=(0.0, 1.08), ncols=4)
 
 
 def _beam_shares(points: np.ndarray, scan_source: ScanSource) -> np.ndarray:

@@ -10,9 +10,9 @@ import numpy as np
 
 from lme.errors import InputError
 from lme.geometry.frames import to_world
+from lme.requirements import install
 from lme.robots import Robot
 from lme.types import Floats
-from runners.config.extras import install
 from runners.replay.driver import ReplayStep
 
 _BLUE, _ORANGE, _GREEN, _GREY = (0, 114, 178), (213, 94, 0), (0, 158, 115), (120, 120, 120)

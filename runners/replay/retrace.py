@@ -12,7 +12,7 @@ from lme.errors import InputError
 from lme.geometry.frames import to_robot, to_world
 from lme.kernels.collision import sweep
 from lme.live.messages import ODOMETRY, SECOND, TWIST, pose_of, twist_of
-from lme.policy.explanation import Decision
+from lme.policies.lme.explanation import Decision
 from lme.robots import Robot
 from lme.sensing.scan_points import obstacle_points
 from lme.types import LaserScan, Observation, Pose, Twist

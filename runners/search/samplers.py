@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from lme.errors import InputError, require
-from runners.config.extras import install
+from lme.requirements import install
 
 if TYPE_CHECKING:
     from optuna import Study

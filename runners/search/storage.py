@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from lme.errors import InputError
-from runners.config.extras import install
+from lme.requirements import install
 
 if TYPE_CHECKING:
     from optuna.storages import BaseStorage, RDBStorage

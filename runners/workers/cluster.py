@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from lme.errors import InputError, require
-from runners.config.extras import install
+from lme.requirements import install
 from runners.records.versions import versions
 from runners.workers.executor import (
     Initialise,

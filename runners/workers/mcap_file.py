@@ -9,7 +9,7 @@ from types import TracebackType
 from typing import Any, Final, Self
 
 from lme.errors import InputError
-from runners.config.extras import install
+from lme.requirements import install
 from runners.workers.ros_messages import Messages
 
 _ROSBAG2_VERSION: Final = 8  # 9 stores QoS profiles as words, which Humble cannot read (ros2/rosbag2#1476)

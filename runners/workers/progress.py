@@ -18,6 +18,7 @@ from rich.progress import (
 )
 
 from runners.workers import kernels
+from runners.workers.notebook_progress import NotebookProgress
 
 _COMPILING = "Compiling kernels, once after installation: this takes about half a minute."
 
@@ -25,8 +26,10 @@ _COMPILING = "Compiling kernels, once after installation: this takes about half 
 class _Bar:
     """A bar on standard error: label, progress, `columns`, time elapsed and time left."""
 
-    def __init__(self, label: str, total: int, *columns: str, **fields: Any) -> None:
-        self._bar = Progress(
+    def __init__(self, label: str, total: int, *columns: str, shown: bool = True, **fields: Any) -> None:
+        console = Console(stderr=True)
+        kind = NotebookProgress if console.is_jupyter else Progress
+        self._bar = kind(
             TextColumn("{task.description}"),
             BarColumn(),
             MofNCompleteColumn(),
@@ -34,12 +37,13 @@ class _Bar:
             TimeElapsedColumn(),
             TextColumn("left"),
             TimeRemainingColumn(),
-            console=Console(stderr=True),
+            console=console,
+            disable=not shown,
         )
         self._task = self._bar.add_task(label, start=False, total=total, **fields)
 
     def __enter__(self) -> Self:
-        if not kernels.compiled():
+        if not (self._bar.disable or kernels.compiled()):
             self._bar.console.print(_COMPILING)
         self._bar.start()
         self._bar.start_task(self._task)
@@ -54,8 +58,8 @@ class _Bar:
 class EpisodeProgress(_Bar):
     """Finished episodes, their outcomes, and the time left. Without a terminal it prints one line at the end."""
 
-    def __init__(self, label: str, total: int) -> None:
-        super().__init__(label, total, "{task.fields[outcomes]}", outcomes="")
+    def __init__(self, label: str, total: int, shown: bool = True) -> None:
+        super().__init__(label, total, "{task.fields[outcomes]}", shown=shown, outcomes="")
         self._outcomes: Counter[str] = Counter()
 
     def skip(self, done: int) -> None:

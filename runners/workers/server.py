@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import contextlib
 import os
+import sys
 from collections.abc import Iterator
 from multiprocessing import forkserver, get_all_start_methods, get_context, resource_tracker
+from types import ModuleType
 from typing import Any
 
 from runners.workers.signals import sigint_ignored, sigterm_blocked
@@ -43,8 +45,19 @@ def start() -> None:
 def context() -> Iterator[Any]:
     """Give the `multiprocessing` context that starts workers, with the environment that they need."""
     start()
-    with _environment(ONE_THREAD):
+    with _environment(ONE_THREAD), _without_main():
         yield get_context(_METHOD)
+
+
+@contextlib.contextmanager
+def _without_main() -> Iterator[None]:
+    """Hide the script that was started: a worker needs nothing of it, and would run it once more to import it."""
+    script = sys.modules["__main__"]
+    sys.modules["__main__"] = ModuleType("__main__")
+    try:
+        yield
+    finally:
+        sys.modules["__main__"] = script
 
 
 @contextlib.contextmanager

@@ -15,7 +15,7 @@ from lme.episode import Episode, run_episode
 from lme.errors import InputError
 from lme.geometry.frames import to_world
 from lme.navigator import Explanations, Navigator
-from lme.policy.explanation import Explanation
+from lme.policies.lme.explanation import Explanation
 from lme.robots import Robot
 from lme.sim.simulator import Simulator, State
 from lme.types import Floats, Guidance, Observation, Pose, Twist

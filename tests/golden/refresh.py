@@ -16,7 +16,7 @@ from lme.guides.lme import Lme, LmeConfig
 from lme.guides.target import Target, TargetConfig
 from lme.navigator import Navigator
 from lme.planners.simple import Simple, SimpleConfig
-from lme.policy.candidates import CandidateConfig
+from lme.policies.lme.candidates import CandidateConfig
 from lme.sim.fast import FastConfig, FastSimulator
 from lme.types import Pose
 from lme.worlds.barn.map_set import Barn, BarnConfig

@@ -7,7 +7,7 @@ from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
 from lme.errors import InputError
-from lme.policy.score import CRITERIA
+from lme.policies.lme.score import CRITERIA
 from lme.presets import load_map_set, load_parameters, load_robot, load_simulator
 from lme.robots import Robot
 from runners.config.instantiate import build, configured, filled

@@ -10,6 +10,7 @@ import tempfile
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from importlib.util import find_spec
 from pathlib import Path
 from typing import NamedTuple
 
@@ -43,13 +44,21 @@ HEAD = "| reader | inputs | read | refused | slowest [s] | peak [MB] | faults |\
 
 
 def readers(inputs: int, seed: int, only: str = "", at_once: int = 2) -> Iterator[Tried]:
-    """Give `inputs` in total to all readers whose names hold `only`, by their shares; yield what came of them."""
-    chosen = [reader for reader in READERS if only in reader.name]
+    """Give `inputs` in total to all readers whose names hold `only`, by their shares; yield what came of them.
+
+    A reader that needs a module which is not installed is left out.
+    """
+    chosen = [reader for reader in READERS if only in reader.name and not missing(reader)]
     total = sum(reader.share for reader in chosen)
     with ThreadPoolExecutor(at_once) as pool:
         yield from pool.map(
             lambda reader: tried([reader], max(round(inputs * reader.share / total), 1), seed), chosen
         )
+
+
+def missing(reader: Reader) -> bool:
+    """Whether the reader needs a module that is not installed."""
+    return reader.needs is not None and find_spec(reader.needs) is None
 
 
 def tried(chosen: Sequence[Reader], count: int, seed: int) -> Tried:
@@ -90,6 +99,9 @@ def _death(words: Sequence[str]) -> str:
 
 def report(inputs: int, seed: int, only: str) -> int:
     """Print a table of all readers, and the faults; the exit status."""
+    for reader in READERS:
+        if only in reader.name and missing(reader):
+            print(f"skipped: {reader.name}, which need {reader.needs}")
     print(f"Limits: {SLOWEST_S:g} s and {MEMORY_MB} MB an input; seed {seed}\n{HEAD}")
     found = []
     for one in readers(inputs, seed, only):

@@ -36,13 +36,14 @@ SIZE_M = (10.0, 8.0)
 
 
 class Reader(NamedTuple):
-    """share: of the inputs; slow readers have less. spoil: how a good input is damaged."""
+    """share: of the inputs; slow readers have less. spoil: how a good input is damaged. needs: a module; or none."""
 
     name: str
     write: Callable[[Path], None]
     read: Callable[[Path], object]
     share: float = 1.0
     spoil: Callable[[Rng, Path], None] = spoil
+    needs: str | None = None
 
 
 def command(*words: str) -> None:
@@ -394,7 +395,7 @@ def _lessons(folder: Path) -> None:
 
 
 def _read_lessons(folder: Path) -> None:
-    from runners.learning.clone import _read
+    from runners.learning.clone_training import _read
 
     _read(folder / "round_000.npz")
 
@@ -446,8 +447,8 @@ READERS = (
     Reader("launch.json", _launch, _resume, share=0.2),
     Reader("studies", _study, _read_study, share=0.2),
     Reader("scores of trials", _scores, _read_scores),
-    Reader("checkpoints of lme learn", _learned, _read_learned, share=0.2),
-    Reader("lessons of lme learn", _lessons, _read_lessons),
+    Reader("checkpoints of lme learn", _learned, _read_learned, share=0.2, needs="torch"),
+    Reader("lessons of lme learn", _lessons, _read_lessons, needs="torch"),
     Reader(
         "own options",
         _own_options,

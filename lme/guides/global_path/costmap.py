@@ -14,7 +14,7 @@ import numpy as np
 
 from lme.errors import InputError, require
 from lme.geometry.frames import compose, to_robot
-from lme.kernels.costmap import (
+from lme.kernels.obstacle_grid import (
     INSCRIBED,
     Grid,
     draw_discs,
@@ -81,7 +81,7 @@ class Costmap:
         self._scans = 0
 
     def observe(self, observation: Observation) -> None:
-        """Mark the cells that the scan hits and clear those it passes; see `lme.kernels.costmap.observe`."""
+        """Mark the cells that the scan hits and clear those it passes; see `lme.kernels.obstacle_grid.observe`."""
         scan, config = observation.scan, self._config
         self._scans += 1
         observe(

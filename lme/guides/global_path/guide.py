@@ -10,9 +10,9 @@ import numpy as np
 from lme.errors import InputError, require
 from lme.geometry.frames import to_robot, to_world
 from lme.guides.global_path.costmap import Costmap, CostmapConfig
-from lme.kernels.costmap import INSCRIBED, TOUCHING
+from lme.guides.global_path.kernels import departs, nearest_passable, search, straighten, trace
 from lme.kernels.fan import fan_blocked
-from lme.kernels.grid_search import departs, nearest_passable, search, straighten, trace
+from lme.kernels.obstacle_grid import INSCRIBED, TOUCHING
 from lme.robots import Robot
 from lme.sensing.scan_points import obstacle_points
 from lme.types import Bools, Floats, Guidance, Observation, Pose

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lme.errors import InputError
-from lme.kernels.crc32c import crc32c
 from lme.planners.dclp import leveldb
+from lme.planners.dclp.kernels.crc32c import crc32c
 
 INDEX, SHARD = ".index", ".data-00000-of-00001"
 _SIZE_MAX = 64 * 2**20  # [bytes] of either file; the published checkpoint has 1.8 MB
@@ -25,7 +25,7 @@ _VARINT, _FIXED64, _BYTES, _FIXED32 = 0, 1, 2, 5  # wire types of protocol buffe
 _LITTLE = 0
 
 
-class Entry(NamedTuple):
+class BundleEntry(NamedTuple):
     """Where a tensor lies in the shard. dtype: TensorFlow's number; offset, size [bytes]; crc: masked."""
 
     dtype: int
@@ -36,10 +36,10 @@ class Entry(NamedTuple):
     crc: int
 
 
-def read_entries(prefix: Path) -> dict[str, Entry]:
+def read_entries(prefix: Path) -> dict[str, BundleEntry]:
     """The entries of PREFIX.index by tensor name. Raises InputError, naming the file, for a wrong or damaged one."""
     path = Path(f"{prefix}{INDEX}")
-    found: dict[str, Entry] = {}
+    found: dict[str, BundleEntry] = {}
     try:
         for key, value in leveldb.entries(_read(path), str(path)):
             if key:
@@ -53,7 +53,7 @@ def read_entries(prefix: Path) -> dict[str, Entry]:
     return found
 
 
-def read_tensors(prefix: Path, entries: dict[str, Entry]) -> dict[str, NDArray[np.float32]]:
+def read_tensors(prefix: Path, entries: dict[str, BundleEntry]) -> dict[str, NDArray[np.float32]]:
     """The values of the tensors in PREFIX's shard, flat, each with its checksum verified.
 
     Raises InputError, naming file and tensor, also for a tensor that is not float32.
@@ -63,7 +63,7 @@ def read_tensors(prefix: Path, entries: dict[str, Entry]) -> dict[str, NDArray[n
     return {name: _tensor(data, entry, f"{path}: {name}") for name, entry in entries.items()}
 
 
-def _tensor(data: bytes, entry: Entry, place: str) -> NDArray[np.float32]:
+def _tensor(data: bytes, entry: BundleEntry, place: str) -> NDArray[np.float32]:
     if entry.dtype != _FLOAT or entry.shard != 0 or entry.size != 4 * math.prod(entry.shape):
         raise InputError(
             f"{place}: must be of float32, in one shard, and as large as its shape {entry.shape}"
@@ -93,7 +93,7 @@ def _check_header(message: bytes) -> None:
         raise ValueError("a checkpoint must have one shard and be little-endian")
 
 
-def _entry(message: bytes) -> Entry:
+def _entry(message: bytes) -> BundleEntry:
     fields = dict(_fields(message))
     if 7 in fields:
         raise ValueError("a tensor is cut into slices")
@@ -102,7 +102,7 @@ def _entry(message: bytes) -> Entry:
     if not isinstance(shape, bytes) or not all(isinstance(number, int) for number in numbers):
         raise ValueError("an entry is malformed")
     dtype, shard, offset, size, crc = (int(number) for number in numbers)
-    return Entry(dtype, _shape(shape), shard, offset, size, crc)
+    return BundleEntry(dtype, _shape(shape), shard, offset, size, crc)
 
 
 def _shape(message: bytes) -> tuple[int, ...]:

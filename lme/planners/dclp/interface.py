@@ -69,14 +69,14 @@ class DclpConfig:
                 require(f"planner.{key}", getattr(self, key), above=0.0)
 
 
-class Features(NamedTuple):
-    """Inputs of the network, as `Network.mixture` takes them. directions: (90, 6). state: (8,)."""
+class DclpFeatures(NamedTuple):
+    """Inputs of the network, as `DclpPolicy.mixture` takes them. directions: (90, 6). state: (8,)."""
 
     directions: Floats
     state: Floats
 
 
-class Interface:
+class DclpInterface:
     """What the network is told of a robot, and the command that its answer stands for."""
 
     def __init__(self, config: DclpConfig, robot: Robot) -> None:
@@ -87,7 +87,7 @@ class Interface:
         self._directions = np.empty((DIRECTIONS, DIRECTION_INPUTS))
         self._directions[:, 3:] = [_number(told.front), _number(told.rear), _number(told.half_width)]
 
-    def features(self, observation: Observation, subgoal: Floats) -> Features:
+    def features(self, observation: Observation, subgoal: Floats) -> DclpFeatures:
         """What the network is told. subgoal: (2,) in the robot frame [m]."""
         config = self._config
         directions = self._directions.copy()
@@ -97,7 +97,7 @@ class Interface:
         x, y = subgoal
         limits = self._limits(observation.limits)
         state = np.array([math.hypot(x, y), math.atan2(y, x), *observation.twist, *limits])
-        return Features(directions, state)
+        return DclpFeatures(directions, state)
 
     def goal(self, guidance: Guidance) -> Floats:
         """The subgoal, or where the guide has a path, the first point on it that is `lookahead` away: (2,) [m]."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from lme.errors import InputError
-from lme.kernels.crc32c import crc32c
+from lme.planners.dclp.kernels.crc32c import crc32c
 
 _FOOTER, _HANDLES = 48, 40  # [bytes]
 _MAGIC = 0xDB4775248B80FB57

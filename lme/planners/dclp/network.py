@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lme.kernels.dense import dense
+from lme.planners.dclp.kernels.dense import dense
 from lme.planners.dclp.weights import COMPONENTS, LAYERS, MIXTURE, Weights
 from lme.types import Floats
 
@@ -24,7 +24,7 @@ class Mixture(NamedTuple):
     means: Floats
 
 
-class Network:
+class DclpPolicy:
     """The published network in compiled code: 1 M multiplications.
 
     weights: the arrays of `lme.planners.dclp.weights.SHAPES`.

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from lme.planners.dclp.interface import DclpConfig, Features, Interface, warn_if_untrained
-from lme.planners.dclp.network import Network, draw
+from lme.planners.dclp.interface import DclpConfig, DclpFeatures, DclpInterface, warn_if_untrained
+from lme.planners.dclp.network import DclpPolicy, draw
 from lme.planners.dclp.weights import TRAINED, read_weights
 from lme.resources import resource_dir
 from lme.robots import Robot
@@ -28,9 +28,9 @@ class Dclp:
 
     def __init__(self, config: DclpConfig, robot: Robot) -> None:
         weights = _weights(config.weights)
-        self._network = Network(weights)
-        self.interface = Interface(config, robot)
-        self.seen: Features | None = None  # inputs of the network at the last step
+        self._network = DclpPolicy(weights)
+        self.interface = DclpInterface(config, robot)
+        self.seen: DclpFeatures | None = None  # inputs of the network at the last step
         warn_if_untrained(self.interface.told, weights[TRAINED])
 
     def reset(self, rng: np.random.Generator) -> None:

@@ -18,7 +18,7 @@ PEDESTRIANS = 32  # that the network is told of at most: the nearest
 _NOWHERE = np.zeros(2)
 
 
-class Features(NamedTuple):
+class DrlVoFeatures(NamedTuple):
     """Inputs of the network, as `observation.image_of` makes an image of them.
 
     sweeps: (20, 80) in [−1, 1], least and mean range of each of the ten sweeps, the oldest first. pedestrians:
@@ -30,7 +30,7 @@ class Features(NamedTuple):
     goal: Floats
 
 
-class Interface:
+class DrlVoInterface:
     """What the network is told of the last half second, and the command that its answer stands for."""
 
     def __init__(self, config: DrlVoConfig, robot: Robot) -> None:
@@ -45,7 +45,7 @@ class Interface:
         self._sweeps.clear()
         self._goal = _NOWHERE
 
-    def features(self, observation: Observation, subgoal: Floats) -> Features:
+    def features(self, observation: Observation, subgoal: Floats) -> DrlVoFeatures:
         """What the network is told, once a step: the scan joins the sweeps. subgoal: (2,) in the robot frame [m]."""
         self._sweeps.add(observation.scan, self._mount_yaw)
         pedestrians = np.zeros((PEDESTRIANS, 4))
@@ -53,7 +53,7 @@ class Interface:
             nearest = np.argsort(np.hypot(*observation.pedestrians[:, :2].T), kind="stable")[:PEDESTRIANS]
             # the order of the tracker: of two in a cell the last one counts
             pedestrians[PEDESTRIANS - len(nearest) :] = observation.pedestrians[np.sort(nearest)]
-        return Features(self._sweeps.rows(), pedestrians, subgoal / self._config.lookahead)
+        return DrlVoFeatures(self._sweeps.rows(), pedestrians, subgoal / self._config.lookahead)
 
     def goal(self, guidance: Guidance) -> Floats:
         """The point that the network is led to, in the robot frame: (2,) [m]."""

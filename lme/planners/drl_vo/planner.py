@@ -12,8 +12,8 @@ from lme.errors import InputError
 from lme.planners.array_file import Arrays
 from lme.planners.commands import limited
 from lme.planners.drl_vo.config import DrlVoConfig
-from lme.planners.drl_vo.interface import Features, Interface
-from lme.planners.drl_vo.network import Network
+from lme.planners.drl_vo.interface import DrlVoFeatures, DrlVoInterface
+from lme.planners.drl_vo.network import DrlVoPolicy
 from lme.planners.drl_vo.observation import image_of
 from lme.planners.drl_vo.weights import TOLD, TRAINED, read_weights
 from lme.robots import Robot
@@ -38,9 +38,9 @@ class DrlVo:
         weights = _weights(config.weights)
         self._config = config
         self._robot = robot
-        self._network = Network(weights, config.batch_norm)
-        self.interface = Interface(config, robot)
-        self.seen: Features | None = None  # inputs of the network at the last step
+        self._network = DrlVoPolicy(weights, config.batch_norm)
+        self.interface = DrlVoInterface(config, robot)
+        self.seen: DrlVoFeatures | None = None  # inputs of the network at the last step
         _warn_if_untrained(config, robot, weights[TRAINED])
 
     def reset(self, rng: np.random.Generator) -> None:
@@ -57,7 +57,7 @@ class DrlVo:
         answer = _NO_ANSWER if interface.turns(observation) else self._answer(self.seen)
         return interface.command(answer, observation)
 
-    def _answer(self, features: Features) -> Floats:
+    def _answer(self, features: DrlVoFeatures) -> Floats:
         """The network's answer: (2,) in [−1, 1]."""
         image = image_of(features.sweeps, features.pedestrians)
         answer = self._network.means(image, features.goal)

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lme.errors import require
-from lme.kernels.tubes import Ranges, choose, free_tubes, points_along
+from lme.planners.motion_tubes.kernels import Ranges, choose, free_tubes, points_along
 from lme.planners.motion_tubes.tubes import LidarView, Tubes, TubeSpec, forward_tubes
 from lme.robots import Robot
 from lme.types import Bools, Floats, Guidance, Twist

@@ -11,9 +11,9 @@ import numpy as np
 
 from lme.errors import require
 from lme.kernels.collision import sweep
-from lme.kernels.tubes import Ranges
 from lme.planners.commands import approach, limited, towards
 from lme.planners.motion_tubes.choice import Route, TubeChoice, TubeChoiceConfig, TubeGoal
+from lme.planners.motion_tubes.kernels import Ranges
 from lme.planners.motion_tubes.surroundings import Surroundings
 from lme.planners.motion_tubes.tubes import BackwardTubes, LidarView, backward_tubes, lidar_view
 from lme.planners.stopping import until_rest
@@ -68,7 +68,7 @@ class MotionTubesConfig(TubeChoiceConfig):
             require(f"planner.{key}", getattr(self, key), at_least=0.0)
 
 
-class _State(Enum):
+class _Manoeuvre(Enum):
     FOLLOW = auto()
     STOP = auto()
     TURN = auto()
@@ -127,13 +127,13 @@ class MotionTubes:
         """Command for one control period."""
         scene = self._scene(observation, guidance)
         if scene.route.left <= self._config.rest_within:
-            self._state = _State.FOLLOW
+            self._state = _Manoeuvre.FOLLOW
             return self._stopping_in_time(self._brake(scene), scene)
         steps = {
-            _State.FOLLOW: self._follow,
-            _State.STOP: self._stop,
-            _State.TURN: self._turn,
-            _State.BACK: self._back_up,
+            _Manoeuvre.FOLLOW: self._follow,
+            _Manoeuvre.STOP: self._stop,
+            _Manoeuvre.TURN: self._turn,
+            _Manoeuvre.BACK: self._back_up,
         }
         wanted = steps[self._state](scene)
         command = self._stopping_in_time(wanted, scene)
@@ -143,14 +143,14 @@ class MotionTubes:
 
     def _leave_unsafe_tube(self, here: Pose) -> None:
         """Change the state if the chosen tube was not safe to enter."""
-        if self._state is _State.FOLLOW:
-            self._state, self._stuck = _State.BACK, here
-        elif self._state is _State.BACK:
-            self._state, self._stuck = _State.STOP, None
+        if self._state is _Manoeuvre.FOLLOW:
+            self._state, self._stuck = _Manoeuvre.BACK, here
+        elif self._state is _Manoeuvre.BACK:
+            self._state, self._stuck = _Manoeuvre.STOP, None
 
     def _forget(self) -> None:
         self._around.forget()
-        self._state = _State.FOLLOW
+        self._state = _Manoeuvre.FOLLOW
         self._stuck = None
 
     def _scene(self, observation: Observation, guidance: Guidance) -> _Scene:
@@ -167,7 +167,7 @@ class MotionTubes:
         config, now, dt = self._config, scene.observation.twist, self._dt
         chosen = self._tubes.ahead(scene.route, now, scene.view, scene.seen)
         if chosen is None:
-            self._state = _State.STOP
+            self._state = _Manoeuvre.STOP
             return self._brake(scene)
         limits = scene.observation.limits
         speed, braking = min(chosen.speed, limits.v_max), min(config.stop_deceleration, limits.alpha_v)
@@ -189,24 +189,24 @@ class MotionTubes:
         """Brake until a tube is free; at a standstill, recover."""
         v, omega = scene.observation.twist
         if v > -_STANDSTILL and self._tubes.ahead(scene.route, Twist(v, omega), scene.view, scene.seen):
-            self._state = _State.FOLLOW
+            self._state = _Manoeuvre.FOLLOW
             return self._follow(scene)
         if max(abs(v), abs(omega)) > _STANDSTILL:
             return self._brake(scene)
         if self._turns_usefully(scene, self._config.turn_margin):
-            self._state = _State.TURN
+            self._state = _Manoeuvre.TURN
         elif self._behind(scene) is not None:
-            self._state = _State.BACK
+            self._state = _Manoeuvre.BACK
         elif self._turns_usefully(scene, _GAP):
-            self._state = _State.TURN
-        return self._turn(scene) if self._state is _State.TURN else self._back_up(scene)
+            self._state = _Manoeuvre.TURN
+        return self._turn(scene) if self._state is _Manoeuvre.TURN else self._back_up(scene)
 
     def _turn(self, scene: _Scene) -> Twist:
         """Turn on the spot until the robot faces along the path or can drive ahead."""
         bearing, config = self._tubes.bearing(scene.route), self._config
         done = abs(bearing) <= config.turn_tolerance or self._can_drive_ahead(scene)
         if done or not self._room_to_turn(scene, 0.0):
-            self._state = _State.STOP
+            self._state = _Manoeuvre.STOP
             return self._brake(scene)
         rate = scene.observation.twist.omega
         return Twist(0.0, approach(bearing, rate, config.turn_speed, config.turn_acceleration, self._dt))
@@ -215,7 +215,7 @@ class MotionTubes:
         """Back up until there is room to turn or the robot can drive ahead."""
         curvature = self._behind(scene)
         if curvature is None or self._backed_off(scene):
-            self._state, self._stuck = _State.STOP, None
+            self._state, self._stuck = _Manoeuvre.STOP, None
             return self._brake(scene)
         v = towards(-self._config.back_speed, scene.observation.twist.v, self._config.deceleration, self._dt)
         return Twist(v, v * curvature)

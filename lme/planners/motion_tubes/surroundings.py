@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from lme.geometry.frames import relative, to_world
-from lme.kernels.tubes import Ranges, known_free, out_of_sight
+from lme.planners.motion_tubes.kernels import Ranges, known_free, out_of_sight
 from lme.planners.motion_tubes.tubes import LidarView
 from lme.robots import Footprint
 from lme.types import Bools, Floats, Pose

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lme.kernels.tubes import Ranges, arc_pose, free_ranges, swept_ranges
+from lme.planners.motion_tubes.kernels import Ranges, arc_pose, free_ranges, swept_ranges
 from lme.types import Bools, Floats, Ints, LaserScan, Pose
 
 Box = tuple[float, float, float]  # half_length, half_width, rounding [m]
@@ -43,7 +43,7 @@ class TubeSpec(NamedTuple):
 class Tubes(NamedTuple):
     """Tubes of one length for one lidar: the straight one first, then left and right in turn.
 
-    curvatures (N,) [1/m]; needs (N, B) [m], spans (N, 2) and hidden (N,) as in `lme.kernels.tubes.free_tubes`;
+    curvatures (N,) [1/m]; needs (N, B) [m], spans (N, 2) and hidden (N,) as in `free_tubes` of `kernels.py`;
     whisker_beams and whisker_ranges (3, N, S): samples of the outer, front and inner whisker.
     """
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from lme.errors import require
 from lme.geometry.frames import compose
-from lme.kernels.costmap import Grid, Hits, inflate, lattice, observe
+from lme.kernels.obstacle_grid import Grid, Hits, inflate, lattice, observe
 from lme.kernels.outline import free_covered, outline_capacity, outline_cost
 from lme.robots import Robot
 from lme.sensing.inflation import inflation_stamp

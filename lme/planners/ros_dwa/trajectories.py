@@ -9,9 +9,9 @@ import numpy as np
 
 from lme.errors import require
 from lme.geometry.angles import wrap_angle
-from lme.kernels.costmap import lattice
-from lme.kernels.map_grid import LOST, distances, score, way_cells
+from lme.kernels.obstacle_grid import lattice
 from lme.kernels.outline import covered_cells
+from lme.planners.ros_dwa.kernels import LOST, distances, score, way_cells
 from lme.planners.ros_dwa.local_costmap import LocalCostmap, LocalCostmapConfig
 from lme.robots import Robot
 from lme.types import Floats, Limits, Observation, Pose, Twist
@@ -190,7 +190,7 @@ class TrajectorySearch:
     def _score(
         self, twists: Floats, observation: Observation, least: float, best_only: bool
     ) -> tuple[Floats, Floats]:
-        """Scores and ends of trajectories; see `lme.kernels.map_grid.score`."""
+        """Scores and ends of trajectories; see `lme.planners.ros_dwa.kernels.score`."""
         costmap, limits = self._costmap, self._limits(observation.limits)
         return score(
             twists,

@@ -192,7 +192,7 @@ def _told(name: str, trace: Trace) -> list[str]:
 def _sentences(steps: Sequence[TracedStep]) -> Iterator[str]:
     """Steps, times and reasons. Raises InputError if the guide gives no reasons."""
     from lme.errors import InputError
-    from lme.policy.reasons import reasons
+    from lme.policies.lme.reasons import reasons
 
     why = [step.explanation for step in steps if step.explanation is not None]
     if not why:

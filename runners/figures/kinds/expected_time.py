@@ -12,9 +12,9 @@ from scipy.spatial import cKDTree
 
 from lme.geometry.frames import to_robot
 from lme.guides.lme_plus import LmePlus
-from lme.plus.criteria import Sight
-from lme.policy.explanation import Explanation
-from lme.policy.maintenance import Choice
+from lme.policies.lme.explanation import Explanation
+from lme.policies.lme.maintenance import Choice
+from lme.policies.lme_plus.criteria import Sight
 from lme.types import Bools, Floats
 from runners.config import build
 from runners.figures.parts import robot_view as view

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from lme.errors import InputError, nearest
-from lme.policy.explanation import Explanation
-from lme.policy.score import CRITERIA
+from lme.policies.lme.explanation import Explanation
+from lme.policies.lme.score import CRITERIA
 from lme.types import Bools, Floats
 from runners.figures.parts import robot_view as view
 from runners.figures.parts.driven_runs import DrivenRun

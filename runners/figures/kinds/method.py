@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lme.policy.criteria import View
-from lme.policy.surmount import Blockage, sector_points
+from lme.policies.lme.criteria import View
+from lme.policies.lme.surmount import Blockage, sector_points
 from lme.types import Floats
 from runners.figures.parts import robot_view as view
 from runners.figures.parts.driven_runs import DrivenRun
@@ -117,7 +117,7 @@ def _draw_candidates(axes: Axes, shot: Shot) -> str:
     axes.plot(*view.upwards(why.decision.subgoal), color=YELLOW, zorder=10, **star)
     away = math.hypot(*why.view.target)
     return (
-        f"{len(why.candidates)} candidates (blue) within {reach:g} m (dotted), scan points (red) and the subgoal "
+        f"{len(why.candidates)} candidates (blue) within {reach:g} m (dotted), scan points (orange) and the subgoal "
         f"(star). The robot O heads upwards; the target T is {away:.1f} m away."
     )
 
@@ -133,9 +133,24 @@ def _draw_sectors(axes: Axes, shot: Shot) -> str:
         view.draw_letters(axes, view.letters(seen.blockage), 4.0, written=True)
     view.draw_target(axes, seen.target, VERMILION, written=True)
     view.draw_robot(axes, shot.trace.robot.footprint)
-    away = -view.upwards(seen.target) / max(math.hypot(*seen.target), 1e-9)
-    view.write(axes, view.Letter("$O$", np.zeros(2), away), 20)
+    ends = [] if seen.blockage is None else [seen.blockage.E1, seen.blockage.E2]
+    radius_pt = _in_points(axes, shot.trace.robot.footprint.r_max)
+    view.write(axes, view.Letter("$O$", np.zeros(2), _free_side([seen.target, *ends])), radius_pt + 5)
     return f"Points nearer to each other than 2r join, {len(why.sectors)} sectors in all. {_about_blockage(seen)}"
+
+
+def _free_side(points: Sequence[Floats]) -> Floats:
+    """(2,) unit vector on the page into the middle of the widest gap between the lines from the robot to points."""
+    bearings = np.sort([math.atan2(y, x) for x, y in map(view.upwards, points)])
+    gaps = np.diff(bearings, append=bearings[0] + math.tau)
+    middle = bearings[gaps.argmax()] + gaps.max() / 2
+    return np.array([math.cos(middle), math.sin(middle)])
+
+
+def _in_points(axes: Axes, length_m: float) -> float:
+    """A length of the panel on the page [pt]."""
+    (x0, _), (x1, _) = axes.transData.transform([(0.0, 0.0), (length_m, 0.0)])
+    return float(x1 - x0) * 72 / axes.figure.dpi
 
 
 def _about_blockage(seen: View) -> str:

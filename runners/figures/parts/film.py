@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lme.errors import InputError
-from runners.config.extras import install
+from lme.requirements import install
 from runners.records.whole_file import replacing
 
 if TYPE_CHECKING:

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from lme.errors import InputError, require
 from lme.guides.lme import Lme
-from lme.policy.explanation import Explanation
-from lme.policy.maintenance import Choice
-from lme.policy.reasons import reason
+from lme.policies.lme.explanation import Explanation
+from lme.policies.lme.maintenance import Choice
+from lme.policies.lme.reasons import reason
 from runners.config.instantiate import configured
 from runners.config.schema import SystemConfig
 from runners.figures.parts.driven_runs import DrivenRun, chosen_world

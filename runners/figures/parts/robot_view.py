@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from scipy.spatial import cKDTree
 
-from lme.policy.explanation import Explanation
-from lme.policy.surmount import Blockage, sector_points
+from lme.policies.lme.explanation import Explanation
+from lme.policies.lme.surmount import Blockage, sector_points
 from lme.robots import Footprint
 from lme.types import Floats
 from runners.figures.parts.scene import Box, outline

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from lme.policy.explanation import Explanation
+from lme.policies.lme.explanation import Explanation
 from runners.figures.parts.robot_view import SECTORS, STAR, blockage_seen, greens, is_inside, rival_subgoal
 from runners.figures.parts.scene import Box
 from runners.figures.parts.style import BLUE, GREEN, INK

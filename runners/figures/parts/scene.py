@@ -17,14 +17,26 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
     from matplotlib.lines import Line2D
+    from matplotlib.path import Path
 
 ROOM_M = 10.0  # a world with sides up to this is shown whole; of a larger one, the part around the paths
 AROUND_M = 1.5  # shown around starts, goals and paths
 MARGIN_M = 0.4  # shown beyond the outermost obstacle
 FLAG = ((0.0, 0.0), (0.0, 1.0), (0.72, 0.72), (0.0, 0.44), (0.0, 0.0))  # a pennant; its foot marks the point
 FLAG_SIZE = 20  # at the goal; Matplotlib measures a marker to both sides of its origin
+POINTER = (
+    (1.0, 0.0),
+    (-0.8, 0.62),
+    (-0.4, 0.0),
+    (-0.8, -0.62),
+    (1.0, 0.0),
+)  # longer than wide: its tip can be told
+POINTER_SIZE = 10  # at the start
 PATH_PT = 1.1
-LETTER_PT = 8.0  # distance of "S" behind the start, where no path begins
+BEHIND_PT, BESIDE_PT = (
+    10.0,
+    8.0,
+)  # distance of "S" behind the start, where no path begins, and of "G" from the goal
 
 
 class Box(NamedTuple):
@@ -80,7 +92,7 @@ def outline(footprint: Footprint) -> Floats:
 
 
 def draw_task(axes: Axes, task: Task) -> None:
-    """Draw obstacles, start (an arrowhead along its heading), goal and the circle of its tolerance."""
+    """Draw obstacles, start (a pointer along its heading), goal and the circle of its tolerance."""
     from matplotlib.collections import EllipseCollection, LineCollection, PolyCollection
     from matplotlib.patches import Circle
 
@@ -98,11 +110,19 @@ def draw_task(axes: Axes, task: Task) -> None:
     axes.add_patch(reached)
     axes.plot(gx, gy, zorder=7, **_flag())
     start = task.start
-    arrow = (3, 0, math.degrees(start.yaw) - 90)
-    axes.plot(start.x, start.y, marker=arrow, markersize=6, color=INK, markeredgewidth=0, zorder=7)
-    behind = (-LETTER_PT * math.cos(start.yaw), -LETTER_PT * math.sin(start.yaw))
+    look: dict[str, Any] = {"markersize": POINTER_SIZE, "color": INK, "markeredgewidth": 0}
+    axes.plot(start.x, start.y, marker=pointer(start.yaw), zorder=7, **look)
+    behind = (-BEHIND_PT * math.cos(start.yaw), -BEHIND_PT * math.sin(start.yaw))
     write(axes, "S", (start.x, start.y), behind)
-    write(axes, "G", (gx, gy), (LETTER_PT, 0.0))
+    write(axes, "G", (gx, gy), (BESIDE_PT, 0.0))
+
+
+def pointer(yaw: float) -> Path:
+    """A marker that points along a heading [rad]."""
+    from matplotlib.path import Path
+
+    cos, sin = math.cos(yaw), math.sin(yaw)
+    return Path(np.array(POINTER) @ [[cos, sin], [-sin, cos]])
 
 
 def draw_paths(
@@ -142,7 +162,8 @@ def legend_keys(outcomes: Sequence[str] = LEGEND_ORDER, by_system: bool = False)
         for key in paths:
             key.set(color=INK, linestyle="")
         paths = [key for key in paths if key.get_marker()]
-    start = Line2D([], [], marker="^", label="start", color=INK, linestyle="", markeredgewidth=0)
+    look: dict[str, Any] = {"markersize": POINTER_SIZE, "color": INK, "linestyle": "", "markeredgewidth": 0}
+    start = Line2D([], [], marker=pointer(math.pi / 2), label="start", **look)
     goal = Line2D([], [], label="goal", **_flag(in_key=True))
     circle = Line2D([], [], color=INK, linestyle=":", linewidth=0.8, label="goal tolerance")
     return [*paths, start, goal, circle]

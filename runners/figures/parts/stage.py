@@ -11,7 +11,7 @@ from lme.geometry.frames import to_world
 from lme.robots import Robot
 from lme.sensing.scan_points import obstacle_points
 from lme.types import Floats
-from runners.figures.parts.scene import outline
+from runners.figures.parts.scene import POINTER, outline
 from runners.figures.parts.style import BLUE, INK, ORANGE, SKY, YELLOW
 from runners.workers.trace import Trace, TracedStep, TraceEnd
 
@@ -24,9 +24,7 @@ MOVER = "#444444"
 BEAMS = 180  # drawn at most: more would merge into an area
 CLIPPED = (5, 95)  # [percentile] the colour scale ends here, as in the paper's maps of S
 TRAIL_S = 0.5  # between two outlines of a mover's trail
-NOSE = np.array(
-    [[0.8, 0.0], [0.0, 0.55], [0.0, -0.55]]
-)  # relative to half the robot: a triangle that points ahead
+NOSE = 0.8 * np.array(POINTER)  # relative to half the robot; points ahead
 SUBGOAL: dict[str, Any] = {"markersize": 10, "color": YELLOW, "markeredgecolor": INK, "markeredgewidth": 0.6}
 SCAN: dict[str, Any] = {"color": ORANGE, "markersize": 1.5}
 BEAM: dict[str, Any] = {"color": SKY, "linewidth": 0.5, "alpha": 0.55}

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from runners.analysis import published
-from runners.analysis.summary import DASH, Row, title
+from runners.analysis.summary import DASH, INTERVAL_HEADER, INTERVAL_NOTE, Row, title
 from runners.figures.parts.style import GRID, INK, SKY, STYLES, new_figure, save
 
 if TYPE_CHECKING:
@@ -56,11 +56,11 @@ def best_and_worst(rows: Sequence[Row]) -> list[Row]:
 
 
 def _outcomes(axes: Axes, rows: Sequence[Row]) -> None:
-    """Draw stacked bars of the outcomes, with the standard deviation of the success rate over runs."""
+    """Draw stacked bars of the outcomes, with the interval of the success rate that the table gives."""
     for line, row in enumerate(rows):
         left = 0.0
         for outcome in OUTCOMES:
-            share, std = row.stats.get(outcome, (0.0, math.nan))
+            share, _ = row.stats.get(outcome, (0.0, math.nan))
             axes.barh(
                 line,
                 share,
@@ -73,8 +73,10 @@ def _outcomes(axes: Axes, rows: Sequence[Row]) -> None:
                 linewidth=0.4,
             )
             if outcome == "success":
-                _value(axes, line, share, std, 3)
+                _value(axes, line, share)
             left += share
+        if row.interval is not None:
+            _whisker(axes, line, *row.interval)
     axes.set(xlim=(0.0, 1.0))
     axes.set_xlabel("share of episodes", fontsize=8.5, color=INK)
     _plain(axes)
@@ -82,21 +84,21 @@ def _outcomes(axes: Axes, rows: Sequence[Row]) -> None:
 
 def _metric(axes: Axes, rows: Sequence[Row]) -> None:
     for line, row in enumerate(rows):
-        mean, std = row.stats.get(METRIC, (math.nan, math.nan))
+        mean, _ = row.stats.get(METRIC, (math.nan, math.nan))
         if not math.isnan(mean):
             axes.barh(line, mean, height=_height(row), color=SKY, alpha=_opacity(row))
-            _value(axes, line, mean, std, 3)
+            _value(axes, line, mean)
     axes.set(xlim=(0.0, 0.52))
     axes.set_xlabel("BARN metric (at most 0.5)", fontsize=8.5, color=INK)
     _plain(axes)
 
 
-def _value(axes: Axes, line: int, mean: float, std: float, digits: int) -> None:
-    """Write the mean at the foot of its bar, and draw a whisker of one standard deviation if known."""
+def _value(axes: Axes, line: int, mean: float) -> None:
+    """Write the mean at the foot of its bar."""
     from matplotlib.patheffects import withStroke
 
     axes.annotate(
-        f"{mean:.{digits}f}",
+        f"{mean:.3f}",
         (0.0, line),
         (3, 0),
         textcoords="offset points",
@@ -105,8 +107,15 @@ def _value(axes: Axes, line: int, mean: float, std: float, digits: int) -> None:
         color=INK,
         path_effects=[withStroke(linewidth=2.0, foreground="white", alpha=0.6)],
     )
-    if not math.isnan(std):
-        axes.errorbar(mean, line, xerr=std, color=INK, elinewidth=0.9, capsize=2.0, capthick=0.9, zorder=5)
+
+
+def _whisker(axes: Axes, line: int, low: float, high: float) -> None:
+    """Draw an interval across the bars, in ink on white so that it can be seen on every colour."""
+    for colour, wider in (("white", 1.6), (INK, 0.0)):
+        axes.plot(
+            [low, high], [line, line], "|-", color=colour, clip_on=False, zorder=5,
+            linewidth=0.9 + wider, markersize=5 + wider, markeredgewidth=0.9 + wider,
+        )  # fmt: skip
 
 
 def _label(figure: Figure, axes: Axes, rows: Sequence[Row], of: int, heading: str) -> None:
@@ -138,8 +147,8 @@ def _notes(rows: Sequence[Row], of: int) -> list[str]:
         lines.append(f"The {half} best and the {half} worst of {of:,} rows; the table has all.")
     if any(row.global_planner != "no" for row in rows):
         lines.append("* with a global planner.")
-    if any(row.runs is not None and row.runs > 1 for row in rows):
-        lines.append("Whiskers: one standard deviation over runs.")
+    if any(row.interval is not None for row in rows):
+        lines.append(f"Whiskers: {INTERVAL_HEADER}. {INTERVAL_NOTE}")
     return lines + published.notes({row.published_map for row in rows if row.published_map})
 
 

@@ -9,11 +9,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lme.envs.fleet import Fleet
+from lme.envs.kernels import RUNNING, wrapped
 from lme.envs.reward import CODES, Reward
 from lme.episode import Progress
 from lme.errors import InputError
 from lme.geometry.angles import wrap_angle
-from lme.kernels.fleet import RUNNING, wrapped
 from lme.presets import load_map_set, load_robot
 from lme.robots import Footprint
 from lme.sim.fast import FastConfig, FastSimulator

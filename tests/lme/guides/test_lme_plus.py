@@ -5,16 +5,16 @@ import math
 import numpy as np
 import pytest
 
-import lme.plus.escaper
+import lme.policies.lme_plus.escaper
 from lme.episode import run_episode
 from lme.guides.lme_plus import LmePlus, LmePlusConfig
 from lme.navigator import Navigator
-from lme.planners.min_time import MinTime, MinTimeConfig
-from lme.plus.criteria import CRITERIA
-from lme.plus.memory import MemoryConfig
-from lme.policy.candidates import CandidateConfig
-from lme.policy.maintenance import Choice
-from lme.policy.reasons import reason, reasons
+from lme.planners.min_time.planner import MinTime, MinTimeConfig
+from lme.policies.lme.candidates import CandidateConfig
+from lme.policies.lme.maintenance import Choice
+from lme.policies.lme.reasons import reason, reasons
+from lme.policies.lme_plus.criteria import CRITERIA
+from lme.policies.lme_plus.memory import MemoryConfig
 from lme.sim.fast import FastConfig, FastSimulator
 from lme.types import Outcome, Twist
 from lme.worlds.world import World
@@ -118,7 +118,7 @@ def test_a_seed_decides_everything():
 def test_a_mirrored_scene_has_mirrored_criteria(monkeypatch):
     # Cells do not mirror, so times may differ by what a cell takes; the other criteria may not.
     robot = stage()
-    draw = lme.plus.escaper.sample
+    draw = lme.policies.lme_plus.escaper.sample
     one, other = guide(robot, structured=False), guide(robot, structured=False)
     mirrored = World(circles=CLUTTER.circles * [1, -1, 1], segments=CLUTTER.segments * [1, -1, 1, -1])
     simulators = [FastSimulator(FastConfig(), robot) for _ in range(2)]
@@ -131,7 +131,7 @@ def test_a_mirrored_scene_has_mirrored_criteria(monkeypatch):
     for omega in (0.0, 0.5, -0.3):
         one.guide(seen[0])
         with monkeypatch.context() as patch:
-            patch.setattr(lme.plus.escaper, "sample", lambda *given: draw(*given) * FLIP)
+            patch.setattr(lme.policies.lme_plus.escaper, "sample", lambda *given: draw(*given) * FLIP)
             other.guide(seen[1])
         why, mirror = one.explanation(), other.explanation()
         assert mirror.candidates == pytest.approx(why.candidates * FLIP, abs=KERNEL)

@@ -8,7 +8,7 @@ import pytest
 from lme.episode import run_episode
 from lme.errors import InputError
 from lme.geometry.frames import to_world
-from lme.guides.tangent_bug import Mode, TangentBug, TangentBugConfig
+from lme.guides.tangent_bug.guide import Mode, TangentBug, TangentBugConfig
 from lme.navigator import Navigator
 from lme.planners.simple import Simple, SimpleConfig
 from lme.sim.fast import FastConfig, FastSimulator

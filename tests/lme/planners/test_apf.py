@@ -8,8 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lme.errors import InputError
-from lme.kernels.potential import repulsion
-from lme.planners.apf import Apf, ApfConfig
+from lme.planners.apf import Apf, ApfConfig, repulsion
 from lme.types import Outcome, Pose, Twist
 from lme.worlds.world import World
 from tests.builders import SHIPPED, observation, room, shipped, stage

@@ -12,7 +12,7 @@ from lme.errors import InputError
 from lme.geometry.frames import to_robot
 from lme.kernels.collision import sweep
 from lme.kernels.motion import drive as moved_by
-from lme.planners.min_time import MinTime, MinTimeConfig
+from lme.planners.min_time.planner import MinTime, MinTimeConfig
 from lme.sim.fast import FastConfig, FastSimulator
 from lme.types import Guidance, Outcome, Pose, Twist
 from lme.worlds.movers import Mover

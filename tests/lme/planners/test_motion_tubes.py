@@ -12,7 +12,8 @@ from lme.geometry.frames import to_robot
 from lme.guides.target import Target, TargetConfig
 from lme.kernels.collision import sweep
 from lme.kernels.raycast import cast
-from lme.kernels.tubes import (
+from lme.navigator import Navigator
+from lme.planners.motion_tubes.kernels import (
     arc_pose,
     choose,
     free_ranges,
@@ -23,7 +24,6 @@ from lme.kernels.tubes import (
     swept_ranges,
     whisker_free,
 )
-from lme.navigator import Navigator
 from lme.planners.motion_tubes.planner import MotionTubes, MotionTubesConfig
 from lme.planners.motion_tubes.surroundings import Surroundings
 from lme.planners.motion_tubes.tubes import TubeSpec, backward_tubes, forward_tubes, grown_outline, lidar_view

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from lme.errors import InputError
 from lme.geometry.frames import to_robot
-from lme.kernels.costmap import INSCRIBED, TOUCHING
+from lme.kernels.obstacle_grid import INSCRIBED, TOUCHING
 from lme.planners.ros_dwa.local_costmap import LocalCostmap, LocalCostmapConfig
 from lme.planners.ros_dwa.planner import RosDwa, RosDwaConfig
 from lme.sim.fast import FastConfig, FastSimulator

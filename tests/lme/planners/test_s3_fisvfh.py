@@ -12,7 +12,9 @@ from hypothesis import strategies as st
 from lme.episode import run_episode
 from lme.errors import InputError
 from lme.guides.target import Target, TargetConfig
-from lme.kernels.histogram_search import (
+from lme.navigator import Navigator
+from lme.planners.s3_fisvfh.fuzzy import FuzzyCurve
+from lme.planners.s3_fisvfh.kernels import (
     Costs,
     Valleys,
     headings,
@@ -22,8 +24,6 @@ from lme.kernels.histogram_search import (
     search,
     valleys,
 )
-from lme.navigator import Navigator
-from lme.planners.s3_fisvfh.fuzzy import FuzzyCurve
 from lme.planners.s3_fisvfh.planner import S3Fisvfh, S3FisvfhConfig
 from lme.resources import resource_dir
 from lme.sim.fast import FastConfig, FastSimulator

@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 
 from lme.episode import run_episode
-from lme.sensing.point_cloud import Projection, to_scan
+from lme.sensing.projection import Projection, to_scan
 from lme.sim.fast import FastConfig, FastSimulator
-from lme.sim.mid360 import ExtrudedWorld, Mid360, Mid360Config
+from lme.sim.mid360.sensor import ExtrudedWorld, Mid360, Mid360Config
 from lme.types import Outcome
 from lme.worlds.world import World
 from tests.builders import navigator, shipped, task

@@ -7,10 +7,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lme.errors import InputError
-from lme.kernels.beam_pattern import beam_pattern
 from lme.kernels.raycast import cast
-from lme.sensing.point_cloud import Projection, rigid_transform, to_scan
-from lme.sim.mid360 import ExtrudedWorld, Mid360, Mid360Config, mid360_of
+from lme.sensing.point_cloud import rigid_transform
+from lme.sensing.projection import Projection, to_scan
+from lme.sim.mid360.kernels.beam_pattern import beam_pattern
+from lme.sim.mid360.sensor import ExtrudedWorld, Mid360, Mid360Config, mid360_of
 from lme.types import Pose
 from lme.worlds.world import World
 from tests.builders import shipped

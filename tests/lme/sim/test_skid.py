@@ -13,7 +13,7 @@ from lme.geometry.frames import to_robot
 from lme.robots import Contact
 from lme.sim.fast import FastConfig, FastSimulator
 from lme.sim.physics import PhysicsConfig, PhysicsSimulator
-from lme.sim.skid import SkidConfig, SkidSimulator
+from lme.sim.skid.simulator import SkidConfig, SkidSimulator
 from lme.types import Pose, Twist
 from lme.worlds.barn.map_set import Barn, BarnConfig
 from lme.worlds.movers import Mover

@@ -4,14 +4,18 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from lme.robots import Lidar
 from lme.sim.fast import FastConfig, FastSimulator
 from lme.sim.physics import PhysicsConfig, PhysicsSimulator
-from lme.sim.skid import SkidConfig, SkidSimulator
+from lme.sim.skid.simulator import SkidConfig, SkidSimulator
+from lme.sim.tracker import discs_in_sight
 from lme.types import Pose, Twist
 from lme.worlds.movers import Mover
 from lme.worlds.world import World
+from tests import oracles
 from tests.builders import observation, shipped, stage, task
 from tests.tolerances import KERNEL
 
@@ -88,3 +92,20 @@ def test_the_first_and_the_last_direction_of_a_full_turn_are_seen():
     people = [walker((2 * math.cos(angle), 2 * math.sin(angle))) for angle in (math.pi, -3.14, 3.14)]
     for person in people:
         assert len(seen(person)) == 1
+
+
+@settings(max_examples=100)
+@given(st.integers(0, 2**32 - 1))
+def test_the_discs_in_sight_are_those_found_by_looking_at_every_beam(seed):
+    rng = np.random.default_rng(seed)
+    num_beams, fov = int(rng.integers(1, 80)), rng.choice([1.0, 4.0, math.tau])
+    angles = (rng.uniform(-4, 4), fov / num_beams)
+    ranges = rng.choice([1.0, 2.0, 3.0, 0.01, np.nan, np.inf], num_beams).astype(np.float32)
+    discs = np.column_stack((rng.uniform(-4, 4, (12, 2)), rng.uniform(0.1, 0.5, 12)))
+    lidar, base = (tuple(rng.uniform(-1, 1, 3)) for _ in range(2))
+    given = (discs, rng.normal(size=(12, 2)), ranges, angles, (0.1, 3.5, 0.1), lidar, base)
+    assert discs_in_sight(*given) == pytest.approx(oracles.discs_in_sight(*given), abs=KERNEL)
+
+
+def test_discs_in_sight_is_compiled_once():
+    assert len(discs_in_sight.signatures) == 1

@@ -30,9 +30,7 @@ QUADRUPED = ("go2_a", "go2_b")
 ALL = (*STATIC, DYNAMIC, *QUADRUPED)
 STANDING = [name for name in ALL if name != DYNAMIC]
 TRAPPED_SHARE = 0.8  # of the starts, at least, that plain DWA does not arrive from
-ARRIVED_SHARE = (
-    0.7  # of the starts, at least, that LME arrives from: now and then it clips a corner (docs/surmount.md)
-)
+ARRIVED_SHARE = 0.7  # of the starts, at least, that LME arrives from; it clips a corner now and then
 STARTS = 8  # of the 20, for time
 GAP_1 = (5.47, 3.0)  # [m] in the middle of the second gap of Real1
 OPENING_1 = (2.2, 3.0)  # [m] in the middle of the first

@@ -9,7 +9,7 @@ import yaml
 
 from lme.episode import run_episode
 from lme.errors import InputError
-from lme.guides.tangent_bug import TangentBug, TangentBugConfig
+from lme.guides.tangent_bug.guide import TangentBug, TangentBugConfig
 from lme.navigator import Navigator
 from lme.planners.simple import Simple, SimpleConfig
 from lme.resources import resource_dir

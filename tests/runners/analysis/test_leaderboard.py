@@ -27,8 +27,10 @@ def board(tmp_path):
 
 def test_a_run_has_its_figures_and_what_it_was_driven_with(board):
     entry = board(one=(["map.worlds=[200,201]", "runs=1"], {"barn_metric": 0.5}))["one"]
-    assert entry.system == "LME"
-    assert entry.setting[1:] == ("barn", "jackal", "fast")
+    assert entry.system == ("LME", ())
+    assert entry.setting == ("barn", "lab100", "jackal", "fast", ())
+    assert entry.config["robot.v_max"] == 2
+    assert "seed" not in entry.config
     assert entry.row.stats["success"][0] == 0.5
     assert entry.row.unfinished == ""
     assert entry.metric_interval == (0.5, 0.5)
@@ -47,20 +49,20 @@ def test_other_robots_simulators_and_maps_are_other_settings(board):
         ["map.worlds=[2]"],
     )
     found = board(**{f"run{number}": (words, {}) for number, words in enumerate(ways)})
-    names = [found[f"run{number}"].setting.name for number in range(len(ways))]
-    assert len(set(names)) == len(ways)
-    assert names[1].endswith("robot.v_max=1")
-    assert "sim=physics" in names[2]
-    assert names[3].endswith("map.time_limit=50")
-    assert {entry.system for entry in found.values()} == {"LME"}
+    settings = [found[f"run{number}"].setting for number in range(len(ways))]
+    assert len(set(settings)) == len(ways)
+    assert settings[1].told[0] == "robot.v_max=1"
+    assert settings[2].sim == "physics"
+    assert settings[3].told[0] == "map.time_limit=50"
+    assert {entry.system.name for entry in found.values()} == {"LME"}
 
 
 def test_worlds_tell_settings_of_one_name_apart(board):
     found = board(
         one=(["map.worlds=[1]"], {"subset": "custom"}), two=(["map.worlds=[2]"], {"subset": "custom"})
     )
-    assert found["one"].setting.name.endswith("map.worlds=[1]")
-    assert found["two"].setting.name.endswith("map.worlds=[2]")
+    assert found["one"].setting.told == ("map.worlds=[1]",)
+    assert found["two"].setting.told == ("map.worlds=[2]",)
 
 
 def test_changed_keys_of_the_system_are_in_its_name_and_not_in_the_settings(board):
@@ -69,9 +71,10 @@ def test_changed_keys_of_the_system_are_in_its_name_and_not_in_the_settings(boar
         changed=(["guide.history_length=4"], {}),
         ablation=(["ablation=no_c_o"], {"ablation": "no_c_o"}),
     )
-    assert [entry.system for entry in found.values()].count("LME") == 1
-    assert found["changed"].system == "LME, guide.history_length=4"
-    assert found["ablation"].system == "LME, ablation no_c_o"
+    assert found["usual"].system.told == ()
+    assert found["changed"].system.told == ("guide.history_length=4",)
+    assert found["ablation"].system == ("LME", ("ablation no_c_o",))
+    assert found["ablation"].system.name == "LME, ablation no_c_o"
     assert len({entry.setting for entry in found.values()}) == 1
 
 
@@ -84,8 +87,21 @@ def test_parameters_that_no_name_tells_apart_are_named(board):
     values["configs"][0]["guide"]["parameters"]["c_t"] = 7
     launch.write_text(json.dumps(values))
     again = {entry.run_dir.name: entry for entry in entries(collect([found["two"].run_dir.parent]).frames)}
-    assert again["two"].system == "LME, guide.parameters.c_t=7"
+    assert again["two"].system.told == ("guide.parameters.c_t=7",)
     assert again["one"].system != again["two"].system
+
+
+def test_of_many_keys_that_tell_systems_apart_a_name_shows_the_first(board):
+    found = board(one=([], {}), two=([], {}))
+    launch = found["two"].run_dir / "launch.json"
+    values = json.loads(launch.read_text())
+    values["configs"][0]["guide"]["parameters"] |= dict.fromkeys(
+        ("a_close", "a_dev", "a_mount", "c_t", "c_h"), 7
+    )
+    launch.write_text(json.dumps(values))
+    again = {entry.run_dir.name: entry for entry in entries(collect([launch.parents[1]]).frames)}
+    assert len(again["two"].system.told) == 5
+    assert [entry.system.told[-1] for entry in again.values()] == ["1 more (no. 1)", "1 more (no. 2)"]
 
 
 def test_repeats_of_a_job_are_told_and_the_newest_finished_one_is_shown(board):

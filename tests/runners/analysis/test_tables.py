@@ -309,13 +309,67 @@ def test_terminals_of_any_usual_width_show_every_cell_whole(width, ablations):
         "metric",
         "Collision",
         "|Δω|",
-        "20",
         *ablations[1:],
     ):
         assert word in text.split()
+    assert {"n", "20", "SPL"} <= set(re.findall(r"\w+", text))
     assert "barn · lab100 · jackal · 10 worlds" in text
     assert max(map(len, text.splitlines())) <= width
-    assert ("SPL" in text.split()) == (width > 80 or len(ablations) == 1)
+    assert ("every row with a value" in text) == (width == 80 and len(ablations) > 1)
+
+
+def on_a_terminal(frame, width):
+    """The lines of the table as a terminal of this width shows them: its columns, and the notes in one line."""
+    from rich.console import Console
+
+    console = Console(width=width, record=True, file=io.StringIO())
+    console.print(tables.to_rich(summarise(frame, systems={}), title(frame), width))
+    text = console.export_text()
+    above, _, below = text.partition("─\n")
+    assert max(map(len, text.splitlines())) <= width
+    return set(above.replace("─", "").split()), " ".join(below.split())
+
+
+def swept(**columns):
+    """Two systems at two latencies: too wide for 80 columns. columns: more that they all share."""
+    return pd.concat(
+        records(system=system, run_dir=f"{system}{latency}", **{"sim.latency": latency}, **columns)
+        for system in ("LME", "Other")
+        for latency in ("0", "0.1")
+    )
+
+
+def test_what_is_the_same_in_all_rows_is_left_out_first_and_said_below():
+    columns, below = on_a_terminal(swept(sim="skid"), 80)
+    assert {"SPL", "Path", "Time", "sim.latency", "Success", "CI"} <= columns
+    assert not {"Sim", "n", "Global"} & columns
+    assert "The same in every row with a value: Global planner no, n 20, Sim skid" in below
+    assert "Left out" not in below
+    columns, below = on_a_terminal(swept(sim="skid"), 140)
+    assert {"Sim", "n", "Global", "SPL", "Path"} <= columns
+    assert "every row" not in below
+
+
+def test_what_does_not_fit_is_named_and_not_explained():
+    frame = swept()
+    later = frame["sim.latency"] == "0.1"
+    for metric in ("time_s", "path_length_m", "spl", "barn_metric", "mean_abs_domega_radps"):
+        frame.loc[later, metric] *= 0.5
+    columns, below = on_a_terminal(frame, 52)
+    assert {"sim.latency", "Success", "BARN", "Time"} <= columns
+    assert not {"SPL", "Path", "|Δω|"} & columns
+    assert "Left out at 52 columns: SPL, Path [m], |Δω| [rad/s]. A wider terminal shows them" in below
+    assert "`lme table RUN --format md`" in below
+    assert "Time is the mean over successful episodes." in below
+    assert "Path" not in below.partition("Left out")[0]
+    assert "|Δω|: mean change" not in below
+
+
+def test_a_table_that_fits_nowhere_keeps_what_tells_rows_apart():
+    columns, below = on_a_terminal(swept(), 32)
+    assert {"System", "sim.latency", "Success"} <= columns
+    assert "BARN metric" in below
+    assert "95 % CI: Wilson" not in below
 
 
 def test_files(tmp_path):

@@ -8,6 +8,7 @@ from importlib.metadata import PackageNotFoundError
 import pytest
 
 import lme
+from lme import requirements
 from runners.cli import doctor, main
 from runners.config import extras
 from runners.workers import kernels
@@ -26,7 +27,7 @@ def installed(tmp_path, monkeypatch):
             raise PackageNotFoundError(package)
         return versions[package]
 
-    monkeypatch.setattr(extras, "requires", lambda name: NEEDED)
+    monkeypatch.setattr(requirements, "requires", lambda name: NEEDED)
     monkeypatch.setattr(doctor, "version", version)
     monkeypatch.setattr(doctor, "metadata", lambda name: {"Requires-Python": ">=3.11,<3.14"})
     monkeypatch.setattr(doctor, "WORKER_GB", 1e-6)

@@ -22,6 +22,7 @@ from runners.cli.launch import Command, launch
 from runners.config import command_line
 from runners.config.composer import quoted, resume_command
 from runners.records import launch_record
+from tests.hearing import hear_signals
 from tests.places import ROOT
 
 
@@ -549,6 +550,7 @@ def test_the_process_itself_is_interrupted(tmp_path):
         env=environment,
         stderr=subprocess.PIPE,
         text=True,
+        preexec_fn=hear_signals,
     )
     deadline = time.monotonic() + 60
     while not (tmp_path / "started").exists() and time.monotonic() < deadline:

@@ -2,67 +2,44 @@
 
 import re
 import sys
-import tomllib
-from importlib.metadata import PackageNotFoundError, requires
 
 import pytest
 
 from lme.errors import InputError
-from runners.config import extras
 from runners.replay import bags, rerun_file
 from runners.workers.cluster import DaskConfig
+from tests.lme.test_requirements import OPTIONAL
 from tests.places import ROOT
 
-PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-OPTIONAL = {
-    re.match(r"[\w-]+", requirement)[0]: (extra, requirement)
-    for extra, requirements in PROJECT["optional-dependencies"].items()
-    for requirement in requirements
-    if extra not in ("dev", "docs")
-}
-SOURCES = [path.read_text(encoding="utf-8") for path in (ROOT / "runners").rglob("*.py")]
-
-
-@pytest.mark.parametrize("package", OPTIONAL)
-def test_a_hint_names_the_package_with_its_bounds(package, monkeypatch):
-    extra, requirement = OPTIONAL[package]
-    others = [f'{package}-extra>=9; extra == "{extra}"', "numpy>=2.0"]
-    monkeypatch.setattr(extras, "requires", lambda name: [*others, f'{requirement}; extra == "{extra}"'])
-    assert extras.install(package) == f"pip install '{requirement}'"
-
-
-def test_the_installed_metadata_has_every_optional_package():
-    try:
-        requires(extras.DISTRIBUTION)
-    except PackageNotFoundError:
-        pytest.skip(f"{extras.DISTRIBUTION} is not installed here")
-    hints = {package: extras.install(package) for package in OPTIONAL}
-    assert hints == {
-        package: f"pip install '{requirement}'" for package, (_, requirement) in OPTIONAL.items()
-    }
-
-
-def test_uninstalled_a_hint_names_the_package_alone(monkeypatch):
-    def requires(name):
-        raise PackageNotFoundError(name)
-
-    monkeypatch.setattr(extras, "requires", requires)
-    assert extras.install("rosbags") == "pip install 'rosbags'"
-
-
-def test_the_distribution_asked_for_is_ours():
-    assert extras.DISTRIBUTION == PROJECT["name"] != "lme"
+SOURCES = [
+    path.read_text(encoding="utf-8") for room in ("lme", "runners") for path in (ROOT / room).rglob("*.py")
+]
+PAGES = [*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md"), *(ROOT / "examples").glob("*")]
 
 
 def test_every_hint_in_the_code_is_of_an_optional_package():
-    hinted = {name for text in SOURCES for name in re.findall(r"\binstall\([\"']([\w-]+)[\"']\)", text)}
-    assert {"rosbags", "rerun-sdk", "imageio-ffmpeg", "distributed"} <= hinted <= set(OPTIONAL)
+    calls = [call for text in SOURCES for call in re.findall(r"\binstall\(([\"'][^()]+)\)", text)]
+    hinted = {name for call in calls for name in re.findall(r"[\w-]+", call)}
+    known = {
+        "rosbags",
+        "rerun-sdk",
+        "imageio-ffmpeg",
+        "distributed",
+        "torch",
+        "gymnasium",
+        "onnx",
+        "onnxruntime",
+    }
+    assert known <= hinted <= set(OPTIONAL)
 
 
-def test_nothing_names_an_extra_of_the_other_project():
-    files = [ROOT / "README.md", *(ROOT / "docs").glob("*.md"), *(ROOT / "conf").rglob("*.yaml")]
-    texts = [*SOURCES, *(path.read_text(encoding="utf-8") for path in files)]
-    assert not [text for text in texts if re.search(r"pip install ['\"]?lme\b(?!-nav)|\blme\[\w+\]", text)]
+def test_no_command_installs_lme_from_an_index():
+    """None has it, and `lme` there is another project."""
+    texts = {str(path): path.read_text(encoding="utf-8") for path in PAGES if path.is_file()}
+    texts |= {text.partition("\n")[0]: text for text in SOURCES}
+    assert not [
+        name for name, text in texts.items() if re.search(r"install ['\"]?lme\b|\blme(-nav)?\[\w+\]", text)
+    ]
 
 
 def test_a_replay_without_rosbags_says_what_to_install(tmp_path, monkeypatch):

@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pytest
 
-import lme.policy.escaper
+import lme.policies.lme.escaper
 from lme.episode import run_episode
 from lme.navigator import Navigator
 from lme.sim.fast import FastConfig, FastSimulator
@@ -167,8 +167,8 @@ def test_a_mirrored_world_is_driven_through_mirrored(robot, guide, planner, monk
     machine, navigator = made(robot, guide, planner)
     mirrored = World(circles=CLUTTER.circles * [1, -1, 1], segments=CLUTTER.segments * [1, -1, 1, -1])
     *_, poses = drive(machine, navigator, CLUTTER, (5.0, 0.8), 4.0 / machine.v_max)
-    draw = lme.policy.escaper.sample
-    monkeypatch.setattr(lme.policy.escaper, "sample", lambda *given: draw(*given) * [1.0, -1.0])
+    draw = lme.policies.lme.escaper.sample
+    monkeypatch.setattr(lme.policies.lme.escaper, "sample", lambda *given: draw(*given) * [1.0, -1.0])
     *_, other = drive(machine, navigator, mirrored, (5.0, -0.8), 4.0 / machine.v_max)
     tolerance = MIRROR_ON_CELLS if guide == "move_base" else MIRROR
     assert other * [1, -1, -1] == pytest.approx(poses, abs=tolerance)

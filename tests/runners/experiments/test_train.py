@@ -15,7 +15,7 @@ import pytest
 import yaml
 
 from lme.errors import InputError
-from lme.policy.escaper import LocalMinimumEscaper
+from lme.policies.lme.escaper import LocalMinimumEscaper
 from runners.cli.main import main
 from runners.config.weights import parameters
 from runners.records.launch_record import read_launch

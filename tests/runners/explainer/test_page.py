@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lme.geometry.frames import to_world
-from lme.policy.reasons import reason
+from lme.policies.lme.reasons import reason
 from lme.sensing.scan_points import obstacle_points
 from runners.explainer.encode import CELL_M
 from tests.runners.explainer.conftest import press, settle, step_of, until

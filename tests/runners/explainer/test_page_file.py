@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from lme.errors import InputError
-from lme.policy.criteria import SURMOUNT
+from lme.policies.lme.criteria import SURMOUNT
 from runners.explainer import write
 from runners.explainer.encode import encode
 from runners.explainer.packer import Packer

@@ -2,7 +2,7 @@
 
 import pytest
 
-from lme.policy.maintenance import Choice
+from lme.policies.lme.maintenance import Choice
 from tests.runners.explainer.conftest import press, settle, step_of, until
 
 

@@ -2,8 +2,8 @@
 
 import pytest
 
-from lme.policy import criteria
-from lme.policy.score import CRITERIA
+from lme.policies.lme import criteria
+from lme.policies.lme.score import CRITERIA
 from tests.runners.explainer.conftest import press, settle, step_of
 
 NAMES = (*CRITERIA, "d1", "d2")

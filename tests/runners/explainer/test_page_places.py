@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from lme.errors import InputError
-from lme.policy.maintenance import Choice
+from lme.policies.lme.maintenance import Choice
 from runners.explainer.write import write_page
 from tests.runners.explainer.conftest import press, settle, step_of, traced, until
 

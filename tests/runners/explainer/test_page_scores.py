@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from lme.policy.maintenance import Choice, choose
-from lme.policy.score import Parameters, score
+from lme.policies.lme.maintenance import Choice, choose
+from lme.policies.lme.score import Parameters, score
 from runners.explainer.write import write_page
 from tests.builders import PUBLISHED
 from tests.runners.explainer.conftest import settle, traced

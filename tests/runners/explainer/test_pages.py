@@ -12,8 +12,8 @@ import pytest
 
 from lme.episode import TRAJECTORY_COLUMNS
 from lme.errors import InputError
-from lme.plus.criteria import CRITERIA as PLUS_CRITERIA
-from lme.policy.reasons import reason
+from lme.policies.lme.reasons import reason
+from lme.policies.lme_plus.criteria import CRITERIA as PLUS_CRITERIA
 from runners.analysis.failures import failed_section, folder
 from runners.cli.main import main
 from runners.config.schema import Explain

@@ -4,8 +4,10 @@ import math
 
 import pytest
 
-from runners.analysis.summary import Row
+from runners.analysis.summary import Row, summarise
+from runners.figures.reports import comparison
 from runners.figures.reports.comparison import MOST, best_and_worst
+from tests.runners.analysis.test_tables import records
 
 
 def row(number, success, metric=math.nan):
@@ -36,3 +38,29 @@ def test_without_a_metric_success_counts_and_an_empty_row_is_worst():
     assert len(drawn) == MOST
     assert rows[-1] in drawn
     assert rows[MOST // 2 - 1] not in drawn
+
+
+def whiskers(axes):
+    """(line, low, high) of every whisker."""
+    return {
+        (line.get_ydata()[0], *line.get_xdata())
+        for line in axes.lines
+        if len(line.get_xdata()) == 2 and line.get_ydata()[0] == line.get_ydata()[1]
+    }
+
+
+def test_whiskers_are_the_intervals_of_the_table_and_the_notes_say_so(tmp_path, monkeypatch):
+    drawn = []
+    monkeypatch.setattr(comparison, "save", lambda figure, *_: drawn.append(figure) or [])
+    frame = records(runs=2)
+    rows = summarise(frame)
+    ours, published = rows
+    comparison.comparison_figure(frame, rows, tmp_path)
+    (figure,) = drawn
+    outcomes, metric = figure.axes
+    assert whiskers(outcomes) == {(0, *ours.interval)}
+    assert ours.interval[1] - ours.stats["success"][0] != ours.stats["success"][0] - ours.interval[0]
+    assert not math.isnan(published.stats["success"][1])  # its deviation over runs is another thing
+    assert whiskers(metric) == set()
+    (notes,) = [text.get_text() for text in figure.texts if "Whiskers" in text.get_text()]
+    assert "Whiskers: 95 % CI. Wilson interval of the success rate; worlds are independent" in notes

@@ -8,7 +8,7 @@ from matplotlib.collections import PathCollection, QuadMesh
 
 from lme.errors import InputError
 from lme.geometry.frames import to_world
-from lme.policy.maintenance import Choice
+from lme.policies.lme.maintenance import Choice
 from runners.cli.main import main
 from runners.figures.kinds.expected_time import (
     ExpectedTime,

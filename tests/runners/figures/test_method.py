@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from matplotlib.text import Text
 
-from lme.policy.maintenance import Choice
+from lme.policies.lme.maintenance import Choice
 from runners.cli.main import main
-from runners.figures.kinds.method import method_figure
+from runners.figures.kinds.method import _free_side, method_figure
 from runners.figures.parts.moment import telling_step
 
 from .conftest import shot_of
@@ -27,6 +27,7 @@ def test_the_captions_say_what_is_shown(shot):
     written = captions(method_figure(shot))
     assert list(written) == ["a", "b", "c"]
     assert f"{len(why.candidates)} candidates (blue) within 5 m" in written["a"]
+    assert "scan points (orange)" in written["a"]
     assert f"{len(why.sectors)} sectors in all" in written["b"]
     assert ("so A is E₁" in written["b"]) == np.array_equal(why.view.blockage.A, why.view.blockage.E1)
     led_back = int((why.features[why.names.index("c_h")] == 0).sum())
@@ -43,6 +44,30 @@ def test_the_angles_are_those_of_the_ends_to_the_target(shot):
     ]
     text = captions(method_figure(shot))["b"]
     assert f"∠E₁OT = {turn[0]:.0f}°, ∠E₂OT = {turn[1]:.0f}°" in text
+
+
+@pytest.mark.parametrize("step", [0, 7, 13])
+def test_the_robot_is_named_beside_it(trace, step):
+    figure = method_figure(shot_of(trace, step))
+    figure.draw_without_rendering()
+    (letter,) = [text for text in figure.findobj(Text) if text.get_text() == "$O$"]
+    origin = letter.axes.transData.transform((0.0, 0.0))
+    radius = letter.axes.transData.transform((trace.robot.footprint.r_max, 0.0))[0] - origin[0]
+    box = letter.get_window_extent()
+    away = np.maximum(0.0, np.maximum(np.array(box.min) - origin, origin - np.array(box.max)))
+    assert 0.5 * radius < np.hypot(*away) < radius + 10 * figure.dpi / 72
+
+
+@pytest.mark.parametrize(
+    ("points", "side"),
+    [
+        ([(1.0, 0.0)], (0.0, -1.0)),  # ahead is up on the page
+        ([(1.0, 0.0), (0.0, 1.0)], (np.sqrt(0.5), -np.sqrt(0.5))),
+        ([(1.0, 0.0), (0.0, -1.0), (-1.0, 0.0)], (-1.0, 0.0)),
+    ],
+)
+def test_a_name_stands_in_the_widest_gap(points, side):
+    assert _free_side([np.array(point) for point in points]) == pytest.approx(side)
 
 
 def test_a_decision_without_history_or_sector_in_the_way_says_so(trace):

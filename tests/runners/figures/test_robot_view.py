@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from lme.policy.surmount import Blockage
+from lme.policies.lme.surmount import Blockage
 from lme.robots import Footprint
 from runners.figures.parts import robot_view as view
 from runners.figures.parts.robot_view_key import key

@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from lme.planners.dclp.interface import DclpConfig, Interface
-from lme.planners.dclp.network import Network
+from lme.planners.dclp.interface import DclpConfig, DclpInterface
+from lme.planners.dclp.network import DclpPolicy
 from lme.planners.dclp.weights import SHAPES, TOLD, TRAINED
 from lme.presets import load_robot
 from lme.robots import Footprint
@@ -63,7 +63,7 @@ def test_it_answers_as_the_planner_does(network):
     directions, state = inputs(5)
     with torch.no_grad():
         output = network(*tensors((directions, state)))
-    own = Network(network.weights())
+    own = DclpPolicy(network.weights())
     for i in range(5):
         answer = own.mixture(directions[i], state[i])
         assert output.logits[i].numpy() == pytest.approx(answer.logits, abs=NETWORK)
@@ -120,7 +120,7 @@ def test_an_expert_s_full_command_is_likely_and_no_deviation_counts_as_less():
 
 def test_a_mirrored_scene_has_a_mirrored_answer_by_the_planner_s_own_features():
     robot = stage(fov=1.5 * math.pi, num_beams=720, footprint=Footprint(length=0.5, width=0.3))
-    interface = Interface(DclpConfig(), robot)
+    interface = DclpInterface(DclpConfig(), robot)
     ranges = np.random.default_rng(3).uniform(0.5, 3.0, robot.lidar.num_beams).astype(np.float32)
     seen = interface.features(_seen(robot, ranges, 0.4), np.array([1.0, 0.6]))
     mirrored = interface.features(_seen(robot, ranges[::-1].copy(), -0.4), np.array([1.0, -0.6]))

@@ -5,8 +5,8 @@ import pytest
 
 from lme.planners.drl_vo.architecture import Sizes
 from lme.planners.drl_vo.config import DrlVoConfig
-from lme.planners.drl_vo.interface import PEDESTRIANS, Interface
-from lme.planners.drl_vo.network import Network
+from lme.planners.drl_vo.interface import PEDESTRIANS, DrlVoInterface
+from lme.planners.drl_vo.network import DrlVoPolicy
 from lme.planners.drl_vo.observation import image_of
 from lme.planners.drl_vo.weights import TRAINED, file_shapes, read_weights
 from lme.presets import load_robot
@@ -65,7 +65,7 @@ def test_it_answers_as_the_planner_does(network):
     sweeps, people, goals = inputs(5)
     with torch.no_grad():
         answer = network(*tensors((sweeps, people, goals)))
-    own = Network(network.weights(), "running")
+    own = DrlVoPolicy(network.weights(), "running")
     for i in range(5):
         means = own.means(image_of(sweeps[i], people[i]), goals[i])
         assert answer.mu[i, 0].tanh().numpy() == pytest.approx(np.clip(means, -1.0, 1.0), abs=2e-3)
@@ -80,7 +80,7 @@ def test_it_answers_as_the_planner_does_with_norms_that_were_fitted(network):
     with torch.no_grad():
         network.output.weight *= 0.1  # so that no answer is cut off
         answer = network(*tensors((sweeps, people, goals)))
-    own = Network(network.weights(), "running")
+    own = DrlVoPolicy(network.weights(), "running")
     means = [own.means(image_of(sweeps[i], people[i]), goals[i]) for i in range(16)]
     assert answer.mu[:, 0].tanh().numpy() == pytest.approx(np.array(means), abs=NETWORK)
 
@@ -107,7 +107,7 @@ def test_an_answer_that_is_cut_off_can_still_be_trained(network):
 def test_what_a_mirror_shows(network):
     ranges = np.random.default_rng(3).uniform(0.5, 4.0, 540).astype(np.float32)
     people = np.array([[3.0, 1.0, 0.5, -0.2], [6.0, -4.0, 0.0, 1.0]])
-    interface = Interface(DrlVoConfig(pedestrians=True), ROBOT)
+    interface = DrlVoInterface(DrlVoConfig(pedestrians=True), ROBOT)
     seen = interface.features(_seen(ranges, people), np.array([1.0, 0.6]))
     interface.clear()
     across = np.array([1.0, -1.0])
@@ -129,7 +129,7 @@ def _seen(ranges, people):
 
 
 def test_a_command_and_its_answer():
-    interface = Interface(DrlVoConfig(v_max=2.0, omega_max=1.5, v_free=3.0), ROBOT)
+    interface = DrlVoInterface(DrlVoConfig(v_max=2.0, omega_max=1.5, v_free=3.0), ROBOT)
     for ahead, fastest in ((1.0, 2.0), (4.0, 3.0)):
         seen = observation(ranges=np.full(540, ahead, np.float32), robot=ROBOT)
         action = interface.action(Twist(0.5, -0.75), seen)

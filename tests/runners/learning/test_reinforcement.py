@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from lme.envs.reward import Reward
-from lme.planners.dclp.interface import DclpConfig, Interface
+from lme.planners.dclp.interface import DclpConfig, DclpInterface
 from lme.robots import Footprint
 from tests.composing import jobs_of
 from tests.tolerances import FLOAT32_LAYER
@@ -17,10 +17,13 @@ torch = pytest.importorskip("torch")
 
 from runners.learning import mixture  # noqa: E402
 from runners.learning.dclp import DclpCritic, DclpNetwork  # noqa: E402
-from runners.learning.driving import Curriculum, Driving, Experience  # noqa: E402
-from runners.learning.ppo import Batch, Ppo, PpoConfig, Step, advantages_of  # noqa: E402
-from runners.learning.reinforcement import Parts  # noqa: E402
-from runners.learning.sac import Replay, Sac, SacConfig, Transition, following, least  # noqa: E402
+from runners.learning.driving import Driving, Experience  # noqa: E402
+from runners.learning.ppo import PpoConfig  # noqa: E402
+from runners.learning.ppo_training import Batch, PpoTraining, Step, advantages_of  # noqa: E402
+from runners.learning.reinforcement import Curriculum  # noqa: E402
+from runners.learning.reinforcement_training import Parts  # noqa: E402
+from runners.learning.sac import SacConfig  # noqa: E402
+from runners.learning.sac_training import Replay, SacTraining, Transition, following, least  # noqa: E402
 
 
 def features(count, seed=0):
@@ -50,7 +53,7 @@ def test_the_policy_learns_what_was_better():
     """Turning left was worth more than turning right: after some updates it is likelier."""
     torch.manual_seed(0)
     policy, critic = DclpNetwork(), DclpCritic(0)
-    learner = Ppo(PpoConfig(epochs=20, batch=32, lr=1e-3, kl_max=1e9))
+    learner = PpoTraining(PpoConfig(epochs=20, batch=32, lr=1e-3, kl_max=1e9))
     parts = Parts(
         {"critic": critic},
         {
@@ -117,7 +120,7 @@ def test_the_worth_of_a_step_by_hand():
     targets = torch.nn.ModuleList([DclpCritic(2), DclpCritic(2)])
     inputs, rewards = features(2), torch.tensor([1.0, -10.0])
     batch = Transition(inputs, torch.zeros(2, 2), rewards, torch.tensor([False, True]), inputs)
-    learner = Sac(SacConfig(alpha=0.5, gamma=0.9))
+    learner = SacTraining(SacConfig(alpha=0.5, gamma=0.9))
     parts = Parts({"targets": targets}, {}, torch.Generator().manual_seed(3))
     wanted = learner._wanted(policy, parts, batch)
     with torch.no_grad():
@@ -156,7 +159,9 @@ def test_robots_are_seen_as_their_planner_would_see_them(config):
         assert state[i, 0].item() == pytest.approx(math.hypot(*views.targets[i]), abs=FLOAT32_LAYER)
         assert state[i, 2:].numpy() == pytest.approx([*views.twists[i], *views.limits[i]], abs=FLOAT32_LAYER)
         footprint = Footprint(length=2 * half_length, width=2 * half_width)
-        own = Interface(DclpConfig(), replace(config.robot, footprint=footprint, v_max=views.limits[i, 0]))
+        own = DclpInterface(
+            DclpConfig(), replace(config.robot, footprint=footprint, v_max=views.limits[i, 0])
+        )
         seen = own.features(made._observation(views, i), views.targets[i])
         np.testing.assert_allclose(directions[i].numpy(), seen.directions, atol=FLOAT32_LAYER)
     assert len(set(views.limits[:, 0])) == 3

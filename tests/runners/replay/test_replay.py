@@ -101,6 +101,24 @@ def test_the_goal_is_where_the_recording_ends(replay, plain):
     assert np.hypot(cut["target_x_m"], cut["target_y_m"]).iloc[-1] < 0.01
 
 
+def test_the_map_shows_the_path_the_start_and_a_goal_beyond_all_scans_whole(replay, plain, monkeypatch):
+    maps = []
+    monkeypatch.setattr(figures, "save", lambda figure, *_: maps.append(figure.axes[0]))
+    goal = (-31.0, 17.0)
+    table = replay(plain, f"goal=[{goal[0]},{goal[1]}]", drawn=True)
+    axes = maps[0]
+    lines = {line.get_label(): line for line in axes.lines}
+    drawn = np.vstack([line.get_xydata() for line in axes.lines if len(line.get_xydata())])
+    low, high = np.transpose([axes.get_xlim(), axes.get_ylim()])
+    assert (low < drawn).all()
+    assert (drawn < high).all()
+    assert lines["goal"].get_xydata() == pytest.approx(np.array([goal]), abs=1e-6)
+    assert lines["robot"].get_xydata() == pytest.approx(table[["x_m", "y_m"]].to_numpy())
+    assert lines["start"].get_xydata()[0] == pytest.approx(table[["x_m", "y_m"]].iloc[0].to_numpy())
+    tip = lines["start"].get_marker().vertices[0]
+    assert math.atan2(tip[1], tip[0]) == pytest.approx(table["yaw_rad"].iloc[0])
+
+
 def test_a_goal_in_the_odometry_frame(replay, plain):
     table = replay(plain, "goal=[6.0,-1.5]")
     x, y, yaw = table[["x_m", "y_m", "yaw_rad"]].to_numpy().T

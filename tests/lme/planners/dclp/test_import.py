@@ -10,7 +10,7 @@ import pytest
 from lme.errors import InputError
 from lme.planners.dclp.bundle import INDEX, SHARD, read_entries
 from lme.planners.dclp.importing import import_checkpoint
-from lme.planners.dclp.network import Network
+from lme.planners.dclp.network import DclpPolicy
 from lme.planners.dclp.weights import SHAPES, TRAINED
 from tests.networks import checkpoint, random_weights, refused, table
 
@@ -150,7 +150,9 @@ def test_the_published_checkpoint():
     seen[:, 0], seen[:, 1], seen[:, 2] = np.cos(angles), np.sin(angles), 5.0
     seen[:, 3:] = 0.21, 0.21, 0.2128
     state = np.array([8.0, 0.0, 1.0, 0.0, 2.0, 1.57, 3.0, 3.0])
-    means = Network(weights).mixture(seen, state).means
+    means = DclpPolicy(weights).mixture(seen, state).means
     assert means[:, 0].min() > 0.5  # with nothing around, it drives ahead,
     state[1] = 1.0
-    assert Network(weights).mixture(seen, state).means[:, 1].mean() > 0.5  # and turns left to a target there
+    assert (
+        DclpPolicy(weights).mixture(seen, state).means[:, 1].mean() > 0.5
+    )  # and turns left to a target there

@@ -7,7 +7,7 @@ import pytest
 
 from lme.errors import InputError
 from lme.planners.dclp.interface import DclpConfig, Told
-from lme.planners.dclp.network import Mixture, Network, draw
+from lme.planners.dclp.network import DclpPolicy, Mixture, draw
 from lme.planners.dclp.planner import Dclp
 from lme.robots import Footprint
 from lme.types import Guidance, Twist
@@ -57,13 +57,13 @@ def test_the_network_by_hand():
     for name in ("dense_1", "dense_2", "dense_3", "dense_4"):
         x = layer(x, name)
     out = layer(x, "output", 1.0).reshape(4, 5)
-    mixture = Network(weights).mixture(directions, state)
+    mixture = DclpPolicy(weights).mixture(directions, state)
     assert mixture.logits == pytest.approx(out[:, 0], abs=NETWORK)
     assert mixture.means == pytest.approx(np.tanh(out[:, 1:3]), abs=NETWORK)
 
 
 def test_the_order_of_the_directions_means_nothing():
-    network, rng = Network(random_weights()), np.random.default_rng(2)
+    network, rng = DclpPolicy(random_weights()), np.random.default_rng(2)
     directions, state = rng.uniform(0.1, 3.0, (90, 6)), rng.normal(size=8)
     one, other = network.mixture(directions, state), network.mixture(rng.permutation(directions), state)
     np.testing.assert_array_equal(one.means, other.means)

@@ -5,7 +5,7 @@ import pytest
 
 from lme.planners.drl_vo.architecture import Sizes
 from lme.planners.drl_vo.importing import import_archive
-from lme.planners.drl_vo.network import Network
+from lme.planners.drl_vo.network import DrlVoPolicy
 from lme.planners.drl_vo.weights import file_shapes
 from tests.tolerances import DEEP_NETWORK
 
@@ -25,7 +25,7 @@ def test_an_archive_of_stable_baselines_answers_as_it_does_there(tmp_path, sizes
     assert {name: array.shape for name, array in weights.items()} == file_shapes(sizes)
     rng = np.random.default_rng(0)
     for batch_norm in ("running", "sample"):  # PyTorch changes the running statistics in the second
-        network = Network(weights, batch_norm)
+        network = DrlVoPolicy(weights, batch_norm)
         for _ in range(3):
             scans, velocities, goal = (
                 rng.normal(size=(80, 80)),

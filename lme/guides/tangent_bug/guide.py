@@ -1,0 +1,276 @@
+"""TangentBug: passes obstacles by the ends that a range sensor sees."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import NamedTuple
+
+import numpy as np
+
+from lme.errors import require
+from lme.geometry.frames import to_robot, to_world
+from lme.guides.tangent_bug.kernels import (
+    all_ends,
+    breaks_before,
+    directions,
+    first_longer,
+    first_on_way,
+    free_ways,
+    joined,
+    sweep,
+)
+from lme.robots import Robot
+from lme.sensing.blind_arc import BlindArc
+from lme.types import Floats, Guidance, Observation, Pose
+
+UNITS = directions(720)  # directions of the free distances: every half degree
+_REMEMBERED = 5.0  # [m] farther points in the blind arc are forgotten
+TOUCHING = 0.98  # greatest disc radius per distance of the point, so the robot is never inside a disc
+GRAZING = 6.0  # slope (tan 80°) up to which range steps between beams belong to one wall
+
+
+@dataclass(slots=True)
+class TangentBugConfig:
+    """Settings for a robot of finite size with an imperfect sensor."""
+
+    margin: float = 0.1  # [m] distance to obstacles beyond the collision radius
+    keep: float = 0.5  # [m] the path past the other end must be this much shorter to switch to it
+    leave_gain: float = 0.1  # [m] the robot leaves a boundary for a place this much nearer to the target
+
+    def __post_init__(self) -> None:
+        require("guide.margin", self.margin, above=0.0)
+        require("guide.keep", self.keep, at_least=0.0)
+        require("guide.leave_gain", self.leave_gain, at_least=0.0)
+
+
+class Mode(StrEnum):
+    """The three behaviours of TangentBug."""
+
+    TOWARD = "toward"  # moves to the target with decreasing distance
+    FOLLOW = "follow"  # follows the boundary of an obstacle out of a local minimum of the distance
+    LEAVE = "leave"  # leaves the boundary for a place nearer to the target than any point of it
+
+
+class Node(NamedTuple):
+    """A vertex of the local tangent graph.
+
+    place: (2,) in the robot frame [m], reachable in a straight line. point: (2,) the scan point that it passes.
+    """
+
+    place: Floats
+    point: Floats
+
+
+class TangentBug:
+    """TangentBug (Kamon, Rimon & Rivlin 1998, IJRR 17(9), 934–953, DOI 10.1177/027836499801700903).
+
+    Toward the target: the robot drives straight, or to the end of the blocking obstacle that gives the shortest
+    path, as long as that end is nearer to the target than the robot has ever been. If neither end is, the robot
+    is in a local minimum of the distance. It then follows the boundary to one side and records the boundary's
+    least distance to the target. It leaves for the first free place in sight that is nearer than this distance.
+    Once the robot itself is nearer, it moves toward the target again. An end is a break of the scan: the end of
+    the obstacle, or the place where a nearer obstacle hides the rest. The robot passes an end at its radius.
+
+    Guarantee: the robot reaches the target if a path exists. This holds for a point robot with exact motion,
+    perfect odometry and a perfect omnidirectional sensor among static obstacles. If no path exists, the paper's
+    robot stops after one loop; this one keeps circling, or stands still where it is enclosed.
+
+    Our robots violate these assumptions. They have a size: obstacles are grown by the collision radius and
+    `margin`, and narrower passages do not exist. Beams leave gaps: an opening seen at a grazing angle is missed
+    until the robot is nearer. The blind arc contains what was seen there before. Sensors have errors and planners
+    cut corners: the robot leaves a boundary only for a gain of `leave_gain`, and an end only for one of `keep`.
+    """
+
+    Config = TangentBugConfig
+
+    def __init__(self, config: TangentBugConfig, robot: Robot) -> None:
+        self._config = config
+        self._r = robot.r
+        self._mount = robot.lidar.mount
+        self.reset(np.random.default_rng(0))
+
+    def reset(self, rng: np.random.Generator) -> None:
+        """Start a new episode; `rng` is not used."""
+        self._blind = BlindArc(self._mount, _REMEMBERED)
+        self._mode = Mode.TOWARD
+        self._nearest = math.inf  # [m] least distance to the target so far, of the robot or the boundary
+        self._side = 0  # +1: pass the obstacle's left end, with the obstacle on the right; −1: the right end
+        self._along = np.zeros(2)  # scan point on the followed boundary, in the odometry frame
+        self._place = np.zeros(2)  # destination in mode LEAVE, in the odometry frame
+
+    def guide(self, observation: Observation) -> Guidance:
+        """The next place of the local tangent graph; the robot's position if obstacles enclose it."""
+        before = self._mode, self._side
+        points = _by_bearing(self._blind.points(observation), self._mount)
+        view = _View(points, observation, self._r, self._config.margin)
+        act = {Mode.TOWARD: self._toward, Mode.FOLLOW: self._follow, Mode.LEAVE: self._leave}[self._mode]
+        place = act(view)
+        switched = (self._mode, self._side) != before
+        return Guidance(np.zeros(2) if place is None else place, None, switched, place is None)
+
+    def _toward(self, view: _View) -> Floats | None:
+        """Drive straight, or past an end of the blocking obstacle, while that comes nearer to the target."""
+        self._nearest = min(self._nearest, view.distance)
+        owner = view.blocking(view.target)
+        if owner < 0:
+            self._side = 0
+            return view.target
+        ends, least = view.ends(owner)
+        lengths = {side: self._length_over(view, end.place, side) for side, end in ends.items()}
+        nearer = [side for side, end in ends.items() if _distance(end.place, view.target) < self._nearest]
+        if nearer:
+            self._side = min(nearer, key=lengths.__getitem__)
+            return ends[self._side].place
+        self._mode = Mode.FOLLOW
+        self._side = min(lengths, key=lengths.__getitem__, default=view.side_of_target(owner))
+        self._along = to_world(view.points[owner], view.odometry)
+        self._nearest = min(self._nearest, least)
+        return self._follow(view)
+
+    def _length_over(self, view: _View, place: Floats, side: int) -> float:
+        """Length of the path to the target over a place [m], minus `keep` on the previous side."""
+        length = math.hypot(*place) + _distance(place, view.target)
+        return length - self._config.keep if side == self._side else length
+
+    def _follow(self, view: _View) -> Floats | None:
+        """Drive to the end of the visible boundary, unless a place nearer than the whole boundary is in sight."""
+        place = view.nearest_place()
+        if _distance(place, view.target) < self._nearest - self._config.leave_gain:
+            self._mode, self._place = Mode.LEAVE, to_world(place, view.odometry)
+            return place
+        end, least = view.next_end(to_robot(self._along, view.odometry), self._side)
+        self._nearest = min(self._nearest, view.distance, least)
+        if end is None:
+            return None
+        self._along = to_world(end.point, view.odometry)
+        return end.place
+
+    def _leave(self, view: _View) -> Floats | None:
+        """Drive to the chosen place until the robot itself is nearer to the target than the boundary."""
+        place = to_robot(self._place, view.odometry)
+        if view.distance < self._nearest:
+            self._mode = Mode.TOWARD
+            return self._toward(view)
+        if view.blocking(place, closely=True) >= 0:
+            self._mode = Mode.FOLLOW
+            return self._follow(view)
+        return place
+
+
+class _View:
+    """The scan for a point robot: scan points grown to discs.
+
+    A disc never contains the robot, nor the target if the robot fits there.
+    """
+
+    def __init__(self, points: Floats, observation: Observation, r: float, margin: float) -> None:
+        self.points = points
+        self.target = observation.target
+        self.odometry = observation.odometry
+        self.distance = math.hypot(*self.target)
+        self._radius = r + margin
+        away = np.hypot(points[:, 0], points[:, 1])
+        from_target = np.hypot(points[:, 0] - self.target[0], points[:, 1] - self.target[1])
+        wide = np.minimum(self._radius, np.maximum(TOUCHING * from_target, r))
+        self._radii = np.minimum(wide, TOUCHING * away)
+        self._close = np.minimum(self._radii, r + margin / 2.0)
+        self._ways, self._owners = free_ways(points, self._radii, UNITS)
+        slope = GRAZING * abs(observation.scan.angle_increment)
+        self._breaks = breaks_before(points, 2.0 * self._radius, slope)
+        self._profile = self._ways, self._owners, self._breaks, slope
+        self._jumps = self._ways, self._owners, np.arange(len(points) + 1), slope  # a break after every point
+
+    def blocking(self, place: Floats, closely: bool = False) -> int:
+        """Index of the point that blocks the line to a place, −1 if none; closely: with half the margin."""
+        return int(first_on_way(self.points, self._close if closely else self._radii, place))
+
+    def side_of_target(self, owner: int) -> int:
+        """Side of the target relative to a point: +1 left, −1 right."""
+        x, y = self.points[owner]
+        return 1 if x * self.target[1] - y * self.target[0] >= 0.0 else -1
+
+    def ends(self, owner: int) -> tuple[dict[int, Node], float]:
+        """Left (+1) and right (−1) end of a point's obstacle, and the obstacle's least distance to the target [m]."""
+        start = _direction(self.points[owner])
+        found, nearest = {}, math.inf
+        for side in (1, -1):
+            k, longer, least = sweep(*self._profile, UNITS, start, side, self.target)
+            end = self._mouth(start, side) or (self._node(k, longer, side) if k >= 0 else None)
+            if end is not None:
+                found[side] = end
+            nearest = min(nearest, least)
+        return found, nearest
+
+    def next_end(self, along: Floats, side: int) -> tuple[Node | None, float]:
+        """End, on one side, of the visible boundary with the scan point nearest to `along`.
+
+        If there is no end, as in a room: a place along the wall; None if the robot is enclosed. Also returns the
+        least distance of the visible boundary to the target [m].
+        """
+        if not len(self.points):
+            return None, math.inf
+        index = int(np.argmin(np.hypot(*(self.points - along).T)))
+        start = self._in_sight(index, side)
+        k, longer, least = sweep(*self._profile, UNITS, start, side, self.target)
+        return self._node(k, longer, side) if k >= 0 else self._along_wall(start, side), least
+
+    def nearest_place(self) -> Floats:
+        """The reachable place nearest to the target: the target, an end, or the farthest point towards the target."""
+        if self.blocking(self.target) < 0:
+            return self.target
+        k = _direction(self.target)
+        places = [self._node(k, True, side).place for k, side in all_ends(*self._profile).tolist()]
+        places.append(min(self._ways[k], self.distance) * UNITS[k])
+        return min(places, key=lambda place: _distance(place, self.target))
+
+    def _mouth(self, start: int, side: int) -> Node | None:
+        """Opening of a pocket that contains the target; the scan has no break there if it shows the inside."""
+        k, longer, _ = sweep(*self._jumps, UNITS, start, side, self.target)
+        if k < 0 or not longer:
+            return None
+        node = self._node(k, True, side)
+        onward = first_on_way(self.points - node.place, self._close, self.target - node.place)
+        return node if onward < 0 else None
+
+    def _in_sight(self, index: int, side: int) -> int:
+        """Direction of a point, turned back until no nearer obstacle hides the point's obstacle."""
+        start = _direction(self.points[index])
+        back = ((start - side * turned) % len(UNITS) for turned in range(len(UNITS)))
+        return next((k for k in back if joined(self._owners[k], index, self._breaks)), start)
+
+    def _along_wall(self, start: int, side: int) -> Node | None:
+        """The next place along a wall, one robot width ahead or up to the wall; None if there is no free one."""
+        k = first_longer(self._ways, start, side, 2.0 * self._radius)
+        if k < 0:
+            return None
+        if k == start:
+            return self._node(k, False, side)
+        return Node(2.0 * self._radius * UNITS[k], self.points[self._owners[(k - side) % len(UNITS)]])
+
+    def _node(self, k: int, longer: bool, side: int) -> Node:
+        """Node at the end of the obstacle in direction k: past its end, or where another obstacle hides it."""
+        point, radius = self.points[self._owners[k]], self._radii[self._owners[k]]
+        if not longer:
+            return Node(self._ways[k] * UNITS[k], point)
+        away = math.hypot(*point)
+        bearing = math.atan2(point[1], point[0]) + side * math.asin(radius / away)
+        length = math.sqrt(away * away - radius * radius) + self._radius
+        length = min(length, self._ways[(k + side) % len(UNITS)])
+        return Node(np.array([length * math.cos(bearing), length * math.sin(bearing)]), point)
+
+
+def _by_bearing(points: Floats, mount: Pose) -> Floats:
+    """Points (M, 2) sorted by bearing about the lidar; sorting about the base would mix the surfaces at an end."""
+    from_lidar = to_robot(points, mount)
+    return points[np.argsort(np.arctan2(from_lidar[:, 1], from_lidar[:, 0]), kind="stable")]
+
+
+def _direction(point: Floats) -> int:
+    """Index of the direction nearest to a point's bearing."""
+    return int((math.atan2(point[1], point[0]) + math.pi) / math.tau * len(UNITS)) % len(UNITS)
+
+
+def _distance(a: Floats, b: Floats) -> float:
+    return math.hypot(a[0] - b[0], a[1] - b[1])

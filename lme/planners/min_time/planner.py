@@ -1,0 +1,181 @@
+"""Minimum-time arcs: LME+'s own planner."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from lme.errors import require
+from lme.geometry.frames import to_robot
+from lme.kernels.arcs import first_contacts
+from lme.kernels.motion import drive
+from lme.kernels.straight_ways import KEPT
+from lme.planners.commands import check_turn_samples, limited, turn_shares
+from lme.planners.min_time.kernels import Estimate, Safety, best_twist, split
+from lme.robots import Robot
+from lme.sensing.scan_points import is_full_circle, obstacle_points
+from lme.types import Floats, Guidance, Limits, Observation, Pose, Twist
+
+_STEP = 0.05  # [m] of the prediction over the latency
+_NOBODY = np.empty((0, 5))
+_WIDEST = 1.0  # [m] greatest radius of a person or another mover
+_AT_REST = 1e-6  # [m/s, rad/s] slower than this counts as 0
+_TIGHT = 0.75  # share of the margin that is kept where the robot could not move otherwise
+_BACKWARD = 0.25  # share of v_max at which the robot backs up
+_SLOW = 0.05  # [s] time that a command of speed 0 counts more than one of v_max
+
+
+@dataclass(slots=True)
+class MinTimeConfig:
+    """Estimate of the time to the subgoal, safety, and sampling of the commands."""
+
+    horizon: float = 0.5  # [s] a command is held for up to this time
+    turn: float = 0.5  # [s/rad] expected time to turn to the subgoal after that
+    margin: float = 0.05  # [m] distance to obstacle points at rest
+    margin_time: float = 0.1  # [s] further distance per speed of the outline
+    brake: float = 3.0  # [m/s²] deceleration that the robot can rely on, at most its limit
+    grip: float = 1.0  # [m/s²] greatest v·|ω|, the lateral acceleration
+    back: float = 0.3  # [m] way that a stuck robot backs up; 0: never
+    latency: float = 0.0  # [s] known delay from a command to its effect
+    v_samples: int = 7
+    omega_samples: int = 15  # odd, so that one of them is in the middle
+
+    def __post_init__(self) -> None:
+        for key in ("turn", "margin", "margin_time", "back", "latency"):
+            require(f"planner.{key}", getattr(self, key), at_least=0.0)
+        for key in ("horizon", "brake", "grip"):
+            require(f"planner.{key}", getattr(self, key), above=0.0)
+        require("planner.v_samples", self.v_samples, at_least=2)
+        check_turn_samples(self.omega_samples)
+
+
+class _Situation(NamedTuple):
+    """What a command is chosen for: subgoal (2,), points (M, 2) and movers (P, 5) in the robot frame, and twist."""
+
+    subgoal: Floats
+    points: Floats
+    movers: Floats
+    twist: Twist
+
+
+class MinTime:
+    """Drives the safe arc with the least expected time to the subgoal.
+
+    Every pair (v, ω) that is reachable within a period is tried: it is held for some time, then the robot turns to the
+    subgoal and drives there. An arc is safe if the exact footprint, with a margin that grows with speed, reaches no
+    obstacle point before the robot has stopped. If none is safe, the robot brakes on its present arc. The points are
+    those that the guide knows, else those of the scan. If the delay of commands is known, all this starts where the
+    robot will be when the command takes effect. Tracked people are foreseen at their present velocity.
+    """
+
+    Config = MinTimeConfig
+
+    def __init__(self, config: MinTimeConfig, robot: Robot) -> None:
+        self._config = config
+        self._robot = robot
+        self._omega_share = turn_shares(config.omega_samples)
+        self._v_share = np.linspace(0.0, 1.0, config.v_samples) ** 2  # more of them at low speed
+        self.reset(np.random.default_rng(0))
+
+    def reset(self, rng: np.random.Generator) -> None:
+        """Forget the commands; `rng` is not used."""
+        periods = math.ceil(self._config.latency / self._robot.dt - 1e-9)
+        self._to_back = 0.0  # [m] that remain
+        self._under_way = deque([Twist(0.0, 0.0)] * periods, maxlen=periods)
+
+    def plan(self, observation: Observation, guidance: Guidance) -> Twist:
+        """Command for one control period."""
+        may_back = self._config.back > 0.0 and (
+            guidance.points is not None or is_full_circle(observation.scan)
+        )
+        now = self._now(observation, guidance)
+        wanted = self._choose(now, observation.limits)
+        if may_back and (self._to_back > 0.0 or (guidance.blocked and not any(wanted))):
+            wanted = self._back_up(now.points, observation.limits) or wanted
+        command = limited(*wanted, observation._replace(twist=now.twist), self._robot.dt)
+        self._under_way.append(command)
+        return command
+
+    def _now(self, observation: Observation, guidance: Guidance) -> _Situation:
+        """The situation in which the next command takes effect."""
+        points, movers = self._obstacles(observation, guidance)
+        here = _Situation(guidance.subgoal, points, movers, _at_rest(observation.twist))
+        return self._predicted(here, observation.limits) if self._under_way else here
+
+    def _obstacles(self, observation: Observation, guidance: Guidance) -> tuple[Floats, Floats]:
+        """Points that stay (M, 2), and movers (P, 5)."""
+        if guidance.points is not None and not len(observation.pedestrians):
+            return guidance.points, _NOBODY
+        seen = obstacle_points(observation.scan, self._robot.lidar.mount)
+        points = seen if guidance.points is None else guidance.points
+        return split(points, seen, observation.pedestrians, _WIDEST)
+
+    def _predicted(self, now: _Situation, limits: Limits) -> _Situation:
+        """A situation after the latency, in the robot frame of that time."""
+        pose, twist = self._predict(now.twist, limits)
+        movers, latency = now.movers.copy(), self._config.latency
+        movers[:, :2] = to_robot(movers[:, :2] + latency * movers[:, 2:4], pose)
+        movers[:, 2:4] = to_robot(movers[:, 2:4], Pose(0.0, 0.0, pose.yaw))
+        return _Situation(to_robot(now.subgoal, pose), to_robot(now.points, pose), movers, twist)
+
+    def _predict(self, now: Twist, limits: Limits) -> tuple[Pose, Twist]:
+        """Pose in the present robot frame and twist when the next command takes effect."""
+        pose, dt = Pose(0.0, 0.0, 0.0), self._robot.dt
+        rest = self._config.latency - (len(self._under_way) - 1) * dt  # of the oldest command
+        for k, command in enumerate(self._under_way):
+            duration = dt if k else rest
+            motion = (*pose,), (*now,), (*command,), (*limits,)  # plain tuples, as in `FastSimulator.step`
+            way, twist = drive(*motion, duration, _STEP, self._robot.footprint.r_max)
+            pose, now = Pose(*way[-1].tolist()), Twist(*twist)
+        return pose, _at_rest(now)
+
+    def _choose(self, now: _Situation, limits: Limits) -> Twist:
+        """The best command with all of the margin; if that is to stand still, with `_TIGHT` of it."""
+        wide = self._best(now, limits, 1.0)
+        return wide if any(wide) else self._best(now, limits, _TIGHT)
+
+    def _best(self, situation: _Situation, limits: Limits, share: float) -> Twist:
+        config, dt = self._config, self._robot.dt
+        subgoal, points, movers, now = situation
+        low = max(now.v - limits.alpha_v * dt, 0.0)
+        v = low + (max(min(now.v + limits.alpha_v * dt, limits.v_max), low) - low) * self._v_share
+        estimate = Estimate(limits.v_max, config.turn, dt, max(config.horizon, dt), _SLOW)
+        margin, brake = share * config.margin, min(config.brake, limits.alpha_v)
+        safety = Safety(margin, config.margin_time, brake, limits.alpha_omega, config.grip)
+        omega, box = self._turn_rates(now, limits), self._robot.footprint.box
+        best_v, best_omega, time = best_twist(v, omega, subgoal, points, box, estimate, safety, movers)
+        if math.isfinite(time):
+            return Twist(best_v, best_omega)
+        return Twist(0.0, now.omega * low / now.v if now.v > 0.0 else 0.0)
+
+    def _back_up(self, points: Floats, limits: Limits) -> Twist | None:
+        """Straight back for `back`, or as far as known points allow; None where they allow nothing."""
+        speed = _BACKWARD * limits.v_max
+        horizon = np.array([self._robot.dt + speed / min(self._config.brake, limits.alpha_v)])
+        margin, mirrored = np.array([_TIGHT * self._config.margin]), points * [-1.0, 1.0]
+        twist, box = np.array([[speed, 0.0]]), self._robot.footprint.box
+        if first_contacts(twist, mirrored, box, margin, horizon, horizon, KEPT)[0] < horizon[0]:
+            self._to_back = 0.0
+            return None
+        left = self._to_back if self._to_back > 0.0 else self._config.back
+        self._to_back = left - speed * self._robot.dt
+        return Twist(-speed, 0.0)
+
+    def _turn_rates(self, now: Twist, limits: Limits) -> Floats:
+        """Turn rates that are reachable in one period; the one nearest to 0 is set to 0 if 0 is among them."""
+        change = limits.alpha_omega * self._robot.dt
+        low, high = max(now.omega - change, -limits.omega_max), min(now.omega + change, limits.omega_max)
+        omega: Floats = (low + high) / 2.0 + (high - low) / 2.0 * self._omega_share
+        if low <= 0.0 <= high:
+            omega[np.abs(omega).argmin()] = 0.0
+        return omega
+
+
+def _at_rest(twist: Twist) -> Twist:
+    """The twist without rates that are too small to matter; their quotients would overflow."""
+    v, omega = twist
+    return Twist(v if abs(v) > _AT_REST else 0.0, omega if abs(omega) > _AT_REST else 0.0)

@@ -1,0 +1,73 @@
+"""Short memory of obstacle points, carried along by the robot's twist alone."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from lme.errors import require
+from lme.policies.lme_plus.kernels.carried_points import remember
+from lme.robots import Robot
+from lme.sensing.scan_points import obstacle_points
+from lme.types import Floats, Observation, Pose, Twist
+
+_SLACK = 0.15  # [m] a beam that ends less than this before a remembered point has seen its surface anew
+
+
+@dataclass(slots=True)
+class MemoryConfig:
+    """How far and how finely points are remembered."""
+
+    kept: bool = True  # false: only the points of the present scan
+    reach: float = 12.0  # [m] farther points are forgotten, and those of the scan left out
+    square: float = 0.05  # [m] one point per square of this side
+
+    def __post_init__(self) -> None:
+        require("guide.memory.reach", self.reach, above=0.0)
+        require("guide.memory.square", self.square, above=0.0)
+
+
+class Memory:
+    """Points seen so far, in a frame fixed to the ground that starts at the robot.
+
+    The frame is carried by the mean twist of each control period (UpdatePos, paper §III.D, with the turn's middle
+    heading). It drifts like any dead reckoning, so only near and recent points can be relied on. A point is forgotten
+    as soon as the scan sees its place: so it is kept behind obstacles and in the blind arc.
+    """
+
+    def __init__(self, config: MemoryConfig, robot: Robot) -> None:
+        self._config = config
+        self._dt = robot.dt
+        self._mount = robot.lidar.mount
+        self.pose = Pose(0.0, 0.0, 0.0)  # of the robot in the carried frame
+        self.points: Floats = np.empty((0, 2))  # in the carried frame
+        self.seen: Floats = np.empty((0, 2))  # points of the last scan in the robot frame, sorted by bearing
+        self._twist: Twist | None = None
+
+    def see(self, observation: Observation) -> None:
+        """Advance one control period and take in the scan."""
+        now, scan = observation.twist, observation.scan
+        if self._twist is not None:
+            self.pose = _moved(self.pose, self._twist, now, self._dt)
+        self._twist = now
+        self.seen = obstacle_points(scan, self._mount)
+        self.points = remember(
+            self.points if self._config.kept else self.points[:0],
+            self.seen,
+            scan.ranges,
+            (scan.angle_min, scan.angle_increment),
+            self._mount,
+            self.pose,
+            self._config.square,
+            self._config.reach,
+            _SLACK,
+        )
+
+
+def _moved(pose: Pose, before: Twist, now: Twist, dt: float) -> Pose:
+    """The pose one control period later."""
+    distance, turn = (before.v + now.v) / 2 * dt, (before.omega + now.omega) / 2 * dt
+    middle = pose.yaw + turn / 2
+    return Pose(pose.x + distance * math.cos(middle), pose.y + distance * math.sin(middle), pose.yaw + turn)

@@ -1,0 +1,128 @@
+"""Write records, or the control steps of episodes, as CSV, JSON lines or Parquet."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Iterator, Sequence
+from itertools import chain
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from runners.cli.parsers import texts
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import pyarrow as pa
+
+    from runners.records.episode_record import EpisodeKey
+
+EXAMPLES = (
+    "lme export outputs/eval/RUN > episodes.csv",
+    "lme export outputs/eval/RUN --columns world,run,outcome,time_s",
+    "lme export outputs/eval/RUN --steps 282/1 --output steps.csv",
+    "lme export outputs/eval/RUN --steps failures --format jsonl",
+    "lme export outputs/eval/SWEEP --output sweep.parquet",
+)
+_FORMATS = ("csv", "jsonl", "parquet")
+
+
+def main(argv: list[str]) -> int:
+    """Write the rows to the file or to standard output. Raises InputError."""
+    from runners.records import export
+    from runners.records.records import find_runs
+
+    arguments = _parser().parse_args(argv)
+    style = _format(arguments.format, arguments.output)
+    runs = find_runs(arguments.runs)
+    tables = export.episodes(runs) if arguments.steps is None else _steps(runs, arguments.steps)
+    chosen = [name for name in (arguments.columns or "").split(",") if name]
+    rows = export.selected(tables, chosen)
+    if arguments.output is None or str(arguments.output) == "-":
+        export.FORMATS[style](rows, sys.stdout)
+    else:
+        print(f"{_to_file(rows, arguments.output, style)} rows: {arguments.output}")
+    return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    notes = (
+        "Columns are those of episodes.parquet, or with --steps of trajectories.parquet; units are in their names\n"
+        "(docs/records.md). Several runs, or a sweep, go into one file, with the column run_dir before the others,\n"
+        "and with a column for every key that differs. CSV holds every digit; an empty field is a missing value.\n"
+        "A run without trajectories.parquet has its episodes driven once more, and they must go as recorded."
+    )
+    parser = argparse.ArgumentParser(prog="lme export", **texts(__doc__, EXAMPLES, notes))
+    parser.add_argument("runs", nargs="+", type=Path, metavar="RUN", help="a run's directory, or a sweep's")
+    parser.add_argument(
+        "--steps",
+        nargs="*",
+        metavar="EPISODE",
+        help="the control steps of WORLD (its run 0), WORLD/RUN or failures; none: of all episodes",
+    )
+    parser.add_argument("--columns", metavar="A,B,…", help="these columns, in this order")
+    parser.add_argument("--format", choices=_FORMATS, help="default: as --output ends, or csv")
+    parser.add_argument(
+        "--output", "-o", type=Path, metavar="FILE", help="default: -, which is standard output"
+    )
+    return parser
+
+
+def _format(given: str | None, output: Path | None) -> str:
+    """The format. Raises InputError for Parquet without a file."""
+    from lme.errors import InputError
+
+    ending = "" if output is None else output.suffix.lower().removeprefix(".")
+    style = given or (ending if ending in _FORMATS else "csv")
+    if style == "parquet" and (output is None or str(output) == "-"):
+        raise InputError("--format parquet: is not text, so it needs --output FILE")
+    return style
+
+
+def _steps(runs: Sequence[Path], words: Sequence[str]) -> Iterator[pa.Table]:
+    """The steps of the named episodes of each run. Raises InputError, before anything is written."""
+    from lme.errors import InputError
+    from runners.explainer.pages import keys_of
+    from runners.records.export import of_run
+    from runners.records.records import read_episodes
+    from runners.workers.steps import step_tables
+
+    parts = []
+    for run_dir in runs:
+        frame = read_episodes([run_dir])
+        records = dict(zip(keys_of(frame), frame.to_dict("records"), strict=True))
+        wanted = {key: records[key] for key in _keys(frame, words)}
+        if wanted:
+            tables = step_tables(run_dir, wanted)
+            parts.append(of_run(tables, run_dir) if len(runs) > 1 else tables)
+    if not parts:
+        raise InputError(f"--steps {' '.join(words)}: no episode failed")
+    return chain.from_iterable(parts)
+
+
+def _keys(frame: pd.DataFrame, words: Sequence[str]) -> list[EpisodeKey]:
+    from runners.analysis.failures import is_failure
+    from runners.explainer.pages import chosen, keys_of
+
+    if not words:
+        return keys_of(frame)
+    if list(words) == ["failures"]:
+        return keys_of(frame[is_failure(frame)])
+    return keys_of(chosen(frame, words))
+
+
+def _to_file(rows: Iterator[pa.Table], path: Path, style: str) -> int:
+    """Write a file whole; the number of its rows. Raises InputError where it cannot be written."""
+    from lme.errors import InputError
+    from runners.records import export
+    from runners.records.whole_file import replacing
+
+    try:
+        with replacing(path) as draft:
+            if style in export.BINARY:
+                with draft.open("wb") as binary:
+                    return export.FORMATS[style](rows, binary)
+            with draft.open("w", encoding="utf-8", newline="") as file:
+                return export.FORMATS[style](rows, file)
+    except OSError as error:
+        raise InputError(f"--output {path}: cannot be written ({error.strerror})") from error

@@ -1,0 +1,26 @@
+"""What to say where a command needs a package that `pip install ./lme`, the installation for robots, leaves out."""
+
+from __future__ import annotations
+
+PACKAGES = {  # by the module that is imported
+    "hydra": "hydra-core",
+    "matplotlib": "matplotlib",
+    "mlflow": "mlflow",
+    "omegaconf": "hydra-core",
+    "onnx": "onnx",
+    "onnxruntime": "onnxruntime",
+    "optuna": "optuna",
+    "packaging": "packaging",
+    "pandas": "pandas",
+    "pyarrow": "pyarrow",
+    "rich": "rich",
+}
+
+
+def left_out(error: ModuleNotFoundError, command: str) -> str:
+    """What is missing and how to install it; empty for a module that every installation has, or none."""
+    package = PACKAGES.get((error.name or "").partition(".")[0])
+    if package is None:
+        return ""
+    install = "pip install './lme[live]'" if command == "live" else "pip install --editable ."
+    return f"needs {package}, which is not installed; {install} in a checkout of lme installs what lme {command} needs"

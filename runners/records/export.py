@@ -1,0 +1,127 @@
+"""Records as files for other programs: CSV, JSON lines, or Parquet with some of the columns."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import IO, TYPE_CHECKING, Any
+
+from lme.errors import InputError, nearest
+from runners.records.records import episode_tables
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+_OF_RUN = ("run_dir", "sim", "scale")  # columns that tell runs apart, beside changed keys, which have a dot
+
+Write = Callable[[Iterable["pa.Table"], Any], int]  # tables and an open file to the number of rows
+
+
+def episodes(run_dirs: Sequence[Path]) -> Iterator[pa.Table]:
+    """The records of a run as its file holds them; those of several with the columns that tell the runs apart."""
+    found = episode_tables(run_dirs)
+    if len(found) == 1:
+        yield found[0][1]
+        return
+    names = dict.fromkeys(name for _, table, _ in found for name in table.column_names)
+    own = dict.fromkeys(key for _, _, columns in found for key in columns if key in _OF_RUN or "." in key)
+    for _, table, columns in found:
+        whole = _with_columns(table, {name: None for name in names if name not in table.column_names})
+        whole = _with_columns(whole.select(list(names)), {key: columns.get(key, "") for key in own})
+        yield whole.select(["run_dir", *names, *(key for key in own if key != "run_dir")])
+
+
+def of_run(tables: Iterable[pa.Table], run_dir: Path) -> Iterator[pa.Table]:
+    """The tables with the column `run_dir` before the others."""
+    for table in tables:
+        yield _with_columns(table, {"run_dir": str(run_dir)}).select(["run_dir", *table.column_names])
+
+
+def selected(tables: Iterable[pa.Table], columns: Sequence[str]) -> Iterator[pa.Table]:
+    """The tables with these columns, in this order; with all for none. They have the same columns as the first.
+
+    Raises InputError for a column that is not there, and for tables that differ.
+    """
+    names: list[str] = []
+    for table in tables:
+        names = names or _checked(columns, table.column_names) or table.column_names
+        missing = [name for name in names if name not in table.column_names]
+        if missing or (not columns and len(names) < table.num_columns):
+            raise InputError(
+                "the runs have different columns, as those of different versions have: export each alone, "
+                "or choose --columns that all have"
+            )
+        yield table.select(names)
+
+
+def write_csv(tables: Iterable[pa.Table], file: IO[str]) -> int:
+    """Write a header and the rows; return their number. Floats are exact. Missing values and NaN are empty."""
+    writer = csv.writer(file, lineterminator="\n")
+    count = 0
+    for number, table in enumerate(tables):
+        if number == 0:
+            writer.writerow(table.column_names)
+        writer.writerows(_rows(table, _csv_value))  # csv writes floats as repr() does
+        count += table.num_rows
+    return count
+
+
+def write_jsonl(tables: Iterable[pa.Table], file: IO[str]) -> int:
+    """Write an object of JSON for each row; return their number. NaN and infinity, which JSON lacks, are null."""
+    count = 0
+    for table in tables:
+        for row in _rows(table, _json_value):
+            named = dict(zip(table.column_names, row, strict=True))
+            file.write(json.dumps(named, ensure_ascii=False) + "\n")
+        count += table.num_rows
+    return count
+
+
+def write_parquet(tables: Iterable[pa.Table], file: IO[bytes]) -> int:
+    """Write Parquet; return the number of rows."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    # A column that one run lacks has no type there.
+    whole = pa.concat_tables(tables, promote_options="permissive")
+    pq.write_table(whole, file)
+    return int(whole.num_rows)
+
+
+FORMATS: dict[str, Write] = {"csv": write_csv, "jsonl": write_jsonl, "parquet": write_parquet}
+BINARY = ("parquet",)
+
+
+def _checked(columns: Sequence[str], known: Sequence[str]) -> list[str]:
+    for name in columns:
+        if name not in known:
+            raise InputError(
+                f"--columns {name}: no such column; {nearest(name, known)}there are: {', '.join(known)}"
+            )
+    return list(columns)
+
+
+def _with_columns(table: pa.Table, constants: Mapping[str, object]) -> pa.Table:
+    import pyarrow as pa
+
+    for name, value in constants.items():
+        table = table.append_column(name, pa.array([value] * table.num_rows))
+    return table
+
+
+def _rows(table: pa.Table, value: Callable[[Any], Any]) -> Iterator[list[Any]]:
+    for batch in table.to_batches(max_chunksize=10_000):
+        columns = [column.to_pylist() for column in batch.columns]
+        for row in zip(*columns, strict=True):
+            yield [value(each) for each in row]
+
+
+def _csv_value(value: Any) -> Any:
+    return None if isinstance(value, float) and math.isnan(value) else value
+
+
+def _json_value(value: Any) -> Any:
+    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -1,0 +1,101 @@
+"""The control steps of episodes: as recorded, or driven once more where the run has kept none."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from lme.episode import TRAJECTORY_COLUMNS
+from lme.errors import InputError
+from runners.records.episode_record import EpisodeKey, EpisodeRecord, EpisodeResult, RunLabels
+from runners.records.launch_record import LAUNCH, read_launch
+from runners.records.parquet import TRAJECTORIES, trajectory_table
+from runners.records.records import log_of
+from runners.workers.episodes import EpisodePayload, initialise
+from runners.workers.executor import Map, ProcessConfig, ProcessExecutor
+from runners.workers.trace import SAME_M
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+_BLOCK = 1000  # episodes that are held in memory at once
+
+
+def step_tables(run_dir: Path, rows: Mapping[EpisodeKey, Mapping[str, Any]]) -> Iterator[pa.Table]:
+    """The steps of these episodes, in the order of their keys: the columns of `trajectories.parquet`.
+
+    rows: what the run recorded of each episode. Raises InputError where episodes without steps cannot be driven once
+    more, or do not go as recorded.
+    """
+    import pyarrow as pa
+
+    keys = sorted(rows)
+    with log_of(run_dir) as log, contextlib.ExitStack() as workers:
+        drive: Map | None = None
+        for first in range(0, len(keys), _BLOCK):
+            block = keys[first : first + _BLOCK]
+            table = trajectory_table(run_dir, log, block)
+            kept = set(map(EpisodeKey, table["world"].to_pylist(), table["run"].to_pylist()))
+            missing = [key for key in block if key not in kept]
+            if missing:
+                drive = drive or workers.enter_context(_driver(run_dir, rows[missing[0]]))
+                again = [_table(_checked(result, rows, run_dir)) for result in drive(missing)]
+                joined = pa.concat_tables([table, *again], promote_options="permissive")
+                table = joined.sort_by([(name, "ascending") for name in ("world", "run", "step")])
+            yield table
+
+
+@contextlib.contextmanager
+def _driver(run_dir: Path, row: Mapping[str, Any]) -> Iterator[Map]:
+    """Give what drives episodes of a run, in processes. row: of any episode, whose labels all share."""
+    launch = read_launch(run_dir)
+    if launch is None:
+        raise InputError(
+            f"{run_dir}: has no {TRAJECTORIES} with all steps, and no {LAUNCH} to drive its episodes once more"
+        )
+    labels = RunLabels(**{field.name: str(row.get(field.name, "")) for field in fields(RunLabels)})
+    payload = EpisodePayload(launch.config, labels, None)
+    with ProcessExecutor(ProcessConfig()).open(initialise, payload) as run_all:
+        yield run_all
+
+
+def _checked(
+    result: EpisodeResult, rows: Mapping[EpisodeKey, Mapping[str, Any]], run_dir: Path
+) -> EpisodeResult:
+    """The result. Raises InputError unless the drive went as it is recorded."""
+    row = rows[result.record.key]
+    if not _alike(result.record, row):
+        raise InputError(
+            f"{run_dir}: {result.record.key} goes another way when it is driven again, so the run was made by another "
+            "version of the program or of its libraries: its steps are lost; drive it again with lme eval"
+        )
+    return result
+
+
+def _alike(record: EpisodeRecord, row: Mapping[str, Any]) -> bool:
+    same = (record.outcome, record.steps) == (row["outcome"], row["steps"])
+    lengths = ("path_length_m", "final_distance_m")
+    return same and all(
+        math.isclose(getattr(record, name), row[name], rel_tol=0.0, abs_tol=SAME_M) for name in lengths
+    )
+
+
+def _table(result: EpisodeResult) -> pa.Table:
+    import pyarrow as pa
+
+    count = len(result.trajectory)
+    columns: Sequence[np.ndarray[Any, Any]] = list(result.trajectory.T)
+    return pa.table(
+        {
+            "world": np.full(count, result.record.world),
+            "run": np.full(count, result.record.run),
+            "step": np.arange(count),
+            **dict(zip(TRAJECTORY_COLUMNS, columns, strict=True)),
+        }
+    )

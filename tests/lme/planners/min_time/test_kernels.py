@@ -1,0 +1,88 @@
+"""Movers: whose points are whose, and when a robot on an arc meets one."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from lme.planners.min_time.kernels import FORESEEN, Estimate, Safety, best_twist, split
+from tests import oracles
+from tests.tolerances import KERNEL
+
+MEETING, SKIN, STEP = 10.0, 0.1, 0.1  # as in lme/planners/min_time/kernels.py
+JACKAL, DISC = (0.21, 0.155, 0.0), (0.0, 0.0, 0.2)
+ESTIMATE = Estimate(v_max=2.0, turn=0.5, period=0.1, horizon=0.5, slow=0.05)
+SAFETY = Safety(margin=0.05, margin_time=0.1, brake=3.0, alpha_omega=8.0, grip=100.0)
+NOTHING, NOBODY = np.empty((0, 2)), np.empty((0, 5))
+
+
+def best(v, omega, movers, box=JACKAL, subgoal=(3.0, 0.5)):
+    rates = (np.array(each, dtype=float) for each in (v, omega, subgoal))
+    return best_twist(*rates, NOTHING, box, ESTIMATE, SAFETY, np.array(movers, dtype=float).reshape(-1, 5))
+
+
+def met(twist, movers, box=JACKAL):
+    """The time until the robot meets somebody [s], from what the command counts more."""
+    v, omega = twist
+    more = best([v], [omega], movers, box)[2] - best([v], [omega], NOBODY, box)[2]
+    return FORESEEN * (1.0 - more / MEETING)
+
+
+@settings(max_examples=100)
+@given(st.integers(0, 10**6), st.integers(0, 3))
+def test_split_agrees_with_its_slow_twin(seed, count):
+    rng = np.random.default_rng(seed)
+    people = rng.uniform(-2.0, 2.0, (count, 4))
+    seen = rng.uniform(-2.5, 2.5, (rng.integers(0, 30), 2))
+    points = np.concatenate((seen, rng.uniform(-2.5, 2.5, (30, 2))))
+    left, movers = split(points, seen, people, 1.0)
+    slow_left, slow_movers = oracles.split(points, seen, people, 1.0, SKIN)
+    np.testing.assert_array_equal(left, slow_left)
+    np.testing.assert_allclose(movers, slow_movers, rtol=0.0, atol=KERNEL)
+
+
+def test_a_person_takes_its_points_and_leaves_the_wall():
+    person, wall = np.array([[2.0, 0.0, 0.0, 1.0]]), np.array([[3.0, 0.0]])
+    front = np.array([[1.7, 0.0], [1.78, 0.2], [1.78, -0.2]])
+    remembered = np.array([[2.0, 0.39], [2.0, 0.41]])  # within and beyond 0.3 m and the skin
+    left, movers = split(np.concatenate((front, wall, remembered)), front, person, 1.0)
+    np.testing.assert_array_equal(left, [wall[0], remembered[1]])
+    assert movers == pytest.approx(np.array([[2.0, 0.0, 0.0, 1.0, math.hypot(0.22, 0.2)]]))
+
+
+@settings(max_examples=200)
+@given(st.integers(0, 10**6), st.integers(1, 3), st.sampled_from([JACKAL, DISC]), st.booleans())
+def test_meetings_agree_with_their_slow_twin(seed, count, box, straight):
+    rng = np.random.default_rng(seed)
+    twist = rng.uniform(0.0, 2.0), 0.0 if straight else rng.uniform(-3.0, 3.0)
+    movers = np.column_stack((rng.uniform(-3.0, 3.0, (count, 2)), rng.uniform(-1.5, 1.5, (count, 2))))
+    movers = np.column_stack((movers, rng.uniform(0.1, 0.5, count)))
+    reach = math.hypot(*box[:2]) + box[2] + SAFETY.margin
+    slow = oracles.meeting(twist, movers, reach, STEP, FORESEEN)
+    assert met(twist, movers, box) == pytest.approx(slow, abs=KERNEL)
+
+
+def test_a_meeting_is_the_last_step_before_it():
+    reach = math.hypot(*JACKAL[:2]) + SAFETY.margin + 0.3
+    ahead = [reach + 1.0 - 1e-6, 0.0, -0.5, 0.0, 0.3]  # 1 m to go at 0.5 + 1.5 m/s
+    assert met((1.5, 0.0), ahead) == pytest.approx(0.4)
+    assert met((1.5, 0.0), [*ahead[:2], 1.5, 0.0, 0.3]) == FORESEEN  # walks on ahead
+    assert met((0.0, 0.0), [reach - 0.1, 0.0, 0.1, 0.0, 0.3]) == FORESEEN  # near, and leaves
+    assert met((0.0, 0.0), [reach - 0.1, 0.0, -0.1, 0.0, 0.3]) == pytest.approx(0.0)  # near, and comes
+
+
+def test_the_soonest_of_several_counts():
+    far, near = [1.6, 0.0, -1.0, 0.0, 0.3], [0.9, 0.0, -1.0, 0.0, 0.3]
+    alone = met((0.0, 0.0), near)
+    assert alone < met((0.0, 0.0), far) < FORESEEN
+    assert met((0.0, 0.0), [far, near]) == met((0.0, 0.0), [near, far]) == alone
+
+
+def test_it_prefers_the_command_that_meets_nobody():
+    v, omega = np.linspace(0.0, 2.0, 5), np.linspace(-1.0, 1.0, 5)
+    assert best(v, omega, NOBODY, subgoal=(3.0, 0.0))[:2] == (2.0, 0.0)
+    coming = [2.0, 0.0, -1.0, 0.0, 0.3]
+    chosen = best(v, omega, coming, subgoal=(3.0, 0.0))[:2]
+    assert met(chosen, coming) > met((2.0, 0.0), coming)

@@ -1,0 +1,209 @@
+"""Expected times: against shortest ways over many neighbours, exact ways round a corner, and turned scenes."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from lme.policies.lme_plus.kernels.travel_time import Grid, Pace, descend, times_at, travel_times
+from tests import oracles
+from tests.tolerances import ARRIVAL_CELLS, ARRIVAL_SHARE, KERNEL
+
+CELL, SIZE = 0.1, 50
+GRID = Grid(-2.5, -2.5, CELL, SIZE)
+PACE = Pace(v_max=2.0, inner=0.25, comfort=0.5, slowdown=2.0, room=0.3)
+EVEN = PACE._replace(comfort=0.2501, slowdown=0.0)  # one speed wherever there is passage
+CELL_TIME = CELL / PACE.v_max
+NOTHING = np.empty((0, 2))
+ALL = 1e3  # [s] beyond the best: every way is searched
+SEEDS = st.integers(0, 10**6)
+
+
+def times(points, target, robot=(0.0, 0.0), grid=GRID, pace=PACE, beyond=ALL, leave=False):
+    given = (np.array(each, dtype=float).reshape(-1, 2) for each in (points, target, robot))
+    points, target, robot = given
+    return travel_times(points, target[0], robot[0], grid, pace, beyond, leave)
+
+
+def inside(field):
+    """Without the frame."""
+    return field[1:-1, 1:-1]
+
+
+def centres(grid=GRID):
+    along = (np.arange(grid.size) + 0.5) * grid.cell
+    return np.stack(np.meshgrid(grid.x + along, grid.y + along, indexing="ij"), axis=-1)
+
+
+def near(time):
+    """How much two ways to compute a time may differ."""
+    return ARRIVAL_SHARE * time + ARRIVAL_CELLS * CELL_TIME
+
+
+def scene(seed, count=6):
+    """Points away from the edge and the target, one per cell, a target and a robot."""
+    rng = np.random.default_rng(seed)
+    robot, target = rng.uniform(-2.2, 2.2, 2), rng.uniform(-2.2, 2.2, 2) * rng.choice([1.0, 3.0])
+    points = rng.uniform(-1.8, 1.8, (rng.integers(0, count + 1), 2))
+    points = points[np.unique(np.floor(points / CELL), axis=0, return_index=True)[1]]
+    return points[np.hypot(*(points - target).T) > 0.6], target, robot
+
+
+@settings(max_examples=25)
+@given(SEEDS, st.booleans())
+def test_times_are_those_of_shortest_ways(seed, leave):
+    points, target, robot = scene(seed)
+    field, _ = times(points, target, robot, leave=leave)
+    slow = oracles.travel_times(points, target, robot, GRID, PACE, leave)
+    found = np.isfinite(slow)
+    np.testing.assert_array_equal(np.isfinite(inside(field)), found)
+    assert (np.abs(inside(field)[found] - slow[found]) <= near(slow[found])).all()
+
+
+@settings(max_examples=25)
+@given(SEEDS, st.sampled_from([0.0, 0.3, 1.0]))
+def test_what_is_not_searched_is_on_no_good_way(seed, beyond):
+    points, target, robot = scene(seed)
+    (whole, best), (part, robot_time) = (times(points, target, robot, beyond=b) for b in (ALL, beyond))
+    if math.isinf(best):
+        assert math.isinf(robot_time)
+        return
+    assert abs(robot_time - best) <= near(best)
+    straight = np.hypot(*(centres() - robot).transpose(2, 0, 1)) / PACE.v_max
+    skipped = np.isfinite(inside(whole)) & ~np.isfinite(inside(part))
+    assert (inside(whole)[skipped] + straight[skipped] >= best + beyond - near(best)).all()
+
+
+@pytest.mark.parametrize("target", [(1.0, 0.0), (-1.3, 0.7), (2.0, -2.0), (40.0, 0.0), (-9.0, 30.0)])
+def test_in_the_open_times_are_those_of_straight_lines_inside_and_outside_the_grid(target):
+    field, robot_time = times(NOTHING, target)
+    straight = np.hypot(*(centres() - target).transpose(2, 0, 1)) / PACE.v_max
+    assert (np.abs(inside(field) - straight) <= near(np.minimum(straight, 5.0))).all()
+    assert robot_time == pytest.approx(math.hypot(*target) / PACE.v_max, abs=near(2.0))
+
+
+@pytest.mark.parametrize("end", [-1.0, 0.0, 0.8])
+def test_the_way_past_the_end_of_a_wall_is_two_tangents_and_an_arc(end):
+    # Wall on the y axis from below the grid to `end`, robot and target 1.5 m to either side of it, level with 0.3 m
+    # below its end; only a disc of `inner` about the end keeps the string from the corner.
+    wall = np.column_stack((np.zeros(400), np.linspace(-4.0, end, 400)))
+    robot, target, r = np.array([-1.5, end - 0.3]), np.array([1.5, end - 0.3]), EVEN.inner
+    away = math.hypot(1.5, 0.3)
+    arc = 2 * (math.atan2(1.5, -0.3) - math.acos(r / away))
+    exact = (2 * math.sqrt(away**2 - r**2) + r * arc) / EVEN.v_max
+    assert times(wall, target, robot, pace=EVEN)[1] == pytest.approx(exact, abs=near(exact))
+
+
+def test_without_passage_there_is_no_time():
+    wall = np.column_stack((np.full(100, 0.5), np.linspace(-2.5, 2.5, 100)))
+    field, robot_time = times(wall, (2.0, 0.0))
+    assert math.isinf(robot_time)
+    assert np.isinf(inside(field)[:30]).all()
+    assert np.isfinite(inside(field)[35:]).all()
+    assert np.isinf(field[[0, -1]]).all()
+    assert np.isinf(field[:, [0, -1]]).all()
+
+
+@pytest.mark.parametrize("radius", [0.6, 0.4])
+def test_a_ring_encloses_the_robot(radius):
+    turn = np.linspace(0.0, 2 * math.pi, 60)
+    ring = radius * np.column_stack((np.cos(turn), np.sin(turn)))
+    assert math.isinf(times(ring, (2.0, 0.0))[1])
+    assert math.isinf(times(ring, (20.0, 0.0))[1])
+    assert math.isinf(times(ring, (2.0, 0.0), leave=True)[1])
+
+
+def test_a_way_may_leave_the_grid_if_asked():
+    wall = np.column_stack((np.full(100, 0.5), np.linspace(-2.5, 2.5, 100)))
+    _, around = times(wall, (2.0, 0.0), leave=True)
+    assert 2 * math.hypot(1.0, 2.5) / PACE.v_max <= around < math.inf
+
+
+def test_a_robot_too_near_to_a_point_has_a_way_out_but_no_other_place_does():
+    point = [(0.1, 0.1)]
+    assert math.isfinite(times(point, (2.0, 0.0))[1])
+    assert math.isinf(times(point, (2.0, 0.0), pace=PACE._replace(room=0.0))[1])
+    field, _ = times(point, (2.0, 0.0), robot=(-1.0, 0.0))
+    assert math.isinf(inside(field)[26, 26])
+
+
+def test_near_obstacles_it_takes_longer_by_up_to_the_slowdown():
+    # Between two walls 0.5 m apart the nearest point is nowhere farther than `inner`: three times as long.
+    along = np.linspace(-2.5, 2.5, 200)
+    walls = np.concatenate([np.column_stack((along, np.full(200, y))) for y in (-0.3, 0.2)])
+    for inner, passes in ((0.2499, True), (0.28, False)):
+        _, between = times(walls, (2.05, -0.05), (-2.05, -0.05), pace=PACE._replace(inner=inner, comfort=1.0))
+        assert between == (pytest.approx(3 * 4.1 / PACE.v_max, rel=0.03) if passes else math.inf)
+
+
+TURNS = {
+    "mirrored": (np.array([[1.0, 0.0], [0.0, -1.0]]), lambda field: field[:, ::-1]),
+    "turned": (np.array([[0.0, -1.0], [1.0, 0.0]]), lambda field: field[:, ::-1].T),
+}
+
+
+@settings(max_examples=25)
+@given(SEEDS, st.sampled_from(sorted(TURNS)))
+def test_a_turned_scene_has_the_turned_field(seed, name):
+    points, target, robot = scene(seed)
+    turn, expected = TURNS[name]
+    field, robot_time = times(points, target, robot)
+    other, other_time = times(points @ turn.T, turn @ target, turn @ robot)
+    there = expected(field)
+    np.testing.assert_array_equal(np.isfinite(other), np.isfinite(there))
+    reached = np.isfinite(there)
+    assert (np.abs(other[reached] - there[reached]) <= near(there[reached])).all()
+    assert abs(other_time - robot_time) <= near(robot_time) or other_time == robot_time == math.inf
+
+
+@settings(max_examples=25)
+@given(SEEDS)
+def test_one_more_obstacle_never_shortens_a_time(seed):
+    points, target, robot = scene(seed)
+    more = np.concatenate((points, np.random.default_rng(seed + 1).uniform(-2.0, 2.0, (1, 2))))
+    (before, before_time), (after, after_time) = (times(each, target, robot) for each in (points, more))
+    found = np.isfinite(before) & np.isfinite(
+        after
+    )  # the search goes on longer where the robot's way is longer
+    assert (after[found] >= before[found] - near(before[found])).all()
+    assert after_time >= before_time - near(before_time) or math.isinf(before_time)
+
+
+@given(SEEDS)
+def test_times_between_cells_are_interpolated(seed):
+    rng = np.random.default_rng(seed)
+    slope, places = rng.uniform(-1, 1, 2), rng.uniform(-2.4, 2.4, (20, 2))
+    field = np.pad(9.0 + centres() @ slope, 1, constant_values=np.inf)
+    assert times_at(field, places, GRID) == pytest.approx(9.0 + places @ slope, abs=KERNEL)
+
+
+def test_times_are_of_the_cells_that_have_one():
+    field = np.full((SIZE + 2, SIZE + 2), np.inf)
+    field[11, 11] = 3.0  # its centre is at −2.5 + 10.5 cells
+    at = -2.5 + 10.5 * CELL
+    places = np.array([[at, at], [at + 0.09, at - 0.09], [at + 0.11, at], [9.0, 9.0]])
+    assert times_at(field, places, GRID).tolist() == [3.0, 3.0, math.inf, math.inf]
+
+
+@settings(max_examples=25)
+@given(SEEDS)
+def test_the_way_down_falls_at_every_place_and_ends_at_the_target(seed):
+    points, target, robot = scene(seed)
+    target = np.clip(target, -2.2, 2.2)
+    field, robot_time = times(points, target, robot)
+    way = descend(field, robot, GRID, 50.0, 1)
+    if math.isinf(robot_time):
+        return
+    levels = [field[tuple(np.floor((place + 2.5) / CELL).astype(int) + 1)] for place in (robot, *way)]
+    assert (np.diff(levels) < 0.0).all()
+    assert np.hypot(*(way[-1] - target if len(way) else robot - target)) <= 1.5 * CELL
+    np.testing.assert_array_equal(descend(field, robot, GRID, 50.0, 3), way[2::3])
+    short = descend(field, robot, GRID, 0.75, 1)
+    np.testing.assert_array_equal(short, way[:7])
+
+
+def test_there_is_no_way_down_from_where_no_time_is():
+    field = np.full((SIZE + 2, SIZE + 2), np.inf)
+    assert descend(field, np.zeros(2), GRID, 5.0, 3).shape == (0, 2)

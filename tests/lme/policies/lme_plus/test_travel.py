@@ -1,0 +1,56 @@
+"""Expected times about a robot: near in the open, longer round obstacles, and finite everywhere."""
+
+import math
+
+import numpy as np
+import pytest
+
+from lme.errors import InputError
+from lme.policies.lme_plus.travel import BEYOND, TravelConfig, expected_times
+from tests.builders import stage
+from tests.tolerances import ARRIVAL_CELLS, ARRIVAL_SHARE
+
+NOTHING, HERE = np.empty((0, 2)), np.array([3.0, -7.0])
+CONFIG = TravelConfig()
+
+
+def field(points=NOTHING, target=(5.0, -7.0), reach=8.0, margin=0.08):
+    return expected_times(points, np.array(target), HERE, reach, stage(), margin, CONFIG)
+
+
+def near(time):
+    return ARRIVAL_SHARE * time + ARRIVAL_CELLS * CONFIG.cell / stage().v_max
+
+
+@pytest.mark.parametrize("target", [(5.0, -7.0), (3.0, -1.0), (40.0, 20.0)])
+def test_in_the_open_the_rest_is_the_straight_way(target):
+    found = field(target=target)
+    straight = math.hypot(target[0] - 3.0, target[1] + 7.0) / stage().v_max
+    assert found.rest(HERE[None])[0] == pytest.approx(straight, abs=near(straight))
+
+
+def test_where_the_search_did_not_come_the_rest_is_the_least_that_it_allows():
+    found = field()
+    far = HERE + np.array([[-6.0, 0.0], [0.0, 6.0], [100.0, 0.0]])
+    assert found.rest(far[:2]) == pytest.approx(max(found.robot_time + BEYOND - 12.0, 0.0))
+    assert np.isfinite(found.rest(far)).all()
+
+
+def test_without_a_way_the_rest_is_the_straight_line():
+    turn = np.linspace(0.0, 2 * math.pi, 200)
+    found = field(HERE + np.column_stack((np.cos(turn), np.sin(turn))))
+    assert math.isinf(found.robot_time)
+    inside = HERE + np.array([[0.0, 0.0], [0.5, 0.0], [0.0, 0.5]])
+    assert found.rest(inside) == pytest.approx([4.0, 3.0, math.hypot(2.0, 0.5) / 0.5])
+
+
+def test_the_way_down_ends_at_the_target():
+    way = field().descent(8.0)
+    assert np.hypot(*(way[-1] - (5.0, -7.0))) <= 4 * CONFIG.cell  # every third cell is a place
+    assert np.abs(way[:, 1] + 7.0).max() <= 2 * CONFIG.cell
+
+
+@pytest.mark.parametrize(("key", "value"), [("cell", 0), ("comfort", 0), ("slowdown", -1)])
+def test_mistakes_are_named(key, value):
+    with pytest.raises(InputError, match=f"guide.travel.{key} is {value}"):
+        TravelConfig(**{key: value})
