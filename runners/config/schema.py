@@ -83,7 +83,7 @@ class EvalConfig(ReportConfig):
 
 
 @dataclass(slots=True)
-class Reward:
+class TrialReward:
     """What a failed episode is worth (paper eq. 1), and how long one may take."""
 
     crash: float
@@ -107,7 +107,7 @@ class TrainConfig(HeldOutConfig):
     configurations: int
     training_numbers: list[int]
     start_from_config: bool
-    reward: Reward
+    reward: TrialReward
     storage: str | None
     study: str | None
     search: dict[str, Any]
@@ -162,7 +162,7 @@ class ReplayConfig(SystemConfig):
 
 
 @dataclass(slots=True, kw_only=True)
-class LiveConfig(DriveConfig):
+class LiveCommandConfig(DriveConfig):
     """`lme live`. live: the node or the simulated robot; topics, frames, scan: see runners.live and lme.live."""
 
     live: dict[str, Any]
@@ -190,7 +190,7 @@ COMMANDS: dict[str, type[SystemConfig]] = {
     "learn": LearnConfig,
     "replay": ReplayConfig,
     "figure": FigureConfig,
-    "live": LiveConfig,
+    "live": LiveCommandConfig,
 }
 
 

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING
 
 from lme.worlds.world import MapSet
 from runners.analysis import failures
-from runners.config import build, systems, weights
-from runners.config.instantiate import build as build_target
+from runners.config import build, instantiate, systems, weights
 from runners.config.instantiate import configured
 from runners.config.job import Job
 from runners.config.schema import EpisodesConfig, EvalConfig, Record, ReportConfig
@@ -66,7 +65,7 @@ def evaluate(job: Job[EvalConfig]) -> None:
 def start_tracking(job: Job[EvalConfig]) -> Tracking:
     """Open the tracked run of a job, as its config says."""
     labels = run_labels(job, build.map_set(job.config))
-    tracking: Tracking = build_target(job.config.tracking, "tracking")
+    tracking: Tracking = instantiate.build(job.config.tracking, "tracking")
     tags = {**asdict(labels), "changes": job.changes_text, "command": "eval"}
     tracking.start({**asdict(job.config), "weights": job.weights}, job.run_dir, tags, job.sweep_dir)
     return tracking
@@ -79,7 +78,7 @@ def produce(job: Job[EvalConfig], progress: bool = True) -> tuple[pd.DataFrame, 
     """
     maps, run_dir = build.map_set(job.config), job.run_dir
     drive(job.config, run_labels(job, maps), maps, run_dir, progress)
-    pages.as_asked(job.config.explain, run_dir, build_target(job.config.executor, "executor"))
+    pages.as_asked(job.config.explain, run_dir, instantiate.build(job.config.executor, "executor"))
     frame, rows, artifacts = report(maps, job)
     return frame, rows, [*artifacts, *_film(job.config, maps, run_dir), *failures.folder(run_dir)]
 
@@ -88,7 +87,7 @@ def drive(
     config: EpisodesConfig, labels: RunLabels, maps: MapSet, run_dir: Path, progress: bool = True
 ) -> None:
     """Run what is missing of map set × runs into the records of `run_dir`. progress: show a bar."""
-    executor = build_target(config.executor, "executor")
+    executor = instantiate.build(config.executor, "executor")
     payload = EpisodePayload(config, labels, _recordings(config, run_dir))
     with (
         RecordWriter(run_dir) as writer,

@@ -9,8 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from lme.errors import InputError
-from runners.config import build, weights
-from runners.config.instantiate import build as build_target
+from runners.config import build, instantiate, weights
 from runners.config.job import Job
 from runners.config.schema import FigureConfig
 from runners.config.worlds import expanded
@@ -93,7 +92,7 @@ def _leave(run_dir: Path) -> None:
 
 
 def _kind(config: FigureConfig) -> Kind:
-    kind: Kind = build_target(config.figure, "figure")
+    kind: Kind = instantiate.build(config.figure, "figure")
     return kind
 
 

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from runners.analysis.summary import Row, numbers, summarise
+from runners.config import instantiate
 from runners.config.changes import in_words
-from runners.config.instantiate import build as build_target
 from runners.config.job import Job
 from runners.config.schema import ReportConfig
 from runners.config.systems import systems
@@ -96,7 +96,7 @@ def _track(
 ) -> None:
     """Track the sweep: what its jobs have in common, and the figures of every row by its name."""
     launches = [record for record in map(launch_record.read_launch, run_dirs) if record is not None]
-    tracking = build_target(config.tracking, "tracking")
+    tracking = instantiate.build(config.tracking, "tracking")
     shared = launch_record.common([record.configs[0] for record in launches])
     changes = launch_record.common([record.changes[0] for record in launches])
     tracking.start(shared, sweep_dir, {"command": "sweep", "changes": in_words(changes)})

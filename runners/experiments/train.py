@@ -12,9 +12,8 @@ import numpy as np
 from lme.errors import InputError, require
 from lme.worlds.world import MapSet
 from runners.analysis import failures
-from runners.config import build
+from runners.config import build, instantiate
 from runners.config.composer import resume_command
-from runners.config.instantiate import build as build_target
 from runners.config.job import Job
 from runners.config.schema import TrainConfig
 from runners.config.space import PARAMETERS, Space, own_values, read_space, with_values
@@ -50,7 +49,7 @@ def validate(job: Job[TrainConfig]) -> None:
     if config.reward.max_steps is not None:
         require("reward.max_steps", config.reward.max_steps, at_least=1)
     read_space(config)
-    build_target(config.search, "search")
+    instantiate.build(config.search, "search")
     training_maps(config, training_worlds(config))
     weight_file.check_name(weights_name(config), _fingerprint(config))
     if config.storage is not None:
@@ -60,7 +59,7 @@ def validate(job: Job[TrainConfig]) -> None:
 def train(job: Job[TrainConfig]) -> None:
     """Search until the study has its trials, evaluate the best, and write everything below the run directory."""
     config, run_dir = job.config, job.run_dir
-    tracking = build_target(config.tracking, "tracking")
+    tracking = instantiate.build(config.tracking, "tracking")
     labels = replace(run_labels(job, build.map_set(config)), weights=weights_name(config))
     tags = {**asdict(labels), "changes": job.changes_text, "command": "train"}
     tracking.start(asdict(_without_password(config)), run_dir, tags, job.sweep_dir)
@@ -115,7 +114,7 @@ def training_maps(config: TrainConfig, worlds: list[int]) -> MapSet:
 
 def _search(config: TrainConfig, run_dir: Path) -> Study:
     """Run the study until it has all its trials; trials of an earlier run count."""
-    search = build_target(config.search, "search")
+    search = instantiate.build(config.search, "search")
     space = read_space(config)
     first = own_values(config, space) if config.start_from_config else {}
     opened = open_study(config.storage, config.study, run_dir, identity(config), space, search, first)
@@ -124,7 +123,7 @@ def _search(config: TrainConfig, run_dir: Path) -> Study:
     with TrialProgress(f"train {config.robot.name}", config.trials) as progress:
         progress.skip(len(opened.told), opened.best)
         if opened.num_told < config.trials:
-            executor = build_target(config.executor, "executor")
+            executor = instantiate.build(config.executor, "executor")
             with executor.open(trials.initialise, training, len(worlds) * search.batch) as run_all:
                 run_trials(opened, config.trials, search.batch, worlds, run_all, progress.reach)
     return opened

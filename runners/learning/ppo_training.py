@@ -16,7 +16,7 @@ from runners.learning.reinforcement_training import Advanced, Parts, reinforce
 from runners.learning.run import Run
 
 
-class Step(NamedTuple):
+class PpoStep(NamedTuple):
     """One or more steps of N robots, with N in front of every shape, or a batch of such steps.
 
     features; raw (N, 2): actions before tanh; log_density (N,) of these when drawn; values (N,) by the critic;
@@ -84,7 +84,7 @@ class PpoTraining:
                     ongoing = found.truncated[found.ended].float() * critic(*found.last)
                     rewards[found.ended] += self._config.gamma * ongoing
                 ended = found.terminated | found.truncated
-                steps.append(Step(features, raw, log_density(mixture, raw), values, rewards, ended))
+                steps.append(PpoStep(features, raw, log_density(mixture, raw), values, rewards, ended))
                 features = found.features
             advantages = advantages_of(steps, critic(*features), self._config.gamma, self._config.decay)
         joined = [
@@ -126,7 +126,7 @@ class PpoTraining:
         return loss, (ratio - 1.0 - change).mean().item()
 
 
-def advantages_of(steps: list[Step], values: Tensor, gamma: float, decay: float) -> Tensor:
+def advantages_of(steps: list[PpoStep], values: Tensor, gamma: float, decay: float) -> Tensor:
     """Generalised advantages (Schulman et al. 2015, arXiv:1506.02438) of T steps of N robots: (T·N,), step by step.
 
     values: (N,) of what the robots see after the last step.

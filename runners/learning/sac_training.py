@@ -23,7 +23,7 @@ from runners.learning.sac import SacConfig
 _ACTIONS = 2
 
 
-class Transition(NamedTuple):
+class ReplaySteps(NamedTuple):
     """B steps: what was seen, the action before tanh, the reward, whether it was the end, and what was seen next."""
 
     features: Features
@@ -41,7 +41,7 @@ class Replay:
         self._arrays: list[Tensor] = []
         self.count = 0
 
-    def add(self, step: Transition) -> None:
+    def add(self, step: ReplaySteps) -> None:
         """Keep B steps in place of the oldest."""
         flat = [*step.features, step.raw, step.rewards, step.terminated, *step.following]
         if not self._arrays:
@@ -51,13 +51,13 @@ class Replay:
             array[places] = rows
         self.count += len(step.raw)
 
-    def sample(self, size: int, generator: torch.Generator) -> Transition:
+    def sample(self, size: int, generator: torch.Generator) -> ReplaySteps:
         """B steps, each drawn from all that are kept."""
         chosen = torch.randint(min(self.count, self._capacity), (size,), generator=generator)
         rows = [array[chosen] for array in self._arrays]
         inputs = (len(rows) - 3) // 2
         raw, rewards, terminated = rows[inputs : inputs + 3]
-        return Transition(tuple(rows[:inputs]), raw, rewards, terminated, tuple(rows[inputs + 3 :]))
+        return ReplaySteps(tuple(rows[:inputs]), raw, rewards, terminated, tuple(rows[inputs + 3 :]))
 
 
 class SacTraining:
@@ -102,11 +102,11 @@ class SacTraining:
         with torch.no_grad():
             raw = draw(policy(*features).at_least(self._config.least_sigma), parts.generator)
         found = driving.step(raw.tanh())
-        replay.add(Transition(features, raw, found.rewards, found.terminated, following(found)))
+        replay.add(ReplaySteps(features, raw, found.rewards, found.terminated, following(found)))
         return found.features
 
     def _updated(
-        self, policy: Learnable, parts: Parts, batch: Transition, learn_policy: bool
+        self, policy: Learnable, parts: Parts, batch: ReplaySteps, learn_policy: bool
     ) -> dict[str, float]:
         """One update of critics and targets, and of the policy if it is time; the losses."""
         wanted = self._wanted(policy, parts, batch)
@@ -128,7 +128,7 @@ class SacTraining:
                 target.lerp_(new, self._config.polyak)
         return found
 
-    def _wanted(self, policy: Learnable, parts: Parts, batch: Transition) -> Tensor:
+    def _wanted(self, policy: Learnable, parts: Parts, batch: ReplaySteps) -> Tensor:
         """What the critics should say (B,): the reward and the worth of what follows."""
         config = self._config
         with torch.no_grad():
@@ -138,7 +138,7 @@ class SacTraining:
             worth = worth - config.alpha * log_density_of_actions(mixture, raw)
             return batch.rewards + config.gamma * (~batch.terminated).float() * worth
 
-    def _policy_loss(self, policy: Learnable, parts: Parts, batch: Transition) -> tuple[Tensor, float]:
+    def _policy_loss(self, policy: Learnable, parts: Parts, batch: ReplaySteps) -> tuple[Tensor, float]:
         """The loss over all components by their probability, and the mean entropy."""
         mixture = policy(*batch.features).at_least(self._config.least_sigma)
         raw = draw_each(mixture, parts.generator)

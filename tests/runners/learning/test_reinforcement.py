@@ -19,11 +19,11 @@ from runners.learning import mixture  # noqa: E402
 from runners.learning.dclp import DclpCritic, DclpNetwork  # noqa: E402
 from runners.learning.driving import Driving, Experience  # noqa: E402
 from runners.learning.ppo import PpoConfig  # noqa: E402
-from runners.learning.ppo_training import Batch, PpoTraining, Step, advantages_of  # noqa: E402
+from runners.learning.ppo_training import Batch, PpoStep, PpoTraining, advantages_of  # noqa: E402
 from runners.learning.reinforcement import Curriculum  # noqa: E402
 from runners.learning.reinforcement_training import Parts  # noqa: E402
 from runners.learning.sac import SacConfig  # noqa: E402
-from runners.learning.sac_training import Replay, SacTraining, Transition, following, least  # noqa: E402
+from runners.learning.sac_training import Replay, ReplaySteps, SacTraining, following, least  # noqa: E402
 
 
 def features(count, seed=0):
@@ -37,7 +37,7 @@ def features(count, seed=0):
 
 def step(values, rewards, ended):
     number = torch.tensor(values)
-    return Step((), number, number, number, torch.tensor(rewards), torch.tensor(ended))
+    return PpoStep((), number, number, number, torch.tensor(rewards), torch.tensor(ended))
 
 
 def test_advantages_by_hand():
@@ -85,7 +85,7 @@ def test_replay_keeps_the_newest_steps():
     for first in (0, 3):
         numbers = torch.arange(first, first + 3).float()
         inputs = (numbers[:, None], numbers[:, None, None].expand(-1, 2, 2))
-        replay.add(Transition(inputs, numbers[:, None].expand(-1, 2), numbers, numbers > 4, inputs))
+        replay.add(ReplaySteps(inputs, numbers[:, None].expand(-1, 2), numbers, numbers > 4, inputs))
     drawn = replay.sample(200, torch.Generator().manual_seed(0))
     assert sorted(set(drawn.rewards.tolist())) == [1.0, 2.0, 3.0, 4.0, 5.0]
     torch.testing.assert_close(drawn.features[0][:, 0], drawn.rewards)
@@ -119,7 +119,7 @@ def test_the_worth_of_a_step_by_hand():
     policy = DclpNetwork()
     targets = torch.nn.ModuleList([DclpCritic(2), DclpCritic(2)])
     inputs, rewards = features(2), torch.tensor([1.0, -10.0])
-    batch = Transition(inputs, torch.zeros(2, 2), rewards, torch.tensor([False, True]), inputs)
+    batch = ReplaySteps(inputs, torch.zeros(2, 2), rewards, torch.tensor([False, True]), inputs)
     learner = SacTraining(SacConfig(alpha=0.5, gamma=0.9))
     parts = Parts({"targets": targets}, {}, torch.Generator().manual_seed(3))
     wanted = learner._wanted(policy, parts, batch)
