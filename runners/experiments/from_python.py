@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lme.errors import InputError
-from runners.config import build, command_line, schema
+from runners.config import build, command_line
 from runners.config.composer import Composer, quoted
 from runners.config.job import Job
 from runners.config.schema import EvalConfig, Explain, Record
@@ -82,12 +82,11 @@ def _words(words: list[str]) -> list[str]:
 
 def _job(words: Sequence[str], config_dir: str | Path | None) -> Job[EvalConfig]:
     """The job, composed and checked as on the command line. Raises InputError, also for a sweep."""
-    schema.register()
     own = None if config_dir is None else Path(config_dir).expanduser().resolve()
     if own is not None and not own.is_dir():
         raise InputError(f"config_dir {own}: no such directory")
     with Composer("eval", own) as composer:
-        plan = command_line.plan(composer, words, multirun=False)
+        plan = command_line.plan(composer, words, multirun=False, typed=words)
         if plan.multirun:
             raise InputError(
                 f"{' '.join(words)}: a sweep of {plan.num_jobs} jobs: lme.evaluate drives one; call it for each, "
