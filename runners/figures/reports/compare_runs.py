@@ -7,7 +7,7 @@ import textwrap
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -72,8 +72,8 @@ def _scatter(axes: Axes, worlds: pd.DataFrame, top: float) -> None:
             x, y, s=22 * (1 + 2.5 * math.log10(count)), color=colour, alpha=0.75, linewidths=0, zorder=3
         )
         if count > 1:
-            size = {"ha": "right", "fontsize": 7, "color": INK}
-            axes.annotate(f"{count} worlds", (x, y), (-4, -13), textcoords="offset points", **size)
+            place: dict[str, Any] = {"xytext": (-4, -13), "textcoords": "offset points", "ha": "right"}
+            axes.annotate(f"{count} worlds", (x, y), fontsize=7, color=INK, **place)
     pad = 0.06 * top
     axes.set(xlim=(-pad, top + pad), ylim=(-pad, top + pad), aspect="equal")
     _plain(axes, "both")
