@@ -318,7 +318,7 @@ def test_terminals_of_any_usual_width_show_every_cell_whole(width, ablations):
     assert ("SPL" in text.split()) == (width > 80 or len(ablations) == 1)
 
 
-def test_files(tmp_path):
+def test_the_files_of_a_table_are_written(tmp_path):
     paths = tables.write_tables(records(), summarise(records()), tmp_path)
     assert [path.name for path in paths] == ["table.md", "table.csv", "table.tex"]
     assert paths[0].read_text(encoding="utf-8").startswith("**barn · lab100 · jackal · 10 worlds")
