@@ -131,7 +131,7 @@ def test_a_page_that_is_torn_or_of_another_episode_is_made_anew(run, drawn, spoi
     assert drawn == [FAILED]
 
 
-def test_none_makes_nothing(run, drawn):
+def test_explain_none_makes_no_page(run, drawn):
     shutil.rmtree(run / "explain")
     pages.as_asked(Explain.none, run, SerialExecutor(SerialConfig()))
     assert drawn == []
