@@ -63,7 +63,9 @@ def test_the_reference_needs_no_torch(pages):
         "import sys; sys.modules['torch'] = None; from runners.config import reference; "
         "print(reference.pages()['learner'], end='')"
     )
-    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, cwd=ROOT)
+    found = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=False, cwd=ROOT
+    )
     assert found.returncode == 0, found.stderr
     assert found.stdout == pages["learner"]
 
