@@ -276,7 +276,7 @@ def test_odometry_that_is_not_a_number_or_absurd_does_not_count(rig, x):
         rig.scan()
         rig.odometry(pose=Pose(x, 0.0, 0.0))
         step = rig.tick()
-    assert stands(step, "the odometry is older than 0.5 s (it is not finite, or absurd)")
+    assert stands(step, "the odometry is older than 0.5 s (it is not finite, or absurdly large)")
 
 
 def test_between_two_poses_the_one_at_the_scans_stamp_counts(rig):
@@ -733,6 +733,6 @@ def test_it_stands_before_guide_and_planner_are_prepared_for_another_lidar(rig):
     rig.odometry()
     rig.scan(ranges=np.full(180, 3.0))
     assert drives(rig.tick())
-    assert stands(rig.period(), "are to be prepared")
+    assert stands(rig.period(), "must be prepared")
     assert stands(rig.period(), "being prepared")
     assert drives(rig.period())
