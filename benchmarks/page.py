@@ -16,9 +16,7 @@ from typing import Any
 
 from benchmarks.recording import parser, show
 from benchmarks.speed import machine
-from runners.config import schema
-from runners.config.command_line import compose_job
-from runners.config.composer import Composer
+from runners.config.command_line import compose
 from runners.explainer.write import write_page
 from runners.workers.trace import Trace, rerun
 
@@ -98,9 +96,8 @@ def _rows(browser: Any, path: Path, name: str, width: int, height: int, ratio: i
 
 
 def _episode() -> Trace:
-    schema.register()
-    with Composer("eval") as composer:
-        return rerun(compose_job(composer, EPISODE).config, 250, 0)
+    (job,) = compose("eval", EPISODE)
+    return rerun(job.config, 250, 0)
 
 
 def _program() -> str:

@@ -14,7 +14,7 @@ import numpy as np
 from benchmarks.recording import parser, show
 from benchmarks.speed import machine
 from lme.episode import run_episode
-from runners.config import build, catalogue, schema
+from runners.config import build, catalogue
 from runners.config.command_line import compose_job
 from runners.config.composer import Composer
 from runners.config.overrides import CUSTOM
@@ -48,7 +48,6 @@ def report() -> Iterator[str]:
     yield f"{ROBOT}, {len(WORLDS)} fresh BARN worlds, one core; a step is scan, decision, motion and collision check.\n"
     yield "| guide | planner | steps/s | decision p50 [µs] | p99 [µs] | wanted [steps/s] |"
     yield "|---|---|---:|---:|---:|---:|"
-    schema.register()
     options = catalogue.shipped().options
     with Composer("eval") as composer:
         for guide in options("guide"):

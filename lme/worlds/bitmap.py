@@ -7,7 +7,7 @@ import warnings
 from pathlib import Path
 
 import numpy as np
-from PIL import Image
+from PIL import Image, UnidentifiedImageError
 
 from lme.errors import InputError
 from lme.types import Bools, Floats, Pose
@@ -49,11 +49,27 @@ def read_ros_map(path: Path, unknown_is_obstacle: bool) -> FloorPlan:
     origin = Pose(*entry.numbers("origin", "x, y, yaw", 3))
     if entry.value("mode", "trinary") != "trinary":
         raise entry.mistake("mode", "trinary, the only mode that is supported")
-    white = brightness(path.parent / image)
+    try:
+        white = brightness(path.parent / image)
+    except InputError as error:
+        raise InputError(f"{path}: image is {image}: {error}") from error
     occupancy = white if _negated(entry) else 1.0 - white
     occupied_above, free_below = _thresholds(entry)
     occupied = occupancy >= free_below if unknown_is_obstacle else occupancy > occupied_above
     return _floor_plan(occupied, np.array([resolution, resolution]), origin)
+
+
+def is_picture(path: Path) -> bool:
+    """Whether a file begins as a picture of a known format does; it may still be damaged."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", Image.DecompressionBombWarning)
+            Image.open(path).close()
+    except UnidentifiedImageError:
+        return False
+    except (*_DAMAGED, Image.DecompressionBombError):
+        pass  # brightness() says what is wrong
+    return True
 
 
 def brightness(path: Path) -> Floats:

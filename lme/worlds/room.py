@@ -13,9 +13,9 @@ import numpy as np
 
 from lme.errors import InputError, require
 from lme.resources import resource_dir
-from lme.worlds.bitmap import read_bitmap, read_ros_map
+from lme.worlds.bitmap import is_picture, read_bitmap, read_ros_map
 from lme.worlds.floor_plan import FloorPlan
-from lme.worlds.rules import PacedRules, check_chosen
+from lme.worlds.rules import PacedRules, check_chosen, map_path
 from lme.worlds.sampling import Configuration, FreeSpace
 from lme.worlds.shapes import floor_plan
 from lme.worlds.starts import STAGE_RADIUS
@@ -128,6 +128,10 @@ def read_floor_plan(
     Raises InputError for a picture without a size, for anything else with one, and whatever the readers raise.
     """
     if path.suffix.lower() not in (".yaml", ".yml"):
+        if not is_picture(path):
+            raise InputError(
+                f"map.path is {path}: is not a picture; must be a shape file (.yaml), a ROS map (.yaml) or a picture"
+            )
         if size is None:
             raise InputError(f"map.size is null: must be [width, height] in metres for the picture {path}")
         return read_bitmap(path, size)
@@ -156,12 +160,7 @@ def _surveyed(
 
 def _path(config: RoomConfig) -> Path:
     if config.path is not None:
-        path = Path(config.path).expanduser()
-        if not path.is_file():
-            raise InputError(
-                f"map.path is {config.path}: no such file; must be a shape file, ROS map or picture"
-            )
-        return path
+        return map_path(config.path, "a shape file, ROS map or picture")
     shipped = sorted(drawing.parent.name for drawing in resource_dir("maps").glob(f"*/{DRAWING}"))
     if config.name is None:
         raise InputError("map.path is null: must be a shape file (.yaml), a ROS map (.yaml) or a picture")

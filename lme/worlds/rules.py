@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from pathlib import Path
 
 from lme.errors import InputError, require
 from lme.types import Floats, Pose
@@ -73,6 +74,15 @@ class PacedRules(TaskRules):
     def __post_init__(self) -> None:
         TaskRules.__post_init__(self)  # super() fails in a dataclass with slots
         require("map.speed", self.speed, above=0.0)
+
+
+def map_path(given: str, right: str) -> Path:
+    """The file that `map.path` names. right: what it must be. Raises InputError where it is not a file."""
+    path = Path(given).expanduser()
+    if not path.is_file():
+        problem = "is a directory" if path.is_dir() else "no such file"
+        raise InputError(f"map.path is {given}: {problem}; must be {right}")
+    return path
 
 
 def check_chosen(number: int, numbers: tuple[int, ...], kind: str, map_name: str) -> None:

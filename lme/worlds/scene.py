@@ -28,6 +28,7 @@ from lme.types import Floats, Pose
 from lme.worlds.check import point_clearance
 from lme.worlds.floor_plan import FloorPlan
 from lme.worlds.movers import REPEATS, Mover
+from lme.worlds.rules import map_path
 from lme.worlds.sampling import FreeSpace
 from lme.worlds.shapes import SHAPES, floor_plan
 from lme.worlds.starts import STAGE_RADIUS, Starts, StartsConfig
@@ -162,12 +163,7 @@ def _surveyed(
 
 def _path(config: SceneConfig) -> Path:
     if config.path is not None:
-        path = Path(config.path).expanduser()
-        if not path.is_file():
-            raise InputError(
-                f"map.path is {config.path}: no such file; must be a scene file (maps/README.md)"
-            )
-        return path
+        return map_path(config.path, "a scene file (maps/README.md)")
     shipped = {path.stem: path for path in sorted((resource_dir("maps") / FOLDER).glob("*.yaml"))}
     if config.name not in shipped:
         raise InputError(

@@ -43,7 +43,7 @@ class Setting(NamedTuple):
     told: tuple[str, ...] = ()
 
 
-class System(NamedTuple):
+class BoardSystem(NamedTuple):
     """What drove. told: what is unusual in it, and what tells it from others, such as "ablation no_c_o"."""
 
     label: str
@@ -55,7 +55,7 @@ class System(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Entry:
+class BoardEntry:
     """One run. row: its figures. metric_interval: 95 % of the mean BARN metric. runs: as planned.
 
     config: every key of the setting and the system, dotted; empty for a run without a launch record.
@@ -65,7 +65,7 @@ class Entry:
 
     run_dir: Path
     setting: Setting
-    system: System
+    system: BoardSystem
     row: Row
     metric_interval: tuple[float, float]
     seed: str
@@ -79,17 +79,17 @@ class Entry:
     shown: bool = True
 
 
-_Name = TypeVar("_Name", Setting, System)
+_Name = TypeVar("_Name", Setting, BoardSystem)
 
 
-class _Run(NamedTuple):
+class _ReadRun(NamedTuple):
     """A run as read. of_setting, of_system: parts of its config by dotted key; empty without a launch record."""
 
     run_dir: Path
     frame: pd.DataFrame
     launch: Launch | None
     setting: Setting
-    system: System
+    system: BoardSystem
     of_setting: dict[str, Any]
     of_system: dict[str, Any]
 
@@ -98,7 +98,7 @@ class _Run(NamedTuple):
         return _text(self.frame, column)
 
 
-def entries(frames: Mapping[Path, pd.DataFrame]) -> list[Entry]:
+def entries(frames: Mapping[Path, pd.DataFrame]) -> list[BoardEntry]:
     """An entry for each run, the newest first.
 
     frames: records of each run by its directory, as `read_episodes` gives them for this run alone.
@@ -117,7 +117,7 @@ def entries(frames: Mapping[Path, pd.DataFrame]) -> list[Entry]:
     return _with_repeats(sorted(found, key=lambda entry: entry.started, reverse=True))
 
 
-def _read(run_dir: Path, frame: pd.DataFrame) -> _Run:
+def _read(run_dir: Path, frame: pd.DataFrame) -> _ReadRun:
     launch = read_launch(run_dir)
     changes = launch.changes[0] if launch else {}
     map_set, subset, robot = (_text(frame, key) for key in ("map", "subset", "robot"))
@@ -128,12 +128,12 @@ def _read(run_dir: Path, frame: pd.DataFrame) -> _Run:
     of_system = {key: value for key, value in config.items() if key not in (*PLACES, *_NEITHER)}
     sim = _text(frame, "sim") if launch else UNKNOWN
     told = _changed(changes, of_setting) if launch else (f"no launch record: {run_dir}",)
-    return _Run(
+    return _ReadRun(
         run_dir,
         frame,
         launch,
         Setting(map_set, subset, robot, sim, told),
-        System(_text(frame, "system"), (*own, *_changed(changes, of_system))),
+        BoardSystem(_text(frame, "system"), (*own, *_changed(changes, of_system))),
         dict(flatten(of_setting)),
         dict(flatten(of_system)),
     )
@@ -175,10 +175,10 @@ def _apart(values: Mapping[str, Any], namesakes: Sequence[Mapping[str, Any]]) ->
     return (*first, f"{len(shown) - _MOST_KEYS} more (no. {namesakes.index(values) + 1})")
 
 
-def _entry(run: _Run, setting: Setting, system: System) -> Entry:
+def _entry(run: _ReadRun, setting: Setting, system: BoardSystem) -> BoardEntry:
     launch = run.launch
     row = measure(run.frame, run.text("system"), {})
-    return Entry(
+    return BoardEntry(
         run_dir=run.run_dir,
         setting=setting,
         system=system,
@@ -207,9 +207,9 @@ def _command(run_dir: Path, launch: Launch | None) -> str:
     return shlex.join(["lme", given.command, *given.overrides]) if given else ""
 
 
-def _with_repeats(found: Sequence[Entry]) -> list[Entry]:
+def _with_repeats(found: Sequence[BoardEntry]) -> list[BoardEntry]:
     """The entries, each with what is known of other runs of its job. found: the newest first."""
-    groups: dict[tuple[Any, ...], list[Entry]] = {}
+    groups: dict[tuple[Any, ...], list[BoardEntry]] = {}
     for entry in found:
         groups.setdefault(_job(entry), []).append(entry)
     marked = {}
@@ -221,11 +221,11 @@ def _with_repeats(found: Sequence[Entry]) -> list[Entry]:
     return [marked[entry.run_dir] for entry in found]
 
 
-def _job(entry: Entry) -> tuple[Any, ...]:
+def _job(entry: BoardEntry) -> tuple[Any, ...]:
     return entry.setting, entry.system, entry.seed, entry.runs
 
 
-def _figures(entry: Entry) -> str:
+def _figures(entry: BoardEntry) -> str:
     """Figures of a run as text, equal for runs that ended alike."""
     rounded = {key: round(value, _DIGITS) for key, value in numbers(entry.row).items()}
     return json.dumps([entry.row.episodes, rounded], sort_keys=True)

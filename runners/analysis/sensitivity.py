@@ -42,7 +42,7 @@ class Point:
 
 
 @dataclass(frozen=True, slots=True)
-class Curve:
+class ParameterCurve:
     """Points of one parameter by increasing factor. value: of the parameter at factor 1; empty if unknown."""
 
     parameter: str
@@ -71,7 +71,7 @@ class SensitivityStudy:
 
     heading: str
     place: str
-    curves: tuple[Curve, ...]
+    curves: tuple[ParameterCurve, ...]
 
 
 def studies(frame: pd.DataFrame) -> list[SensitivityStudy]:
@@ -115,7 +115,7 @@ def to_markdown(found: list[SensitivityStudy]) -> str:
     return "\n\n".join([*(part for part in parts if part), "  \n".join([*paired.NOTES, *NOTES])]) + "\n"
 
 
-def factors(curves: Sequence[Curve]) -> list[float]:
+def factors(curves: Sequence[ParameterCurve]) -> list[float]:
     """All factors of some curves, increasing."""
     return sorted({point.factor for curve in curves for point in curve.points})
 
@@ -136,7 +136,7 @@ def _study(block: Block) -> SensitivityStudy:
         change = {measure: found[name] for measure, found in changes.items() if name in found}
         by_parameter.setdefault(parameter, [base]).append(Point(factor, paired.row(part), change))
     curves = (
-        Curve(name, _value(block, name), tuple(sorted(points, key=lambda point: point.factor)))
+        ParameterCurve(name, _value(block, name), tuple(sorted(points, key=lambda point: point.factor)))
         for name, points in by_parameter.items()
     )
     return SensitivityStudy(block.heading, title(block.baseline), tuple(curves))
@@ -149,7 +149,7 @@ def _value(block: Block, parameter: str) -> str:
     return str(parameters.get(parameter, ""))
 
 
-def _sentence(curve: Curve) -> str:
+def _sentence(curve: ParameterCurve) -> str:
     rates = [point.success for point in curve.points]
     value = f" ({curve.value})" if curve.value else ""
     found = [text for measure in (SUCCESS, METRIC) if (text := _beyond(curve, measure))]
@@ -159,7 +159,7 @@ def _sentence(curve: Curve) -> str:
     )
 
 
-def _beyond(curve: Curve, measure: str) -> str:
+def _beyond(curve: ParameterCurve, measure: str) -> str:
     """ "success 0.020 at × 0"; empty if no point is beyond the noise."""
     points = curve.beyond(measure)
     shown = ", ".join(f"{point.row.stats[measure][0]:.3f} at {TIMES} {point.factor:g}" for point in points)
@@ -187,7 +187,7 @@ def _cell(point: Point, measure: str) -> str:
     return f"**{text}** ({signed(change.mean)})" if change and change.beyond_noise else text
 
 
-def _numbers(study: SensitivityStudy, curve: Curve, point: Point) -> dict[str, object]:
+def _numbers(study: SensitivityStudy, curve: ParameterCurve, point: Point) -> dict[str, object]:
     """A line of the CSV, not rounded."""
     known = {
         "block": study.heading,

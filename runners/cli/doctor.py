@@ -18,6 +18,7 @@ from lme import numba_cache
 from lme.errors import InputError
 from lme.requirements import DISTRIBUTION, install
 from runners.config import extras
+from runners.records.whole_file import obstacle
 from runners.tracking.store import DEFAULT_URI, check_uri, sqlite_path
 from runners.workers import kernels
 from runners.workers.executor import available_cores
@@ -132,7 +133,7 @@ def _mlflow() -> Line:
     if path is None:
         return Line("MLflow store", f"{_without_password(uri)}, not asked")
     path = path.absolute()
-    if _can_make(path.parent) and (not path.exists() or os.access(path, os.W_OK)):
+    if obstacle(path) is None:
         return Line("MLflow store", f"{path}, writable")
     return Line(
         "MLflow store", f"{path}, not writable", "set MLFLOW_TRACKING_URI to another place, or tracking=none"
@@ -146,5 +147,4 @@ def _without_password(uri: str) -> str:
 
 def _can_make(folder: Path) -> bool:
     """Whether files can be made in `folder`, which may have to be made itself."""
-    nearest = next(place for place in (folder, *folder.absolute().parents) if os.access(place, os.F_OK))
-    return nearest.is_dir() and os.access(nearest, os.W_OK | os.X_OK)
+    return obstacle(folder / "file") is None

@@ -15,6 +15,10 @@ _EXAMPLES = (
     "lme eval --help",
 )
 
+_WORLDS = (
+    "map.worlds=0-49",
+    "drive these worlds of the map set; or a number, or a list of both: [0-9,20,30-39]",
+)
 _HOW_TO = (
     ("-m, --multirun", "sweep: run every combination of comma-separated values, e.g. -m seed=0,1,2"),
     ("resume=true", "finish the newest run with this config: records that exist are kept"),
@@ -74,6 +78,7 @@ def command(name: str, title: str, examples: Sequence[str], words: Sequence[str]
             *_table([("robot.v_max=1.0, ...", "any key of the options chosen; --cfg job prints them all")]),
             "",
             "how to:",
+            *_table((_WORLDS,) if "map" in configs.groups(name) else ()),
             *_table((how, what.format(command=name)) for how, what in _HOW_TO),
         ]
     )

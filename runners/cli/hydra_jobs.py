@@ -1,4 +1,10 @@
-"""Run composed jobs as Hydra does, with its folders, sweepers, launchers and callbacks, but compose none anew."""
+"""Run composed jobs as Hydra does, with its folders, sweepers, launchers and callbacks, but compose none again.
+
+The one user of Hydra's private part, `hydra._internal`. Every job is composed and checked before any of them runs, and
+is then run as it was checked. Hydra can run only what it composes itself: `hydra.main` composes a job when its turn
+comes, and sweepers and launchers ask a config loader for it. So they are given a loader that has the configs
+(`ConfigLoaderImpl` is the class that they expect), and the callbacks (`Callbacks`) that `hydra.main` would make.
+"""
 
 from __future__ import annotations
 
@@ -15,6 +21,7 @@ from hydra.types import HydraContext, RunMode
 from omegaconf import DictConfig, OmegaConf, open_dict
 
 from runners.cli.submitted import Submitted
+from runners.config import worlds
 from runners.config.command_line import Plan
 from runners.config.composer import Composer
 
@@ -86,6 +93,7 @@ class _Planned(ConfigLoaderImpl):
         config = self._configs.get(self._composer.canonical(sweep_overrides))
         if config is None:
             config = super().load_sweep_config(master_config, sweep_overrides)
+            worlds.expand(config)
         _set(config, self._own)
         return config
 

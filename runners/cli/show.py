@@ -13,7 +13,7 @@ from omegaconf.errors import InterpolationToMissingValueError, OmegaConfBaseExce
 
 from lme.errors import InputError
 from lme.resources import resource_dir
-from runners.cli.arguments import Arguments
+from runners.config.arguments import Arguments
 from runners.config.composer import without_hydra
 from runners.config.hydra_errors import full_key, translated
 

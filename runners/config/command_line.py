@@ -9,12 +9,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import yaml
-from hydra.core.override_parser.types import Override
+from hydra.core.override_parser.types import Override, RangeSweep, ValueType
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from lme.errors import InputError
-from runners.config import diagnosis
+from runners.config import arguments, contradictions, diagnosis, worlds
 from runners.config.composer import COMPOSING, Composer, without_hydra
 from runners.config.hydra_errors import keys_beside, translated, unknown_key
 from runners.config.job import Job
@@ -44,8 +44,30 @@ class Plan:
         return next(iter(self.configs.values()))
 
 
-def plan(composer: Composer, overrides: Sequence[str], multirun: bool) -> Plan:
-    """Compose every job of a command line. Raises InputError where Hydra could not."""
+def compose(command: str, argv: Sequence[str] = (), validate: Validate = lambda job: None) -> list[Job[Any]]:
+    """The jobs that `lme COMMAND ARGV` runs, checked and typed; nothing is run or written, and `resume` not followed.
+
+    validate: the checks of the command. Of a very large sweep, enough jobs to meet each value once.
+    Raises InputError.
+    """
+    given = arguments.parse(argv)
+    with Composer(given.config_name or command, given.config_dir) as composer:
+        planned = plan(composer, given.overrides, given.multirun, given.overrides)
+        return validated(planned, composer, validate)
+
+
+def plan(composer: Composer, overrides: Sequence[str], multirun: bool, typed: Sequence[str] = ()) -> Plan:
+    """Compose every job of a command line.
+
+    typed: those of the overrides that must not contradict each other; the others are of a run that is resumed.
+    Raises InputError where Hydra could not compose.
+    """
+    made = _plan(composer, overrides, multirun)
+    contradictions.refuse(composer.parse(typed), made.configs.values())
+    return made
+
+
+def _plan(composer: Composer, overrides: Sequence[str], multirun: bool) -> Plan:
     parsed = normalised(overrides, composer)
     _refuse_swept_hydra(parsed)
     words = [text_of(override) for override in parsed]
@@ -98,10 +120,20 @@ def _refuse_sweep(parsed: Sequence[Override]) -> None:
     for override in parsed:
         if override.is_sweep_override():
             key, _, value = text_of(override).partition("=")
-            raise InputError(
-                f"{text_of(override)}: several values; add -m to run each of them, "
-                f"or write {key}=[{value}] for a list"
-            )
+            is_list = override.value_type is ValueType.SIMPLE_CHOICE_SWEEP
+            better = f", or write {key}=[{value}] for a list" if is_list else _as_range(key, override)
+            raise InputError(f"{text_of(override)}: several values; add -m to run each of them{better}")
+
+
+def _as_range(key: str, override: Override) -> str:
+    """How to write range(5) where it was meant as worlds of one run; empty for anything else."""
+    swept = override.value()
+    if not isinstance(swept, RangeSweep) or key.rpartition(".")[2] != "worlds":
+        return ""
+    numbers = list(swept.range())
+    if not numbers or swept.step != 1:
+        return ""
+    return f", or write {key}={numbers[0]}-{numbers[-1]} to drive them in one run"
 
 
 def _sweeper_params(config: DictConfig) -> list[str]:
@@ -153,4 +185,8 @@ def _composed(composer: Composer, job: Sequence[str]) -> DictConfig:
     known = keys_beside(OmegaConf.get_type(config), "")
     for key in sorted({str(key) for key in config} - {*known, "hydra"} if known else ()):
         raise unknown_key(key, known)  # the ++ of an open mapping makes keys that other commands have
+    try:
+        worlds.expand(config)
+    except InputError as error:
+        raise diagnosis.located(error, config, job, composer) from error
     return config

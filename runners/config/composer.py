@@ -6,7 +6,6 @@ import copy
 import shlex
 from collections.abc import Sequence
 from pathlib import Path
-from types import TracebackType
 from typing import Self
 
 import yaml
@@ -14,7 +13,7 @@ from hydra import initialize_config_dir
 from hydra.core.config_loader import ConfigLoader
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.override_parser.overrides_parser import OverridesParser
-from hydra.core.override_parser.types import Override, Quote, QuotedString
+from hydra.core.override_parser.types import Override, Quote, QuotedString, Sweep
 from hydra.errors import HydraException, OverrideParseException
 from hydra.types import RunMode
 from omegaconf import DictConfig, open_dict, read_write
@@ -22,7 +21,7 @@ from omegaconf.errors import OmegaConfBaseException
 
 from lme.errors import InputError
 from lme.resources import resource_dir
-from runners.config import catalogue
+from runners.config import catalogue, schema
 
 # What Hydra and OmegaConf raise for what cannot be composed.
 COMPOSING = (
@@ -31,7 +30,7 @@ COMPOSING = (
 )  # fmt: skip
 
 
-class Composer:
+class Composer(initialize_config_dir):
     """Composes configs within a `with` block. Hydra's global state is restored at its end."""
 
     def __init__(self, config_name: str, config_dir: Path | None = None) -> None:
@@ -46,21 +45,11 @@ class Composer:
             raise InputError(
                 f"config {config_name}: no {config_name}.yaml with defaults in {places}"
             ) from error
+        schema.register()
+        super().__init__(str(resource_dir("conf")), config_name, version_base="1.3")
 
-    def __enter__(self) -> Self:
-        self._hydra = initialize_config_dir(
-            version_base="1.3", config_dir=str(resource_dir("conf")), job_name=self.config_name
-        )
-        self._hydra.__enter__()
+    def __enter__(self) -> Self:  # type: ignore[override]  # Hydra's own gives nothing
         return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        self._hydra.__exit__(kind, error, traceback)
 
     @property
     def loader(self) -> ConfigLoader:
@@ -137,9 +126,19 @@ def _parse(parser: OverridesParser, override: str) -> Override:
     if equals and not key.strip("+"):
         raise InputError(f"{override}: must be key=value; the key is missing")
     try:
-        return parser.parse_overrides([override])[0]
+        parsed = parser.parse_overrides([override])[0]
     except OverrideParseException as error:
         raise InputError(
             f"{override}: the value {value} cannot be read: close every bracket and quote, "
             f"and quote special characters, e.g. \"{key}='...'\""
         ) from error
+    if not parsed.is_sweep_override() and _holds_sweep(parsed.value()):
+        raise InputError(f"{override}: several values within a list or a mapping; must be single values")
+    return parsed
+
+
+def _holds_sweep(value: object) -> bool:
+    """Whether a part of a value is a sweep, such as range(5), which only a whole value may be."""
+    if isinstance(value, dict):
+        return any(map(_holds_sweep, value.values()))
+    return any(map(_holds_sweep, value)) if isinstance(value, list) else isinstance(value, Sweep)

@@ -99,8 +99,14 @@ def _unknown(key: str, known: set[str], config: DictConfig, composer: Composer) 
     names = sorted(str(name) for name in holder if name != "hydra")
     if not parent:
         names = sorted({*names, *composer.slots})
-    hint = nearest(key, {name for name in known if not name.startswith("hydra")} | set(composer.slots))
+    others = {name for name in known if not name.startswith("hydra")} | set(composer.slots)
+    hint = nearest(key, {name for name in others if nearest(_last(key), [_last(name)])})
     return InputError(f"{key}: no such key; {hint}{parent or composer.config_name} holds: {', '.join(names)}")
+
+
+def _last(key: str) -> str:
+    """The last part of a dotted key: two keys of one parent look alike by their parent alone."""
+    return key.rpartition(".")[2]
 
 
 def _in_file(error: Exception, name: str, composer: Composer) -> InputError:

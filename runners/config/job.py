@@ -9,10 +9,12 @@ from typing import Any, Generic, TypeVar, cast
 
 from omegaconf import DictConfig, OmegaConf
 
+from runners.config.ablations import SEVERAL
 from runners.config.catalogue import Catalogue
-from runners.config.changes import SEVERAL, changed_keys, in_words
+from runners.config.changes import changed_keys, in_words
 from runners.config.hydra_errors import check_parts
 from runners.config.schema import SystemConfig
+from runners.config.weights import PUBLISHED, own_weights
 
 C = TypeVar("C", bound=SystemConfig, covariant=True)
 
@@ -24,7 +26,7 @@ class Job(Generic[C]):
     config: validated. choices: the option of every config group; several are joined by +. overrides: as given for
     this job. changes: keys of the chosen options that have other values than the options' files, by dotted name.
     folders: of the configs, the shipped one first. run_dir: where the job writes. sweep_dir: of the sweep that the
-    job is part of, if any.
+    job is part of, if any. own_weights: the weight set of a guide that has criteria of its own.
     """
 
     config: C
@@ -34,6 +36,13 @@ class Job(Generic[C]):
     folders: tuple[Path, ...]
     run_dir: Path = Path()
     sweep_dir: Path | None = None
+    own_weights: str | None = None
+
+    @property
+    def weights(self) -> str:
+        """The weight set that the job drives with: the guide's own one where the config names the paper's."""
+        named = self.config.weights
+        return self.own_weights or named if named == PUBLISHED else named
 
     @property
     def changes_text(self) -> str:
@@ -56,6 +65,7 @@ class Job(Generic[C]):
             overrides=overrides,
             changes=changed_keys(config, choices, catalogue),
             folders=catalogue.folders,
+            own_weights=own_weights(cast(dict[str, Any], OmegaConf.to_container(config.guide))),
         )
 
 

@@ -12,6 +12,7 @@ from lme.errors import InputError, nearest
 from lme.types import Floats
 from lme.worlds.world import MapSet, Task
 from runners.config import catalogue
+from runners.config.worlds import expanded
 
 GRAMMAR = "NAME [NUMBER…] [key=value…]"
 CHOICES = ("subset", "kind", "difficulty")  # settings that say which of a set's worlds there are
@@ -29,8 +30,8 @@ class Chosen(NamedTuple):
 def choose(words: Sequence[str]) -> Chosen:
     """Build the map set of these words: its name, and in any order world numbers and settings.
 
-    `map.key=value` is the same as `key=value`. Raises InputError for a name, a number or a setting that is not
-    there, or not right.
+    `map.key=value` is the same as `key=value`, and `0-5` are six numbers. Raises InputError for a name, a number or a
+    setting that is not there, or not right.
     """
     from runners.config.instantiate import build
 
@@ -39,7 +40,7 @@ def choose(words: Sequence[str]) -> Chosen:
     if name not in known:
         raise InputError(f"map set {name!r} is unknown: {nearest(name, known)}There are {', '.join(known)}")
     settings = [word for word in what if "=" in word]
-    numbers = list(dict.fromkeys(_number(word) for word in what if "=" not in word))
+    numbers = list(dict.fromkeys(number for word in what if "=" not in word for number in _numbers(word)))
     node = _node(name, [setting.removeprefix("map.") for setting in settings])
     if numbers:
         node["worlds"] = numbers
@@ -62,10 +63,12 @@ def known_path(maps: MapSet, task: Task) -> Floats | None:
     return np.vstack([[task.start.x, task.start.y], cells, task.goal])
 
 
-def _number(word: str) -> int:
-    if not re.fullmatch(r"-?[0-9]{1,9}", word):
+def _numbers(word: str) -> list[int]:
+    if re.fullmatch(r"-[0-9]{1,9}", word):
+        return [int(word)]  # the map set says what is right
+    if not re.fullmatch(r"[0-9]{1,9}(-[0-9]{1,9})?", word):
         raise InputError(f"{word!r} is neither a world number nor key=value")
-    return int(word)
+    return list(expanded(word, "the world number"))
 
 
 def _node(name: str, settings: Sequence[str]) -> Any:
@@ -76,6 +79,7 @@ def _node(name: str, settings: Sequence[str]) -> Any:
 
     try:
         given = OmegaConf.from_dotlist(list(settings))
-        return OmegaConf.merge(catalogue.shipped().values(f"map/{name}"), given)
+        merged: Any = OmegaConf.merge(catalogue.shipped().values(f"map/{name}"), given)
+        return {**merged, "worlds": expanded(merged.get("worlds"), "worlds")}
     except (OmegaConfBaseException, YAMLError, ValueError) as error:
         raise InputError(f"{' '.join(settings)}: must be key=value, as in YAML") from error

@@ -8,6 +8,7 @@ from pathlib import Path
 from hydra.core.override_parser.types import Override
 
 from lme.errors import InputError, nearest
+from runners.config import ablations, schema
 from runners.config.catalogue import Catalogue
 from runners.config.composer import Composer
 
@@ -73,6 +74,8 @@ def _normalised(override: Override, composer: Composer, open_mappings: Sequence[
             return ""
         raise InputError(f"{text}: must be one of {', '.join(composer.catalogue.options(key))}")
     if key not in composer.slots and composer.catalogue.options(key):
+        if not isinstance(override.value(), dict):  # a key may have the name of a group
+            _check_own_group(text, key, composer)
         return text  # a group of the user's own, which does need its +
     if key == "experiment":
         file = composer.catalogue.choices(key, composer.config_name).get(str(override.value()))
@@ -80,6 +83,19 @@ def _normalised(override: Override, composer: Composer, open_mappings: Sequence[
     if "/" in key:
         raise InputError(f"{text}: no such group; there are: {', '.join(composer.slots)}")
     return f"{'++' if is_open else ''}{text.lstrip('+')}"
+
+
+def _check_own_group(text: str, group: str, composer: Composer) -> None:
+    """Raise InputError for a group of other commands, and for one of the user's own without its +."""
+    shipped = Catalogue(composer.catalogue.folders[:1])
+    if shipped.options(group):
+        others = [f"lme {name}" for name in schema.COMMANDS if group in shipped.groups(name)]
+        theirs = f"{group} is a group of {' and '.join(others)}; " if others else ""
+        raise InputError(f"{text}: no such group; {theirs}there are: {', '.join(composer.slots)}")
+    if not text.startswith("+"):
+        raise InputError(
+            f"{text}: {group} is not in the defaults of {composer.config_name}: add it with +{text}"
+        )
 
 
 def _check_options(override: Override, composer: Composer) -> None:
@@ -92,11 +108,19 @@ def _check_options(override: Override, composer: Composer) -> None:
             continue
         for name in option if isinstance(option, list) else [option]:
             if str(name) not in known and not _in_subfolder(group, str(name), composer):
+                _refuse_ablated(group, str(name), composer.catalogue)
                 raise InputError(
                     f"{group}={name}: no such option; {nearest(str(name), known)}"
                     f"{places(group, composer.catalogue)}: {', '.join(known) or 'nothing yet'}"
                     f"{_how_to_add(group, str(name), known)}"
                 )
+
+
+def _refuse_ablated(group: str, name: str, catalogue: Catalogue) -> None:
+    """Raise InputError for a system with an ablation in its name, as some were once called."""
+    pair = ablations.of_system(name, catalogue) if group == "system" else None
+    if pair:
+        raise InputError(f"system={name}: no such option; write system={pair[0]} ablation={pair[1]}")
 
 
 def _values(override: Override) -> Iterator[object]:
@@ -113,6 +137,10 @@ def _in_subfolder(group: str, name: str, composer: Composer) -> bool:
 
 def _how_to_add(group: str, name: str, known: Iterable[str]) -> str:
     """How a user's own option is given; empty where the name is near a known one, so probably mistyped."""
+    if Path(name).suffix in (".yaml", ".yml") and group != "map":
+        stem = Path(name).stem
+        how = f"{group}={stem} --config-dir DIR, with the file DIR/{group}/{stem}.yaml"
+        return f"; an option is given by its name: {how}"
     if group == "map" and Path(name).suffix:
         return f"; a map file of your own is given by map=file map.path={name}"
     if nearest(name, known):

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Mapping
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +14,7 @@ from lme.policies.lme.parameter_file import read_parameters
 from lme.policies.lme.score import CRITERIA, THRESHOLDS
 from lme.resources import resource_dir
 from lme.yaml_entry import read_yaml
+from runners.config.catalogue import Catalogue
 from runners.config.composer import resume_command
 from runners.config.hydra_errors import unknown_key
 
@@ -20,6 +23,7 @@ WEIGHTS = "weights.yaml"  # in the directory of a training run
 NETWORK = "weights.npz"  # in the directory of a run of lme learn
 REGISTERED = Path("outputs") / "weights"
 IMPORT_NETWORK = "lme weights import NETWORK PATH NAME"
+_OWN = re.compile(r"\$\{parameters:.*,\s*([\w./-]+)\s*\}")  # the fifth argument of the resolver
 TIMES = "\u00d7"  # a typographic sign that is easily taken for a letter
 
 
@@ -45,6 +49,21 @@ def parameters(
         names = [name for name in _own_names(own) if name not in THRESHOLDS]
         learned = read_parameters(find(own if weights == PUBLISHED else weights), names)
     return {**learned, **_scaled(learned, scale or {}), **ablation}
+
+
+def own_weights(guide: Mapping[str, Any]) -> str | None:
+    """The weight set that a guide's config, not resolved, names as its own; None where it has the paper's criteria."""
+    found = _OWN.fullmatch(str(guide.get("parameters")))
+    return found[1] if found and found[1] != "null" else None
+
+
+@cache
+def own_weights_of(guide: str, folders: tuple[Path, ...]) -> str | None:
+    """The same of an option of the group `guide`, read once; None where there is no such option any more."""
+    try:
+        return own_weights(Catalogue(folders).values(f"guide/{guide}"))
+    except (FileNotFoundError, InputError):
+        return None
 
 
 def _own_names(own: str) -> list[str]:

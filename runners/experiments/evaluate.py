@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING
 
 from lme.worlds.world import MapSet
 from runners.analysis import failures
-from runners.config import build, systems, weights
-from runners.config.instantiate import build as build_target
+from runners.config import ablations, build, instantiate, systems, weights
 from runners.config.instantiate import configured
 from runners.config.job import Job
 from runners.config.schema import EpisodesConfig, EvalConfig, Record, ReportConfig
@@ -66,9 +65,9 @@ def evaluate(job: Job[EvalConfig]) -> None:
 def start_tracking(job: Job[EvalConfig]) -> Tracking:
     """Open the tracked run of a job, as its config says."""
     labels = run_labels(job, build.map_set(job.config))
-    tracking: Tracking = build_target(job.config.tracking, "tracking")
+    tracking: Tracking = instantiate.build(job.config.tracking, "tracking")
     tags = {**asdict(labels), "changes": job.changes_text, "command": "eval"}
-    tracking.start(asdict(job.config), job.run_dir, tags, job.sweep_dir)
+    tracking.start({**asdict(job.config), "weights": job.weights}, job.run_dir, tags, job.sweep_dir)
     return tracking
 
 
@@ -79,7 +78,7 @@ def produce(job: Job[EvalConfig], progress: bool = True) -> tuple[pd.DataFrame, 
     """
     maps, run_dir = build.map_set(job.config), job.run_dir
     drive(job.config, run_labels(job, maps), maps, run_dir, progress)
-    pages.as_asked(job.config.explain, run_dir, build_target(job.config.executor, "executor"))
+    pages.as_asked(job.config.explain, run_dir, instantiate.build(job.config.executor, "executor"))
     frame, rows, artifacts = report(maps, job)
     return frame, rows, [*artifacts, *_film(job.config, maps, run_dir), *failures.folder(run_dir)]
 
@@ -88,19 +87,27 @@ def drive(
     config: EpisodesConfig, labels: RunLabels, maps: MapSet, run_dir: Path, progress: bool = True
 ) -> None:
     """Run what is missing of map set × runs into the records of `run_dir`. progress: show a bar."""
-    executor = build_target(config.executor, "executor")
-    payload = EpisodePayload(config, labels, _recordings(config, run_dir))
+    executor = instantiate.build(config.executor, "executor")
     with (
         RecordWriter(run_dir) as writer,
         EpisodeProgress(labels.system, len(maps.numbers) * config.runs, progress) as bar,
     ):
         done = writer.done()
         bar.skip(len(done))
+        if done:
+            labels = _recorded(labels, run_dir)
+        payload = EpisodePayload(config, labels, _recordings(config, run_dir))
         todo = (key for key in _by_run(maps, config.runs) if key not in done)
         for result in executor.map(initialise, payload, todo):
             writer.append(result)
             bar.add(result.record.outcome)
         writer.merge()
+
+
+def _recorded(labels: RunLabels, run_dir: Path) -> RunLabels:
+    """The labels of the run's records: a resumed run keeps its names, though the files in `conf/` have new ones."""
+    first = read_episodes([run_dir]).iloc[0]
+    return RunLabels(**{key: str(first.get(key, label)) for key, label in asdict(labels).items()})
 
 
 def report(maps: MapSet, job: Job[EvalConfig]) -> tuple[pd.DataFrame, list[Row], list[Path]]:
@@ -111,7 +118,7 @@ def report(maps: MapSet, job: Job[EvalConfig]) -> tuple[pd.DataFrame, list[Row],
 
     run_dir = job.run_dir
     frame = read_episodes([run_dir])
-    rows = summarise(frame, systems=systems.systems(job.folders))
+    rows = summarise(frame, systems=systems.systems(job.folders), labels=ablations.labels(job.folders))
     tables = write_tables(frame, rows, run_dir)
     picture = run_dir / "trajectories.png"
     draw_run(frame, run_dir, maps, picture)

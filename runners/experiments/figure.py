@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Any
 
 from lme.errors import InputError
-from runners.config import build, weights
-from runners.config.instantiate import build as build_target
+from runners.config import build, instantiate, weights
 from runners.config.job import Job
 from runners.config.schema import FigureConfig
+from runners.config.worlds import expanded
 from runners.experiments import evaluate
 from runners.experiments.labels import run_labels
 from runners.experiments.resume_hint import resume_hint
@@ -58,13 +58,13 @@ def draw_sweep(job: Job[FigureConfig], driven: Sequence[Path]) -> None:
 
 
 def worlds_of(world: Any) -> list[int]:
-    """The worlds that are asked for: a number or a list of numbers; none for null. Raises InputError."""
+    """The worlds that are asked for: numbers, ranges, or a list of them; none for null. Raises InputError."""
     if world is None:
         return []
-    worlds = world if isinstance(world, list) else [world]
-    if not worlds or any(isinstance(number, bool) or not isinstance(number, int) for number in worlds):
+    numbers = expanded(world, "world")
+    if not isinstance(numbers, list) or not numbers or any(type(number) is not int for number in numbers):
         raise InputError(f"world is {world!r}: must be a number, or a list of numbers")
-    return worlds
+    return numbers
 
 
 def _draw(config: FigureConfig, driven: Sequence[Path], folder: Path) -> None:
@@ -92,7 +92,7 @@ def _leave(run_dir: Path) -> None:
 
 
 def _kind(config: FigureConfig) -> Kind:
-    kind: Kind = build_target(config.figure, "figure")
+    kind: Kind = instantiate.build(config.figure, "figure")
     return kind
 
 

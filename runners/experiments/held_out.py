@@ -6,9 +6,8 @@ from collections.abc import Mapping
 from dataclasses import fields, replace
 from typing import TYPE_CHECKING, Any
 
-from runners.config import build
+from runners.config import ablations, build, instantiate
 from runners.config.changes import HELD_OUT
-from runners.config.instantiate import build as build_target
 from runners.config.job import Job
 from runners.config.schema import EvalConfig, HeldOutConfig
 from runners.config.space import PARAMETERS, with_values
@@ -36,7 +35,7 @@ def evaluate_held_out(job: Job[HeldOutConfig], values: Mapping[str, Any], weight
     for place, node in places.items():
         _evaluate_on(place, _evaluation(job, values, place, node, weights), values)
     frame = read_episodes([job.run_dir / place for place in places])
-    rows = summarise(frame, systems=systems(job.folders))
+    rows = summarise(frame, systems=systems(job.folders), labels=ablations.labels(job.folders))
     write_tables(frame, rows, job.run_dir)
     print_table(frame, rows)
     print(f"Weights, pictures, records and tables: {job.run_dir}")
@@ -82,7 +81,7 @@ def _evaluate_on(place: str, job: Job[EvalConfig], values: Mapping[str, Any]) ->
     if _settings(values):  # its planner is not that of the named pair any more
         labels = replace(labels, system=f"{labels.guide}+{labels.planner}")
     drive(config, labels, maps, job.run_dir)
-    pages.as_asked(config.explain, job.run_dir, build_target(config.executor, "executor"))
+    pages.as_asked(config.explain, job.run_dir, instantiate.build(config.executor, "executor"))
     report(maps, job)
 
 

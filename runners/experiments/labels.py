@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from lme.worlds.world import MapSet, Named
 from runners.config import systems
-from runners.config.changes import SEVERAL
+from runners.config.ablations import SEVERAL
 from runners.config.job import Job
 from runners.config.overrides import CUSTOM
 from runners.config.schema import DriveConfig
@@ -21,7 +21,7 @@ def run_labels(job: Job[DriveConfig], maps: MapSet) -> RunLabels:
         planner=planner,
         global_map=str(config.guide.get("global_map", "")),
         ablation=_ablation(job),
-        weights=config.weights,
+        weights=job.weights,
         robot=config.robot.name,
         map=maps.name if isinstance(maps, Named) else job.choices["map"],
         subset="custom" if config.map.get("worlds") else str(config.map.get("subset", "")),

@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, Any
 from lme.errors import InputError, require
 from lme.requirements import install
 from runners.analysis import failures
-from runners.config import build
-from runners.config.instantiate import build as build_target
+from runners.config import build, instantiate
 from runners.config.job import Job
 from runners.config.options import named_option
 from runners.config.schema import LearnConfig
@@ -50,7 +49,7 @@ def validate(job: Job[LearnConfig]) -> None:
     for key in ("validation", "threads"):
         require(key, getattr(config, key), at_least=1)
     check_ranges(config.robots)
-    learner: Learner = build_target(config.learner, "learner")
+    learner: Learner = instantiate.build(config.learner, "learner")
     learner.check(config)
     _payload(job, learner)
     network_file.check_name(network_name(job), _fingerprint(config))
@@ -59,7 +58,7 @@ def validate(job: Job[LearnConfig]) -> None:
 def learn(job: Job[LearnConfig]) -> None:
     """Learn until the learner is done, evaluate the best network, and write everything below the run directory."""
     config, run_dir = job.config, job.run_dir
-    tracking = build_target(config.tracking, "tracking")
+    tracking = instantiate.build(config.tracking, "tracking")
     tags = {**asdict(run_labels(job, build.map_set(config))), "changes": job.changes_text, "command": "learn"}
     tracking.start(asdict(config), run_dir, tags, job.sweep_dir)
     with resume_hint("learn", run_dir), held(run_dir):
@@ -85,9 +84,9 @@ def _learned(job: Job[LearnConfig]) -> Run:
     from runners.learning.run import Run
 
     config = job.config
-    learner: Learner = build_target(config.learner, "learner")
+    learner: Learner = instantiate.build(config.learner, "learner")
     start = None if config.start is None else find_network(config.start, "start")
-    executor = build_target(config.executor, "executor")
+    executor = instantiate.build(config.executor, "executor")
     payload = _payload(job, learner)
     label = f"learn {job.choices['planner']} by {job.choices['learner']}"
     with LearnProgress(label, learner.total) as progress, executor.open(lessons.initialise, payload) as drive:
@@ -103,7 +102,7 @@ def _payload(job: Job[LearnConfig], learner: Learner) -> LessonPayload:
         require(f"guides.{name}", share, above=0.0)
     guides = {name: named_option(job, "guides", "guide", name) for name in config.guides}
     for node in guides.values():
-        build_target(node, "guide", config.robot)
+        instantiate.build(node, "guide", config.robot)
     if learner.expert is None:
         return LessonPayload(config, guides, None)
     planner, guide, settings = (learner.expert[key] for key in ("planner", "guide", "settings"))
@@ -111,7 +110,7 @@ def _payload(job: Job[LearnConfig], learner: Learner) -> LessonPayload:
         named_option(job, "learner.expert.planner", "planner", planner, settings),
         None if guide is None else named_option(job, "learner.expert.guide", "guide", guide),
     )
-    build_target(with_network(expert.planner), "learner.expert", config.robot)
+    instantiate.build(with_network(expert.planner), "learner.expert", config.robot)
     return LessonPayload(config, guides, expert)
 
 

@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from runners.analysis.summary import Row, numbers, summarise
+from runners.config import instantiate
+from runners.config.ablations import labels
 from runners.config.changes import in_words
-from runners.config.instantiate import build as build_target
 from runners.config.job import Job
 from runners.config.schema import ReportConfig
 from runners.config.systems import systems
@@ -37,7 +38,7 @@ def finish(job: Job[ReportConfig], run_dirs: Sequence[Path]) -> None:
     frame = read_episodes(run_dirs)
     sweep_dir = job.sweep_dir
     assert sweep_dir is not None
-    rows = summarise(frame, job.config.table, systems(job.folders))
+    rows = summarise(frame, job.config.table, systems(job.folders), labels(job.folders))
     artifacts, words = report(frame, rows, run_dirs, sweep_dir)
     print_table(frame, rows)
     for line in words:
@@ -96,7 +97,7 @@ def _track(
 ) -> None:
     """Track the sweep: what its jobs have in common, and the figures of every row by its name."""
     launches = [record for record in map(launch_record.read_launch, run_dirs) if record is not None]
-    tracking = build_target(config.tracking, "tracking")
+    tracking = instantiate.build(config.tracking, "tracking")
     shared = launch_record.common([record.configs[0] for record in launches])
     changes = launch_record.common([record.changes[0] for record in launches])
     tracking.start(shared, sweep_dir, {"command": "sweep", "changes": in_words(changes)})

@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from runners.analysis.leaderboard import UNKNOWN, Entry, Setting
+from runners.analysis.leaderboard import UNKNOWN, BoardEntry, Setting
 from runners.analysis.summary import INTERVAL_NOTE, TIMES
 from runners.explainer.leaderboard_cells import COLUMNS, breakable, cells, chips, counted, escaped, orders
 from runners.explainer.leaderboard_details import details, settings_data
@@ -25,7 +25,7 @@ _NOTES = (
 )
 
 
-def write_leaderboard(entries: Sequence[Entry], problems: Sequence[str], path: Path) -> None:
+def write_leaderboard(entries: Sequence[BoardEntry], problems: Sequence[str], path: Path) -> None:
     """Write the page. problems: a line for each run that was left out. Raises InputError if it cannot be written."""
     style = "\n".join(map(asset, _STYLES))
     script = '(() => {{\n"use strict";\n{}\n}})();'.format("\n".join(map(asset, _SCRIPTS)))
@@ -52,13 +52,13 @@ def write_leaderboard(entries: Sequence[Entry], problems: Sequence[str], path: P
     write_html(path, fill("leaderboard.html", parts))
 
 
-def _count(entries: Sequence[Entry]) -> str:
+def _count(entries: Sequence[BoardEntry]) -> str:
     systems, settings = {entry.system for entry in entries}, {entry.setting for entry in entries}
     amounts = {"run": len(entries), "system": len(systems), "setting": len(settings)}
     return " · ".join(counted(amount, what) for what, amount in amounts.items())
 
 
-def _filters(entries: Sequence[Entry]) -> Iterator[str]:
+def _filters(entries: Sequence[BoardEntry]) -> Iterator[str]:
     """A choice for each part in which settings differ, and a box where there are older repeats."""
     for key, word in FILTERS.items():
         values = sorted({getattr(entry.setting, key) for entry in entries})
@@ -73,7 +73,7 @@ def _filters(entries: Sequence[Entry]) -> Iterator[str]:
         yield f'<label class="box"><input type="checkbox" id="older"> {counted(older, "older repeat")}</label>'
 
 
-def _settings(entries: Sequence[Entry], place: Path) -> Iterator[str]:
+def _settings(entries: Sequence[BoardEntry], place: Path) -> Iterator[str]:
     """A body of the table for each setting, those with most systems first."""
     systems = Counter(setting for setting, _ in {(entry.setting, entry.system) for entry in entries})
     for setting in sorted(systems, key=lambda setting: (-systems[setting], setting)):
@@ -96,7 +96,7 @@ def _heading(setting: Setting) -> str:
     )
 
 
-def _rows(number: int, entry: Entry, several: bool, place: Path) -> str:
+def _rows(number: int, entry: BoardEntry, several: bool, place: Path) -> str:
     """The line of a run, and the line of its details. several: its system has other runs in this setting."""
     values = {"words": _words(entry), **orders(entry)}
     data = "".join(f' data-{key}="{escaped(value)}"' for key, value in values.items())
@@ -107,7 +107,7 @@ def _rows(number: int, entry: Entry, several: bool, place: Path) -> str:
     )
 
 
-def _words(entry: Entry) -> str:
+def _words(entry: BoardEntry) -> str:
     """What the search looks at."""
     map_set, subset, robot, sim, told = entry.setting
     return " ".join([entry.system.name, map_set, subset, robot, sim, *told, str(entry.run_dir)]).lower()

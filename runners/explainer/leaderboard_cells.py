@@ -8,7 +8,7 @@ import re
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
-from runners.analysis.leaderboard import Entry
+from runners.analysis.leaderboard import BoardEntry
 from runners.analysis.summary import DASH, TIMES
 
 SUCCESS, METRIC = "success", "barn_metric"  # the figures with an interval
@@ -43,7 +43,7 @@ COLUMNS = (
 _FIGURES = {column.key: column for column in COLUMNS if column.digits}
 
 
-def orders(entry: Entry) -> dict[str, str]:
+def orders(entry: BoardEntry) -> dict[str, str]:
     """What a line is sorted by, by column: numbers or text. A figure of an unfinished run is empty: it comes last."""
     means = {key: "" if entry.row.unfinished else plain(mean(entry, key)) for key in _FIGURES}
     means[SUCCESS] = f"{means[SUCCESS]} {means[METRIC]}".strip()  # the metric decides between equals
@@ -55,7 +55,7 @@ def orders(entry: Entry) -> dict[str, str]:
     return {**others, **means}
 
 
-def cells(number: int, entry: Entry, several: bool) -> Iterator[str]:
+def cells(number: int, entry: BoardEntry, several: bool) -> Iterator[str]:
     """The cells of a line. several: the system has other runs in this setting, so the line says which it is."""
     job = [f"seed {entry.seed}, {counted(entry.runs, 'run')}"] * several
     flags = "".join(f'<span class="flag">{escaped(flag)}</span>' for flag in _flags(entry))
@@ -80,7 +80,7 @@ def chips(told: Sequence[str]) -> str:
     return f'<span class="chips">{"".join(shown + more)}</span>' if told else ""
 
 
-def mean(entry: Entry, key: str) -> float:
+def mean(entry: BoardEntry, key: str) -> float:
     """The mean of a figure; NaN if the run does not have it."""
     return entry.row.stats.get(key, (math.nan,))[0]
 
@@ -115,7 +115,7 @@ def _cell(header: str, text: str, kind: str) -> str:
     return f'<td class="{kind}" data-label="{header}">{text}</td>'
 
 
-def _flags(entry: Entry) -> Iterator[str]:
+def _flags(entry: BoardEntry) -> Iterator[str]:
     """What a reader must know of a run before its figures."""
     if entry.row.unfinished:
         yield entry.row.unfinished

@@ -10,7 +10,7 @@ from typing import Any
 from urllib.parse import quote
 
 from runners.analysis.failures import INDEX, folder
-from runners.analysis.leaderboard import Entry
+from runners.analysis.leaderboard import BoardEntry
 from runners.analysis.summary import METRICS, Metric
 from runners.explainer.leaderboard_cells import METRIC, SUCCESS, breakable, escaped, interval, rounded
 
@@ -18,7 +18,7 @@ _SHOWN_FILES = (".md", ".png", ".gif", ".mp4")
 _EVERY = "<details><summary>Every setting</summary></details>"  # filled from the data when it is opened
 
 
-def details(entry: Entry, place: Path) -> str:
+def details(entry: BoardEntry, place: Path) -> str:
     """The details of a run, as HTML. place: the folder of the page, which links start from."""
     return (
         f'<div class="panel"><section><h3>Run</h3>{_facts(_run(entry, place))}</section>'
@@ -28,7 +28,7 @@ def details(entry: Entry, place: Path) -> str:
     )
 
 
-def settings_data(entries: Sequence[Entry]) -> str:
+def settings_data(entries: Sequence[BoardEntry]) -> str:
     """The configs of all runs as JSON: {"parts": [{key: value}], "runs": [[number of part]]}; parts are shared."""
     parts: dict[str, int] = {}
     runs = [[parts.setdefault(part, len(parts)) for part in _parts(entry.config)] for entry in entries]
@@ -43,7 +43,7 @@ def _parts(config: Mapping[str, Any]) -> Iterator[str]:
     return map(json.dumps, groups.values())
 
 
-def _run(entry: Entry, place: Path) -> Iterator[tuple[str, str]]:
+def _run(entry: BoardEntry, place: Path) -> Iterator[tuple[str, str]]:
     yield "Directory", _link(entry.run_dir, place, str(entry.run_dir), "/")
     for found in folder(entry.run_dir):
         yield "Reasons", _link(found / INDEX, place, "why the robot went there")
@@ -61,7 +61,7 @@ def _run(entry: Entry, place: Path) -> Iterator[tuple[str, str]]:
     yield from ((name, text) for name, text in told.items() if text)
 
 
-def _repeats(entry: Entry) -> str:
+def _repeats(entry: BoardEntry) -> str:
     """What is known of other runs of the same job."""
     if entry.repeats == 1:
         return ""
@@ -70,7 +70,7 @@ def _repeats(entry: Entry) -> str:
     return f"{which} of {entry.repeats} runs of this job, {agree}"
 
 
-def _figures(entry: Entry) -> str:
+def _figures(entry: BoardEntry) -> str:
     """All figures, with the standard deviation over runs if there are several, and intervals."""
     spread = (entry.row.runs or 0) > 1
     heads = ["", "mean", *["± over runs"] * spread, "95 %"]
@@ -85,7 +85,7 @@ def _figures(entry: Entry) -> str:
     return f"<table><thead><tr>{head}</tr></thead><tbody>{lines}</tbody></table>"
 
 
-def _numbers(entry: Entry, metric: Metric, spread: bool) -> Iterator[str]:
+def _numbers(entry: BoardEntry, metric: Metric, spread: bool) -> Iterator[str]:
     mean, deviation = entry.row.stats[metric.key]
     yield rounded(mean, metric.digits)
     if spread:
@@ -94,7 +94,7 @@ def _numbers(entry: Entry, metric: Metric, spread: bool) -> Iterator[str]:
     yield interval(bounds[metric.key]) if metric.key in bounds else ""
 
 
-def _changes(entry: Entry) -> str:
+def _changes(entry: BoardEntry) -> str:
     """All that is unusual in the system and in the setting."""
     told = (*entry.system.told, *entry.setting.told)
     items = "".join(f"<li><code>{breakable(one)}</code></li>" for one in told)

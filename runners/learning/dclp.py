@@ -26,7 +26,7 @@ from lme.planners.dclp.weights import (
     write_weights,
 )
 from lme.robots import Robot
-from runners.learning.mixture import Mixture
+from runners.learning.mixture import MixtureBatch
 
 _FIRST_JOINT, _LAST = "dense_1", LAYERS[-1]
 _LOG_SIGMA = (-20.0, 2.0)  # bounds of the logarithm of a deviation, those in common use for SAC
@@ -41,7 +41,7 @@ _FIRST_ACTIONS = (
 )
 
 
-class Body(nn.Module):
+class DclpBody(nn.Module):
     """The layers of the published network, with further inputs beside the state or other outputs."""
 
     def __init__(self, more_inputs: int, outputs: int) -> None:
@@ -89,7 +89,7 @@ class Body(nn.Module):
         return _leaky((chosen * last.weight).sum(-1) + last.bias)
 
 
-class DclpCritic(Body):
+class DclpCritic(DclpBody):
     """The value of a scene, or of an action in it, by layers like the policy's."""
 
     def __init__(self, actions: int) -> None:
@@ -106,7 +106,7 @@ class DclpCritic(Body):
         return self.output(directions, torch.cat((state, *actions), -1))[..., 0]
 
 
-class DclpNetwork(Body):
+class DclpNetwork(DclpBody):
     """The published network. `weights` and `load` exchange the arrays of `SHAPES`."""
 
     def __init__(self) -> None:
@@ -115,10 +115,10 @@ class DclpNetwork(Body):
         with torch.no_grad():
             self.layer(_LAST).bias.view(COMPONENTS, MIXTURE)[:, 1:] = torch.tensor(_FIRST_ACTIONS)
 
-    def forward(self, directions: Tensor, state: Tensor) -> Mixture:
+    def forward(self, directions: Tensor, state: Tensor) -> MixtureBatch:
         """directions: (B, 90, 6), state: (B, 8), as `DclpFeatures`."""
         output = self.output(directions, state).view(-1, COMPONENTS, MIXTURE)
-        return Mixture(output[..., 0], output[..., 1:3], output[..., 3:].clamp(*_LOG_SIGMA))
+        return MixtureBatch(output[..., 0], output[..., 1:3], output[..., 3:].clamp(*_LOG_SIGMA))
 
     @staticmethod
     def interface(planner: DclpConfig, robot: Robot) -> DclpInterface:

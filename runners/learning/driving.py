@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import lru_cache
 from typing import NamedTuple, cast
 
@@ -15,7 +15,7 @@ from torch import Tensor
 
 from lme.envs.fleet import Fleet, Views
 from lme.envs.reward import Result, Reward
-from lme.errors import InputError, require
+from lme.errors import InputError
 from lme.robots import Robot
 from lme.sim.fast import FastConfig, FastSimulator
 from lme.types import LaserScan, Limits, Observation, Outcome, Pose, Twist
@@ -24,29 +24,13 @@ from runners.config import build
 from runners.config.instantiate import configured
 from runners.config.schema import LearnConfig
 from runners.learning.learnable import planner_config
+from runners.learning.reinforcement import Curriculum
 from runners.learning.run import Run
 from runners.workers.lessons import Interface
 from runners.workers.robots import changed, drawn, given
 
 Features = tuple[Tensor, ...]
 _RECENT = 100  # episodes whose success counts
-
-
-@dataclass(slots=True)
-class Curriculum:
-    """Easier tasks first: it is enough to come within `within` of the goal, stage by stage.
-
-    within: [m] of each stage, before the map's own tolerance. promote: success in the last hundred episodes that ends
-    a stage.
-    """
-
-    within: list[float] = field(default_factory=list)
-    promote: float = 0.8
-
-    def __post_init__(self) -> None:
-        for distance in self.within:
-            require("learner.curriculum.within", distance, above=0.0)
-        require("learner.curriculum.promote", self.promote, above=0.0, at_most=1.0)
 
 
 class Experience(NamedTuple):

@@ -19,7 +19,7 @@ from lme.planners.drl_vo.interface import DrlVoInterface
 from lme.planners.drl_vo.observation import image_of
 from lme.planners.drl_vo.weights import TOLD, TRAINED, read_weights, write_weights
 from lme.robots import Robot
-from runners.learning.mixture import Mixture
+from runners.learning.mixture import MixtureBatch
 
 Arrays = Mapping[str, NDArray[np.float32]]
 
@@ -46,7 +46,7 @@ class Normed(nn.Module):
         return found
 
 
-class Around(nn.Module):
+class ResidualBlock(nn.Module):
     """Three convolutions, and one around them."""
 
     def __init__(self, residual: Residual, channels: int) -> None:
@@ -62,7 +62,7 @@ class Around(nn.Module):
         return found
 
 
-class Body(nn.Module):
+class DrlVoBody(nn.Module):
     """The layers of the published network in any size, with further inputs beside the goal or other outputs."""
 
     def __init__(self, sizes: Sizes, more_inputs: int, outputs: int) -> None:
@@ -72,7 +72,7 @@ class Body(nn.Module):
     def _build(self, sizes: Sizes, more_inputs: int, outputs: int) -> None:
         channels, features, hidden = sizes
         self.stem = Normed(net.STEM, channels)
-        self.residuals = nn.ModuleList(Around(residual, channels) for residual in net.RESIDUALS)
+        self.residuals = nn.ModuleList(ResidualBlock(residual, channels) for residual in net.RESIDUALS)
         self.features = nn.Linear(8 * channels + net.GOAL + more_inputs, features)
         self.hidden = nn.Linear(features, hidden)
         self.output = nn.Linear(hidden, outputs)
@@ -101,7 +101,7 @@ class Body(nn.Module):
         return third.mean((2, 3))
 
 
-class DrlVoCritic(Body):
+class DrlVoCritic(DrlVoBody):
     """The value of a scene, or of an action in it, by layers like the policy's."""
 
     def __init__(self, actions: int) -> None:
@@ -118,7 +118,7 @@ class DrlVoCritic(Body):
         return self.answer(sweeps, pedestrians, torch.cat((goal, *actions), -1))[..., 0]
 
 
-class DrlVoNetwork(Body):
+class DrlVoNetwork(DrlVoBody):
     """The published network in the size `SMALL`, or in that of the weights that it loads.
 
     Its answer is a Gaussian about the clipped mean. The deviation is before tanh.
@@ -129,13 +129,13 @@ class DrlVoNetwork(Body):
         self.log_std = nn.Parameter(torch.full((net.ACTIONS,), math.log(_SIGMA)))
         self._trained = np.zeros(len(TOLD), np.float32)
 
-    def forward(self, sweeps: Tensor, pedestrians: Tensor, goal: Tensor) -> Mixture:
+    def forward(self, sweeps: Tensor, pedestrians: Tensor, goal: Tensor) -> MixtureBatch:
         """sweeps: (B, 20, 80), pedestrians: (B, 32, 4), goal: (B, 2), as `DrlVoFeatures`."""
         mean = self.answer(sweeps, pedestrians, goal)
         # a mean beyond the greatest answer is cut off, but its gradient goes on
         mean = mean + (mean.clamp(-_MEAN_MAX, _MEAN_MAX) - mean).detach()
         mu = mean.atanh()[:, None]
-        return Mixture(torch.zeros(len(mu), 1), mu, self.log_std.expand_as(mu))
+        return MixtureBatch(torch.zeros(len(mu), 1), mu, self.log_std.expand_as(mu))
 
     @staticmethod
     def interface(planner: DrlVoConfig, robot: Robot) -> DrlVoInterface:

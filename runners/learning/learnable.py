@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from torch import Tensor, nn
 
     from lme.robots import Robot
-    from runners.learning.mixture import Mixture
+    from runners.learning.mixture import MixtureBatch
     from runners.workers.lessons import Interface
 
 Arrays = Mapping[str, NDArray[np.float32]]
@@ -34,7 +34,7 @@ class Learnable(Protocol):
     One with norms is made in the mode `eval`; only a learner that fits them turns it to `train` and back.
     """
 
-    def __call__(self, *features: Tensor) -> Mixture:
+    def __call__(self, *features: Tensor) -> MixtureBatch:
         """The distribution of the actions."""
 
     def weights(self, sharpness: float = 1.0) -> dict[str, NDArray[np.float32]]:

@@ -14,19 +14,19 @@ from torch import Tensor
 _HALF_LOG_TAU = 0.5 * math.log(math.tau)
 
 
-class Mixture(NamedTuple):
+class MixtureBatch(NamedTuple):
     """The distributions of B actions before tanh, each of K Gaussians. logits: (B, K); mu, log_sigma: (B, K, 2)."""
 
     logits: Tensor
     mu: Tensor
     log_sigma: Tensor
 
-    def at_least(self, sigma: float) -> Mixture:
+    def at_least(self, sigma: float) -> MixtureBatch:
         """The same with no deviation below `sigma`, so that a policy keeps trying."""
         return self._replace(log_sigma=self.log_sigma.clamp(min=math.log(sigma)))
 
 
-def draw(mixture: Mixture, generator: torch.Generator) -> Tensor:
+def draw(mixture: MixtureBatch, generator: torch.Generator) -> Tensor:
     """Actions before tanh (B, 2), each of a component drawn by its probability."""
     chosen = torch.multinomial(mixture.logits.softmax(-1), 1, generator=generator)[:, :, None]
     index = chosen.expand(-1, 1, mixture.mu.shape[-1])
@@ -34,24 +34,24 @@ def draw(mixture: Mixture, generator: torch.Generator) -> Tensor:
     return mu + sigma * torch.randn(mu.shape, generator=generator)
 
 
-def draw_each(mixture: Mixture, generator: torch.Generator) -> Tensor:
+def draw_each(mixture: MixtureBatch, generator: torch.Generator) -> Tensor:
     """Actions before tanh (B, K, 2), one of each component; differentiable in the mixture."""
     return mixture.mu + mixture.log_sigma.exp() * torch.randn(mixture.mu.shape, generator=generator)
 
 
-def log_density(mixture: Mixture, raw: Tensor) -> Tensor:
+def log_density(mixture: MixtureBatch, raw: Tensor) -> Tensor:
     """Logarithm of the density of actions before tanh (B, 2): (B,)."""
     return _log_mixture(mixture.logits, mixture.mu, mixture.log_sigma, raw)
 
 
-def log_density_of_actions(mixture: Mixture, raw: Tensor) -> Tensor:
+def log_density_of_actions(mixture: MixtureBatch, raw: Tensor) -> Tensor:
     """Logarithm of the density of the actions tanh(raw) (B, 2), which lie closer together than raw: (B,)."""
     # log(1 − tanh²) in a form that does not lose digits
     squeeze = 2.0 * (math.log(2.0) - raw - torch.nn.functional.softplus(-2.0 * raw))
     return log_density(mixture, raw) - squeeze.sum(-1)
 
 
-def log_likelihood(mixture: Mixture, actions: Tensor, least_sigma: float) -> Tensor:
+def log_likelihood(mixture: MixtureBatch, actions: Tensor, least_sigma: float) -> Tensor:
     """Logarithm of the density of an expert's actions (B, 2) in [−1, 1] about the components' means: (B,).
 
     Errors count in actions, not before tanh, where an expert's full command lies at infinity. least_sigma: no

@@ -1,33 +1,18 @@
 """Soft actor-critic (Haarnoja et al. 2018, arXiv:1801.01290) of a mixture policy, as DRL-DCLP was trained.
 
-The expectation over the components is exact: each counts with its probability, so that nothing but their Gaussians is
-drawn.
+`sac_training.py` does so in torch, which nothing here imports.
 """
 
 from __future__ import annotations
 
-import copy
 from dataclasses import dataclass
-from statistics import fmean
-from typing import NamedTuple
-
-import torch
-from torch import Tensor, nn
+from typing import TYPE_CHECKING
 
 from lme.errors import require
-from runners.learning.driving import Driving, Experience, Features
-from runners.learning.learnable import Learnable
-from runners.learning.mixture import draw, draw_each, log_density_of_actions
-from runners.learning.reinforcement import (
-    Advanced,
-    Parts,
-    Reinforcement,
-    ReinforcementConfig,
-    reinforce,
-)
-from runners.learning.run import Run
+from runners.learning.reinforcement import Reinforcement, ReinforcementConfig
 
-_ACTIONS = 2
+if TYPE_CHECKING:
+    from runners.learning.run import Run
 
 
 @dataclass(slots=True)
@@ -55,139 +40,12 @@ class SacConfig(ReinforcementConfig):
             require(f"learner.{key}", getattr(self, key), at_least=0)
 
 
-class Transition(NamedTuple):
-    """B steps: what was seen, the action before tanh, the reward, whether it was the end, and what was seen next."""
-
-    features: Features
-    raw: Tensor
-    rewards: Tensor
-    terminated: Tensor
-    following: Features
-
-
-class Replay:
-    """The last `capacity` steps, drawn from evenly."""
-
-    def __init__(self, capacity: int) -> None:
-        self._capacity = capacity
-        self._arrays: list[Tensor] = []
-        self.count = 0
-
-    def add(self, step: Transition) -> None:
-        """Keep B steps in place of the oldest."""
-        flat = [*step.features, step.raw, step.rewards, step.terminated, *step.following]
-        if not self._arrays:
-            self._arrays = [torch.empty((self._capacity, *each.shape[1:]), dtype=each.dtype) for each in flat]
-        places = torch.arange(self.count, self.count + len(step.raw)) % self._capacity
-        for array, rows in zip(self._arrays, flat, strict=True):
-            array[places] = rows
-        self.count += len(step.raw)
-
-    def sample(self, size: int, generator: torch.Generator) -> Transition:
-        """B steps, each drawn from all that are kept."""
-        chosen = torch.randint(min(self.count, self._capacity), (size,), generator=generator)
-        rows = [array[chosen] for array in self._arrays]
-        inputs = (len(rows) - 3) // 2
-        raw, rewards, terminated = rows[inputs : inputs + 3]
-        return Transition(tuple(rows[:inputs]), raw, rewards, terminated, tuple(rows[inputs + 3 :]))
-
-
 class Sac(Reinforcement[SacConfig]):
     """Learns from a memory of its own driving, and is paid for trying things."""
 
     Config = SacConfig
 
     def learn(self, run: Run) -> None:
-        config, policy = self._config, run.network
-        critics = nn.ModuleList([policy.critic(_ACTIONS), policy.critic(_ACTIONS)])
-        modules = {"critics": critics, "targets": copy.deepcopy(critics)}
-        optimisers = {
-            "policy_optimiser": torch.optim.Adam(policy.parameters(), config.lr),
-            "critics_optimiser": torch.optim.Adam(critics.parameters(), config.lr),
-        }
-        parts = Parts(modules, optimisers, run.generator(0))
-        replay, updates = Replay(config.replay), 0
+        from runners.learning.sac_training import SacTraining
 
-        def advance(driving: Driving, features: Features, done: int) -> Advanced:
-            nonlocal updates
-            features = self._driven(policy, parts, driving, features, replay)
-            found: list[dict[str, float]] = []
-            if replay.count >= max(config.warm_up, config.batch):
-                for _ in range(config.updates):
-                    batch = replay.sample(config.batch, parts.generator)
-                    found.append(
-                        self._updated(policy, parts, batch, done > 0 and updates >= config.critics_first)
-                    )
-                    updates += 1
-            names = {name for each in found for name in each}
-            losses = {name: fmean(each[name] for each in found if name in each) for name in names}
-            return Advanced(features, config.robots, losses)
-
-        reinforce(run, config, parts, ["loss_policy", "loss_value", "entropy"], advance)
-
-    def _driven(
-        self, policy: Learnable, parts: Parts, driving: Driving, features: Features, replay: Replay
-    ) -> Features:
-        """Drive one step and remember it; what the robots see then."""
-        with torch.no_grad():
-            raw = draw(policy(*features).at_least(self._config.least_sigma), parts.generator)
-        found = driving.step(raw.tanh())
-        replay.add(Transition(features, raw, found.rewards, found.terminated, following(found)))
-        return found.features
-
-    def _updated(
-        self, policy: Learnable, parts: Parts, batch: Transition, learn_policy: bool
-    ) -> dict[str, float]:
-        """One update of critics and targets, and of the policy if it is time; the losses."""
-        wanted = self._wanted(policy, parts, batch)
-        critics = parts.modules["critics"]
-        errors = [
-            nn.functional.mse_loss(each(*batch.features, batch.raw.tanh()), wanted)
-            for each in critics.children()
-        ]
-        found = {
-            "loss_value": parts.descend("critics_optimiser", errors[0] + errors[1], critics.parameters())
-        }
-        if learn_policy:
-            loss, entropy = self._policy_loss(policy, parts, batch)
-            found["loss_policy"] = parts.descend("policy_optimiser", loss, policy.parameters())
-            found["entropy"] = entropy
-        with torch.no_grad():
-            pairs = zip(critics.parameters(), parts.modules["targets"].parameters(), strict=True)
-            for new, target in pairs:
-                target.lerp_(new, self._config.polyak)
-        return found
-
-    def _wanted(self, policy: Learnable, parts: Parts, batch: Transition) -> Tensor:
-        """What the critics should say (B,): the reward and the worth of what follows."""
-        config = self._config
-        with torch.no_grad():
-            mixture = policy(*batch.following).at_least(config.least_sigma)
-            raw = draw(mixture, parts.generator)
-            worth = least(parts.modules["targets"], batch.following, raw.tanh())
-            worth = worth - config.alpha * log_density_of_actions(mixture, raw)
-            return batch.rewards + config.gamma * (~batch.terminated).float() * worth
-
-    def _policy_loss(self, policy: Learnable, parts: Parts, batch: Transition) -> tuple[Tensor, float]:
-        """The loss over all components by their probability, and the mean entropy."""
-        mixture = policy(*batch.features).at_least(self._config.least_sigma)
-        raw = draw_each(mixture, parts.generator)
-        density = torch.stack([log_density_of_actions(mixture, each) for each in raw.unbind(1)], 1)
-        worth = least(parts.modules["critics"], batch.features, raw.tanh())
-        odds = mixture.logits.softmax(-1)
-        loss = (odds * (self._config.alpha * density - worth)).sum(-1).mean()
-        return loss, -(odds * density).sum(-1).mean().item()
-
-
-def following(found: Experience) -> Features:
-    """What the robots see after a step, also where it ended an episode."""
-    seen = tuple(each.clone() for each in found.features)
-    for each, last in zip(seen, found.last, strict=False):
-        each[found.ended] = last
-    return seen
-
-
-def least(critics: nn.Module, features: Features, actions: Tensor) -> Tensor:
-    """The lower of both critics' values. actions: (B, 2), or (B, K, 2) for values (B, K)."""
-    first, second = (each(*features, actions) for each in critics.children())
-    return torch.minimum(first, second)
+        SacTraining(self._config).learn(run)

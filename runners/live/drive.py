@@ -13,18 +13,18 @@ from lme.robots import Robot
 from runners.config import build
 from runners.config.instantiate import configured, filled
 from runners.config.job import Job
-from runners.config.schema import LiveConfig, Record
+from runners.config.schema import LiveCommandConfig, Record
 from runners.live.node import Node, NodeConfig
 from runners.live.record import LiveRecorder
-from runners.live.topics import TopicsConfig
+from runners.live.topics import LiveTopicsConfig
 from runners.live.transport import Transport
 
 
-def drive_robot(job: Job[LiveConfig], transport: Transport) -> None:
+def drive_robot(job: Job[LiveCommandConfig], transport: Transport) -> None:
     """Drive the robot until an exception comes, such as KeyboardInterrupt."""
     config = job.config
     own: NodeConfig = configured(config.live, "live")[1]
-    topics = filled(TopicsConfig, config.topics, "topics")
+    topics = filled(LiveTopicsConfig, config.topics, "topics")
 
     def navigator(robot: Robot) -> Navigator:
         return build.navigator(config, robot)

@@ -20,9 +20,9 @@ from lme.policies.lme.reasons import reason
 from lme.types import Twist
 from runners.live.clock import SystemClock, TopicClock
 from runners.live.markers import markers
-from runners.live.outgoing import Messages
+from runners.live.outgoing import OutgoingMessages
 from runners.live.status import Status
-from runners.live.topics import TF, TF_MESSAGE, TopicsConfig
+from runners.live.topics import TF, TF_MESSAGE, LiveTopicsConfig
 from runners.live.transport import ActionGoal, Delivery, Transport
 from runners.live.watchdog import Watchdog
 
@@ -46,7 +46,7 @@ class Node:
         self,
         config: NodeConfig,
         transport: Transport,
-        topics: TopicsConfig,
+        topics: LiveTopicsConfig,
         driver: LiveDriver,
         period: float,
     ) -> None:
@@ -54,7 +54,7 @@ class Node:
         self._config, self._ros, self._driver = config, transport, driver
         self._topics = topics
         self._period = round(period * SECOND)
-        self._make = Messages(transport)
+        self._make = OutgoingMessages(transport)
         self._due = 0  # [ns] when the next decision is due
         self._goal: ActionGoal | None = None
         self._goal_time = 0  # [ns] when it came

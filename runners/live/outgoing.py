@@ -17,7 +17,7 @@ _DELETE_ALL = 3  # visualization_msgs/Marker
 OK, WARN, ERROR = 0, 1, 2  # diagnostic_msgs/DiagnosticStatus
 
 
-class Messages:
+class OutgoingMessages:
     """Makes messages for one version of ROS. Stamps are in nanoseconds."""
 
     def __init__(self, transport: Transport) -> None:

@@ -18,12 +18,12 @@ from lme.worlds.world import Task
 from runners.config import build
 from runners.config.instantiate import configured, filled
 from runners.config.job import Job
-from runners.config.schema import LiveConfig, Record
+from runners.config.schema import LiveCommandConfig, Record
 from runners.live import ros1, ros2
 from runners.live.drive import drive_robot
 from runners.live.outcomes import Outcomes
 from runners.live.simulator import SimulatedRobot
-from runners.live.topics import TopicsConfig
+from runners.live.topics import LiveTopicsConfig
 from runners.live.transport import Transport
 from runners.workers.episodes import episode_rng
 from runners.workers.mcap_file import check_installed as check_mcap
@@ -34,7 +34,7 @@ _NODES_ONLY = ("guide", "planner", "weights", "ablation", "system", "frames", "s
 _SIMULATOR_ONLY = ("map", "sim", "runs")
 
 
-def validate(job: Job[LiveConfig]) -> None:
+def validate(job: Job[LiveCommandConfig]) -> None:
     """Check the job, and that its version of ROS is installed. Raises InputError."""
     config = job.config
     if config.ros not in _INSTALLED:
@@ -43,7 +43,7 @@ def validate(job: Job[LiveConfig]) -> None:
         )
     _check_keys(job)
     require("seed", config.seed, at_least=0)
-    filled(TopicsConfig, config.topics, "topics")
+    filled(LiveTopicsConfig, config.topics, "topics")
     configured(config.live, "live")
     if _simulates(job):
         require("runs", config.runs, at_least=1)
@@ -59,7 +59,7 @@ def validate(job: Job[LiveConfig]) -> None:
     _INSTALLED[config.ros]()
 
 
-def drive(job: Job[LiveConfig], words: Sequence[str] = ()) -> None:
+def drive(job: Job[LiveCommandConfig], words: Sequence[str] = ()) -> None:
     """Drive until Ctrl-C, or until the simulator has driven all worlds. words: ROS's own arguments."""
     came: list[int] = []
 
@@ -90,11 +90,11 @@ def connect(version: int | None, name: str, words: Sequence[str]) -> Transport:
     return ros1.Ros1(name, words) if version == 1 else ros2.Ros2(name, words)
 
 
-def _simulate(job: Job[LiveConfig], transport: Transport) -> None:
+def _simulate(job: Job[LiveCommandConfig], transport: Transport) -> None:
     config = job.config
     maps = build.map_set(config)
     own = configured(config.live, "live")[1]
-    topics = filled(TopicsConfig, config.topics, "topics")
+    topics = filled(LiveTopicsConfig, config.topics, "topics")
     robot = SimulatedRobot(own, transport, topics, config.robot, build.simulator(_finely_stepped(config)))
     print(
         f"simulated {config.robot.name} in ROS {config.ros}: waits for commands on {topics.command}",
@@ -106,7 +106,7 @@ def _simulate(job: Job[LiveConfig], transport: Transport) -> None:
             outcomes.add(world, run, driven)
 
 
-def _tasks(config: LiveConfig) -> Iterator[tuple[Task, np.random.Generator]]:
+def _tasks(config: LiveCommandConfig) -> Iterator[tuple[Task, np.random.Generator]]:
     """Every task with the simulator's random numbers, as `lme eval` draws them."""
     maps = build.map_set(config)
     for world, run in _keys(maps.numbers, config.runs):
@@ -119,7 +119,7 @@ def _keys(worlds: Sequence[int], runs: int) -> list[tuple[int, int]]:
     return [(world, run) for run in range(runs) for world in worlds]
 
 
-def _finely_stepped(config: LiveConfig) -> LiveConfig:
+def _finely_stepped(config: LiveCommandConfig) -> LiveCommandConfig:
     """The config with the simulator's step in place of the control period: commands come when they come."""
     return replace(config, robot=replace(config.robot, control_rate=1.0 / config.live["step"]))
 
@@ -128,7 +128,7 @@ def _simulates(job: Job[Any]) -> bool:
     return job.choices["live"] == SIMULATOR
 
 
-def _check_keys(job: Job[LiveConfig]) -> None:
+def _check_keys(job: Job[LiveCommandConfig]) -> None:
     """Raise InputError for a key that has no meaning for what is started."""
     foreign, reader = (
         (_NODES_ONLY, "the nodes read") if _simulates(job) else (_SIMULATOR_ONLY, "the simulator reads")

@@ -18,8 +18,8 @@ from lme.robots import Robot
 from lme.sim.simulator import Simulator
 from lme.types import Observation, Outcome, Pose, Twist
 from lme.worlds.world import Task
-from runners.live.outgoing import Messages
-from runners.live.topics import TF_MESSAGE, TopicsConfig
+from runners.live.outgoing import OutgoingMessages
+from runners.live.topics import TF_MESSAGE, LiveTopicsConfig
 from runners.live.transport import Delivery, Publisher, Transport
 
 ODOM, BASE, LASER = "odom", "base_link", "laser"
@@ -68,13 +68,13 @@ class SimulatedRobot:
         self,
         config: SimulatorConfig,
         transport: Transport,
-        topics: TopicsConfig,
+        topics: LiveTopicsConfig,
         robot: Robot,
         simulator: Simulator,
     ) -> None:
         self._config, self._ros, self._topics = config, transport, topics
         self._robot, self._simulator = robot, simulator
-        self._make = Messages(transport)
+        self._make = OutgoingMessages(transport)
         self._now = 0  # [ns] simulated time; it never goes back
         self._step = round(config.step * SECOND)
         self._period = config.step / config.speed  # [s] of real time

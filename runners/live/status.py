@@ -6,7 +6,7 @@ import time
 from typing import Any
 
 from lme.live.step import LiveState, LiveStep
-from runners.live.outgoing import OK, WARN, Messages
+from runners.live.outgoing import OK, WARN, OutgoingMessages
 
 _NAME = "lme: navigation"
 _PERIOD = 1.0  # [s] of real time between two messages
@@ -29,7 +29,7 @@ class Status:
         """Whether it is time for a message."""
         return time.monotonic() - self._began >= _PERIOD
 
-    def message(self, step: LiveStep, soft_stops: int, make: Messages) -> Any:
+    def message(self, step: LiveStep, soft_stops: int, make: OutgoingMessages) -> Any:
         """A diagnostic_msgs/DiagnosticArray of the time since the last one. soft_stops: so far."""
         seconds = time.monotonic() - self._began
         made = self._decisions

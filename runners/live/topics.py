@@ -23,7 +23,7 @@ _ACTION = {1: "move_base", 2: "navigate_to_pose"}
 
 
 @dataclass(slots=True)
-class TopicsConfig:
+class LiveTopicsConfig:
     """Names and types of the topics; goal, action: null: the usual name in this version of ROS."""
 
     scan: str = "scan"

@@ -36,8 +36,9 @@ class Launch:
 
     configs: the part of the config that decides results; one for a run, one per job for a sweep. choices: the
     option of every config group. changes: keys that have other values than their options' files. Both are in the
-    order of configs. config_dir: of the user's own options. job: its number within a sweep. started: date and time.
-    code: the version that drove it, in words.
+    order of configs. weights: the set that each job drives with, which may be its guide's own. config_dir: of the
+    user's own options. job: its number within a sweep. started: date and time. code: the version that drove it, in
+    words.
     """
 
     command: str
@@ -47,6 +48,7 @@ class Launch:
     configs: list[dict[str, Any]]
     choices: list[dict[str, str]] = field(default_factory=list)
     changes: list[dict[str, Any]] = field(default_factory=list)
+    weights: list[str] = field(default_factory=list)
     config_dir: str | None = None
     config_name: str | None = None
     job: int | None = None
@@ -118,6 +120,7 @@ def launch_of(
         configs=configs,
         choices=[dict(job.choices) for job in jobs],
         changes=[_canonical(dict(job.changes)) for job in jobs],
+        weights=[job.weights for job in jobs],
         config_dir=str(own[0]) if own else None,
         config_name=config_name,
         started=datetime.now(UTC).isoformat(timespec="seconds"),
@@ -176,6 +179,7 @@ def _is_whole(launch: Launch) -> bool:
         and isinstance(launch.multirun, bool)
         and (launch.job is None or isinstance(launch.job, int))
         and _is_list_of(str, launch.overrides)
+        and _is_list_of(str, launch.weights)
         and all(_is_list_of(dict, part) and len(part) == len(launch.configs) > 0 for part in parts)
         and all(isinstance(name, str) for choices in launch.choices for name in choices.values())
         and all(_is_scale(config.get("scale", {})) for config in launch.configs)

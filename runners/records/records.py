@@ -16,9 +16,10 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 from lme.errors import InputError
+from runners.config.catalogue import shipped
 from runners.config.changes import in_words
 from runners.config.flatten import flatten
-from runners.config.weights import scale_in_words
+from runners.config.weights import PUBLISHED, own_weights_of, scale_in_words
 from runners.records.append_log import (
     APPEND_LOG,
     AppendLog,
@@ -178,20 +179,21 @@ def read_episodes(run_dirs: Sequence[Path]) -> pd.DataFrame:
     import pandas as pd
 
     frames = []
-    for _, table, columns in episode_tables(run_dirs):
-        frame = table.to_pandas()
+    for launch, table, columns in episode_tables(run_dirs):
+        frame = _with_own_weights(table.to_pandas(), launch)
         frames.append(frame.assign(**{key: columns[key] for key in columns if key not in frame}))
     return pd.concat(frames, ignore_index=True)
 
 
-def episode_tables(run_dirs: Sequence[Path]) -> list[tuple[Path, pa.Table, dict[str, object]]]:
-    """The records of each run as its files hold them, and columns to add: `run_dir`, and those of `read_episodes`.
+def episode_tables(run_dirs: Sequence[Path]) -> list[tuple[Launch | None, pa.Table, dict[str, object]]]:
+    """Of each run: its launch record, the records as its files hold them, and the columns that `read_episodes` adds.
 
     Raises as `read_episodes` does.
     """
     found = []
     run_dirs = [Path(run_dir) for run_dir in run_dirs]
-    for run_dir, columns in zip(run_dirs, _run_columns(run_dirs), strict=True):
+    launches = [read_launch(run_dir) for run_dir in run_dirs]
+    for run_dir, launch, columns in zip(run_dirs, launches, _run_columns(launches), strict=True):
         with log_of(run_dir) as log:
             table = episode_table(run_dir, log)
         if table.num_rows == 0:
@@ -200,7 +202,7 @@ def episode_tables(run_dirs: Sequence[Path]) -> list[tuple[Path, pa.Table, dict[
         missing = ", ".join(sorted(REQUIRED - set(table.column_names)))
         if missing:
             raise InputError(f"records in {run_dir} lack the columns {missing}: not written by lme eval")
-        found.append((run_dir, table, {"run_dir": str(run_dir), **columns}))
+        found.append((launch, table, {"run_dir": str(run_dir), **columns}))
     if not found:
         raise InputError(f"no finished episode yet in {', '.join(map(str, run_dirs))}")
     return found
@@ -239,9 +241,20 @@ def log_of(run_dir: Path) -> contextlib.AbstractContextManager[AppendLog]:
     return read_log(run_dir / APPEND_LOG)
 
 
-def _run_columns(run_dirs: Sequence[Path]) -> list[dict[str, object]]:
+def _with_own_weights(frame: pd.DataFrame, launch: Launch | None) -> pd.DataFrame:
+    """Records with the weight sets that were used: once they said `published` where a guide took its own set."""
+    if not {"guide", "weights"} <= set(frame):
+        return frame
+    folders = launch.folders if launch else shipped().folders
+    for guide in frame["guide"].unique():
+        own = own_weights_of(str(guide), folders)
+        if own:
+            frame.loc[(frame["guide"] == guide) & (frame["weights"] == PUBLISHED), "weights"] = own
+    return frame
+
+
+def _run_columns(launches: Sequence[Launch | None]) -> list[dict[str, object]]:
     """For each run, the columns that its launch record adds to its episodes."""
-    launches = [read_launch(run_dir) for run_dir in run_dirs]
     changed = dict.fromkeys(key for launch in launches if launch for key in launch.changes[0])
     return [{} if launch is None else _columns_of(launch, changed) for launch in launches]
 

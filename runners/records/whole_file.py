@@ -44,6 +44,14 @@ def write_whole(path: Path, text: str) -> None:
         draft.write_text(text, encoding="utf-8")
 
 
+def obstacle(path: Path) -> Path | None:
+    """What keeps a file from being written: itself, or the nearest folder above it that exists; None if nothing."""
+    nearest = next(folder for folder in path.absolute().parents if os.access(folder, os.F_OK))
+    if not (nearest.is_dir() and os.access(nearest, os.W_OK | os.X_OK)):
+        return nearest
+    return path if os.access(path, os.F_OK) and not os.access(path, os.W_OK) else None
+
+
 def _remove_left_drafts(path: Path) -> None:
     """Remove the drafts of processes that were killed: here those that do not run, elsewhere the old ones."""
     for draft in path.parent.glob(f".{glob.escape(path.name)}.*.new{glob.escape(path.suffix)}"):

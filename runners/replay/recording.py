@@ -23,7 +23,7 @@ _SCANS = 20  # used to measure the rate
 _TAIL_S = (2, 30)  # [s] at the end that are searched for the last pose, before the whole recording is
 
 
-class Sample(NamedTuple):
+class RecordedPose(NamedTuple):
     """A recorded pose: stamp [ns], pose of the base, twist if the message has one."""
 
     stamp: int
@@ -59,7 +59,7 @@ class Recording:
         """Time since the recording began [s]."""
         return (stamp + self.offset - self.bag.start) / SECOND
 
-    def pose(self, message: Message, tree: TransformTree) -> Sample | None:
+    def pose(self, message: Message, tree: TransformTree) -> RecordedPose | None:
         """The pose that a message contains, if any; one with absurd numbers is none.
 
         Transforms of a tf message are first added to `tree`.
@@ -74,7 +74,7 @@ class Recording:
         if found is None or not is_sound(found.pose, found.twist):
             return None
         stamp = stamp_of(found.header) if self.headers else message.recorded - self.offset
-        return Sample(stamp, found.pose, found.twist)
+        return RecordedPose(stamp, found.pose, found.twist)
 
     def last_pose(self, stop: int | None) -> Pose:
         """The last pose recorded before `stop` [ns]. Raises InputError if there is none."""

@@ -15,8 +15,7 @@ from lme.live.frames import FramesConfig
 from lme.live.messages import SECOND
 from lme.live.scan_source import ScanConfig, ScanSource
 from lme.robots import Robot
-from runners.config import build
-from runners.config.instantiate import build as build_target
+from runners.config import build, instantiate
 from runners.config.instantiate import configured, filled
 from runners.config.job import Job
 from runners.config.schema import ReplayConfig
@@ -25,7 +24,7 @@ from runners.replay.bags import Bag
 from runners.replay.driver import Driver
 from runners.replay.goals import goal_of, topic_of
 from runners.replay.recording import CLOCKS, Recording, look
-from runners.replay.topics import TopicsConfig, choose
+from runners.replay.topics import BagTopicsConfig, choose
 
 _SLOWER = 0.9  # scans at less than this share of the robot's control rate set the rate of decisions
 
@@ -58,7 +57,7 @@ def validate(job: Job[ReplayConfig]) -> None:
     filled(ScanConfig, config.scan, "scan")
     build.navigator(config)
     with Bag(path) as bag:
-        choose(bag, filled(TopicsConfig, config.topics, "topics"), topic_of(config.goal))
+        choose(bag, filled(BagTopicsConfig, config.topics, "topics"), topic_of(config.goal))
 
 
 def replay(job: Job[ReplayConfig]) -> None:
@@ -70,7 +69,7 @@ def replay(job: Job[ReplayConfig]) -> None:
         bag = stack.enter_context(Bag(_path(job.config)))
         episode = recorded.episode_of(bag) if job.config.as_recorded else None
         config = _as_recorded(job, episode)
-        tracking = build_target(config.tracking, "tracking")
+        tracking = instantiate.build(config.tracking, "tracking")
         tracking.start(asdict(config), run_dir, {"command": "replay", "bag": bag.path.name}, job.sweep_dir)
         found, artifacts = _replay(bag, config, episode, run_dir, stack)
     tracking.finish(found, artifacts)
@@ -139,7 +138,7 @@ def _recording(
     bag: Bag, config: ReplayConfig, episode: recorded.RecordedEpisode | None
 ) -> tuple[Recording, _Part]:
     asked = recorded.GOAL if episode is not None and config.goal is None else topic_of(config.goal)
-    names = filled(TopicsConfig, config.topics, "topics")
+    names = filled(BagTopicsConfig, config.topics, "topics")
     if episode is not None and names.command is None:
         names.command = episode.command
     topics = choose(bag, names, asked)

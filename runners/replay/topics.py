@@ -21,7 +21,7 @@ _USUAL = {"scan": "/scan", "pose": "/odom", "command": "/cmd_vel"}
 
 
 @dataclass(slots=True)
-class TopicsConfig:
+class BagTopicsConfig:
     """Names of topics; null: chosen by type."""
 
     scan: str | None = None
@@ -57,7 +57,7 @@ class Topics(NamedTuple):
         return "tf" if self.pose is None else self.pose.name
 
 
-def choose(bag: Bag, config: TopicsConfig, goal: str | None) -> Topics:
+def choose(bag: Bag, config: BagTopicsConfig, goal: str | None) -> Topics:
     """Choose the topics by type and name. goal: name of the goal's topic, if it has one.
 
     Raises InputError if a topic is missing or of the wrong type, or if there are several and none has the usual name.

@@ -8,6 +8,8 @@ from contextlib import contextmanager, suppress
 from threading import Event, Thread
 from typing import TYPE_CHECKING
 
+from runners.search.optuna_private import id_of
+
 if TYPE_CHECKING:
     import optuna
     from optuna.storages import RDBStorage
@@ -61,9 +63,9 @@ class Heartbeat:
             return
         for trial in study.get_trials(deepcopy=False, states=(TrialState.RUNNING,)):
             # Perhaps its process was killed before the first sign. Optuna misses only a trial that has given one.
-            if trial._trial_id not in self._seen:
-                self._storage.record_heartbeat(trial._trial_id)
-                self._seen.add(trial._trial_id)
+            if id_of(trial) not in self._seen:
+                self._storage.record_heartbeat(id_of(trial))
+                self._seen.add(id_of(trial))
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # Optuna's warning that it is experimental
             fail_stale_trials(study)

@@ -11,6 +11,7 @@ from lme.errors import InputError
 from runners.config.space import Space
 from runners.records import launch_record
 from runners.search.heartbeat import Heartbeat
+from runners.search.optuna_private import is_first
 from runners.search.samplers import Search, per_trial
 from runners.search.score_log import SCORE_LOG, ScoreLog
 from runners.search.storage import masked, open_storage, reached
@@ -97,7 +98,7 @@ def _of_journal(path: Path, name: str, space: Space, sampler: optuna.samplers.Ba
     journal = Journal(path)
     try:
         created = _created(JournalStorage(journal), name, sampler)
-        if created._study_id:
+        if not is_first(created):
             raise ValueError("the first study was deleted")
         study = Study(created, space, "", journal.flush, Heartbeat(None), ScoreLog(None))
         _ = study.told  # every trial can be read

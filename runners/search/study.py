@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from runners.config.space import Space
 from runners.search.heartbeat import Heartbeat
+from runners.search.optuna_private import annotate, asked_again, id_of
 from runners.search.score_log import ScoreLog
 from runners.workers.trials import Score
 
@@ -104,10 +105,8 @@ class Study:
 
     def _unfinished(self) -> list[Proposal | None]:
         """Trials that a killed run in this directory proposed but did not finish."""
-        import optuna
-
         mine = [t for t in self._in_state("RUNNING") if t.user_attrs.get(OWNER) == self._owner]
-        return [self._proposal(optuna.trial.Trial(self._study, trial._trial_id)) for trial in mine]
+        return [self._proposal(asked_again(self._study, trial)) for trial in mine]
 
     def _ask(self) -> Proposal | None:
         with warnings.catch_warnings():
@@ -138,7 +137,7 @@ class Study:
         attributes = [list(score) for score in scores]
         self._log.add(self._values[number], attributes)  # before anything that needs the storage
         with suppress(optuna.exceptions.UpdateFinishedTrialError):  # another process has taken it
-            self._study._storage.set_trial_user_attr(self._frozen(number)._trial_id, SCORES, attributes)
+            annotate(self._study, self._frozen(number), SCORES, attributes)
         self._flush()
 
     def tell(self, number: int) -> None:
@@ -174,17 +173,17 @@ class Study:
         state = optuna.trial.TrialState.FAIL if reward is None else None
         with suppress(optuna.exceptions.UpdateFinishedTrialError):
             self._study.tell(number, reward, state=state, skip_if_finished=True)
-        self._heartbeat.end(self._frozen(number)._trial_id)
+        self._heartbeat.end(id_of(self._frozen(number)))
 
     def _proposal(self, trial: optuna.Trial) -> Proposal | None:
         """The trial with its values; None if another process has taken it meanwhile."""
         import optuna
 
-        self._heartbeat.begin(trial._trial_id)
+        self._heartbeat.begin(id_of(trial))
         try:
             return self._with_values(trial)
         except optuna.exceptions.UpdateFinishedTrialError:
-            self._heartbeat.end(trial._trial_id)
+            self._heartbeat.end(id_of(trial))
             return None
 
     def _with_values(self, trial: optuna.Trial) -> Proposal:

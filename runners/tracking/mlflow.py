@@ -13,6 +13,7 @@ import threading
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -31,6 +32,7 @@ from runners.tracking.store import (
     run_of,
     set_defaults,
     sqlite_path,
+    unwritable,
 )
 
 if TYPE_CHECKING:
@@ -120,6 +122,10 @@ class MlflowTracking:
         tags: Mapping[str, Any],
         sweep_dir: Path | None = None,
     ) -> None:
+        place = unwritable(self._config.uri)
+        if place is not None:
+            _warn_of(place, self._config.uri, sweep_dir or run_dir)
+            return
         set_defaults()
 
         def open_run() -> None:
@@ -192,11 +198,23 @@ def add_files(run_dir: Path, files: Sequence[Path], folder: str) -> None:
         store = sqlite_path(uri)
         if store is not None and not store.is_file():
             raise FileNotFoundError(f"there is none at {store.resolve()}")
+        if unwritable(uri) is not None:
+            raise PermissionError(f"{unwritable(uri)} cannot be written")
         client = open_client(uri)
         for path in files:
             client.log_artifact(run_id, str(path), folder)
     except Exception as error:
         _warn(uri, error)
+
+
+@cache  # once for all jobs of a sweep
+def _warn_of(place: Path, uri: str, results: Path) -> None:
+    """Warn before a run, without importing MLflow, that its store cannot be written."""
+    warnings.warn(
+        f"not logged in MLflow at {uri}: {place} cannot be written; all results go to {results}. "
+        "Set MLFLOW_TRACKING_URI to another place, or tracking=none",
+        stacklevel=3,
+    )
 
 
 def _warn(uri: str, error: Exception) -> None:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from lme.errors import InputError
 from runners.config.flatten import flatten
-from runners.records.whole_file import write_whole
+from runners.records.whole_file import obstacle, write_whole
 
 if TYPE_CHECKING:
     from mlflow import MlflowClient
@@ -64,6 +64,12 @@ def sqlite_path(uri: str) -> Path | None:
     return Path(uri.removeprefix(SQLITE)) if uri.startswith(SQLITE) else None
 
 
+def unwritable(uri: str) -> Path | None:
+    """The file or folder that keeps an SQLite store from being written; None if nothing does, or for other stores."""
+    path = sqlite_path(uri)
+    return None if path is None else obstacle(path)
+
+
 def open_client(uri: str) -> MlflowClient:
     """A client of the store at `uri`; an SQLite store that does not exist is created."""
     _quieten()
@@ -85,6 +91,7 @@ def _create_store(path: Path) -> None:
 
     path.parent.mkdir(parents=True, exist_ok=True)
     unfinished = path.with_name(f".{path.name}.{os.getpid()}")
+    unfinished.touch()  # fails at once where MLflow would try again for 100 s
     try:
         MlflowClient(tracking_uri=f"{SQLITE}{unfinished}").search_experiments(max_results=1)
         # A link, not a rename, which would replace a database that another process created meanwhile.

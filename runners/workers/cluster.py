@@ -168,10 +168,10 @@ def _connected(address: str) -> Iterator[Client]:
 @contextlib.contextmanager
 def _registered(client: Client, initialise: Initialise, payload: Any) -> Iterator[str]:
     """Give every worker, also those that join later, what the items need; its name."""
-    from runners.workers.cluster_worker import Job
+    from runners.workers.cluster_worker import WorkerSetup
 
     token = f"lme-{uuid.uuid4().hex}"
-    job = Job(token, pickle.dumps((initialise, payload)), versions(*_NUMERIC))
+    job = WorkerSetup(token, pickle.dumps((initialise, payload)), versions(*_NUMERIC))
     try:
         client.register_plugin(job, name=token)
     except ImportError as error:

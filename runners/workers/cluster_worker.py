@@ -14,7 +14,7 @@ from runners.records.versions import versions
 from runners.workers.executor import Item, Run, portable
 
 
-class Job(WorkerPlugin):
+class WorkerSetup(WorkerPlugin):
     """What every item of an open executor needs. Dask keeps it in each worker, and gives it to new ones.
 
     pickled: `initialise` and its payload. wanted: the versions of the process that hands out the items.
@@ -52,7 +52,7 @@ class Job(WorkerPlugin):
 def run_batch(items: Sequence[Item], token: str) -> tuple[list[Any], Exception | None]:
     """A task: run items with the job that the worker holds under `token`."""
     job = get_worker().plugins[token]
-    assert isinstance(job, Job)
+    assert isinstance(job, WorkerSetup)
     return job.run(items)
 
 

@@ -19,8 +19,7 @@ from lme.robots import Robot
 from lme.types import Floats, Guide, Observation, Planner, Pose, Twist
 from lme.worlds.check import check_task
 from lme.worlds.world import World
-from runners.config import build
-from runners.config.instantiate import build as build_target
+from runners.config import build, instantiate
 from runners.config.schema import LearnConfig
 from runners.config.weights import with_network
 from runners.workers.robots import drawn
@@ -134,9 +133,11 @@ class Lecture(Navigator):
         assert expert is not None
         self._student = student
         with _quiet():
-            self._expert: Planner = build_target(with_network(expert.planner), "learner.expert", robot)
+            self._expert: Planner = instantiate.build(with_network(expert.planner), "learner.expert", robot)
         own = expert.guide if lesson.guide == "target" else None
-        self._guide: Guide | None = None if own is None else build_target(own, "learner.expert.guide", robot)
+        self._guide: Guide | None = (
+            None if own is None else instantiate.build(own, "learner.expert.guide", robot)
+        )
         self._beta = lesson.beta or 0.0
         self._expert_drives, self._left = False, 0
         self._driver = _rng(payload.config.seed, lesson.world, _DRIVER)
@@ -181,9 +182,9 @@ class Lecture(Navigator):
 
 def _student(payload: LessonPayload, lesson: Lesson, robot: Robot) -> tuple[Guide, NetworkPlanner]:
     planner = {**payload.config.planner, "weights": lesson.network}
-    guide = build_target(payload.guides[lesson.guide], "guide", robot)
+    guide = instantiate.build(payload.guides[lesson.guide], "guide", robot)
     with _quiet():
-        return guide, build_target(planner, "planner", robot)
+        return guide, instantiate.build(planner, "planner", robot)
 
 
 def _quiet() -> warnings.catch_warnings[None]:

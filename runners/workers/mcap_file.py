@@ -10,7 +10,7 @@ from typing import Any, Final, Self
 
 from lme.errors import InputError
 from lme.requirements import install
-from runners.workers.ros_messages import Messages
+from runners.workers.ros_messages import McapMessages
 
 _ROSBAG2_VERSION: Final = 8  # 9 stores QoS profiles as words, which Humble cannot read (ros2/rosbag2#1476)
 
@@ -42,7 +42,7 @@ class McapFile:
         check_installed()
         from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 
-        self.messages = Messages()
+        self.messages = McapMessages()
         try:
             shutil.rmtree(self._partial, ignore_errors=True)  # a killed run may have left it
             self._writer = Writer(self._bag, version=_ROSBAG2_VERSION, storage_plugin=StoragePlugin.MCAP)

@@ -14,7 +14,7 @@ from lme.types import LaserScan, Pose, Twist
 _SECOND = 1_000_000_000
 
 
-class Messages:
+class McapMessages:
     """Makes ROS messages. Stamps are in nanoseconds; names are those of the message definitions."""
 
     def __init__(self) -> None:

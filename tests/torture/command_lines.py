@@ -61,16 +61,10 @@ def vary_command(rng: Rng, folder: Path) -> None:
 
 def compose(folder: Path) -> None:
     """Everything that a command checks before it makes a directory."""
-    from runners.cli import arguments
-    from runners.config import command_line, schema
-    from runners.config.composer import Composer
+    from runners.config import command_line
 
     name, *words = _words(folder)
-    schema.register()
-    given = arguments.parse(words)
-    with Composer(name, None) as composer:
-        plan = command_line.plan(composer, given.overrides, given.multirun)
-        command_line.validated(plan, composer, _validate(name))
+    command_line.compose(name, words, _validate(name))
 
 
 def run(folder: Path) -> None:

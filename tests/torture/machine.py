@@ -84,7 +84,19 @@ def read_only() -> str:
             assert "Traceback" not in done.stderr, f"{words}: {done.stderr[-500:]}"
         done = run(["table", "run"], folder, HOME=str(folder))
         assert "the table above is all" in done.stderr, done.stderr[-500:]
-    return "every command says so in one line, and lme table prints its table."
+        _run_elsewhere(folder)
+    return "every command says so in one line, and lme table prints its table; a run elsewhere is complete at once."
+
+
+def _run_elsewhere(folder: Path) -> None:
+    """A run whose MLflow store cannot be written says so in one line, and does not wait for MLflow."""
+    place = Path(tempfile.mkdtemp(prefix="torture-"))
+    began = time.monotonic()
+    done = run(["eval", "map.worlds=[0]", "runs=1", f"hydra.run.dir={place / 'run'}"], folder)
+    assert done.returncode == 0, done.stderr[-500:]
+    assert done.stderr.count("outputs/mlflow.db: ") == done.stderr.count("lme: warning") == 1, done.stderr
+    assert (place / "run" / "episodes.parquet").is_file()
+    assert time.monotonic() - began < 60.0, "it waited for MLflow"
 
 
 def two_processes() -> str:

@@ -237,13 +237,13 @@ def _look_at_bag(folder: Path) -> None:
     from runners.replay.bags import Bag
     from runners.replay.recorded import episode_of
     from runners.replay.recording import look
-    from runners.replay.topics import TopicsConfig, choose, table
+    from runners.replay.topics import BagTopicsConfig, choose, table
 
     (path,) = folder.iterdir()
     with Bag(path) as bag:
         table(bag)
         episode_of(bag)
-        topics = choose(bag, TopicsConfig(), None)
+        topics = choose(bag, BagTopicsConfig(), None)
         recording = look(bag, topics, FramesConfig(), "auto")
         recording.last_pose(None)
         for message in bag.messages(topics.names):
@@ -395,7 +395,7 @@ def _lessons(folder: Path) -> None:
 
 
 def _read_lessons(folder: Path) -> None:
-    from runners.learning.clone import _read
+    from runners.learning.clone_training import _read
 
     _read(folder / "round_000.npz")
 

@@ -53,7 +53,7 @@ class Mode(StrEnum):
     LEAVE = "leave"  # leaves the boundary for a place nearer to the target than any point of it
 
 
-class Node(NamedTuple):
+class Vertex(NamedTuple):
     """A vertex of the local tangent graph.
 
     place: (2,) in the robot frame [m], reachable in a straight line. point: (2,) the scan point that it passes.
@@ -191,7 +191,7 @@ class _View:
         x, y = self.points[owner]
         return 1 if x * self.target[1] - y * self.target[0] >= 0.0 else -1
 
-    def ends(self, owner: int) -> tuple[dict[int, Node], float]:
+    def ends(self, owner: int) -> tuple[dict[int, Vertex], float]:
         """Left (+1) and right (−1) end of a point's obstacle, and the obstacle's least distance to the target [m]."""
         start = _direction(self.points[owner])
         found, nearest = {}, math.inf
@@ -203,7 +203,7 @@ class _View:
             nearest = min(nearest, least)
         return found, nearest
 
-    def next_end(self, along: Floats, side: int) -> tuple[Node | None, float]:
+    def next_end(self, along: Floats, side: int) -> tuple[Vertex | None, float]:
         """End, on one side, of the visible boundary with the scan point nearest to `along`.
 
         If there is no end, as in a room: a place along the wall; None if the robot is enclosed. Also returns the
@@ -225,7 +225,7 @@ class _View:
         places.append(min(self._ways[k], self.distance) * UNITS[k])
         return min(places, key=lambda place: _distance(place, self.target))
 
-    def _mouth(self, start: int, side: int) -> Node | None:
+    def _mouth(self, start: int, side: int) -> Vertex | None:
         """Opening of a pocket that contains the target; the scan has no break there if it shows the inside."""
         k, longer, _ = sweep(*self._jumps, UNITS, start, side, self.target)
         if k < 0 or not longer:
@@ -240,25 +240,25 @@ class _View:
         back = ((start - side * turned) % len(UNITS) for turned in range(len(UNITS)))
         return next((k for k in back if joined(self._owners[k], index, self._breaks)), start)
 
-    def _along_wall(self, start: int, side: int) -> Node | None:
+    def _along_wall(self, start: int, side: int) -> Vertex | None:
         """The next place along a wall, one robot width ahead or up to the wall; None if there is no free one."""
         k = first_longer(self._ways, start, side, 2.0 * self._radius)
         if k < 0:
             return None
         if k == start:
             return self._node(k, False, side)
-        return Node(2.0 * self._radius * UNITS[k], self.points[self._owners[(k - side) % len(UNITS)]])
+        return Vertex(2.0 * self._radius * UNITS[k], self.points[self._owners[(k - side) % len(UNITS)]])
 
-    def _node(self, k: int, longer: bool, side: int) -> Node:
+    def _node(self, k: int, longer: bool, side: int) -> Vertex:
         """Node at the end of the obstacle in direction k: past its end, or where another obstacle hides it."""
         point, radius = self.points[self._owners[k]], self._radii[self._owners[k]]
         if not longer:
-            return Node(self._ways[k] * UNITS[k], point)
+            return Vertex(self._ways[k] * UNITS[k], point)
         away = math.hypot(*point)
         bearing = math.atan2(point[1], point[0]) + side * math.asin(radius / away)
         length = math.sqrt(away * away - radius * radius) + self._radius
         length = min(length, self._ways[(k + side) % len(UNITS)])
-        return Node(np.array([length * math.cos(bearing), length * math.sin(bearing)]), point)
+        return Vertex(np.array([length * math.cos(bearing), length * math.sin(bearing)]), point)
 
 
 def _by_bearing(points: Floats, mount: Pose) -> Floats:

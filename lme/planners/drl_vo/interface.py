@@ -7,10 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lme.kernels.polyline import leaves
 from lme.planners.commands import limited
 from lme.planners.drl_vo.config import DrlVoConfig
 from lme.planners.drl_vo.observation import Sweeps, free_ahead
+from lme.planners.polyline import leaves
 from lme.robots import Robot
 from lme.types import Floats, Guidance, Observation, Twist
 

@@ -10,10 +10,10 @@ import numpy as np
 from lme.errors import require
 from lme.geometry.frames import to_robot, to_world
 from lme.kernels.collision import sweep
-from lme.kernels.polyline import leaves
 from lme.planners.commands import approach, limited
 from lme.planners.eband.band import Band, BandConfig
 from lme.planners.eband.kernels import hidden
+from lme.planners.polyline import leaves
 from lme.planners.stopping import until_rest
 from lme.robots import Robot
 from lme.sensing.scan_points import obstacle_points

@@ -12,8 +12,8 @@ import numpy as np
 from lme.errors import require
 from lme.geometry.angles import wrap_angle
 from lme.geometry.frames import to_world
-from lme.kernels.polyline import stretch
 from lme.planners.commands import limited
+from lme.planners.polyline import stretch
 from lme.planners.ros_dwa.local_costmap import LocalCostmap
 from lme.planners.ros_dwa.trajectories import TrajectoriesConfig, TrajectorySearch
 from lme.robots import Robot

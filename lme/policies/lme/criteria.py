@@ -14,8 +14,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from lme.kernels.distance import distances_to, turns
 from lme.kernels.fan import fan_blocked
+from lme.policies.distance import distances_to, turns
 from lme.policies.lme.surmount import Blockage
 from lme.types import Floats
 

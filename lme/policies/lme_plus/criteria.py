@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 from lme.geometry.frames import to_world
-from lme.kernels.distance import distances_to, turns
 from lme.kernels.straight_ways import straight_ways
+from lme.policies.distance import distances_to, turns
 from lme.policies.lme_plus.travel import Field
 from lme.types import Floats, Pose
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lme.errors import require
-from lme.kernels.distance import distances_to
+from lme.policies.distance import distances_to
 from lme.policies.lme_plus.kernels.travel_time import Grid, Pace, descend, times_at, travel_times
 from lme.robots import Robot
 from lme.types import Floats

@@ -62,7 +62,12 @@ def _parser() -> argparse.ArgumentParser:
     title = "the worlds of one map set: measures; of single worlds a picture too"
     show = verbs.add_parser("show", help=title, **texts(about, examples))
     show.add_argument("map", help="a map set that `lme maps` lists")
-    show.add_argument("what", nargs="*", metavar="NUMBER|key=value", help="worlds; settings of the map set")
+    show.add_argument(
+        "what",
+        nargs="*",
+        metavar="NUMBER|key=value",
+        help="worlds, such as 3 or 0-5; settings of the map set",
+    )
     show.add_argument(
         "--output",
         type=Path,

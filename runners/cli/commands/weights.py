@@ -21,7 +21,7 @@ EXAMPLES = (
 )
 
 
-class Network(NamedTuple):
+class ForeignNetwork(NamedTuple):
     """A network that its authors published. source: the file. drive: the pair that it is for.
 
     read: the weights in the authors' file, and those of them that this project keeps. Raises InputError.
@@ -45,8 +45,10 @@ def _drl_vo(path: Path) -> Arrays:
 
 
 NETWORKS = {
-    "dclp": Network("the TensorFlow V2 checkpoint of DRL-DCLP", "guide=target planner=dclp_barn", _dclp),
-    "drl_vo": Network("the drl_vo.zip of DRL-VO", "guide=global_path planner=drl_vo_barn", _drl_vo),
+    "dclp": ForeignNetwork(
+        "the TensorFlow V2 checkpoint of DRL-DCLP", "guide=target planner=dclp_barn", _dclp
+    ),
+    "drl_vo": ForeignNetwork("the drl_vo.zip of DRL-VO", "guide=global_path planner=drl_vo_barn", _drl_vo),
 }
 
 

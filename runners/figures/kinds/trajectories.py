@@ -54,7 +54,7 @@ _SECONDS = re.compile(r"(\d+(?:\.\d*)?|\.\d+)\s*s")
 
 
 @dataclass(slots=True)
-class TrajectoriesConfig:
+class TrajectoriesFigureConfig:
     """How the paths of several systems are shown."""
 
     layout: str = "side_by_side"
@@ -73,11 +73,11 @@ class TrajectoriesConfig:
 class Trajectories:
     """The kind `trajectories` of `lme figure`."""
 
-    Config = TrajectoriesConfig
+    Config = TrajectoriesFigureConfig
     name = "trajectories"
     drives = True
 
-    def __init__(self, config: TrajectoriesConfig) -> None:
+    def __init__(self, config: TrajectoriesFigureConfig) -> None:
         self._config = config
 
     def draw(

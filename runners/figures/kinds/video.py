@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from lme.errors import InputError, require
-from runners.figures.parts.animation import Pace, Screen
+from runners.figures.parts.animation import FilmPace, Screen
 from runners.figures.parts.driven_runs import DrivenRun, chosen_world
 from runners.figures.parts.film import GIF, MP4, Picture, find_ffmpeg, write_film
 from runners.workers.trace import Trace
@@ -91,12 +91,12 @@ def _shown(runs: Sequence[DrivenRun], worlds: Sequence[int]) -> list[tuple[Drive
     return shown
 
 
-def _pace(traces: Sequence[Trace], config: VideoConfig) -> tuple[Pace, float]:
+def _pace(traces: Sequence[Trace], config: VideoConfig) -> tuple[FilmPace, float]:
     """The time of each frame, and the speed relative to real time."""
     last = max(trace.end.time for trace in traces)
     speed = config.speed if config.speed is not None else max(1.0, last / ENOUGH_S)
     times = np.arange(0.0, last - 1e-9, speed / config.fps)
-    return Pace(np.append(times, last), config.fps), speed
+    return FilmPace(np.append(times, last), config.fps), speed
 
 
 def _labels(shown: Sequence[tuple[DrivenRun, int, int]]) -> list[str]:

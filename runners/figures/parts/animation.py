@@ -34,7 +34,7 @@ KEY = "orange: laser scan · star: subgoal · line: the way so far"
 CANDIDATES_KEY = "dots: candidates, the brighter the higher their score S"
 
 
-class Pace(NamedTuple):
+class FilmPace(NamedTuple):
     """times: simulated time of each frame [s]. fps: of the film [1/s]."""
 
     times: Floats
@@ -51,7 +51,7 @@ def animate(config: DriveConfig, world: int, run: int, path: Path) -> Outcome:
     trace = rerun(config, world, run)
     all_times = np.array([frame.time for frame in trace.frames])
     every = math.ceil(len(all_times) / MOST_FRAMES)
-    pace = Pace(np.append(all_times[:-1:every], all_times[-1]), trace.robot.control_rate / every)
+    pace = FilmPace(np.append(all_times[:-1:every], all_times[-1]), trace.robot.control_rate / every)
     screen = Screen([trace], [""], WIDTH_PX)
     write_film(screen.pictures(pace.held), path, pace.fps, screen.sample(pace.times))
     return Outcome(trace.episode.outcome)

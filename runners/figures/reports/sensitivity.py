@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from runners.analysis.paired import METRIC, SUCCESS
-from runners.analysis.sensitivity import NAME, Curve, Point, SensitivityStudy, factors
+from runners.analysis.sensitivity import NAME, ParameterCurve, Point, SensitivityStudy, factors
 from runners.figures.parts.style import BLUE, FRAME, GRID, INK, VERMILION, new_figure, save, symbol
 
 if TYPE_CHECKING:
@@ -53,7 +53,7 @@ def sensitivity_figure(studies: Sequence[SensitivityStudy], place: Path) -> list
     return save(figure, place / NAME, ("png", "pdf"))
 
 
-def _panel(axes: Axes, curve: Curve, places: dict[float, float]) -> None:
+def _panel(axes: Axes, curve: ParameterCurve, places: dict[float, float]) -> None:
     """Draw success with its band, and the BARN metric; factor 0 is apart on the left."""
     _band(axes, curve.points, places)
     rows: list[tuple[str, dict[str, Any]]] = [(SUCCESS, _SUCCESS), (METRIC, _METRIC)]

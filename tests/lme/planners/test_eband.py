@@ -13,11 +13,11 @@ from lme.episode import run_episode
 from lme.errors import InputError
 from lme.geometry.frames import to_robot, to_world
 from lme.guides.target import Target, TargetConfig
-from lme.kernels.polyline import leaves, project, stretch
 from lme.navigator import Navigator
 from lme.planners.eband.band import Band
 from lme.planners.eband.kernels import bubble_radii, covered, hidden, mend, relax
 from lme.planners.eband.planner import EBand, EBandConfig, _thinned
+from lme.planners.polyline import leaves, project, stretch
 from lme.resources import resource_dir
 from lme.sim.fast import FastConfig, FastSimulator
 from lme.types import Guidance, Observation, Outcome, Pose, Twist

@@ -156,6 +156,7 @@ def test_negate_swaps_black_and_white(tmp_path):
     ("changes", "right"),
     [
         ({"image": "gone.pgm"}, "gone.pgm: no such picture"),
+        ({"image": "gone.pgm"}, "map.yaml: image is gone.pgm: "),
         ({"image": 3}, "image is 3: must be the name of a picture"),
         ({"image": "''"}, "must be the name of a picture"),
         ({"resolution": 0}, "resolution is 0: must be a finite number greater than 0"),

@@ -103,8 +103,13 @@ def test_a_picture_is_a_map_set_too(tmp_path):
     [
         ({"name": None}, "map.path is null: must be a shape file"),
         ({"name": "env3"}, "map.name is 'env3': must be one of env1, env2, or give map.path"),
+        (
+            {"path": __file__},
+            "test_map_sets.py: is not a picture; must be a shape file (.yaml), a ROS map (.yaml) or",
+        ),
+        ({"path": __file__, "size": [9.0, 9.0]}, "test_map_sets.py: is not a picture; must be a shape file"),
         ({"path": "gone.yaml"}, "map.path is gone.yaml: no such file"),
-        ({"path": "."}, "map.path is .: no such file"),
+        ({"path": "."}, "map.path is .: is a directory; must be a shape file, ROS map or picture"),
         ({"size": [10.0, 10.0]}, "map.size is [10.0, 10.0]: must be null"),
         ({"size": [10.0]}, "map.size is [10.0]: must be [width, height]"),
         ({"size": [10.0, 0.0]}, "map.size is 0: must be greater than 0"),

@@ -238,6 +238,7 @@ def test_a_mistake_in_a_scene_file_is_one_line_that_names_its_place(tmp_path, ol
     [
         ({"name": "real5"}, "map.name is 'real5': must be one of go2_a, go2_b, real1"),
         ({}, "map.name is None: must be one of"),
+        ({"path": "."}, "map.path is .: is a directory; must be a scene file"),
         ({"path": "nowhere.yaml"}, "map.path is nowhere.yaml: no such file"),
         ({"name": "real1", "starts": 0}, "map.starts is 0: must be at least 1"),
         ({"name": "real1", "worlds": [2, 2]}, "map.worlds is [2, 2]: must be different numbers"),

@@ -36,6 +36,10 @@ JACKALS = "jackal jackal_gazebo jackal_real jackal_slow jackal_wheels"
         ("lme eval --mul", ["--multirun"]),
         ("lme eval nothing", []),
         ("lme evl x", []),
+        ("lme compare --", ["--help", "--into", "--format"]),
+        ("lme export RUN --ste", ["--steps"]),
+        ("lme table --f", ["--format"]),
+        ("lme evl --h", ["--help"]),
     ],
 )
 def test_offers(line, offered, tmp_path, monkeypatch):

@@ -72,6 +72,21 @@ def _never(job):
         ("robot={v_mx: 3}", ["robot.v_mx: no such key; did you mean v_max?"]),
         (f"{'x' * 300}=1", ["xxx…: no such key or group"]),
         (f"robot=x/{'x' * 300}", ["xxx: no such option"]),
+        ("+guide.nope=3", ["guide.nope: no such key; guide holds: _target_, blocking, "]),
+        ("guide.nope.deep=3", ["guide.nope.deep: no such key; guide holds: "]),
+        ("guide.candidate=3", ["did you mean guide.candidates? guide holds: "]),
+        (
+            "robot=/x.yaml",
+            ["robot=/x.yaml: no such option; ", "; an option is given by its name: robot=x --config-dir "],
+        ),
+        ("robot=my/x.yml", ["by its name: robot=x --config-dir DIR, with the file DIR/robot/x.yaml"]),
+        ("robot=my/x", ["with the file DIR/robot/my/x.yaml"]),
+        (
+            "topics=go2",
+            ["topics=go2: no such group; topics is a group of lme live; there are: robot, "],
+        ),
+        ("+topics=go2", ["+topics=go2: no such group; topics is a group of lme live;"]),
+        ("weight_set=skid", ["weight_set=skid: no such group; there are: robot, "]),
         ("~seed", ["~seed: keys cannot be removed"]),
         ("seed=1.5", ["seed is 1.5: must be a whole number"]),
         ("seed=x", ["seed is x: must be a whole number"]),
@@ -86,6 +101,16 @@ def _never(job):
         ("seed=range(0,3)", ["add -m"]),
         ("robot", ["robot: must be key=value"]),
         ("=3", ["=3: must be key=value; the key is missing"]),
+        ("map.worlds=range(5)", ["add -m to run each of them, or write map.worlds=0-4"]),
+        ("map.worlds=[range(5)]", ["several values within a list or a mapping; must be single values"]),
+        ("map={worlds: range(5)}", ["several values within a list or a mapping"]),
+        ("map.worlds=9-0", ["map.worlds has 9-0: the range runs backwards; must be 0-9"]),
+        ("map.worlds=[0-9,3]", ["map.worlds is [0-9,3]: names a world twice"]),
+        (
+            "map.worlds=first",
+            ["map.worlds has 'first': must be numbers and ranges", "such as 0-49 or [0-9,20"],
+        ),
+        ("map.worlds=0-99999999999", ["map.worlds has 0-99999999999: must be at most 1000000 worlds"]),
         ("map.worlds=[1", ["map.worlds=[1: the value [1 cannot be read", "close every bracket"]),
         ("weights='x", ["weights='x", "quote"]),
         ("weights=publishd", ["weights is 'publishd'", "did you mean published?"]),
@@ -188,6 +213,13 @@ def test_an_unknown_option_names_both_folders(launch, own):
     message = launch(flag, folder, "robot=min")
     assert "did you mean mine?" in message
     assert "conf/robot/ and " in message
+
+
+def test_a_group_of_the_users_own_needs_its_plus(launch, tmp_path):
+    (tmp_path / "own" / "colour").mkdir(parents=True)
+    (tmp_path / "own" / "colour" / "red.yaml").write_text("# @package _global_\nseed: 7\n")
+    message = launch("--config-dir", "own", "colour=red")
+    assert message == "colour=red: colour is not in the defaults of eval: add it with +colour=red"
 
 
 @pytest.fixture(scope="module")

@@ -22,6 +22,7 @@ from runners.cli.launch import Command, launch
 from runners.config import command_line
 from runners.config.composer import quoted, resume_command
 from runners.records import launch_record
+from tests.hearing import hear_signals
 from tests.places import ROOT
 
 
@@ -549,6 +550,7 @@ def test_the_process_itself_is_interrupted(tmp_path):
         env=environment,
         stderr=subprocess.PIPE,
         text=True,
+        preexec_fn=hear_signals,
     )
     deadline = time.monotonic() + 60
     while not (tmp_path / "started").exists() and time.monotonic() < deadline:
@@ -564,3 +566,72 @@ def test_the_launch_record_is_plain_json(probe):
     text = (probe.directory / "launch.json").read_text()
     assert json.loads(text)["configs"][0]["ablation"] == {"d1": "inf"}
     assert "Infinity" not in text
+
+
+def test_ranges_of_worlds_may_be_swept(probe):
+    probe.launch("-m", "map.worlds=0-2,7,[3-4,9]")
+    assert [config.map["worlds"] for config, _ in probe.runs] == [[0, 1, 2], [7], [3, 4, 9]]
+    saved = yaml.safe_load((probe.directory / ".hydra" / "config.yaml").read_text())
+    assert saved["map"]["worlds"] == [3, 4, 9]
+
+
+def test_ranges_of_worlds_in_a_sweep_too_large_to_compose_beforehand(probe):
+    probe.launch("-m", "map.worlds=0-1,2-3", "seed=range(40)")
+    assert [config.map["worlds"] for config, _ in probe.runs] == [[0, 1]] * 40 + [[2, 3]] * 40
+
+
+def test_a_run_of_listed_worlds_is_resumed_by_their_range(probe):
+    probe.launch("map.worlds=[0,1,2]")
+    probe.launch("map.worlds=0-2", "resume=true")
+    assert probe.runs[0][1] == probe.runs[1][1]
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["runs=1", "runs=2"], "runs=1 and runs=2: runs has two values; give one of them"),
+        (["map=barn", "+map=env1"], "map=barn and map=env1: map has two values; give one of them"),
+        (["-m", "seed=0,1", "seed=3"], "seed=0,1 and seed=3: seed has two values"),
+        (["hydra.run.dir=a", "hydra.run.dir=b"], "hydra.run.dir has two values"),
+        (
+            ["map.subset=official50", "map.worlds=[1,2]"],
+            "map.worlds asks for 1, 2, which map.subset=official50 does not hold: give one of the two keys",
+        ),
+        (["map.subset=hard100", "map.worlds=190-220"], "asks for 190, 191, 192, 193, 194 and 5 more, which"),
+        (["-m", "map.subset=all,official50", "map.worlds=1"], "1, which map.subset=official50 does not hold"),
+    ],
+)
+def test_two_words_that_contradict_each_other(probe, words, said):
+    with pytest.raises(InputError) as caught:
+        probe.launch(*words)
+    assert said in str(caught.value)
+    assert everything() == []
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["runs=1", "runs=1"],
+        [
+            "experiment=ablation_fresh",
+            "hydra.mode=RUN",
+            "runs=4",
+            "map.worlds=1000-1003",
+        ],  # over the file's own
+        ["experiment=lme_plus_ablation", "hydra.mode=RUN", "map.subset=official50"],
+        ["map.subset=official50", "map.worlds=[0,6]"],
+        ["map.subset=all", "map.worlds=[1,2]"],
+        ["map.subset=fresh", "map.worlds=[1005]"],
+        ["map=env1", "map.worlds=[1,2]"],
+    ],
+)
+def test_words_that_do_not(probe, words):
+    assert probe.launch(*words) == 0
+
+
+def test_a_resumed_run_may_have_other_words_and_contradictory_ones(probe):
+    probe.launch("seed=3", "runs=1", "map.worlds=[1,2]")
+    saved = json.loads((probe.directory / "launch.json").read_text())
+    saved["overrides"] = ["runs=2", *saved["overrides"], "map.subset=lab100", "map.subset=lab100"]
+    (probe.directory / "launch.json").write_text(json.dumps(saved))
+    assert probe.launch(f"resume={probe.directory}", "executor=serial") == 0

@@ -12,7 +12,7 @@ from lme.policies.lme_plus.criteria import CRITERIA as PLUS_CRITERIA
 from lme.resources import resource_dir
 from lme.robots import Robot
 from runners.cli.main import command_files
-from runners.config import catalogue, schema
+from runners.config import ablations, catalogue, schema
 from runners.config.composer import Composer, without_hydra
 from runners.config.flatten import flatten
 from runners.config.instantiate import configured
@@ -125,7 +125,7 @@ def test_robot_keys_are_those_of_the_robot(chosen, option):
 def test_every_file_is_explained(path):
     name = str(path.relative_to(CONF).with_suffix(""))
     assert len(CATALOGUE.title(name)) > 10
-    keys = [key for key in CATALOGUE.keys(name) if key.name not in ("_target_", "name")]
+    keys = [key for key in CATALOGUE.keys(name) if key.name not in ("_target_", "name", "system.ablated")]
     if name.startswith("system/") and name != "system/lme":
         return  # they have the keys of lme.yaml, which explains them
     numbers = [key for key in keys if ".published." not in key.name]
@@ -168,15 +168,6 @@ def test_no_group_bears_the_name_of_a_plain_key():
 # Ablations
 
 
-def test_the_papers_seven_ablations_those_of_lme_plus_and_none():
-    weights = SIX | set(PLUS_CRITERIA)
-    assert set(CATALOGUE.options("ablation")) == {
-        "none",
-        "no_maintenance",
-        *(f"no_{name}" for name in weights),
-    }
-
-
 @pytest.mark.parametrize("name", sorted(SIX))
 def test_an_ablation_sets_one_weight_to_zero(composer, name):
     config = composer.compose([f"ablation=no_{name}"])
@@ -197,14 +188,24 @@ def test_ablations_add_up(composer):
     assert OmegaConf.to_container(config.ablation) == {"c_o": 0.0, "c_t": 0.0}
 
 
-WITHOUT = [name for name in CATALOGUE.options("system") if name.startswith("lme_plus_no_")]
+OF_LME = ["none", *(f"no_{name}" for name in sorted(SIX)), "no_maintenance"]
+OF_PLUS = [name for name in CATALOGUE.options("ablation") if name not in OF_LME]
+OF_BOTH = ["no_a_dev", "no_c_o", "no_maintenance"]
 
 
-@pytest.mark.parametrize("option", WITHOUT)
-def test_a_part_of_lme_plus_is_removed_by_one_value(chosen, option):
+def test_there_are_the_papers_seven_ablations_and_those_of_lme_plus():
+    assert set(OF_LME) < set(CATALOGUE.options("ablation"))
+    assert {f"no_{name}" for name in PLUS_CRITERIA} <= {*OF_PLUS, *OF_BOTH}
+
+
+@pytest.mark.parametrize("option", [*OF_PLUS, *OF_BOTH])
+def test_a_part_of_lme_plus_is_removed_by_one_value(composer, option):
     changed = set()
     for resolve in (False, True):  # a latency is 0 here, however it is written; weights are one reference
-        whole, without = (_pair(chosen("system", name), resolve) for name in ("lme_plus", option))
+        whole, without = (
+            _pair(composer.compose(["system=lme_plus", f"ablation={name}"]), resolve)
+            for name in ("none", option)
+        )
         assert whole.keys() == without.keys()
         changed |= {key for key in whole if whole[key] != without[key]}
     assert len(changed) == 1
@@ -216,12 +217,20 @@ def _pair(config, resolve):
     return dict(flatten(parts))
 
 
-def test_every_part_of_lme_plus_is_removed_in_an_experiment(chosen):
-    """The first system is the reference of the comparison."""
-    names = ("lme_plus_ablation", "lme_plus_robustness")
-    swept = [chosen("experiment", name).hydra.sweeper.params.system.split(",") for name in names]
-    assert swept[0][0].strip() == "lme_plus"
-    assert set(WITHOUT) <= {name.strip() for names in swept for name in names}
+def test_every_part_of_lme_plus_is_removed_in_its_experiment(chosen):
+    """The complete method is the first. Nothing is delayed there, so one ablation would change nothing."""
+    config = chosen("experiment", "lme_plus_ablation")
+    swept = [name.strip() for name in config.hydra.sweeper.params.ablation.split(",")]
+    assert swept[0] == "none"
+    assert set(swept) == {"none", *OF_BOTH, *OF_PLUS} - {"no_latency"}
+    assert config.hydra.runtime.choices["system"] == "lme_plus"
+
+
+@pytest.mark.parametrize("option", [name for name in CATALOGUE.options("ablation") if name != "none"])
+def test_every_ablation_has_a_label_of_its_own(option):
+    labels = ablations.labels()
+    assert labels[option].startswith("without ")
+    assert list(labels.values()).count(labels[option]) == 1
 
 
 # Published values

@@ -22,9 +22,8 @@ from tests.networks import drl_vo_file, network_file
 from tests.tolerances import KERNEL, MIRROR, MIRROR_ON_CELLS
 
 CATALOGUE = catalogue.shipped()
-NOT_DRIVEN = (CUSTOM, "min_time_no_latency")  # where nothing is delayed, the latter is min_time
 GUIDES, PLANNERS = (
-    [name for name in CATALOGUE.options(group) if name not in NOT_DRIVEN] for group in ("guide", "planner")
+    [name for name in CATALOGUE.options(group) if name != CUSTOM] for group in ("guide", "planner")
 )
 LME = ("lme", "lme_printed")
 GOES_ON = (*LME, "lme_plus")  # after arrival

@@ -108,6 +108,7 @@ def test_a_space_mirrors_the_config(config):
 def test_what_an_ablation_fixes_is_not_searched(config):
     space = {"guide": {"parameters": {name: {"low": 1, "high": 2} for name in "ab"}}}
     assert list(read_space(config(space, {"b": 0.0}))) == ["guide.parameters.a"]
+    assert list(read_space(config(space), {"guide.parameters.a": 0.0})) == ["guide.parameters.b"]
 
 
 def test_values_go_where_they_belong_and_the_config_stays_as_it_was(config):

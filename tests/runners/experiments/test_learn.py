@@ -16,6 +16,7 @@ import yaml
 
 from lme.planners.dclp.weights import read_weights
 from runners.cli.main import main
+from tests.composing import last_of_each
 from tests.networks import network_file
 from tests.places import ROOT
 
@@ -33,7 +34,7 @@ FLEET = (
     *SHORT, "training.fresh_hard.subset=fresh", "learner.robots=4", "learner.worlds=3", "learner.batch=16",
     "learner.warm_up=32", "executor=serial",
 )  # fmt: skip
-PPO = (*FLEET, "learner=ppo", "learner.horizon=8", "learner.steps=192", "learner.judge_every=64")
+PPO = (*FLEET, "learner=ppo", "learner.horizon=8", "learner.judge_every=64")
 SAC = (
     *FLEET,
     "learner=sac",
@@ -187,7 +188,10 @@ def test_it_goes_on_from_a_network_with_robots_that_differ():
         "robots.v_max=[0.5,2]",
         "robots.length=[0.3,0.6]",
     ]
-    assert main(["learn", *IN_PROCESS, *words, "robots.width=[0.2,0.4]", "hydra.run.dir=run"]) == 0
+    assert (
+        main(["learn", *last_of_each(*IN_PROCESS, *words), "robots.width=[0.2,0.4]", "hydra.run.dir=run"])
+        == 0
+    )
     with np.load("run/data/round_000.npz") as data:
         directions, state, ends = data["feature_0"], data["feature_1"], data["outcomes"]
     firsts = np.cumsum([0, *ends[:-1, 1]]).astype(int)
@@ -203,7 +207,11 @@ def test_it_goes_on_from_a_network_with_robots_that_differ():
 @pytest.mark.parametrize(
     ("words", "points", "losses"),
     [
-        ([*PPO, "learner.curriculum.within=[11]"], [0, 64, 128, 192], ["loss_policy", "loss_value", "kl"]),
+        (
+            [*PPO, "learner.steps=192", "learner.curriculum.within=[11]"],
+            [0, 64, 128, 192],
+            ["loss_policy", "loss_value", "kl"],
+        ),
         ([*SAC, "robots.v_max=[0.5,2]"], [0, 40, 64], ["loss_policy", "loss_value", "entropy"]),
     ],
     ids=["ppo", "sac"],
@@ -273,7 +281,7 @@ def test_one_mistake_is_one_line_and_nothing_is_written(words, said, capsys):
     network_file(Path("outputs/weights/taken.npz"))
     before = sorted(Path().rglob("*"))
     base = SHORT if words[0].startswith("learner=") else IN_PROCESS  # which has keys of the clone
-    assert main(["learn", *base, *words]) == 2
+    assert main(["learn", *last_of_each(*base, *words)]) == 2
     shown = capsys.readouterr().err
     assert said in shown
     assert shown.count("\n") == 1

@@ -17,7 +17,7 @@ from runners.records.records import find_runs, read_episodes, read_trajectories
 from runners.tracking.store import RUN_ID_FILE
 from tests.runners.tracking.test_tracking import booked
 
-WORDS = ["map.worlds=[0,6]", "map.subset=hard100", "runs=1", "executor=serial"]
+WORDS = ["map.worlds=[0,6]", "map.subset=all", "runs=1", "executor=serial"]
 
 
 @pytest.fixture(scope="module")

@@ -21,6 +21,7 @@ from runners.config.weights import parameters
 from runners.records.launch_record import read_launch
 from runners.search.opening import JOURNAL
 from tests.builders import PUBLISHED, stage
+from tests.composing import last_of_each
 from tests.places import ROOT
 
 SMALL = (
@@ -42,7 +43,7 @@ def _elsewhere(tmp_path, monkeypatch):
 def train(*words):
     """Directory of a training run in this process."""
     before = set(Path("outputs/train").glob("*"))
-    assert main(["train", *IN_PROCESS, *words]) == 0
+    assert main(["train", *last_of_each(*IN_PROCESS, *words)]) == 0
     (made,) = set(Path("outputs/train").glob("*")) - before or before
     return made
 
@@ -180,7 +181,10 @@ def test_a_finished_run_resumed_adds_nothing(trained, monkeypatch):
 
 
 def test_a_sweep_is_one_table_over_its_studies(capsys):
-    assert main(["train", "-m", *IN_PROCESS, "trials=2", "seed=0,1", "hydra.sweep.dir=sweep"]) == 0
+    assert (
+        main(["train", "-m", *last_of_each(*IN_PROCESS, "trials=2"), "seed=0,1", "hydra.sweep.dir=sweep"])
+        == 0
+    )
     assert Path("sweep/table.md").read_text().count("LME (ours)") == 2
     rows = [(Path("sweep") / str(job) / "trials.csv").read_text().splitlines()[0] for job in (0, 1)]
     assert rows[0] != rows[1], "another seed trains on other configurations"
@@ -251,7 +255,7 @@ def test_one_mistake_is_one_line_and_nothing_is_written(words, said, capsys):
     Path("outputs/weights/taken.yaml").write_text("study: another\n")
     Path("broken.yaml").write_text("parameters: {a_close: 1}")
     before = sorted(Path().rglob("*"))
-    assert main(["train", *IN_PROCESS, *words]) == 2
+    assert main(["train", *last_of_each(*IN_PROCESS, *words)]) == 2
     shown = capsys.readouterr().err
     assert said in shown
     assert shown.count("\n") == 1

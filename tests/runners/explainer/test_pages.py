@@ -27,7 +27,8 @@ from runners.workers.executor import SerialConfig, SerialExecutor
 from runners.workers.trace import rerun
 
 # In eight seconds world 230 is driven and world 207 is not.
-WORDS = ["eval", "map.worlds=[207,230]", "map.time_limit=8", "runs=1", "executor=serial", "tracking=none"]
+FEW, SHORT = "map.worlds=[207,230]", "map.time_limit=8"
+WORDS = ["eval", "runs=1", "executor=serial", "tracking=none"]
 FAILED, ARRIVED = EpisodeKey(207, 0), EpisodeKey(230, 0)
 
 
@@ -35,7 +36,7 @@ FAILED, ARRIVED = EpisodeKey(207, 0), EpisodeKey(230, 0)
 def driven(tmp_path_factory):
     """A run with the pages that explain=failures makes."""
     run_dir = tmp_path_factory.mktemp("explained") / "run"
-    assert main([*WORDS, "explain=failures", f"hydra.run.dir={run_dir}"]) == 0
+    assert main([*WORDS, FEW, SHORT, "explain=failures", f"hydra.run.dir={run_dir}"]) == 0
     return run_dir
 
 
@@ -113,7 +114,7 @@ def test_names_in_the_index_are_text_and_nothing_else(run, drawn):
 
 def test_explaining_more_goes_on_with_the_same_run_and_keeps_what_is_there(run, drawn):
     before = (run / "explain" / "207-0.html").read_bytes()
-    assert main([*WORDS, "explain=all", f"hydra.run.dir={run}", "resume=true"]) == 0
+    assert main([*WORDS, FEW, SHORT, "explain=all", f"hydra.run.dir={run}", "resume=true"]) == 0
     assert drawn == [ARRIVED]
     assert (run / "explain" / "207-0.html").read_bytes() == before
     index = (run / "explain" / "index.html").read_text(encoding="utf-8")
@@ -138,7 +139,7 @@ def test_none_makes_nothing(run, drawn):
 
 
 def test_where_nothing_failed_there_is_nothing_to_see(tmp_path, capsys):
-    assert main([*WORDS, "map.worlds=[230]", "explain=failures", f"hydra.run.dir={tmp_path}"]) == 0
+    assert main([*WORDS, "map.worlds=[230]", SHORT, "explain=failures", f"hydra.run.dir={tmp_path}"]) == 0
     out = capsys.readouterr().out
     assert "explain=failures: no episode failed, so there is no page" in out
     assert "Why the robot went there" not in out
@@ -146,7 +147,7 @@ def test_where_nothing_failed_there_is_nothing_to_see(tmp_path, capsys):
 
 
 def test_a_page_calls_the_system_what_the_table_calls_it(tmp_path, drawn):
-    words = ["guide=target", "planner=dwa_tuned", "map.worlds=[207]", f"hydra.run.dir={tmp_path}"]
+    words = [SHORT, "guide=target", "planner=dwa_tuned", "map.worlds=[207]", f"hydra.run.dir={tmp_path}"]
     assert main([*WORDS, *words, "explain=all"]) == 0
     system = read_episodes([tmp_path]).loc[0, "system"]
     assert (tmp_path / "explain" / "207-0.html").read_text().startswith(f"<!doctype html>{system}\n")
@@ -303,7 +304,7 @@ def test_an_unfinished_run(driven, tmp_path, drawn):
 
 
 def test_a_guide_without_reasons_has_pages_but_no_sentences(tmp_path, capsys):
-    words = ["guide=target", "explain=failures", f"hydra.run.dir={tmp_path}"]
+    words = [FEW, SHORT, "guide=target", "explain=failures", f"hydra.run.dir={tmp_path}"]
     assert main([*WORDS, *words]) == 0
     world, run = re.search(r"\| (\d+) \| (\d+) \|", (tmp_path / "table.md").read_text()).groups()
     assert f"{world}-{run}.html" in files(tmp_path)

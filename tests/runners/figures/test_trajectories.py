@@ -13,7 +13,7 @@ from lme.errors import InputError
 from lme.robots import Footprint
 from runners.config.instantiate import build
 from runners.figures.kinds import trajectories
-from runners.figures.kinds.trajectories import Trajectories, TrajectoriesConfig, moment
+from runners.figures.kinds.trajectories import Trajectories, TrajectoriesFigureConfig, moment
 from runners.figures.parts.driven_runs import DrivenRun
 from runners.figures.parts.panels import Panel, ends_before, subgoals_of
 from runners.figures.parts.places import places
@@ -51,7 +51,7 @@ def job(system, outcomes, map_name="corridor"):
 
 
 def draw(jobs, worlds, folder, **settings):
-    return Trajectories(TrajectoriesConfig(**settings)).draw(jobs, worlds, folder / "figure", ["png"])
+    return Trajectories(TrajectoriesFigureConfig(**settings)).draw(jobs, worlds, folder / "figure", ["png"])
 
 
 def rows_of(figure):
@@ -190,7 +190,7 @@ def test_anything_else_is_no_moment(value):
     with pytest.raises(
         InputError, match=r"figure\.moment is .*: must be null, the number of a step, or a time"
     ):
-        TrajectoriesConfig(moment=value)
+        TrajectoriesFigureConfig(moment=value)
 
 
 @pytest.mark.parametrize(("value", "end"), [(20, "at 19"), ("2 s", r"at 1\.9 s")])

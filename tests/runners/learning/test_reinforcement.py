@@ -17,10 +17,13 @@ torch = pytest.importorskip("torch")
 
 from runners.learning import mixture  # noqa: E402
 from runners.learning.dclp import DclpCritic, DclpNetwork  # noqa: E402
-from runners.learning.driving import Curriculum, Driving, Experience  # noqa: E402
-from runners.learning.ppo import Batch, Ppo, PpoConfig, Step, advantages_of  # noqa: E402
-from runners.learning.reinforcement import Parts  # noqa: E402
-from runners.learning.sac import Replay, Sac, SacConfig, Transition, following, least  # noqa: E402
+from runners.learning.driving import Driving, Experience  # noqa: E402
+from runners.learning.ppo import PpoConfig  # noqa: E402
+from runners.learning.ppo_training import Batch, PpoStep, PpoTraining, advantages_of  # noqa: E402
+from runners.learning.reinforcement import Curriculum  # noqa: E402
+from runners.learning.reinforcement_training import Parts  # noqa: E402
+from runners.learning.sac import SacConfig  # noqa: E402
+from runners.learning.sac_training import Replay, ReplaySteps, SacTraining, following, least  # noqa: E402
 
 
 def features(count, seed=0):
@@ -34,7 +37,7 @@ def features(count, seed=0):
 
 def step(values, rewards, ended):
     number = torch.tensor(values)
-    return Step((), number, number, number, torch.tensor(rewards), torch.tensor(ended))
+    return PpoStep((), number, number, number, torch.tensor(rewards), torch.tensor(ended))
 
 
 def test_advantages_by_hand():
@@ -50,7 +53,7 @@ def test_the_policy_learns_what_was_better():
     """Turning left was worth more than turning right: after some updates it is likelier."""
     torch.manual_seed(0)
     policy, critic = DclpNetwork(), DclpCritic(0)
-    learner = Ppo(PpoConfig(epochs=20, batch=32, lr=1e-3, kl_max=1e9))
+    learner = PpoTraining(PpoConfig(epochs=20, batch=32, lr=1e-3, kl_max=1e9))
     parts = Parts(
         {"critic": critic},
         {
@@ -82,7 +85,7 @@ def test_replay_keeps_the_newest_steps():
     for first in (0, 3):
         numbers = torch.arange(first, first + 3).float()
         inputs = (numbers[:, None], numbers[:, None, None].expand(-1, 2, 2))
-        replay.add(Transition(inputs, numbers[:, None].expand(-1, 2), numbers, numbers > 4, inputs))
+        replay.add(ReplaySteps(inputs, numbers[:, None].expand(-1, 2), numbers, numbers > 4, inputs))
     drawn = replay.sample(200, torch.Generator().manual_seed(0))
     assert sorted(set(drawn.rewards.tolist())) == [1.0, 2.0, 3.0, 4.0, 5.0]
     torch.testing.assert_close(drawn.features[0][:, 0], drawn.rewards)
@@ -116,8 +119,8 @@ def test_the_worth_of_a_step_by_hand():
     policy = DclpNetwork()
     targets = torch.nn.ModuleList([DclpCritic(2), DclpCritic(2)])
     inputs, rewards = features(2), torch.tensor([1.0, -10.0])
-    batch = Transition(inputs, torch.zeros(2, 2), rewards, torch.tensor([False, True]), inputs)
-    learner = Sac(SacConfig(alpha=0.5, gamma=0.9))
+    batch = ReplaySteps(inputs, torch.zeros(2, 2), rewards, torch.tensor([False, True]), inputs)
+    learner = SacTraining(SacConfig(alpha=0.5, gamma=0.9))
     parts = Parts({"targets": targets}, {}, torch.Generator().manual_seed(3))
     wanted = learner._wanted(policy, parts, batch)
     with torch.no_grad():

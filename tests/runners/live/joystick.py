@@ -8,14 +8,14 @@ import sys
 import time
 
 from lme.types import Twist
-from runners.live.outgoing import Messages
+from runners.live.outgoing import OutgoingMessages
 from runners.live.run import connect
 from runners.live.transport import Delivery
 
 
 def main():
     ros, speeds = connect(int(sys.argv[1]), "joystick", ()), []
-    make = Messages(ros)
+    make = OutgoingMessages(ros)
     send = ros.publisher("cmd_vel", "geometry_msgs/Twist")
     ros.subscribe(
         "odom", "nav_msgs/Odometry", lambda m: speeds.append(m.twist.twist.linear.x), Delivery.NEWEST

@@ -16,7 +16,7 @@ import time
 import numpy as np
 
 from lme.types import LaserScan, Pose, Twist
-from runners.live.outgoing import Messages
+from runners.live.outgoing import OutgoingMessages
 from runners.live.run import connect
 from runners.live.transport import Delivery
 
@@ -27,7 +27,7 @@ _BEAMS, _RANGE = 180, 5.0
 class Robot:
     def __init__(self, version):
         self.ros = connect(version, "probe", ())
-        self.make = Messages(self.ros)
+        self.make = OutgoingMessages(self.ros)
         self.set = {"scan": "good", "odometry": "good", "clock": "real"}
         self.frozen = time.time_ns()
         goal = {1: "move_base_simple/goal", 2: "goal_pose"}[version]

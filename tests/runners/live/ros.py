@@ -13,6 +13,7 @@ import sys
 import threading
 import time
 
+from tests.hearing import hear_signals
 from tests.places import ROOT
 
 LME = ("-m", "runners.cli.main", "live")
@@ -66,7 +67,7 @@ class Ros:
         log = (self.folder / f"{name}.log").open("a")
         process = subprocess.Popen(
             words, env=self._environment, cwd=self.folder, stderr=log,
-            stdout=options.pop("stdout", log), start_new_session=True, preexec_fn=_hear_signals, **options,
+            stdout=options.pop("stdout", log), start_new_session=True, preexec_fn=hear_signals, **options,
         )  # fmt: skip
         self._stack.callback(end, process)
         return process
@@ -161,9 +162,3 @@ def _free_port():
     with socket.socket() as one:
         one.bind(("127.0.0.1", 0))
         return one.getsockname()[1]
-
-
-def _hear_signals():
-    """Under nohup and in the background of a script, the tests are started with these ignored."""
-    for number in (signal.SIGHUP, signal.SIGINT):
-        signal.signal(number, signal.SIG_DFL)

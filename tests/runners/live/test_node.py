@@ -10,7 +10,7 @@ from lme.live.messages import SECOND
 from lme.live.step import STILL, LiveState, LiveStep
 from lme.types import Twist
 from runners.live.node import Node, NodeConfig
-from runners.live.topics import TopicsConfig
+from runners.live.topics import LiveTopicsConfig
 
 DRIVES = LiveStep(0, LiveState.DRIVING, "", Twist(0.3, 0.0), 1)
 
@@ -68,7 +68,7 @@ class Driver:
 def sent(*script, stale=5.0):
     """Forward velocities of the commands of a node [m/s]."""
     ros = Ros()
-    node = Node(NodeConfig(stale=stale), ros, TopicsConfig(), Driver(*script), 0.001)
+    node = Node(NodeConfig(stale=stale), ros, LiveTopicsConfig(), Driver(*script), 0.001)
     with pytest.raises(KeyboardInterrupt):
         node.run()
     return ros.velocities

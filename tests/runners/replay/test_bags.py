@@ -12,7 +12,7 @@ from lme.errors import InputError
 from lme.types import Pose
 from runners.cli.commands.replay import main
 from runners.replay.bags import Bag
-from runners.replay.topics import TopicsConfig, choose, table
+from runners.replay.topics import BagTopicsConfig, choose, table
 from tests.made_bags import BEGAN, SECOND, BagMaker, drive
 
 FORMATS = (".bag", ".db3", ".mcap")
@@ -150,7 +150,7 @@ def test_an_assertion_within_rosbags_is_a_line_for_the_user(path, monkeypatch):
 
 def chosen(maker, tmp_path, goal=None, **names):
     with Bag(maker.write(tmp_path)) as bag:
-        return choose(bag, TopicsConfig(**names), goal)
+        return choose(bag, BagTopicsConfig(**names), goal)
 
 
 def test_topics_are_found_by_type(tmp_path):

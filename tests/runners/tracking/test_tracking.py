@@ -1,5 +1,6 @@
 """Tracking books what it is given, goes on after a resumption, and never stops a run."""
 
+import errno
 import json
 import os
 import socket
@@ -118,6 +119,73 @@ def test_nothing_is_added_to_what_was_never_booked_or_lies_elsewhere(store, tmp_
     (tmp_path / RUN_ID_FILE).write_text(json.dumps({"uri": store, "experiment": "1", "run": "0" * 32}))
     with pytest.warns(UserWarning, match="not logged in MLflow"):
         add_files(tmp_path, [page], "explain")  # no such run
+
+
+def put_a_file(folder):
+    (folder / "outputs").write_text("a file in the place of the folder")
+    return folder / "outputs"
+
+
+def shut_the_folder(folder):
+    (folder / "outputs").mkdir(mode=0o500)
+    return folder / "outputs"
+
+
+def shut_the_store(folder):
+    (folder / "outputs").mkdir()
+    (folder / "outputs" / "mlflow.db").touch(mode=0o400)
+    return folder / "outputs" / "mlflow.db"
+
+
+@pytest.mark.parametrize("shut", [put_a_file, shut_the_folder, shut_the_store])
+def test_a_store_that_cannot_be_written_is_one_line_before_the_first_episode(tmp_path, monkeypatch, shut):
+    place, store, access = shut(tmp_path), tmp_path / "outputs" / "mlflow.db", os.access
+    # Nothing is read-only to root.
+    monkeypatch.setattr(
+        os, "access", lambda path, mode: not (path == place and mode & os.W_OK) and access(path, mode)
+    )
+    before = sorted(tmp_path.rglob("*"))
+    tracking = MlflowTracking(MlflowConfig(uri=f"sqlite:///{store}"))
+    with pytest.warns(UserWarning, match="cannot be written") as caught:
+        tracking.start(CONFIG, tmp_path / "sweep" / "0", {}, tmp_path / "sweep")
+    (said,) = [str(warning.message) for warning in caught]
+    assert said == (
+        f"not logged in MLflow at sqlite:///{store}: {place} cannot be written; all results go to "
+        f"{tmp_path}/sweep. Set MLFLOW_TRACKING_URI to another place, or tracking=none"
+    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        tracking.finish({"success": 1.0}, [])
+        for run in ("sweep/1", "sweep"):  # the next job, and the sweep
+            later = MlflowTracking(MlflowConfig(uri=f"sqlite:///{store}"))
+            later.start(CONFIG, tmp_path / run, {}, tmp_path / "sweep" if run != "sweep" else None)
+            later.finish({"success": 1.0}, [])
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+def test_a_store_that_cannot_be_made_after_all_is_not_tried_a_hundred_seconds_by_mlflow(
+    tmp_path, monkeypatch
+):
+    def fail(path, *_, **__):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
+
+    monkeypatch.setattr(Path, "touch", fail)
+    with pytest.warns(
+        UserWarning, match="not logged in MLflow at .*; the results are on disk .*No space left"
+    ):
+        book(f"sqlite:///{tmp_path}/outputs/mlflow.db", tmp_path / "run")
+    assert list((tmp_path / "outputs").iterdir()) == []
+
+
+def test_nothing_is_added_to_a_store_that_cannot_be_written(tmp_path, monkeypatch):
+    page, store = tmp_path / "page.html", tmp_path / "mlflow.db"
+    page.write_text("one")
+    store.touch()
+    known = {"uri": f"sqlite:///{store}", "experiment": "1", "run": "0" * 32}
+    (tmp_path / RUN_ID_FILE).write_text(json.dumps(known))
+    monkeypatch.setattr("runners.tracking.store.obstacle", lambda path: path.parent)
+    with pytest.warns(UserWarning, match=rf"not logged in MLflow .* \({tmp_path} cannot be written\)"):
+        add_files(tmp_path, [page], "explain")
 
 
 def test_a_resumed_run_is_the_same_run(store, tmp_path):

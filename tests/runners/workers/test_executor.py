@@ -22,6 +22,7 @@ from runners.workers.executor import (
     WorkerDiedError,
     available_cores,
 )
+from tests.hearing import hear_signals
 from tests.places import ROOT
 
 ITEMS = [EpisodeKey(world, run) for run in range(3) for world in range(7)]
@@ -209,6 +210,7 @@ def coordinate(tmp_path):
             stderr=subprocess.PIPE,
             text=True,
             start_new_session=True,
+            preexec_fn=hear_signals,
         )
         started.append(process)
         return process

@@ -15,6 +15,7 @@ import pytest
 from lme.errors import InputError
 from runners.cli.commands import ui
 from runners.tracking.store import open_client
+from tests.hearing import hear_signals
 from tests.places import ROOT
 
 SCRIPT = "import sys; from runners.cli.commands import ui; sys.exit(ui.main(sys.argv[1:]))"
@@ -51,6 +52,7 @@ def test_it_serves_on_loopback_until_it_is_ended(tmp_path, port, ending):
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
+        preexec_fn=hear_signals,
     )
     try:
         status, page = fetch(port)

@@ -1,0 +1,43 @@
+"""What a command line says twice, and differently. A file's values and those of a resumed run may be overridden."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from typing import Any
+
+from hydra.core.override_parser.types import Override
+from omegaconf import DictConfig
+
+from lme.errors import InputError
+from lme.worlds.barn.subsets import OFFICIAL
+from runners.config.overrides import text_of
+
+_BARN = "lme.worlds.barn.Barn"
+
+
+def refuse(given: Sequence[Override], configs: Collection[DictConfig]) -> None:
+    """Raise InputError for a key with two values, and for worlds outside the subset that is named beside them.
+
+    given: the overrides as they were typed. configs: of the jobs that they make.
+    """
+    texts: dict[str, str] = {}
+    for override in given:
+        key, text = override.get_key_element().lstrip("+"), text_of(override).lstrip("+")
+        if texts.setdefault(key, text) != text:
+            raise InputError(f"{texts[key]} and {text}: {key} has two values; give one of them")
+    if {"map.subset", "map.worlds"} <= set(texts):
+        for config in configs:
+            _check_worlds(config.map)
+
+
+def _check_worlds(barn: Mapping[str, Any]) -> None:
+    """Fresh worlds have no end, and a number needs its subset to say which kind of them is meant."""
+    subset, worlds = barn.get("subset"), barn.get("worlds")
+    if barn.get("_target_") != _BARN or not worlds or subset == "all" or subset not in OFFICIAL:
+        return
+    outside = [str(number) for number in worlds if number not in set(OFFICIAL[subset]())]
+    if outside:
+        some = ", ".join(outside[:5]) + (f" and {len(outside) - 5} more" if len(outside) > 5 else "")
+        raise InputError(
+            f"map.worlds asks for {some}, which map.subset={subset} does not hold: give one of the two keys"
+        )

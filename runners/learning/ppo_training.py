@@ -1,0 +1,141 @@
+"""PPO in torch: how the robots drive, and the updates of policy and critic."""
+
+from __future__ import annotations
+
+from statistics import fmean
+from typing import NamedTuple
+
+import torch
+from torch import Tensor, nn
+
+from runners.learning.driving import Driving, Features
+from runners.learning.learnable import Learnable
+from runners.learning.mixture import draw, log_density
+from runners.learning.ppo import PpoConfig
+from runners.learning.reinforcement_training import Advanced, Parts, reinforce
+from runners.learning.run import Run
+
+
+class PpoStep(NamedTuple):
+    """One or more steps of N robots, with N in front of every shape, or a batch of such steps.
+
+    features; raw (N, 2): actions before tanh; log_density (N,) of these when drawn; values (N,) by the critic;
+    rewards (N,); ended (N,): whether the episode did.
+    """
+
+    features: Features
+    raw: Tensor
+    log_density: Tensor
+    values: Tensor
+    rewards: Tensor
+    ended: Tensor
+
+
+class Batch(NamedTuple):
+    """M steps to learn from, as in `Step`. returns (M,): advantage and value together."""
+
+    features: Features
+    raw: Tensor
+    log_density: Tensor
+    advantages: Tensor
+    returns: Tensor
+
+    def of(self, chosen: Tensor) -> Batch:
+        """Some of the steps."""
+        return Batch(tuple(each[chosen] for each in self.features), *(each[chosen] for each in self[1:]))
+
+
+class PpoTraining:
+    """Trains a network by small changes of the policy that drives."""
+
+    def __init__(self, config: PpoConfig) -> None:
+        self._config = config
+
+    def learn(self, run: Run) -> None:
+        """Go on from the checkpoint of the run until all steps are done."""
+        critic = run.network.critic(0)
+        modules = {"critic": critic}
+        optimisers = {
+            "policy_optimiser": torch.optim.Adam(run.network.parameters(), self._config.lr),
+            "critic_optimiser": torch.optim.Adam(critic.parameters(), self._config.lr),
+        }
+        parts = Parts(modules, optimisers, run.generator(0))
+
+        def advance(driving: Driving, features: Features, done: int) -> Advanced:
+            features, batch = self._driven(run.network, parts, driving, features)
+            losses = self._updated(run.network, parts, batch, learn_policy=done >= self._config.warm_up)
+            return Advanced(features, len(batch.raw), losses)
+
+        reinforce(run, self._config, parts, ["loss_policy", "loss_value", "kl"], advance)
+
+    def _driven(
+        self, policy: Learnable, parts: Parts, driving: Driving, features: Features
+    ) -> tuple[Features, Batch]:
+        """Drive `horizon` steps; what the robots see then, and the steps."""
+        steps = []
+        critic = parts.modules["critic"]
+        with torch.no_grad():
+            for _ in range(self._config.horizon):
+                mixture = policy(*features).at_least(self._config.least_sigma)
+                raw, values = draw(mixture, parts.generator), critic(*features)
+                found = driving.step(raw.tanh())
+                rewards = found.rewards
+                if len(found.ended):  # an episode out of time would have gone on
+                    ongoing = found.truncated[found.ended].float() * critic(*found.last)
+                    rewards[found.ended] += self._config.gamma * ongoing
+                ended = found.terminated | found.truncated
+                steps.append(PpoStep(features, raw, log_density(mixture, raw), values, rewards, ended))
+                features = found.features
+            advantages = advantages_of(steps, critic(*features), self._config.gamma, self._config.decay)
+        joined = [
+            torch.cat([getattr(step, name) for step in steps]) for name in ("raw", "log_density", "values")
+        ]
+        inputs = tuple(torch.cat(each) for each in zip(*(step.features for step in steps), strict=True))
+        raw, density, values = joined
+        return features, Batch(inputs, raw, density, advantages, advantages + values)
+
+    def _updated(self, policy: Learnable, parts: Parts, batch: Batch, learn_policy: bool) -> dict[str, float]:
+        """Go through the steps `epochs` times; the mean losses. The policy stops where it has changed too much."""
+        found: dict[str, list[float]] = {"loss_policy": [], "loss_value": [], "kl": []}
+        for _ in range(self._config.epochs):
+            order = torch.randperm(len(batch.raw), generator=parts.generator)
+            for chosen in torch.split(order, self._config.batch):
+                part = batch.of(chosen)
+                if learn_policy:
+                    loss, kl = self._policy_loss(policy, part)
+                    found["kl"].append(kl)
+                    learn_policy = kl <= self._config.kl_max
+                    if learn_policy:
+                        found["loss_policy"].append(
+                            parts.descend("policy_optimiser", loss, policy.parameters())
+                        )
+                critic = parts.modules["critic"]
+                loss = nn.functional.mse_loss(critic(*part.features), part.returns)
+                found["loss_value"].append(parts.descend("critic_optimiser", loss, critic.parameters()))
+        return {name: fmean(values) for name, values in found.items() if values}
+
+    def _policy_loss(self, policy: Learnable, part: Batch) -> tuple[Tensor, float]:
+        """The clipped loss, and how far the policy is from the one that drove (Schulman's estimate of KL)."""
+        mixture = policy(*part.features).at_least(self._config.least_sigma)
+        change = log_density(mixture, part.raw) - part.log_density
+        ratio = change.exp()
+        spread = part.advantages.std() + 1e-6
+        advantages = (part.advantages - part.advantages.mean()) / spread
+        clipped = ratio.clamp(1.0 - self._config.clip, 1.0 + self._config.clip)
+        loss = -torch.minimum(ratio * advantages, clipped * advantages).mean()
+        return loss, (ratio - 1.0 - change).mean().item()
+
+
+def advantages_of(steps: list[PpoStep], values: Tensor, gamma: float, decay: float) -> Tensor:
+    """Generalised advantages (Schulman et al. 2015, arXiv:1506.02438) of T steps of N robots: (T·N,), step by step.
+
+    values: (N,) of what the robots see after the last step.
+    """
+    found, advantage = [], torch.zeros_like(values)
+    for step in reversed(steps):
+        goes_on = (~step.ended).float()
+        error = step.rewards + gamma * goes_on * values - step.values
+        advantage = error + gamma * decay * goes_on * advantage
+        found.append(advantage)
+        values = step.values
+    return torch.cat(found[::-1])

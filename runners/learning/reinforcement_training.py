@@ -1,0 +1,115 @@
+"""What ppo and sac share in torch: robots that drive, a curriculum, and a judge that comes by every so many steps."""
+
+from __future__ import annotations
+
+import math
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Mapping
+from statistics import fmean
+from time import perf_counter
+from typing import Any, NamedTuple
+
+import torch
+from torch import Tensor, nn
+
+from runners.learning.driving import Driving, Features
+from runners.learning.reinforcement import ReinforcementConfig
+from runners.learning.run import Row, Run, descend
+
+_GRADIENT_MAX = 0.5  # norm of an update's gradient
+
+Losses = Mapping[str, float]
+
+
+class Parts(NamedTuple):
+    """What a checkpoint holds beside the policy, by name, and the random numbers of the actions."""
+
+    modules: Mapping[str, nn.Module]
+    optimisers: Mapping[str, torch.optim.Optimizer]
+    generator: torch.Generator
+
+    def descend(self, optimiser: str, loss: Tensor, parameters: Iterable[nn.Parameter]) -> float:
+        """One step of an optimiser down a loss; the loss."""
+        return descend(self.optimisers[optimiser], loss, parameters, _GRADIENT_MAX)
+
+    def state(self) -> dict[str, Any]:
+        """All of it, for a checkpoint."""
+        modules = {name: module.state_dict() for name, module in self.modules.items()}
+        optimisers = {name: optimiser.state_dict() for name, optimiser in self.optimisers.items()}
+        return {**modules, **optimisers, "generator": self.generator.get_state()}
+
+    def load(self, state: Mapping[str, Any]) -> None:
+        """Take over what `state` gave."""
+        for name, module in self.modules.items():
+            module.load_state_dict(state[name])
+        for name, optimiser in self.optimisers.items():
+            optimiser.load_state_dict(state[name])
+        self.generator.set_state(state["generator"])
+
+
+class Advanced(NamedTuple):
+    """What one call of a learner did. features: what the robots see now; steps: driven; losses: by name."""
+
+    features: Features
+    steps: int
+    losses: Losses
+
+
+Advance = Callable[[Driving, Features, int], Advanced]
+
+
+def reinforce(
+    run: Run, config: ReinforcementConfig, parts: Parts, names: list[str], advance: Advance
+) -> None:
+    """Let a learner drive and update until `config.steps` are done, also from a checkpoint.
+
+    names: of the losses. advance: takes what the robots see and the steps done so far. Episodes under way when a run
+    is killed are not continued.
+    """
+    done, stage, episodes = _restored(run, parts)
+    driving = Driving(run, config.robots, config.worlds, config.reward, config.curriculum, done)
+    if not run.rows:
+        _judge(run, parts, 0, driving, dict.fromkeys((*names, "steps_per_s"), math.nan))
+    driving.episodes = episodes
+    features = driving.start(stage)
+    losses: dict[str, list[float]] = defaultdict(list)
+    began, judged = perf_counter(), done
+    while done < config.steps:
+        advanced = advance(driving, features, done)
+        features, done = advanced.features, done + advanced.steps
+        for name, loss in advanced.losses.items():
+            losses[name].append(loss)
+        run.say(f"step {done}, success {driving.success:.2f}")
+        if driving.promoted:
+            features = driving.start(driving.stage + 1)
+        if done - judged >= config.judge_every or done >= config.steps:
+            rate = (done - judged) / (perf_counter() - began)
+            means = {name: fmean(losses[name]) if losses[name] else math.nan for name in names}
+            _judge(run, parts, done, driving, {**means, "steps_per_s": rate})
+            losses.clear()
+            began, judged = perf_counter(), done
+
+
+def _judge(run: Run, parts: Parts, done: int, driving: Driving, numbers: Row) -> None:
+    """Add a point to the curves and write the checkpoint."""
+    row = {
+        "steps": done,
+        "episodes": driving.episodes,
+        "stage": driving.stage,
+        "return": driving.mean_return,
+        "driven_success": driving.success,
+        **numbers,
+        **run.judged(),
+    }
+    place = {"steps": done, "stage": driving.stage, "episodes": driving.episodes}
+    run.keep(done, row, {**parts.state(), **place})
+
+
+def _restored(run: Run, parts: Parts) -> tuple[int, int, int]:
+    """Steps, stage and episodes of the checkpoint, whose other content goes into the parts."""
+
+    def take(state: dict[str, Any]) -> tuple[int, int, int]:
+        parts.load(state)
+        return state["steps"], state["stage"], state["episodes"]
+
+    return run.restore(take) or (0, 0, 0)

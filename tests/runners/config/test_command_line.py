@@ -1,0 +1,44 @@
+"""The small face of composing: from the words of a command line to its jobs."""
+
+import pytest
+
+from lme.errors import InputError
+from runners.config.command_line import compose
+
+
+def test_one_job_of_the_words_of_a_command_line(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (job,) = compose("eval", ["map=env1", "+robot=stage", "map.worlds=0-2", "runs=7"])
+    assert (job.config.runs, job.config.map["worlds"], job.choices["robot"]) == (7, [0, 1, 2], "stage")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_every_job_of_a_sweep_in_hydras_order():
+    jobs = compose("eval", ["seed=0,1", "--multirun", "robot=jackal,go2"])
+    assert [(job.config.seed, job.config.robot.name) for job in jobs] == [
+        (0, "jackal"), (0, "go2"), (1, "jackal"), (1, "go2"),
+    ]  # fmt: skip
+
+
+def test_flags_choose_folder_and_config(tmp_path):
+    (tmp_path / "map").mkdir()
+    (tmp_path / "map" / "few.yaml").write_text("# A few\ndefaults:\n  - barn\n  - _self_\n\nworlds: 0-4\n")
+    (job,) = compose("eval", ["--config-dir", str(tmp_path), "map=few"])
+    assert job.config.map["worlds"] == [0, 1, 2, 3, 4]
+    assert job.folders[1:] == (tmp_path,)
+    (other,) = compose("eval", ["--config-name", "figure"])
+    assert other.choices["figure"] == "trajectories"
+
+
+def test_the_checks_of_the_command_see_every_job_and_the_words_must_agree():
+    seen = []
+    compose("eval", ["-m", "seed=3,4"], lambda job: seen.append(job.config.seed))
+    assert seen == [3, 4]
+
+    def refuse(job):
+        raise InputError("seed is 3: must be another")
+
+    with pytest.raises(InputError, match="seed is 3: must be another"):
+        compose("eval", ["seed=3"], refuse)
+    with pytest.raises(InputError, match="runs has two values"):
+        compose("eval", ["runs=1", "runs=2"])
