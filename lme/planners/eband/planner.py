@@ -53,7 +53,7 @@ class EBand:
 
     The robot steers to the point where the band leaves the bubble around the robot, since it may drive straight
     that far. The bubble's radius limits the speed. The robot slows down, or finally backs up, if its outline could
-    not stop clear of every known obstacle point. Known are the points of the present scan and earlier points that
+    not stop clear of every known obstacle point. Known points are those of the current scan, and earlier ones that
     are hidden now, behind others or in the blind arc.
     """
 

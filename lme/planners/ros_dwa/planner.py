@@ -95,7 +95,7 @@ class RosDwa:
         return None
 
     def _take_plan(self, observation: Observation, guidance: Guidance) -> None:
-        """Take a new plan; without one keep the old one while the robot can follow it, but not for ever."""
+        """Take a new plan; without one keep the old one while the robot can follow it, but not forever."""
         if self._state is _State.ABORTED:
             return
         if not guidance.blocked:

@@ -18,7 +18,7 @@ from lme.policies.lme_plus.travel import Field
 from lme.types import Floats, Pose
 
 _ORIGIN = np.zeros(2)
-TIGHT = 0.75  # share of the margins that is kept where there is no other way
+TIGHT = 0.75  # share of the margins that is kept if there is no other way
 
 
 class Sight(NamedTuple):

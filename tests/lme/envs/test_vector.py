@@ -76,7 +76,7 @@ def test_what_it_gives_is_the_users_to_keep():
         ({"sim_config": {"latency": 0.1}}, "sim.latency is 0.1: the compiled step"),
         ({"map": "dynabarn"}, "has moving obstacles"),
         ({"robot": "turtlebot2"}, "robot.lidar.native_beams is 540"),
-        ({"render_mode": "rgb_array"}, "render_mode is 'rgb_array': no frames of many robots"),
+        ({"render_mode": "rgb_array"}, "render_mode is 'rgb_array': cannot render many robots"),
     ],
 )
 def test_what_it_does_not_cover_it_refuses_and_says_what_does(keywords, said):

@@ -36,7 +36,7 @@ def test_odometry_that_is_not_a_number_or_absurd_does_not_count(rig, x):
         rig.scan()
         rig.odometry(pose=Pose(x, 0.0, 0.0))
         step = rig.tick()
-    assert stands(step, "the odometry is older than 0.5 s (it is not finite, or absurd)")
+    assert stands(step, "the odometry is older than 0.5 s (it is not finite, or absurdly large)")
 
 
 def test_between_two_poses_the_one_at_the_scans_stamp_counts(rig):

@@ -107,6 +107,6 @@ def test_it_stands_before_guide_and_planner_are_prepared_for_another_lidar(rig):
     rig.odometry()
     rig.scan(ranges=np.full(180, 3.0))
     assert drives(rig.tick())
-    assert stands(rig.period(), "are to be prepared")
+    assert stands(rig.period(), "must be prepared")
     assert stands(rig.period(), "being prepared")
     assert drives(rig.period())

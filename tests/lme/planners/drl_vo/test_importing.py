@@ -41,7 +41,7 @@ def test_a_file_that_is_absent_or_no_archive(tmp_path):
     assert "cannot be read" in refused(import_archive, tmp_path / "none.zip")
     assert "cannot be read" in refused(import_archive, tmp_path)
     (tmp_path / "text.zip").write_text("weights")
-    assert "is no archive of a DRL-VO network by Stable-Baselines3" in refused(
+    assert "is not an archive of a DRL-VO network by Stable-Baselines3" in refused(
         import_archive, tmp_path / "text.zip"
     )
     (tmp_path / "empty.zip").write_bytes(zipped({"data": b"{}"}))
@@ -120,7 +120,7 @@ def test_a_pickle_that_describes_no_state_is_read_as_data_only(tmp_path, pickle)
     message = refused(import_archive, archive(tmp_path / "hostile.zip", WEIGHTS, pickle=pickle))
     _, peak = tracemalloc.get_traced_memory()
     tracemalloc.stop()
-    assert "is no archive of a DRL-VO network" in message
+    assert "is not an archive of a DRL-VO network" in message
     assert peak < 2**25
 
 
