@@ -1,7 +1,7 @@
 """Local-Minimum Escaper: mapless mobile-robot navigation by subgoals from local observations alone.
 
 A guide decides where to go next, a planner how to get there; a navigator is one of each. `LocalMinimumEscaper`
-is the paper's policy by itself, for a robot or a stack of your own; `Lme` is the same as a guide.
+is the paper's policy alone, for your own robot or stack; `Lme` is the same policy as a guide.
 
     robot = lme.load_robot("jackal")
     escaper = lme.LocalMinimumEscaper(robot, lme.load_parameters("published"))
@@ -9,10 +9,9 @@ is the paper's policy by itself, for a robot or a stack of your own; `Lme` is th
 
 To drive in simulation: a task of `Barn`, a `Navigator`, a `FastSimulator` and `run_episode`; or `evaluate`, which is
 `lme eval` as a function. docs/python.md describes every name, `examples/` uses them. Frames follow REP-103: x ahead,
-y left, angles counter-clockwise. Units are metres, seconds and radians. A mistake in what you give raises
-`InputError`.
+y left, angles counter-clockwise. Units are metres, seconds and radians. Invalid input raises `InputError`.
 
-The names are imported when they are first used: Numba alone takes a second.
+Names are imported on first use: Numba alone takes a second.
 """
 
 from __future__ import annotations

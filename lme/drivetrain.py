@@ -1,4 +1,4 @@
-"""What moves a robot's body: wheels on a floor, or the response that was measured of a real robot."""
+"""What moves a robot's body: wheels on a floor, or the measured response of a real robot."""
 
 from __future__ import annotations
 
@@ -15,7 +15,9 @@ class Controller:
     omega_max: float  # [rad/s]
     alpha_v: float  # [m/s²]
     alpha_omega: float  # [rad/s²]
-    separation_multiplier: float = 1.0  # [-] the track that the controller assumes, in real ones
+    separation_multiplier: float = (
+        1.0  # [-] the track that the controller assumes, as a multiple of the real one
+    )
     timeout: float = 0.25  # [s] without a command, after which the wheels stop
 
     def __post_init__(self) -> None:

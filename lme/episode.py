@@ -35,7 +35,7 @@ TRAJECTORY_COLUMNS = (
 class Episode:
     """Result of one episode.
 
-    time: traversal time [s]; the clock starts when the robot is the task's clock distance away from the start.
+    time: traversal time [s]; the clock starts when the robot has left the start by the task's clock distance.
     path_length, min_clearance, final_distance: [m]. switches: subgoal switches. no_free_candidate: steps at which
     the guide was blocked. trajectory: (T, 10), columns TRAJECTORY_COLUMNS in the world frame, one row per decision
     and one for the end. decision_us: (steps,) computing time of each decision [µs].

@@ -31,7 +31,7 @@ def require(
     """Raise InputError, naming key, value and bounds, unless `value` is finite and within the bounds."""
     try:
         finite = math.isfinite(value)
-    except OverflowError:  # an integer that no float holds
+    except OverflowError:  # an integer too large for a float
         raise InputError(f"{key} is too large: must be finite") from None
     bounds = {
         f"greater than {above:g}" if above is not None else "": above is None or value > above,

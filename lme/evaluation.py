@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 _EXPERIMENTS = (
-    "runners.experiments.from_python"  # found at the call: the library knows nothing of experiments
+    "runners.experiments.from_python"  # imported at the call: the library does not depend on experiments
 )
 _NEEDED = ("runners", "hydra", "matplotlib", "pandas", "pyarrow", "rich")
 
@@ -30,12 +30,12 @@ def evaluate(
         frame = lme.evaluate("map.worlds=[200,201]", system="lme_plus", runs=1)
 
     overrides: as on the command line. keys: the same as keywords; one with a dot is "map.worlds=…", or goes into
-    `**{"map.worlds": [200, 201]}`. into: the run's directory, for all that the command writes; None: nothing is
-    written. resume: continue the run in `into`, if it holds one: only what is missing is driven. workers: number of
-    processes; None: one per core. config_dir: a folder of your own options. progress: show a bar. Nothing is tracked
-    in MLflow unless `tracking=` asks for it.
+    `**{"map.worlds": [200, 201]}`. into: the run's directory, for everything that the command writes; None:
+    nothing is written. resume: continue the run in `into`, if it holds one: only what is missing is driven. workers:
+    number of processes; None: one per core. config_dir: a folder with your own options. progress: show a bar.
+    Nothing is tracked in MLflow unless `tracking=` asks for it.
 
-    Raises InputError for a mistake in the config, and ImportError where only the library is installed.
+    Raises InputError for a mistake in the config, and ImportError if only the library is installed.
     """
     missing = [name for name in _NEEDED if find_spec(name) is None]
     if missing:

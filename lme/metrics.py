@@ -1,4 +1,4 @@
-"""Metrics of one episode and of many: the paper's, and SPL, smoothness and intervals beside them."""
+"""Metrics of one episode and of many: the paper's, and SPL, smoothness and intervals."""
 
 from __future__ import annotations
 
@@ -105,7 +105,7 @@ def interval_over_worlds(successes: ArrayLike, worlds: ArrayLike) -> tuple[float
     runs, hits = np.bincount(index), np.bincount(index, weights=successes)
     rate = float(hits.sum()) / n
     if rate in (0.0, 1.0):
-        effective = n**2 / float((runs**2).sum())  # the number of worlds, if all have as many runs
+        effective = n**2 / float((runs**2).sum())  # the number of worlds, if all have equally many runs
     else:
         # the variance of the rate, by worlds, as if it were that of `effective` independent episodes
         variance = float(((hits - rate * runs) ** 2).sum()) / n**2

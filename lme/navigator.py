@@ -30,7 +30,7 @@ class Explainable(Protocol):
 
 
 class Explanations:
-    """Gives each explanation of a navigator once: a guide may not ask LME in every step."""
+    """Returns each explanation of a navigator once: a guide may not ask LME at every step."""
 
     def __init__(self, navigator: Navigator) -> None:
         self._navigator = navigator

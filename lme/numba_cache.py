@@ -1,7 +1,7 @@
 """Where Numba keeps compiled kernels: in a folder for each version of their sources.
 
 Numba compiles what a kernel calls into it, but notices only changes of the file that holds the kernel itself. After
-an update it would go on with old code, or crash. So a change of any source begins a new folder.
+an update it would keep running old code, or crash. So a change of any source starts a new folder.
 """
 
 from __future__ import annotations
@@ -19,15 +19,15 @@ _VARIABLE = "NUMBA_CACHE_DIR"
 _NAME = "lme-nav"
 _PACKAGE = Path(__file__).resolve().parent
 _PREFIX = "kernels-"
-_KEPT = 3  # versions: a checkout may go back and forth between some
+_KEPT = 3  # versions: a checkout may switch back and forth between some
 
 
 def choose(package: Path = _PACKAGE) -> None:
-    """Set NUMBA_CACHE_DIR to a folder for the present sources: in the one it names, in `package`, or the user's.
+    """Set NUMBA_CACHE_DIR to a folder for the current sources: in the one it names, in `package`, or the user's.
 
     Numba reads the variable when it is imported, so this comes first. Worker processes inherit it.
     """
-    for base in _places(package):
+    for base in _candidates(package):
         folder = base / f"{_PREFIX}{_version(package)}"
         with suppress(OSError):
             is_new = not folder.is_dir()
@@ -50,7 +50,7 @@ def folder(source: Path) -> Path:
 
 
 def _version(package: Path) -> str:
-    """A name for the present sources of all kernels."""
+    """A name for the current sources of all kernels."""
     known = hashlib.sha256()
     for path in sorted(package.rglob("*.py")):
         source = path.read_bytes()
@@ -59,16 +59,16 @@ def _version(package: Path) -> str:
     return known.hexdigest()[:16]
 
 
-def _places(package: Path) -> Iterator[Path]:
-    """Where the folder may lie, best first. What NUMBA_CACHE_DIR names is the only one, if it is set."""
+def _candidates(package: Path) -> Iterator[Path]:
+    """The possible places of the folder, best first. If NUMBA_CACHE_DIR is set, it is the only one."""
     given = os.environ.get(_VARIABLE)
     if given:
-        # A process that has called `choose` gives its own folder to those that it starts.
+        # A process that has called `choose` hands its own folder to those that it starts.
         yield Path(given).parent if Path(given).name.startswith(_PREFIX) else Path(given)
         return
     if os.access(package, os.W_OK):
         yield package / "__pycache__"
-    with suppress(RuntimeError):  # this user has no home
+    with suppress(RuntimeError):  # this user has no home directory
         base = os.environ.get("XDG_CACHE_HOME", "")
         yield (Path(base) if Path(base).is_absolute() else Path.home() / ".cache") / _NAME
     with suppress(OSError):
@@ -76,7 +76,7 @@ def _places(package: Path) -> Iterator[Path]:
 
 
 def _private_folder() -> Path:
-    """A folder among the temporary files that only this user can write.
+    """A temporary folder that only this user can write.
 
     Numba unpickles what it finds in its cache, so a folder that others could have filled is not used.
     """
@@ -88,7 +88,7 @@ def _private_folder() -> Path:
 
 
 def _remove_old(base: Path) -> None:
-    """Remove the folders of earlier sources but for the newest."""
+    """Remove the folders of earlier sources, except the newest."""
     folders = sorted(base.glob(f"{_PREFIX}*"), key=lambda path: path.stat().st_mtime)
     for old in folders[:-_KEPT]:
         shutil.rmtree(old, ignore_errors=True)

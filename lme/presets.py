@@ -27,50 +27,50 @@ _PARTS = {
 _KINDS: dict[str, tuple[Callable[[Any], bool], str]] = {
     "int": (lambda given: type(given) is int, "a whole number"),
     "bool": (lambda given: isinstance(given, bool), "true or false"),
-    "list[int]": (lambda given: _are(given, (int,)), "a list of whole numbers"),
-    "list[float]": (lambda given: _are(given, (int, float)), "a list of numbers"),
+    "list[int]": (lambda given: _is_list_of(given, (int,)), "a list of whole numbers"),
+    "list[float]": (lambda given: _is_list_of(given, (int, float)), "a list of numbers"),
 }
 
 
 def load_robot(robot: str | Path) -> Robot:
-    """The robot of `conf/robot/NAME.yaml` by its name, or of a YAML file of your own by its path.
+    """The robot of `conf/robot/NAME.yaml` by its name, or of your own YAML file by its path.
 
-    Raises InputError where there is no such robot, and where a value in the file is missing or not right.
+    Raises InputError if there is no such robot, or if a value in the file is missing or wrong.
     """
     path = _find("robot", robot)
-    return _filled(Robot, str(path), _with_base(path))
+    return _build(Robot, str(path), _with_base(path))
 
 
 def load_map_set(name: str, settings: Mapping[str, Any] | None = None, robot: Robot | None = None) -> MapSet:
     """The map set of `conf/map/NAME.yaml`, with other values for some of its keys.
 
-    A `radius` of null becomes that of the robot. Raises InputError for an unknown name or key and a wrong value.
+    A `radius` of null becomes that of the robot. Raises InputError for an unknown name or key, or a wrong value.
     """
     target, values, place = _described("map", name, settings)
     if "radius" in values and values["radius"] is None:
         if robot is None:
             raise InputError(
-                "map.radius is null: must be given where robots are drawn, at least the largest's"
+                "map.radius is null: must be given if robots are drawn, at least that of the largest"
             )
         values["radius"] = robot.hull.r_max
-    made: MapSet = target(_filled(target.Config, place, values))
+    made: MapSet = target(_build(target.Config, place, values))
     return made
 
 
 def load_simulator(name: str, settings: Mapping[str, Any] | None = None) -> tuple[Any, Any]:
     """The class of the simulator of `conf/sim/NAME.yaml` and its Config, with other values for some keys.
 
-    Raises InputError for an unknown name or key and a wrong value.
+    Raises InputError for an unknown name or key, or a wrong value.
     """
     target, values, place = _described("sim", name, settings)
-    return target, _filled(target.Config, place, values)
+    return target, _build(target.Config, place, values)
 
 
 def load_parameters(weights: str | Path = "published") -> dict[str, float]:
     """The eight parameters of `conf/weight_set/NAME.yaml` by its name, or of a weight file by its path.
 
-    Six weights, d1 [m] and d2. Raises InputError where there is no such file, and where a parameter in it is
-    missing or not right.
+    Six weights, d1 [m] and d2. Raises InputError if there is no such file, or if a parameter in it is
+    missing or wrong.
     """
     return read_parameters(_find("weight_set", weights), CRITERIA)
 
@@ -88,7 +88,7 @@ def _find(group: str, given: str | Path) -> Path:
 
 
 def _described(group: str, name: str, settings: Mapping[str, Any] | None) -> tuple[Any, dict[str, Any], str]:
-    """The class that an option's `_target_` names, the values of its keys, and the place for messages."""
+    """The class that an option's `_target_` names, the values of its keys, and the place that messages name."""
     path = _find(group, name)
     values = _with_base(path, group)
     assert isinstance(values, dict)
@@ -98,7 +98,7 @@ def _described(group: str, name: str, settings: Mapping[str, Any] | None) -> tup
 
 
 def _with_base(path: Path, group: str = "robot") -> object:
-    """An option's mapping over that of the options in its `defaults`, as Hydra composes `[jackal, _self_]`."""
+    """An option's mapping, over those of the options in its `defaults`, as Hydra composes `[jackal, _self_]`."""
     own = read_yaml(path)
     if not isinstance(own, dict) or "defaults" not in own:
         return own
@@ -109,7 +109,7 @@ def _with_base(path: Path, group: str = "robot") -> object:
     return merged
 
 
-def _filled(part: type[_Part], place: str, value: object) -> _Part:
+def _build(part: type[_Part], place: str, value: object) -> _Part:
     """A dataclass from a mapping with a key for each of its fields."""
     known = fields(part)  # type: ignore[arg-type]
     required = [field.name for field in known if field.default is MISSING]
@@ -125,7 +125,7 @@ def _value(entry: Entry, field: Field[Any]) -> Any:
         return None
     part = _PARTS.get(str(field.type).removesuffix(" | None"))
     if part is not None:
-        return _filled(part, f"{entry.place}, {key}", given)
+        return _build(part, f"{entry.place}, {key}", given)
     kind = str(field.type).removesuffix(" | None")
     if kind == "str":
         return str(given)
@@ -137,6 +137,6 @@ def _value(entry: Entry, field: Field[Any]) -> Any:
     return given
 
 
-def _are(given: object, types: tuple[type, ...]) -> bool:
+def _is_list_of(given: object, types: tuple[type, ...]) -> bool:
     """Whether `given` is a list of values of exactly these types."""
     return isinstance(given, list) and all(type(item) in types for item in given)

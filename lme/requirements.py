@@ -1,4 +1,4 @@
-"""What lme requires by its metadata, and how to install what only some of it needs."""
+"""The requirements in lme's metadata, and how to install the optional ones."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ DISTRIBUTION = "lme-nav"  # `lme` on a package index is another project
 
 
 def install(*packages: str) -> str:
-    """The command that installs `packages`, which are optional requirements, in versions that fit.
+    """The command that installs `packages`, which are optional requirements, in suitable versions.
 
-    It names the packages and not an extra of ours: no index has lme, and so the command is right in any folder, for
-    a checkout as for a wheel.
+    It names the packages, not an extra of lme, which is on no package index: so the command works in any folder,
+    for a checkout and for a wheel.
     """
     return " ".join(["pip install", *(f"'{_bounded(package)}'" for package in packages)])
 
 
 def declared() -> list[str]:
-    """The requirements in our metadata, with those of the extras; none where lme runs uninstalled."""
+    """The requirements in our metadata, with those of the extras; none if lme is not installed."""
     try:
         return requires(DISTRIBUTION) or []
     except PackageNotFoundError:
@@ -26,7 +26,7 @@ def declared() -> list[str]:
 
 
 def _bounded(package: str) -> str:
-    """`package` with the bounds in our metadata; without, where lme runs uninstalled."""
+    """`package` with the bounds in our metadata; without them if lme is not installed."""
     for requirement in declared():
         bounded = requirement.partition(";")[0].strip()
         if re.split(r"[<>=!~\[ ]", bounded, maxsplit=1)[0] == package:

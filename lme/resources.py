@@ -8,7 +8,7 @@ _PACKAGE = Path(__file__).resolve().parent
 
 
 def resource_dir(name: str) -> Path:
-    """Folder `name` ("conf" or "maps"): beside the package in a checkout, inside it in a wheel."""
+    """Folder `name` ("conf" or "maps"): next to the package in a checkout, inside it in a wheel."""
     shipped = _PACKAGE / "_data" / name
     return shipped if shipped.is_dir() else _PACKAGE.parent / name
 

@@ -87,7 +87,7 @@ class Cloud:
 
 @dataclass(slots=True)
 class Contact(Footprint):
-    """The outline that collides, where it is not the footprint that the robot plans with."""
+    """The outline that collides, if it is not the footprint that the robot plans with."""
 
     key: ClassVar[str] = "robot.contact"
 

@@ -64,7 +64,7 @@ class Observation(NamedTuple):
     target: (2,) position of the goal in the robot frame [m]. odometry: pose of the base in the odometry frame,
     the base frame at the start of the episode, for guides and planners that keep a map or a band; LME does not
     read it. pedestrians: (P, 4) of x, y [m], vx, vy [m/s] over ground, all in the robot frame, as a tracker of
-    people would give them; empty where there is no tracker. LME does not read it.
+    people would give them; empty without a tracker. LME does not read it.
     """
 
     scan: LaserScan
@@ -80,7 +80,7 @@ class Guidance(NamedTuple):
 
     subgoal: (2,) in the robot frame [m]. path: (K, 2) in the robot frame [m] if the guide plans one.
     switched: the guide has switched to another subgoal. blocked: the guide found no free path. points: (M, 2) all
-    obstacle points that the guide knows, in the robot frame [m], if it remembers some that the scan has not.
+    obstacle points that the guide knows, in the robot frame [m], if it remembers some that are not in the scan.
     """
 
     subgoal: Floats

@@ -1,4 +1,4 @@
-"""Strict reading of hand-written YAML: each mistake is reported in one line that names its place."""
+"""Strict reading of hand-written YAML: each mistake is reported in one line that says where it is."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def read_yaml(path: Path) -> object:
 class Entry:
     """A mapping in a YAML file, read key by key.
 
-    place: the file and the place in it, for messages. Raises InputError for unknown or missing keys.
+    place: the file and the position in it, for messages. Raises InputError for unknown or missing keys.
     """
 
     def __init__(
@@ -40,11 +40,11 @@ class Entry:
         self.place = place
         known = (*required, *optional)
         if not isinstance(value, dict):
-            raise InputError(f"{place}: {_short(value)} must be a mapping with {', '.join(known)}")
+            raise InputError(f"{place}: {_shorten(value)} must be a mapping with {', '.join(known)}")
         for key in value:
             if key not in known:
                 raise InputError(
-                    f"{place}: unknown key {_short(key)}: {nearest(str(key), known)}must be one of {', '.join(known)}"
+                    f"{place}: unknown key {_shorten(key)}: {nearest(str(key), known)}must be one of {', '.join(known)}"
                 )
         missing = [key for key in required if key not in value]
         if missing:
@@ -78,19 +78,19 @@ class Entry:
         return numbers
 
     def points(self, key: str, at_least: int) -> Floats:
-        """(K, 2) points [x, y], K ≥ `at_least`, of which no two successive ones are the same."""
+        """(K, 2) points [x, y], K ≥ `at_least`, no two successive ones the same."""
         given = self._value.get(key)
         pairs = [_numbers(pair, 2) for pair in given] if isinstance(given, list) else []
         if len(pairs) < at_least or None in pairs:
             raise self.mistake(key, f"a list of at least {at_least} points [x, y] [m]")
         points = np.array(pairs, dtype=np.float64)
         if (points[1:] == points[:-1]).all(axis=1).any():
-            raise self.mistake(key, "points that differ from one to the next")
+            raise self.mistake(key, "points, no two successive ones the same")
         return points
 
     def mistake(self, key: str, right: str) -> InputError:
         """The error for a wrong value. right: what it must be."""
-        return InputError(f"{self.place}: {key} is {_short(self._value.get(key))}: must be {right}")
+        return InputError(f"{self.place}: {key} is {_shorten(self._value.get(key))}: must be {right}")
 
 
 class _UniqueKeys(yaml.SafeLoader):
@@ -102,7 +102,7 @@ class _UniqueKeys(yaml.SafeLoader):
             if isinstance(key, yaml.ScalarNode):
                 if key.value in seen:
                     raise yaml.MarkedYAMLError(
-                        problem=f"key {key.value!r} stands twice", problem_mark=key.start_mark
+                        problem=f"key {key.value!r} is repeated", problem_mark=key.start_mark
                     )
                 seen.add(key.value)
         return super().construct_mapping(node, deep)
@@ -125,7 +125,7 @@ def _numbers(value: object, count: int) -> list[float] | None:
     return numbers if len(numbers) == count else None
 
 
-def _short(value: object) -> str:
+def _shorten(value: object) -> str:
     """A value, shortened to fit on one line."""
     return "empty" if value is None else " ".join(reprlib.repr(value).split())
 

@@ -128,7 +128,7 @@ def test_every_command_composes(page, users_files, capsys):
 def _one_of_its_jobs(command: tuple[str, ...]) -> list[str]:
     """The words with the last value of each that is swept; options before it must exist.
 
-    An experiment of `lme eval` may be a sweep of dozens of configs: it must exist; tests/runners/config composes it.
+    An experiment of `lme eval` may be a sweep of dozens of configs: it must exist; tests/conf composes it.
     resume= goes, because its run is not there.
     """
     configs = catalogue.shipped(Path("my_conf"))

@@ -1,10 +1,10 @@
-"""Environments for reinforcement learning: one robot, or many that one compiled call moves.
+"""Environments for reinforcement learning: one robot, or many moved by one compiled call.
 
     import gymnasium as gym
     env = gym.make("lme:lme/Barn-v0", robot="jackal", map_config={"subset": "fresh"})
     envs = gym.make_vec("lme:lme/Barn-v0", num_envs=64)
 
-docs/envs.md describes them. `Fleet` needs no Gymnasium; the names are imported when they are first used.
+docs/envs.md describes them. `Fleet` needs no Gymnasium; names are imported on first use.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ __all__ = [*_MODULES]
 
 
 def __getattr__(name: str) -> Any:
-    """A public name, from the module that defines it. Raises InputError if that needs Gymnasium and there is none."""
+    """A public name, from the module that defines it. Raises InputError if that needs Gymnasium, which is missing."""
     if name not in _MODULES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     try:

@@ -39,17 +39,17 @@ def choose(
     map_config: Settings | None,
     sim_config: Settings | None,
 ) -> Choices:
-    """The objects for these keywords. Raises InputError for an unknown name or key and a wrong value.
+    """The objects for these keywords. Raises InputError for an unknown name or key, or a wrong value.
 
     map, robot, sim: names in `conf/map/`, `conf/robot/` and `conf/sim/`, or objects. map_config, sim_config: values
-    for some of the keys of the named ones. reward: values for some of the fields of `Reward`.
+    for some of the keys of a named one. reward: values for some of the fields of `Reward`.
     """
     chosen = load_robot(robot) if isinstance(robot, str) else robot
     fixed = chosen if isinstance(chosen, Robot) else None
     map_set = load_map_set(map, map_config, fixed) if isinstance(map, str) else map
     if map_set is map and map_config:
         raise InputError(
-            "map_config is given with a map set that is no name: must be given to the map set itself"
+            "map_config is given with a map set, not with a name: must be given to the map set itself"
         )
     simulator, config = load_simulator(sim, sim_config)
     terms = reward if isinstance(reward, Reward) else _reward(reward or {})

@@ -16,7 +16,7 @@ _REGISTRATION = "lme.envs.registration"
 def register_with_gymnasium() -> None:
     """Register the environments now if Gymnasium is there, else as soon as it is imported.
 
-    `gym.make("lme:lme/Barn-v0")` imports `lme`, but not again if it is there already.
+    `gym.make("lme:lme/Barn-v0")` imports `lme`, but not again if it is already imported.
     """
     if sys.modules.get(_GYMNASIUM):
         importlib.import_module(_REGISTRATION)
@@ -25,7 +25,7 @@ def register_with_gymnasium() -> None:
 
 
 class _Watcher:
-    """Waits on Python's import path for Gymnasium, and leaves the loading to the loader that it has anyway."""
+    """Waits on Python's import path for Gymnasium, and leaves the loading to its usual loader."""
 
     def find_spec(self, name: str, path: Any = None, target: Any = None) -> ModuleSpec | None:
         if name != _GYMNASIUM:

@@ -13,7 +13,7 @@ from lme.robots import Robot
 from lme.worlds.check import check_task
 from lme.worlds.world import MapSet, Task
 
-WORLDS_KEPT = 4096  # built tasks; a BARN world has 10 kB
+WORLDS_KEPT = 4096  # built tasks; a BARN world takes 10 kB
 
 DrawRobot = Callable[[np.random.Generator], Robot]
 
@@ -21,8 +21,8 @@ DrawRobot = Callable[[np.random.Generator], Robot]
 class Episodes:
     """Draws episodes from a map set, for one robot or for robots that a function draws.
 
-    Each world is built when it is first drawn, and kept: a fresh BARN world takes tens of milliseconds to find. Robots
-    that a function draws have the same lidar and control rate. `robot` is the one drawn from a generator of seed 0.
+    Each world is built when it is first drawn, and kept: a fresh BARN world takes tens of milliseconds to find. Drawn
+    robots all have the same lidar and control rate. `robot` is the one drawn with seed 0.
     """
 
     def __init__(self, map_set: MapSet, robot: Robot | DrawRobot) -> None:
@@ -43,7 +43,7 @@ class Episodes:
 
     def _built(self, number: int) -> Task:
         if number not in self._map_set.numbers:
-            raise InputError(f"world is {number!r}: must be one of {_span(self._map_set.numbers)}")
+            raise InputError(f"world is {number!r}: must be one of {_summary(self._map_set.numbers)}")
         task = self._map_set.task(number)
         if self._draw_robot is None:
             check_task(task, self.robot)
@@ -60,15 +60,15 @@ class Episodes:
 
 
 def world_of(options: Mapping[str, Any] | None) -> int | None:
-    """The world that the options of Gymnasium's `reset` choose, if they do. Raises InputError for another option."""
+    """The world that the options of Gymnasium's `reset` choose, if any. Raises InputError for another option."""
     for key in options or {}:
         if key != "world":
             raise InputError(f"options has {key!r}: may hold only 'world', the number of a world")
     return (options or {}).get("world")
 
 
-def _span(numbers: tuple[int, ...]) -> str:
-    """A few numbers of worlds, for a message."""
+def _summary(numbers: tuple[int, ...]) -> str:
+    """The numbers of some worlds, for a message."""
     if len(numbers) <= 8:
         return ", ".join(map(str, numbers))
     return f"the {len(numbers)} worlds {numbers[0]}, {numbers[1]}, …, {numbers[-1]}"

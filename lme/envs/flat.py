@@ -1,4 +1,4 @@
-"""The observation as one vector of numbers in [−1, 1], in the habit of ros_jackal: scan, target, last action."""
+"""The observation as one vector of numbers in [−1, 1], in the style of ros_jackal: scan, target, last action."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ TARGET_CLIPS = 2.0  # distance at which the target is 1, in clips of the scan
 class FlatObservation(gym.Wrapper[Any, Any, Any, Any], gym.utils.RecordConstructorArgs):
     """(beams + 4,) float32: the scan clipped at `clip` [m], the target, and the last action.
 
-    beams: how many there are; each is the nearest return of as many neighbouring beams of the lidar. None: all.
-    A target farther away than twice the clip is drawn in to that distance. At the start the last action is 0.
-    Habit: Daffan/ros_jackal, where the robot learns to drive in the BARN worlds.
+    beams: their number; each is the nearest return of a group of neighbouring beams of the lidar. None: all beams.
+    A target farther away than twice the clip is moved in to that distance. At the start the last action is 0.
+    Source: Daffan/ros_jackal, where the robot learns to drive in the BARN worlds.
     """
 
     def __init__(self, env: gym.Env[Any, Any], clip: float = 5.0, beams: int | None = None) -> None:
@@ -38,12 +38,12 @@ class FlatObservation(gym.Wrapper[Any, Any, Any, Any], gym.utils.RecordConstruct
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
-        """As of the environment."""
+        """See the environment."""
         observation, info = self.env.reset(seed=seed, options=options)
         return self._flat(observation, np.zeros(2)), info
 
     def step(self, action: Any) -> tuple[NDArray[np.float32], Any, bool, bool, dict[str, Any]]:
-        """As of the environment."""
+        """See the environment."""
         observation, reward, terminated, truncated, info = self.env.step(action)
         return self._flat(observation, np.clip(action, -1.0, 1.0)), reward, terminated, truncated, info
 

@@ -1,6 +1,6 @@
-"""Many robots, each in a world and an episode of its own, that one compiled call moves: `sim=fast` in bulk.
+"""Many robots, each in its own world and episode, moved by one compiled call: `sim=fast` in bulk.
 
-It takes and gives arrays, and it needs no Gymnasium. Each robot sees and does, to the last bit, what it would alone.
+It takes and returns arrays, and does not need Gymnasium. To the last bit, each robot sees and does what it would alone.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from lme.sim.fast import FastConfig
 from lme.types import Bools, Floats, Ints
 from lme.worlds.world import MapSet, Task
 
-_UNCOVERED = ("latency", "slip", "scan_noise", "scan_dropout", "goal_noise", "goal_noise_yaw")
+_UNSUPPORTED = ("latency", "slip", "scan_noise", "scan_dropout", "goal_noise", "goal_noise_yaw")
 ONE_BY_ONE = 'use one environment per robot instead (gym.make_vec with vectorization_mode="sync")'
 
 
@@ -52,7 +52,7 @@ class Views(NamedTuple):
 
 
 class Transition(NamedTuple):
-    """What a step of N robots gives.
+    """The result of a step of N robots.
 
     views: what the robots see next; a robot whose episode has ended is at the start of its next one. rewards (N,).
     terminated, truncated (N,): arrived or in contact; out of time. outcomes (N,): codes of `lme.envs.kernels`.
@@ -72,7 +72,7 @@ class Transition(NamedTuple):
 class Fleet:
     """N robots. Call `reset` first.
 
-    lidar and control rate are the same for all; the other values of a robot may be drawn anew for each episode.
+    Lidar and control rate are the same for all; the other values of a robot may be redrawn for each episode.
     """
 
     def __init__(
@@ -83,7 +83,7 @@ class Fleet:
         config: FastConfig | None = None,
         reward: Reward | None = None,
     ) -> None:
-        """Raises InputError for what the compiled step does not cover."""
+        """Raises InputError for anything that the compiled step does not support."""
         self._episodes = Episodes(map_set, robot)
         self._config, self._reward = config or FastConfig(), reward or Reward()
         self.robot, self.num_envs = self._episodes.robot, num_envs
@@ -92,7 +92,7 @@ class Fleet:
         angles = (lidar.angle_min, lidar.angle_increment)
         self._lidar = tuple(map(float, (*lidar.mount, *angles, lidar.range_max)))
         self._table = beam_table(lidar.angle_increment, lidar.num_beams)
-        self.tasks: list[Task] = []  # of the present episodes
+        self.tasks: list[Task] = []  # of the current episodes
         self._rngs: list[np.random.Generator] = [np.random.default_rng() for _ in range(num_envs)]
         self._places, self._bodies, self._states = _places(num_envs), _bodies(num_envs), _states(num_envs)
         self._steps, self._distances = np.zeros(num_envs, dtype=np.int64), np.zeros(num_envs)
@@ -100,7 +100,7 @@ class Fleet:
     def reset(self, seeds: Sequence[int | None] | None = None, world: int | None = None) -> Views:
         """Start an episode with every robot, in this world or in worlds drawn at random.
 
-        seeds (N,): new random streams for the robots; None: go on with the present one.
+        seeds (N,): new random streams for the robots; None: continue the current ones.
         """
         if seeds is not None and len(seeds) != self.num_envs:
             raise InputError(f"seeds has {len(seeds)} numbers: must have {self.num_envs}, one for each robot")
@@ -199,17 +199,17 @@ class Fleet:
         return commands
 
     def _check(self) -> None:
-        """Raise InputError for what needs substeps, or a sensor other than a planar lidar with its own noise."""
+        """Raise InputError for what needs substeps, or for a sensor other than a planar lidar with its own noise."""
         if self.num_envs < 1:
             raise InputError(f"num_envs is {self.num_envs}: must be at least 1")
         config, lidar = self._config, self.robot.lidar
-        values = {f"sim.{key}": getattr(config, key) or None for key in _UNCOVERED}
+        values = {f"sim.{key}": getattr(config, key) or None for key in _UNSUPPORTED}
         values |= {"sim.goal_rate": config.goal_rate}
         values |= {"robot.lidar.native_beams": lidar.native_beams, "robot.lidar.cloud": lidar.cloud}
         for key, value in values.items():
             if value is not None:
                 raise InputError(
-                    f"{key} is {value}: the compiled step of many robots does not cover it, {ONE_BY_ONE}"
+                    f"{key} is {value}: the compiled step of many robots does not support it, {ONE_BY_ONE}"
                 )
 
 

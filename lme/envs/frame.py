@@ -1,4 +1,4 @@
-"""A picture of the scene from above: obstacles, goal, what the lidar sees, the way driven, and the robot."""
+"""A picture of the scene from above: obstacles, goal, what the lidar sees, the path driven, and the robot."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ Corners = list[tuple[float, float]]
 def frame(
     task: Task, robot: Robot, simulator: Simulator, scan: LaserScan, trail: list[Pose]
 ) -> NDArray[np.uint8]:
-    """The scene (H, W, 3). scan: what the lidar sees now; trail: the poses passed so far, the present one last.
+    """The scene (H, W, 3). scan: what the lidar sees now; trail: the poses passed so far, the current one last.
 
     All pictures of an episode have the same size.
     """
@@ -49,7 +49,7 @@ def frame(
 
 
 class _Canvas:
-    """A picture whose pixels have places in the world, x to the right and y up [m]."""
+    """A picture in world coordinates, x to the right and y up [m]."""
 
     def __init__(self, task: Task) -> None:
         low, high = _bounds(task)

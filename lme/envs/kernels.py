@@ -1,4 +1,4 @@
-"""One control period of many robots, each in a world of its own, and what each of them sees."""
+"""One control period of many robots, each in its own world, and what each of them sees."""
 
 import math
 from typing import NamedTuple

@@ -31,7 +31,7 @@ def action_space() -> spaces.Box[Any]:
 
 
 def arrays(ranges: NDArray[np.float32], target: Any, twist: Any, limits: Any, range_max: float) -> Arrays:
-    """New arrays as in the space, of one robot or of many. A range of no return becomes range_max."""
+    """New arrays as in the space, of one robot or of many. The range of a beam without a return becomes range_max."""
     return {
         "scan": np.minimum(ranges, np.float32(range_max)),
         "target": np.array(target, dtype=np.float32),

@@ -1,4 +1,4 @@
-"""The environment of many robots, as Gymnasium's vector environment: a thin skin over `Fleet`."""
+"""The environment of many robots, as Gymnasium's vector environment: a thin wrapper around `Fleet`."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ from lme.worlds.world import MapSet
 
 
 class NavigationVectorEnv(VectorEnv[Any, Any, Any]):
-    """Many robots in `sim=fast`, that one compiled call moves.
+    """Many robots in `sim=fast`, moved by one compiled call.
 
-    Each does to the last bit what it would in `NavigationEnv`. A robot whose episode has ended is at the start of the
+    To the last bit, each does what it would in `NavigationEnv`. A robot whose episode has ended is at the start of the
     next one in the same step; `infos["final_obs"]` and `infos["final_info"]` hold the end.
     """
 
@@ -41,9 +41,9 @@ class NavigationVectorEnv(VectorEnv[Any, Any, Any]):
         sim_config: Settings | None = None,
         render_mode: str | None = None,
     ) -> None:
-        """See `lme.envs.choices.choose` for the keywords. Raises InputError for what one call does not cover."""
+        """See `lme.envs.choices.choose` for the keywords. Raises InputError for what one call does not support."""
         if render_mode is not None:
-            raise InputError(f"render_mode is {render_mode!r}: no frames of many robots, {ONE_BY_ONE}")
+            raise InputError(f"render_mode is {render_mode!r}: cannot render many robots, {ONE_BY_ONE}")
         chosen = choose(map, robot, sim, reward, map_config, sim_config)
         if chosen.simulator is not FastSimulator:
             raise InputError(
@@ -59,7 +59,7 @@ class NavigationVectorEnv(VectorEnv[Any, Any, Any]):
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Arrays, dict[str, Any]]:
-        """Start an episode with every robot. seed: of the first robot, each next one has one more; or one for each."""
+        """Start an episode with every robot. seed: of the first robot, one more for each next one; or one for each."""
         seeds = [seed + i for i in range(self.num_envs)] if isinstance(seed, int) else seed
         views = self.fleet.reset(seeds, world_of(options))
         self._limits = views.limits

@@ -16,7 +16,7 @@ from lme.types import Floats
 STRAIGHT = 1e-6  # [1/m] smaller curvatures are straight: an error of 0.05 mm after 10 m
 EDGE = 1e-9  # [m] overlap of edges at their corners, so that no point passes between them
 SLACK = (
-    0.9  # share of its present distance that a point inside the margin must keep; 1 would forbid all motion
+    0.9  # share of its current distance that a point inside the margin must keep; 1 would forbid all motion
 )
 
 
@@ -31,7 +31,7 @@ def contact_times(
     """Time until the footprint touches a point at constant twist, for each twist: (N,) [s], inf if never.
 
     twists (N, 2) [m/s, rad/s], v ≥ 0; points (M, 2) in the robot frame [m]; box (half_length, half_width,
-    rounding) [m]; margins (N,) [m]: growth of the footprint for each twist, limited to SLACK of a point's present
+    rounding) [m]; margins (N,) [m]: growth of the footprint for each twist, limited to SLACK of a point's current
     distance. least (N,) [s]: any contact before this time may be returned, not only the first. horizons (N,) [s]:
     later contacts are ignored. A standing robot touches nothing; for a moving one, a point inside the footprint
     gives 0.

@@ -71,7 +71,7 @@ def _broad_phase(poses, half_length, half_width, rounding, circles, edges):
 
 @njit(cache=True, error_model="numpy")
 def _within(distances, limit):
-    """Indices of the distances up to the limit; compiles much faster than numpy's own."""
+    """Indices of the distances up to the limit; compiles much faster than numpy's."""
     found = np.empty(len(distances), np.int64)
     count = 0
     for i in range(len(distances)):

@@ -27,7 +27,7 @@ def scan_points(
     """Points hit by the beams, in the base frame, sorted by bearing about the base in (−π, π]: (M, 2) [m].
 
     ranges (B,), directions (B, 2) in the lidar frame, mount: pose of the lidar in the base frame. A range that is
-    not finite, below range_min or ≥ range_max is no hit; both limits are rounded to float32, like the ranges.
+    not finite, below range_min or ≥ range_max is not a hit; both limits are rounded to float32, like the ranges.
     Points of equal bearing stay in the order of their beams.
     """
     points, keys = _hits(ranges, directions, np.float32(range_min), np.float32(range_max), mount)

@@ -20,7 +20,7 @@ def straight_ways(
 
     places (N, 2), points (M, 2) in the robot frame [m]; box: footprint (half_length, half_width, rounding) [m]. The
     sides and the front keep `margin` [m] on the straight way, the whole outline keeps `turn_margin` [m] in the turn. A
-    point that is nearer already must only come no nearer.
+    point that is already nearer must just not come any nearer.
     """
     away = np.sqrt(points[:, 0] ** 2 + points[:, 1] ** 2)
     blocked = _blocked_ahead(places, points, away, box, margin)
@@ -41,7 +41,7 @@ def straight_ways(
 def _blocked_ahead(places, points, away, box, margin):
     """Whether a point is on the straight way to each place, for a robot that faces it. away (M,): of the points."""
     width = box[1] + box[2] + margin
-    ahead = max(box[0] - box[1], 0.0)  # of the front beyond the half disc that ends the width's way
+    ahead = max(box[0] - box[1], 0.0)  # reach of the front beyond the half disc at the end of the swept strip
     ends, origin = np.empty(places.shape), np.zeros(2)
     for n in range(len(places)):
         stretch = 1.0 + ahead / max(math.hypot(places[n, 0], places[n, 1]), 1e-3)

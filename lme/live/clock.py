@@ -1,4 +1,4 @@
-"""Watches the clock of the node: a jump, or a standstill, stops the robot."""
+"""Watches the node's clock: the robot stops if it jumps or stands still."""
 
 from __future__ import annotations
 
@@ -32,6 +32,6 @@ class Clock:
         return f"the clock jumped {way} by {abs(now - latest) / SECOND:.3g} s"
 
     @property
-    def stood(self) -> int:
+    def stalled_for(self) -> int:
         """Wall time since it last advanced [ns]."""
         return self._wall() - self._advanced_at

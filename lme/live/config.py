@@ -19,7 +19,7 @@ class LiveConfig:
     )
     goal_tolerance: float = 0.2  # [m] ASSUMED: as for map=env1
     soft_stop: bool = True  # stop if the robot would touch what the lidar sees before it could stand
-    clock: str = "header"  # header: the messages' stamps | received: the times at which they come
+    clock: str = "header"  # header: the messages' stamps | received: the times at which they arrive
     seed: int = 0  # of the guide's and planner's random numbers
 
     def __post_init__(self) -> None:

@@ -1,4 +1,4 @@
-"""Drives a robot: takes the messages of its sensors as they come, and gives a safe command once a control period."""
+"""Drives a robot: takes its sensors' messages as they arrive, and gives a safe command once a control period."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _ANY_TIME = 1 << 62  # [ns]
 
 
 class _Ready(NamedTuple):
-    """All that a decision needs. target: (2,) [m] at the stamp of the scan."""
+    """Everything that a decision needs. target: (2,) [m] at the stamp of the scan."""
 
     sight: LiveSight
     target: Floats
@@ -43,10 +43,10 @@ class LiveDriver:
     Messages are duck-typed. `now` is the time on the node's clock [ns], the one that stamps messages; `wall` a
     monotonic time [ns]. Methods may be called from several threads, `tick` from one.
 
-    The robot stands, in this order, after shutdown; after a jump of the clock, which also makes it forget its
-    sensors, and while the clock stands still; without a goal; without a fresh scan that measures something; without
-    a fresh pose; while the frame of the goal is not known or stale; at the goal; after an exception in guide or
-    planner, a command that is not finite, or a decision that took longer than `stale`; before contact.
+    The robot stands in these cases, checked in this order: after shutdown; after a jump of the clock, which also
+    discards the sensor data, and while the clock stands still; without a goal; without a fresh scan that measures
+    something; without a fresh pose; while the frame of the goal is unknown or stale; at the goal; after an exception
+    in guide or planner, a command that is not finite, or a decision that took longer than `stale`; before contact.
     """
 
     def __init__(
@@ -69,14 +69,14 @@ class LiveDriver:
         self._pilot: Pilot | None = None
         self._goal: Goal | None = None
         self._number = 0  # of the newest goal
-        self._ended = ("no goal", LiveState.IDLE)
-        self._shut = self._jump = ""
+        self._idle_reason = ("no goal", LiveState.IDLE)
+        self._shutdown_reason = self._jump = ""
         self._last = LiveStep(0, LiveState.IDLE, "no goal")
         self.soft_stops = 0
 
     @property
     def robot(self) -> Robot:
-        """The robot, with the lidar in use once a scan has come."""
+        """The robot, with the lidar in use once a scan has arrived."""
         return self._configured if self._pilot is None else self._pilot.robot
 
     @property
@@ -86,13 +86,13 @@ class LiveDriver:
 
     @property
     def frames(self) -> Frames:
-        """Names of the odometry frame and the base frame, as far as messages have shown them."""
+        """Names of the odometry frame and the base frame, as far as messages have named them."""
         with self._lock:
             return self._sensors.frames
 
     @property
     def motion(self) -> StampedMotion | None:
-        """The latest pose and twist; None if none has come, or since the last jump of the clock."""
+        """The latest pose and twist; None before the first, and after a jump of the clock."""
         with self._lock:
             return self._sensors.track.latest
 
@@ -105,7 +105,7 @@ class LiveDriver:
         self._take("pose", now, lambda: self._sensors.take_pose(message, now))
 
     def take_transforms(self, message: Any, now: int, static: bool = False) -> None:
-        """Take a TFMessage. static: it came on tf_static, so it holds for ever; others go stale."""
+        """Take a TFMessage. static: it came on tf_static, so it holds forever; others go stale."""
         self._take("tf", now, lambda: self._sensors.take_transforms(message, now, static))
 
     def set_goal(self, position: Sequence[float], frame_id: str, now: int) -> None:
@@ -124,37 +124,37 @@ class LiveDriver:
         """Drop the goal; the robot stands."""
         with self._lock:
             if self._goal is not None:
-                self._end(LiveState.CANCELLED, "cancelled")
+                self._end_goal(LiveState.CANCELLED, "cancelled")
 
     def tick(self, now: int) -> LiveStep:
         """The step of one control period. Never raises.
 
-        Call it once a control period on the node's clock. While that clock stands still, call it all the same, by
-        wall time: the last step is given again, and after `stale` the robot stands.
+        Call it once a control period on the node's clock. While that clock stands still, keep calling it by wall
+        time: it returns the last step again, and after `stale` the robot stands.
         """
         try:
             self._last = self._step(now)
         except NotReadyError as why:
-            self._last = self._stand(now, str(why), why.state)
+            self._last = self._standing_step(now, str(why), why.state)
         except Exception as error:
-            self._last = self._stand(now, f"{type(error).__name__}: {error}")
+            self._last = self._standing_step(now, f"{type(error).__name__}: {error}")
         return self._last
 
     def stop(self, reason: str) -> LiveStep:
         """Shut down: the robot stands from now on."""
         with self._lock:
-            self._shut = reason
-        self._last = self._stand(self._last.stamp, reason)
+            self._shutdown_reason = reason
+        self._last = self._standing_step(self._last.stamp, reason)
         return self._last
 
     def _take(self, what: str, now: int, take: Callable[[], None]) -> None:
-        """Take a message. One that cannot be read is as if it had not come."""
+        """Take a message. One that cannot be read is ignored."""
         with self._lock:
             self._read_clock(now)
             try:
                 take()
             except Exception as error:
-                self._sensors.complain(what, f"{type(error).__name__}: {error}")
+                self._sensors.note_problem(what, f"{type(error).__name__}: {error}")
 
     def _read_clock(self, now: int) -> None:
         jump = self._clock.read(now)
@@ -165,12 +165,12 @@ class LiveDriver:
     def _step(self, now: int) -> LiveStep:
         with self._lock:
             self._check_clock(now)
-            if self._given(now):
+            if self._already_decided(now):
                 return self._last
-            first = self._unprepared()
+            first = self._scan_to_prepare_for()
         if first is not None:
             if self._last.command != STILL:  # it takes seconds
-                raise NotReadyError("guide and planner are to be prepared for another lidar")
+                raise NotReadyError("guide and planner must be prepared for another lidar")
             self._prepare(*first)
             raise NotReadyError("guide and planner were being prepared")
         with self._lock:
@@ -179,26 +179,26 @@ class LiveDriver:
 
     def _check_clock(self, now: int) -> None:
         """Raise NotReadyError after shutdown, after a jump of the clock, or if it stands still."""
-        if self._shut:
-            raise NotReadyError(self._shut)
+        if self._shutdown_reason:
+            raise NotReadyError(self._shutdown_reason)
         self._read_clock(now)
         jump, self._jump = self._jump, ""
         if jump:
             raise NotReadyError(jump)
-        if self._clock.stood > self._stale:
+        if self._clock.stalled_for > self._stale:
             raise NotReadyError("the clock stands still")
 
-    def _given(self, now: int) -> bool:
-        """Whether the last step is the decision for this time, too."""
+    def _already_decided(self, now: int) -> bool:
+        """Whether the last step is already the decision for this time."""
         decided = self._last.observation is not None and now <= self._last.stamp
         return decided and self._goal is not None and self._number == self._last.goal
 
-    def _unprepared(self) -> tuple[Any, Floats | None] | None:
-        """A scan, and its mount by tf, if guide and planner are still to be built for its lidar."""
+    def _scan_to_prepare_for(self) -> tuple[Any, Floats | None] | None:
+        """A scan, and its mount by tf, if guide and planner must still be built for its lidar."""
         scan, mount = self._sensors.scan, self._sensors.mount
         if scan is None:
             return None
-        if self._pilot is None or self._pilot.source.outgrown(scan):
+        if self._pilot is None or self._pilot.source.exceeded_by(scan):
             return scan, mount
         mounted = mount is None or self.mounted_by in ("scan.mount", "tf")
         return None if mounted else (scan, mount)
@@ -213,7 +213,7 @@ class LiveDriver:
     def _ready(self, now: int) -> _Ready:
         """Everything for a decision. Raises NotReadyError if the robot must stand."""
         if self._goal is None:
-            raise NotReadyError(*self._ended)
+            raise NotReadyError(*self._idle_reason)
         sensors, goal = self._sensors, self._goal
         sight, frames, tree = sensors.look(now), sensors.frames, sensors.tree
         sensors.check_transforms(tree.chain(goal.frame, frames.odom), now)
@@ -222,39 +222,39 @@ class LiveDriver:
         if target is None or left is None:
             raise NotReadyError(f"tf does not connect the frame of the goal, {goal.frame}, to {frames.odom}")
         if math.hypot(*left) <= self.config.goal_tolerance:
-            self._end(LiveState.ARRIVED, "arrived")
-            raise NotReadyError(*self._ended)
+            self._end_goal(LiveState.ARRIVED, "arrived")
+            raise NotReadyError(*self._idle_reason)
         return _Ready(sight, target, self._number)
 
-    def _end(self, state: LiveState, reason: str) -> None:
-        self._goal, self._ended = None, (reason, state)
+    def _end_goal(self, state: LiveState, reason: str) -> None:
+        self._goal, self._idle_reason = None, (reason, state)
 
     def _decide(self, ready: _Ready, now: int) -> LiveStep:
-        """Ask guide and planner. Raises NotReadyError if the goal changes meanwhile, and whatever they raise."""
+        """Ask guide and planner. Raises NotReadyError if the goal changes meanwhile, and whatever these raise."""
         pilot, last = self._pilot, self._last.command
         assert pilot is not None
         step = pilot.decide(ready.sight, ready.target, ready.number, last, now)
         with self._lock:
             self._check_goal(ready.number)
         if step.decision_us > self.config.stale * 1e6:
-            return _halted(step, f"the decision took {step.decision_us / 1e6:.2f} s")
+            return _halt(step, f"the decision took {step.decision_us / 1e6:.2f} s")
         if self.config.soft_stop and pilot.leads_into_contact(step, last):
             self.soft_stops += 1
-            return _halted(step, "soft stop: the command leads into contact")._replace(soft_stopped=True)
+            return _halt(step, "soft stop: the command leads into contact")._replace(soft_stopped=True)
         return step
 
     def _check_goal(self, number: int) -> None:
-        """Raise NotReadyError if the goal has changed during the decision."""
-        if self._shut:
-            raise NotReadyError(self._shut)
+        """Raise NotReadyError if the goal changed during the decision."""
+        if self._shutdown_reason:
+            raise NotReadyError(self._shutdown_reason)
         if self._goal is None:
-            raise NotReadyError(*self._ended)
+            raise NotReadyError(*self._idle_reason)
         if number != self._number:
-            raise NotReadyError("a new goal came during the decision")
+            raise NotReadyError("a new goal was set during the decision")
 
-    def _stand(self, now: int, reason: str, state: LiveState = LiveState.STOPPED) -> LiveStep:
+    def _standing_step(self, now: int, reason: str, state: LiveState = LiveState.STOPPED) -> LiveStep:
         return LiveStep(now, state, reason, STILL, self._number, motion=self.motion)
 
 
-def _halted(step: LiveStep, reason: str) -> LiveStep:
+def _halt(step: LiveStep, reason: str) -> LiveStep:
     return step._replace(state=LiveState.STOPPED, reason=reason, command=STILL)

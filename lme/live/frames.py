@@ -1,4 +1,4 @@
-"""The two frames that poses are between: the odometry frame and the robot's base."""
+"""The two frames that poses relate: the odometry frame and the robot's base."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def tf_frames(config: FramesConfig, tree: TransformTree) -> Frames | None:
 def message_frames(config: FramesConfig, message: Any | None, tree: TransformTree) -> Frames:
     """The frames that a message with a pose names, or the usual ones. message: None if none came yet.
 
-    Motion capture names the base as it likes: a name that tf does not know gives way to a usual one that it knows.
+    Motion capture may name the base anything: a name that tf does not know is replaced by a usual one that it knows.
     """
     odom = "" if message is None else frame(message.header.frame_id)
     named = frame(getattr(message, "child_frame_id", ""))

@@ -11,14 +11,14 @@ from lme.live.track import StampedMotion, Track
 from lme.live.transforms import TransformTree
 from lme.types import Floats
 
-FARTHEST = 1e4  # [m] goals beyond come from a fault; some planners sample the way
+FARTHEST = 1e4  # [m] a goal farther away is a fault; some planners sample the way
 
 
 class Goal:
     """A fixed point.
 
-    Localisation moves a frame above the odometry frame, such as map, and a goal in it moves as well. A goal in any
-    other frame is placed in the odometry frame once, at the pose that the robot had at the goal's stamp.
+    Localisation moves a frame above the odometry frame, such as map, and a goal in it moves with it. A goal in any
+    other frame is placed in the odometry frame once, at the robot's pose at the goal's stamp.
     """
 
     def __init__(self, point: Floats, frame: str, stamp: int) -> None:
@@ -34,7 +34,7 @@ class Goal:
             self._placed = self._point
         elif self.frame != frames.base and (matrix := tree.lookup(frames.odom, self.frame)) is not None:
             place = to_world(self._point, planar_matrix(matrix)[0])
-            self._placed = None if self._above(frames, tree) else place
+            self._placed = None if self._is_above_odometry(frames, tree) else place
             return True
         elif (matrix := tree.lookup(frames.base, self.frame)) is not None:
             motion = track.at(self._stamp, tolerance)
@@ -45,20 +45,20 @@ class Goal:
     def target(self, motion: StampedMotion, frames: Frames, tree: TransformTree) -> Floats | None:
         """The goal (2,) in the robot frame [m]; not transformed if it was given there at the stamp of the motion.
 
-        None where tf does not connect its frame, or puts it absurdly far away.
+        None if tf does not connect its frame, or puts it absurdly far away.
         """
-        found = self._seen_from(motion, frames, tree)
+        found = self._in_robot_frame(motion, frames, tree)
         return found if found is not None and (np.abs(found) <= FARTHEST).all() else None
 
-    def _seen_from(self, motion: StampedMotion, frames: Frames, tree: TransformTree) -> Floats | None:
+    def _in_robot_frame(self, motion: StampedMotion, frames: Frames, tree: TransformTree) -> Floats | None:
         if self.frame == frames.base and self._stamp == motion.stamp:
             return self._point
         if self._placed is not None:
             return to_robot(self._placed, motion.pose)
-        matrix = tree.lookup(frames.odom, self.frame) if self._above(frames, tree) else None
+        matrix = tree.lookup(frames.odom, self.frame) if self._is_above_odometry(frames, tree) else None
         if matrix is None:
             return None
         return to_robot(to_world(self._point, planar_matrix(matrix)[0]), motion.pose)
 
-    def _above(self, frames: Frames, tree: TransformTree) -> bool:
+    def _is_above_odometry(self, frames: Frames, tree: TransformTree) -> bool:
         return bool(tree.chain(self.frame, frames.odom))

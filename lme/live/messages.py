@@ -28,7 +28,7 @@ def stamp_of(header: Any) -> int:
 
 
 def nanoseconds(stamp: Any) -> int:
-    """A time [ns]. rospy says secs and nsecs."""
+    """A time [ns]. rospy names its parts secs and nsecs."""
     if hasattr(stamp, "secs"):
         return int(stamp.secs) * SECOND + int(stamp.nsecs)
     return int(stamp.sec) * SECOND + int(stamp.nanosec)
@@ -75,16 +75,16 @@ def scan_of(message: Any) -> LaserScan:
 
 def pose_of(message: Any, kind: str) -> Pose:
     """The planar pose of a message of type `kind`: Odometry, a pose or a transform."""
-    return planar(*_place(message, kind))
+    return planar(*_position_and_orientation(message, kind))
 
 
-def is_turned(message: Any, kind: str) -> bool:
-    """Whether the quaternion of a message with a pose is a rotation, and not left at zero."""
-    _, orientation = _place(message, kind)
+def has_orientation(message: Any, kind: str) -> bool:
+    """Whether the quaternion of a message with a pose is set, not left at zero."""
+    _, orientation = _position_and_orientation(message, kind)
     return any(getattr(orientation, key) != 0.0 for key in "xyzw")
 
 
-def _place(message: Any, kind: str) -> tuple[Any, Any]:
+def _position_and_orientation(message: Any, kind: str) -> tuple[Any, Any]:
     """Position and orientation in a message with a pose."""
     if kind == TRANSFORM:
         return message.transform.translation, message.transform.rotation
@@ -109,7 +109,7 @@ def matrix_of(translation: Any, rotation: Any) -> Floats:
     """Transform (4, 4) from the child to the parent frame, from a translation [m] and a quaternion."""
     x, y, z, w = (float(getattr(rotation, key)) for key in "xyzw")
     norm = x * x + y * y + z * z + w * w
-    s = 2.0 / norm if norm > 0.0 else 0.0  # an unset quaternion is no rotation
+    s = 2.0 / norm if norm > 0.0 else 0.0  # an unset quaternion counts as no rotation
     matrix = np.eye(4)
     matrix[:3, :3] = [
         [1 - s * (y * y + z * z), s * (x * y - z * w), s * (x * z + y * w)],

@@ -1,4 +1,4 @@
-"""Asks guide and planner, for the lidar that is there, and keeps the command within the limits."""
+"""Asks guide and planner, built for the lidar in use, and keeps the command within the limits."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from lme.geometry.frames import relative
 from lme.live.messages import SECOND
-from lme.live.safety import gone_on, limited, touches
+from lme.live.safety import limited, predict, touches
 from lme.live.scan_source import ScanSource
 from lme.live.sensors import LiveSight
 from lme.live.step import STILL, LiveState, LiveStep
@@ -32,7 +32,7 @@ class Pilot:
         self._explanations = Explanations(navigator)
 
     def warm_up(self, scan: Any) -> None:
-        """Make a few decisions on a scan that count for nothing."""
+        """Make a few decisions on a scan, and discard them."""
         here = StampedMotion(0, Pose(0.0, 0.0, 0.0), STILL)
         self._navigator.reset(np.random.default_rng(self._seed))
         for _ in range(_WARM_UPS):
@@ -40,7 +40,7 @@ class Pilot:
             self.leads_into_contact(step, STILL)
 
     def decide(self, sight: LiveSight, target: Floats, number: int, last: Twist, now: int) -> LiveStep:
-        """A step that drives. Raises what guide or planner raise.
+        """A step that drives. Raises whatever guide or planner raise.
 
         target: (2,) at the stamp of the scan [m]; it is goal `number`. last: the command before.
         """
@@ -66,9 +66,9 @@ class Pilot:
         )
 
     def leads_into_contact(self, step: LiveStep, last: Twist) -> bool:
-        """Whether the robot touches what it sees if it gets the command of a step that drives.
+        """Whether the robot would touch what it sees if it got the command of a driving step.
 
-        It has moved on since the scan, and since its latest pose, when it had the command `last`.
+        It has moved since the scan and since its latest pose, with the command `last`.
         """
         assert step.observation is not None
         assert step.motion is not None
@@ -76,10 +76,10 @@ class Pilot:
         points = obstacle_points(seen.scan, self.robot.lidar.mount)
         age = max(step.stamp - newest.stamp, 0) / SECOND
         then = relative(newest.pose, seen.odometry)
-        here, twist = gone_on(then, newest.twist, last, age, self.robot)
+        here, twist = predict(then, newest.twist, last, age, self.robot)
         return touches(points, here, twist, step.command, self.robot)
 
 
 def goal_rng(seed: int, number: int) -> np.random.Generator:
-    """The random generator of the navigator on the way to goal `number`: that of an episode's in this world."""
+    """The random generator of the navigator on the way to goal `number`: as for an episode in world `number`."""
     return np.random.default_rng(np.random.SeedSequence([seed, number, 0])).spawn(2)[0]

@@ -14,7 +14,7 @@ FASTEST = 50.0  # [m/s], [rad/s] the same
 
 
 class Sample(NamedTuple):
-    """The pose of the base in the odometry frame, the header with its stamp, and the twist if the message has one."""
+    """The pose of the base in the odometry frame, its header with the stamp, and the twist if the message has one."""
 
     header: Any
     pose: Pose

@@ -1,4 +1,4 @@
-"""What a command may be: within the robot's limits, and not into contact."""
+"""Safety of a command: it stays within the robot's limits and does not lead into contact."""
 
 from __future__ import annotations
 
@@ -21,24 +21,24 @@ def limited(command: Twist, last: Twist, limits: Limits, dt: float) -> Twist:
     return Twist(towards(v, last.v, limits.alpha_v, dt), towards(omega, last.omega, limits.alpha_omega, dt))
 
 
-def gone_on(pose: Pose, twist: Twist, command: Twist, time: float, robot: Robot) -> tuple[Pose, Twist]:
-    """Pose and twist of the robot after it has followed a command for `time` [s]."""
+def predict(pose: Pose, twist: Twist, command: Twist, time: float, robot: Robot) -> tuple[Pose, Twist]:
+    """Pose and twist of the robot after following a command for `time` [s]."""
     poses, moving = drive(pose, twist, command, robot.limits, time, _STEP, robot.hull.r_max)
     return Pose(*poses[-1].tolist()), Twist(*moving)
 
 
 def touches(points: Floats, pose: Pose, twist: Twist, command: Twist, robot: Robot) -> bool:
-    """Whether the robot touches a point if it gets the command for a control period, and brakes after that.
+    """Whether the robot would touch a point if it followed the command for a control period and then braked.
 
-    points (M, 2) [m], in the frame that `pose` is in. twist: of the robot now.
+    points (M, 2) [m], in the frame in which `pose` is given. twist: of the robot now.
     """
-    poses = _way(pose, twist, command, robot)
+    poses = _stopping_poses(pose, twist, command, robot)
     circles = np.column_stack((points, np.zeros(len(points))))
     return sweep(poses, robot.hull.box, circles, _NO_EDGES)[1] >= 0
 
 
-def _way(pose: Pose, twist: Twist, command: Twist, robot: Robot) -> Floats:
-    """Poses (K, 3) until the robot stands."""
+def _stopping_poses(pose: Pose, twist: Twist, command: Twist, robot: Robot) -> Floats:
+    """Poses (K, 3) over a control period with the command, and then until the robot stands."""
     limits, reach = robot.limits, robot.hull.r_max
     period, moving = drive(pose, twist, command, limits, robot.dt, _STEP, reach)
     braking_time = max(abs(moving[0]) / limits.alpha_v, abs(moving[1]) / limits.alpha_omega)

@@ -19,7 +19,7 @@ from lme.sensing.resampling import own_lidar, resampled, same_lidar, tidied
 from lme.types import Floats, LaserScan, Observation, Pose
 
 LIDARS = ("recorded", "robot")
-_FINER = 2.5  # times as many beams in an angle show more than the lidar of the first message
+_FINER = 2.5  # times as many beams per angle as in the first message are a finer lidar
 
 
 @dataclass(slots=True)
@@ -87,17 +87,17 @@ class ScanSource:
         if geometry != self._geometry:
             self._geometry = geometry
             self._own = same_lidar(own_lidar(tidied(raw, self.upside_down), self._pose)[0], lidar)
-            self._untouched = self._own and self._reads_alike(raw)
+            self._untouched = self._own and self._needs_no_conversion(raw)
         if self._untouched:
-            return _of(lidar, raw.ranges)
+            return _scan_of_lidar(lidar, raw.ranges)
         scan = tidied(raw, self.upside_down)
-        return _of(lidar, scan.ranges) if self._own else resampled(scan, self._pose, lidar)
+        return _scan_of_lidar(lidar, scan.ranges) if self._own else resampled(scan, self._pose, lidar)
 
     def observation(self, message: Any, motion: StampedMotion, target: Floats) -> Observation:
-        """What guide and planner get: the scan of a message, and pose, twist and target (2,) [m] at its stamp."""
+        """The input of guide and planner: the scan of a message, and pose, twist and target (2,) [m] at its stamp."""
         return Observation(self.read(message), target, motion.twist, self.robot.limits, motion.pose)
 
-    def outgrown(self, message: Any) -> bool:
+    def exceeded_by(self, message: Any) -> bool:
         """Whether a message shows a wider or much finer lidar than the first, which then was not a whole scan."""
         if self._cloud or self._config.lidar == "robot":
             return False
@@ -116,7 +116,7 @@ class ScanSource:
         low = max(low, 0.0) if math.isfinite(low) else 0.0
         return scan._replace(range_min=low, range_max=high if low < high < math.inf else self._spare_range)
 
-    def _reads_alike(self, raw: LaserScan) -> bool:
+    def _needs_no_conversion(self, raw: LaserScan) -> bool:
         """Whether the ranges need no conversion: same beams in the same order, and 0 is not a valid range."""
         lidar = self.robot.lidar
         first = math.isclose(raw.angle_min, lidar.angle_min, abs_tol=1e-5)
@@ -154,7 +154,7 @@ def _matrix(mount: Sequence[float]) -> Floats:
         raise InputError(f"scan.{error}") from error
 
 
-def _of(lidar: Lidar, ranges: Any) -> LaserScan:
+def _scan_of_lidar(lidar: Lidar, ranges: Any) -> LaserScan:
     return LaserScan(
         np.ascontiguousarray(ranges, np.float32),
         lidar.angle_min,

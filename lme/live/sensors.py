@@ -1,4 +1,4 @@
-"""The latest scan, the robot's motion and the transforms, from messages that come late, out of order or not at all."""
+"""The latest scan, motion and transforms, from messages that may arrive late, out of order or not at all."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from lme.live.config import LiveConfig
 from lme.live.frames import Frames, FramesConfig, message_frames, tf_frames
-from lme.live.messages import SECOND, frame, is_empty, is_turned, kind_of_pose, matrix_of, stamp_of
+from lme.live.messages import SECOND, frame, has_orientation, is_empty, kind_of_pose, matrix_of, stamp_of
 from lme.live.poses import Sample, is_sound, message_pose, tf_pose
 from lme.live.step import NotReadyError
 from lme.live.track import StampedMotion, Track
@@ -27,9 +27,9 @@ class LiveSight(NamedTuple):
 
 
 class LiveSensors:
-    """Keeps what has come, and says whether it is fresh enough to drive on.
+    """Keeps the latest messages, and checks that they are fresh enough to drive on.
 
-    A message counts if its stamp is within `stale` of the time at which it comes, and later than those before it.
+    A message counts if its stamp is within `stale` of its arrival, and later than those before it.
     Poses come from tf until the first message that holds one; from then on, only from such messages.
     """
 
@@ -39,7 +39,7 @@ class LiveSensors:
         self._config = frames
         self._pose_message: Any = None
         self._tf_frames: Frames | None = None
-        self._moving: set[str] = set()  # child frames that have come otherwise than as static
+        self._moving: set[str] = set()  # child frames whose transforms have come on tf, not only on tf_static
         self.tree = TransformTree()
         self.forget()
 
@@ -47,17 +47,19 @@ class LiveSensors:
         """Drop scans and poses. Transforms stay, because static ones come only once; moving ones must come again."""
         self.scan: Any = None
         self.track = Track()
-        self._seen: dict[str, int] = {}  # by what was seen [ns]: the earlier of its stamp and of when it came
+        self._seen: dict[
+            str, int
+        ] = {}  # by kind of message [ns]: its stamp or its arrival, whichever is earlier
         self._scan_stamp = 0
-        self._moved: dict[str, int] = {}  # the same of the moving transforms [ns], by child frame
-        self._complaints: dict[str, str] = {}
+        self._moved: dict[str, int] = {}  # the same for the moving transforms [ns], by child frame
+        self._problems: dict[str, str] = {}
 
-    def complain(self, what: str, complaint: str) -> None:
-        """Note why the last message did not count. what: scan, pose or tf."""
-        self._complaints[what] = complaint
+    def note_problem(self, what: str, problem: str) -> None:
+        """Note why the last message was ignored. what: scan, pose or tf."""
+        self._problems[what] = problem
 
     def take_scan(self, message: Any, now: int) -> None:
-        """Keep a LaserScan or PointCloud2, unless a later one is there."""
+        """Keep a LaserScan or PointCloud2, unless a later one is known."""
         stamp = self._stamp("scan", message.header, now)
         if stamp is None or (self.scan is not None and stamp <= self._scan_stamp):
             return
@@ -68,11 +70,11 @@ class LiveSensors:
         """Add an Odometry, PoseStamped, PoseWithCovarianceStamped or TransformStamped."""
         kind = kind_of_pose(message)
         sample = message_pose(message, kind)
-        if not is_turned(message, kind):
-            self.complain("pose", "its quaternion is zero")
+        if not has_orientation(message, kind):
+            self.note_problem("pose", "its quaternion is zero")
             return
         if self._pose_message is None:
-            self.track = Track()  # so far by tf
+            self.track = Track()  # until now by tf
         self._pose_message = message
         self._add(sample, now)
 
@@ -80,9 +82,9 @@ class LiveSensors:
         """Add a TFMessage."""
         for one in message.transforms:
             if not np.isfinite(matrix_of(one.transform.translation, one.transform.rotation)).all():
-                self.complain("tf", f"the transform of {frame(one.child_frame_id)} is not finite")
+                self.note_problem("tf", f"the transform of {frame(one.child_frame_id)} is not finite")
                 return
-        self._complaints.pop("tf", None)
+        self._problems.pop("tf", None)
         self.tree.update(message)
         if not static:
             for one in message.transforms:
@@ -137,18 +139,18 @@ class LiveSensors:
         if stamp is None:
             return
         if not is_sound(sample.pose, sample.twist):
-            self.complain("pose", "it is not finite, or absurd")
+            self.note_problem("pose", "it is not finite, or absurdly large")
             return
         if self.track.newest is None or stamp > self.track.newest:
             self.track.add(stamp, sample.pose, sample.twist)
             self._note("pose", stamp, now)
 
     def _stamp(self, what: str, header: Any, now: int) -> int | None:
-        """The stamp of a message that comes at `now` [ns]; None if it is too far away from `now`."""
+        """The stamp of a message that arrives at `now` [ns]; None if it is too far from `now`."""
         stamp = self._header_stamp(header)
         if stamp and abs(now - stamp) > self._stale:
             side = "behind" if now > stamp else "ahead of"
-            self.complain(
+            self.note_problem(
                 what,
                 f"its stamp is {_seconds(abs(now - stamp))} {side} the clock; set live.clock=received if clocks differ",
             )
@@ -156,18 +158,18 @@ class LiveSensors:
         return stamp or now
 
     def _header_stamp(self, header: Any) -> int:
-        """The stamp of a header [ns]; 0 if there is none, or if those of messages do not count."""
+        """The stamp of a header [ns]; 0 if there is none, or if message stamps are ignored."""
         return stamp_of(header) if self._by_header else 0
 
     def _note(self, what: str, stamp: int, now: int) -> None:
         self._seen[what] = min(stamp, now)
-        self._complaints.pop(what, None)
+        self._problems.pop(what, None)
 
     def _check(self, what: str, now: int) -> None:
-        complaint = self._complaints.get(what)
+        problem = self._problems.get(what)
         if what == "pose" and self._pose_message is None:
-            complaint = complaint or self._complaints.get("tf")
-        because = f" ({complaint})" if complaint else ""
+            problem = problem or self._problems.get("tf")
+        because = f" ({problem})" if problem else ""
         if what not in self._seen:
             raise NotReadyError(f"no {_NAMES[what]}{because}")
         if now - self._seen[what] > self._stale:

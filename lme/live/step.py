@@ -13,7 +13,7 @@ STILL = Twist(0.0, 0.0)
 
 
 class LiveState(StrEnum):
-    """What the robot does. STOPPED: it stands for safety, and goes on when the reason is gone."""
+    """What the robot does. STOPPED: it stands for safety, and continues once the reason is gone."""
 
     IDLE = "idle"
     DRIVING = "driving"
@@ -28,7 +28,7 @@ class LiveStep(NamedTuple):
     stamp: time of the tick [ns]. reason: why the robot stands; "" while it drives. command: what to send now, within
     all limits. goal: number of the goal, from 1; 0 before the first. wanted: the planner's command before the limits.
     observation, guidance, wanted: None if there was no decision. explanation: of the guide's decision; None if it made
-    none in this period, or gives none. soft_stopped: the wanted command would have led into contact.
+    none in this period, or cannot explain itself. soft_stopped: the wanted command would have led into contact.
     decision_us: computing time of the decision [µs]. motion: the latest pose and twist; None if none is known.
     """
 
@@ -47,7 +47,7 @@ class LiveStep(NamedTuple):
 
     @property
     def text(self) -> str:
-        """What the robot does and why, for people."""
+        """What the robot does and why, for display."""
         return str(self.state) if self.reason in ("", self.state) else f"{self.state}: {self.reason}"
 
 

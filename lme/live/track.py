@@ -1,4 +1,4 @@
-"""The motion of the robot: its pose and twist at any time of the last seconds."""
+"""The motion of the robot: its pose and twist at any time within the last seconds."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Track:
         self._twists: list[Twist | None] = []
 
     def add(self, stamp: int, pose: Pose, twist: Twist | None) -> None:
-        """Add a pose, unless a later one is there. Without a twist, velocity is the slope of the poses."""
+        """Add a pose, unless a later one is known. Without a twist, the velocity is the slope of the poses."""
         if self._stamps and stamp <= self._stamps[-1]:
             return
         self._stamps.append(stamp)
@@ -52,9 +52,10 @@ class Track:
         return self.at(self._stamps[-1], 0) if self._stamps else None
 
     def at(self, stamp: int, tolerance: int) -> StampedMotion | None:
-        """The motion at `stamp` [ns], exactly as it came if a pose has this stamp, else interpolated.
+        """The motion at `stamp` [ns], exactly as received if a pose has this stamp, else interpolated.
 
-        Before the first pose and after the last, the motion there. None if no pose is within `tolerance` [ns].
+        Before the first pose it is the first motion, after the last pose the last motion. None if no pose is within
+        `tolerance` [ns].
         """
         if not self._stamps:
             return None

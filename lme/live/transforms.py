@@ -35,7 +35,7 @@ class TransformTree:
         return {*self._parents, *(parent for parent, _ in self._parents.values())}
 
     def chain(self, ancestor: str, name: str) -> set[str]:
-        """Frames from `name` up to `ancestor`, without `ancestor`; empty if it is no ancestor of `name`."""
+        """Frames from `name` up to `ancestor`, without `ancestor`; empty if it is not an ancestor of `name`."""
         found = list(self._to_ancestors(name))
         return set(found[: found.index(ancestor)]) if ancestor in found else set()
 

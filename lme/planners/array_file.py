@@ -1,4 +1,4 @@
-"""Files of named float32 arrays, .npz, that may come from anywhere."""
+"""Files of named float32 arrays, .npz, which are not trusted."""
 
 from __future__ import annotations
 
@@ -36,9 +36,9 @@ def write_arrays(arrays: Arrays, file: IO[bytes]) -> None:
 
 
 def read_shapes(path: Path, what: str) -> dict[str, Shape]:
-    """The shapes of all arrays in a file by their names; no array is made.
+    """The shapes of all arrays in a file by their names; no array is created.
 
-    what: whose weights the file should hold, for messages. Raises InputError, naming the file, if it is no .npz.
+    what: whose weights the file should hold, for messages. Raises InputError, naming the file, if it is not an .npz.
     """
     with _opened(path, what) as archive:
         names = [name for name in archive.namelist() if name.endswith(_ENDING)]
@@ -46,10 +46,10 @@ def read_shapes(path: Path, what: str) -> dict[str, Shape]:
 
 
 def read_arrays(path: Path, shapes: Mapping[str, Shape], what: str) -> dict[str, NDArray[np.float32]]:
-    """The arrays of these names and shapes in a file that `write_arrays` made; others may lie beside them.
+    """The arrays of these names and shapes in a file that `write_arrays` made; the file may hold others too.
 
     Raises InputError, naming file and array, for a file that cannot be read, arrays of other names, types or
-    shapes, and values that are not finite. No array is made before its shape is known to be right.
+    shapes, and values that are not finite. No array is created before its shape is known to be right.
     """
     with _opened(path, what) as archive:
         arrays = {name: _array(archive, name, shape, path, what) for name, shape in shapes.items()}
@@ -66,7 +66,7 @@ def check_finite(arrays: Arrays, source: str) -> None:
 
 @contextmanager
 def _opened(path: Path, what: str) -> Iterator[zipfile.ZipFile]:
-    """The archive; whatever damage shows while it is read is an InputError."""
+    """The archive; any damage found while it is read raises InputError."""
     try:
         with zipfile.ZipFile(path) as archive:
             yield archive
@@ -75,7 +75,7 @@ def _opened(path: Path, what: str) -> Iterator[zipfile.ZipFile]:
     except _DAMAGE as error:
         if isinstance(error, InputError):
             raise
-        raise InputError(f"{path}: is no weight file of {what}, an .npz ({error})") from None
+        raise InputError(f"{path}: is not a weight file of {what}, an .npz ({error})") from None
 
 
 def _shape(archive: zipfile.ZipFile, name: str) -> Shape:
@@ -107,5 +107,5 @@ def _array(archive: zipfile.ZipFile, name: str, wanted: Shape, path: Path, what:
             raise InputError(f"{path}: {name} is {dtype} {shape}: must be float32 {wanted}")
         raw = member.read(size + 1)
     if len(raw) != size:
-        raise InputError(f"{path}: {name} has another length than its shape {shape}")
+        raise InputError(f"{path}: {name} does not have the length of its shape {shape}")
     return np.frombuffer(raw, "<f4").reshape(shape).astype(np.float32)

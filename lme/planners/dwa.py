@@ -144,7 +144,7 @@ class Dwa:
         """If no arc is free: brake, then turn in place, as before or away from the nearest point."""
         v_low, omega = window.v[0, 0], window.omega[0]
         if v_low > 0.0:
-            return 0.0, now.omega * v_low / now.v  # stay on the present arc, on which a stop was possible
+            return 0.0, now.omega * v_low / now.v  # stay on the current arc, on which a stop was possible
         free = omega[(window.contact[0] >= window.stopping[0]) & (omega != 0.0)]
         if not free.size:
             return 0.0, 0.0

@@ -69,8 +69,8 @@ class VfhPlusConfig:
 class VfhPlus:
     """Vector Field Histogram + (Ulrich & Borenstein 1998, DOI 10.1109/ROBOT.1998.677362).
 
-    The active window of the histogram grid contains the present scan and the points remembered in the lidar's
-    blind arc; a cell with a point has certainty 1. Obstacles behind the subgoal are left out. The speed is that
+    The active window of the histogram grid contains the current scan and the points remembered in the lidar's
+    blind arc; a cell with a point has certainty 1. Obstacles behind the subgoal are ignored. The speed is that
     of VFH (Borenstein & Koren 1991, DOI 10.1109/70.88137): lower in dense directions and in turns. If the robot
     cannot steer into any gap at its speed, it stops and turns. A `StoppingGuard` slows commands that are not safe.
     """

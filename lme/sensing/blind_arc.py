@@ -27,7 +27,7 @@ class BlindArc:
         self._seen = _NONE  # in the odometry frame
 
     def points(self, observation: Observation) -> Floats:
-        """Points of the present scan and remembered points in the blind arc, in the robot frame: (M, 2) [m].
+        """Points of the current scan and remembered points in the blind arc, in the robot frame: (M, 2) [m].
 
         The order is arbitrary. Call it at every step.
         """

@@ -73,8 +73,8 @@ def resampled(scan: LaserScan, mount: Pose, lidar: Lidar) -> LaserScan:
     nearest return of a beam counts. Beams between neighbours on one surface are interpolated along the straight
     line, but not across a depth edge. A beam without data, e.g. outside the old field of view, is inf.
 
-    A lidar with `native_beams` in the scan's place is interpolated instead, as the paper does (§V.A): its ranges are
-    linear in the bearing, also across depth edges, where they invent points between two surfaces. Where one of
+    For a lidar with `native_beams` at the scan's place, ranges are interpolated instead, as in the paper (§V.A):
+    linearly in the bearing, also across depth edges, where this invents points between two surfaces. If one of
     the two neighbours has no return, the beam takes the nearer one's reading.
     """
     onto = (lidar.angle_min, lidar.angle_increment, lidar.num_beams)

@@ -12,8 +12,8 @@ from lme.types import Floats, LaserScan, Pose
 def obstacle_points(scan: LaserScan, mount: Pose) -> Floats:
     """Points hit by the beams, in the base frame, sorted by bearing about the base in (−π, π]: (M, 2) [m].
 
-    mount: pose of the lidar in the base frame. A range that is not finite, below range_min or ≥ range_max is no
-    hit; M may be 0.
+    mount: pose of the lidar in the base frame. A range that is not finite, below range_min or ≥ range_max is not
+    a hit; M may be 0.
     """
     directions = _directions(scan.angle_min, scan.angle_increment, len(scan.ranges))
     # A plain tuple: Numba takes a named one for another type, and needs longer to recognise it.

@@ -69,7 +69,7 @@ class Crowd:
         self._owner = np.repeat([i for i, _ in outlines], [len(side) for side in sides]).astype(np.int64)
 
     def _place(self) -> None:
-        """Move the shapes to the present poses."""
+        """Move the shapes to the current poses."""
         self.circles[:, :2] = self.poses[self._discs, :2]
         _turn_sides(self._sides, self._owner, self.poses, self.edges)
 

@@ -50,7 +50,7 @@ class FastSimulator:
 
     @property
     def obstacles(self) -> tuple[Floats, Floats]:
-        """Circles (C, 3) and edges (E, 4) at their present poses, static ones first."""
+        """Circles (C, 3) and edges (E, 4) at their current poses, static ones first."""
         return self._substepper.obstacles if self._substepper else (self._circles, self._edges)
 
     def reset(self, task: Task, rng: np.random.Generator) -> Observation:

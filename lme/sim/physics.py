@@ -53,7 +53,7 @@ class PhysicsSimulator:
 
     @property
     def obstacles(self) -> tuple[Floats, Floats]:
-        """Circles (C, 3) and edges (E, 4) at their present poses, static ones first."""
+        """Circles (C, 3) and edges (E, 4) at their current poses, static ones first."""
         return self._substepper.obstacles
 
     def reset(self, task: Task, rng: np.random.Generator) -> Observation:

@@ -42,7 +42,7 @@ class Simulator(Protocol):
 
     @property
     def obstacles(self) -> tuple[Floats, Floats]:
-        """Circles (C, 3) and edges (E, 4) at their present poses, static ones first."""
+        """Circles (C, 3) and edges (E, 4) at their current poses, static ones first."""
 
     def reset(self, task: Task, rng: np.random.Generator) -> Observation:
         """Put the robot at the task's start, at rest."""
@@ -79,7 +79,7 @@ class Sensors:
     ) -> Observation:
         """The observation; twist, odometry: by the wheel encoders; circles (C, 3), edges (E, 4): the obstacles now.
 
-        crowd: the movers among them. scan_pose: where the newest scan was taken, if not at the present pose.
+        crowd: the movers among them. scan_pose: where the newest scan was taken, if not at the current pose.
         """
         scan_pose = scan_pose or state.pose
         scan = self._scan(scan_pose, circles, edges)

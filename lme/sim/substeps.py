@@ -77,7 +77,7 @@ class Substepper:
 
     @property
     def obstacles(self) -> tuple[Floats, Floats]:
-        """Circles (C, 3) and edges (E, 4) at their present poses."""
+        """Circles (C, 3) and edges (E, 4) at their current poses."""
         circles, edges = self._static
         if not len(self.crowd):
             return circles, edges

@@ -43,7 +43,7 @@ def discs_in_sight(
     discs (C, 3) [x, y, r] and their velocities (C, 2), in the world; ranges (B,); angles: angle_min and a positive
     angle_increment [rad]; limits: range_min, range_max, slack [m]; lidar, base: poses in the world. A disc is in
     sight if it is within range_max and the beam nearest to its middle does not end more than the slack before it;
-    a beam without a return ends nowhere.
+    a beam without a return hides nothing.
     """
     found, count = np.empty((len(discs), 4)), 0
     cos, sin = math.cos(base[2]), math.sin(base[2])
@@ -64,6 +64,6 @@ def discs_in_sight(
 
 @njit(cache=True, error_model="numpy")
 def _range_towards(bearing: float, ranges: NDArray[np.float32], angles: tuple[float, float]) -> float:
-    """Range of the beam nearest to a bearing in the lidar's frame [m]; −∞ outside of the field of view."""
+    """Range of the beam nearest to a bearing in the lidar's frame [m]; −∞ outside the field of view."""
     beam = int(((bearing - angles[0] + 0.5 * angles[1]) % (2.0 * math.pi)) / angles[1])
     return float(ranges[beam]) if beam < len(ranges) else -math.inf

@@ -1,4 +1,4 @@
-"""Readers of maps that are pictures: plain bitmaps with a size, and ROS map_server maps."""
+"""Readers of maps given as pictures: plain bitmaps with a size, and ROS map_server maps."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ _ROS_KEYS = ("image", "resolution", "origin", "negate", "occupied_thresh", "free
 
 
 def read_bitmap(path: Path, size: tuple[float, float]) -> FloorPlan:
-    """A plain picture as a place of `size` (width, height) [m], with its lower left corner at the origin.
+    """A plain picture as a map of `size` (width, height) [m], with its lower left corner at the origin.
 
     Pixels darker than half of white are obstacles; transparent ones are white; the picture's border is a
-    closed wall. Raises InputError for a file that is no picture, is truncated, or is too large.
+    closed wall. Raises InputError for a file that is not a picture, is truncated, or is too large.
     """
     occupied = brightness(path) < DARK
     pixel = np.array(size) / occupied.shape[::-1]
@@ -44,11 +44,11 @@ def read_ros_map(path: Path, unknown_is_obstacle: bool) -> FloorPlan:
     entry = Entry(str(path), read_yaml(path), _ROS_KEYS, ["mode"])
     image = entry.value("image")
     if not isinstance(image, str) or not image or not image.isprintable():
-        raise entry.mistake("image", "the name of a picture beside this file, or its path")
+        raise entry.mistake("image", "the name of a picture next to this file, or its path")
     resolution = entry.number("resolution", above=0.0)
     origin = Pose(*entry.numbers("origin", "x, y, yaw", 3))
     if entry.value("mode", "trinary") != "trinary":
-        raise entry.mistake("mode", "trinary, the one mode that is read")
+        raise entry.mistake("mode", "trinary, the only mode that is supported")
     try:
         white = brightness(path.parent / image)
     except InputError as error:
@@ -87,8 +87,8 @@ def brightness(path: Path) -> Floats:
     except _DAMAGED as error:
         if isinstance(error, InputError):
             raise
-        reason = " ".join(str(error).split()) or "it asks for too much memory"
-        raise InputError(f"{path}: must be a whole picture (PNG, PGM, JPEG, …): {reason}") from error
+        reason = " ".join(str(error).split()) or "it needs too much memory"
+        raise InputError(f"{path}: must be a complete picture (PNG, PGM, JPEG, …): {reason}") from error
     return np.asarray(grey, dtype=np.float64)[::-1] / 255.0
 
 

@@ -1,4 +1,4 @@
-"""Checks that a task is possible, before the first episode, so that a bad map is an error and not a result."""
+"""Checks that a task is possible, before the first episode, so that a bad map is an error, not a result."""
 
 from __future__ import annotations
 

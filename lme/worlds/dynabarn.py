@@ -1,4 +1,4 @@
-"""DynaBARN's arena of moving cylinders, with cylinder motion of our own.
+"""DynaBARN's arena of moving cylinders, with our own cylinder motion.
 
 Arena, cylinders, start, goal and time limit are those of the 60 published worlds (Nair et al. 2022, "DynaBARN:
 Benchmarking Metric Ground Navigation in Dynamic Environments", doi:10.1109/SSRR56537.2022.10018758; files in

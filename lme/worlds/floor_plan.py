@@ -1,4 +1,4 @@
-"""A drawn place: its obstacles and its outline."""
+"""A floor plan: its obstacles and its outline."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from lme.worlds.world import World
 class FloorPlan:
     """What a map file holds.
 
-    world: the obstacles, including the closed outer wall. outline: (4, 2) corners of the place in order [m].
+    world: the obstacles, including the closed outer wall. outline: (4, 2) corners in order [m].
     """
 
     world: World

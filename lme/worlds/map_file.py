@@ -1,4 +1,4 @@
-"""A map of the user's own: a room from a file, whose start and goal may be given."""
+"""The user's own map: a room from a file, optionally with a given start and goal."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ class MapFileConfig(RoomConfig):
         if self.start is not None and self.goal is not None and self.worlds not in (None, [0]):
             raise InputError(
                 f"map.worlds is {self.worlds}: must be null or [0], "
-                "as map.start and map.goal together leave one configuration"
+                "since map.start and map.goal together leave one configuration"
             )
 
 
 class MapFile(Room):
-    """A room whose start, goal or both are given; what is not given is drawn for each number, as in a room.
+    """A room whose start, goal or both are given; the rest is drawn for each number, as in a room.
 
     With both given there is one configuration, number 0. A start without a yaw faces the goal.
     """
@@ -41,24 +41,24 @@ class MapFile(Room):
     Config = MapFileConfig
 
     def __init__(self, config: MapFileConfig) -> None:
-        """Raises InputError as a room does, and for a start or goal that is not in free space."""
+        """Raises InputError as `Room` does, and for a start or goal that is not in free space."""
         self._start, self._goal = config.start, config.goal
         super().__init__(config)
 
-    def _offered(self) -> range:
-        return super()._offered() if self._start is None or self._goal is None else range(1)
+    def _available_numbers(self) -> range:
+        return super()._available_numbers() if self._start is None or self._goal is None else range(1)
 
     def _configuration(self, number: int) -> Configuration:
         for key, place in (("start", self._start), ("goal", self._goal)):
             if place is not None:
                 self._space.check_free(f"map.{key}", place)
         if self._start is not None:
-            return self._from(self._start, number)
+            return self._from_given_start(self._start, number)
         if self._goal is not None:
-            return self._to(np.array(self._goal), number)
+            return self._to_given_goal(np.array(self._goal), number)
         return super()._configuration(number)
 
-    def _from(self, start: list[float], number: int) -> Configuration:
+    def _from_given_start(self, start: list[float], number: int) -> Configuration:
         """From the given start to the given or a drawn goal."""
         place = np.array(start[:2])
         if self._goal is None:
@@ -69,7 +69,7 @@ class MapFile(Room):
         yaw = start[2] if len(start) == 3 else math.atan2(goal[1] - place[1], goal[0] - place[0])
         return Configuration(Pose(start[0], start[1], yaw), goal)
 
-    def _to(self, goal: Floats, number: int) -> Configuration:
+    def _to_given_goal(self, goal: Floats, number: int) -> Configuration:
         """From a drawn start, with any yaw, to the given goal."""
         rng = self._rng(number)
         x, y = self._space.draw_partner(rng, goal, self.config.min_distance).tolist()

@@ -64,7 +64,7 @@ class Mover:
 
     def _check_trigger(self, trigger: tuple[float, float]) -> None:
         if self.starts_within is None:
-            raise InputError("mover.trigger needs mover.starts_within: how near the robot must come to it")
+            raise InputError("mover.trigger needs mover.starts_within: how near to it the robot must come")
         if len(trigger) != 2 or not all(map(math.isfinite, trigger)):
             raise InputError(f"mover.trigger is {trigger}: must be x, y in metres")
 

@@ -1,6 +1,6 @@
-"""One drawn place with another start and goal under every number: the maps of the paper's §IV.A.
+"""One map with a different start and goal for every number: the maps of the paper's §IV.A.
 
-The place is read from a shape file, a plain bitmap with a size, or a ROS map_server map.
+The map is read from a shape file, a plain bitmap with a size, or a ROS map_server map.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class RoomConfig(PacedRules):
     """Keys of `conf/map/_room.yaml`."""
 
     name: str | None = None  # in the records; None: the file's name
-    path: str | None = None  # shape file, ROS map or picture; None: the drawing that ships under `name`
+    path: str | None = None  # shape file, ROS map or picture; None: the shape file that ships under `name`
     size: list[float] | None = None  # width, height [m] of a plain picture
     unknown: str = "obstacle"  # obstacle | free: unknown cells of a ROS map
     configurations: int = 50  # pairs of start and goal, numbers 0, 1, …
@@ -68,7 +68,7 @@ class Room:
     Config = RoomConfig
 
     def __init__(self, config: RoomConfig) -> None:
-        """Raises InputError for a file that is not right, or with too little free space."""
+        """Raises InputError for an invalid file, or one with too little free space."""
         path = _path(config)
         source = (path, path.stat().st_mtime_ns, _size(config), config.unknown)
         radius = STAGE_RADIUS if config.radius is None else config.radius
@@ -76,7 +76,7 @@ class Room:
         self._name = config.name or path.stem
         self._plan, self._space = _surveyed(*source, config.grid, radius, config.margin)
         self._configurations = {
-            number: self._configuration(number) for number in config.numbers(self._offered())
+            number: self._configuration(number) for number in config.numbers(self._available_numbers())
         }
 
     @property
@@ -109,7 +109,7 @@ class Room:
             measures={"straight_m": straight, "detour": length / straight},
         )
 
-    def _offered(self) -> range:
+    def _available_numbers(self) -> range:
         return range(self.config.configurations)
 
     def _configuration(self, number: int) -> Configuration:
@@ -125,7 +125,7 @@ def read_floor_plan(
     """Read any map file: a .yaml with `image` is a ROS map, another .yaml a shape file, the rest are pictures.
 
     size: (width, height) [m] of a picture. unknown: "obstacle" or "free", unknown cells of a ROS map.
-    Raises InputError for a picture without a size, for anything else with one, and as the readers do.
+    Raises InputError for a picture without a size, for anything else with one, and whatever the readers raise.
     """
     if path.suffix.lower() not in (".yaml", ".yml"):
         if not is_picture(path):

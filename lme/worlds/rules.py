@@ -1,4 +1,4 @@
-"""What every map set's config has in common: which worlds are driven, and when an episode ends."""
+"""What the configs of all map sets have in common: which worlds are driven, and when an episode ends."""
 
 from __future__ import annotations
 

@@ -108,7 +108,7 @@ class FreeSpace:
         if not math.isfinite(length):
             raise InputError(
                 f"{where}: no path from the start to the goal is wide enough for a disc of radius "
-                f"{self._radius:.3g} m (map.radius): must be a smaller robot, or another start, goal or map"
+                f"{self._radius:.3g} m (map.radius): must be a smaller robot, or a different start, goal or map"
             )
         return length
 

@@ -1,4 +1,4 @@
-"""Drawn scenes: a place, its movers, a start and a goal, as readable YAML.
+"""Scenes: a map, its movers, a start and a goal, as readable YAML.
 
 A scene file is a shape file (`lme.worlds.shapes`) with three more keys:
 
@@ -59,7 +59,7 @@ class Drawing:
 
 
 class Scene(Starts):
-    """One scene from another start under every number."""
+    """One scene with a different start for every number."""
 
     Config = SceneConfig
 
@@ -69,24 +69,24 @@ class Scene(Starts):
         self._radius = STAGE_RADIUS if config.radius is None else config.radius
         drawing, space = _surveyed(path, path.stat().st_mtime_ns, self._radius, config.grid)
         self._site = drawing.plan.world, space
-        super().__init__(config.name or path.stem, config, self._same, drawing.start, drawing.goal)
+        super().__init__(config.name or path.stem, config, self._shared_site, drawing.start, drawing.goal)
 
     @property
     def name(self) -> str:
         """What the records call this scene."""
         return self._name
 
-    def _same(self, number: int) -> tuple[World, FreeSpace]:
+    def _shared_site(self, number: int) -> tuple[World, FreeSpace]:
         return self._site
 
     def task(self, number: int) -> Task:
-        """As `Starts.task`. Raises InputError also if a mover stands at the start."""
+        """See `Starts.task`. Also raises InputError if a mover stands at the start."""
         task = super().task(number)
         for place, mover in enumerate(task.world.movers):
             if _distance(mover, task.start) <= self._radius:
                 raise InputError(
                     f"map {task.map_name}, start {number}: movers[{place}] stands in the disc around the robot "
-                    "(map.radius): must begin further away"
+                    "(map.radius): must start further away"
                 )
         return task
 

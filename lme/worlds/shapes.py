@@ -1,4 +1,4 @@
-"""Shape files: a hand-drawn place as readable YAML, in metres.
+"""Shape files: a map written by hand as readable YAML, in metres.
 
     bounds: [0, 0, 10, 10]  # x_min, y_min, x_max, y_max: a closed, thin outer wall
     boxes:
@@ -44,7 +44,7 @@ def read_shapes(path: Path) -> FloorPlan:
 
 
 def floor_plan(place: str, drawing: object) -> FloorPlan:
-    """As `read_shapes`, from the content of the YAML. place: its name in messages."""
+    """See `read_shapes`; from the content of the YAML. place: its name in messages."""
     entry = Entry(place, drawing, ["bounds"], SHAPES)
     x0, y0, x1, y1 = entry.numbers("bounds", "x_min, y_min, x_max, y_max", 4)
     if x0 >= x1 or y0 >= y1:

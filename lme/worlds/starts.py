@@ -1,4 +1,4 @@
-"""One place and one goal, with another start under every number: what traps and drawn scenes share."""
+"""One map and one goal, with a different start for every number: the base of traps and scenes."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class StartsConfig(PacedRules):
 
 
 class Starts:
-    """The same task from another start under every number. Start n does not depend on which others are chosen."""
+    """The same task from a different start for every number. Start n does not depend on which others are chosen."""
 
     def __init__(self, name: str, config: StartsConfig, place: Place, start: Floats, goal: Floats) -> None:
         """name: of the map, in its tasks. start, goal: (2,) [m]; starts are drawn around `start`."""
@@ -60,7 +60,7 @@ class Starts:
         """The task from start `number`; its shortest path is computed once.
 
         Raises InputError for a number that was not chosen, for a start at the goal, for a start or goal that is
-        not in free space, and where no path between them is wide enough.
+        not in free space, or if no path between them is wide enough.
         """
         check_chosen(number, self._numbers, "start", self._name)
         start = drawn_start(self._start, self._goal, self.config, number)

@@ -1,4 +1,4 @@
-"""Walls of the traps: four drawings, and random ones for training."""
+"""Walls of the traps: four fixed ones, and random ones for training."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Legs = list[list[list[float]]]  # walls, each a list of [x, y] corners [m]
 
 
 def mixed(rng: np.random.Generator, door: float) -> Legs:
-    """A random trap of random size, in half of all cases mirrored. door: least width of a way [m], at most 2."""
+    """A random trap of random size, mirrored half of the time. door: least width of a way [m], at most 2."""
     legs = _RANDOM[int(rng.integers(len(_RANDOM)))](rng.uniform, door)
     return [[[x, SIDE - y] for x, y in leg] for leg in legs] if rng.random() < 0.5 else legs
 
@@ -29,7 +29,7 @@ def _wall(door: float) -> Legs:
 
 
 def _door(door: float) -> Legs:
-    """A wall across the room; its only door is 2.5 m beside the straight line to the goal."""
+    """A wall across the room; its only door is 2.5 m off the straight line to the goal."""
     middle = 7.5
     return [[[5.0, 0.0], [5.0, middle - door / 2]], [[5.0, middle + door / 2], [5.0, SIDE]]]
 
@@ -63,7 +63,7 @@ def _bent_u(draw: Uniform, door: float) -> Legs:
 
 
 def _random_wall(draw: Uniform, door: float) -> Legs:
-    """Across the straight line to the goal, up to 27° from upright."""
+    """Across the straight line to the goal, up to 27° from perpendicular."""
     x, lean = draw(3.5, 6.5), draw(-0.5, 0.5)
     below, above = draw(1.0, 2.8), draw(1.0, 2.8)
     return [[[x - lean * below, MIDDLE - below], [x + lean * above, MIDDLE + above]]]
@@ -76,13 +76,13 @@ def _hook(draw: Uniform, door: float) -> Legs:
 
 
 def _dead_end(draw: Uniform, door: float) -> Legs:
-    """A corridor in which the robot starts; the only way out is beside the start."""
+    """A corridor in which the robot starts; the only way out is next to the start."""
     low, high, end = MIDDLE - draw(1.1, 1.6), MIDDLE + draw(1.1, 1.6), draw(5.5, 7.5)
     return [[[0.0, low], [end, low], [end, high], [draw(3.0, 4.5), high]]]
 
 
 def _random_door(draw: Uniform, door: float) -> Legs:
-    """A wall across the room, with its only door aside."""
+    """A wall across the room, with its only door off the straight line."""
     x, middle = draw(3.5, 6.5), MIDDLE + draw(1.8, 3.2)
     return [[[x, 0.0], [x, middle - door / 2]], [[x, middle + door / 2], [x, SIDE]]]
 
@@ -96,7 +96,7 @@ def _random_zigzag(draw: Uniform, door: float) -> Legs:
 
 
 def _cup(x: float, depth: float, below: float, above: float) -> list[list[float]]:
-    """Three sides of a rectangle, open at x; it reaches so far below and above the middle [m]."""
+    """Three sides of a rectangle, open at x; it reaches this far below and above the middle [m]."""
     low, high = MIDDLE - below, MIDDLE + above
     return [[x, low], [x + depth, low], [x + depth, high], [x, high]]
 

@@ -1,4 +1,4 @@
-"""Traps: obstacles that catch a planner which only heads for the goal."""
+"""Traps: obstacles that catch a planner that only heads for the goal."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class TrapsConfig(StartsConfig):
 
 
 class Traps(Starts):
-    """The same trap from another start under every number; with kind mixed also another trap."""
+    """The same trap from a different start for every number; with kind mixed, a different trap too."""
 
     Config = TrapsConfig
 
@@ -53,10 +53,10 @@ class Traps(Starts):
 def _surveyed(
     kind: str, door: float, seed: tuple[int, int] | None, radius: float, grid: float
 ) -> tuple[World, FreeSpace]:
-    """The trap in its room and its free space, computed once per process. seed: of a random trap; None: a drawn one."""
+    """The trap in its room and its free space, computed once per process. seed: of a random trap; None: a fixed one."""
     if seed is None:
         legs = DRAWINGS[kind](door)
-    else:  # 1 tells the trap's random stream from that of the start
+    else:  # 1 separates the trap's random stream from that of the start
         legs = mixed(np.random.default_rng(np.random.SeedSequence([*seed, 1])), door)
     walls = [{"points": leg} for leg in legs]
     plan = floor_plan(f"trap {kind}", {"bounds": [0.0, 0.0, SIDE, SIDE], "walls": walls})

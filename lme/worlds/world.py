@@ -64,7 +64,7 @@ class MapSet(Protocol):
 
 @runtime_checkable
 class Named(Protocol):
-    """A map set with a name of its own, such as a file's; the records call others by their YAML in `conf/map/`."""
+    """A map set with its own name, such as a file's; in the records, others have the name of their YAML."""
 
     @property
     def name(self) -> str:

@@ -113,7 +113,7 @@ def compare(block: Block, quantity: str) -> dict[str, Difference]:
 
 def difference(baseline: pd.DataFrame, variant: pd.DataFrame, quantity: str) -> Difference | None:
     """`variant` minus `baseline` in a quantity, over the episodes that both have; None if there are none."""
-    one, other = (_values(part, quantity) for part in (baseline, variant))
+    one, other = (values(part, quantity) for part in (baseline, variant))
     changes = (other - one).dropna()
     if changes.empty:
         return None
@@ -124,8 +124,16 @@ def difference(baseline: pd.DataFrame, variant: pd.DataFrame, quantity: str) -> 
 
 def interval_of_mean(part: pd.DataFrame, quantity: str) -> tuple[float, float]:
     """95 % interval of the mean of a quantity: bootstrap over worlds. (NaN, NaN) for fewer than two worlds."""
-    by_world = _values(part, quantity).dropna().groupby("world").mean().to_numpy()
+    by_world = values(part, quantity).dropna().groupby("world").mean().to_numpy()
     return _bounds(by_world) if len(by_world) > 1 else (math.nan, math.nan)
+
+
+def values(part: pd.DataFrame, quantity: str) -> pd.Series:
+    """The quantity of each episode, indexed by world and run; NaN where it is not known."""
+    indexed = part.set_index(["world", "run"])
+    if quantity == SUCCESS:
+        return (indexed["outcome"] == SUCCESS).astype(float)
+    return indexed.reindex(columns=[quantity])[quantity].astype(float)
 
 
 def holm(p_values: Sequence[float]) -> list[float]:
@@ -189,14 +197,6 @@ def write_csv(lines: Sequence[Mapping[str, object]], path: Path) -> None:
         writer = csv.DictWriter(file, names, lineterminator="\n")
         writer.writeheader()
         writer.writerows(lines)
-
-
-def _values(part: pd.DataFrame, quantity: str) -> pd.Series:
-    """The quantity of each episode, indexed by world and run."""
-    indexed = part.set_index(["world", "run"])
-    if quantity == SUCCESS:
-        return (indexed["outcome"] == SUCCESS).astype(float)
-    return indexed.reindex(columns=[quantity])[quantity].astype(float)
 
 
 def _tested(by_world: Floats) -> tuple[float, float, float]:

@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple
 
 from lme.metrics import interval_over_worlds, mean_std_over_runs
 from runners.analysis import published
+from runners.config import ablations
 from runners.config.systems import System
 from runners.config.systems import systems as named_systems
 from runners.records.planned import EPISODES, WORLDS, planned
@@ -67,6 +68,7 @@ class Row:
 
     keys: values that distinguish this row from others, by column. stats: (mean, std over runs) by metric; std is NaN
     for a single run. interval: 95 % interval of the success rate. global_planner: a value of GLOBAL_PLANNER.
+    ablated: the label of its ablation, "without c_o"; empty if there is none, or if `label` says it already.
     changes: "key=value, …" of keys, other than `keys`, that differ from the files of their options. unfinished: how
     much of what was planned was driven, such as "12 of 100 worlds"; empty if all.
     """
@@ -82,24 +84,30 @@ class Row:
     published_map: str | None = None
     changes: str = ""
     unfinished: str = ""
+    ablated: str = ""
 
     @property
     def name(self) -> str:
-        """What the table calls the row: its label, with what it lacks."""
-        return f"{self.label}, {self.unfinished}" if self.unfinished else self.label
+        """What the table calls the row: its label, with its ablation and with what it lacks."""
+        system, _, source = self.label.rpartition(" ")
+        label = f"{system} {self.ablated} {source}" if self.ablated else self.label
+        return f"{label}, {self.unfinished}" if self.unfinished else label
 
 
 def summarise(
     frame: pd.DataFrame,
     order: Sequence[str] = (),
     systems: Mapping[str, System] | None = None,
+    labels: Mapping[str, str] | None = None,
 ) -> list[Row]:
     """Rows of the table for `frame` (one line per episode): for each system our rows, then the published ones.
 
     order: names of systems whose rows come first, in this order. A system without episodes has its published figures
-    only. systems: named systems by name; by default those of `conf/system/`.
+    only. systems: named systems by name; by default those of `conf/system/`. labels: of ablations by name; by default
+    those of `conf/ablation/`.
     """
     systems = named_systems() if systems is None else systems
+    labels = ablations.labels() if labels is None else labels
     names = {system.label: name for name, system in systems.items()}
     keys = row_keys(frame)
     grouping = ["system", *keys]
@@ -107,6 +115,7 @@ def summarise(
     ours: dict[str, list[tuple[Row, published.PublishedSetting | None]]] = {name: [] for name in order}
     for values, group in texts.groupby(grouping, sort=False):
         row = measure(group, str(values[0]), dict(zip(keys, map(str, values[1:]), strict=True)))
+        row = replace(row, ablated=_ablated(group, labels))
         name = names.get(str(values[0]), str(values[0]))
         ours.setdefault(name, []).append((row, published.setting_of(group)))
     settings = {setting: row for rows in ours.values() for row, setting in rows if setting}
@@ -254,6 +263,12 @@ def _published_row(found: published.Figures, setting: published.PublishedSetting
         global_planner=GLOBAL_PLANNER["observed" if found.global_planner else ""],
         published_map=setting.map,
     )
+
+
+def _ablated(group: pd.DataFrame, labels: Mapping[str, str]) -> str:
+    first = group.iloc[0]
+    label = ablations.in_words(str(first.get("ablation", "")), labels)
+    return "" if str(first["system"]).endswith(label) else label  # lme_no_c_t has it in a label of its own
 
 
 def _unfinished(group: pd.DataFrame, worlds: int, runs: int) -> str:

@@ -77,7 +77,7 @@ def candidates(line: str, commands: Iterable[str]) -> list[str]:
     try:
         groups = configs.groups(before[1])
     except FileNotFoundError:  # a command without a config
-        return _paths(word)
+        return _starting(word, _own_flags(before[1])) if word.startswith("-") else _paths(word)
     if word.startswith("-"):
         return _starting(word, _FLAGS)
     return _override(word, before[1], groups, before, configs)
@@ -132,6 +132,13 @@ def _values(
         return _starting(last, configs.choices(key, command))
     named = {"weights": configs.options("weight_set"), "resume": ["true", "false"]}.get(key, [])
     return _starting(last, named) + (_paths(last) if key in _PATH_KEYS else [])
+
+
+def _own_flags(command: str) -> list[str]:
+    """The flags of a command without a config, read from its source: to import it takes too long."""
+    path = Path(__file__).parent / "commands" / f"{command.replace('-', '_')}.py"
+    source = path.read_text(encoding="utf-8") if path.is_file() else ""
+    return ["--help", *dict.fromkeys(re.findall(r'add_argument\(\s*"(--[\w-]+)"', source))]
 
 
 def _is_config_dir(flag: str) -> bool:

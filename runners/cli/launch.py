@@ -18,7 +18,7 @@ from runners.cli import hydra_jobs, show
 from runners.cli.interrupts import status_of
 from runners.cli.outside import outside
 from runners.cli.submitted import LauncherError
-from runners.config import arguments, command_line, schema
+from runners.config import ablations, arguments, catalogue, command_line, schema
 from runners.config.catalogue import Catalogue
 from runners.config.composer import Composer, resume_command, unquoted
 from runners.config.hydra_errors import translated
@@ -95,6 +95,8 @@ def _with_resumed(command: str, given: arguments.Arguments) -> tuple[arguments.A
     config_dir = given.config_dir or (Path(saved.config_dir) if saved.config_dir else None)
     if config_dir is not None:
         arguments.check_config_dir(config_dir)
+    configs = catalogue.shipped(*([config_dir] if config_dir else []))
+    kept = [now for word in kept for now in _as_now(word, configs)]
     return replace(
         given,
         overrides=kept + given.overrides,
@@ -102,6 +104,13 @@ def _with_resumed(command: str, given: arguments.Arguments) -> tuple[arguments.A
         config_dir=config_dir,
         config_name=given.config_name or saved.config_name,
     ), directory
+
+
+def _as_now(word: str, configs: Catalogue) -> list[str]:
+    """The override of an earlier run, in today's words where it chooses a system that has become an ablation."""
+    key, _, value = word.partition("=")
+    pair = ablations.of_system(value, configs) if key == "system" else None
+    return [f"system={pair[0]}", f"ablation={pair[1]}"] if pair else [word]
 
 
 def _why_no_run(directory: Path) -> str:

@@ -8,25 +8,27 @@ from typing import Any, cast
 from omegaconf import DictConfig, OmegaConf
 
 from lme.robots import Robot
+from runners.config import ablations
 from runners.config.catalogue import Catalogue
 from runners.config.flatten import flatten
 
 GROUPS = ("robot", "map", "guide", "planner", "ablation", "sim")  # the groups that an episode depends on
 HAVE_COLUMNS = ("map.subset", "map.worlds")  # records hold these in columns of their own
 HELD_OUT = "held_out."  # the maps of `lme train` that are held out
-SEVERAL = "+"  # joins the options of a group of which several are chosen
 
 
 def changed_keys(config: DictConfig, choices: Mapping[str, str], catalogue: Catalogue) -> dict[str, Any]:
     """Dotted keys and values of a composed config that differ from the files of its `choices`.
 
     A value that a file interpolates, such as the guide's parameters, is changed only if it does not stand there as
-    the file writes it: what it follows is recorded. The key of a held-out map is "held_out.NAME.KEY".
+    the file writes it: what it follows is recorded. A key that an ablation's file sets is not changed, whichever
+    group it belongs to. The key of a held-out map is "held_out.NAME.KEY".
     """
     changes = {}
-    for node, group, options in _chosen(config, choices):
+    ablated = ablations.settings(choices.get(ablations.GROUP, ""), catalogue)
+    for node, names in _chosen(config, choices):
         given: Any = OmegaConf.select(config, node)
-        written = _written([f"{group}/{option}" for option in options], catalogue)
+        written = _written(names, ablated.get(node, {}), catalogue)
         resolved = dict(flatten(_plain(given, resolve=True), f"{node}."))
         for key, value in flatten(_plain(given, resolve=False)):
             dotted = f"{node}.{key}"
@@ -40,21 +42,27 @@ def in_words(changes: Mapping[str, Any]) -> str:
     return ", ".join(f"{key}={_shown(value)}" for key, value in changes.items())
 
 
-def _chosen(config: DictConfig, choices: Mapping[str, str]) -> Iterator[tuple[str, str, list[str]]]:
-    """Yield each node of the config that an episode depends on, with its group and the options chosen for it."""
+def _chosen(config: DictConfig, choices: Mapping[str, str]) -> Iterator[tuple[str, list[str]]]:
+    """Yield each node of the config that an episode depends on, with the YAML chosen for it, if it has one."""
     for group in GROUPS:
         if group in config:
-            yield group, group, choices[group].split(SEVERAL) if group in choices else []
+            yield (
+                group,
+                [f"{group}/{choices[group]}"] if group in choices and group != ablations.GROUP else [],
+            )
     for choice, option in choices.items():
         group, _, node = choice.partition("@")
         if node.startswith(HELD_OUT):
-            yield node, group, [option]
+            yield node, [f"{group}/{option}"]
 
 
-def _written(names: Sequence[str], catalogue: Catalogue) -> dict[str, Any]:
-    """The values in the files of options by dotted key, and those of a robot that its file leaves to the default."""
+def _written(names: Sequence[str], ablated: Mapping[str, Any], catalogue: Catalogue) -> dict[str, Any]:
+    """The values in the files of options by dotted key, and those of a robot that its file leaves to the default.
+
+    ablated: values that an ablation puts in their place.
+    """
     defaults = [OmegaConf.structured(Robot)] if any(name.startswith("robot/") for name in names) else []
-    merged: Any = OmegaConf.merge(*defaults, *(catalogue.values(name) for name in names)) if names else {}
+    merged: Any = OmegaConf.merge(*defaults, *(catalogue.values(name) for name in names), ablated)
     return dict(flatten(_plain(merged, resolve=False)))
 
 

@@ -9,8 +9,9 @@ from typing import Any, Generic, TypeVar, cast
 
 from omegaconf import DictConfig, OmegaConf
 
+from runners.config.ablations import SEVERAL
 from runners.config.catalogue import Catalogue
-from runners.config.changes import SEVERAL, changed_keys, in_words
+from runners.config.changes import changed_keys, in_words
 from runners.config.hydra_errors import check_parts
 from runners.config.schema import SystemConfig
 from runners.config.weights import PUBLISHED, own_weights

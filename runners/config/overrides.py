@@ -8,7 +8,7 @@ from pathlib import Path
 from hydra.core.override_parser.types import Override
 
 from lme.errors import InputError, nearest
-from runners.config import schema
+from runners.config import ablations, schema
 from runners.config.catalogue import Catalogue
 from runners.config.composer import Composer
 
@@ -108,11 +108,19 @@ def _check_options(override: Override, composer: Composer) -> None:
             continue
         for name in option if isinstance(option, list) else [option]:
             if str(name) not in known and not _in_subfolder(group, str(name), composer):
+                _refuse_ablated(group, str(name), composer.catalogue)
                 raise InputError(
                     f"{group}={name}: no such option; {nearest(str(name), known)}"
                     f"{places(group, composer.catalogue)}: {', '.join(known) or 'nothing yet'}"
                     f"{_how_to_add(group, str(name), known)}"
                 )
+
+
+def _refuse_ablated(group: str, name: str, catalogue: Catalogue) -> None:
+    """Raise InputError for a system with an ablation in its name, as some were once called."""
+    pair = ablations.of_system(name, catalogue) if group == "system" else None
+    if pair:
+        raise InputError(f"system={name}: no such option; write system={pair[0]} ablation={pair[1]}")
 
 
 def _values(override: Override) -> Iterator[object]:

@@ -1,7 +1,8 @@
-"""The shape of every command's config, and the resolver that names parameters."""
+"""The shape of every command's config, and the resolvers of its interpolations."""
 
 from __future__ import annotations
 
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum, auto
 from typing import Any
@@ -36,7 +37,7 @@ class SystemConfig:
     robot: Robot
     guide: dict[str, Any]
     planner: dict[str, Any]
-    ablation: dict[str, float]
+    ablation: dict[str, float] = field(default_factory=dict)
     system: dict[str, Any] = field(default_factory=dict)
 
 
@@ -195,9 +196,15 @@ COMMANDS: dict[str, type[SystemConfig]] = {
 
 
 def register() -> None:
-    """Make the schemas and the `parameters` resolver known to Hydra; safe to call again."""
+    """Make the schemas and the resolvers `parameters` and `sweep` known to Hydra; safe to call again."""
     from runners.config.weights import parameters
 
     for command, schema in COMMANDS.items():
         ConfigStore.instance().store(name=f"{command}_schema", node=schema)
     OmegaConf.register_new_resolver("parameters", parameters, replace=True)
+    OmegaConf.register_new_resolver("sweep", _sweep, replace=True)
+
+
+def _sweep(options: Sequence[str], without: Collection[str] = ()) -> str:
+    """The options of a list as a sweep: "a,b" for [a, b]; "null" for none, which chooses nothing."""
+    return ",".join(option for option in options if option not in without) or "null"

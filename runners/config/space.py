@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any, TypeVar
 
@@ -29,13 +29,15 @@ class Range:
 Space = dict[str, Range]  # by dotted config key
 
 
-def read_space(config: TrainConfig) -> Space:
-    """The ranges of a composed config's `space`; a parameter that an ablation fixes is left out.
+def read_space(config: TrainConfig, ablated: Collection[str] = ()) -> Space:
+    """The ranges of a composed config's `space`, without the parameters and keys that an ablation fixes.
+
+    ablated: dotted keys that the ablation's file sets.
 
     Raises InputError where there is none, for a key that the config has not or that holds no number, and for a
     range that is empty or, if logarithmic, not positive.
     """
-    fixed = {f"{PARAMETERS}{name}" for name in config.ablation}
+    fixed = {*ablated, *(f"{PARAMETERS}{name}" for name in config.ablation)}
     space = {key: found for key, found in _ranges(config.space, "") if key not in fixed}
     if not space:
         raise InputError(

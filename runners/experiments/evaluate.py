@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from lme.worlds.world import MapSet
 from runners.analysis import failures
-from runners.config import build, instantiate, systems, weights
+from runners.config import ablations, build, instantiate, systems, weights
 from runners.config.instantiate import configured
 from runners.config.job import Job
 from runners.config.schema import EpisodesConfig, EvalConfig, Record, ReportConfig
@@ -88,18 +88,26 @@ def drive(
 ) -> None:
     """Run what is missing of map set × runs into the records of `run_dir`. progress: show a bar."""
     executor = instantiate.build(config.executor, "executor")
-    payload = EpisodePayload(config, labels, _recordings(config, run_dir))
     with (
         RecordWriter(run_dir) as writer,
         EpisodeProgress(labels.system, len(maps.numbers) * config.runs, progress) as bar,
     ):
         done = writer.done()
         bar.skip(len(done))
+        if done:
+            labels = _recorded(labels, run_dir)
+        payload = EpisodePayload(config, labels, _recordings(config, run_dir))
         todo = (key for key in _by_run(maps, config.runs) if key not in done)
         for result in executor.map(initialise, payload, todo):
             writer.append(result)
             bar.add(result.record.outcome)
         writer.merge()
+
+
+def _recorded(labels: RunLabels, run_dir: Path) -> RunLabels:
+    """The labels of the run's records: a resumed run keeps its names, though the files in `conf/` have new ones."""
+    first = read_episodes([run_dir]).iloc[0]
+    return RunLabels(**{key: str(first.get(key, label)) for key, label in asdict(labels).items()})
 
 
 def report(maps: MapSet, job: Job[EvalConfig]) -> tuple[pd.DataFrame, list[Row], list[Path]]:
@@ -110,7 +118,7 @@ def report(maps: MapSet, job: Job[EvalConfig]) -> tuple[pd.DataFrame, list[Row],
 
     run_dir = job.run_dir
     frame = read_episodes([run_dir])
-    rows = summarise(frame, systems=systems.systems(job.folders))
+    rows = summarise(frame, systems=systems.systems(job.folders), labels=ablations.labels(job.folders))
     tables = write_tables(frame, rows, run_dir)
     picture = run_dir / "trajectories.png"
     draw_run(frame, run_dir, maps, picture)

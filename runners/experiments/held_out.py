@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import fields, replace
 from typing import TYPE_CHECKING, Any
 
-from runners.config import build, instantiate
+from runners.config import ablations, build, instantiate
 from runners.config.changes import HELD_OUT
 from runners.config.job import Job
 from runners.config.schema import EvalConfig, HeldOutConfig
@@ -35,7 +35,7 @@ def evaluate_held_out(job: Job[HeldOutConfig], values: Mapping[str, Any], weight
     for place, node in places.items():
         _evaluate_on(place, _evaluation(job, values, place, node, weights), values)
     frame = read_episodes([job.run_dir / place for place in places])
-    rows = summarise(frame, systems=systems(job.folders))
+    rows = summarise(frame, systems=systems(job.folders), labels=ablations.labels(job.folders))
     write_tables(frame, rows, job.run_dir)
     print_table(frame, rows)
     print(f"Weights, pictures, records and tables: {job.run_dir}")

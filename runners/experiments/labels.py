@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from lme.worlds.world import MapSet, Named
 from runners.config import systems
-from runners.config.changes import SEVERAL
+from runners.config.ablations import SEVERAL
 from runners.config.job import Job
 from runners.config.overrides import CUSTOM
 from runners.config.schema import DriveConfig

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from runners.analysis.summary import Row, numbers, summarise
 from runners.config import instantiate
+from runners.config.ablations import labels
 from runners.config.changes import in_words
 from runners.config.job import Job
 from runners.config.schema import ReportConfig
@@ -37,7 +38,7 @@ def finish(job: Job[ReportConfig], run_dirs: Sequence[Path]) -> None:
     frame = read_episodes(run_dirs)
     sweep_dir = job.sweep_dir
     assert sweep_dir is not None
-    rows = summarise(frame, job.config.table, systems(job.folders))
+    rows = summarise(frame, job.config.table, systems(job.folders), labels(job.folders))
     artifacts, words = report(frame, rows, run_dirs, sweep_dir)
     print_table(frame, rows)
     for line in words:

@@ -12,8 +12,10 @@ import numpy as np
 from lme.errors import InputError, require
 from lme.worlds.world import MapSet
 from runners.analysis import failures
-from runners.config import build, instantiate
+from runners.config import ablations, build, instantiate
+from runners.config.catalogue import Catalogue
 from runners.config.composer import resume_command
+from runners.config.flatten import flatten
 from runners.config.job import Job
 from runners.config.schema import TrainConfig
 from runners.config.space import PARAMETERS, Space, own_values, read_space, with_values
@@ -48,7 +50,7 @@ def validate(job: Job[TrainConfig]) -> None:
         require(f"reward.{key}", penalty, at_most=0.0)
     if config.reward.max_steps is not None:
         require("reward.max_steps", config.reward.max_steps, at_least=1)
-    read_space(config)
+    _space(job)
     instantiate.build(config.search, "search")
     training_maps(config, training_worlds(config))
     weight_file.check_name(weights_name(config), _fingerprint(config))
@@ -67,10 +69,10 @@ def train(job: Job[TrainConfig]) -> None:
         with reached(
             config.storage, f"finished trials are kept, go on with: {resume_command('train', run_dir)}"
         ):
-            found = _search(config, run_dir)
+            found = _search(job)
             best = max(found.told, key=lambda trial: (trial.reward, -trial.number))
             weights = _write_weights(job, found, best)
-            pictures = _pictures(found, read_space(config), run_dir)
+            pictures = _pictures(found, _space(job), run_dir)
         frame = evaluate_held_out(job, best.values, weights_name(config))
     pages = [page for place in frame["run_dir"].unique() for page in failures.folder(Path(place))]
     _track(tracking, found.told, best, frame, [weights, *pictures, *pages])
@@ -112,10 +114,17 @@ def training_maps(config: TrainConfig, worlds: list[int]) -> MapSet:
         ) from error
 
 
-def _search(config: TrainConfig, run_dir: Path) -> Study:
+def _space(job: Job[TrainConfig]) -> Space:
+    """What is searched: the ranges of the config, without what the ablation fixes."""
+    ablated = ablations.settings(job.choices.get(ablations.GROUP, ""), Catalogue(job.folders))
+    return read_space(job.config, dict(flatten(ablated)))
+
+
+def _search(job: Job[TrainConfig]) -> Study:
     """Run the study until it has all its trials; trials of an earlier run count."""
+    config, run_dir = job.config, job.run_dir
     search = instantiate.build(config.search, "search")
-    space = read_space(config)
+    space = _space(job)
     first = own_values(config, space) if config.start_from_config else {}
     opened = open_study(config.storage, config.study, run_dir, identity(config), space, search, first)
     worlds = _settled_worlds(opened, config, run_dir)

@@ -52,7 +52,7 @@ class ResidualBlock(nn.Module):
     def __init__(self, residual: Residual, channels: int) -> None:
         super().__init__()
         self.inside = nn.ModuleList(Normed(layer, channels) for layer in residual.inside)
-        self.around = nn.Identity() if residual.around is None else Normed(residual.around, channels)
+        self.around = nn.Identity() if residual.shortcut is None else Normed(residual.shortcut, channels)
 
     def forward(self, x: Tensor, start: Tensor | None = None) -> Tensor:
         """start: where the way around begins, if not at x."""

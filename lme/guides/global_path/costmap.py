@@ -110,7 +110,7 @@ class Costmap:
             self._hits[_inside(self._centres(), to_robot(polygon, start))] = 1
 
     def refresh(self) -> None:
-        """Recompute the costs from the present obstacles."""
+        """Recompute the costs from the current obstacles."""
         inflate(self._hits, self._stamp, self.costs)
 
     def cell(self, point: Floats) -> Cell:

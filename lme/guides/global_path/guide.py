@@ -127,7 +127,7 @@ class GlobalPath:
         return bool((now & ~route.forbidden[route.at :]).any())
 
     def _plan(self, observation: Observation, costmap: Costmap) -> _Route:
-        """A new route on the present map."""
+        """A new route on the current map."""
         if self._config.global_map == "observed" or self._route is None:
             costmap.refresh()
         robot = np.array(observation.odometry[:2])
@@ -162,7 +162,7 @@ class GlobalPath:
         """The farthest path point within the lookahead that the robot can reach in a straight line: (2,) [m].
 
         The corridor has the radius of the padded robot, else of the robot, else of its inner disc, limited to the
-        present clearance. If no point is in sight: the point one robot radius along the path.
+        current clearance. If no point is in sight: the point one robot radius along the path.
         """
         robot, padding = self._robot, self._config.costmap.footprint_padding
         near = path[1 : 1 + max(1, round(self._config.lookahead / _SPACING_M))]

@@ -2,7 +2,7 @@
 
 A `table` (256,) maps `costs` (I, J) uint8 to the cost per cell of length; inf: not passable. A move to one of the
 eight neighbours costs its length [cells] times the mean of the two cells; a diagonal move requires that both cells
-beside it are passable. Ties are broken symmetrically in left and right.
+next to it are passable. Ties are broken symmetrically in left and right.
 """
 
 import math

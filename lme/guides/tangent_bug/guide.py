@@ -37,7 +37,7 @@ class TangentBugConfig:
 
     margin: float = 0.1  # [m] distance to obstacles beyond the collision radius
     keep: float = 0.5  # [m] the path past the other end must be this much shorter to switch to it
-    leave_gain: float = 0.1  # [m] the robot leaves a boundary for a place this much nearer to the target
+    leave_gain: float = 0.1  # [m] the robot leaves a boundary only for a place this much nearer to the target
 
     def __post_init__(self) -> None:
         require("guide.margin", self.margin, above=0.0)
@@ -75,7 +75,7 @@ class TangentBug:
 
     Guarantee: the robot reaches the target if a path exists. This holds for a point robot with exact motion,
     perfect odometry and a perfect omnidirectional sensor among static obstacles. If no path exists, the paper's
-    robot stops after one loop; this one keeps circling, or stands still where it is enclosed.
+    robot stops after one loop; this one keeps circling, or stands still if it is enclosed.
 
     Our robots violate these assumptions. They have a size: obstacles are grown by the collision radius and
     `margin`, and narrower passages do not exist. Beams leave gaps: an opening seen at a grazing angle is missed

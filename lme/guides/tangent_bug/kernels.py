@@ -143,7 +143,7 @@ def _longer(near, far, slope):
 
 @njit(cache=True, error_model="numpy")
 def _broken(i, j, breaks, step):
-    """Whether there is a break between points i and j, turning from i by `step`; −1 stands for no point.
+    """Whether there is a break between points i and j, turning from i by `step`; −1 means no point.
 
     Neighbours may swap places as seen from the base, so the direction with fewer points between i and j counts.
     """
@@ -159,7 +159,7 @@ def _broken(i, j, breaks, step):
 
 @njit(cache=True, error_model="numpy")
 def joined(i: int, j: int, breaks: Ints) -> bool:
-    """Whether points i and j have no break between them in at least one direction; −1 stands for no point."""
+    """Whether points i and j have no break between them in at least one direction; −1 means no point."""
     return not (_broken(i, j, breaks, 1) and _broken(i, j, breaks, -1))
 
 

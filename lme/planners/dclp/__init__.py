@@ -1,4 +1,4 @@
-"""DRL-DCLP: a learned local planner that is told the robot's size and limits."""
+"""DRL-DCLP: a learned local planner that takes the robot's size and limits as inputs."""
 
 from lme.planners.dclp.planner import Dclp
 

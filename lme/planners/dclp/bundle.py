@@ -26,7 +26,7 @@ _LITTLE = 0
 
 
 class BundleEntry(NamedTuple):
-    """Where a tensor lies in the shard. dtype: TensorFlow's number; offset, size [bytes]; crc: masked."""
+    """The position of a tensor in the shard. dtype: TensorFlow's number; offset, size [bytes]; crc: masked."""
 
     dtype: int
     shape: tuple[int, ...]
@@ -65,14 +65,12 @@ def read_tensors(prefix: Path, entries: dict[str, BundleEntry]) -> dict[str, NDA
 
 def _tensor(data: bytes, entry: BundleEntry, place: str) -> NDArray[np.float32]:
     if entry.dtype != _FLOAT or entry.shard != 0 or entry.size != 4 * math.prod(entry.shape):
-        raise InputError(
-            f"{place}: must be of float32, in one shard, and as large as its shape {entry.shape}"
-        )
+        raise InputError(f"{place}: must be float32, in one shard, and as large as its shape {entry.shape}")
     if entry.offset + entry.size > len(data):
-        raise InputError(f"{place}: lies behind the end of the file, which has {len(data)} bytes")
+        raise InputError(f"{place}: lies beyond the end of the file, which has {len(data)} bytes")
     raw = data[entry.offset : entry.offset + entry.size]
     if leveldb.masked(crc32c(raw)) != entry.crc:
-        raise InputError(f"{place}: its checksum is wrong, the file is damaged")
+        raise InputError(f"{place}: its checksum is wrong: the file is damaged")
     return np.frombuffer(raw, "<f4").astype(np.float32)
 
 

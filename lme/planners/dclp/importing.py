@@ -13,7 +13,7 @@ from lme.planners.array_file import check_finite
 from lme.planners.dclp.bundle import INDEX, SHARD, read_entries, read_tensors
 from lme.planners.dclp.weights import LAYERS, SHAPES, TOLD, TRAINED
 
-_POLICY = "main/pi"  # the scope of the policy; critics and target networks lie beside it
+_POLICY = "main/pi"  # the scope of the policy; the checkpoint also has critics and target networks
 _LAYERS = ("conv1d", "conv1d_1", "conv1d_2", "dense", "dense_1", "dense_2", "dense_3", "dense_4")
 # What the network was trained for: the authors' training script. Half widths are at most (front + rear) / 2.
 _PUBLISHED = {
@@ -39,7 +39,7 @@ def tensor_names() -> dict[str, str]:
 def import_checkpoint(path: Path) -> dict[str, NDArray[np.float32]]:
     """The policy's weights in a TensorFlow V2 checkpoint: the arrays of `SHAPES` and `TRAINED`.
 
-    path: what the checkpoint's files have in common, or one of them. Every tensor's checksum is verified, also
+    path: the common prefix of the checkpoint's files, or one of them. Every tensor's checksum is verified, also
     those of the critics. Raises InputError, naming file and tensor.
     """
     prefix = checkpoint_prefix(path)
@@ -64,7 +64,7 @@ def import_checkpoint(path: Path) -> dict[str, NDArray[np.float32]]:
 
 
 def checkpoint_prefix(path: Path) -> Path:
-    """What the names of a checkpoint's files have in common, from that or from one of the names."""
+    """The common prefix of a checkpoint's files, from the prefix itself or from the path of one of them."""
     for ending in _ENDINGS:
         if path.name.endswith(ending):
             return path.with_name(path.name.removesuffix(ending))

@@ -1,4 +1,4 @@
-"""Between a robot and DRL-DCLP's network: what the network is told, and what its answer means."""
+"""Interface between a robot and DRL-DCLP's network: its inputs, and what its output means."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _ROUNDING = 1e-4  # of a bound, which a file holds as float32
 
 @dataclass(slots=True)
 class Told:
-    """The robot as the network is told, where that differs from the robot; null: the robot's own."""
+    """The robot as described to the network, where that differs from the robot; null: the robot's own value."""
 
     v_max: float | None = None  # [m/s]
     omega_max: float | None = None  # [rad/s]
@@ -40,8 +40,8 @@ class Told:
         if self.lidar_x is not None:
             require("planner.told.lidar_x", self.lidar_x)
 
-    def over(self, robot: Robot) -> Told:
-        """The robot's own values with these in place of them."""
+    def filled_from(self, robot: Robot) -> Told:
+        """These values, with the robot's own where they are null."""
         half_length, half_width, rounding = robot.footprint.box
         length, width = half_length + rounding, half_width + rounding
         own = Told(*robot.limits, front=length, rear=length, half_width=width, lidar_x=robot.lidar.x)
@@ -51,13 +51,15 @@ class Told:
 
 @dataclass(slots=True)
 class DclpConfig:
-    """The network's weights and the ranges that it is given where the lidar sees nothing."""
+    """The network's weights, and the ranges that it gets where the lidar sees nothing."""
 
     weights: str | None = None  # path of an .npz; None: the network that ships with lme
     no_return: float = 5.0  # [m] range of a beam without return
     blind_range: float = 5.0  # [m] range in a direction without beams
     lookahead: float = 2.0  # [m] of the subgoal on a guide's path
-    full_v: float | None = None  # [m/s] command of a full answer of the network; None: v_max as told
+    full_v: float | None = (
+        None  # [m/s] command for the full output of the network; None: the v_max that it is told
+    )
     full_omega: float | None = None  # [rad/s] the same for omega_max
     told: Told = field(default_factory=Told)
 
@@ -77,18 +79,18 @@ class DclpFeatures(NamedTuple):
 
 
 class DclpInterface:
-    """What the network is told of a robot, and the command that its answer stands for."""
+    """The network's inputs for a robot, and the command that its output means."""
 
     def __init__(self, config: DclpConfig, robot: Robot) -> None:
         self._config = config
         self._dt = robot.dt
-        self.told = told = config.told.over(robot)
+        self.told = told = config.told.filled_from(robot)
         self._mount = robot.lidar.mount._replace(x=_number(told.lidar_x))
         self._directions = np.empty((DIRECTIONS, DIRECTION_INPUTS))
         self._directions[:, 3:] = [_number(told.front), _number(told.rear), _number(told.half_width)]
 
     def features(self, observation: Observation, subgoal: Floats) -> DclpFeatures:
-        """What the network is told. subgoal: (2,) in the robot frame [m]."""
+        """The inputs of the network. subgoal: (2,) in the robot frame [m]."""
         config = self._config
         directions = self._directions.copy()
         directions[:, :3] = nearest_by_direction(
@@ -100,7 +102,7 @@ class DclpInterface:
         return DclpFeatures(directions, state)
 
     def goal(self, guidance: Guidance) -> Floats:
-        """The subgoal, or where the guide has a path, the first point on it that is `lookahead` away: (2,) [m]."""
+        """The subgoal, or if the guide has a path, the first point on it that is `lookahead` away: (2,) [m]."""
         path = guidance.path
         if path is None or guidance.blocked:
             return guidance.subgoal
@@ -109,18 +111,18 @@ class DclpInterface:
         return goal
 
     def action(self, command: Twist, observation: Observation) -> Floats:
-        """The answer (2,) that stands for a command, cut off at ±1."""
+        """The output (2,) that means a command, clipped to ±1."""
         answer: Floats = np.clip(np.array(command) / self.full(observation.limits), -1.0, 1.0)
         return answer
 
     def command(self, action: Floats, observation: Observation) -> Twist:
-        """The command of an answer (2,) of v and ω in (−1, 1), limited to what the robot can reach in a period."""
+        """The command of an output (2,), v and ω in (−1, 1), limited to what the robot can reach in a period."""
         v, omega = action
         full_v, full_omega = self.full(observation.limits)
         return limited(float(v) * full_v, float(omega) * full_omega, observation, self._dt)
 
     def full(self, own: Limits) -> tuple[float, float]:
-        """Commands of a full answer [m/s], [rad/s]. own: the robot's limits."""
+        """Commands of a full output [m/s], [rad/s]. own: the robot's limits."""
         config, limits = self._config, self._limits(own)
         return (
             limits.v_max if config.full_v is None else config.full_v,
@@ -140,12 +142,12 @@ def _number(value: float | None) -> float:
 
 
 def told_values(told: Told) -> Floats:
-    """The values of `TOLD` of a robot, as it is told: (7,)."""
+    """The values of `TOLD` for a robot as described to the network: (7,)."""
     return np.array([_number(getattr(told, key)) for key in TOLD])
 
 
 def warn_if_untrained(told: Told, trained: NDArray[np.float32]) -> None:
-    """Warn of a robot, as told, outside of what the network was trained for. trained: (7, 2), as `TRAINED`."""
+    """Warn if the network was not trained for a robot as described to it. trained: (7, 2), as `TRAINED`."""
     for key, value, (low, high) in zip(TOLD, told_values(told), trained, strict=True):
         if not low - _ROUNDING <= value <= high + _ROUNDING:
             span = f"{low:.3g} to {high:.3g}" if low < high else f"{low:.3g}"

@@ -12,7 +12,7 @@ from lme.planners.dclp.kernels.crc32c import crc32c
 
 _FOOTER, _HANDLES = 48, 40  # [bytes]
 _MAGIC = 0xDB4775248B80FB57
-_TRAILER = 5  # [bytes] type and checksum behind each block
+_TRAILER = 5  # [bytes] type and checksum after each block
 _PLAIN = 0  # type of a block that is not compressed
 _VARINT_MAX = 10  # [bytes] of 64 bits
 _MASK_DELTA = 0xA282EAD8
@@ -21,7 +21,9 @@ _MASK_DELTA = 0xA282EAD8
 def entries(data: bytes, place: str) -> Iterator[tuple[bytes, bytes]]:
     """Keys and values of a table in its order. Raises InputError, which begins with `place`."""
     if len(data) < _FOOTER or int.from_bytes(data[-8:], "little") != _MAGIC:
-        raise InputError(f"{place}: is no table of LevelDB, as the index of a TensorFlow V2 checkpoint is")
+        raise InputError(
+            f"{place}: is not a LevelDB table, as the index of a TensorFlow V2 checkpoint must be"
+        )
     footer = data[-_FOOTER : -_FOOTER + _HANDLES]
     try:
         _, at = _handle(footer, 0)
@@ -33,12 +35,12 @@ def entries(data: bytes, place: str) -> Iterator[tuple[bytes, bytes]]:
 
 
 def masked(crc: int) -> int:
-    """A checksum as it is stored, so that a checksum of data with checksums is no trivial one."""
+    """A checksum as it is stored, so that a checksum of data with checksums is not trivial."""
     return (((crc >> 15) | (crc << 17)) + _MASK_DELTA) & 0xFFFFFFFF
 
 
 def varint(data: bytes, at: int) -> tuple[int, int]:
-    """The number at `at`, in groups of seven bits, and the place after it. Raises ValueError where it is cut off."""
+    """The number at `at`, in groups of seven bits, and the position after it. Raises ValueError if it is cut off."""
     number = 0
     for i in range(_VARINT_MAX):
         if at + i >= len(data):
@@ -51,7 +53,7 @@ def varint(data: bytes, at: int) -> tuple[int, int]:
 
 
 def _handle(data: bytes, at: int) -> tuple[tuple[int, int], int]:
-    """Offset and size of a block, and the place after them."""
+    """Offset and size of a block, and the position after them."""
     offset, at = varint(data, at)
     size, at = varint(data, at)
     return (offset, size), at
@@ -78,7 +80,7 @@ def _block(data: bytes, handle: tuple[int, int]) -> Iterator[tuple[bytes, bytes]
 
 
 def _checked(data: bytes, offset: int, size: int) -> bytes:
-    """The content of a block whose checksum is right."""
+    """The content of a block, with its checksum verified."""
     end = offset + size
     trailer = data[end : end + _TRAILER]
     if len(trailer) < _TRAILER:

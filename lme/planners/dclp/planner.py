@@ -19,9 +19,9 @@ SHIPPED = "dclp_jackal.npz"  # in conf/network/; lme learn made it
 class Dclp:
     """DRL-DCLP (Zhang et al. 2025, RA-L, DOI 10.1109/LRA.2025.3544927), the network alone.
 
-    Network, observation and action are those of the authors' code. The network may drive in reverse. It knows no
-    arrival. The command is limited to what the robot can reach in a period. Along a guide's path the subgoal is
-    the first point at least `lookahead` away.
+    Network, observation and action are those of the authors' code. The network may drive in reverse. It has no
+    notion of arrival. The command is limited to what the robot can reach in a period. Along a guide's path the
+    subgoal is the first point at least `lookahead` away.
     """
 
     Config = DclpConfig
@@ -34,7 +34,7 @@ class Dclp:
         warn_if_untrained(self.interface.told, weights[TRAINED])
 
     def reset(self, rng: np.random.Generator) -> None:
-        """Take the random numbers that the mixture's components are drawn with."""
+        """Take the generator that draws the mixture's components."""
         self._rng = rng
 
     def plan(self, observation: Observation, guidance: Guidance) -> Twist:

@@ -42,6 +42,6 @@ def read_weights(path: Path) -> dict[str, NDArray[np.float32]]:
     """The arrays of `SHAPES` and `TRAINED` in a file that `write_weights` made.
 
     Raises InputError, naming file and array, for a file that cannot be read, arrays of other names, types or
-    shapes, and values that are not finite. No array is made before its shape is known to be right.
+    shapes, and values that are not finite. No array is created before its shape is known to be right.
     """
     return read_arrays(path, _FILE, "a DCLP network")

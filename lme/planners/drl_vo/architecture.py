@@ -1,7 +1,7 @@
 """The layers of the DRL-VO network, and the names and shapes of its weights.
 
-It has three sizes: c channels (published: 64), f features (256) and h hidden units (256). Any sizes make the same
-architecture. An image (3, 80, 80) of scans and of pedestrians' vx and vy goes in, and a sub-goal (2,).
+It has three sizes: c channels (published: 64), f features (256) and h hidden units (256). The architecture
+is the same for all sizes. Inputs: an image (3, 80, 80) of scans and of pedestrians' vx and vy, and a sub-goal (2,).
 
     convolution           norm          inputs → outputs     kernel  stride  bias
     conv1                 bn1                3 → c           3 × 3   1       no    ReLU, maximum of 3 × 3, stride 1
@@ -21,7 +21,7 @@ architecture. An image (3, 80, 80) of scans and of pedestrians' vx and vy goes i
     action_net                               h → 2                           yes   means of the action
     log_std                                      2                                 logs of its deviations
 
-There is a ReLU behind the norms of the first two convolutions of every three. A convolution's or linear layer's
+A ReLU follows the norms of the first two of every three convolutions. A convolution's or linear layer's
 arrays are `NAME.weight`, (outputs, inputs, height, width) or (outputs, inputs), and `NAME.bias`, (outputs,). A norm's
 are weight, bias, running_mean and running_var, each (outputs,). The names down to `linear_fc` begin with
 `features_extractor.`, so all names are those of the policy in Stable-Baselines3.
@@ -48,7 +48,7 @@ _LARGEST = 1024  # channels, features or hidden units; the published network has
 
 
 class Convolution(NamedTuple):
-    """A convolution and the norm behind it. inputs, outputs: multiples of c; inputs 0: the image."""
+    """A convolution and its norm. inputs, outputs: multiples of c; inputs 0: the image."""
 
     name: str
     norm: str
@@ -60,14 +60,14 @@ class Convolution(NamedTuple):
 
 
 class Residual(NamedTuple):
-    """Three convolutions, and one around them; None: their input itself."""
+    """Three convolutions and their shortcut, also a convolution; None: the input itself."""
 
     inside: tuple[Convolution, Convolution, Convolution]
-    around: Convolution | None
+    shortcut: Convolution | None
 
 
 class Sizes(NamedTuple):
-    """What the shapes of all weights follow from."""
+    """The sizes that determine the shapes of all weights."""
 
     channels: int
     features: int
@@ -80,29 +80,31 @@ def _block(name: str, inputs: int, width: int, stride: int = 1) -> Residual:
         Convolution(f"{name}.conv2", f"{name}.bn2", width, width, 3, stride),
         Convolution(f"{name}.conv3", f"{name}.bn3", width, 2 * width),
     )
-    around = None if inputs == 2 * width else _around(f"{name}.downsample", inputs, 2 * width, stride, False)
-    return Residual(inside, around)
+    shortcut = (
+        None if inputs == 2 * width else _shortcut(f"{name}.downsample", inputs, 2 * width, stride, False)
+    )
+    return Residual(inside, shortcut)
 
 
-def _refinement(name: str, channels: int, around: Convolution) -> Residual:
+def _refinement(name: str, channels: int, shortcut: Convolution) -> Residual:
     inner = channels // 2
     inside = (
         Convolution(f"{name}.0", f"{name}.1", channels, inner, bias=True),
         Convolution(f"{name}.3", f"{name}.4", inner, inner, 3, bias=True),
         Convolution(f"{name}.6", f"{name}.7", inner, channels, bias=True),
     )
-    return Residual(inside, around)
+    return Residual(inside, shortcut)
 
 
-def _around(name: str, inputs: int, outputs: int, stride: int, bias: bool) -> Convolution:
+def _shortcut(name: str, inputs: int, outputs: int, stride: int, bias: bool) -> Convolution:
     return Convolution(f"{name}.0", f"{name}.1", inputs, outputs, 1, stride, bias)
 
 
 STEM = Convolution("conv1", "bn1", 0, 1, 3)
 LAYER_1_0, LAYER_1_1 = _block("layer1.0", 1, 1), _block("layer1.1", 2, 1)
 LAYER_2, LAYER_3 = _block("layer2.0", 2, 2, 2), _block("layer3.0", 4, 4, 2)
-REFINEMENT_2 = _refinement("conv2_2", 4, _around("downsample2", 2, 4, 2, True))
-REFINEMENT_3 = _refinement("conv3_2", 8, _around("downsample3", 1, 8, 4, True))
+REFINEMENT_2 = _refinement("conv2_2", 4, _shortcut("downsample2", 2, 4, 2, True))
+REFINEMENT_3 = _refinement("conv3_2", 8, _shortcut("downsample3", 1, 8, 4, True))
 RESIDUALS = (LAYER_1_0, LAYER_1_1, LAYER_2, REFINEMENT_2, LAYER_3, REFINEMENT_3)
 
 
@@ -110,8 +112,8 @@ def shapes(sizes: Sizes) -> dict[str, Shape]:
     """The shape of every array by its name."""
     c, f, h = sizes
     found = dict(_convolution_shapes(STEM, c))
-    for inside, around in RESIDUALS:
-        for layer in (*inside, around):
+    for inside, shortcut in RESIDUALS:
+        for layer in (*inside, shortcut):
             found |= _convolution_shapes(layer, c) if layer else ()
     for name, outputs, inputs in ((FEATURES, f, 8 * c + GOAL), (HIDDEN, h, f), (ACTION, ACTIONS, h)):
         found |= {f"{name}.weight": (outputs, inputs), f"{name}.bias": (outputs,)}
@@ -119,7 +121,7 @@ def shapes(sizes: Sizes) -> dict[str, Shape]:
 
 
 def checked_sizes(found: Mapping[str, Shape], source: str) -> Sizes:
-    """The sizes of the network whose arrays are among those found; others may lie beside them.
+    """The sizes of the network whose arrays are among those found; there may be others too.
 
     source: the file, for messages. Raises InputError, naming the array, if one is missing or they disagree.
     """

@@ -11,10 +11,10 @@ from lme.planners.drl_vo.network import BATCH_NORMS
 
 @dataclass(slots=True)
 class DrlVoConfig:
-    """The network, what it sees, and what its answers mean."""
+    """The network, what it sees, and what its outputs mean."""
 
     weights: str | None = None  # path of an .npz
-    batch_norm: str = "sample"  # "sample": statistics of the present feature maps; "running": of the training
+    batch_norm: str = "sample"  # "sample": statistics of the current feature maps; "running": of the training
     deterministic: bool = False  # the mean of the action; false: draw it
     sweep_rate: float = 20.0  # [Hz]
     fov: float = math.pi  # [rad] of the sweeps
@@ -22,13 +22,13 @@ class DrlVoConfig:
     no_return: float = 0.0  # [m] range of a beam without return
     pedestrians: bool = True  # show the pedestrians to the network
     lookahead: float = 2.0  # [m] of the sub-goal
-    goal_margin: float = 0.9  # [m] the robot stops this near the goal
+    goal_margin: float = 0.9  # [m] the robot stops this close to the goal
     stop_range: float = 0.4  # [m] at shorter ranges ahead it turns in place
     stop_turn: float = 0.7  # [rad/s] this fast
-    v_max: float = 0.5  # [m/s] of the greatest answer
-    omega_max: float = 2.0  # [rad/s] of the greatest answer
+    v_max: float = 0.5  # [m/s] of the greatest output
+    omega_max: float = 2.0  # [rad/s] of the greatest output
     v_free: float | None = None  # [m/s] v_max where it is free ahead; None: the same
-    free_range: float = 2.2  # [m] free ahead: no shorter range
+    free_range: float = 2.2  # [m] "free ahead": no shorter range
 
     def __post_init__(self) -> None:
         for key in ("sweep_rate", "fov", "range_max", "lookahead", "v_max", "omega_max", "free_range"):

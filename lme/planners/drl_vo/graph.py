@@ -56,32 +56,34 @@ class _Graph:
         self._linear(net.ACTION, hidden, OUTPUT)
 
     def _residual(self, residual: Residual, x: str, start: str | None = None) -> str:
-        """start: where the way around begins, if not at x."""
+        """start: where the shortcut begins, if not at x."""
         first, second, third = residual.inside
         inside = self._relu(self._normed(second, self._relu(self._normed(first, x))))
         start = start or x
-        around = self._normed(residual.around, start) if residual.around else start
-        return self._relu(self._node("Add", self._normed(third, inside), around))
+        shortcut = self._normed(residual.shortcut, start) if residual.shortcut else start
+        return self._relu(self._node("Add", self._normed(third, inside), shortcut))
 
     def _normed(self, layer: Convolution, x: str) -> str:
         """A convolution and its norm. Of a single sample, batch norm is instance norm."""
-        given = self._given(f"{net.EXTRACTOR}{layer.name}", "weight", *(["bias"] if layer.bias else []))
+        given = self._weight_inputs(
+            f"{net.EXTRACTOR}{layer.name}", "weight", *(["bias"] if layer.bias else [])
+        )
         pads, strides = [layer.kernel // 2] * 4, [layer.stride] * 2
         x = self._node("Conv", x, *given, kernel_shape=[layer.kernel] * 2, pads=pads, strides=strides)
         norm = f"{net.EXTRACTOR}{layer.norm}"
         if self._sample:
-            scale_and_bias = self._given(norm, "weight", "bias")
+            scale_and_bias = self._weight_inputs(norm, "weight", "bias")
             return self._node("InstanceNormalization", x, *scale_and_bias, epsilon=_EPSILON)
-        statistics = self._given(norm, "weight", "bias", "running_mean", "running_var")
+        statistics = self._weight_inputs(norm, "weight", "bias", "running_mean", "running_var")
         return self._node("BatchNormalization", x, *statistics, epsilon=_EPSILON)
 
     def _linear(self, name: str, x: str, output: str | None = None) -> str:
-        return self._node("Gemm", x, *self._given(name, "weight", "bias"), output=output, transB=1)
+        return self._node("Gemm", x, *self._weight_inputs(name, "weight", "bias"), output=output, transB=1)
 
     def _relu(self, x: str) -> str:
         return self._node("Relu", x)
 
-    def _given(self, layer: str, *parts: str) -> list[str]:
+    def _weight_inputs(self, layer: str, *parts: str) -> list[str]:
         """The names of a layer's weights, which become part of the model."""
         names = [f"{layer}.{part}" for part in parts]
         for name in names:

@@ -42,7 +42,7 @@ def import_archive(path: Path) -> dict[str, NDArray[np.float32]]:
         raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
     except _DAMAGE as error:
         raise InputError(
-            f"{path}: is no archive of a DRL-VO network by Stable-Baselines3 ({error})"
+            f"{path}: is not an archive of a DRL-VO network by Stable-Baselines3 ({error})"
         ) from None
 
 

@@ -1,4 +1,4 @@
-"""Between a robot and the DRL-VO network: what the network is told, and what its answer means."""
+"""Interface between a robot and the DRL-VO network: its inputs, and what its output means."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lme.kernels.polyline import leaves
 from lme.planners.commands import limited
 from lme.planners.drl_vo.config import DrlVoConfig
 from lme.planners.drl_vo.observation import Sweeps, free_ahead
+from lme.planners.polyline import leaves
 from lme.robots import Robot
 from lme.types import Floats, Guidance, Observation, Twist
 
-PEDESTRIANS = 32  # that the network is told of at most: the nearest
+PEDESTRIANS = 32  # that the network sees at most: the nearest
 _NOWHERE = np.zeros(2)
 
 
@@ -22,7 +22,7 @@ class DrlVoFeatures(NamedTuple):
     """Inputs of the network, as `observation.image_of` makes an image of them.
 
     sweeps: (20, 80) in [−1, 1], least and mean range of each of the ten sweeps, the oldest first. pedestrians:
-    (32, 4), as in an observation, behind rows of zeros. goal: (2,) in look-ahead distances.
+    (32, 4), as in an observation, after rows of zeros. goal: (2,) in look-ahead distances.
     """
 
     sweeps: Floats
@@ -31,7 +31,7 @@ class DrlVoFeatures(NamedTuple):
 
 
 class DrlVoInterface:
-    """What the network is told of the last half second, and the command that its answer stands for."""
+    """The network's inputs from the last half second, and the command that its output means."""
 
     def __init__(self, config: DrlVoConfig, robot: Robot) -> None:
         self._config = config
@@ -46,17 +46,17 @@ class DrlVoInterface:
         self._goal = _NOWHERE
 
     def features(self, observation: Observation, subgoal: Floats) -> DrlVoFeatures:
-        """What the network is told, once a step: the scan joins the sweeps. subgoal: (2,) in the robot frame [m]."""
+        """The inputs of the network, once a step: the scan joins the sweeps. subgoal: (2,) in the robot frame [m]."""
         self._sweeps.add(observation.scan, self._mount_yaw)
         pedestrians = np.zeros((PEDESTRIANS, 4))
         if self._config.pedestrians:
             nearest = np.argsort(np.hypot(*observation.pedestrians[:, :2].T), kind="stable")[:PEDESTRIANS]
-            # the order of the tracker: of two in a cell the last one counts
+            # in the order of the tracker: of two in a cell the last one counts
             pedestrians[PEDESTRIANS - len(nearest) :] = observation.pedestrians[np.sort(nearest)]
         return DrlVoFeatures(self._sweeps.rows(), pedestrians, subgoal / self._config.lookahead)
 
     def goal(self, guidance: Guidance) -> Floats:
-        """The point that the network is led to, in the robot frame: (2,) [m]."""
+        """The sub-goal of the network, in the robot frame: (2,) [m]."""
         path = guidance.path
         if path is None:
             path = np.vstack([_NOWHERE, guidance.subgoal])
@@ -67,13 +67,13 @@ class DrlVoInterface:
         return self._goal
 
     def action(self, command: Twist, observation: Observation) -> Floats:
-        """The answer (2,) that stands for a command, cut off at ±1; reverse becomes standing."""
+        """The output (2,) that means a command, clipped to ±1; reverse becomes 0."""
         first = 2.0 * command.v / self._fastest(observation) - 1.0
         answer: Floats = np.clip([first, command.omega / self._config.omega_max], -1.0, 1.0)
         return answer
 
     def command(self, action: Floats, observation: Observation) -> Twist:
-        """The command of an answer (2,) in [−1, 1], or the turn before an obstacle.
+        """The command of an output (2,) in [−1, 1], or the turn before an obstacle.
 
         It is limited to what the robot can reach in a period.
         """
@@ -84,18 +84,18 @@ class DrlVoInterface:
         return limited(v, float(action[1]) * config.omega_max, observation, self._dt)
 
     def turns(self, observation: Observation) -> bool:
-        """Whether an obstacle ahead is so near that the robot turns left in place, whatever the answer."""
+        """Whether an obstacle ahead is so near that the robot turns left in place, whatever the output."""
         return free_ahead(observation.scan, self._mount_yaw) <= self._config.stop_range
 
     def arrived(self, observation: Observation, guidance: Guidance) -> bool:
         """Whether the sub-goal is so near that the robot stops."""
         margin = self._config.goal_margin
         near = math.hypot(*self._goal) <= margin
-        # without a path the sub-goal is no end of one, and may be near anywhere
+        # without a path the sub-goal is not the end of one, and may be near anywhere
         return near and (guidance.path is not None or math.hypot(*observation.target) <= margin)
 
     def _fastest(self, observation: Observation) -> float:
-        """Speed of the greatest answer [m/s]."""
+        """Speed of the greatest output [m/s]."""
         config = self._config
         if config.v_free is None or free_ahead(observation.scan, self._mount_yaw) < config.free_range:
             return config.v_max

@@ -26,7 +26,7 @@ class Sweeps:
 
     fov: what the bins divide [rad], straight ahead in the middle. range_max: longer ranges become this one [m].
     no_return: range of a beam without return, and of a bin without beams [m]. A sweep that is due between two
-    scans is the scan before it: the authors' node takes the last one, too. Before the first, all were like it.
+    scans is the scan before it: the authors' node takes the last one, too. Sweeps before the first scan equal it.
     """
 
     def __init__(self, fov: float, range_max: float, no_return: float, rates: tuple[float, float]) -> None:

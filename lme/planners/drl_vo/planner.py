@@ -29,7 +29,7 @@ class DrlVo:
     nav-competition-icra2022-drl-vo. The sub-goal is where the guide's path leaves the disc of `lookahead` about the
     robot, or its end; without a path, the guide's subgoal, at most so far away. While the guide finds no path, it
     stays what it was, in the robot frame. Near the goal the robot stops, near an obstacle ahead it turns left in
-    place. The command is limited to what the robot can reach in a period. A range that is NaN is no return.
+    place. The command is limited to what the robot can reach in a period. A NaN range is not a return.
     """
 
     Config = DrlVoConfig
@@ -44,7 +44,7 @@ class DrlVo:
         _warn_if_untrained(config, robot, weights[TRAINED])
 
     def reset(self, rng: np.random.Generator) -> None:
-        """Forget the sweeps and the sub-goal; take the random numbers that actions are drawn with."""
+        """Forget the sweeps and the sub-goal; take the generator that draws the actions."""
         self._rng = rng
         self.interface.clear()
 
@@ -54,11 +54,11 @@ class DrlVo:
         self.seen = interface.features(observation, interface.goal(guidance))
         if interface.arrived(observation, guidance):
             return limited(0.0, 0.0, observation, self._robot.dt)
-        answer = _NO_ANSWER if interface.turns(observation) else self._answer(self.seen)
+        answer = _NO_ANSWER if interface.turns(observation) else self._output(self.seen)
         return interface.command(answer, observation)
 
-    def _answer(self, features: DrlVoFeatures) -> Floats:
-        """The network's answer: (2,) in [−1, 1]."""
+    def _output(self, features: DrlVoFeatures) -> Floats:
+        """The network's output: (2,) in [−1, 1]."""
         image = image_of(features.sweeps, features.pedestrians)
         answer = self._network.means(image, features.goal)
         if not self._config.deterministic:
@@ -71,7 +71,7 @@ def _weights(path: str | None) -> Arrays:
     if path is None:
         raise InputError(
             "planner.weights is null: the authors' network does not ship with lme; import their archive with "
-            "`lme weights import drl_vo PATH NAME`, then give planner.weights=NAME; or take planner=drl_vo_small"
+            "`lme weights import drl_vo PATH NAME`, then set planner.weights=NAME; or use planner=drl_vo_small"
         )
     return read_weights(Path(path))
 

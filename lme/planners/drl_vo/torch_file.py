@@ -1,7 +1,7 @@
 """Tensors in a file that PyTorch saved (`torch.save` of a `state_dict`, PyTorch 1.6 or newer), without PyTorch.
 
 Such a file is a zip: a pickle that describes the tensors, and their numbers. The pickle is read as data by the few
-operations of a `state_dict`; it can name no other function, and nothing of it runs.
+operations of a `state_dict`; it can name no other function, and none of it is executed.
 """
 
 from __future__ import annotations
@@ -89,7 +89,7 @@ class _Machine:
         self._memo: dict[int, Any] = {}
 
     def run(self, data: bytes) -> Any:
-        """What the pickle describes. An operation that is not below is an AttributeError."""
+        """What the pickle describes. An operation that is not defined below raises AttributeError."""
         for operation, argument, _ in pickletools.genops(data):
             if operation.name == "STOP":
                 break
@@ -132,7 +132,7 @@ class _Machine:
     def _tuple_of(self, count: int) -> None:
         start = len(self._stack) - count
         if start < 0:
-            raise IndexError("nothing to put together")
+            raise IndexError("a tuple has too few items")
         self._stack[start:] = [tuple(self._stack[start:])]
 
     def _empty_tuple(self, _: Any) -> None:
@@ -158,7 +158,7 @@ class _Machine:
     def _binpersid(self, _: Any) -> None:
         _, kind, key, _, _ = self._stack.pop()
         if kind not in _STORAGES or not isinstance(key, str):
-            raise ValueError("a storage is none")
+            raise ValueError("a storage is malformed")
         self._stack.append(Storage(kind, key))
 
     def _reduce(self, _: Any) -> None:
@@ -168,7 +168,7 @@ class _Machine:
         elif function == _TENSOR:
             self._stack.append(_tensor(*arguments[:4]))
         else:
-            raise ValueError("it calls what is no function")
+            raise ValueError("it calls an unknown function")
 
     def _setitem(self, _: Any) -> None:
         value, key = self._stack.pop(), self._stack.pop()
@@ -180,7 +180,7 @@ class _Machine:
     def _set(self, pairs: list[Any]) -> None:
         keys = pairs[::2]
         if not all(isinstance(key, str) for key in keys) or not isinstance(self._stack[-1], dict):
-            raise ValueError("a name is no text")
+            raise ValueError("a name is not text")
         self._stack[-1].update(zip(keys, pairs[1::2], strict=True))
 
     def _build(self, _: Any) -> None:
@@ -190,7 +190,7 @@ class _Machine:
 def _tensor(storage: Any, offset: Any, shape: Any, stride: Any) -> Tensor:
     numbers = [offset, *shape, *stride]
     if not isinstance(storage, Storage) or not all(isinstance(each, int) and each >= 0 for each in numbers):
-        raise ValueError("a tensor is none")
+        raise ValueError("a tensor is malformed")
     return Tensor(storage, offset, tuple(shape), tuple(stride))
 
 

@@ -1,6 +1,6 @@
 """The weights of a DRL-VO network in a file: an .npz with the arrays that `architecture` lists and `TRAINED`, float32.
 
-A network of any size does. The names and shapes are those of the policy's `state_dict` in Stable-Baselines3.
+The network may have any size. The names and shapes are those of the policy's `state_dict` in Stable-Baselines3.
 """
 
 from __future__ import annotations
@@ -37,6 +37,6 @@ def read_weights(path: Path) -> dict[str, NDArray[np.float32]]:
     """A network's arrays and `TRAINED` in a file that `write_weights` made.
 
     Raises InputError, naming file and array, for a file that cannot be read, arrays of other names, types or
-    shapes, and values that are not finite. No array is made before all shapes are known to agree.
+    shapes, and values that are not finite. No array is created before all shapes are known to agree.
     """
     return read_arrays(path, file_shapes(checked_sizes(read_shapes(path, WHAT), str(path))), WHAT)

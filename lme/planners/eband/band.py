@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from lme.errors import require
-from lme.kernels.polyline import project, stretch
 from lme.planners.eband.kernels import bubble_radii, covered, mend, relax
+from lme.planners.polyline import project, stretch
 from lme.types import Floats
 
 _CAPACITY = 256  # [bubbles] useful bands have far fewer

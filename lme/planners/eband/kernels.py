@@ -66,12 +66,12 @@ def relax(
             before = (centres[i - 1, 0], centres[i - 1, 1])
             after = (centres[i + 1, 0], centres[i + 1, 1])
             bubble = (centres[i, 0], centres[i, 1], radii[i])
-            moved = _settle(before, bubble, after, space, spacing, forces, rounds[1])
+            moved = _move_bubble(before, bubble, after, space, spacing, forces, rounds[1])
             centres[i, 0], centres[i, 1], radii[i] = moved
 
 
 @njit(cache=True, error_model="numpy")
-def _settle(before, bubble, after, space, spacing, forces, halvings):
+def _move_bubble(before, bubble, after, space, spacing, forces, halvings):
     """Move one bubble a step along its force, and halve the step while it overshoots."""
     tx, ty = after[0] - before[0], after[1] - before[1]
     length = math.sqrt(tx * tx + ty * ty)

@@ -10,10 +10,10 @@ import numpy as np
 from lme.errors import require
 from lme.geometry.frames import to_robot, to_world
 from lme.kernels.collision import sweep
-from lme.kernels.polyline import leaves
 from lme.planners.commands import approach, limited
 from lme.planners.eband.band import Band, BandConfig
 from lme.planners.eband.kernels import hidden
+from lme.planners.polyline import leaves
 from lme.planners.stopping import until_rest
 from lme.robots import Robot
 from lme.sensing.scan_points import obstacle_points
@@ -53,7 +53,7 @@ class EBand:
 
     The robot steers to the point where the band leaves the bubble around the robot, since it may drive straight
     that far. The bubble's radius limits the speed. The robot slows down, or finally backs up, if its outline could
-    not stop clear of every known obstacle point. Known are the points of the present scan and earlier points that
+    not stop clear of every known obstacle point. Known points are those of the current scan, and earlier ones that
     are hidden now, behind others or in the blind arc.
     """
 

@@ -10,8 +10,8 @@ from lme.kernels.arcs import first_contacts
 from lme.kernels.straight_ways import KEPT
 from lme.types import Floats
 
-FORESEEN = 1.5  # [s] for which motion at constant velocity is foreseen
-_MEETING = 10.0  # [s] that an immediate meeting counts
+FORESEEN = 1.5  # [s] over which motion at constant velocity is predicted
+_MEETING = 10.0  # [s] cost of an immediate meeting
 _SKIN = 0.1  # [m] behind the nearest point of a mover
 _STEP = 0.1  # [s] between two places on an arc that are checked
 _HOLDS = 5  # number of times for which a command is tried, from one period to the horizon
@@ -50,7 +50,7 @@ class Safety(NamedTuple):
 def split(points: Floats, seen: Floats, people: Floats, most: float) -> tuple[Floats, Floats]:
     """The (M, 2) points that belong to no mover, and the movers (P, 5) with their radii [m].
 
-    seen (S, 2): points of the present scan. people (P, 4): x, y, vx, vy of the movers' centres [m, m/s]. A mover's
+    seen (S, 2): points of the current scan. people (P, 4): x, y, vx, vy of the movers' centres [m, m/s]. A mover's
     radius is the distance to the nearest point of the scan, at most `most`; points up to `_SKIN` farther belong to it.
     """
     movers = np.empty((len(people), 5))
@@ -81,8 +81,8 @@ def best_twist(
 
     v (V,), rising, and omega (W,): all pairs are tried [m/s, rad/s]. subgoal (2,), points (M, 2): in the robot frame
     [m]. box: footprint (half_length, half_width, rounding) [m]. movers (P, 5): x, y, vx, vy and radius of what moves
-    [m, m/s]. A command on whose arc one of them meets the robot's disc within `FORESEEN` [s] counts up to `_MEETING`
-    [s] more, the sooner the more.
+    [m, m/s]. A command on whose arc one of them meets the robot's disc within `FORESEEN` [s] costs up to `_MEETING`
+    [s] more: the sooner, the more.
     """
     count, r_max = len(v) * len(omega), math.hypot(box[0], box[1])  # a turning disc stays in its place
     twists, margins, stops = np.empty((count, 2)), np.empty(count), np.empty(count)

@@ -24,9 +24,9 @@ _STEP = 0.05  # [m] of the prediction over the latency
 _NOBODY = np.empty((0, 5))
 _WIDEST = 1.0  # [m] greatest radius of a person or another mover
 _AT_REST = 1e-6  # [m/s, rad/s] slower than this counts as 0
-_TIGHT = 0.75  # share of the margin that is kept where the robot could not move otherwise
+_TIGHT = 0.75  # share of the margin that is kept if the robot could not move otherwise
 _BACKWARD = 0.25  # share of v_max at which the robot backs up
-_SLOW = 0.05  # [s] time that a command of speed 0 counts more than one of v_max
+_SLOW = 0.05  # [s] extra cost of a command of speed 0 over one of v_max
 
 
 @dataclass(slots=True)
@@ -39,7 +39,7 @@ class MinTimeConfig:
     margin_time: float = 0.1  # [s] further distance per speed of the outline
     brake: float = 3.0  # [m/s²] deceleration that the robot can rely on, at most its limit
     grip: float = 1.0  # [m/s²] greatest v·|ω|, the lateral acceleration
-    back: float = 0.3  # [m] way that a stuck robot backs up; 0: never
+    back: float = 0.3  # [m] distance that a stuck robot backs up; 0: never
     latency: float = 0.0  # [s] known delay from a command to its effect
     v_samples: int = 7
     omega_samples: int = 15  # odd, so that one of them is in the middle
@@ -67,9 +67,9 @@ class MinTime:
 
     Every pair (v, ω) that is reachable within a period is tried: it is held for some time, then the robot turns to the
     subgoal and drives there. An arc is safe if the exact footprint, with a margin that grows with speed, reaches no
-    obstacle point before the robot has stopped. If none is safe, the robot brakes on its present arc. The points are
+    obstacle point before the robot has stopped. If none is safe, the robot brakes on its current arc. The points are
     those that the guide knows, else those of the scan. If the delay of commands is known, all this starts where the
-    robot will be when the command takes effect. Tracked people are foreseen at their present velocity.
+    robot will be when the command takes effect. Tracked people are predicted at their current velocity.
     """
 
     Config = MinTimeConfig
@@ -84,7 +84,7 @@ class MinTime:
     def reset(self, rng: np.random.Generator) -> None:
         """Forget the commands; `rng` is not used."""
         periods = math.ceil(self._config.latency / self._robot.dt - 1e-9)
-        self._to_back = 0.0  # [m] that remain
+        self._left_to_back_up = 0.0  # [m] still to back up
         self._under_way = deque([Twist(0.0, 0.0)] * periods, maxlen=periods)
 
     def plan(self, observation: Observation, guidance: Guidance) -> Twist:
@@ -92,22 +92,22 @@ class MinTime:
         may_back = self._config.back > 0.0 and (
             guidance.points is not None or is_full_circle(observation.scan)
         )
-        now = self._now(observation, guidance)
+        now = self._situation(observation, guidance)
         wanted = self._choose(now, observation.limits)
-        if may_back and (self._to_back > 0.0 or (guidance.blocked and not any(wanted))):
+        if may_back and (self._left_to_back_up > 0.0 or (guidance.blocked and not any(wanted))):
             wanted = self._back_up(now.points, observation.limits) or wanted
         command = limited(*wanted, observation._replace(twist=now.twist), self._robot.dt)
         self._under_way.append(command)
         return command
 
-    def _now(self, observation: Observation, guidance: Guidance) -> _Situation:
+    def _situation(self, observation: Observation, guidance: Guidance) -> _Situation:
         """The situation in which the next command takes effect."""
         points, movers = self._obstacles(observation, guidance)
-        here = _Situation(guidance.subgoal, points, movers, _at_rest(observation.twist))
+        here = _Situation(guidance.subgoal, points, movers, _without_tiny_rates(observation.twist))
         return self._predicted(here, observation.limits) if self._under_way else here
 
     def _obstacles(self, observation: Observation, guidance: Guidance) -> tuple[Floats, Floats]:
-        """Points that stay (M, 2), and movers (P, 5)."""
+        """Points that do not move (M, 2), and movers (P, 5)."""
         if guidance.points is not None and not len(observation.pedestrians):
             return guidance.points, _NOBODY
         seen = obstacle_points(observation.scan, self._robot.lidar.mount)
@@ -123,7 +123,7 @@ class MinTime:
         return _Situation(to_robot(now.subgoal, pose), to_robot(now.points, pose), movers, twist)
 
     def _predict(self, now: Twist, limits: Limits) -> tuple[Pose, Twist]:
-        """Pose in the present robot frame and twist when the next command takes effect."""
+        """Pose in the current robot frame and twist when the next command takes effect."""
         pose, dt = Pose(0.0, 0.0, 0.0), self._robot.dt
         rest = self._config.latency - (len(self._under_way) - 1) * dt  # of the oldest command
         for k, command in enumerate(self._under_way):
@@ -131,7 +131,7 @@ class MinTime:
             motion = (*pose,), (*now,), (*command,), (*limits,)  # plain tuples, as in `FastSimulator.step`
             way, twist = drive(*motion, duration, _STEP, self._robot.footprint.r_max)
             pose, now = Pose(*way[-1].tolist()), Twist(*twist)
-        return pose, _at_rest(now)
+        return pose, _without_tiny_rates(now)
 
     def _choose(self, now: _Situation, limits: Limits) -> Twist:
         """The best command with all of the margin; if that is to stand still, with `_TIGHT` of it."""
@@ -153,16 +153,16 @@ class MinTime:
         return Twist(0.0, now.omega * low / now.v if now.v > 0.0 else 0.0)
 
     def _back_up(self, points: Floats, limits: Limits) -> Twist | None:
-        """Straight back for `back`, or as far as known points allow; None where they allow nothing."""
+        """Straight back for `back`, or as far as known points allow; None if they allow nothing."""
         speed = _BACKWARD * limits.v_max
         horizon = np.array([self._robot.dt + speed / min(self._config.brake, limits.alpha_v)])
         margin, mirrored = np.array([_TIGHT * self._config.margin]), points * [-1.0, 1.0]
         twist, box = np.array([[speed, 0.0]]), self._robot.footprint.box
         if first_contacts(twist, mirrored, box, margin, horizon, horizon, KEPT)[0] < horizon[0]:
-            self._to_back = 0.0
+            self._left_to_back_up = 0.0
             return None
-        left = self._to_back if self._to_back > 0.0 else self._config.back
-        self._to_back = left - speed * self._robot.dt
+        left = self._left_to_back_up if self._left_to_back_up > 0.0 else self._config.back
+        self._left_to_back_up = left - speed * self._robot.dt
         return Twist(-speed, 0.0)
 
     def _turn_rates(self, now: Twist, limits: Limits) -> Floats:
@@ -175,7 +175,7 @@ class MinTime:
         return omega
 
 
-def _at_rest(twist: Twist) -> Twist:
+def _without_tiny_rates(twist: Twist) -> Twist:
     """The twist without rates that are too small to matter; their quotients would overflow."""
     v, omega = twist
     return Twist(v if abs(v) > _AT_REST else 0.0, omega if abs(omega) > _AT_REST else 0.0)

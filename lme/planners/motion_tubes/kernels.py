@@ -157,7 +157,7 @@ def choose(
     """The best free tube and the bin of its distance to the goal; (−1, −1) if none is suitable.
 
     Sort keys in order: distance from goal (x, y) to the pose after `reach` [m], in bins; outer, front and inner
-    whisker free; deviation from the goal's heading, in bins; change of the turn rate at the present v; distance.
+    whisker free; deviation from the goal's heading, in bins; change of the turn rate at the current v; distance.
     A tube more than bins[2] bins away, or more than 90° from the goal's heading, is not suitable. bins: (width of a
     distance bin [m], width of a heading bin [rad], greatest bin). whisker_beams, whisker_ranges (3, N, S): outer,
     front, inner.

@@ -27,7 +27,7 @@ _KEPT = 3.0  # [m] farther points are not remembered
 _SCANS, _SCAN_SPACING, _SCAN_TURN = 60, 0.15, math.radians(20.0)  # memory of 9 m of driving
 _BACK_STEP = math.radians(5.0)  # between final headings of backward tubes
 _SLOWER = ((1.0, 1.0), (0.5, 0.5), (0.25, 0.25))  # shares of v and ω, on the same arc
-_OTHERWISE_BACK = ((0.25, 0.0), (0.25, -0.25))  # off the arc, if there is no room to enter it
+_BACK_OUT = ((0.25, 0.0), (0.25, -0.25))  # off the arc, if there is no room to enter it
 _GAP = 0.02  # [m] least clearance while stopping; a nearer robot must not come any nearer
 _HERE = Pose(0.0, 0.0, 0.0)
 _NO_EDGES = np.empty((0, 4))
@@ -195,7 +195,7 @@ class MotionTubes:
             return self._brake(scene)
         if self._turns_usefully(scene, self._config.turn_margin):
             self._state = _Manoeuvre.TURN
-        elif self._behind(scene) is not None:
+        elif self._backward_curvature(scene) is not None:
             self._state = _Manoeuvre.BACK
         elif self._turns_usefully(scene, _GAP):
             self._state = _Manoeuvre.TURN
@@ -213,15 +213,15 @@ class MotionTubes:
 
     def _back_up(self, scene: _Scene) -> Twist:
         """Back up until there is room to turn or the robot can drive ahead."""
-        curvature = self._behind(scene)
-        if curvature is None or self._backed_off(scene):
+        curvature = self._backward_curvature(scene)
+        if curvature is None or self._has_backed_off(scene):
             self._state, self._stuck = _Manoeuvre.STOP, None
             return self._brake(scene)
         v = towards(-self._config.back_speed, scene.observation.twist.v, self._config.deceleration, self._dt)
         return Twist(v, v * curvature)
 
     def _brake(self, scene: _Scene) -> Twist:
-        """Brake to a stop on the present arc."""
+        """Brake to a stop on the current arc."""
         v, omega = scene.observation.twist
         if abs(v) <= _STANDSTILL:
             return Twist(0.0, 0.0)
@@ -232,7 +232,7 @@ class MotionTubes:
         """The command, or a similar one after which the robot can stop before every point; else brake."""
         circles = np.column_stack((scene.points, np.zeros(len(scene.points))))
         here, _ = sweep(np.array([_HERE]), self._robot.footprint.box, circles, _NO_EDGES)
-        for v_share, omega_share in _SLOWER if wanted.v >= 0.0 else (*_SLOWER, *_OTHERWISE_BACK):
+        for v_share, omega_share in _SLOWER if wanted.v >= 0.0 else (*_SLOWER, *_BACK_OUT):
             command = limited(v_share * wanted.v, omega_share * wanted.omega, scene.observation, self._dt)
             if self._clearance(command, scene.observation, circles) >= min(_GAP, here - 1e-6):
                 return command
@@ -254,7 +254,7 @@ class MotionTubes:
         least = float(np.hypot(*scene.points.T).min(initial=math.inf))
         return footprint.radius is not None or least > footprint.r_max + margin
 
-    def _backed_off(self, scene: _Scene) -> bool:
+    def _has_backed_off(self, scene: _Scene) -> bool:
         """Whether the robot is far enough from where it got stuck and can turn or drive ahead."""
         here = scene.observation.odometry
         if self._stuck is not None and math.dist(here[:2], self._stuck[:2]) < self._config.near_length:
@@ -266,7 +266,7 @@ class MotionTubes:
         chosen = self._tubes.ahead(scene.route, scene.observation.twist, scene.view, scene.seen)
         return chosen is not None and chosen.share >= self._config.free_low and chosen.bin <= 1
 
-    def _behind(self, scene: _Scene) -> float | None:
+    def _backward_curvature(self, scene: _Scene) -> float | None:
         """Curvature of the best backward tube [1/m], a short one if no long one is free; None if none is free."""
         goal = self._tubes.goal(scene.route, self._config.short_length)
         for spec in self._back:

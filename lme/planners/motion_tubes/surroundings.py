@@ -1,4 +1,4 @@
-"""Memory of earlier scans for the area outside the lidar's present field of view."""
+"""Memory of earlier scans for the area outside the lidar's current field of view."""
 
 from __future__ import annotations
 
@@ -59,15 +59,15 @@ class Surroundings:
 
     def known_free(self, points: Floats) -> Bools:
         """Whether the robot has stood on or seen past each of the points (P, 2) in the base frame: (P,)."""
-        view, bodies, lidars, ranges = self._from_here()
+        view, bodies, lidars, ranges = self._in_base_frame()
         return np.asarray(known_free(points, bodies, lidars, ranges, view.increment, self._box))
 
     def _moved(self, before: Pose, after: Pose) -> bool:
         _, _, turn = relative(after, before)
         return math.dist(before[:2], after[:2]) >= self._spacing or abs(turn) >= self._turn
 
-    def _from_here(self) -> tuple[LidarView, Floats, Floats, Ranges]:
-        """The view, poses of base and lidar (M, 3) in the present base frame, and ranges (M, B); newest first."""
+    def _in_base_frame(self) -> tuple[LidarView, Floats, Floats, Ranges]:
+        """The view, poses of base and lidar (M, 3) in the current base frame, and ranges (M, B); newest first."""
         view = self._view
         assert view is not None
         bodies = np.array([relative(pose, self._poses[-1]) for pose in reversed(self._poses)])

@@ -45,11 +45,11 @@ def way_cells(
 
 @njit(cache=True, error_model="numpy")
 def distances(costs: Costs, ignored: Bools, cells: Ints, window: tuple[int, int, int, int]) -> Distances:
-    """Steps over the sides of cells from each cell to the nearest of `cells` (C, 2): (I, J); negative: no way.
+    """Steps across the sides of cells from each cell to the nearest of `cells` (C, 2): (I, J); negative: no way.
 
     No way leads through cells of cost ≥ `INSCRIBED`, except those `ignored` (I, J); `cells` themselves always have 0.
-    Only the distances in the window (first row, row after the last, first column, column after the last) are sure
-    to be there. Source: base_local_planner's map_grid.cpp.
+    Only the distances in the window (first row, row after the last, first column, column after the last) are
+    guaranteed. Source: base_local_planner's map_grid.cpp.
     """
     rows, columns = costs.shape
     width = columns + 2  # with a wall around, so that no index leaves the map

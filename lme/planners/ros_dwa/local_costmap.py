@@ -41,7 +41,7 @@ class LocalCostmap:
 
     Obstacle layer and inflation layer as in ROS costmap_2d with observation_persistence 0, inf_is_valid false and
     footprint_clearing_enabled true: a cell is free as soon as a beam passes it or the padded footprint covers it,
-    and a beam without a return tells nothing. costs: (I, J) uint8; only occupied cells are `TOUCHING`.
+    and a beam without a return says nothing. costs: (I, J) uint8; only occupied cells are `TOUCHING`.
     """
 
     def __init__(self, config: LocalCostmapConfig, robot: Robot) -> None:

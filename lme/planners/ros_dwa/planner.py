@@ -12,8 +12,8 @@ import numpy as np
 from lme.errors import require
 from lme.geometry.angles import wrap_angle
 from lme.geometry.frames import to_world
-from lme.kernels.polyline import stretch
 from lme.planners.commands import limited
+from lme.planners.polyline import stretch
 from lme.planners.ros_dwa.local_costmap import LocalCostmap
 from lme.planners.ros_dwa.trajectories import TrajectoriesConfig, TrajectorySearch
 from lme.robots import Robot
@@ -95,7 +95,7 @@ class RosDwa:
         return None
 
     def _take_plan(self, observation: Observation, guidance: Guidance) -> None:
-        """Take a new plan; without one keep the old one while the robot can follow it, but not for ever."""
+        """Take a new plan; without one keep the old one while the robot can follow it, but not forever."""
         if self._state is _State.ABORTED:
             return
         if not guidance.blocked:

@@ -143,7 +143,7 @@ class TrajectorySearch:
         elif wanted.v == 0.0:
             self._turns[1 if wanted.omega > 0.0 else -1] += 1
             self._turned_at = pose[:2]
-        self._move_on(pose)
+        self._lift_bans(pose)
         return wanted
 
     def _limits(self, robot: Limits) -> Limits:
@@ -209,16 +209,16 @@ class TrajectorySearch:
         )
 
     def _choose(self, forward: _Scored, turns: _Scored) -> Twist | None:
-        """The best forward trajectory, unless a turn in place that is no worse looks at a cell nearer to the goal."""
+        """The best forward trajectory, unless a turn in place that is no worse faces a cell nearer to the goal."""
         wanted, least, nearest = forward.best(), forward.least, math.inf
         for twist, total, end in zip(turns.twists, turns.scores, turns.ends, strict=True):
             side = 1 if twist[1] > 0.0 else -1
-            ahead = self._looks_at(end)
+            ahead = self._goal_distance_ahead(end)
             if total < math.inf and total <= least and self._turns[-side] < 2 and ahead < nearest:
                 nearest, least, wanted = ahead, float(total), Twist(*twist.tolist())
         return wanted
 
-    def _looks_at(self, end: Floats) -> float:
+    def _goal_distance_ahead(self, end: Floats) -> float:
         """Distance to the goal from the cell ahead of a pose [cells]: the most if there is no way, inf off the map."""
         grid, away = self._costmap.grid, self._config.heading_lookahead
         i = lattice((end[0] + away * math.cos(end[2])) / grid[2]) - grid[0]
@@ -237,7 +237,7 @@ class TrajectorySearch:
         self._escape = self._escape or observation.odometry
         return back
 
-    def _move_on(self, pose: Pose) -> None:
+    def _lift_bans(self, pose: Pose) -> None:
         """Allow all turns and forward driving again once the robot is far enough from where they were forbidden."""
         config, here = self._config, pose[:2]
         if math.dist(here, self._turned_at) > config.oscillation_reset_dist:

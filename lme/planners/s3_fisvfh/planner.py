@@ -184,7 +184,7 @@ class S3Fisvfh:
         """Back up over ground just driven, turning to the clearer side; else turn on the spot; else stop."""
         limits, config, dt = observation.limits, self._config, self._robot.dt
         sides = nearest_ahead(points, config.guard_ahead)
-        if min(sides) >= guard:  # the obstacle is beside the robot
+        if min(sides) >= guard:  # the obstacle is to the side of the robot
             sides = nearest_ahead(points, math.pi / 2)
         clearer_left = sides[0] - sides[1] if abs(sides[0] - sides[1]) > _EQUAL else heading
         omega = math.copysign(config.retreat_turn * limits.omega_max, clearer_left)

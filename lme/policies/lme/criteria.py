@@ -14,8 +14,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from lme.kernels.distance import distances_to, turns
 from lme.kernels.fan import fan_blocked
+from lme.policies.distance import distances_to, turns
 from lme.policies.lme.surmount import Blockage
 from lme.types import Floats
 
@@ -76,7 +76,7 @@ def c_t(candidates: Floats, view: View) -> Floats:
 def a_mount(candidates: Floats, view: View) -> Floats:
     """Surmount feature: minus the distance to B, past the end of the blocking obstacle [m]; 0 if none blocks.
 
-    Which candidates have it is a question of reading (docs/research/surmount.md): `view.surmount` names the answer.
+    Which candidates have it depends on how the paper is read (docs/research/surmount.md): `view.surmount` says which.
     """
     return SURMOUNT[view.surmount](candidates, view)
 

@@ -118,7 +118,7 @@ class LocalMinimumEscaper:
         return Step(decision, names, parameters, observation.scan, view, pool, features, scores, new, old)
 
     def _advance(self, twist: Twist) -> None:
-        """Transform the history and the old subgoal from the last robot frame to the present one."""
+        """Transform the history and the old subgoal from the last robot frame to the current one."""
         if self._twist is not None:
             self._history.step(self._twist, twist, self._dt)
         if self._twist is not None and self._subgoal is not None:

@@ -46,7 +46,7 @@ class Explanation(NamedTuple):
     """All quantities behind one decision; N candidates, C criteria, M scan points, K sectors.
 
     candidates: (N, 2). features: (C, N), rows named by `names`. scores: (N,). new: index of the best candidate.
-    old, old_features, old_score: the old subgoal in the present robot frame (2,), its (C,) features and its score;
+    old, old_features, old_score: the old subgoal in the current robot frame (2,), its (C,) features and its score;
     None at the first step. view: input of the criteria. sectors: (K, 2) first and last scan point of each;
     closed: they form one closed ring. E1, E2, A, B are in `view.blockage`. parameters: weights in the order of
     `names`.

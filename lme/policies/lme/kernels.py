@@ -90,7 +90,7 @@ def _span_blocks(points, gap, full_circle, start, boxes, nearest, spanned):
     Block numbers continue into the next turn: b ≥ K is block b − K, reached across ±π.
     """
     num_blocks = len(nearest)
-    joined = 0  # every gap from the present block up to this one is spanned
+    joined = 0  # every gap from the current block up to this one is spanned
     for a in range(num_blocks):
         joined = max(joined, a)
         end = a + num_blocks if full_circle else num_blocks - 1

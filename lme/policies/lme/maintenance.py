@@ -78,7 +78,7 @@ def choose(old_distance: float, old_score: float, new_score: float, d1: float, d
 
 
 class History:
-    """The robot's last `length` positions, in its present frame (§III.C(6))."""
+    """The robot's last `length` positions, in its current frame (§III.C(6))."""
 
     def __init__(self, length: int, min_distance: float) -> None:
         """min_distance [m]: nearer positions are ignored, since every path starts among them."""
@@ -87,7 +87,7 @@ class History:
         self._positions = np.empty((0, 2))
 
     def step(self, before: Twist, now: Twist, dt: float) -> None:
-        """Add the position of one control period ago and transform all positions to the present frame."""
+        """Add the position of one control period ago and transform all positions to the current frame."""
         self._positions = _remember(self._positions, self._length, *_motion(before, now, dt))
 
     def points(self) -> Floats:

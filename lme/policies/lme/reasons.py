@@ -13,7 +13,7 @@ from lme.policies.lme.explanation import Explanation
 from lme.policies.lme.maintenance import Choice
 from lme.types import Floats
 
-LEFT_OUT = 0.25  # share of a score difference that the unnamed terms sum to at most, in absolute value
+LEFT_OUT = 0.25  # largest share of a score difference that the unnamed terms may sum to, in absolute value
 _BEST = {"c_o": 1.0, "c_t": 1.0, "a_mount": 0.0, "c_h": 1.0}  # best values of the paper's features
 _FELL = {
     "c_o": "stopped being reachable",
@@ -42,13 +42,17 @@ def reason(now: Explanation, before: Explanation | None = None) -> str:
     """
     choice = now.decision.choice
     if choice is Choice.BETTER:
-        sentence = _better(now, before)
+        sentence = _explain_better(now, before)
     else:
-        sentence = {Choice.FIRST: _first, Choice.REACHED: _reached, Choice.KEPT: _kept}[choice](now)
+        sentence = {
+            Choice.FIRST: _explain_first,
+            Choice.REACHED: _explain_reached,
+            Choice.KEPT: _explain_kept,
+        }[choice](now)
     if not now.decision.blocked:
         return sentence
-    stands = "the old one stays" if choice is Choice.KEPT else "the best of them stands"
-    return f"{sentence}. No candidate is reachable: {stands}"
+    taken = "the old one stays" if choice is Choice.KEPT else "the best of them is taken"
+    return f"{sentence}. No candidate is reachable: {taken}"
 
 
 def reasons(steps: Sequence[Explanation]) -> list[tuple[int, int, str]]:
@@ -57,11 +61,11 @@ def reasons(steps: Sequence[Explanation]) -> list[tuple[int, int, str]]:
     Consecutive decisions that kept the subgoal, or that replaced a reached one, share one sentence.
     """
     found = []
-    for _, group in groupby(enumerate(steps), lambda one: _kind(*one)):
+    for _, group in groupby(enumerate(steps), lambda one: _group_key(*one)):
         first, *others = [step for step, _ in group]
         last = others[-1] if others else first
         before = steps[first - 1] if first else None
-        text = _together(steps[first : last + 1]) if others else reason(steps[first], before)
+        text = _shared_sentence(steps[first : last + 1]) if others else reason(steps[first], before)
         found.append((first, last, text))
     return found
 
@@ -84,29 +88,29 @@ def main_terms(terms: Sequence[Term]) -> list[Term]:
     return [term for term, rest in zip(terms, rests, strict=True) if rest > most]
 
 
-def _kind(step: int, now: Explanation) -> Choice | int:
+def _group_key(step: int, now: Explanation) -> Choice | int:
     """Group key: the choice if consecutive decisions share one sentence, else the step's number."""
     choice = now.decision.choice
     return choice if choice in (Choice.KEPT, Choice.REACHED) else step
 
 
-def _together(steps: Sequence[Explanation]) -> str:
+def _shared_sentence(steps: Sequence[Explanation]) -> str:
     """One sentence for two or more decisions that are all KEPT or all REACHED."""
     blocked = sum(step.decision.blocked for step in steps)
     aside = f". No candidate was reachable at {blocked} of them" if blocked else ""
     if steps[0].decision.choice is Choice.KEPT:
         closest = max(steps, key=_gain)
         return (
-            f"kept for {len(steps)} steps: the best new one scored {_beside_d2(closest, 'at most ')}{aside}"
+            f"kept for {len(steps)} steps: the best new one scored {_against_d2(closest, 'at most ')}{aside}"
         )
     d1 = steps[0].parameters.d1
     if math.isinf(d1):
         return f"switched at {len(steps)} steps: d1 is infinite, so no subgoal is maintained{aside}"
-    away = _apart(max(_old_distance(step) for step in steps), d1)
+    away = _fewest_digits(max(_old_distance(step) for step in steps), d1)
     return f"switched at {len(steps)} steps: the old one was reached, at most {away} m away (d1 {d1:.6g} m){aside}"
 
 
-def _first(now: Explanation) -> str:
+def _explain_first(now: Explanation) -> str:
     terms = difference_terms(now)
     lead, count = sum(term.value for term in terms), len(now.candidates)
     if count == 1:
@@ -117,33 +121,33 @@ def _first(now: Explanation) -> str:
     return f"first subgoal: the best of {count} candidates, {_shown(lead)} above their average, {named}"
 
 
-def _reached(now: Explanation) -> str:
+def _explain_reached(now: Explanation) -> str:
     d1, gain = now.parameters.d1, _gain(now)
-    takes = f"the best new one, which scores {_compared(gain)}, takes its place"
+    takes = f"the best new one, which scores {_difference(gain)}, takes its place"
     if math.isinf(d1):
         return f"switched: d1 is infinite, so no subgoal is maintained; {takes}"
-    away = _apart(_old_distance(now), d1)
+    away = _fewest_digits(_old_distance(now), d1)
     return f"switched: the old one is reached, {away} m away (d1 {d1:.6g} m); {takes}"
 
 
-def _better(now: Explanation, before: Explanation | None) -> str:
+def _explain_better(now: Explanation, before: Explanation | None) -> str:
     named = main_terms(difference_terms(now))
-    change = _change(now, before, named)
-    scores = f"new subgoal scores {_apart(_gain(now), now.parameters.d2)} higher (d2 {now.parameters.d2:.6g})"
+    change = _describe_changes(now, before, named)
+    scores = f"new subgoal scores {_fewest_digits(_gain(now), now.parameters.d2)} higher (d2 {now.parameters.d2:.6g})"
     return f"switched: {scores}, {_named(named)}{f'; the old one {change}' if change else ''}"
 
 
-def _kept(now: Explanation) -> str:
-    return f"kept: the best new one scores {_beside_d2(now)}"
+def _explain_kept(now: Explanation) -> str:
+    return f"kept: the best new one scores {_against_d2(now)}"
 
 
-def _beside_d2(now: Explanation, at_most: str = "") -> str:
+def _against_d2(now: Explanation, at_most: str = "") -> str:
     gain, d2 = _gain(now), now.parameters.d2
     if gain <= 0.0:
-        return f"{at_most.replace('most', 'least') if gain else at_most}{_compared(gain)}"
+        return f"{at_most.replace('most', 'least') if gain else at_most}{_difference(gain)}"
     if math.isinf(d2):
         return f"{at_most}{_shown(gain)} higher, and d2 is infinite"
-    return f"{at_most}{_apart(gain, d2)} higher, {_shown(d2 - gain)} short of d2 ({d2:.6g})"
+    return f"{at_most}{_fewest_digits(gain, d2)} higher, {_shown(d2 - gain)} short of d2 ({d2:.6g})"
 
 
 def _old_distance(now: Explanation) -> float:
@@ -158,7 +162,7 @@ def _gain(now: Explanation) -> float:
     return float(now.scores[now.new] - now.old_score)
 
 
-def _change(now: Explanation, before: Explanation | None, named: Sequence[Term]) -> str:
+def _describe_changes(now: Explanation, before: Explanation | None, named: Sequence[Term]) -> str:
     """How the old subgoal's features fell since the step before, for the criteria that favour the new one."""
     if before is None or now.old_features is None:
         return ""
@@ -167,10 +171,12 @@ def _change(now: Explanation, before: Explanation | None, named: Sequence[Term])
     falls = []
     for term in named:
         row = now.names.index(term.name)
-        falls.append(_fall(term, then[row], now.old_features[row], now.parameters.weights[row], words))
+        falls.append(
+            _describe_fall(term, then[row], now.old_features[row], now.parameters.weights[row], words)
+        )
     if _FELL_IN_A_MOUNT["hidden"] in falls:  # it implies the lost line to the target
         falls = [fall for fall in falls if fall != _FELL["c_t"]]
-    return _listed([fall for fall in falls if fall])
+    return _join([fall for fall in falls if fall])
 
 
 def _features_of_chosen(step: Explanation) -> Floats:
@@ -180,7 +186,7 @@ def _features_of_chosen(step: Explanation) -> Floats:
     return step.features[:, step.new]
 
 
-def _fall(term: Term, then: float, now: float, weight: float, words: Mapping[str, str]) -> str:
+def _describe_fall(term: Term, then: float, now: float, weight: float, words: Mapping[str, str]) -> str:
     """How the old subgoal fell in a criterion, if its loss is at least half of the term; else ""."""
     lost = weight * (then - now)
     if term.value <= 0.0 or lost < term.value / 2:
@@ -190,7 +196,7 @@ def _fall(term: Term, then: float, now: float, weight: float, words: Mapping[str
     return words[term.name] if then == _BEST.get(term.name) else f"fell by {_shown(lost)} in {term.name}"
 
 
-def _listed(parts: Sequence[str]) -> str:
+def _join(parts: Sequence[str]) -> str:
     return " and ".join(filter(None, [", ".join(parts[:-1]), *parts[-1:]]))
 
 
@@ -201,7 +207,7 @@ def _named(terms: Sequence[Term]) -> str:
     )
 
 
-def _compared(gain: float) -> str:
+def _difference(gain: float) -> str:
     return f"{_shown(abs(gain))} {'higher' if gain > 0 else 'lower'}" if gain else "the same"
 
 
@@ -212,7 +218,7 @@ def _shown(value: float, whole_from: float = 100.0) -> str:
     return f"{value:.2g}" if value < 1.0 else f"{value:.{0 if value >= whole_from else 1}f}"
 
 
-def _apart(value: float, bound: float) -> str:
+def _fewest_digits(value: float, bound: float) -> str:
     """A number with the fewest digits that keep it on its side of the bound."""
     digits = 0 if value >= 100.0 else 1 if value >= 1.0 else 2
     while digits < 9 and np.sign(round(value, digits) - bound) != np.sign(value - bound):

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from lme.kernels.distance import nearest_near_segment
+from lme.policies.distance import nearest_near_segment
 from lme.policies.lme.kernels import cluster
 from lme.types import Floats, Ints
 

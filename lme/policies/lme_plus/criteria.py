@@ -12,13 +12,13 @@ from typing import NamedTuple
 import numpy as np
 
 from lme.geometry.frames import to_world
-from lme.kernels.distance import distances_to, turns
 from lme.kernels.straight_ways import straight_ways
+from lme.policies.distance import distances_to, turns
 from lme.policies.lme_plus.travel import Field
 from lme.types import Floats, Pose
 
 _ORIGIN = np.zeros(2)
-TIGHT = 0.75  # share of the margins that is kept where there is no other way
+TIGHT = 0.75  # share of the margins that is kept if there is no other way
 
 
 class Sight(NamedTuple):

@@ -13,14 +13,14 @@ from lme.robots import Robot
 from lme.sensing.scan_points import obstacle_points
 from lme.types import Floats, Observation, Pose, Twist
 
-_SLACK = 0.15  # [m] a beam that ends less than this before a remembered point has seen its surface anew
+_SLACK = 0.15  # [m] a beam that ends less than this before a remembered point has seen its surface again
 
 
 @dataclass(slots=True)
 class MemoryConfig:
     """How far and how finely points are remembered."""
 
-    kept: bool = True  # false: only the points of the present scan
+    kept: bool = True  # false: only the points of the current scan
     reach: float = 12.0  # [m] farther points are forgotten, and those of the scan left out
     square: float = 0.05  # [m] one point per square of this side
 
@@ -34,7 +34,7 @@ class Memory:
 
     The frame is carried by the mean twist of each control period (UpdatePos, paper §III.D, with the turn's middle
     heading). It drifts like any dead reckoning, so only near and recent points can be relied on. A point is forgotten
-    as soon as the scan sees its place: so it is kept behind obstacles and in the blind arc.
+    as soon as the scan sees its place, so points behind obstacles and in the blind arc are kept.
     """
 
     def __init__(self, config: MemoryConfig, robot: Robot) -> None:

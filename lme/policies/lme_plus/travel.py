@@ -1,4 +1,4 @@
-"""Expected time to the target from places around the robot, around all points that it knows."""
+"""Expected time to the target from places around the robot, around all known points."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lme.errors import require
-from lme.kernels.distance import distances_to
+from lme.policies.distance import distances_to
 from lme.policies.lme_plus.kernels.travel_time import Grid, Pace, descend, times_at, travel_times
 from lme.robots import Robot
 from lme.types import Floats
@@ -44,7 +44,7 @@ class Field(NamedTuple):
     v_max: float
 
     def rest(self, places: Floats) -> Floats:
-        """T at (N, 2) places [s]: (N,). Where the search did not come, the least time that the search allows.
+        """T at (N, 2) places [s]: (N,). Where the search did not go, the least time that it allows.
 
         If the robot has no way to the target, such places have the time of the straight line to it.
         """

@@ -1,4 +1,4 @@
-"""What moves the robot in `sim=skid`: wheels that slide, or the response that was measured of a real robot."""
+"""What moves the robot in `sim=skid`: wheels that slide, or the measured response of a real robot."""
 
 from __future__ import annotations
 
@@ -71,9 +71,9 @@ class SlidingBase:
 
 
 class RespondingBase:
-    """A real robot, as its measured response says. The wheels are taken to do what the controller commands.
+    """A real robot, by its measured response. The wheels are assumed to do what the controller commands.
 
-    So encoders give the ground velocity divided by its gain, and odometry drifts by that.
+    So encoders give the ground velocity divided by its gain, and odometry drifts accordingly.
     """
 
     def __init__(self, response: Response, footprint: Footprint, start: Pose) -> None:

@@ -161,7 +161,7 @@ def _fill_rows(state, chassis, points, rows, heading, axes, dt):
     level = (math.cos(state.wheels[2]), math.cos(state.wheels[3]))
     lift = (math.sin(state.wheels[2]) / dt, math.sin(state.wheels[3]) / dt)
     per_mass, per_inertia = 1.0 / chassis.mass, 1.0 / chassis.inertia
-    shift = _shift(chassis, state.acceleration)
+    shift = _load_transfer(chassis, state.acceleration)
     for i in range(_CONTACTS):
         side = i // 2 % 2
         load = points[i, 2] + points[i, 3] * shift[0] + points[i, 4] * shift[1]
@@ -182,7 +182,7 @@ def _fill_rows(state, chassis, points, rows, heading, axes, dt):
 
 
 @njit(cache=True, error_model="numpy")
-def _shift(chassis, acceleration):
+def _load_transfer(chassis, acceleration):
     """Load that acceleration moves from a front to a rear contact and from a left to a right one [N]."""
     force = chassis.mass * chassis.com_height / (_CONTACTS // 2)
     base = chassis.wheel_base

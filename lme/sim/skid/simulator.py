@@ -55,7 +55,7 @@ class SkidSimulator:
 
     @property
     def obstacles(self) -> tuple[Floats, Floats]:
-        """Circles (C, 3) and edges (E, 4) at their present poses, static ones first."""
+        """Circles (C, 3) and edges (E, 4) at their current poses, static ones first."""
         circles, edges = self._static
         if not len(self._crowd):
             return circles, edges
@@ -134,7 +134,7 @@ class SkidSimulator:
 
 
 def _check(robot: Robot) -> None:
-    """Raise InputError if the robot has nothing to drive it, or commands come too seldom."""
+    """Raise InputError if the robot has no drivetrain and no response, or if commands come too rarely."""
     drivetrain = robot.drivetrain
     if drivetrain is None and robot.response is None:
         raise InputError(

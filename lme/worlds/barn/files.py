@@ -1,6 +1,6 @@
 """Reader of the published BARN files: `world_N.world` (SDF) and `path_files/path_N.npy`.
 
-Files are not trusted: XML entities are refused, pickles are never loaded, sizes are limited.
+Files are not trusted: XML entities are rejected, pickles are never loaded, sizes are limited.
 """
 
 from __future__ import annotations
@@ -67,10 +67,10 @@ def read_world(file: Path) -> Floats:
     root = _parsed(file)
     world = root.find("world") if root.tag == "sdf" else None
     if world is None:
-        raise InputError(f"{file} is no BARN world: <sdf><world> is missing")
+        raise InputError(f"{file} is not a BARN world: <sdf><world> is missing")
     for uri in world.iterfind("include/uri"):
         if (uri.text or "").strip() not in _GROUND:
-            raise InputError(f"{file} is no BARN world: it includes {(uri.text or '').strip()!r}")
+            raise InputError(f"{file} is not a BARN world: it includes {(uri.text or '').strip()!r}")
     discs = [disc for model in world.iterfind("model") for disc in _model_discs(file, model)]
     cylinders = np.array(discs, dtype=np.float64).reshape(-1, 3)
     _check_is_barn(file, cylinders)
@@ -85,7 +85,7 @@ def read_path(file: Path) -> Ints:
         with warnings.catch_warnings(action="ignore"):
             array = np.array(npy.open_memmap(file, mode="r"))
     except Exception as error:  # a damaged header raises many kinds of errors, also those of Python's parser
-        raise InputError(f"{file} is no readable .npy array of integers: {_one_line(error)}") from None
+        raise InputError(f"{file} is not a readable .npy array of integers: {_one_line(error)}") from None
     if array.dtype.kind not in "iu" or array.ndim != 2 or array.shape[1] != 2 or len(array) < 2:
         raise InputError(
             f"{file} holds {array.dtype} of shape {array.shape}: must be integer cells, shape (K, 2)"
@@ -97,7 +97,7 @@ def read_path(file: Path) -> Ints:
     cells = array.astype(np.int64)
     if np.abs(np.diff(cells, axis=0)).max() > 1 or (cells[0] == cells[-1]).all():
         raise InputError(
-            f"{file} is no path: each cell must be next to the one before, and the ends must differ"
+            f"{file} is not a path: each cell must be next to the one before, and the ends must differ"
         )
     return cells
 
@@ -129,7 +129,9 @@ def _parsed(file: Path) -> Element:
     try:
         root: Element = fromstring(content, forbid_dtd=True)
     except DefusedXmlException as error:
-        raise InputError(f"{file} is refused, it defines entities or a DTD: {_one_line(error)}") from None
+        raise InputError(
+            f"{file} is rejected because it defines entities or a DTD: {_one_line(error)}"
+        ) from None
     except (ParseError, ValueError, LookupError, RecursionError) as error:
         raise InputError(f"{file} is not XML or is truncated: {_one_line(error)}") from None
     return root
@@ -142,14 +144,14 @@ def _model_discs(file: Path, model: Element) -> list[tuple[float, float, float]]
     x, y = _planar_pose(file, name, model) if bodies else (0.0, 0.0)
     for part in (*model.iter("link"), *bodies):
         if part.find("pose") is not None and any(_numbers(file, name, part)):
-            raise InputError(f"{file} is no BARN world: a part of model {name!r} has a pose of its own")
+            raise InputError(f"{file} is not a BARN world: a part of model {name!r} has its own pose")
     return [(x, y, _radius(file, name, body)) for body in bodies]
 
 
 def _planar_pose(file: Path, name: str, model: Element) -> tuple[float, float]:
     x, y, _, roll, pitch, _ = _numbers(file, name, model)
     if roll or pitch:
-        raise InputError(f"{file} is no BARN world: model {name!r} does not stand upright")
+        raise InputError(f"{file} is not a BARN world: model {name!r} does not stand upright")
     return x, y
 
 
@@ -170,7 +172,9 @@ def _numbers(file: Path, name: str, part: Element) -> list[float]:
 def _radius(file: Path, name: str, body: Element) -> float:
     text = body.findtext("geometry/cylinder/radius")
     if text is None:
-        raise InputError(f"{file} is no BARN world: model {name!r} has a collision body that is no cylinder")
+        raise InputError(
+            f"{file} is not a BARN world: model {name!r} has a collision body that is not a cylinder"
+        )
     try:
         radius = float(text)
     except ValueError:
@@ -183,17 +187,17 @@ def _radius(file: Path, name: str, body: Element) -> float:
 
 
 def _check_is_barn(file: Path, cylinders: Floats) -> None:
-    """Raise InputError unless at least half of the wall of the start area is there: start and goal need it."""
+    """Raise InputError unless at least half of the wall of the start area exists: start and goal rely on it."""
     if len(cylinders) == 0:
-        raise InputError(f"{file} is no BARN world: it has no cylinders")
-    from scipy.spatial import cKDTree  # slow to import, and worlds made from recipes do not need it
+        raise InputError(f"{file} is not a BARN world: it has no cylinders")
+    from scipy.spatial import cKDTree  # slow to import, and not needed for worlds made from recipes
 
     wall = start_wall()
     gaps, _ = cKDTree(cylinders[:, :2]).query(wall[:, :2])
     standing = int(np.count_nonzero(gaps < _SAME_PLACE_M))
     if standing < len(wall) / 2:
         raise InputError(
-            f"{file} is no BARN world: of the {len(wall)} cylinders around the start, {standing} are there"
+            f"{file} is not a BARN world: of the {len(wall)} cylinders around the start it has only {standing}"
         )
 
 

@@ -1,6 +1,6 @@
 """BARN worlds by cellular automaton: the grid, its cylinders, and the recipes of the official worlds.
 
-The grid has 30 × 30 cells of 0.15 m: row r runs across (x), column c along the robot's way (y).
+The grid has 30 × 30 cells of 0.15 m: row r runs across the robot's way (x), column c along it (y).
 Source: Perille et al. 2020, arXiv:2008.13315; the published worlds are regenerated cylinder for cylinder.
 """
 
@@ -108,7 +108,7 @@ def _first_fill(rng: random.Random, fill: float) -> Bools:
 def _draws(rng: random.Random, count: int) -> Floats:
     """The next `count` values of `rng.random()`, several times as fast: fresh worlds take hundreds of attempts.
 
-    A value is made of the upper 27 and 26 bits of two 32-bit words; `getrandbits` gives the same words, first the
+    A value consists of the upper 27 and 26 bits of two 32-bit words; `getrandbits` gives the same words, first the
     least significant ones.
     """
     words = np.frombuffer(rng.getrandbits(64 * count).to_bytes(8 * count, "little"), dtype="<u4")

@@ -1,7 +1,7 @@
 """Fresh worlds as hard as 200–299, the hardest third of the benchmark.
 
 The benchmark orders its worlds by difficulty, and three of its measures follow that order (correlations of about
-−0.55). A fresh world counts as hard if the official world that is most like it in these measures is one of 200–299.
+−0.55). A fresh world counts as hard if the official world most like it in these measures is one of 200–299.
 So hard fresh worlds have the measures of the official ones, with the same spread.
 """
 
@@ -26,8 +26,8 @@ _HARD = 0x68617264  # keeps the random streams of hard worlds apart from those o
 def hard_layout(fresh_seed: int, index: int) -> Layout:
     """Hard fresh world `index` of the seed `fresh_seed`: never an official one, always with a way through.
 
-    The first hard one of a random stream of its own, in which every world has one of the benchmark's twelve settings
-    at random. A world does not depend on which others are made.
+    The first hard one in its own random stream, where every world has one of the benchmark's twelve settings at
+    random. A world does not depend on which others are made.
     """
     return accepted_layout(_hard_recipe(fresh_seed, index))
 

@@ -28,12 +28,12 @@ def import_worlds(source: Path, destination: Path) -> list[ImportedWorld]:
     """Check every world in `source`, compare it with the regenerated one, and copy worlds and paths.
 
     The copy in `destination` is complete or absent, and can serve as `map.source`. Raises InputError for a
-    broken file, and for a destination that is not empty or cannot be written.
+    broken file, or for a destination that is not empty or cannot be written.
     """
     files = find_worlds(source)
     if destination.exists() and not (destination.is_dir() and not any(destination.iterdir())):
         raise InputError(
-            f"{destination} already exists: must be a new or an empty folder, nothing is overwritten"
+            f"{destination} already exists: must be a new or empty folder; nothing is overwritten"
         )
     report = [_compare(number, file) for number, file in files.items()]
     try:
@@ -57,7 +57,7 @@ def _compare(number: int, file: Path) -> ImportedWorld:
 
 
 def _copy_whole(files: list[Path], destination: Path) -> None:
-    """Fill a hidden folder beside the destination, then rename it."""
+    """Fill a hidden folder next to the destination, then rename it."""
     destination.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=destination.parent, prefix=f".{destination.name}-") as hidden:
         filled = Path(hidden) / "worlds"

@@ -95,7 +95,7 @@ def published_layout(number: int, world_file: Path) -> Layout:
     """World and path as published; the path is planned if there is no `path_N.npy`.
 
     A world that differs from the official one of its number has no random stream: its planned path starts and
-    ends at the free rows nearest to the middle. Raises InputError for a file that is no BARN world or path.
+    ends at the free rows nearest to the middle. Raises InputError for a file that is not a BARN world or path.
     """
     cylinders = read_world(world_file)
     recipe = _matching_recipe(number, cylinders)
@@ -131,6 +131,6 @@ def _own_path(world_file: Path, grid: Bools, rng: random.Random | None) -> Ints:
     path = middle_path(blocked) if rng is None else random_path(blocked, rng)
     if path is None:
         raise InputError(
-            f"{world_file} has no way through, wide enough for the benchmark's path: must leave one"
+            f"{world_file} has no way through that is wide enough for the benchmark's path: must have one"
         )
     return path

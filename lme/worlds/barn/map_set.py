@@ -102,9 +102,9 @@ class Barn:
     def _chosen(self) -> tuple[int, ...]:
         """Numbers of `worlds` or of the subset. Raises InputError that names those that do not exist."""
         asked = self.config.numbers(self._subset())
-        absent = [number for number in asked if not self._has(number)]
+        absent = [number for number in asked if not self._exists(number)]
         if absent:
-            raise InputError(self._absence(absent))
+            raise InputError(self._describe_missing(absent))
         return asked
 
     def _subset(self) -> Iterable[int]:
@@ -115,12 +115,12 @@ class Barn:
             return self._files
         return OFFICIAL[config.subset]()
 
-    def _has(self, number: int) -> bool:
+    def _exists(self, number: int) -> bool:
         if self._files is not None:
             return number in self._files
         return number >= FIRST_FRESH if self.config.subset in FRESH else number in official_recipes()
 
-    def _absence(self, absent: list[int]) -> str:
+    def _describe_missing(self, absent: list[int]) -> str:
         config = self.config
         some = ", ".join(map(str, absent[:5])) + (f" and {len(absent) - 5} more" if len(absent) > 5 else "")
         if self._files is not None:

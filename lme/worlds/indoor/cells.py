@@ -28,11 +28,11 @@ class Rectangle(NamedTuple):
         return self.x1 - self.x0, self.y1 - self.y0
 
     def grown(self, cells: int) -> Rectangle:
-        """This rectangle with so many more cells on every side."""
+        """This rectangle, larger by this many cells on every side."""
         return Rectangle(self.x0 - cells, self.y0 - cells, self.x1 + cells, self.y1 + cells)
 
     def shifted(self, x: int, y: int) -> Rectangle:
-        """This rectangle, so many cells further along x and y."""
+        """This rectangle, moved by this many cells along x and y."""
         return Rectangle(self.x0 + x, self.y0 + y, self.x1 + x, self.y1 + y)
 
     def transposed(self) -> Rectangle:

@@ -1,4 +1,4 @@
-"""Straight corridors in solid that meet at right angles, with turns, junctions, dead ends and a few loops."""
+"""Straight corridors, cut out of solid, that meet at right angles, with turns, junctions, dead ends and a few loops."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Desks, cupboards, tables and chairs, which leave a way around every piece and keep doors free."""
+"""Desks, cupboards, tables and chairs, with a way around every piece and free doors."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def furniture(
 
 
 def _piece(rng: np.random.Generator, room: Rectangle, passage: int) -> Piece | None:
-    """A random piece at a random place of the room, whatever else stands there; None if it does not fit."""
+    """A random piece at a random place of the room, regardless of other pieces; None if it does not fit."""
     turned, mirrored = (rng.random(2) < 0.5).tolist()
     width, height = room.size[::-1] if turned else room.size
     make, gap = ((_desk, 0), (_cupboard, 0), (_table, passage), (_chair, passage))[int(rng.integers(4))]

@@ -1,4 +1,4 @@
-"""Generated buildings as a map set: another building, start and goal under every number."""
+"""Generated buildings as a map set: a different building, start and goal for every number."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ KINDS: dict[str, Callable[[np.random.Generator, int], Building]] = {
     "offices": offices,
     "floor_plan": floor_plans,
 }
-PAIRS_TRIED = 200  # of start and goal, before their distance counts as impossible
+PAIRS_TRIED = 200  # of start and goal, before the distance counts as impossible
 
 
 @dataclass(slots=True)

@@ -11,11 +11,11 @@ import numpy as np
 from lme.worlds.indoor.cells import WALL, Rectangle, drawn
 
 DOOR = (16, 22)  # width: 0.8–1.1 m
-JAMB = 2  # least wall beside a door: 0.1 m
+JAMB = 2  # least wall next to a door: 0.1 m
 
 
 class Border(NamedTuple):
-    """Two tiles beside each other, by their place in the list, and the wall between their rooms."""
+    """Two neighbouring tiles, by their index in the list, and the wall between their rooms."""
 
     tiles: tuple[int, int]
     wall: Rectangle

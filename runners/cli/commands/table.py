@@ -55,6 +55,7 @@ def _parser() -> argparse.ArgumentParser:
 def _rows(frame: pd.DataFrame, runs: list[Path], is_sweep: bool) -> list[Row]:
     """The rows of the table. The config of a sweep sets their order."""
     from runners.analysis.summary import summarise
+    from runners.config.ablations import labels
     from runners.config.systems import systems
     from runners.records.launch_record import read_launch
 
@@ -62,7 +63,7 @@ def _rows(frame: pd.DataFrame, runs: list[Path], is_sweep: bool) -> list[Row]:
     if launch is None:
         return summarise(frame)
     order = launch.config.table if is_sweep else []
-    return summarise(frame, order, systems(launch.folders))
+    return summarise(frame, order, systems(launch.folders), labels(launch.folders))
 
 
 def _print(frame: pd.DataFrame, rows: list[Row], style: str) -> None:

@@ -133,7 +133,7 @@ def test_robots_may_be_drawn():
     seen = {float(env.reset(seed=seed)[0]["limits"][0]) for seed in (0, 1, 2)}
     assert len(seen) == 3
     assert min(seen) >= 0.5
-    with pytest.raises(InputError, match=r"map\.radius is null: must be given where robots are drawn"):
+    with pytest.raises(InputError, match=r"map\.radius is null: must be given if robots are drawn"):
         NavigationEnv("env1", draw)
 
 
@@ -182,7 +182,7 @@ def test_a_mistake_is_one_line_that_says_what_would_be_right(keywords, said):
     assert "\n" not in str(caught.value)
 
 
-def test_mistakes_while_driving():
+def test_a_mistake_while_driving_is_one_line():
     env = NavigationEnv(map_config=MANY)
     with pytest.raises(InputError, match="call reset before step"):
         env.step(AHEAD)

@@ -32,7 +32,7 @@ def plain(infos):
         ("Env1", {"map_config": {"time_limit": 3.0, "worlds": [0, 1]}, "sim_config": {"even_ramp": True}}),
     ],
 )
-def test_it_is_the_row_of_single_environments_bit_by_bit(env_id, keywords):
+def test_a_vector_environment_is_a_row_of_single_ones_bit_by_bit(env_id, keywords):
     name, n = f"lme:lme/{env_id}-v0", 4
     same_step = {"autoreset_mode": AutoresetMode.SAME_STEP}
     row = gym.make_vec(name, n, vectorization_mode="sync", vector_kwargs=same_step, **keywords)
@@ -76,7 +76,7 @@ def test_what_it_gives_is_the_users_to_keep():
         ({"sim_config": {"latency": 0.1}}, "sim.latency is 0.1: the compiled step"),
         ({"map": "dynabarn"}, "has moving obstacles"),
         ({"robot": "turtlebot2"}, "robot.lidar.native_beams is 540"),
-        ({"render_mode": "rgb_array"}, "render_mode is 'rgb_array': no frames of many robots"),
+        ({"render_mode": "rgb_array"}, "render_mode is 'rgb_array': cannot render many robots"),
     ],
 )
 def test_what_it_does_not_cover_it_refuses_and_says_what_does(keywords, said):

@@ -31,6 +31,6 @@ def test_threads_that_swap_two_readings_do_not_hide_a_standstill():
     for k in range(10):
         wall[0] += SECOND
         clock.read(SECOND - (k % 2) * SECOND // 20)
-    assert clock.stood == 10 * SECOND
+    assert clock.stalled_for == 10 * SECOND
     clock.read(SECOND + 1)
-    assert clock.stood == 0
+    assert clock.stalled_for == 0

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lme.live.safety import gone_on, limited, touches
+from lme.live.safety import limited, predict, touches
 from lme.robots import Footprint
 from lme.types import Limits, Pose, Twist
 from tests import builders
@@ -53,10 +53,10 @@ def test_the_robot_has_moved_since_the_scan():
 
 def test_after_its_last_pose_the_robot_has_followed_its_last_command():
     """From rest at 2 m/s²: 0.5 m/s after 0.25 s and 0.0625 m, then 0.05 s at that speed."""
-    pose, twist = gone_on(HERE, STILL, Twist(0.5, 0.0), 0.3, builders.stage())
+    pose, twist = predict(HERE, STILL, Twist(0.5, 0.0), 0.3, builders.stage())
     assert pose == pytest.approx((0.0875, 0.0, 0.0))
     assert twist == pytest.approx((0.5, 0.0))
-    assert gone_on(HERE, Twist(0.3, 0.1), STILL, 0.0, builders.stage()) == (HERE, (0.3, 0.1))
+    assert predict(HERE, Twist(0.3, 0.1), STILL, 0.0, builders.stage()) == (HERE, (0.3, 0.1))
 
 
 def test_a_long_robot_touches_with_its_corners_when_it_turns():

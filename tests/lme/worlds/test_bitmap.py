@@ -209,7 +209,7 @@ def test_a_picture_that_asks_for_too_much_memory_is_one_line(tmp_path, monkeypat
 
     monkeypatch.setattr(Image.Image, "convert", no_memory)
     with pytest.raises(
-        InputError, match=r"map\.png: must be a whole picture .*: it asks for too much memory"
+        InputError, match=r"map\.png: must be a complete picture .*: it needs too much memory"
     ):
         read_bitmap(path, (1.0, 1.0))
 

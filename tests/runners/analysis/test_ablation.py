@@ -73,7 +73,7 @@ def test_records_that_are_as_the_paper_says_agree_with_it():
         ("no_c_o", 0.5, "yes", "the largest loss of all"),
     ],
 )
-def test_what_is_otherwise_does_not_agree(name, rate, agrees, why):
+def test_records_that_differ_from_what_the_paper_says_do_not_agree(name, rate, agrees, why):
     (study,) = ablation.studies(sweep({**AS_THE_PAPER_SAYS, name: rate}))
     variant = next(each for each in study.variants if each.ablation == name)
     assert variant.agrees == agrees
@@ -169,7 +169,7 @@ def test_a_variant_that_drove_other_worlds_is_shown_and_not_compared():
     assert found == {"none": (True, ""), "no_c_o": (True, ""), "no_c_t": (False, "no")}
 
 
-def test_two_at_once_are_shown_last_and_nothing_is_said_of_them():
+def test_two_ablations_at_once_are_shown_last_and_nothing_is_said_of_them():
     (study,) = ablation.studies(sweep({"no_c_o+no_c_t": 0.1, "none": 0.9, "no_c_h": 0.8}))
     assert [ablation.in_text(variant.ablation) for variant in study.variants] == [
         "Complete",
@@ -187,7 +187,7 @@ def test_the_words_follow_from_the_figures():
     assert len(lines) == 2
 
 
-def test_files(tmp_path):
+def test_the_files_of_an_ablation_are_written(tmp_path):
     markdown, table = ablation.write(ablation.studies(sweep(AS_THE_PAPER_SAYS)), tmp_path)
     text = markdown.read_text(encoding="utf-8")
     rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in text.splitlines() if line[:1] == "|"]

@@ -266,7 +266,7 @@ def test_reinforcement_killed_and_resumed_ends_with_its_steps():
         (["first_world=3"], "first_world is 3: must be above 6, the last held-out world"),
         (["training.fresh.subset=all"], "training.fresh has no world 100000, first_world: must be a map set"),
         (["learner=ppo", "sim=physics"], "sim is not fast: reinforcement drives many robots at once"),
-        (["learner=ppo", "sim.slip=0.1"], "sim.slip is 0.1: the compiled step of many robots does not cover it"),
+        (["learner=ppo", "sim.slip=0.1"], "sim.slip is 0.1: the compiled step of many robots does not support it"),
         (["learner=sac", "learner.alpha=-1"], "learner.alpha is -1: must be at least 0"),
         (["learner=ppo", "learner.reward.succes=1"], "learner.reward.succes: no such key; did you mean"),
         (["threads=0"], "threads is 0: must be at least 1"),

@@ -21,7 +21,7 @@ def nearest_returns(
     """Direction and distance of the nearest return in each of S sectors, about the base: (S, 3) of cos, sin, [m].
 
     ranges (B,); sectors (B,) of the beams, and their directions (B, 2) about the lidar, in any frame of angles.
-    limits: range_min, range_max, and the range that stands for a range outside them or NaN [m]. unseen (S, 2):
+    limits: range_min, range_max, and the range that replaces one outside them or NaN [m]. unseen (S, 2):
     the point about the lidar of a sector without beams [m]. offset: of the lidar from the base [m]. Of equal
     ranges, the beam that is first counter-clockwise counts.
     """
@@ -33,7 +33,7 @@ def nearest_returns(
         if lowest <= ranges[i] < highest:  # also drops NaN
             reach = float(ranges[i])
         x, y = reach * directions[i, 0], reach * directions[i, 1]
-        before = points[s, 0] * y - points[s, 1] * x > 0.0  # the present nearest comes before this beam
+        before = points[s, 0] * y - points[s, 1] * x > 0.0  # the current nearest comes before this beam
         if reach < best[s] or (reach == best[s] and not before):
             best[s] = reach
             points[s, 0], points[s, 1] = x, y

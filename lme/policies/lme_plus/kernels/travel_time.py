@@ -3,8 +3,8 @@
 The eikonal equation |∇T| = s is solved from the target outwards (fast marching: Sethian 1999, SIAM Review 41(2),
 DOI 10.1137/S0036144598347059), with buckets instead of a heap (Yatziv, Bartesaghi & Sapiro 2006, J. Comput. Phys.
 212(2), DOI 10.1016/j.jcp.2005.08.005). s is the time per metre. Cells are taken in the order of T plus the time that
-the straight line from the robot takes, as in A*, so cells far off every way of the robot are never looked at. In this
-order a cell may come before one that it depends on; then its time is found anew.
+the straight line from the robot takes, as in A*, so cells far from every possible way of the robot are never
+visited. In this order a cell may come before one that it depends on; then its time is recomputed.
 """
 
 import math
@@ -17,8 +17,8 @@ from lme.types import Floats
 
 BUCKETS = 4096  # each as wide as the time for one cell at v_max; later times share the last one
 _NEIGHBOURS = 4
-HALF_DIAGONAL = math.sqrt(0.5)  # of a cell; the centre of the cell of a place is no farther from it
-_GAIN = 0.1  # times for a cell by which a known time must improve to be found anew
+HALF_DIAGONAL = math.sqrt(0.5)  # of a cell; no place in it is farther from its centre
+_GAIN = 0.1  # times for a cell by which a known time must improve to be recomputed
 
 
 class Grid(NamedTuple):

@@ -21,10 +21,10 @@ def test_written_weights_come_back_and_the_bytes_are_the_same(tmp_path):
     assert all((weights[name] == wanted[name]).all() for name in wanted)
 
 
-def test_another_file(tmp_path):
+def test_a_file_of_something_else_is_refused(tmp_path):
     assert "cannot be read" in refused(read_weights, tmp_path / "none.npz")
     (tmp_path / "text.npz").write_text("weights")
-    assert "is no weight file" in refused(read_weights, tmp_path / "text.npz")
+    assert "is not a weight file" in refused(read_weights, tmp_path / "text.npz")
     np.savez(tmp_path / "other.npz", weights=np.zeros(3))
     assert "alpha is missing" in refused(read_weights, tmp_path / "other.npz")
 

@@ -159,7 +159,7 @@ def test_kept_says_how_far_it_was_from_switching(candidate, parameters, said):
 def test_blocked_says_what_stands():
     none = {"c_o": 0.0, "a_close": -3.0}
     assert reason(explained([none, {"c_o": 0.0}]), None).endswith(
-        "mainly a_close +0.76. No candidate is reachable: the best of them stands"
+        "mainly a_close +0.76. No candidate is reachable: the best of them is taken"
     )
     assert reason(explained([none], old={}), None).endswith(". No candidate is reachable: the old one stays")
 

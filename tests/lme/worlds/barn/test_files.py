@@ -107,10 +107,10 @@ CAFE = "<include><uri>model://cafe</uri></include>"
         (b"<html><body/></html>", "no BARN world"),
         (b"<sdf version='1.6'></sdf>", "no BARN world"),
         (b"<sdf><world name='default'></world></sdf>", "no cylinders"),
-        (sdf([(0.0, 0.0, 0.075)]).encode(), "of the 96 cylinders around the start, 0 are there"),
+        (sdf([(0.0, 0.0, 0.075)]).encode(), "of the 96 cylinders around the start it has only 0"),
         (
             sdf(official_layout(0).cylinders, CRATE).encode(),
-            "'crate' has a collision body that is no cylinder",
+            "'crate' has a collision body that is not a cylinder",
         ),
         (
             sdf(official_layout(0).cylinders, CAFE).encode(),
@@ -137,7 +137,7 @@ def test_a_truncated_published_world_is_an_error(tmp_path):
         barn(tmp_path).task(0)
 
 
-def test_missing_files(tmp_path):
+def test_a_missing_file_or_folder_is_named(tmp_path):
     with pytest.raises(InputError, match="does not exist"):
         read_world(tmp_path / "world_0.world")
     with pytest.raises(InputError, match="not a regular file"):
@@ -199,7 +199,7 @@ def test_headers_that_promise_another_array(tmp_path, shape):
 
 def test_an_archive_is_no_path(tmp_path):
     np.savez(tmp_path / "path_0.npz", np.zeros((10, 2), dtype=np.int64))
-    with pytest.raises(InputError, match=r"path_0\.npz is no readable \.npy"):
+    with pytest.raises(InputError, match=r"path_0\.npz is not a readable \.npy"):
         read_path(tmp_path / "path_0.npz")
 
 

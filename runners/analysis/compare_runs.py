@@ -1,0 +1,227 @@
+"""Any runs against one of them, by world and run, where they drove the same worlds.
+
+The statistics are those of `runners.analysis.paired`. The first run is the reference.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from lme.errors import InputError
+from runners.analysis import paired, run_names
+from runners.analysis.paired import METRIC, SUCCESS, TIE, Block, Difference
+from runners.analysis.shared_worlds import Group, Run, groups
+from runners.analysis.summary import METRICS, SMOOTHNESS
+from runners.records.launch_record import Launch, read_launch
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+MEASURES = {
+    metric.key: metric
+    for metric in METRICS
+    if metric.key in (SUCCESS, METRIC, "time_s", "path_length_m", SMOOTHNESS)
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """A measure over the pairs of two runs: mean over worlds of the reference and of the other, and the difference."""
+
+    reference: float
+    other: float
+    difference: Difference
+
+
+@dataclass(frozen=True, slots=True)
+class Compared:
+    """A run against the reference.
+
+    changes: by measure. worlds: a row per shared world, with the means `reference` and `other` of the measure that is
+    drawn.
+    """
+
+    name: str
+    run: Run
+    changes: Mapping[str, Change]
+    worlds: pd.DataFrame
+
+    @property
+    def better(self) -> list[int]:
+        """The worlds in which it is better than the reference."""
+        return list(self.worlds.index[self._gain > TIE])
+
+    @property
+    def worse(self) -> list[int]:
+        """The worlds in which it is worse."""
+        return list(self.worlds.index[self._gain < -TIE])
+
+    @property
+    def _gain(self) -> pd.Series:
+        return self.worlds["other"] - self.worlds["reference"]
+
+    @property
+    def counts(self) -> str:
+        """ "20 worlds, 60 pairs"."""
+        pairs = self.changes[SUCCESS].difference.pairs
+        return f"{_number(len(self.worlds), 'world')}, {_number(pairs, 'pair')}"
+
+
+@dataclass(frozen=True, slots=True)
+class RunComparison:
+    """Runs that share worlds with the reference. place: what all have in common. measure: what is drawn by world.
+
+    notes: what a reader must know about the pairs. keys: of the configs that differ, with the value of each run.
+    """
+
+    reference: str
+    run: Run
+    place: str
+    measure: str
+    compared: list[Compared]
+    notes: list[str]
+    keys: Mapping[str, Sequence[object]]
+
+    @property
+    def names(self) -> list[str]:
+        """Of all runs, that of the reference first."""
+        return [self.reference, *(each.name for each in self.compared)]
+
+
+def compare_runs(frame: pd.DataFrame) -> list[RunComparison]:
+    """Compare the runs of the records, which `read_episodes` gave; a comparison for each group that shares worlds.
+
+    Raises InputError where there are no two runs, or no two share a world.
+    """
+    runs = [
+        Run(Path(str(run_dir)), part.dropna(axis=1, how="all"))
+        for run_dir, part in frame.groupby("run_dir", sort=False)
+    ]
+    if len(runs) < 2:
+        raise InputError(f"{runs[0].run_dir}: is a single run; give two runs or more, or a sweep")
+    found = groups(runs)
+    together = [group for group in found if group.others]
+    if not together:
+        drove = "; ".join(f"{run.run_dir} drove {_drove(run)}" for run in runs[:3])
+        raise InputError(f"no two of these runs share a world: {drove}")
+    alone = [
+        f"Left out: {group.reference.run_dir} shares no world with another run; it drove {_drove(group.reference)}."
+        for group in found
+        if not group.others
+    ]
+    return [_comparison(group, alone) for group in together]
+
+
+def _comparison(group: Group, notes: Sequence[str]) -> RunComparison:
+    runs = [group.reference, *(run for run, _ in group.others)]
+    reference, *names = run_names.names(runs)
+    drawn = METRIC if all(METRIC in run.frame for run in runs) else SUCCESS
+    parts = {
+        name: run.frame[run.frame["world"].isin(worlds)]
+        for name, (run, worlds) in zip(names, group.others, strict=True)
+    }
+    changes = _changes(group.reference.frame, parts)
+    compared = [
+        Compared(name, run, changes[name], _by_world(group.reference.frame, parts[name], drawn))
+        for name, (run, _) in zip(names, group.others, strict=True)
+        if name in changes
+    ]
+    launches = [launch for run in runs if (launch := read_launch(run.run_dir)) is not None]
+    keys = run_names.differing_keys(launches) if len(launches) == len(runs) else {}
+    return RunComparison(
+        reference,
+        group.reference,
+        run_names.heading(runs),
+        drawn,
+        compared,
+        [*_notes(group, [reference, *names], keys, launches), *notes],
+        keys,
+    )
+
+
+def _changes(baseline: pd.DataFrame, parts: Mapping[str, pd.DataFrame]) -> dict[str, dict[str, Change]]:
+    """The changes of each run by name and measure; those without pairs are left out."""
+    found: dict[str, dict[str, Change]] = {}
+    for measure, metric in MEASURES.items():
+        one, others = baseline, dict(parts)
+        if metric.of_successes:
+            one, others = _successes(one), {name: _successes(part) for name, part in others.items()}
+        for name, difference in paired.compare(Block({}, one, others), measure).items():
+            worlds = _by_world(one, others[name], measure).mean()
+            change = Change(float(worlds["reference"]), float(worlds["other"]), difference)
+            found.setdefault(name, {})[measure] = change
+    return found
+
+
+def _successes(part: pd.DataFrame) -> pd.DataFrame:
+    return part[part["outcome"] == SUCCESS]
+
+
+def _by_world(baseline: pd.DataFrame, part: pd.DataFrame, measure: str) -> pd.DataFrame:
+    """Means by world of the episodes that both have: columns `reference` and `other`."""
+    import pandas as pd
+
+    series = {"reference": paired.values(baseline, measure), "other": paired.values(part, measure)}
+    return pd.DataFrame(series).dropna().groupby("world").mean()
+
+
+def _notes(
+    group: Group, names: Sequence[str], keys: Mapping[str, Sequence[object]], launches: Sequence[Launch]
+) -> list[str]:
+    runs = [group.reference, *(run for run, _ in group.others)]
+    lines = [
+        _left_out(group.reference, run, worlds, name)
+        for (run, worlds), name in zip(group.others, names[1:], strict=True)
+    ]
+    lines += [
+        f"Not finished: {name}, {missing}."
+        for name, run in zip(names, runs, strict=True)
+        if (missing := paired.row(run.frame).unfinished)
+    ]
+    seeds = list(dict.fromkeys(run.text("seed") for run in runs))
+    lines.append(
+        f"All have seed {seeds[0]}: both episodes of a pair draw from the same random numbers."
+        if len(seeds) == 1
+        else f"Seeds differ ({', '.join(seeds)}): pairs with another seed share the world, not the random numbers."
+    )
+    unlike = run_names.not_alike(keys, runs)
+    if unlike:
+        lines.append(f"Not driven alike: {'; '.join(unlike)}.")
+    if len(launches) < len(runs):
+        lines.append(
+            "Not every run has a launch.json: robot, simulator and rules may differ in more than is said."
+        )
+    versions = list(dict.fromkeys(launch.code for launch in launches if launch.code))
+    if len(versions) > 1:
+        lines.append(f"Driven by different versions: {'; '.join(versions)}.")
+    return [line for line in lines if line]
+
+
+def _left_out(reference: Run, run: Run, shared: frozenset[int], name: str) -> str:
+    """What two runs do not share; empty if each episode has a partner."""
+    both, number = reference.worlds & run.worlds, len(shared)
+    parts = [
+        f"{_number(len(worlds - both), 'world')} that only {whose} drove"
+        for worlds, whose in ((reference.worlds, "the reference"), (run.worlds, "it"))
+        if worlds - both
+    ]
+    if number < len(both):
+        parts.append(f"{_number(len(both) - number, 'world')} with another start, goal or layout")
+    keys, others = (set(zip(one.frame["world"], one.frame["run"], strict=True)) for one in (reference, run))
+    single = sum(world in shared for world, _ in keys ^ others)
+    if single:
+        parts.append(f"{_number(single, 'episode')} that only one of the two drove in shared worlds")
+    return f"{name}: {_number(number, 'shared world')}; left out: {', '.join(parts)}." if parts else ""
+
+
+def _drove(run: Run) -> str:
+    """ "barn, 20 worlds from 0 to 285"."""
+    numbers = run.worlds
+    return f"{run.text('map')}, {_number(len(numbers), 'world')} from {min(numbers)} to {max(numbers)}"
+
+
+def _number(count: int, noun: str) -> str:
+    return f"{count:,} {noun}{'s' * (count != 1)}"

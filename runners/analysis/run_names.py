@@ -1,0 +1,96 @@
+"""Names of runs that are compared: what differs between them, and what they have in common."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from runners.analysis.shared_worlds import Run
+from runners.analysis.summary import USUAL, changed_columns
+from runners.config.flatten import flatten
+from runners.records.launch_record import Launch
+
+_BARE = ("system", "map", "robot")  # whose values say what they are
+_COLUMNS = ("system", "ablation", "weights", "scale", "map", "robot", "sim", "seed")
+_MOST = 4  # parts of a name
+_WHICH_WORLDS = (
+    "runs",
+    "table",
+    "map.worlds",
+    "map.subset",
+    "map.count",
+)  # keys of a config that change no episode
+
+
+def names(runs: Sequence[Run]) -> list[str]:
+    """A name for each run, of what differs between them; those without a difference are named by their folders."""
+    differing = [column for column in _columns(runs) if len({run.text(column) for run in runs}) > 1]
+    found = [", ".join(_shortened([_part(run, column) for column in differing])) for run in runs]
+    times = Counter(found)
+    last = Counter(run.run_dir.name for run in runs)
+    return [
+        name if times[name] == 1 and name else _with_folder(name, run, last[run.run_dir.name] == 1)
+        for name, run in zip(found, runs, strict=True)
+    ]
+
+
+def heading(runs: Sequence[Run]) -> str:
+    """What all runs have in common: system, map, robot, and whatever is unusual."""
+    first, *others = runs
+    common = [
+        column
+        for column in _columns(runs)
+        if column != "seed" and all(run.text(column) == first.text(column) for run in others)
+    ]
+    return " · ".join(_part(first, column) for column in common if first.text(column) not in USUAL)
+
+
+def differing_keys(launches: Sequence[Launch]) -> dict[str, list[Any]]:
+    """The keys of the configs that decide results and differ, with the value of each run; None where it has none."""
+    configs = [dict(flatten(launch.configs[0])) for launch in launches]
+    keys = dict.fromkeys(key for config in configs for key in config if key not in _WHICH_WORLDS)
+    values = {key: [config.get(key) for config in configs] for key in keys}
+    return {key: found for key, found in values.items() if any(value != found[0] for value in found)}
+
+
+def not_alike(keys: Mapping[str, Sequence[Any]], runs: Sequence[Run]) -> list[str]:
+    """In which respects the runs were not driven alike, beside their systems: robot, simulator, rules of the map.
+
+    keys: those that differ, if that is known.
+    """
+    found = []
+    for group in ("robot", "sim", "map"):
+        values = list(dict.fromkeys(run.text(group) for run in runs))
+        if len(values) > 1:
+            found.append(f"{group}: {_listed(values)}")
+            continue
+        own = {key: value for key, value in keys.items() if key.startswith(f"{group}.")}
+        found += [f"{key}: {_listed(list(dict.fromkeys(map(str, value))))}" for key, value in own.items()]
+    return found
+
+
+def _columns(runs: Sequence[Run]) -> list[str]:
+    return [*_COLUMNS, *dict.fromkeys(column for run in runs for column in changed_columns(run.frame))]
+
+
+def _part(run: Run, column: str) -> str:
+    value = run.text(column)
+    if column in _BARE:
+        return value
+    return f"{column} {value}" if value else "" if "." in column else f"no {column}"
+
+
+def _shortened(parts: Sequence[str]) -> list[str]:
+    told = [part for part in parts if part]
+    more = len(told) - _MOST
+    return told if more <= 0 else [*told[:_MOST], f"{more} more"]
+
+
+def _with_folder(name: str, run: Run, is_enough: bool) -> str:
+    folder = run.run_dir.name if is_enough else str(run.run_dir)
+    return f"{name} ({folder})" if name else folder
+
+
+def _listed(values: Sequence[str]) -> str:
+    return " | ".join(value or "unknown" for value in values)

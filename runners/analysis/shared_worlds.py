@@ -1,0 +1,69 @@
+"""Which runs drove the same worlds."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+_TASK = ("start_x_m", "start_y_m", "start_yaw_rad", "goal_x_m", "goal_y_m")
+_MEASURE = "world_"  # begins the columns that describe a world
+_SAME = 1e-6  # [m, rad]
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """A run and its records."""
+
+    run_dir: Path
+    frame: pd.DataFrame
+
+    @property
+    def worlds(self) -> set[int]:
+        """The numbers of the worlds that it drove."""
+        return set(self.frame["world"])
+
+    def text(self, column: str) -> str:
+        """What all its episodes have in a column; empty without the column."""
+        return str(self.frame[column].iloc[0]) if column in self.frame else ""
+
+
+@dataclass(frozen=True, slots=True)
+class Group:
+    """Runs that share worlds with the first of them. others: those, each with the numbers of the worlds shared."""
+
+    reference: Run
+    others: tuple[tuple[Run, frozenset[int]], ...]
+
+
+def groups(runs: Sequence[Run]) -> list[Group]:
+    """The runs by shared worlds, in their order. A run that shares none is a group without others."""
+    found = []
+    left = list(runs)
+    while left:
+        reference, *rest = left
+        shared = [(run, same_worlds(reference, run)) for run in rest]
+        found.append(Group(reference, tuple((run, worlds) for run, worlds in shared if worlds)))
+        left = [run for run, worlds in shared if not worlds]
+    return found
+
+
+def same_worlds(one: Run, other: Run) -> frozenset[int]:
+    """The numbers under which both drove the same task: the same map set, start, goal and measures of the world."""
+    numbers = sorted(one.worlds & other.worlds)
+    if one.text("map") != other.text("map") or not numbers:
+        return frozenset()
+    names = [name for name in one.frame if name in _TASK or name.startswith(_MEASURE)]
+    names = [name for name in names if name in other.frame]
+    first, second = (
+        run.frame.drop_duplicates("world").set_index("world").loc[numbers, names].to_numpy(float)
+        for run in (one, other)
+    )
+    same = np.isclose(first, second, rtol=0.0, atol=_SAME, equal_nan=True).all(axis=1)
+    return frozenset(number for number, alike in zip(numbers, same, strict=True) if alike)

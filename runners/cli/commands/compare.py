@@ -1,0 +1,90 @@
+"""Compare runs world by world: paired differences, intervals, Holm's correction, and a picture."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from datetime import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from runners.cli.parsers import texts
+
+if TYPE_CHECKING:
+    from runners.analysis.compare_runs import RunComparison
+
+EXAMPLES = (
+    "lme compare outputs/eval/RUN1 outputs/eval/RUN2",
+    "lme compare outputs/eval/SWEEP",
+    "lme compare outputs/eval/SWEEP/1 outputs/eval/SWEEP  # its job 1 is the reference",
+    "lme compare RUN1 RUN2 RUN3 --into outputs/weights_compared",
+)
+
+
+def main(argv: list[str]) -> int:
+    """Print the comparison, write its files, and say where they are. Raises InputError."""
+    from runners.analysis import compare_report
+    from runners.analysis.compare_runs import compare_runs
+    from runners.records.records import find_runs, read_episodes
+
+    arguments = _parser().parse_args(argv)
+    runs = find_runs(arguments.runs)
+    found = compare_runs(read_episodes(runs))
+    shown = compare_report.to_markdown(found) if arguments.format == "md" else compare_report.to_text(found)
+    print(shown, end="")
+    place = arguments.into or _usual_place(arguments.runs, runs)
+    files = _write(found, place)
+    said = f"Tables and pictures: {', '.join(path.name for path in files)} in {place}"
+    print(said, file=sys.stderr if arguments.format == "md" else sys.stdout)
+    return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    notes = (
+        "The first run is the reference. Every other run is compared with it over the episodes that both have: the\n"
+        "same world, the same number of the run. Worlds that only one has are left out, and counted. Runs are named\n"
+        "by what differs between them: system, weights, ablation, changed keys. What may make a comparison unfair,\n"
+        "such as another robot, simulator, time limit or seed, is said below the table.\n"
+        "\n"
+        "A difference comes with a 95 % bootstrap interval over worlds, and with a p from a sign-flip permutation\n"
+        "test over worlds, adjusted by Holm over all runs compared; * marks p below 0.05. Two runs are drawn against\n"
+        "each other, a dot per world; more as a heat map of runs by worlds.\n"
+        "\n"
+        "Runs that are not finished can be compared: what they have counts."
+    )
+    parser = argparse.ArgumentParser(prog="lme compare", **texts(__doc__, EXAMPLES, notes))
+    parser.add_argument("runs", nargs="+", type=Path, metavar="RUN", help="a run's directory, or a sweep's")
+    parser.add_argument(
+        "--into",
+        type=Path,
+        metavar="DIR",
+        help="where compare.md, .csv and .png go; default: the sweep, if one is given alone, else outputs/compare/",
+    )
+    parser.add_argument("--format", choices=("text", "md"), default="text", help="of what is printed")
+    return parser
+
+
+def _usual_place(given: Sequence[Path], runs: Sequence[Path]) -> Path:
+    """The directory of the sweep that was given alone; else a new one."""
+    from runners.records.run_directories import ROOT
+
+    if len(given) == 1 and list(given) != list(runs):
+        return given[0]
+    return ROOT / "compare" / f"{datetime.now():%Y-%m-%d_%H-%M-%S}"
+
+
+def _write(found: Sequence[RunComparison], place: Path) -> list[Path]:
+    """Write the files; their paths. Raises InputError if that cannot be done."""
+    from lme.errors import InputError
+    from runners.analysis import compare_report
+    from runners.figures.reports.compare_runs import compare_figures
+
+    try:
+        place.mkdir(parents=True, exist_ok=True)
+        pictures = compare_figures(found, place)
+        return [*compare_report.write(found, pictures, place), *pictures]
+    except OSError as error:
+        raise InputError(
+            f"cannot write to {place} ({error.strerror}): what is printed above is all"
+        ) from None

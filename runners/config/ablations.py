@@ -1,0 +1,76 @@
+"""Ablations: `conf/ablation/*.yaml`, and a user's own. Each sets keys of the config, and has a label for tables."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from lme.errors import InputError
+from lme.resources import overlaid, resource_dir
+from lme.yaml_entry import read_yaml
+from runners.config.catalogue import Catalogue
+
+GROUP = "ablation"
+SEVERAL = "+"  # joins the names of ablations that are chosen together
+SHIPPED = (resource_dir("conf"),)
+_WHOLE = re.compile(r"^#\s*@package\s+_global_\s*$", re.MULTILINE)
+
+
+def settings(choice: str, catalogue: Catalogue) -> dict[str, Any]:
+    """What an ablation, or several joined by +, sets in the whole config.
+
+    A file without `# @package _global_` sets parameters alone. Names without a file set nothing.
+    """
+    merged: dict[str, Any] = {}
+    for name in choice.split(SEVERAL):
+        if catalogue.has(f"{GROUP}/{name}"):
+            for file in catalogue.files(f"{GROUP}/{name}"):
+                merged = overlaid(merged, _of_file(file))
+    return merged
+
+
+@cache
+def labels(folders: tuple[Path, ...] = SHIPPED) -> Mapping[str, str]:
+    """What tables add to the name of a system, such as "without memory", by the name of the ablation; read once.
+
+    Raises InputError for a label that is not text.
+    """
+    catalogue = Catalogue(folders)
+    found = {name: _label(name, catalogue) for name in catalogue.options(GROUP)}
+    return {name: label for name, label in found.items() if label}
+
+
+def in_words(choice: str, known: Mapping[str, str]) -> str:
+    """ "without c_o and without c_t" for "no_c_o+no_c_t"; empty where one has no label. known: labels by name."""
+    names = choice.split(SEVERAL)
+    return " and ".join(known[name] for name in names) if known.keys() >= set(names) else ""
+
+
+def of_system(name: str, catalogue: Catalogue) -> tuple[str, str] | None:
+    """("lme_plus", "no_memory") for "lme_plus_no_memory", as a system with an ablation was once called."""
+    if catalogue.has(f"system/{name}"):
+        return None
+    systems = (system for system in catalogue.options("system") if name.startswith(f"{system}_"))
+    pairs = ((system, name.removeprefix(f"{system}_")) for system in systems)
+    return next((pair for pair in pairs if pair[1] in catalogue.options(GROUP)), None)
+
+
+def _of_file(file: Path) -> dict[str, Any]:
+    content = read_yaml(file)
+    own = (
+        {key: value for key, value in content.items() if key != "defaults"}
+        if isinstance(content, dict)
+        else {}
+    )
+    return own if _WHOLE.search(file.read_text(encoding="utf-8")) else {GROUP: own}
+
+
+def _label(name: str, catalogue: Catalogue) -> str:
+    node = settings(name, catalogue).get("system")
+    label = node.get("ablated", "") if isinstance(node, dict) else ""
+    if not isinstance(label, str):
+        raise InputError(f"{catalogue.file(f'{GROUP}/{name}')}: system.ablated is {label!r}: must be text")
+    return label

@@ -1,0 +1,212 @@
+"""`lme compare`: any runs that share worlds, paired; what is said where the pairs are not fair."""
+
+import csv
+import re
+
+import numpy as np
+import pytest
+
+from lme.episode import TRAJECTORY_COLUMNS
+from runners.analysis import paired
+from runners.cli import main
+from runners.cli.commands import compare
+from runners.records.episode_record import EpisodeResult
+from runners.records.launch_record import launch_of
+from runners.records.records import RecordWriter, read_episodes
+from tests.builders import episode_record
+from tests.composing import jobs_of
+
+WORLDS = range(60)
+
+
+@pytest.fixture(scope="module")
+def job():
+    with jobs_of("eval", "map.worlds=[0]") as job:
+        yield job
+
+
+def write(run_dir, job=None, rate=0.9, worlds=WORLDS, runs=(0, 1), **columns):
+    """A run that succeeds in this share of the worlds, the same ones for the same rate."""
+    drawn = np.random.default_rng(0).random(1000) < rate
+    with RecordWriter(run_dir) as writer:
+        for world in worlds:
+            good = {"outcome": "success" if drawn[world] else "timeout", "barn_metric": 0.4 * drawn[world]}
+            for run in runs:
+                record = episode_record(world, run, **{**good, "path_length_m": 9.0 + run, **columns})
+                writer.append(EpisodeResult(record, np.zeros((2, len(TRAJECTORY_COLUMNS)))))
+        writer.merge()
+    if job is not None:
+        launch_of("eval", [job], [], False, None).write(run_dir)
+    return str(run_dir)
+
+
+def said(capsys, *words):
+    assert compare.main([*map(str, words)]) == 0
+    return " ".join(capsys.readouterr().out.split())
+
+
+def lines(path):
+    with path.open(encoding="utf-8") as file:
+        return list(csv.DictReader(file))
+
+
+def test_a_sweep_of_weights_is_named_by_them_and_compared_where_it_lies(tmp_path, job, capsys):
+    for number, (weights, rate) in enumerate((("published", 0.5), ("skid", 0.95))):
+        write(tmp_path / str(number), job(f"weights={weights}"), rate, weights=weights)
+    text = said(capsys, tmp_path)
+    assert "LME · barn · jackal" in text
+    assert "Differences from: weights published" in text
+    assert "weights skid (60 worlds, 120 pairs; BARN metric better in " in text
+    assert "All have seed 0: both episodes of a pair draw from the same random numbers." in text
+    assert text.endswith(f"compare.md, compare.csv, compare_worlds.csv, compare.png in {tmp_path}")
+    markdown = (tmp_path / "compare.md").read_text(encoding="utf-8")
+    assert "| `guide.parameters.a_close` | 1.51 | 3.311 |" in markdown
+    assert "![barn_metric by world](compare.png)" in markdown
+    assert (tmp_path / "compare.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_the_figures_are_those_of_paired_differences(tmp_path, job, capsys):
+    runs = [write(tmp_path / name, job(), rate) for name, rate in (("a", 0.5), ("b", 0.9), ("c", 0.6))]
+    said(capsys, *runs, "--into", tmp_path / "into")
+    a, b, c = (read_episodes([run]) for run in runs)
+    expected = paired.compare(paired.Block({}, a, {"b": b, "c": c}), paired.SUCCESS)
+    found = {
+        row["run"]: row for row in lines(tmp_path / "into" / "compare.csv") if row["measure"] == "success"
+    }
+    assert list(found) == ["b", "c"]
+    for name, row in found.items():
+        assert float(row["difference"]) == expected[name].mean
+        assert (float(row["low"]), float(row["high"])) == (expected[name].low, expected[name].high)
+        assert (float(row["p"]), float(row["p_holm"])) == (expected[name].p, expected[name].adjusted)
+        assert float(row["mean"]) - float(row["reference_mean"]) == pytest.approx(expected[name].mean)
+    worlds = [row for row in lines(tmp_path / "into" / "compare_worlds.csv") if row["run"] == "b"]
+    gained = [row["world"] for row in worlds if row["mean"] > row["reference_mean"]]
+    means = a.groupby("world")["barn_metric"].mean() < b.groupby("world")["barn_metric"].mean()
+    assert gained == [str(world) for world in means.index[means]]
+
+
+def test_times_are_of_pairs_in_which_both_succeeded(tmp_path, job, capsys):
+    one = write(tmp_path / "a", job(), 0.5, time_s=8.0)
+    other = write(tmp_path / "b", job(), 0.9, time_s=10.0)
+    said(capsys, one, other, "--into", tmp_path / "into")
+    rows = {row["measure"]: row for row in lines(tmp_path / "into" / "compare.csv")}
+    both = 2 * int((np.random.default_rng(0).random(1000)[:60] < 0.5).sum())
+    assert float(rows["time_s"]["difference"]) == 2.0
+    assert (int(rows["time_s"]["pairs"]), int(rows["success"]["pairs"])) == (both, 120)
+
+
+def test_the_first_is_the_reference_and_a_job_can_come_before_its_sweep(tmp_path, job, capsys):
+    for number, system in enumerate(("LME", "DWA")):
+        write(tmp_path / "sweep" / str(number), job(), system=system)
+    text = said(capsys, tmp_path / "sweep" / "1", tmp_path / "sweep", "--into", tmp_path / "into")
+    assert "Differences from: DWA" in text
+    assert not (tmp_path / "sweep" / "compare.md").exists()
+
+
+def test_worlds_of_one_run_alone_are_left_out_and_counted(tmp_path, job, capsys):
+    one = write(tmp_path / "a", job(), worlds=range(30))
+    other = write(tmp_path / "b", job("seed=1"), worlds=range(20, 60), runs=(0,), seed=1)
+    text = said(capsys, one, other, "--into", tmp_path / "into")
+    assert (
+        "seed 1: 10 shared worlds; left out: 20 worlds that only the reference drove, 30 worlds that only it drove, "
+        "10 episodes that only one of the two drove in shared worlds."
+    ) in text
+    assert "Seeds differ (0, 1): pairs with another seed share the world, not the random numbers." in text
+
+
+def test_worlds_of_one_number_that_are_not_the_same_are_left_out(tmp_path, job, capsys):
+    one = write(tmp_path / "a", job(), worlds=range(20))
+    with RecordWriter(tmp_path / "b") as writer:
+        for world in range(20):
+            place = {"goal_x_m": float(world < 5), "outcome": "timeout"}
+            steps = np.zeros((2, len(TRAJECTORY_COLUMNS)))
+            writer.append(EpisodeResult(episode_record(world, **place), steps))
+    text = said(capsys, one, tmp_path / "b", "--into", tmp_path / "into")
+    assert "15 shared worlds; left out: 5 worlds with another start, goal or layout" in text
+    assert "Not every run has a launch.json" in text
+
+
+@pytest.mark.parametrize(
+    ("words", "columns", "note"),
+    [
+        (["robot=turtlebot2"], {"robot": "turtlebot2"}, "Not driven alike: robot: jackal | turtlebot2."),
+        (["sim=physics"], {}, "Not driven alike: sim: fast | physics."),
+        (["sim.latency=0.1"], {}, "Not driven alike: sim.latency: 0 | 0.1."),
+        (["map.time_limit=60"], {}, "Not driven alike: map.time_limit: 100 | 60."),
+        (["map.worlds=[7]"], {}, ""),
+        (["runs=9"], {}, "Not finished:"),
+    ],
+)
+def test_what_was_not_driven_alike_is_said(tmp_path, job, capsys, words, columns, note):
+    one = write(tmp_path / "a", job("map.worlds=[1,2]", "runs=2"), worlds=(1, 2))
+    other = write(tmp_path / "b", job("map.worlds=[1,2]", "runs=2", *words), worlds=(1, 2), **columns)
+    text = said(capsys, one, other, "--into", tmp_path / "into")
+    assert note in text
+    assert ("Not driven alike" in text) == note.startswith("Not driven alike")
+
+
+def test_runs_of_several_maps_are_compared_map_by_map(tmp_path, job, capsys):
+    runs = [
+        write(tmp_path / f"{place}-{system}", job(), system=system, map=place)
+        for place in ("barn", "env1")
+        for system in ("LME", "DWA")
+    ]
+    alone = write(tmp_path / "alone", job(), map="env2", worlds=(3,))
+    text = said(capsys, *runs, alone, "--into", tmp_path / "into")
+    assert text.count("Differences from: LME") == 2
+    assert "shares no world with another run; it drove env2, 1 world from 3 to 3." in text
+    assert {"compare_1.png", "compare_2.png"} <= {path.name for path in (tmp_path / "into").iterdir()}
+
+
+def test_equal_runs_are_named_by_their_folders(tmp_path, job, capsys):
+    text = said(
+        capsys, write(tmp_path / "a", job()), write(tmp_path / "b", job()), "--into", tmp_path / "into"
+    )
+    assert "Differences from: a " in text
+    assert re.search(r"Success 0\.\d+ 0\.\d+ 0\.000 0\.000 to 0\.000 1\.000", text)
+
+
+def test_many_runs_show_two_measures_on_the_terminal_and_all_in_the_file(tmp_path, job, capsys):
+    runs = [write(tmp_path / str(n), job(), 0.5 + 0.05 * n, system=f"S{n}") for n in range(7)]
+    text = said(capsys, *runs, "--into", tmp_path / "into")
+    assert text.count("BARN metric better in") == 6
+    assert "Path [m]" not in text
+    assert "The other measures are in compare.md." in text
+    assert "Path [m]" in (tmp_path / "into" / "compare.md").read_text(encoding="utf-8")
+
+
+def test_markdown_on_standard_output_is_alone_there(tmp_path, job, capsys):
+    one, other = write(tmp_path / "a", job()), write(tmp_path / "b", job(), 0.5)
+    compare.main([one, other, "--format", "md", "--into", str(tmp_path / "into")])
+    shown = capsys.readouterr()
+    assert shown.out.startswith("**LME · barn · jackal**\n\nReference: a")
+    assert shown.err.startswith("Tables and pictures: ")
+
+
+def test_without_a_place_it_goes_below_outputs(tmp_path, job, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    write(tmp_path / "a", job())
+    write(tmp_path / "b", job(), 0.5)
+    text = said(capsys, "a", "b")
+    (place,) = (tmp_path / "outputs" / "compare").iterdir()
+    assert text.endswith(f"in outputs/compare/{place.name}")
+
+
+def test_mistakes_are_one_line(tmp_path, job, capsys):
+    one = write(tmp_path / "a", job(), worlds=(1, 2))
+    other = write(tmp_path / "b", job(), worlds=(3,))
+    (tmp_path / "file").touch()
+    for words, problem in (
+        ([one], "a: is a single run; give two runs or more, or a sweep"),
+        ([one, one], "a: is a single run"),
+        (
+            [one, other],
+            "no two of these runs share a world: .*a drove barn, 2 worlds from 1 to 2; .*b drove barn, 1",
+        ),
+        ([one, tmp_path / "nowhere"], "nowhere is not a directory"),
+    ):
+        assert main.main(["compare", *map(str, words)]) == 2
+        assert re.fullmatch(rf"lme compare: .*{problem}.*\n", capsys.readouterr().err)
+    third = write(tmp_path / "c", job(), worlds=(1, 2))
+    assert main.main(["compare", one, third, "--into", str(tmp_path / "file" / "below")]) == 2
+    assert "what is printed above is all" in capsys.readouterr().err

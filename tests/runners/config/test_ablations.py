@@ -1,0 +1,92 @@
+"""Ablations: files that set any key, their labels, and the shape that they once had."""
+
+import pytest
+
+from lme.errors import InputError
+from runners.config import ablations
+from runners.config.catalogue import shipped
+from runners.config.space import read_space
+from runners.experiments.train import _space
+from tests.composing import jobs_of
+
+FLAT = "# Parameters alone\nc_o: 0.5  # half\nd2: 1.0\n"
+WHOLE = """\
+# @package _global_
+# Fewer candidates, and blind to one check
+system: {ablated: with ten candidates}
+ablation: {c_t: 0.0}
+guide: {candidates: {number: 10}}
+"""
+INHERITED = "# Two at once\ndefaults: [no_c_h, _self_]\nc_o: 0.5\n"
+
+
+@pytest.fixture
+def own(tmp_path):
+    """A user's config folder with an ablation of each shape."""
+    (tmp_path / "ablation").mkdir()
+    for name, text in (("flat", FLAT), ("whole", WHOLE), ("inherited", INHERITED)):
+        (tmp_path / "ablation" / f"{name}.yaml").write_text(text)
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    ("option", "parameters", "number"),
+    [
+        ("flat", {"c_o": 0.5, "d2": 1.0}, 300),
+        ("whole", {"c_t": 0.0}, 10),
+        ("inherited", {"c_h": 0.0, "c_o": 0.5}, 300),
+        ("[flat,whole]", {"c_o": 0.5, "d2": 1.0, "c_t": 0.0}, 10),
+    ],
+)
+def test_ablations_of_ones_own_set_parameters_and_keys(own, option, parameters, number):
+    with jobs_of(config_dir=own) as job:
+        found = job(f"ablation={option}")
+    assert found.config.ablation == parameters
+    assert {name: found.config.guide["parameters"][name] for name in parameters} == parameters
+    assert found.config.guide["candidates"]["number"] == number
+    assert found.changes == {}
+
+
+def test_the_command_line_has_the_last_word(own):
+    with jobs_of(config_dir=own) as job:
+        found = job("ablation=whole", "guide.candidates.number=20", "ablation.c_t=3")
+    assert found.config.guide["parameters"]["c_t"] == 3.0
+    assert found.changes == {"guide.candidates.number": 20, "ablation.c_t": 3.0}
+
+
+def test_labels_are_what_the_files_say(own):
+    known = ablations.labels(shipped(own).folders)
+    assert known["no_random"] == "without random candidates"
+    assert known["whole"] == "with ten candidates"
+    assert known["inherited"] == "without c_h"
+    assert not {"none", "flat"} & set(known)
+    assert ablations.in_words("no_c_o+no_c_t", known) == "without c_o and without c_t"
+    assert ablations.in_words("no_c_o+flat", known) == ablations.in_words("none", known) == ""
+
+
+def test_a_label_must_be_text(own):
+    (own / "ablation" / "whole.yaml").write_text(WHOLE.replace("with ten candidates", "[3]"))
+    with pytest.raises(InputError, match=r"whole\.yaml: system\.ablated is \[3\]: must be text"):
+        ablations.labels(shipped(own).folders)
+
+
+@pytest.mark.parametrize(
+    ("system", "pair"),
+    [
+        ("lme_plus_no_memory", ("lme_plus", "no_memory")),
+        ("lme_plus_no_c_o", ("lme_plus", "no_c_o")),
+        ("lme_no_c_t", None),  # still a system
+        ("lme_plus_no_such", None),
+        ("lme_plus", None),
+    ],
+)
+def test_systems_that_became_ablations_are_known(system, pair):
+    assert ablations.of_system(system, shipped()) == pair
+
+
+def test_a_key_that_an_ablation_sets_is_not_searched():
+    words = ("guide=lme_plus", "planner=min_time")
+    with jobs_of("train") as job:
+        whole, without = _space(job(*words)), _space(job(*words, "ablation=no_grip"))
+        assert whole == read_space(job(*words).config)
+    assert whole.keys() - without.keys() == {"planner.grip"}
