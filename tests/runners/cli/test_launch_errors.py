@@ -46,6 +46,7 @@ def _never(job):
         ("robot=", ["robot=: no such option", "turtlebot2"]),
         ("robot=null", ["robot=null: must be one of go2, "]),
         ("ablation=[none,no_co]", ["ablation=no_co", "did you mean no_c_o?"]),
+        ("system=lme_plus_no_back", ["no such option; write system=lme_plus ablation=no_back"]),
         ("experiment=x", ["experiment=x: no such option; conf/experiment/ holds:"]),
         (
             "hydra.sweeper.params.seed=1,2",
