@@ -4,8 +4,8 @@ var Scorer = {
   pages: [
     [/^docs\/(start|tutorials\/)/, 3],
     [/^docs\/(commands|faq)/, 1.5],
-    [/^(CHANGELOG|CONTRIBUTING|SECURITY|benchmarks\/|docs\/(reliability|assumptions))/, 0.1],
-    [/^docs\/(config\/|api)/, 0.6],
+    [/^(CHANGELOG|CONTRIBUTING|SECURITY|benchmarks\/)/, 0.1],
+    [/^docs\/config\//, 0.6],
   ],
   score: function ([page, , , , score]) {
     const found = this.pages.find(([pattern]) => pattern.test(page));
