@@ -32,8 +32,8 @@ def evaluate(
     overrides: as on the command line. keys: the same as keywords; one with a dot is "map.worlds=…", or goes into
     `**{"map.worlds": [200, 201]}`. into: the run's directory, for all that the command writes; None: nothing is
     written. resume: continue the run in `into`, if it holds one: only what is missing is driven. workers: number of
-    processes; None: one per core. config_dir: a folder of your own options. progress: show a bar. Nothing is tracked
-    in MLflow unless `tracking=` asks for it.
+    processes; None: one per core. config_dir: a folder of your own options. progress: show a bar. MLflow tracks
+    nothing unless `tracking="mlflow"` asks for it, beside `into`.
 
     Raises InputError for a mistake in the config, and ImportError where only the library is installed.
     """
