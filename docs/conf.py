@@ -3,8 +3,6 @@
 The source folder is the checkout, so links to maps/, examples/ and benchmarks/ hold here as they do in the files.
 """
 
-import os
-import sysconfig
 from pathlib import Path
 
 import lme
@@ -42,8 +40,6 @@ autodoc_default_options = {"members": True, "imported-members": True}
 autoclass_content = "both"  # what __init__ raises stands in its own docstring
 default_role = "code"  # docstrings have Markdown's backticks
 
-# The notebook calls lme.
-os.environ["PATH"] = os.pathsep.join([sysconfig.get_path("scripts"), os.environ["PATH"]])
 nb_execution_mode = "force"
 nb_execution_in_temp = True
 nb_execution_timeout = 600  # [s] of a cell
