@@ -4,8 +4,6 @@ The source folder is the checkout, so links to maps/, examples/ and benchmarks/ 
 """
 
 import inspect
-import os
-import sysconfig
 from dataclasses import is_dataclass
 from pathlib import Path
 
@@ -46,8 +44,6 @@ autodoc_default_options = {"members": True, "imported-members": True}
 autoclass_content = "both"  # what __init__ raises stands in its own docstring
 default_role = "code"  # docstrings have Markdown's backticks
 
-# The notebook calls lme.
-os.environ["PATH"] = os.pathsep.join([sysconfig.get_path("scripts"), os.environ["PATH"]])
 nb_execution_mode = "force"
 nb_execution_in_temp = True
 nb_execution_timeout = 600  # [s] of a cell
