@@ -1,4 +1,4 @@
-"""Learn to drive in BARN worlds with PPO of Stable-Baselines3: ten minutes on one core, or as many as you say.
+"""Learn to drive in BARN worlds with PPO of Stable-Baselines3: ten minutes on one core, or as many as you choose.
 
     pip install stable-baselines3
     python train_sb3.py [MINUTES]
@@ -90,7 +90,7 @@ class Clock(BaseCallback):
 
 
 def worlds(fresh_seed: int, count: int) -> dict[str, Any]:
-    """Keys of conf/map/barn.yaml: fresh worlds, and 30 s to get through instead of 100."""
+    """Keys of conf/map/barn.yaml: fresh worlds, with 30 s to get through instead of 100."""
     return {"subset": "fresh", "fresh_seed": fresh_seed, "count": count, "time_limit": 30.0}
 
 

@@ -1,5 +1,5 @@
 #!/bin/bash
-# Installs lme into /lme, beside the container's own Python and ROS: Python 3.11 and ROS Noetic's rospy from RoboStack.
+# Installs lme into /lme, next to the container's own Python and ROS: Python 3.11 and ROS Noetic's rospy from RoboStack.
 # Run it as root while the container is built, where there is a network.
 set -euo pipefail
 here="$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)"

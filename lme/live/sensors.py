@@ -39,7 +39,7 @@ class LiveSensors:
         self._config = frames
         self._pose_message: Any = None
         self._tf_frames: Frames | None = None
-        self._moving: set[str] = set()  # child frames whose transforms have come on tf, not only on tf_static
+        self._moving: set[str] = set()  # child frames whose transforms come on tf, not only on tf_static
         self.tree = TransformTree()
         self.forget()
 

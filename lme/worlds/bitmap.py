@@ -60,7 +60,7 @@ def read_ros_map(path: Path, unknown_is_obstacle: bool) -> FloorPlan:
 
 
 def is_picture(path: Path) -> bool:
-    """Whether a file begins as a picture of a known format does; it may still be damaged."""
+    """Whether a file begins like a picture of a known format; it may still be damaged."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", Image.DecompressionBombWarning)

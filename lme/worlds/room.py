@@ -39,7 +39,7 @@ class RoomConfig(PacedRules):
     min_distance: float = 3.0  # [m] from start to goal, in a straight line
     radius: float | None = None  # [m] of the disc that must be able to reach the goal; None: STAGE_RADIUS
     margin: float = 0.1  # [m] more than radius, kept free around start and goal
-    grid: float = 0.05  # [m] between the points that starts, goals and shortest paths are made of
+    grid: float = 0.05  # [m] between the grid points of starts, goals and shortest paths
     time_limit: float = 40.0  # [s]
 
     def __post_init__(self) -> None:

@@ -77,7 +77,7 @@ class PacedRules(TaskRules):
 
 
 def map_path(given: str, right: str) -> Path:
-    """The file that `map.path` names. right: what it must be. Raises InputError where it is not a file."""
+    """The file that `map.path` names. right: what it must be. Raises InputError if it is not a file."""
     path = Path(given).expanduser()
     if not path.is_file():
         problem = "is a directory" if path.is_dir() else "no such file"

@@ -28,7 +28,7 @@ class StartsConfig(PacedRules):
     lateral: float = 0.3  # [m] greatest offset of a start to either side of the line to the goal
     turn: float = 0.3  # [rad] greatest angle between the robot's first heading and the goal
     radius: float | None = None  # [m] of the disc that must be able to reach the goal; None: STAGE_RADIUS
-    grid: float = 0.05  # [m] between the points that shortest paths are made of
+    grid: float = 0.05  # [m] between the grid points of shortest paths
 
     def __post_init__(self) -> None:
         PacedRules.__post_init__(self)  # super() fails in a dataclass with slots

@@ -56,7 +56,7 @@ def _deep_u(draw: Uniform, door: float) -> Legs:
 
 
 def _bent_u(draw: Uniform, door: float) -> Legs:
-    """A U one of whose ends turns in and closes a part of its mouth."""
+    """A U with one end turned in, which closes part of its mouth."""
     x, below, above = draw(2.8, 4.0), draw(1.2, 2.3), draw(1.2, 2.3)
     lip = draw(0.3, 0.9) * (below + above - door)
     return [[*_cup(x, draw(1.5, 3.0), below, above), [x, MIDDLE + above - lip]]]

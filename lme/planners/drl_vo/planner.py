@@ -27,7 +27,7 @@ class DrlVo:
 
     Network, observation, action and rules are those of the authors' code, github.com/TempleRAIL/drl_vo_nav and
     nav-competition-icra2022-drl-vo. The sub-goal is where the guide's path leaves the disc of `lookahead` about the
-    robot, or its end; without a path, the guide's subgoal, at most so far away. While the guide finds no path, it
+    robot, or its end; without a path, the guide's subgoal, at most that far away. While the guide finds no path, it
     stays what it was, in the robot frame. Near the goal the robot stops, near an obstacle ahead it turns left in
     place. The command is limited to what the robot can reach in a period. A NaN range is not a return.
     """

@@ -18,11 +18,11 @@ _BEST = {"c_o": 1.0, "c_t": 1.0, "a_mount": 0.0, "c_h": 1.0}  # best values of t
 _FELL = {
     "c_o": "stopped being reachable",
     "c_t": "lost its free line to the target",
-    "c_h": "came to lie behind recent positions of the robot",
+    "c_h": "ended up behind recent positions of the robot",
 }
-_NARROWED = "became reachable with a smaller margin only"  # c_o of LME+ is then 1/2
+_NARROWED = "became reachable only with a smaller margin"  # c_o of LME+ is then 1/2
 _FELL_IN_A_MOUNT = {  # by the reading of the surmount feature
-    "every": "came to lie off the way around the sector that now blocks the robot's way to the target",
+    "every": "ended up off the way around the sector that now blocks the robot's way to the target",
     "hidden": "became hidden from the target behind the blocking sector",
 }
 

@@ -62,7 +62,7 @@ class Barn:
     Config = BarnConfig
 
     def __init__(self, config: BarnConfig) -> None:
-        """Raises InputError if a world that was asked for does not exist; `task` reads the files."""
+        """Raises InputError if a requested world does not exist; `task` reads the files."""
         self.config = config
         self._files = None if config.source is None else find_worlds(config.source)
         self._numbers = self._chosen()

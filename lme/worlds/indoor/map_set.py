@@ -42,7 +42,7 @@ class IndoorConfig(PacedRules):
     radius: float | None = None  # [m] of the disc that must be able to reach the goal; None: STAGE_RADIUS
     passage_margin: float = 0.3  # [m] by which every way is at least wider than the disc of `radius`
     margin: float = 0.1  # [m] more than radius, kept free around start and goal
-    grid: float = 0.05  # [m] between the points that starts, goals and shortest paths are made of
+    grid: float = 0.05  # [m] between the grid points of starts, goals and shortest paths
     time_limit: float = 240.0  # [s]
 
     def __post_init__(self) -> None:

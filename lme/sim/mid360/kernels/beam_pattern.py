@@ -68,7 +68,7 @@ def rise_share(beam, phase):
 
 @njit(cache=True, error_model="numpy")
 def noise_of(beam, seed):
-    """The noise of one beam: the same for the same beam and seed, whichever beams are asked for."""
+    """The noise of one beam: the same for the same beam and seed, whichever beams are requested."""
     mixed = seed + (np.uint64(beam) + np.uint64(1)) * _STEP
     mixed = (mixed ^ (mixed >> _SHIFTS[0])) * _MIX_1
     mixed = (mixed ^ (mixed >> _SHIFTS[1])) * _MIX_2

@@ -75,14 +75,14 @@ def test_what_the_old_one_never_had_is_no_change():
     ("old", "change"),
     [
         ({"c_o": 0.0}, "stopped being reachable"),
-        ({"c_o": 0.5}, "; the old one became reachable with a smaller margin only"),
+        ({"c_o": 0.5}, "; the old one became reachable only with a smaller margin"),
         (
             {"a_mount": -3.0},  # 88.7 · 3
-            "; the old one came to lie off the way around the sector that now blocks the robot's way to the target",
+            "; the old one ended up off the way around the sector that now blocks the robot's way to the target",
         ),
         (
             {"c_h": 0.0, "c_t": 0.0},
-            "free line to the target and came to lie behind recent positions of the robot",
+            "free line to the target and ended up behind recent positions of the robot",
         ),
     ],
 )
