@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 HEADER = ("Name", "Type", "Default", "Meaning")
 
 
-class Field(NamedTuple):
+class ConfigField(NamedTuple):
     """name: dotted, for a field of a part. default: empty if there is none. meaning: with its unit."""
 
     name: str
@@ -20,12 +20,12 @@ class Field(NamedTuple):
     meaning: str
 
 
-def fields(schema: type) -> list[Field]:
+def fields(schema: type) -> list[ConfigField]:
     """The fields of a dataclass, in order; those of a part that has a default stand in place of the part."""
     return list(_fields(schema, ""))
 
 
-def as_rst(found: list[Field]) -> list[str]:
+def as_rst(found: list[ConfigField]) -> list[str]:
     """Lines of a table in reStructuredText."""
     lines = [".. list-table::", "   :header-rows: 1", "   :class: fields", ""]
     rows = [(_code(name), _code(kind), _code(default), _plain(text)) for name, kind, default, text in found]
@@ -34,7 +34,7 @@ def as_rst(found: list[Field]) -> list[str]:
     return [*lines, ""]
 
 
-def _fields(schema: type, prefix: str) -> Iterator[Field]:
+def _fields(schema: type, prefix: str) -> Iterator[ConfigField]:
     comments = _comments(schema)
     for field in dataclasses.fields(schema):
         default = _default(field)
@@ -42,7 +42,7 @@ def _fields(schema: type, prefix: str) -> Iterator[Field]:
             yield from _fields(type(default), f"{prefix}{field.name}.")
             continue
         text = "" if default is dataclasses.MISSING else repr(default)
-        yield Field(f"{prefix}{field.name}", str(field.type), text, comments.get(field.name, ""))
+        yield ConfigField(f"{prefix}{field.name}", str(field.type), text, comments.get(field.name, ""))
 
 
 def _default(field: dataclasses.Field[Any]) -> Any:

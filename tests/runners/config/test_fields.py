@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 
 import lme
-from runners.config.fields import Field, as_rst, fields
+from runners.config.fields import ConfigField, as_rst, fields
 
 
 @dataclass
@@ -25,7 +25,7 @@ class Whole(Base):
 
 
 def test_fields_have_type_default_and_comment():
-    assert fields(Whole)[1] == Field("kind", "str | None", "None", "one | two; see `Part` and a_b")
+    assert fields(Whole)[1] == ConfigField("kind", "str | None", "None", "one | two; see `Part` and a_b")
     assert [one.name for one in fields(Whole)] == ["speed", "kind", "part.depth", "goal", "other"]
     by_name = {one.name: one for one in fields(Whole)}
     assert by_name["speed"].default == ""
