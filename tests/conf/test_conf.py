@@ -125,7 +125,7 @@ def test_robot_keys_are_those_of_the_robot(chosen, option):
 def test_every_file_is_explained(path):
     name = str(path.relative_to(CONF).with_suffix(""))
     assert len(CATALOGUE.title(name)) > 10
-    keys = [key for key in CATALOGUE.keys(name) if key.name not in ("_target_", "name", "system.ablated")]
+    keys = [key for key in CATALOGUE.keys(name) if key.name not in ("_target_", "name")]
     if name.startswith("system/") and name != "system/lme":
         return  # they have the keys of lme.yaml, which explains them
     numbers = [key for key in keys if ".published." not in key.name]
