@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from runners.analysis.ablation import COMPLETE, JOIN, NAME, AblationStudy, Variant
 from runners.analysis.paired import SUCCESS, Difference, signed
+from runners.analysis.summary import INTERVAL_HEADER, INTERVAL_NOTE
 from runners.figures.parts.style import GRID, INK, STYLES, new_figure, save, symbol
 from runners.figures.reports.comparison import HATCHES, OUTCOMES
 
@@ -21,8 +22,9 @@ STUDIES = 4  # at most: more cannot be read on a page
 BAR = 0.72
 GAP = 0.08  # between panels, in panels
 NOTES = (
-    "Whiskers above: one standard deviation over runs. Below: difference in success to the complete method, paired "
-    "by world and run,\n95 % bootstrap over worlds; filled where beyond the noise (Holm-adjusted sign-flip p < 0.05)."
+    f"Whiskers above: {INTERVAL_HEADER}. {INTERVAL_NOTE}\n"
+    "Below: difference in success to the complete method, paired by world and run,\n"
+    "95 % bootstrap over worlds; filled where beyond the noise (Holm-adjusted sign-flip p < 0.05)."
 )
 
 
@@ -48,15 +50,15 @@ def ablation_figure(studies: Sequence[AblationStudy], place: Path) -> list[Path]
 
 
 def _outcomes(axes: Axes, variants: Sequence[Variant]) -> None:
-    """Draw stacked bars of the outcomes, with the standard deviation of the success rate over runs."""
+    """Draw stacked bars of the outcomes, with the interval of the success rate that the table gives."""
     for column, variant in enumerate(variants):
         bottom = 0.0
         for outcome in OUTCOMES:
-            share, std = variant.row.stats.get(outcome, (0.0, math.nan))
+            share, _ = variant.row.stats.get(outcome, (0.0, math.nan))
             axes.bar(column, share, BAR, bottom, hatch=HATCHES.get(outcome), **_filled(outcome))
             bottom += share
             if outcome == SUCCESS:
-                _rate(axes, column, share, std)
+                _rate(axes, column, share, variant.row.interval)
     complete = variants[0].row.stats[SUCCESS][0]
     axes.axhline(complete, color=INK, linewidth=0.8, linestyle=(0, (4, 3)), zorder=4)
     axes.set(ylim=(0.0, 1.0), xticks=[])
@@ -64,8 +66,8 @@ def _outcomes(axes: Axes, variants: Sequence[Variant]) -> None:
     _plain(axes, variants)
 
 
-def _rate(axes: Axes, column: int, mean: float, std: float) -> None:
-    """Write the rate at the foot of its bar, and draw a whisker at its top."""
+def _rate(axes: Axes, column: int, mean: float, interval: tuple[float, float] | None) -> None:
+    """Write the rate at the foot of its bar, and draw its interval at the top."""
     axes.annotate(
         f"{mean:.3f}",
         (column, 0.0),
@@ -77,8 +79,8 @@ def _rate(axes: Axes, column: int, mean: float, std: float) -> None:
         bbox={"facecolor": "white", "edgecolor": "none", "boxstyle": "round", "pad": 0.15},
         zorder=6,
     )
-    if not math.isnan(std):
-        axes.errorbar(column, mean, yerr=std, color=INK, elinewidth=0.9, capsize=2.5, capthick=0.9, zorder=5)
+    if interval is not None:
+        axes.plot([column, column], interval, "_-", color=INK, linewidth=0.9, markersize=5, zorder=5)
 
 
 def _changes(axes: Axes, variants: Sequence[Variant]) -> None:

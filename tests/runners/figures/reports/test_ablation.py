@@ -28,6 +28,13 @@ def test_bars_are_the_shares_in_the_papers_order(monkeypatch, tmp_path):
     assert labels[-1] == "No\nmaintenance"
 
 
+def test_whiskers_are_the_intervals_of_the_table(monkeypatch, tmp_path):
+    studies = ablation.studies(sweep(AS_THE_PAPER_SAYS))
+    above = drawn(monkeypatch, tmp_path, studies).axes[0]
+    whiskers = [tuple(line.get_ydata()) for line in above.lines if line.get_marker() == "_"]
+    assert whiskers == [variant.row.interval for variant in studies[0].variants]
+
+
 def test_markers_are_filled_where_the_difference_exceeds_the_noise(monkeypatch, tmp_path):
     rates = {"none": 0.9, "no_c_o": 0.1, "no_c_h": 0.89}
     below = drawn(monkeypatch, tmp_path, ablation.studies(sweep(rates))).axes[1]
