@@ -21,6 +21,8 @@ def pytest_addoption(parser):
 
 def pytest_collection_modifyitems(config, items):
     if config.getoption("last_skipped"):
+        if getattr(config, "cache", None) is None:
+            raise pytest.UsageError("--last-skipped reads pytest's cache: leave out -p no:cacheprovider")
         skipped = set(config.cache.get(_CACHE_KEY, []))
         chosen = [item for item in items if not skipped.isdisjoint((item.nodeid, item.nodeid.split("::")[0]))]
         config.hook.pytest_deselected(items=[item for item in items if item not in chosen])
@@ -35,9 +37,12 @@ def pytest_runtest_logreport(report):
     _note(report)
 
 
-def pytest_sessionfinish(session):
-    if not hasattr(session.config, "workerinput"):  # workers of pytest-xdist report to the process that began
-        session.config.cache.set(_CACHE_KEY, sorted(_skipped))
+def pytest_sessionfinish(session, exitstatus):
+    config = session.config
+    if config.getoption("last_skipped") and exitstatus == pytest.ExitCode.NO_TESTS_COLLECTED:
+        session.exitstatus = pytest.ExitCode.OK  # nothing was skipped
+    if not hasattr(config, "workerinput") and getattr(config, "cache", None):  # not a worker of pytest-xdist
+        config.cache.set(_CACHE_KEY, sorted(_skipped))
 
 
 def _note(report: pytest.CollectReport | pytest.TestReport) -> None:

@@ -11,9 +11,9 @@ import torch
 from torch import Tensor
 
 from lme.errors import InputError
-from runners.learning.clone import CloneConfig
 from runners.learning.mixture import log_likelihood
 from runners.learning.run import Row, Run, descend
+from runners.learning.settings import CloneConfig
 from runners.records.whole_file import replacing
 from runners.workers.lessons import Lesson, Taught
 

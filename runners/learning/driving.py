@@ -24,8 +24,8 @@ from runners.config import build
 from runners.config.instantiate import configured
 from runners.config.schema import LearnConfig
 from runners.learning.learnable import planner_config
-from runners.learning.reinforcement import Curriculum
 from runners.learning.run import Run
+from runners.learning.settings import Curriculum
 from runners.workers.lessons import Interface
 from runners.workers.robots import changed, drawn, given
 

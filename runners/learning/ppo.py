@@ -5,36 +5,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from lme.errors import require
-from runners.learning.reinforcement import Reinforcement, ReinforcementConfig
+from runners.learning.reinforcement import Reinforcement
+from runners.learning.settings import PpoConfig
 
 if TYPE_CHECKING:
     from runners.learning.run import Run
-
-
-@dataclass(slots=True)
-class PpoConfig(ReinforcementConfig):
-    """Keys of `conf/learner/ppo.yaml`."""
-
-    horizon: int = 128  # steps of every robot between two rounds of updates
-    epochs: int = 4
-    batch: int = 512
-    decay: float = 0.95  # λ of the generalised advantage
-    clip: float = 0.2
-    kl_max: float = 0.03  # a round ends where the policy has changed more
-    warm_up: int = 20_000  # steps in which the critic alone is trained
-
-    def __post_init__(self) -> None:
-        self.check()
-        for key in ("horizon", "epochs", "batch"):
-            require(f"learner.{key}", getattr(self, key), at_least=1)
-        for key in ("clip", "kl_max"):
-            require(f"learner.{key}", getattr(self, key), above=0.0)
-        require("learner.decay", self.decay, at_least=0.0, at_most=1.0)
-        require("learner.warm_up", self.warm_up, at_least=0)
 
 
 class Ppo(Reinforcement[PpoConfig]):

@@ -11,9 +11,9 @@ from torch import Tensor, nn
 from runners.learning.driving import Driving, Features
 from runners.learning.learnable import Learnable
 from runners.learning.mixture import draw, log_density
-from runners.learning.ppo import PpoConfig
 from runners.learning.reinforcement_training import Advanced, Parts, reinforce
 from runners.learning.run import Run
+from runners.learning.settings import PpoConfig
 
 
 class PpoStep(NamedTuple):

@@ -5,39 +5,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from lme.errors import require
-from runners.learning.reinforcement import Reinforcement, ReinforcementConfig
+from runners.learning.reinforcement import Reinforcement
+from runners.learning.settings import SacConfig
 
 if TYPE_CHECKING:
     from runners.learning.run import Run
-
-
-@dataclass(slots=True)
-class SacConfig(ReinforcementConfig):
-    """Keys of `conf/learner/sac.yaml`."""
-
-    steps: int = 300_000
-    robots: int = 8
-    judge_every: int = 20_000
-    alpha: float = 0.01  # worth of entropy
-    polyak: float = 0.005  # share of the critics that their targets take over in an update
-    batch: int = 256
-    updates: int = 8  # after every step of all robots
-    replay: int = 100_000  # steps kept
-    warm_up: int = 5000  # steps before the first update
-    critics_first: int = 2000  # updates of the critics before the policy's first
-
-    def __post_init__(self) -> None:
-        self.check()
-        for key in ("batch", "updates", "replay"):
-            require(f"learner.{key}", getattr(self, key), at_least=1)
-        require("learner.alpha", self.alpha, at_least=0.0)
-        require("learner.polyak", self.polyak, above=0.0, at_most=1.0)
-        for key in ("warm_up", "critics_first"):
-            require(f"learner.{key}", getattr(self, key), at_least=0)
 
 
 class Sac(Reinforcement[SacConfig]):

@@ -18,7 +18,7 @@ from runners.learning.learnable import Learnable
 from runners.learning.mixture import draw, draw_each, log_density_of_actions
 from runners.learning.reinforcement_training import Advanced, Parts, reinforce
 from runners.learning.run import Run
-from runners.learning.sac import SacConfig
+from runners.learning.settings import SacConfig
 
 _ACTIONS = 2
 

@@ -18,12 +18,10 @@ torch = pytest.importorskip("torch")
 from runners.learning import mixture  # noqa: E402
 from runners.learning.dclp import DclpCritic, DclpNetwork  # noqa: E402
 from runners.learning.driving import Driving, Experience  # noqa: E402
-from runners.learning.ppo import PpoConfig  # noqa: E402
 from runners.learning.ppo_training import Batch, PpoStep, PpoTraining, advantages_of  # noqa: E402
-from runners.learning.reinforcement import Curriculum  # noqa: E402
 from runners.learning.reinforcement_training import Parts  # noqa: E402
-from runners.learning.sac import SacConfig  # noqa: E402
 from runners.learning.sac_training import Replay, ReplaySteps, SacTraining, following, least  # noqa: E402
+from runners.learning.settings import Curriculum, PpoConfig, SacConfig  # noqa: E402
 
 
 def features(count, seed=0):
