@@ -3,19 +3,19 @@
 The source folder is the checkout, so links to maps/, examples/ and benchmarks/ hold here as they do in the files.
 """
 
-import os
-import sysconfig
+import inspect
+from dataclasses import is_dataclass
 from pathlib import Path
 
 import lme
-from runners.config import reference
+from runners.config import fields, reference
 
 project = "lme"
 author = "The lme authors"
 project_copyright = "the lme authors, MIT licence"
 version = release = lme.__version__
 
-extensions = ["myst_nb", "sphinx.ext.autodoc"]
+extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx_copybutton"]
 root_doc = "docs/index"
 include_patterns = [
     "CHANGELOG.md",
@@ -35,6 +35,8 @@ html_extra_path = ["index.html"]  # the site's root; the pages keep the paths of
 html_copy_source = False
 html_static_path = ["static"]
 html_css_files = ["site.css"]
+html_search_scorer = str(Path(__file__).parent / "static" / "scorer.js")
+copybutton_selector = "div.highlight:not(.highlight-text *, .cell_output *) pre"  # typed, not printed
 
 myst_heading_anchors = 4  # links to headings, as GitHub makes them
 
@@ -42,8 +44,6 @@ autodoc_default_options = {"members": True, "imported-members": True}
 autoclass_content = "both"  # what __init__ raises stands in its own docstring
 default_role = "code"  # docstrings have Markdown's backticks
 
-# The notebook calls lme.
-os.environ["PATH"] = os.pathsep.join([sysconfig.get_path("scripts"), os.environ["PATH"]])
 nb_execution_mode = "force"
 nb_execution_in_temp = True
 nb_execution_timeout = 600  # [s] of a cell
@@ -54,7 +54,8 @@ def setup(app):
     """Before the pages are read, write the config reference into docs/config/, which git ignores."""
     app.connect("builder-inited", lambda app: write_config_reference(Path(app.confdir) / "config"))
     app.connect("autodoc-process-docstring", drop_of_modules)
-    app.connect("autodoc-skip-member", skip_tuple_fields)
+    app.connect("autodoc-process-docstring", add_fields)
+    app.connect("autodoc-skip-member", skip_told_elsewhere)
 
 
 def write_config_reference(folder):
@@ -69,6 +70,14 @@ def drop_of_modules(app, what, name, member, options, lines):
         lines.clear()
 
 
-def skip_tuple_fields(app, what, name, member, skip, options):
-    """Fields of a NamedTuple stand in its signature and docstring; by themselves they say "alias for field 0"."""
-    return True if type(member).__name__ == "_tuplegetter" else None
+def add_fields(app, what, name, member, options, lines):
+    """A table of the fields of a dataclass, or of the Config of a class, below the first docstring of the class."""
+    schema = getattr(member, "Config", member)
+    if what == "class" and is_dataclass(schema) and lines[:1] == inspect.getdoc(member).splitlines()[:1]:
+        heading = f"Keys of `{name.rpartition('.')[2]}.Config`:" if schema is not member else "Fields:"
+        lines += ["", heading, "", *fields.as_rst(fields.fields(schema))]
+
+
+def skip_told_elsewhere(app, what, name, member, skip, options):
+    """Fields of a NamedTuple stand in its signature and docstring, keys of a Config in the table of its class."""
+    return True if type(member).__name__ == "_tuplegetter" or name == "Config" else None

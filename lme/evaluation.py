@@ -33,7 +33,7 @@ def evaluate(
     `**{"map.worlds": [200, 201]}`. into: the run's directory, for everything that the command writes; None:
     nothing is written. resume: continue the run in `into`, if it holds one: only what is missing is driven. workers:
     number of processes; None: one per core. config_dir: a folder with your own options. progress: show a bar.
-    Nothing is tracked in MLflow unless `tracking=` asks for it.
+    MLflow tracks nothing unless `tracking="mlflow"` asks for it, with `into`.
 
     Raises InputError for a mistake in the config, and ImportError if only the library is installed.
     """

@@ -23,7 +23,7 @@ def test_the_citation_is_of_this_version_and_of_its_day():
     assert (CITATION["version"], CITATION["date-released"]) == (lme.__version__, date)
 
 
-def test_it_says_what_the_package_says():
+def test_the_citation_says_what_the_package_says():
     assert CITATION["license"] == PROJECT["license"]
     assert CITATION["keywords"] == PROJECT["keywords"]
     assert f"{CITATION['authors'][0]['name']}\n" in (ROOT / "LICENSE").read_text(encoding="utf-8")

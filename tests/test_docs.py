@@ -84,6 +84,17 @@ def test_every_link_leads_somewhere(page):
         assert not anchor or anchor[1:] in _anchors(linked), f"{page} links {target}{anchor}"
 
 
+def test_every_page_that_the_search_weighs_is_there():
+    """Each name in the patterns of docs/static/scorer.js; docs/config/ is made when the site is built."""
+    scorer = (ROOT / "docs" / "static" / "scorer.js").read_text(encoding="utf-8")
+    weighed = [re.compile(pattern) for pattern in re.findall(r"\[/(\^.*)/, ", scorer)]
+    pages = [*(str(page.with_suffix("")) for page in PAGES), "docs/config/robot"]
+    assert len(weighed) > 2
+    for pattern in weighed:
+        assert any(pattern.match(page) for page in pages), pattern.pattern
+    assert any(pattern.match("CHANGELOG") for pattern in weighed)
+
+
 @pytest.mark.parametrize(("page", "code"), BLOCKS)
 def test_the_imports_of_every_python_block_are_there(page, code):
     tree = ast.parse(code)
@@ -128,7 +139,7 @@ def test_every_command_composes(page, users_files, capsys):
 def _one_of_its_jobs(command: tuple[str, ...]) -> list[str]:
     """The words with the last value of each that is swept; options before it must exist.
 
-    An experiment of `lme eval` may be a sweep of dozens of configs: it must exist; tests/runners/config composes it.
+    An experiment of `lme eval` may be a sweep of dozens of configs: it must exist; tests/conf composes it.
     resume= goes, because its run is not there.
     """
     configs = catalogue.shipped(Path("my_conf"))

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from lme.errors import InputError
 from runners.analysis import paired, run_names
 from runners.analysis.paired import METRIC, SUCCESS, TIE, Block, Difference
-from runners.analysis.shared_worlds import Group, Run, groups
+from runners.analysis.shared_worlds import ComparedRun, Group, groups
 from runners.analysis.summary import METRICS, SMOOTHNESS
 from runners.records.launch_record import Launch, read_launch
 
@@ -45,7 +45,7 @@ class Compared:
     """
 
     name: str
-    run: Run
+    run: ComparedRun
     changes: Mapping[str, Change]
     worlds: pd.DataFrame
 
@@ -78,7 +78,7 @@ class RunComparison:
     """
 
     reference: str
-    run: Run
+    run: ComparedRun
     place: str
     measure: str
     compared: list[Compared]
@@ -97,7 +97,7 @@ def compare_runs(frame: pd.DataFrame) -> list[RunComparison]:
     Raises InputError where there are no two runs, or no two share a world.
     """
     runs = [
-        Run(Path(str(run_dir)), part.dropna(axis=1, how="all"))
+        ComparedRun(Path(str(run_dir)), part.dropna(axis=1, how="all"))
         for run_dir, part in frame.groupby("run_dir", sort=False)
     ]
     if len(runs) < 2:
@@ -200,7 +200,7 @@ def _notes(
     return [line for line in lines if line]
 
 
-def _left_out(reference: Run, run: Run, shared: frozenset[int], name: str) -> str:
+def _left_out(reference: ComparedRun, run: ComparedRun, shared: frozenset[int], name: str) -> str:
     """What two runs do not share; empty if each episode has a partner."""
     both, number = reference.worlds & run.worlds, len(shared)
     parts = [
@@ -217,7 +217,7 @@ def _left_out(reference: Run, run: Run, shared: frozenset[int], name: str) -> st
     return f"{name}: {_number(number, 'shared world')}; left out: {', '.join(parts)}." if parts else ""
 
 
-def _drove(run: Run) -> str:
+def _drove(run: ComparedRun) -> str:
     """ "barn, 20 worlds from 0 to 285"."""
     numbers = run.worlds
     return f"{run.text('map')}, {_number(len(numbers), 'world')} from {min(numbers)} to {max(numbers)}"

@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from runners.analysis.shared_worlds import Run
+from runners.analysis.shared_worlds import ComparedRun
 from runners.analysis.summary import USUAL, changed_columns
 from runners.config.flatten import flatten
 from runners.records.launch_record import Launch
@@ -23,7 +23,7 @@ _WHICH_WORLDS = (
 )  # keys of a config that change no episode
 
 
-def names(runs: Sequence[Run]) -> list[str]:
+def names(runs: Sequence[ComparedRun]) -> list[str]:
     """A name for each run, of what differs between them; those without a difference are named by their folders."""
     differing = [column for column in _columns(runs) if len({run.text(column) for run in runs}) > 1]
     found = [", ".join(_shortened([_part(run, column) for column in differing])) for run in runs]
@@ -35,7 +35,7 @@ def names(runs: Sequence[Run]) -> list[str]:
     ]
 
 
-def heading(runs: Sequence[Run]) -> str:
+def heading(runs: Sequence[ComparedRun]) -> str:
     """What all runs have in common: system, map, robot, and whatever is unusual."""
     first, *others = runs
     common = [
@@ -54,7 +54,7 @@ def differing_keys(launches: Sequence[Launch]) -> dict[str, list[Any]]:
     return {key: found for key, found in values.items() if any(value != found[0] for value in found)}
 
 
-def not_alike(keys: Mapping[str, Sequence[Any]], runs: Sequence[Run]) -> list[str]:
+def not_alike(keys: Mapping[str, Sequence[Any]], runs: Sequence[ComparedRun]) -> list[str]:
     """In which respects the runs were not driven alike, beside their systems: robot, simulator, rules of the map.
 
     keys: those that differ, if that is known.
@@ -70,11 +70,11 @@ def not_alike(keys: Mapping[str, Sequence[Any]], runs: Sequence[Run]) -> list[st
     return found
 
 
-def _columns(runs: Sequence[Run]) -> list[str]:
+def _columns(runs: Sequence[ComparedRun]) -> list[str]:
     return [*_COLUMNS, *dict.fromkeys(column for run in runs for column in changed_columns(run.frame))]
 
 
-def _part(run: Run, column: str) -> str:
+def _part(run: ComparedRun, column: str) -> str:
     value = run.text(column)
     if column in _BARE:
         return value
@@ -87,7 +87,7 @@ def _shortened(parts: Sequence[str]) -> list[str]:
     return told if more <= 0 else [*told[:_MOST], f"{more} more"]
 
 
-def _with_folder(name: str, run: Run, is_enough: bool) -> str:
+def _with_folder(name: str, run: ComparedRun, is_enough: bool) -> str:
     folder = run.run_dir.name if is_enough else str(run.run_dir)
     return f"{name} ({folder})" if name else folder
 

@@ -18,7 +18,7 @@ _SAME = 1e-6  # [m, rad]
 
 
 @dataclass(frozen=True, slots=True)
-class Run:
+class ComparedRun:
     """A run and its records."""
 
     run_dir: Path
@@ -38,11 +38,11 @@ class Run:
 class Group:
     """Runs that share worlds with the first of them. others: those, each with the numbers of the worlds shared."""
 
-    reference: Run
-    others: tuple[tuple[Run, frozenset[int]], ...]
+    reference: ComparedRun
+    others: tuple[tuple[ComparedRun, frozenset[int]], ...]
 
 
-def groups(runs: Sequence[Run]) -> list[Group]:
+def groups(runs: Sequence[ComparedRun]) -> list[Group]:
     """The runs by shared worlds, in their order. A run that shares none is a group without others."""
     found = []
     left = list(runs)
@@ -54,7 +54,7 @@ def groups(runs: Sequence[Run]) -> list[Group]:
     return found
 
 
-def same_worlds(one: Run, other: Run) -> frozenset[int]:
+def same_worlds(one: ComparedRun, other: ComparedRun) -> frozenset[int]:
     """The numbers under which both drove the same task: the same map set, start, goal and measures of the world."""
     numbers = sorted(one.worlds & other.worlds)
     if one.text("map") != other.text("map") or not numbers:

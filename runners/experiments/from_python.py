@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lme.errors import InputError
-from runners.config import build, command_line, schema
+from runners.config import build, command_line
 from runners.config.composer import Composer, quoted
 from runners.config.job import Job
-from runners.config.schema import EvalConfig, Explain, Record
+from runners.config.schema import EvalConfig
 from runners.experiments.evaluate import drive, produce, start_tracking, validate
 from runners.experiments.labels import run_labels
 from runners.records import launch_record, run_directories
@@ -45,7 +45,7 @@ def evaluate(
     job = _job(words, config_dir)
     if into is not None:
         return _kept(job, words, Path(into).expanduser(), resume, progress)
-    _check_needs_no_directory(job.config)
+    _check_needs_no_directory(job)
     with tempfile.TemporaryDirectory(prefix="lme-") as folder:
         maps = build.map_set(job.config)
         drive(job.config, run_labels(job, maps), maps, Path(folder), progress)
@@ -82,12 +82,11 @@ def _words(words: list[str]) -> list[str]:
 
 def _job(words: Sequence[str], config_dir: str | Path | None) -> Job[EvalConfig]:
     """The job, composed and checked as on the command line. Raises InputError, also for a sweep."""
-    schema.register()
     own = None if config_dir is None else Path(config_dir).expanduser().resolve()
     if own is not None and not own.is_dir():
         raise InputError(f"config_dir {own}: no such directory")
     with Composer("eval", own) as composer:
-        plan = command_line.plan(composer, words, multirun=False)
+        plan = command_line.plan(composer, words, multirun=False, typed=words)
         if plan.multirun:
             raise InputError(
                 f"{' '.join(words)}: a sweep of {plan.num_jobs} jobs: lme.evaluate drives one; call it for each, "
@@ -97,11 +96,12 @@ def _job(words: Sequence[str], config_dir: str | Path | None) -> Job[EvalConfig]
     return job
 
 
-def _check_needs_no_directory(config: EvalConfig) -> None:
-    """Raise InputError for a config that asks for files."""
-    for key, value in (("record", config.record), ("explain", config.explain)):
-        if value not in (Record.none, Explain.none):
-            raise InputError(f"{key}={value}: writes files, so it needs into=DIR")
+def _check_needs_no_directory(job: Job[EvalConfig]) -> None:
+    """Raise InputError for a job that asks for files or a tracked run, which names its directory."""
+    asked = {"record": job.config.record, "explain": job.config.explain, "tracking": job.choices["tracking"]}
+    for key, value in asked.items():
+        if value != "none":
+            raise InputError(f"{key}={value}: needs into=DIR, the run's directory")
 
 
 def _kept(

@@ -60,6 +60,7 @@ def _header(trace: Trace, system: str) -> dict[str, Any]:
         "time": episode.time,
         "steps": len(trace.steps),
         "planned": _plans_paths(trace),
+        "mapped": _is_mapped(trace),
         "dt": robot.dt,
         "box": robot.footprint.box,
         "goal": task.goal.tolist(),
@@ -135,6 +136,13 @@ def _world(packer: Packer, trace: Trace) -> None:
     for name, moving in zip(("discs", "edges"), moving_parts, strict=True):
         packer.counts(name, moving)
         packer.drawn(name, np.concatenate(moving))
+
+
+def _is_mapped(trace: Trace) -> bool:
+    """Whether the true world is known; that of a real robot is not."""
+    world = trace.task.world
+    parts = (world.circles, world.segments, world.polygons, *trace.moving(trace.frames[0]))
+    return any(len(part) for part in parts)
 
 
 def _plans_paths(trace: Trace) -> bool:

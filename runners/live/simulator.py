@@ -112,6 +112,7 @@ class SimulatedRobot:
                 progress.moved(before, self._simulator.state)
             else:
                 waited += self._config.step
+        self._publish(observation)  # so that a node whose tolerance is the task's sees that it has arrived
         state = self._simulator.state
         return Driven(
             task,

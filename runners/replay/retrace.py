@@ -12,6 +12,7 @@ from lme.errors import InputError
 from lme.geometry.frames import to_robot, to_world
 from lme.kernels.collision import sweep
 from lme.live.messages import ODOMETRY, SECOND, TWIST, pose_of, twist_of
+from lme.live.step import LiveState
 from lme.policies.lme.explanation import Decision
 from lme.robots import Robot
 from lme.sensing.scan_points import obstacle_points
@@ -51,15 +52,24 @@ def retrace(path: Path) -> Trace:
         if not episode.live:
             return rerun(episode.config, episode.world, episode.run)
         *moments, end = _moments(bag, episode)
-        state = [message.content.data for message in bag.messages([STATE])][-1].partition(":")[0]
+        said = [message.content.data for message in bag.messages([STATE])][-1]
     if not moments:
         raise InputError(f"bag {path}: holds no decision")
     steps = _decided_again(path, episode, moments)
     rows = [_row(episode.config.robot, moment) for moment in (*moments, end)]
     last = TraceEnd(end.time, end.observation.odometry, end.observation, _NOTHING)
-    drive = Drive(state, end.time, np.array(rows))
+    drive = Drive(_outcome(said, end, episode.goal_tolerance), end.time, np.array(rows))
     config, robot = episode.config, episode.config.robot
     return Trace(config, episode.world, episode.run, robot, _task(episode, moments), steps, last, drive)
+
+
+def _outcome(said: str, end: _Moment, tolerance: float | None) -> str:
+    """How the drive ended. said: the driver's last words, which are of safety where a simulator has ended first."""
+    state = said.partition(":")[0]
+    distance = float(np.hypot(*end.observation.target))
+    if state in (LiveState.ARRIVED, LiveState.CANCELLED):
+        return state
+    return str(LiveState.ARRIVED) if distance <= (tolerance or 0.0) else f"{distance:.2f} m from the goal"
 
 
 def _moments(bag: Bag, episode: RecordedEpisode) -> Iterator[_Moment]:
@@ -116,8 +126,10 @@ def _decided_again(path: Path, episode: RecordedEpisode, moments: list[_Moment])
 
 
 def _row(robot: Robot, moment: _Moment) -> tuple[float, ...]:
-    """A row of a trajectory; its clearance is that to what the robot saw."""
+    """A row of a trajectory; its clearance is that to what the robot saw, and NaN at the end, where nothing is seen."""
     seen = moment.observation
+    if moment.command is None:
+        return (moment.time, *seen.odometry, *seen.twist, *_NO_SUBGOAL, np.nan)
     points = obstacle_points(seen.scan, robot.lidar.mount)
     circles = np.column_stack((points, np.zeros(len(points))))
     clearance, _ = sweep(np.zeros((1, 3)), robot.footprint.box, circles, _NOTHING[1])

@@ -45,7 +45,7 @@ def test_a_limit_must_be_positive_and_finite(key, value):
         ("noise_std", math.inf, "at least 0"),
     ],
 )
-def test_a_lidar_that_cannot_be(key, value, bound):
+def test_an_impossible_lidar_is_refused(key, value, bound):
     with pytest.raises(InputError, match=rf"^robot\.lidar\.{key} is {value:g}: must be {bound} and finite$"):
         Lidar(**{**LIDAR, key: value})
 
@@ -58,7 +58,7 @@ def test_a_lidar_that_cannot_be(key, value, bound):
         ("duration", -1.0, r"cloud\.duration is -1: must be greater than 0"),
     ],
 )
-def test_a_cloud_that_cannot_be(key, value, said):
+def test_an_impossible_cloud_is_refused(key, value, said):
     with pytest.raises(InputError, match=rf"^robot\.lidar\.{said}"):
         Cloud(**{"height": 0.4, "min_height": 0.05, "max_height": 0.5, key: value})
 
@@ -125,7 +125,7 @@ def test_a_collision_radius_below_the_inner_radius_is_an_error(radius):
 
 
 @pytest.mark.parametrize("radius", [0.155, 0.2, 0.26])
-def test_one_between_the_radii_is_warned_of_once(radius):
+def test_a_collision_radius_between_the_radii_is_warned_of_once(radius):
     with pytest.warns(
         UserWarning, match=rf"collision_radius {radius:g} m is less than .* 0\.261 m"
     ) as caught:
@@ -135,7 +135,7 @@ def test_one_between_the_radii_is_warned_of_once(radius):
 
 
 @pytest.mark.parametrize("radius", [None, 0.2611, 0.5])
-def test_any_other_passes_in_silence(radius):
+def test_a_collision_radius_that_covers_the_footprint_or_is_not_set_passes_in_silence(radius):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         robot = stage(footprint=Footprint(**BODY), collision_radius=radius)

@@ -27,7 +27,7 @@ EXAMPLES = (
 
 
 def main(argv: list[str]) -> int:
-    """List the episodes of a run, or explain those that are named, or a recording. Raises InputError."""
+    """List the failures of a run, or explain the episodes that are named, or a recording. Raises InputError."""
     arguments = _parser().parse_args(argv)
     if arguments.run.suffix == ".mcap":
         _recording(arguments.run, arguments.episodes, arguments.output, arguments.text)
@@ -51,7 +51,7 @@ def _parser() -> argparse.ArgumentParser:
         "episodes",
         nargs="*",
         metavar="EPISODE",
-        help="WORLD (its run 0), WORLD/RUN or failures; none: list the episodes of the run",
+        help="WORLD (its run 0), WORLD/RUN or failures; none: list the failed episodes of the run",
     )
     either = parser.add_mutually_exclusive_group()
     either.add_argument(
@@ -101,14 +101,18 @@ def _one_run(path: Path) -> Path:
 
 
 def _list(run_dir: Path) -> None:
-    """Print the episodes, failures first, and the commands that explain them."""
+    """Print the failed episodes, the number of the others, and the commands that explain them."""
     from runners.analysis.failures import is_failure
     from runners.records.records import read_episodes
 
     episodes = read_episodes([run_dir])
     failed = episodes[is_failure(episodes)]
-    for line in _lines([failed, episodes[~is_failure(episodes)]]):
+    for line in _lines(failed) if len(failed) else []:
         print(line)
+    successes = len(episodes) - len(failed)
+    if successes:
+        many = f"{successes} episodes" if successes > 1 else "1 episode"
+        print(f"{many} reached the goal" + "; any of them can be named, too" * bool(len(failed)))
     first = (failed if len(failed) else episodes).iloc[0]
     episode = f"{first['world']}/{first['run']}"
     print(f"\nOne of them:        lme explain {run_dir} {episode}")
@@ -117,16 +121,15 @@ def _list(run_dir: Path) -> None:
         print(f"All that failed:    lme explain {run_dir} failures")
 
 
-def _lines(frames: Sequence[pd.DataFrame]) -> list[str]:
+def _lines(episodes: pd.DataFrame) -> list[str]:
     """The episodes as an aligned table."""
     from runners.analysis.columns import aligned
 
     rows = [("episode", "outcome", "time [s]", "switches")]
-    for frame in frames:
-        for episode in frame.to_dict("records"):
-            name = f"{episode['world']}/{episode['run']}"
-            time, switches = episode.get("time_s", math.nan), episode.get("switches", "")
-            rows.append((name, episode["outcome"], f"{time:.1f}", f"{switches}"))
+    for episode in episodes.to_dict("records"):
+        name = f"{episode['world']}/{episode['run']}"
+        time, switches = episode.get("time_s", math.nan), episode.get("switches", "")
+        rows.append((name, episode["outcome"], f"{time:.1f}", f"{switches}"))
     return aligned(rows, right=(2, 3))
 
 

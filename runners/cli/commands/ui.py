@@ -8,6 +8,7 @@ import signal
 import socket
 import subprocess
 import sys
+import time
 import warnings
 
 from runners.cli.parsers import texts
@@ -31,10 +32,8 @@ def main(argv: list[str]) -> int:
     _check_address(arguments.host, arguments.port)
     if arguments.host not in _LOOPBACK:
         warnings.warn(_OPEN.format(arguments.host, arguments.port), stacklevel=2)
-    print(
-        f"MLflow on http://{arguments.host}:{arguments.port} shows {arguments.uri}; Ctrl-C ends it",
-        flush=True,
-    )
+    address = _address(arguments.host, arguments.port)
+    print(f"MLflow on {address} shows {arguments.uri}; Ctrl-C ends it", flush=True)
     # MLflow's job execution is not used here and would start five more processes.
     environment = {
         **DEFAULTS,
@@ -42,7 +41,7 @@ def main(argv: list[str]) -> int:
         "PYTHONWARNINGS": "ignore",
         **os.environ,
     }
-    return _serve(_server(arguments.uri, arguments.host, arguments.port), environment)
+    return _serve(_server(arguments.uri, arguments.host, arguments.port), environment, address)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -67,20 +66,45 @@ def _server(uri: str, host: str, port: int) -> list[str]:
     return [sys.executable, "-m", "mlflow", "server", *flags]
 
 
-def _serve(command: list[str], environment: dict[str, str]) -> int:
-    """Run the server until it ends or this process is ended."""
+def _address(host: str, port: int) -> str:
+    """The server's address for a browser on this machine."""
+    host = {"0.0.0.0": "127.0.0.1", "::": "::1"}.get(host, host)
+    return f"http://[{host}]:{port}" if ":" in host else f"http://{host}:{port}"
+
+
+def _serve(command: list[str], environment: dict[str, str], address: str) -> int:
+    """Run the server until it ends or this process is ended; print where the runs are when it answers."""
     for name in ("SIGTERM", "SIGHUP"):
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), signal.default_int_handler)
     # In a session of its own: the server answers a Ctrl-C with a traceback.
     server = subprocess.Popen(command, env=environment, start_new_session=True)
     try:
+        _announce(server, address)
         return server.wait()
     except KeyboardInterrupt:
         return 0
     finally:
         server.terminate()
         server.wait()
+
+
+def _announce(server: subprocess.Popen[bytes], address: str) -> None:
+    """Print where the runs are as soon as the server answers; nothing if it ends before."""
+    from runners.tracking.runs_page import addresses, answers
+
+    while not answers(address):
+        if server.poll() is not None:
+            return
+        time.sleep(0.2)
+    try:
+        pages = addresses(address)
+    except (OSError, ValueError, KeyError):  # the page itself says more
+        return
+    for page in pages:
+        print(f"Runs of {page.experiment}: {page.address}", flush=True)
+    if not pages:
+        print("No run is tracked there yet", flush=True)
 
 
 def _check_store(uri: str) -> None:

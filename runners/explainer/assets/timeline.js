@@ -12,7 +12,8 @@ class Timeline {
   constructor(holder, trace, go) {
     Object.assign(this, { holder, trace, go, changed: [] });
     this.steps = Float64Array.from({ length: trace.last + 1 }, (_, i) => i);
-    this.data = [this.steps, ...(trace.explained ? [this.#nothing(), this.#nothing()] : []), trace.arrays.clearance];
+    const clearance = Array.from(trace.arrays.clearance, (value) => (Number.isFinite(value) ? value : null));
+    this.data = [this.steps, ...(trace.explained ? [this.#nothing(), this.#nothing()] : []), clearance];
     this.cursor = document.createElement("div");
     this.cursor.className = "now";
     this.step = 0;

@@ -24,12 +24,18 @@ function factsAt(trace, step) {
     ["time", seconds(arrays.time[step])],
     ["position", `${number(pose.x)}, ${number(pose.y)} m`],
     ["target", metres(Math.hypot(...trace.pair("target", step)))],
-    ["clearance", metres(arrays.clearance[step])],
+    ["clearance", clearance(arrays.clearance[step])],
     ["drives", `${number(arrays.twist[2 * step])} m/s, ${number(arrays.twist[2 * step + 1])} rad/s`],
   ];
   if (step >= trace.decisions) return facts;
   const [v, omega] = trace.pair("command", step);
   return [...facts, ["command", `${number(v)} m/s, ${number(omega)} rad/s`]];
+}
+
+/** Distance to the nearest obstacle, of the world or, where that is not known, of what the robot sees. */
+function clearance(value) {
+  if (Number.isNaN(value)) return "not known";
+  return value === Infinity ? "nothing in sight" : metres(value);
 }
 
 /** The scene in words, for a screen reader. */

@@ -11,7 +11,7 @@ from lme.envs.single import NavigationEnv  # noqa: E402
 from lme.errors import InputError  # noqa: E402
 
 
-def test_it_is_scan_target_and_last_action_in_one_vector():
+def test_a_flat_observation_is_scan_target_and_last_action_in_one_vector():
     env = NavigationEnv(map_config={"worlds": [0]})
     flat = FlatObservation(env)
     assert flat.observation_space.shape == (724,)
@@ -39,7 +39,7 @@ def test_gymnasiums_checker_has_no_complaint():
     check_env(FlatObservation(env.unwrapped, beams=60), skip_render_check=True)
 
 
-def test_mistakes():
+def test_a_wrong_number_of_beams_or_clip_is_named():
     env = NavigationEnv()
     with pytest.raises(InputError, match="beams is 7: must divide the lidar's 720"):
         FlatObservation(env, beams=7)

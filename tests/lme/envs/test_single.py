@@ -182,7 +182,7 @@ def test_a_mistake_is_one_line_that_says_what_would_be_right(keywords, said):
     assert "\n" not in str(caught.value)
 
 
-def test_mistakes_while_driving():
+def test_a_mistake_while_driving_is_one_line():
     env = NavigationEnv(map_config=MANY)
     with pytest.raises(InputError, match="call reset before step"):
         env.step(AHEAD)

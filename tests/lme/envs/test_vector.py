@@ -32,7 +32,7 @@ def plain(infos):
         ("Env1", {"map_config": {"time_limit": 3.0, "worlds": [0, 1]}, "sim_config": {"even_ramp": True}}),
     ],
 )
-def test_it_is_the_row_of_single_environments_bit_by_bit(env_id, keywords):
+def test_a_vector_environment_is_a_row_of_single_ones_bit_by_bit(env_id, keywords):
     name, n = f"lme:lme/{env_id}-v0", 4
     same_step = {"autoreset_mode": AutoresetMode.SAME_STEP}
     row = gym.make_vec(name, n, vectorization_mode="sync", vector_kwargs=same_step, **keywords)

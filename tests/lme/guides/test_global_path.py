@@ -234,7 +234,7 @@ def test_every_robot_gets_out_of_a_u(name, global_map):
     assert drive(U_TRAP, (4.0, 0.0), shipped(name), global_map=global_map).outcome is Outcome.SUCCESS
 
 
-def test_barn_worlds():
+def test_a_path_leads_through_barn_worlds():
     barn = Barn(BarnConfig(subset="fresh", count=2))
     for number in barn.numbers:
         assert run(barn.task(number), shipped("jackal")).outcome is Outcome.SUCCESS

@@ -114,7 +114,7 @@ def test_a_mirrored_scene_is_met_at_the_same_time(some_twists, points, box):
     np.testing.assert_array_equal(other, times(some_twists, points, box, 0.05))
 
 
-def test_straight_ahead():
+def test_a_point_straight_ahead_is_met_by_hand():
     # 1 m ahead of a front at 0.21: 0.79 m at 0.5 m/s. Beside by more than half the width: never.
     assert times([(0.5, 0.0)], [(1.0, 0.1)], JACKAL)[0] == pytest.approx(1.58, abs=KERNEL)
     assert times([(0.5, 0.0)], [(1.0, 0.156)], JACKAL)[0] == math.inf

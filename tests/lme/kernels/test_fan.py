@@ -84,7 +84,7 @@ def test_nothing_blocks_where_there_are_no_points():
     assert not fan_blocked(ORIGIN, np.ones((20, 2)), np.empty((0, 2)), 0.5).any()
 
 
-def test_no_ends():
+def test_without_ends_the_answer_is_empty():
     assert fan_blocked(ORIGIN, np.empty((0, 2)), np.ones((20, 2)), 0.5).shape == (0,)
 
 

@@ -42,7 +42,7 @@ def test_beams_of_the_simulator_that_hit_nothing_are_no_points(range_max):
     assert len(scan_points(ranges, beam_directions(*angles), 0.0, range_max, AT_BASE)) == 0
 
 
-def test_an_infinite_range_max():
+def test_an_infinite_range_max_drops_infinite_returns_alone():
     ranges = np.array([1.0, np.inf], dtype=np.float32)
     assert len(scan_points(ranges, np.eye(2), 0.0, math.inf, AT_BASE)) == 1
 
@@ -66,7 +66,7 @@ def test_straight_behind_counts_as_plus_pi():
     assert points[:, 0].tolist() == [0.0, 1.0, -1.0]
 
 
-def test_no_beams():
+def test_no_beams_give_no_points():
     assert scan_points(np.empty(0, np.float32), np.empty((0, 2)), 0.0, 10.0, AT_BASE).shape == (0, 2)
 
 

@@ -192,7 +192,7 @@ def test_it_wavers_in_a_narrow_passage():
     assert swings(2.5) <= 3
 
 
-def test_the_same_twice():
+def test_the_same_episode_is_driven_the_same_twice():
     np.testing.assert_array_equal(
         drive(stage(), room(6.0), goal=(2.0, 1.0)).trajectory,
         drive(stage(), room(6.0), goal=(2.0, 1.0)).trajectory,

@@ -56,7 +56,7 @@ def test_a_rectangle_does_not_turn_its_corner_into_a_post():
     assert guarded(robot, Twist(0.0, -2.5), [[0.14, 0.21]]).omega == pytest.approx(-2.5, abs=KERNEL)
 
 
-def test_too_near_already_it_may_only_back_away():
+def test_a_robot_that_is_too_near_already_may_only_back_away():
     robot = stage()
     assert guarded(robot, Twist(0.3, 0.0), [[0.21, 0.0]]) == (0.0, 0.0)
     assert guarded(robot, Twist(-0.3, 0.0), [[0.21, 0.0]]).v < 0.0

@@ -159,7 +159,7 @@ def test_it_does_not_get_out_of_a_u():
     assert episode.outcome == Outcome.TIMEOUT
 
 
-def test_the_same_twice():
+def test_the_same_episode_is_driven_the_same_twice():
     posts = World(circles=np.array([[2.0, 0.05, 0.3], [3.0, -0.8, 0.2]]))
     np.testing.assert_array_equal(drive(stage(), posts).trajectory, drive(stage(), posts).trajectory)
 

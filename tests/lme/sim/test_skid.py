@@ -243,12 +243,12 @@ def test_bad_settings_are_named(key, value, said):
         ({"wheel_base": -1.0}, r"robot\.drivetrain\.wheel_base is -1: must be at least 0"),
     ],
 )
-def test_a_drivetrain_that_cannot_be(change, said):
+def test_an_impossible_drivetrain_is_refused(change, said):
     with pytest.raises(InputError, match=said):
         dataclasses.replace(GAZEBO.drivetrain, **change)
 
 
-def test_a_contact_or_response_that_cannot_be():
+def test_an_impossible_contact_or_response_is_refused():
     with pytest.raises(InputError, match=r"^robot\.contact is \{radius: None, length: 1, width: None\}"):
         Contact(length=1)
     with pytest.raises(InputError, match=r"robot\.response\.gain_v is 0: must be greater than 0"):

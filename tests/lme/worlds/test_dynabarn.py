@@ -134,7 +134,7 @@ def test_a_number_means_the_same_whatever_else_is_chosen():
     assert paths(worlds=[3])[0].tolist() != paths(worlds=[3], motion_seed=1)[0].tolist()
 
 
-def test_the_simulated_robot_meets_them():
+def test_the_simulated_robot_meets_the_cylinders():
     """Heading straight for the goal, it is hit in some hard world, and there by a cylinder."""
     robot = shipped("jackal")
     simulator, driver = FastSimulator(FastConfig(), robot), navigator(robot, "target")

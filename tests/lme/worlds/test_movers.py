@@ -40,12 +40,12 @@ def after(mover, seconds, robot=FAR, dt=0.1):
 # --- on its way ---------------------------------------------------------------------------------------
 
 
-def test_it_walks_at_its_speed_and_stops_at_the_end():
+def test_a_mover_walks_at_its_speed_and_stops_at_the_end():
     assert after(walker(), 1.0) == pytest.approx([0.5, 0.0, 0.0], abs=KERNEL)
     assert after(walker(), 9.0) == pytest.approx([2.0, 0.0, 0.0], abs=KERNEL)
 
 
-def test_it_goes_back_and_forth_and_round():
+def test_a_mover_goes_back_and_forth_and_round():
     there_and_back = walker(repeat="back_and_forth")
     assert after(there_and_back, 5.0)[0] == pytest.approx(1.5, abs=KERNEL)
     assert after(there_and_back, 9.0)[0] == pytest.approx(0.5, abs=KERNEL)
@@ -70,7 +70,7 @@ def test_the_slower_of_walk_and_turn_sets_the_pace():
     assert after(both, 2.0) == pytest.approx([0.5, 0.0, 2.0], abs=KERNEL)
 
 
-def test_one_waypoint_stands():
+def test_a_mover_with_one_waypoint_stands():
     for repeat in REPEATS:
         assert after(walker([(1.0, 2.0)], repeat=repeat), 3.0) == pytest.approx([1.0, 2.0, 0.0], abs=0.0)
 
@@ -111,7 +111,7 @@ def slow_pose(mover, seconds):
 
 
 @pytest.mark.parametrize("dt", [0.1, 0.07, 1.0])
-def test_it_starts_after_its_time_whatever_the_step(dt):
+def test_a_mover_starts_after_its_time_whatever_the_step(dt):
     late = walker(start_after=0.35)
     crowd = Crowd([late])
     while crowd._time < 2.0:
@@ -119,14 +119,14 @@ def test_it_starts_after_its_time_whatever_the_step(dt):
     assert crowd.poses[0, 0] == pytest.approx(0.5 * (crowd._time - 0.35), abs=KERNEL)
 
 
-def test_it_starts_once_the_robot_is_near_and_goes_on_when_it_leaves():
+def test_a_mover_starts_once_the_robot_is_near_and_goes_on_when_it_leaves():
     crowd = Crowd([walker(starts_within=1.0)])
     for robot, x in ((1.01, 0.0), (0.99, 0.1), (50.0, 0.2)):
         crowd.advance(Pose(0.0, robot, 0.0), 0.2)
         assert crowd.poses[0, 0] == pytest.approx(x, abs=KERNEL)
 
 
-def test_the_trigger_may_be_elsewhere():
+def test_the_place_that_a_mover_waits_for_may_be_elsewhere():
     crowd = Crowd([walker(starts_within=1.0, trigger=(5.0, 5.0))])
     crowd.advance(Pose(0.0, 0.0, 0.0), 1.0)
     assert crowd.poses[0, 0] == 0.0
@@ -134,7 +134,7 @@ def test_the_trigger_may_be_elsewhere():
     assert crowd.poses[0, 0] == pytest.approx(0.5, abs=KERNEL)
 
 
-def test_it_waits_for_a_robot_ahead_and_not_for_one_behind():
+def test_a_mover_waits_for_a_robot_ahead_and_not_for_one_behind():
     cautious = walker(waits_within=1.0)
     assert after(cautious, 1.0, Pose(0.9, 0.0, 0.0))[0] == 0.0
     assert after(cautious, 1.0, Pose(-0.9, 0.0, 0.0))[0] == pytest.approx(0.5, abs=KERNEL)
@@ -148,7 +148,7 @@ def test_it_waits_for_a_robot_ahead_and_not_for_one_behind():
     assert crowd.poses[0, 0] == pytest.approx(1.0, abs=0.0051)
 
 
-def test_on_its_way_back_ahead_is_the_other_side():
+def test_a_mover_on_its_way_back_waits_for_a_robot_on_the_other_side():
     crowd = Crowd([walker(repeat="back_and_forth", waits_within=1.0)])
     for _ in range(50):
         crowd.advance(FAR, 0.1)

@@ -26,7 +26,7 @@ def drawn(seed, door=0.7):
 
 
 @pytest.mark.parametrize("door", [0.3, 0.7, 2.0])
-def test_they_block_every_straight_line_and_stay_in_the_room(door):
+def test_traps_block_every_straight_line_and_stay_in_the_room(door):
     for seed in range(200):
         walls = drawn(seed, door)
         assert all(any(crosses(wall, (1.5, y)) for wall in walls) for y in STARTS_Y)
@@ -34,7 +34,7 @@ def test_they_block_every_straight_line_and_stay_in_the_room(door):
         assert walls.max() <= 10.0
 
 
-def test_they_differ_and_half_of_them_are_mirrored():
+def test_traps_differ_and_half_of_them_are_mirrored():
     traps = [drawn(seed) for seed in range(200)]
     assert len({walls.tobytes() for walls in traps}) == 200
     assert {len(walls) for walls in traps} == {1, 2, 3, 4}

@@ -7,9 +7,9 @@ import pandas as pd
 import pytest
 
 from lme.metrics import wilson_interval
-from lme.resources import resource_dir
 from runners.analysis import ablation
 from runners.config import schema
+from runners.config.catalogue import shipped
 from runners.config.command_line import plan
 from runners.config.composer import Composer
 from tests.runners.analysis.test_paired import episodes
@@ -37,9 +37,11 @@ def agreement(rates, **columns):
 
 
 def test_all_that_is_said_has_a_file_and_every_file_is_spoken_of():
-    files = {path.stem for path in (resource_dir("conf") / "ablation").glob("*.yaml")}
-    of_lme_plus = {"no_a_reach", "no_a_rest"}  # criteria that the paper has not
-    assert files - {"none"} - of_lme_plus == set(ablation.CLAIMS)
+    titles = shipped().titles("ablation")
+    of_lme_plus = {
+        name for name, title in titles.items() if title.startswith("LME+ ")
+    }  # the paper has no such part
+    assert titles.keys() - {"none"} - of_lme_plus == set(ablation.CLAIMS)
 
 
 def test_the_experiment_is_the_figures():
@@ -73,7 +75,7 @@ def test_records_that_are_as_the_paper_says_agree_with_it():
         ("no_c_o", 0.5, "yes", "the largest loss of all"),
     ],
 )
-def test_what_is_otherwise_does_not_agree(name, rate, agrees, why):
+def test_records_that_differ_from_what_the_paper_says_do_not_agree(name, rate, agrees, why):
     (study,) = ablation.studies(sweep({**AS_THE_PAPER_SAYS, name: rate}))
     variant = next(each for each in study.variants if each.ablation == name)
     assert variant.agrees == agrees
@@ -169,7 +171,7 @@ def test_a_variant_that_drove_other_worlds_is_shown_and_not_compared():
     assert found == {"none": (True, ""), "no_c_o": (True, ""), "no_c_t": (False, "no")}
 
 
-def test_two_at_once_are_shown_last_and_nothing_is_said_of_them():
+def test_two_ablations_at_once_are_shown_last_and_nothing_is_said_of_them():
     (study,) = ablation.studies(sweep({"no_c_o+no_c_t": 0.1, "none": 0.9, "no_c_h": 0.8}))
     assert [ablation.in_text(variant.ablation) for variant in study.variants] == [
         "Complete",
@@ -187,7 +189,7 @@ def test_the_words_follow_from_the_figures():
     assert len(lines) == 2
 
 
-def test_files(tmp_path):
+def test_the_files_of_an_ablation_are_written(tmp_path):
     markdown, table = ablation.write(ablation.studies(sweep(AS_THE_PAPER_SAYS)), tmp_path)
     text = markdown.read_text(encoding="utf-8")
     rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in text.splitlines() if line[:1] == "|"]

@@ -20,7 +20,7 @@ LME = episodes([1, 1, 1, 0], runs=2, system="LME", mean_abs_domega_radps=0.25)
 OTHER = episodes([1, 0, 0, 1], runs=2, system="Other", mean_abs_domega_radps=0.5)
 
 
-def test_by_hand():
+def test_differences_and_intervals_by_hand():
     (study,) = comparison.studies(frame(OTHER, LME))
     assert (study.reference, list(study.rows), list(study.changes)) == ("LME", ["LME", "Other"], ["Other"])
     change = study.changes["Other"]

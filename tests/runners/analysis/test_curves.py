@@ -81,7 +81,7 @@ def test_too_little_for_a_curve(jobs):
     assert curves.studies(sweep(*jobs)) == []
 
 
-def test_files(tmp_path):
+def test_the_files_of_curves_are_written(tmp_path):
     found = curves.studies(sweep(*BY_LATENCY))
     markdown, table = curves.write(found, tmp_path)
     assert "| LME | 0.900 | 0.800 | 0.500 |" in markdown.read_text(encoding="utf-8")

@@ -31,7 +31,7 @@ def draws(rate, worlds=60, seed=0):
     return np.random.default_rng(seed).random(worlds) < rate
 
 
-def test_by_hand():
+def test_a_paired_difference_by_hand():
     one, other = episodes([1, 1, 1, 0]), episodes([1, 0, 0, 1])
     found = paired.difference(one, other, SUCCESS)
     assert found.mean == pytest.approx((0 - 1 - 1 + 1) / 4)
@@ -148,5 +148,5 @@ def test_a_column_that_is_not_there_has_no_blocks():
 @pytest.mark.parametrize(
     ("value", "text"), [(0.0667, "+0.067"), (-0.4167, "\u22120.417"), (-0.0001, "0.000"), (0.0, "0.000")]
 )
-def test_signs(value, text):
+def test_a_difference_is_written_with_its_sign(value, text):
     assert paired.signed(value) == text

@@ -10,8 +10,8 @@ from runners.analysis import sensitivity
 from runners.config import schema
 from runners.config.composer import Composer
 from runners.records.launch_record import Launch
+from tests.conf.test_conf import PARAMETERS
 from tests.runners.analysis.test_paired import episodes
-from tests.runners.config.test_conf import PARAMETERS
 
 RATES = {
     "": 0.9,
@@ -104,7 +104,7 @@ def test_every_place_has_its_own_curves():
     assert [study.curves[0].points[0].success for study in found] == [0.9, 0.7]
 
 
-def test_files(tmp_path):
+def test_the_files_of_a_sensitivity_are_written(tmp_path):
     markdown, table = sensitivity.write(sensitivity.studies(sweep(RATES)), tmp_path)
     text = markdown.read_text(encoding="utf-8")
     assert (

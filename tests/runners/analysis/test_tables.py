@@ -372,7 +372,7 @@ def test_a_table_that_fits_nowhere_keeps_what_tells_rows_apart():
     assert "95 % CI: Wilson" not in below
 
 
-def test_files(tmp_path):
+def test_the_files_of_a_table_are_written(tmp_path):
     paths = tables.write_tables(records(), summarise(records()), tmp_path)
     assert [path.name for path in paths] == ["table.md", "table.csv", "table.tex"]
     assert paths[0].read_text(encoding="utf-8").startswith("**barn · lab100 · jackal · 10 worlds")

@@ -42,7 +42,7 @@ JACKALS = "jackal jackal_gazebo jackal_real jackal_slow jackal_wheels"
         ("lme evl --h", ["--help"]),
     ],
 )
-def test_offers(line, offered, tmp_path, monkeypatch):
+def test_a_line_is_completed_with_what_fits(line, offered, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert completion.candidates(line, COMMANDS) == offered
 
@@ -52,7 +52,7 @@ def test_every_group_and_key_is_offered():
     assert {"robot=", "map=", "guide=", "planner=", "ablation=", "seed=", "runs=", "weights="} <= set(offered)
 
 
-def test_paths(tmp_path, monkeypatch):
+def test_paths_are_completed(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "best").mkdir()
     (tmp_path / "best" / "weights.yaml").write_text("")
@@ -63,7 +63,7 @@ def test_paths(tmp_path, monkeypatch):
     assert completion.candidates("lme table be", COMMANDS) == ["best/", "best.yaml"]
 
 
-def test_own_options(tmp_path):
+def test_options_of_ones_own_are_completed(tmp_path):
     (tmp_path / "robot").mkdir()
     (tmp_path / "robot" / "mine.yaml").write_text("v_max: 1.0\n")
     line = f"lme eval --config-dir {tmp_path} robot"
@@ -97,7 +97,7 @@ def environment(tmp_path):
         ("lme eval -m ablation=none,no_m", "none,no_maintenance"),
     ],
 )
-def test_in_bash(line, offered, environment):
+def test_bash_completes(line, offered, environment):
     code = f"""
     eval "$(lme completion bash)"
     COMP_WORDBREAKS=' =:'
@@ -113,7 +113,7 @@ def test_in_bash(line, offered, environment):
 
 
 @pytest.mark.skipif(shutil.which("zsh") is None, reason="no zsh on this machine")
-def test_in_zsh(environment):
+def test_zsh_completes(environment):
     code = """
     compdef() { print "defined $@" }
     compadd() { shift $(( ${@[(i)--]} )); print -r -- "$@" }

@@ -58,7 +58,7 @@ def test_a_failed_job_is_told_with_the_file_that_says_why(capsys):
     ]
 
 
-def test_of_another_launcher_nothing_is_said(capsys):
+def test_nothing_is_said_of_jobs_of_another_launcher(capsys):
     other = Submitted.of(OmegaConf.create({"hydra": {"launcher": {"_target_": "BasicLauncher"}}}), "eval")
     other.announce(2)
     other.tell_failed([job(0, 2)])
@@ -139,7 +139,7 @@ def test_a_killed_job_is_one_line_and_the_sweep_can_go_on(tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.skipif(bool(slurm.lacking()), reason=slurm.lacking() or "Slurm")
-def test_a_real_slurm(tmp_path):
+def test_a_sweep_runs_on_a_real_slurm(tmp_path):
     pytest.importorskip("hydra_plugins.hydra_submitit_launcher")
     launcher = ["hydra/launcher=submitit_slurm", "hydra.launcher.partition=debug"]
     with slurm.running() as environment:

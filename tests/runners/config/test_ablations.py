@@ -3,11 +3,17 @@
 import pytest
 
 from lme.errors import InputError
+from runners.analysis.summary import summarise
+from runners.cli.launch import _as_now
 from runners.config import ablations
 from runners.config.catalogue import shipped
 from runners.config.space import read_space
+from runners.experiments.evaluate import _recorded
 from runners.experiments.train import _space
+from runners.records.episode_record import RunLabels
+from runners.records.records import read_episodes
 from tests.composing import jobs_of
+from tests.made_runs import write_run
 
 FLAT = "# Parameters alone\nc_o: 0.5  # half\nd2: 1.0\n"
 WHOLE = """\
@@ -90,3 +96,40 @@ def test_a_key_that_an_ablation_sets_is_not_searched():
         whole, without = _space(job(*words)), _space(job(*words, "ablation=no_grip"))
         assert whole == read_space(job(*words).config)
     assert whole.keys() - without.keys() == {"planner.grip"}
+
+
+@pytest.mark.parametrize(
+    ("system", "ablation", "name"),
+    [
+        ("LME", "none", "LME (ours)"),
+        ("LME+", "no_memory", "LME+ without memory (ours)"),
+        ("LME", "no_c_o+no_c_t", "LME without c_o and without c_t (ours)"),
+        ("LME+ without a_dev", "no_a_dev", "LME+ without a_dev (ours)"),  # as once recorded
+        ("LME+ without memory", "none", "LME+ without memory (ours)"),
+        ("LME", "no_longer_there", "LME (ours)"),
+    ],
+)
+def test_tables_name_a_system_with_its_ablation(tmp_path, system, ablation, name):
+    write_run(tmp_path, system=system, ablation=ablation)
+    row, *_ = summarise(read_episodes([tmp_path]))  # published figures may follow
+    assert row.name == name
+
+
+def test_a_table_of_systems_of_which_one_is_gone(tmp_path):
+    write_run(tmp_path, system="LME+ without memory")
+    rows = summarise(read_episodes([tmp_path]), ["lme_plus", "lme_plus_no_memory"])
+    assert [row.name for row in rows] == ["LME+ without memory (ours)"]
+
+
+def test_a_resumed_run_keeps_the_names_of_its_records(tmp_path):
+    write_run(tmp_path, system="LME+ without memory", ablation="none", weights="mine")
+    columns = ("guide", "planner", "global_map", "robot", "map", "subset")
+    now = RunLabels(system="LME+", ablation="no_memory", weights="published", **dict.fromkeys(columns, ""))
+    kept = _recorded(now, tmp_path)
+    assert (kept.system, kept.ablation, kept.weights) == ("LME+ without memory", "none", "mine")
+
+
+def test_a_resumed_run_has_its_system_and_ablation_in_todays_words():
+    assert _as_now("system=lme_plus_no_c_o", shipped()) == ["system=lme_plus", "ablation=no_c_o"]
+    for word in ("system=lme_no_c_t", "system=lme,lme_plus", "map=lme_plus_no_c_o", "seed=3"):
+        assert _as_now(word, shipped()) == [word]

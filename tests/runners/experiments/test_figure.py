@@ -31,7 +31,7 @@ def test_the_systems_of_a_sweep_are_driven_in_the_world_asked_for(sweep):
     assert all(job.frame["subset"].tolist() == ["custom"] for job in jobs)
 
 
-def test_one_figure_of_all_of_them(sweep):
+def test_a_sweep_has_one_figure_of_all_its_systems(sweep):
     assert (sweep / "trajectories.png").read_bytes().startswith(b"\x89PNG")
     assert not list(sweep.glob("?/*.png"))
 

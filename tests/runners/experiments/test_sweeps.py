@@ -15,7 +15,7 @@ from runners.figures.parts.driven_runs import runs_of
 from runners.figures.parts.places import places
 from runners.records.records import find_runs, read_episodes, read_trajectories
 from runners.tracking.store import RUN_ID_FILE
-from tests.runners.tracking.test_tracking import booked
+from tests.runners.tracking.test_mlflow import booked
 
 WORDS = ["map.worlds=[0,6]", "map.subset=all", "runs=1", "executor=serial"]
 

@@ -25,6 +25,7 @@ from runners.records.episode_record import COLUMNS, EpisodeKey, EpisodeRecord, E
 from runners.records.records import RecordWriter, read_episodes, read_trajectories
 from runners.workers.executor import SerialConfig, SerialExecutor
 from runners.workers.trace import rerun
+from tests.made_runs import write_run
 
 # In eight seconds world 230 is driven and world 207 is not.
 FEW, SHORT = "map.worlds=[207,230]", "map.time_limit=8"
@@ -131,7 +132,7 @@ def test_a_page_that_is_torn_or_of_another_episode_is_made_anew(run, drawn, spoi
     assert drawn == [FAILED]
 
 
-def test_none_makes_nothing(run, drawn):
+def test_explain_none_makes_no_page(run, drawn):
     shutil.rmtree(run / "explain")
     pages.as_asked(Explain.none, run, SerialExecutor(SerialConfig()))
     assert drawn == []
@@ -198,15 +199,21 @@ def test_a_sweeps_table_leads_into_its_jobs(driven, tmp_path):
 # --- lme explain -----------------------------------------------------------------------------------------
 
 
-def test_without_an_episode_they_are_listed_failures_first(driven, capsys):
+def test_without_an_episode_failures_are_listed_and_the_others_counted(driven, capsys):
     assert main(["explain", str(driven)]) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert [line.split()[:2] for line in lines[:3]] == [
-        ["episode", "outcome"],
-        ["207/0", "timeout"],
-        ["230/0", "success"],
-    ]
+    assert [line.split()[:2] for line in lines[:2]] == [["episode", "outcome"], ["207/0", "timeout"]]
+    assert lines[2].startswith("1 episode reached the goal")
     assert any(line.endswith(f"lme explain {driven} 207/0 --text") for line in lines)
+
+
+def test_of_a_run_without_failures_the_first_episode_is_named(tmp_path, capsys):
+    write_run(tmp_path, worlds=(200, 202))
+    assert main(["explain", str(tmp_path)]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0] == "2 episodes reached the goal"
+    assert lines[2].endswith(f"lme explain {tmp_path} 200/0")
+    assert not any("All that failed" in line for line in lines)
 
 
 def test_records_without_a_count_of_switches_are_listed_too(run, capsys):

@@ -84,6 +84,22 @@ def place(tmp_path, monkeypatch):
     return tmp_path
 
 
+def test_a_drive_that_its_simulator_ends_says_what_was_left_to_the_goal(tmp_path):
+    """At the end of an episode no scan comes any more, so that the driver's last word is that it stands for safety."""
+    drive = Drive(tmp_path, *PAIRS["lme"])
+    assert drive.outcome == "success"
+    tenth = 10**8  # [ns]
+    with drive.recorder:
+        for number in range(1, 9):
+            drive.recorder.take(drive.driver.tick(drive.steps[-1].stamp + number * tenth))
+    said = messages(drive.path)["/state"][-1].data
+    assert said.startswith("stopped: the scan is older")
+    trace = retrace(drive.path)
+    left = float(np.hypot(*trace.end.observation.target))
+    assert trace.episode.outcome == f"{left:.2f} m from the goal"
+    assert 1.0 < left < 1.3  # the last step leads into the tolerance of 1 m, unseen
+
+
 def messages(path):
     """The messages of every topic in order."""
     found = {topic: [] for topic in LIVE_TOPICS}
@@ -117,7 +133,8 @@ def test_explain_shows_the_drive(driven, place, capsys):
         [step.pose for step in trace.steps], [step.observation.odometry for step in driven.steps]
     )
     assert np.hypot(*trace.end.observation.target) < 2.0
-    assert (trace.episode.trajectory[:, 9] > 0.0).all()
+    assert (trace.episode.trajectory[:-1, 9] > 0.0).all()
+    assert np.isnan(trace.episode.trajectory[-1, 9])  # nothing is seen at the end
 
 
 def test_explain_tells_the_reasons_that_were_recorded(by_lme, place, capsys):

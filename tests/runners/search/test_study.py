@@ -112,7 +112,7 @@ def test_killed_at_any_byte_it_ends_as_the_uninterrupted_one(whole, share):
 
 @pytest.mark.parametrize("search", ["cmaes", "random"])
 @pytest.mark.parametrize("share", [0.1, 0.35, 0.62, 0.9])
-def test_so_do_the_other_searches(whole, search, share, tmp_path):
+def test_another_search_killed_at_any_byte_ends_as_the_uninterrupted_one(whole, search, share, tmp_path):
     trials, journal = whole(search)
     (tmp_path / JOURNAL).write_bytes(journal[: round(share * len(journal))])
     assert run(opened(tmp_path, search), search) == trials
@@ -120,9 +120,9 @@ def test_so_do_the_other_searches(whole, search, share, tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("share", [0.1, 0.35, 0.62, 0.9])
-def test_so_does_the_gaussian_process(whole, share, tmp_path):
+def test_a_gaussian_process_killed_at_any_byte_ends_as_the_uninterrupted_one(whole, share, tmp_path):
     pytest.importorskip("torch")
-    test_so_do_the_other_searches(whole, "gp", share, tmp_path)
+    test_another_search_killed_at_any_byte_ends_as_the_uninterrupted_one(whole, "gp", share, tmp_path)
 
 
 def test_a_trial_that_was_run_is_not_run_again(whole, tmp_path):
@@ -284,7 +284,7 @@ def test_a_trial_of_a_killed_process_goes_to_another(tmp_path, monkeypatch):
     assert away.best == second.best < 9.0
 
 
-def test_its_own_directory_takes_it_up_at_once(tmp_path):
+def test_the_trial_of_a_killed_process_is_taken_up_at_once_in_its_own_directory(tmp_path):
     url = f"sqlite:///{tmp_path}/shared.db"
     killed = opened(tmp_path, "random", url)
     left = killed.claim(9, 3)

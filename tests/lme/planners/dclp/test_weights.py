@@ -21,7 +21,7 @@ def test_written_weights_come_back_and_the_bytes_are_the_same(tmp_path):
     assert all((weights[name] == wanted[name]).all() for name in wanted)
 
 
-def test_another_file(tmp_path):
+def test_a_file_of_something_else_is_refused(tmp_path):
     assert "cannot be read" in refused(read_weights, tmp_path / "none.npz")
     (tmp_path / "text.npz").write_text("weights")
     assert "is not a weight file" in refused(read_weights, tmp_path / "text.npz")

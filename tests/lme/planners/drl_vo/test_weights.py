@@ -61,7 +61,7 @@ def test_arrays_that_do_not_fit(tmp_path, name, array, says):
     assert says in refused(read_weights, tmp_path / "w.npz")
 
 
-def test_another_file(tmp_path):
+def test_a_file_of_something_else_is_refused(tmp_path):
     assert "cannot be read" in refused(read_weights, tmp_path / "none.npz")
     (tmp_path / "text.npz").write_text("weights")
     assert "is not a weight file of a DRL-VO network" in refused(read_weights, tmp_path / "text.npz")

@@ -73,14 +73,14 @@ def test_a_meeting_is_the_last_step_before_it():
     assert met((0.0, 0.0), [reach - 0.1, 0.0, -0.1, 0.0, 0.3]) == pytest.approx(0.0)  # near, and comes
 
 
-def test_the_soonest_of_several_counts():
+def test_the_soonest_of_several_meetings_counts():
     far, near = [1.6, 0.0, -1.0, 0.0, 0.3], [0.9, 0.0, -1.0, 0.0, 0.3]
     alone = met((0.0, 0.0), near)
     assert alone < met((0.0, 0.0), far) < FORESEEN
     assert met((0.0, 0.0), [far, near]) == met((0.0, 0.0), [near, far]) == alone
 
 
-def test_it_prefers_the_command_that_meets_nobody():
+def test_the_best_command_meets_nobody():
     v, omega = np.linspace(0.0, 2.0, 5), np.linspace(-1.0, 1.0, 5)
     assert best(v, omega, NOBODY, subgoal=(3.0, 0.0))[:2] == (2.0, 0.0)
     coming = [2.0, 0.0, -1.0, 0.0, 0.3]

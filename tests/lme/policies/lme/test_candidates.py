@@ -39,7 +39,7 @@ def off_centre(points, lidar):
 
 @settings(max_examples=60)
 @given(FOVS, OFFSETS, OFFSETS, st.floats(-math.pi, math.pi), st.sampled_from(["polar", "area"]), OFFSETS)
-def test_none_lies_outside_the_field_of_view(fov, x, y, yaw, distribution, target_y):
+def test_no_candidate_lies_outside_the_field_of_view(fov, x, y, yaw, distribution, target_y):
     robot = with_lidar(fov, x=x, y=y, yaw=yaw)
     seen = explain(robot, (3.0, target_y), distribution=distribution)
     assert len(seen.candidates) in (300, 301)
@@ -47,7 +47,7 @@ def test_none_lies_outside_the_field_of_view(fov, x, y, yaw, distribution, targe
     assert np.abs(off_centre(seen.candidates, robot.lidar)).max() <= fov / 2 + KERNEL
 
 
-def test_they_are_drawn_about_the_base_whichever_way_the_lidar_looks():
+def test_candidates_are_drawn_about_the_base_whichever_way_the_lidar_looks():
     # Lidar turned by 2 rad, field of view 1 rad: bearings from 1.5 to 2.5 rad about the base.
     robot = with_lidar(fov=1.0, x=0.3, y=-0.1, yaw=2.0)
     drawn = sample(np.random.default_rng(7), CandidateConfig(number=50), 5.0, 1.5, 1.0)
@@ -57,14 +57,14 @@ def test_they_are_drawn_about_the_base_whichever_way_the_lidar_looks():
 @pytest.mark.parametrize(
     ("range_max", "max_range", "reach"), [(15.0, 5.0, 5.0), (2.0, 5.0, 2.0), (15.0, 1.0, 1.0)]
 )
-def test_they_reach_as_far_as_lidar_and_setting_allow(range_max, max_range, reach):
+def test_candidates_reach_as_far_as_lidar_and_setting_allow(range_max, max_range, reach):
     robot = with_lidar(range_max=range_max)
     distance, _ = polar(explain(robot, (9.0, 0.0), number=2000, max_range=max_range).candidates)
     assert 0.99 * reach < distance.max() <= reach + KERNEL
 
 
 @pytest.mark.parametrize("fov", [2 * math.pi, 1.5 * math.pi, 0.5])
-def test_they_fill_the_whole_field_of_view(fov):
+def test_candidates_fill_the_whole_field_of_view(fov):
     # From the first beam to the last; on a full circle also between the last and the first.
     _, bearing = polar(explain(with_lidar(fov, num_beams=9), (9.0, 0.0), number=4000).candidates)
     counts, _ = np.histogram(bearing, bins=10, range=(-fov / 2, fov / 2))
@@ -78,7 +78,7 @@ def test_they_fill_the_whole_field_of_view(fov):
     # Uniform in range: mean 1/2, half of them in the inner half. Uniform per area: mean 2/3, a quarter.
     [("polar", 1 / 2, 1 / 2), ("area", 2 / 3, 1 / 4)],
 )
-def test_how_they_spread_over_range(distribution, mean, inner):
+def test_candidates_spread_over_range_as_the_distribution_says(distribution, mean, inner):
     config = CandidateConfig(number=40_000, distribution=distribution)
     distance, bearing = polar(sample(np.random.default_rng(0), config, 4.0, -1.0, 2.0))
     # Deviations of a share or mean of 40,000 are below 0.0025.
@@ -88,7 +88,7 @@ def test_how_they_spread_over_range(distribution, mean, inner):
     assert np.corrcoef(distance, bearing)[0, 1] == pytest.approx(0.0, abs=0.02)
 
 
-def test_the_setting_reaches_the_escaper():
+def test_the_distribution_reaches_the_escaper():
     distance, _ = polar(explain(with_lidar(), (9.0, 0.0), number=4000, distribution="area").candidates)
     assert distance.mean() == pytest.approx(10 / 3, abs=0.1)
 

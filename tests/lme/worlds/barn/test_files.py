@@ -137,7 +137,7 @@ def test_a_truncated_published_world_is_an_error(tmp_path):
         barn(tmp_path).task(0)
 
 
-def test_missing_files(tmp_path):
+def test_a_missing_file_or_folder_is_named(tmp_path):
     with pytest.raises(InputError, match="does not exist"):
         read_world(tmp_path / "world_0.world")
     with pytest.raises(InputError, match="not a regular file"):

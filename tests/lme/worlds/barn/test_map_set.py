@@ -16,7 +16,7 @@ def barn(**keys):
     return Barn(BarnConfig(**keys))
 
 
-def test_subsets():
+def test_a_subset_has_its_worlds():
     assert barn(subset="hard100").numbers == tuple(range(200, 300))
     assert barn(subset="all").numbers == tuple(range(300))
     assert barn(subset="official50").numbers == tuple(range(0, 300, 6))
@@ -68,7 +68,7 @@ def test_schema_composes_with_omegaconf():
         ({"source": "1" * 300}, r"map\.source 1+: cannot be read \(File name too long\)"),
     ],
 )
-def test_bad_configs(keys, message):
+def test_a_wrong_setting_is_named(keys, message):
     with pytest.raises(InputError, match=message):
         barn(**keys)
 

@@ -8,7 +8,7 @@ from lme.worlds.indoor.cells import Rectangle, drawn
 BOX = Rectangle(2, 4, 6, 5)
 
 
-def test_moved_and_grown():
+def test_a_rectangle_is_moved_grown_and_transposed():
     assert BOX.size == (4, 1)
     assert BOX.grown(2) == (0, 2, 8, 7)
     assert BOX.shifted(-2, 1) == (0, 5, 4, 6)
@@ -19,15 +19,15 @@ def test_moved_and_grown():
     ("other", "meets"),
     [((5, 4, 9, 9), True), ((6, 4, 9, 9), False), ((2, 5, 6, 6), False), ((0, 0, 9, 9), True)],
 )
-def test_touching_is_not_meeting(other, meets):
+def test_rectangles_that_touch_do_not_meet(other, meets):
     assert BOX.meets(Rectangle(*other)) == Rectangle(*other).meets(BOX) == meets
 
 
-def test_it_holds_places_in_metres():
+def test_a_rectangle_holds_places_in_metres():
     assert BOX.holds(np.array([0.2, 0.22]))
     assert not BOX.holds(np.array([0.2, 0.26]))
 
 
-def test_both_bounds_are_drawn():
+def test_a_drawn_number_may_be_either_bound():
     rng = np.random.default_rng(0)
     assert {drawn(rng, (3, 5)) for _ in range(50)} == {3, 4, 5}

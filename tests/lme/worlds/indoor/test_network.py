@@ -23,14 +23,14 @@ def joined(pairs):
 
 
 @pytest.mark.parametrize("size", [2, 5, 9])
-def test_without_loops_it_is_a_tree_of_that_size(size):
+def test_without_loops_a_network_is_a_tree_of_its_size(size):
     for seed in range(20):
         tree = chosen(seed, size)
         assert len(tree) == size - 1
         assert len(joined(tree)) == size == len(set(itertools.chain(*tree)))
 
 
-def test_with_all_loops_it_is_every_pair_of_joined_nodes():
+def test_with_all_loops_a_network_is_every_pair_of_joined_nodes():
     assert chosen(loops=1.0) == SQUARE
     some = chosen(size=5, loops=1.0)
     assert some == [pair for pair in SQUARE if set(pair) <= set(itertools.chain(*some))]

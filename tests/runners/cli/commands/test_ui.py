@@ -14,10 +14,13 @@ import pytest
 
 from lme.errors import InputError
 from runners.cli.commands import ui
+from runners.tracking.mlflow import MlflowConfig, MlflowTracking
 from runners.tracking.store import open_client
 from tests.hearing import hear_signals
 from tests.places import ROOT
+from tests.runners.explainer import conftest
 
+browser = conftest.browser  # the fixture
 SCRIPT = "import sys; from runners.cli.commands import ui; sys.exit(ui.main(sys.argv[1:]))"
 
 
@@ -73,6 +76,34 @@ def test_it_serves_on_loopback_until_it_is_ended(tmp_path, port, ending):
         assert probe.connect_ex(("127.0.0.1", port)) != 0
 
 
+@pytest.mark.slow
+def test_the_printed_address_shows_a_table_of_runs_with_their_metrics(tmp_path, port, browser):
+    uri = f"sqlite:///{tmp_path}/mlflow.db"
+    tracking = MlflowTracking(MlflowConfig(uri=uri))
+    tags = {"system": "Walker", "map": "hall", "command": "eval"}
+    tracking.start({"seed": 0}, tmp_path / "sweep" / "0", tags, tmp_path / "sweep")
+    tracking.finish({"success": 0.875, "barn_metric": 0.4375}, [])
+    process = subprocess.Popen(
+        [sys.executable, "-c", SCRIPT, "--uri", uri, "--port", str(port)],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        line = next(line for line in process.stdout if line.startswith("Runs of lme: "))
+        page = browser.new_context(viewport={"width": 1600, "height": 900}).new_page()
+        page.goto(line.split()[-1])
+        for shown in ("success", "barn_metric", "Walker", "0.875", "0.4375"):
+            page.get_by_text(shown, exact=True).first.wait_for(timeout=60_000)
+        assert page.get_by_text("1 matching run").count() == 1  # its sweep has no metrics of its own
+        page.context.close()
+    finally:
+        process.send_signal(signal.SIGINT)
+        process.communicate(timeout=30)
+    assert process.returncode == 0
+
+
 def test_without_a_store(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     with pytest.raises(InputError, match=r"no store at outputs/mlflow\.db: run `lme eval` here first"):
@@ -100,10 +131,23 @@ def test_what_cannot_be_served_is_said_in_one_line(tmp_path, arguments, message)
 def test_a_server_that_others_reach_is_warned_of(tmp_path, port, monkeypatch, recwarn, words, is_open):
     (tmp_path / "mlflow.db").touch()
     served = []
-    monkeypatch.setattr(ui, "_serve", lambda command, environment: served.append(command) or 0)
+    monkeypatch.setattr(ui, "_serve", lambda command, *_: served.append(command) or 0)
     assert ui.main(["--uri", f"sqlite:///{tmp_path}/mlflow.db", "--port", str(port), *words]) == 0
     assert served[0][served[0].index("--host") + 1] == ("0.0.0.0" if is_open else "127.0.0.1")
     assert ["asks for no password" in str(warning.message) for warning in recwarn] == [True] * is_open
+
+
+@pytest.mark.parametrize(
+    ("host", "address"),
+    [
+        ("127.0.0.1", "http://127.0.0.1:5000"),
+        ("0.0.0.0", "http://127.0.0.1:5000"),
+        ("::", "http://[::1]:5000"),
+        ("robot.local", "http://robot.local:5000"),
+    ],
+)
+def test_the_address_is_one_that_a_browser_here_can_open(host, address):
+    assert ui._address(host, 5000) == address
 
 
 def test_a_port_that_is_taken(tmp_path):

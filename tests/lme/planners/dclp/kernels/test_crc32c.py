@@ -16,7 +16,7 @@ from tests import oracles
         (bytes(range(32)), 0x46DD794E),
     ],
 )
-def test_published_examples(data, checksum):
+def test_the_published_checksums_come_out(data, checksum):
     assert crc32c(data) == checksum
 
 

@@ -1,0 +1,79 @@
+"""The addresses at which MLflow's page shows tables of runs with their metrics.
+
+MLflow's page opens without runs, and its tables without metrics. A view that somebody shares is a tag of its
+experiment, and an address can name it. `addresses` shares one view of every experiment. It asks the server, because
+importing MLflow takes seconds.
+"""
+
+from __future__ import annotations
+
+import json
+import urllib.request
+from typing import Any, NamedTuple
+
+VIEW = "lme"
+METRICS = ("success", "barn_metric", "collision", "timeout", "time_s", "spl")
+COLUMNS = ["tags.`system`", *(f"metrics.`{name}`" for name in METRICS), "tags.`map`", "tags.`command`"]
+STATE = {
+    "selectedColumns": COLUMNS,
+    "columnOrder": COLUMNS,
+    "searchFilter": "tags.command != 'sweep'",  # its jobs have the metrics
+    "orderByKey": "tags.`mlflow.runName`",  # their dates; sorted by creation, jobs would be hidden below their sweeps
+    "orderByAsc": False,
+}
+_TIMEOUT_S = 30.0
+
+
+class RunsPage(NamedTuple):
+    """The table of runs of one experiment."""
+
+    experiment: str
+    address: str
+
+
+def answers(server: str) -> bool:
+    """Whether the server is up."""
+    try:
+        with _direct().open(f"{server}/health", timeout=_TIMEOUT_S):
+            return True
+    except OSError:
+        return False
+
+
+def addresses(server: str) -> list[RunsPage]:
+    """The tables of all experiments that have runs, the latest experiment first.
+
+    server: its address, without a slash at the end. Raises OSError or ValueError if it does not answer as MLflow does.
+    """
+    return [
+        RunsPage(
+            str(found["name"]),
+            f"{server}/#/experiments/{found['experiment_id']}/runs{_shared(server, found)}",
+        )
+        for found in _ask(server, "experiments/search", max_results=1000).get("experiments", [])
+        if _ask(server, "runs/search", experiment_ids=[found["experiment_id"]], max_results=1).get("runs")
+    ]
+
+
+def _shared(server: str, experiment: dict[str, Any]) -> str:
+    """Share our view of the experiment; what its address ends with, or "" where the store cannot be written."""
+    tag = {"key": f"mlflow.sharedViewState.{VIEW}", "value": json.dumps(STATE)}
+    try:
+        _ask(server, "experiments/set-experiment-tag", experiment_id=experiment["experiment_id"], **tag)
+    except OSError:
+        return ""
+    return f"?viewStateShareKey={VIEW}"
+
+
+def _ask(server: str, what: str, **content: Any) -> dict[str, Any]:
+    """What the server answers to a request of its REST interface."""
+    request = urllib.request.Request(
+        f"{server}/api/2.0/mlflow/{what}", json.dumps(content).encode(), {"Content-Type": "application/json"}
+    )
+    with _direct().open(request, timeout=_TIMEOUT_S) as answer:
+        return dict(json.load(answer))
+
+
+def _direct() -> urllib.request.OpenerDirector:
+    """Opens addresses without a proxy of the user's: the server is on this machine."""
+    return urllib.request.build_opener(urllib.request.ProxyHandler({}))

@@ -1,0 +1,84 @@
+"""The README's own planner, run as a user would: from a file outside the package."""
+
+import json
+import re
+import subprocess
+import sys
+
+import pandas as pd
+import pytest
+
+from lme.resources import resource_dir
+from runners.cli.main import main
+
+README = (resource_dir("conf").parent / "README.md").read_text(encoding="utf-8")
+MODULE = re.search(r"```python\n(# my_module\.py.*?)```", README, re.DOTALL)[1]
+COMMANDS = re.search(r"```sh\n(lme eval planner\._target_.*?)```", README, re.DOTALL)[1].splitlines()
+SHORT = ["map.worlds=[0,6]", "runs=1", "tracking=none"]
+
+
+def lme(folder, *words):
+    """The command as it stands on the path of an installed package."""
+    program = "import sys; from runners.cli.main import main; sys.exit(main())"
+    return subprocess.run(
+        [sys.executable, "-c", program, *words], cwd=folder, capture_output=True, text=True, timeout=300
+    )
+
+
+@pytest.fixture
+def folder(tmp_path):
+    (tmp_path / "my_module.py").write_text(MODULE, encoding="utf-8")
+    return tmp_path
+
+
+def test_the_planner_of_the_readme_is_about_twenty_lines():
+    code = [line for line in MODULE.splitlines() if line.strip() and not line.startswith("#")]
+    assert len(code) <= 20
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_the_readmes_commands(folder, command):
+    words = command.partition("#")[0].split()[1:]
+    done = lme(folder, *words, *SHORT, "executor.workers=2")
+    assert done.returncode == 0, done.stderr
+    (records,) = folder.glob("outputs/eval/*/episodes.parquet")
+    frame = pd.read_parquet(records)
+    assert set(frame["planner"]) == {"MyPlanner"}
+    assert set(frame["world"]) == {0, 6}
+    launch = json.loads((records.parent / "launch.json").read_text())
+    assert launch["configs"][0]["planner"] == {
+        "_target_": "my_module.MyPlanner",
+        **({"speed": 0.8} if "speed" in command else {}),
+    }
+
+
+@pytest.fixture
+def mistake(folder, monkeypatch, capsys):
+    """What a command in this process says of a mistake."""
+    monkeypatch.chdir(folder)
+    monkeypatch.syspath_prepend(folder)
+
+    def told(*words, status=2):
+        assert main(["eval", *words, *SHORT, "executor=serial"]) == status
+        return capsys.readouterr().err
+
+    yield told
+    for name in ("my_module", "bad"):
+        sys.modules.pop(name, None)
+
+
+def test_mistakes_in_an_own_planner_are_told(folder, mistake):
+    assert "did you mean speed?" in mistake("planner._target_=my_module.MyPlanner", "+planner.sped=1")
+    assert "did you mean MyPlanner?" in mistake("planner._target_=my_module.MyPlaner")
+    (folder / "bad.py").write_text(MODULE.replace("2.0 * np", "np.nan * np"), encoding="utf-8")
+    said = mistake("planner._target_=bad.MyPlanner")
+    assert "MyPlanner.plan returned" in said
+    assert "Traceback" not in said
+
+
+def test_an_error_of_the_planner_is_shown_where_it_happened_and_ends_its_job_alone(folder, mistake):
+    (folder / "bad.py").write_text(MODULE.replace("return self.speed", "return 1 / 0 * self.speed"))
+    said = mistake("-m", "planner._target_=bad.MyPlanner", "seed=0,1", status=1)
+    assert said.count("lme eval: ZeroDivisionError: division by zero") == 2
+    assert 'bad.py", line' in said
+    assert "HYDRA_FULL_ERROR" not in said

@@ -1,0 +1,265 @@
+"""Every YAML of `conf/`: it composes, its keys are those of the class it configures, and they are explained."""
+
+import dataclasses
+import functools
+import importlib
+
+import pytest
+import yaml
+from omegaconf import OmegaConf
+
+from lme.policies.lme_plus.criteria import CRITERIA as PLUS_CRITERIA
+from lme.resources import resource_dir
+from lme.robots import Robot
+from runners.cli.main import command_files
+from runners.config import ablations, catalogue, schema
+from runners.config.composer import Composer, without_hydra
+from runners.config.flatten import flatten
+from runners.config.instantiate import configured
+from runners.records import launch_record
+
+CONF = resource_dir("conf")
+CATALOGUE = catalogue.shipped()
+GROUPS = CATALOGUE.groups("eval")
+CUSTOM = "custom"  # takes a class of the user's own
+OPTIONS = [(group, option) for group in GROUPS for option in CATALOGUE.options(group) if option != CUSTOM]
+COMMENTED = 0.8  # share of the keys of a file that have a comment
+PARAMETERS = {"a_close", "a_dev", "c_o", "c_t", "a_mount", "c_h", "d1", "d2"}
+SIX = {"a_close", "a_dev", "c_o", "c_t", "a_mount", "c_h"}
+
+
+@pytest.fixture(scope="module")
+def composer():
+    schema.register()
+    with Composer("eval") as composer:
+        yield composer
+
+
+@pytest.fixture(scope="module")
+def chosen(composer):
+    """The config with an option, composed once."""
+    return functools.cache(lambda group, option: composer.compose([f"{group}={option}"]))
+
+
+def _fields(config_class, prefix=""):
+    for field in dataclasses.fields(config_class):
+        default = field.default if field.default_factory is dataclasses.MISSING else field.default_factory()
+        if dataclasses.is_dataclass(default):
+            yield from _fields(type(default), f"{prefix}{field.name}.")
+        else:
+            yield f"{prefix}{field.name}"
+
+
+@pytest.mark.parametrize(("group", "option"), OPTIONS)
+def test_every_option_composes(chosen, group, option):
+    config = without_hydra(chosen(group, option))
+    assert not OmegaConf.missing_keys(config)
+    assert launch_record.identity(OmegaConf.to_object(config))
+
+
+@pytest.mark.parametrize(
+    ("group", "option"), [pair for pair in OPTIONS if "_target_" in CATALOGUE.values("/".join(pair))]
+)
+def test_keys_are_those_of_the_config_class(chosen, group, option):
+    config = without_hydra(chosen(group, option))
+    cls, _ = configured(config[group], group)
+    written = {key.name for key in CATALOGUE.keys(f"{group}/{option}")} - {"_target_"}
+    assert written == set(_fields(cls.Config))
+    module, _, name = str(config[group]._target_).rpartition(".")
+    assert getattr(importlib.import_module(module), name) is cls
+
+
+def _own_target(path):
+    """The class that a YAML itself names, rather than one that it inherits from; None for one of the user's."""
+    content = yaml.safe_load(path.read_text(encoding="utf-8"))
+    return content.get("_target_", "???") if isinstance(content, dict) and path.stem != CUSTOM else "???"
+
+
+def _defaults(config, prefix=""):
+    """Dotted name and value of each field of a config with nothing but defaults."""
+    for name in (field.name for field in dataclasses.fields(config)):
+        default = getattr(config, name)
+        if dataclasses.is_dataclass(default):
+            yield from _defaults(default, f"{prefix}{name}.")
+        else:
+            yield f"{prefix}{name}", default
+
+
+@pytest.mark.parametrize(
+    "path",
+    [path for path in sorted(CONF.rglob("*.yaml")) if _own_target(path) != "???"],
+    ids=lambda path: str(path.relative_to(CONF)),
+)
+def test_the_default_of_a_class_is_the_value_in_its_yaml(path):
+    node = OmegaConf.create(CATALOGUE.values(str(path.relative_to(CONF).with_suffix(""))))
+    defaults = dict(_defaults(_class(node._target_).Config()))
+    written = {key: OmegaConf.select(node, key) for key in defaults if not _interpolated(node, key)}
+    assert written == {key: default for key, default in defaults.items() if key in written}
+
+
+def _class(target):
+    module, _, name = target.rpartition(".")
+    try:
+        return getattr(importlib.import_module(module), name)
+    except ModuleNotFoundError as error:
+        if error.name != "torch":
+            raise
+        pytest.skip(f"{target} needs torch")
+
+
+def _interpolated(node, key):
+    parent, _, name = key.rpartition(".")
+    return OmegaConf.is_interpolation(OmegaConf.select(node, parent) if parent else node, name)
+
+
+@pytest.mark.parametrize("option", CATALOGUE.options("robot"))
+def test_robot_keys_are_those_of_the_robot(chosen, option):
+    given = OmegaConf.to_container(chosen("robot", option).robot)
+    assert set(given) == {field.name for field in dataclasses.fields(Robot)}
+    written = {key.name.partition(".")[0] for key in CATALOGUE.keys(f"robot/{option}")}
+    assert written == set(given)
+    assert given["name"] == option
+
+
+@pytest.mark.parametrize("path", sorted(CONF.rglob("*.yaml")), ids=lambda path: str(path.relative_to(CONF)))
+def test_every_file_is_explained(path):
+    name = str(path.relative_to(CONF).with_suffix(""))
+    assert len(CATALOGUE.title(name)) > 10
+    keys = [key for key in CATALOGUE.keys(name) if key.name not in ("_target_", "name")]
+    if name.startswith("system/") and name != "system/lme":
+        return  # they have the keys of lme.yaml, which explains them
+    numbers = [key for key in keys if ".published." not in key.name]
+    if numbers:
+        assert sum(bool(key.comment) for key in numbers) / len(numbers) >= COMMENTED
+
+
+def test_there_is_no_yaml_that_no_command_reaches():
+    commands = {path.stem for path in CONF.glob("*.yaml")}
+    assert commands <= set(command_files())
+    groups = {
+        "weight_set",
+        "space/planner",
+        *(group for name in commands for group in CATALOGUE.groups(name)),
+    }
+    groups |= {f"experiment/{name}" for name in commands}
+    reached = {f"{group}/{option}" for group in groups for option in CATALOGUE.options(group)} | commands
+    assert set(CONF.rglob("*.yaml")) == {file for name in reached for file in CATALOGUE.files(name)}
+
+
+def test_the_defaults_are_the_papers_main_experiment(composer):
+    config = composer.compose([])
+    choices = {group: config.hydra.runtime.choices.get(group) for group in GROUPS}
+    assert choices | {"system": None, "experiment": None} == choices
+    assert [choices[group] for group in ("robot", "map", "guide", "planner")] == [
+        "jackal",
+        "barn",
+        "lme",
+        "simple",
+    ]
+    assert (config.seed, config.runs, config.weights, config.resume) == (0, 3, "published", False)
+
+
+def test_no_group_bears_the_name_of_a_plain_key():
+    """Hydra takes `key=value` for a choice of group wherever a folder of that name exists."""
+    plain = {key.name for name in ("eval", "train") for key in CATALOGUE.keys(name)}
+    assert not plain & {path.name for path in CONF.iterdir() if path.is_dir()}
+
+
+# Ablations
+
+
+@pytest.mark.parametrize("name", sorted(SIX))
+def test_an_ablation_sets_one_weight_to_zero(composer, name):
+    config = composer.compose([f"ablation=no_{name}"])
+    assert OmegaConf.to_container(config.ablation) == {name: 0.0}
+    intact = composer.compose([]).guide.parameters
+    assert dict(config.guide.parameters) == {**intact, name: 0.0}
+
+
+def test_no_maintenance_never_keeps_a_subgoal(composer):
+    assert OmegaConf.to_container(composer.compose(["ablation=no_maintenance"]).ablation) == {
+        "d1": float("inf")
+    }
+    assert OmegaConf.to_container(composer.compose(["ablation=none"]).ablation) == {}
+
+
+def test_ablations_add_up(composer):
+    config = composer.compose(["ablation=[no_c_o,no_c_t]"])
+    assert OmegaConf.to_container(config.ablation) == {"c_o": 0.0, "c_t": 0.0}
+
+
+OF_LME = ["none", *(f"no_{name}" for name in sorted(SIX)), "no_maintenance"]
+OF_PLUS = [name for name in CATALOGUE.options("ablation") if name not in OF_LME]
+OF_BOTH = ["no_a_dev", "no_c_o", "no_maintenance"]
+
+
+def test_there_are_the_papers_seven_ablations_and_those_of_lme_plus():
+    assert set(OF_LME) < set(CATALOGUE.options("ablation"))
+    assert {f"no_{name}" for name in PLUS_CRITERIA} <= {*OF_PLUS, *OF_BOTH}
+
+
+@pytest.mark.parametrize("option", [*OF_PLUS, *OF_BOTH])
+def test_a_part_of_lme_plus_is_removed_by_one_value(composer, option):
+    changed = set()
+    for resolve in (False, True):  # a latency is 0 here, however it is written; weights are one reference
+        whole, without = (
+            _pair(composer.compose(["system=lme_plus", f"ablation={name}"]), resolve)
+            for name in ("none", option)
+        )
+        assert whole.keys() == without.keys()
+        changed |= {key for key in whole if whole[key] != without[key]}
+    assert len(changed) == 1
+
+
+def _pair(config, resolve):
+    """Dotted keys of guide and planner, as written or with their values."""
+    parts = {group: OmegaConf.to_container(config[group], resolve=resolve) for group in ("guide", "planner")}
+    return dict(flatten(parts))
+
+
+def test_every_part_of_lme_plus_is_removed_in_its_experiment(chosen):
+    """The complete method is the first. Nothing is delayed there, so one ablation would change nothing."""
+    config = chosen("experiment", "lme_plus_ablation")
+    swept = [name.strip() for name in config.hydra.sweeper.params.ablation.split(",")]
+    assert swept[0] == "none"
+    assert set(swept) == {"none", *OF_BOTH, *OF_PLUS} - {"no_latency"}
+    assert config.hydra.runtime.choices["system"] == "lme_plus"
+
+
+@pytest.mark.parametrize("option", [name for name in CATALOGUE.options("ablation") if name != "none"])
+def test_every_ablation_has_a_label_of_its_own(option):
+    labels = ablations.labels()
+    assert labels[option].startswith("without ")
+    assert list(labels.values()).count(labels[option]) == 1
+
+
+# Published values
+
+
+def test_the_published_weights(composer):
+    published = dict(composer.compose([]).guide.parameters)
+    assert published == {
+        "a_close": 1.51, "a_dev": 1.56, "c_o": 999.8, "c_t": 205.84, "a_mount": 88.7, "c_h": 134.9,
+        "d1": 0.51, "d2": 200.0,
+    }  # fmt: skip
+    assert set(published) == PARAMETERS
+
+
+@pytest.mark.parametrize("option", CATALOGUE.options("system"))
+def test_a_system_file_is_what_it_says(chosen, option):
+    """Read as data, and chosen on the command line, it names the same pair."""
+    config = chosen("system", option)
+    system = config.system
+    assert system.guide == config.hydra.runtime.choices["guide"]
+    assert system.planner == config.hydra.runtime.choices["planner"]
+    assert system.global_planner == ("global_map" in config.guide)
+    assert isinstance(system.label, str)
+    assert isinstance(system.global_planner, bool)
+    for figures in (system.published or {}).values():
+        assert figures.robots
+        assert all((CONF / "robot" / f"{robot}.yaml").is_file() for robot in figures.robots)
+        rates = sum(figures[outcome][0] for outcome in ("success", "collision", "timeout"))
+        assert rates == pytest.approx(1.0, abs=0.0101)  # rounded to two digits
+        assert all(
+            0 <= deviation < 0.05 for key in figures if key != "robots" for deviation in figures[key][1:]
+        )

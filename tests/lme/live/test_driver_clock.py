@@ -1,0 +1,92 @@
+"""The live driver and the clock: stamps, jumps, and a clock that stands still."""
+
+import numpy as np
+import pytest
+
+from lme.live.step import LiveState
+from lme.types import Pose
+from tests.lme.live.rig import FAR, PERIOD, Rig, drives, stands
+from tests.made_bags import SECOND
+
+
+def test_a_clock_that_differs_from_the_robots_is_named_and_may_be_ignored(rig):
+    trusting = Rig(clock="received")
+    for one in (rig, trusting):
+        one.driver.set_goal(FAR, "odom", one.now)
+        for _ in range(3):
+            one.pass_time()
+            one.odometry(stamp=one.now + 5 * SECOND)
+            one.scan(stamp=one.now + 5 * SECOND)
+            step = one.tick()
+        expected = stands if one is rig else drives
+        assert expected(step, *(["no scan (its stamp is 5.0 s ahead"] if one is rig else []))
+
+
+def test_stamps_that_are_not_set_are_those_of_arrival(rig):
+    rig.drive()
+    rig.pass_time()
+    rig.odometry(stamp=0)
+    rig.scan(stamp=0)
+    assert drives(rig.tick())
+    rig.pass_time(0.6)
+    rig.odometry(stamp=0)
+    assert stands(rig.tick(), "the scan is older than 0.5 s")
+
+
+@pytest.mark.parametrize(("by", "way"), [(30.0, "forwards by 30 s"), (-30.0, "backwards by 30 s")])
+@pytest.mark.parametrize("told_by", ["tick", "scan"])
+def test_after_a_jump_in_time_only_fresh_data_count(rig, by, way, told_by):
+    rig.drive()
+    rig.now += round(by * SECOND)
+    if told_by == "scan":
+        rig.scan(stamp=rig.now - 40 * SECOND)
+    assert stands(rig.tick(), f"the clock jumped {way}")
+    rig.pass_time(0.05)
+    assert stands(rig.tick(), "no scan")
+    rig.scan()
+    assert stands(rig.tick(), "no odometry")
+    assert drives(rig.period())
+
+
+def test_moving_transforms_must_come_again_after_a_jump(rig):
+    rig.transform("map", "odom")
+    rig.transform("base_link", "laser", Pose(0.2, 0.0, 0.0), static=True)
+    rig.sense()
+    rig.tick()
+    rig.driver.set_goal(FAR, "map", rig.now)
+    assert drives(rig.period())
+    rig.now -= 30 * SECOND
+    rig.tick()
+    assert stands(rig.period(), "no transform of odom")
+    rig.transform("map", "odom")
+    assert drives(rig.period())
+    assert rig.driver.mounted_by == "tf"
+
+
+def test_a_clock_that_stands_still_stops_it_by_wall_time(rig):
+    last = rig.drive()
+    for _ in range(2):
+        rig.wall += PERIOD
+        assert rig.tick() == last
+    rig.wall += PERIOD
+    assert stands(rig.tick(), "the clock stands still")
+    assert drives(rig.period())
+
+
+def test_a_decision_is_made_once_for_each_time(rig):
+    """Also if the soft stop has halted it."""
+    rig.drive()
+    rig.pass_time()
+    rig.odometry(v=0.5)
+    rig.scan(ranges=np.full(540, 0.21))
+    step = rig.tick()
+    assert stands(step, "soft stop")
+    count = len(rig.puppet.seen)
+    assert rig.tick() is step
+    assert len(rig.puppet.seen) == count
+
+
+def test_a_cancel_counts_while_the_clock_stands_still(rig):
+    rig.drive()
+    rig.driver.cancel()
+    assert stands(rig.tick(), "cancelled", LiveState.CANCELLED)

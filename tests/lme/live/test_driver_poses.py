@@ -1,0 +1,121 @@
+"""The live driver and the robot's pose: from odometry or tf, fresh, finite, and at the time of the scan."""
+
+import math
+
+import pytest
+
+from lme.live.frames import FramesConfig
+from lme.live.step import LiveState
+from lme.types import Pose, Twist
+from tests.lme.live.rig import FAR, Rig, drives, stands
+from tests.made_bags import SECOND
+
+
+def test_without_odometry_it_stands(rig):
+    rig.driver.set_goal(FAR, "odom", rig.now)
+    rig.scan()
+    rig.tick()
+    assert stands(rig.tick(), "no odometry")
+
+
+def test_stale_odometry_stops_it(rig):
+    rig.drive()
+    for _ in range(3):
+        rig.pass_time()
+        rig.scan()
+        step = rig.tick()
+    assert stands(step, "the odometry is older than 0.5 s")
+    assert drives(rig.period())
+
+
+@pytest.mark.parametrize("x", [math.nan, math.inf, -1e230])
+def test_odometry_that_is_not_a_number_or_absurd_does_not_count(rig, x):
+    rig.drive()
+    for _ in range(3):
+        rig.pass_time()
+        rig.scan()
+        rig.odometry(pose=Pose(x, 0.0, 0.0))
+        step = rig.tick()
+    assert stands(step, "the odometry is older than 0.5 s (it is not finite, or absurdly large)")
+
+
+def test_between_two_poses_the_one_at_the_scans_stamp_counts(rig):
+    rig.drive()
+    rig.pass_time()
+    rig.scan(stamp=rig.now - SECOND // 10)
+    rig.odometry(pose=Pose(0.2, 0.0, 0.0), v=1.0)
+    seen = rig.tick().observation
+    assert seen.odometry.x == pytest.approx(0.1)
+    assert seen.twist.v == pytest.approx(0.5)
+    assert seen.target[0] == pytest.approx(9.9)
+
+
+def test_poses_by_tf_and_their_twist(rig):
+    rig.driver.set_goal(FAR, "odom", rig.now)
+    for k in range(8):
+        rig.pass_time(0.1)
+        rig.transform("odom", "base_link", Pose(0.04 * k, 0.0, 0.0))
+        rig.scan()
+        step = rig.tick()
+    assert drives(step)
+    assert step.observation.twist == pytest.approx((0.4, 0.0))
+    for _ in range(3):
+        rig.pass_time()
+        rig.scan()
+        step = rig.tick()
+    assert stands(step, "the odometry is older than 0.5 s")
+
+
+def test_a_transform_of_the_robot_that_is_not_a_number_is_said(rig):
+    rig.driver.set_goal(FAR, "odom", rig.now)
+    rig.transform("odom", "base_link", Pose(math.nan, 0.0, 0.0))
+    rig.scan()
+    rig.tick()
+    assert stands(rig.tick(), "no odometry (the transform of base_link is not finite)")
+
+
+def test_once_odometry_has_come_tf_is_no_substitute(rig):
+    rig.drive()
+    for _ in range(3):
+        rig.pass_time()
+        rig.transform("odom", "base_link")
+        rig.scan()
+        step = rig.tick()
+    assert stands(step, "the odometry is older than 0.5 s")
+
+
+def test_odometry_without_a_heading_does_not_count(rig):
+    message = rig.make.odometry(rig.now, Pose(0.0, 0.0, 0.0), 0.0, 0.0)
+    for key in "xyzw":
+        object.__setattr__(message.pose.pose.orientation, key, 0.0)
+    rig.scan()
+    rig.tick()
+    rig.driver.set_goal(FAR, "odom", rig.now)
+    rig.pass_time()
+    rig.scan()
+    rig.driver.take_odometry(message, rig.now)
+    assert stands(rig.tick(), "no odometry (its quaternion is zero)")
+
+
+def test_the_latest_motion_comes_with_every_step(rig):
+    assert rig.tick().motion is None
+    rig.drive()
+    rig.pass_time()
+    rig.scan()
+    rig.odometry(pose=Pose(9.9, 0.0, 0.0), v=0.3)
+    step = rig.tick()
+    assert step.state is LiveState.ARRIVED
+    assert step.motion == (rig.now, Pose(9.9, 0.0, 0.0), Twist(0.3, 0.0))
+
+
+def test_a_transform_that_is_not_a_number_is_left_out(rig):
+    rig.transform("base_link", "laser", static=True)
+    rig.transform("base_link", "laser", Pose(math.nan, 0.0, 0.0), static=True)
+    rig.drive()
+    assert drives(rig.period())
+
+
+def test_names_of_frames_that_are_given(rig):
+    rig = Rig(frames=FramesConfig("/world", "robot"))
+    rig.drive()
+    assert rig.driver.frames == ("world", "robot")

@@ -1,0 +1,316 @@
+"""The paper's real-world scenes, redrawn: what they are, and that they trap a plain local planner but not LME."""
+
+import functools
+import itertools
+import math
+
+import numpy as np
+import pytest
+
+from lme.episode import run_episode
+from lme.errors import InputError
+from lme.guides.lme import Lme, LmeConfig
+from lme.guides.target import Target, TargetConfig
+from lme.navigator import Navigator
+from lme.planners.dwa import Dwa, DwaConfig
+from lme.planners.simple import Simple, SimpleConfig
+from lme.resources import resource_dir
+from lme.sim.fast import FastConfig, FastSimulator
+from lme.types import Outcome
+from lme.worlds.check import check_task, point_clearance
+from lme.worlds.scene import Scene, SceneConfig, read_scene
+from lme.worlds.world import World
+from runners.config import catalogue
+from runners.config.instantiate import build
+from tests.builders import PUBLISHED, SHIPPED, shipped
+
+STATIC = ("real1", "real2", "real3", "real4")
+DYNAMIC = "real1_dynamic"
+QUADRUPED = ("go2_a", "go2_b")
+ALL = (*STATIC, DYNAMIC, *QUADRUPED)
+STANDING = [name for name in ALL if name != DYNAMIC]
+TRAPPED_SHARE = 0.8  # of the starts, at least, that plain DWA does not arrive from
+ARRIVED_SHARE = 0.7  # of the starts, at least, that LME arrives from; it clips a corner now and then
+STARTS = 8  # of the 20, for time
+GAP_1 = (5.47, 3.0)  # [m] in the middle of the second gap of Real1
+OPENING_1 = (2.2, 3.0)  # [m] in the middle of the first
+
+
+def machine(name):
+    return shipped("go2" if name in QUADRUPED else "turtlebot2")
+
+
+def scene(name, **keys):
+    return Scene(SceneConfig(name=name, radius=machine(name).footprint.r_max, **keys))
+
+
+def lme(robot):
+    return Navigator(Lme(LmeConfig(parameters=PUBLISHED), robot), Simple(SimpleConfig(), robot))
+
+
+def dwa(robot):
+    return Navigator(Target(TargetConfig(), robot), Dwa(DwaConfig(), robot))
+
+
+@functools.cache
+def episodes(name, make):
+    robot, chosen = machine(name), scene(name)
+    driver, simulator = make(robot), FastSimulator(FastConfig(), robot)
+    return [
+        run_episode(chosen.task(number), driver, simulator, np.random.default_rng(number))
+        for number in range(STARTS)
+    ]
+
+
+def arrived(name, make):
+    outcomes = [episode.outcome for episode in episodes(name, make)]
+    return outcomes.count(Outcome.SUCCESS) / len(outcomes)
+
+
+# What they are
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_the_robot_can_begin_everywhere_and_a_way_exists(name):
+    chosen = scene(name)
+    assert chosen.numbers == tuple(range(20))
+    for number in chosen.numbers:
+        task = chosen.task(number)
+        check_task(task, machine(name))
+        assert task.map_name == name
+        assert 1.02 < task.measures["detour"] < 2.0
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_the_place_is_as_large_as_the_laboratory(name):
+    outline = read_scene(resource_dir("maps") / "scenes" / f"{name}.yaml").plan.outline
+    assert np.ptp(outline, axis=0).tolist() == [8.0, 6.0]
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_starts_lie_about_the_drawn_one_and_face_the_goal(name):
+    drawing = read_scene(resource_dir("maps") / "scenes" / f"{name}.yaml")
+    chosen = scene(name)
+    starts = np.array([chosen.task(number).start for number in chosen.numbers])
+    ahead = math.atan2(*(drawing.goal - drawing.start)[::-1])
+    away = starts[:, :2] - drawing.start
+    aside = -math.sin(ahead) * away[:, 0] + math.cos(ahead) * away[:, 1]
+    assert np.hypot(*away.T) == pytest.approx(np.abs(aside))
+    assert 0.1 < np.abs(aside).max() <= 0.3
+    assert 0.1 < np.abs(starts[:, 2] - ahead).max() <= 0.3
+    assert len({tuple(start) for start in starts}) == len(starts)
+
+
+def test_a_number_means_the_same_whatever_else_is_chosen():
+    assert scene("real2", worlds=[3, 900]).task(3).start == scene("real2").task(3).start
+    assert scene("real2", start_seed=1).task(3).start != scene("real2").task(3).start
+
+
+def test_no_robot_fits_through_the_second_gap_of_real1_and_the_turtlebot_through_the_first():
+    world = scene("real1").task(0).world
+    assert point_clearance(world, np.array(GAP_1)) < min(shipped(name).footprint.r_min for name in SHIPPED)
+    assert point_clearance(world, np.array(OPENING_1)) > machine("real1").footprint.r_max
+
+
+def test_the_dynamic_scene_is_real1_and_a_pedestrian():
+    still, moving = scene("real1").task(0), scene(DYNAMIC).task(0)
+    np.testing.assert_array_equal(moving.world.edges, still.world.edges)
+    np.testing.assert_array_equal(moving.world.circles, still.world.circles)
+    assert (moving.start, moving.goal.tolist()) == (still.start, still.goal.tolist())
+    assert (len(still.world.movers), len(moving.world.movers)) == (0, 1)
+
+
+def test_the_pedestrian_closes_the_passage_and_another_way_is_left(tmp_path):
+    """With him as a pillar where he stops, the shortest way becomes a longer one."""
+    (pedestrian,) = scene(DYNAMIC).task(0).world.movers
+    x, y, _ = pedestrian.path[-1].tolist()
+    text = (resource_dir("maps") / "scenes" / "real1.yaml").read_text("utf-8")
+    pillar = tmp_path / "pillar.yaml"
+    circles = f"circles:\n  - {{centre: [{x}, {y}], radius: {pedestrian.radius}}}"
+    pillar.write_text(text.replace("circles:", circles), "utf-8")
+    radius = machine("real1").footprint.r_max
+    blocked = Scene(SceneConfig(path=str(pillar), radius=radius)).task(0)
+    assert blocked.shortest_path_length > scene("real1").task(0).shortest_path_length + 0.1
+    assert blocked.map_name == "pillar"
+
+
+def test_the_pedestrian_waits_clear_of_everything():
+    world = scene(DYNAMIC).task(0).world
+    (pedestrian,) = world.movers
+    for one, two in itertools.pairwise(pedestrian.path[:, :2]):
+        for share in np.linspace(0.0, 1.0, 21):
+            assert point_clearance(world, one + share * (two - one)) > pedestrian.radius
+
+
+# What they do
+
+
+@pytest.mark.parametrize("name", STANDING)
+def test_plain_dwa_is_trapped_in_the_papers_scenes(name):
+    assert arrived(name, dwa) <= 1.0 - TRAPPED_SHARE
+
+
+@pytest.mark.parametrize("name", STANDING)
+def test_lme_arrives_in_the_papers_scenes(name):
+    assert arrived(name, lme) >= ARRIVED_SHARE
+
+
+def test_in_real1_dwa_passes_the_first_opening_and_is_trapped_at_the_second_gap():
+    ends = np.array([episode.trajectory[-1, 1:3] for episode in episodes("real1", dwa)])
+    at_gap = np.hypot(*(ends - GAP_1).T) < 0.6
+    assert at_gap.mean() >= 0.5
+
+
+def test_lme_meets_the_pedestrian_and_takes_another_way():
+    """He sets out in most episodes; LME gets round him, while what it drove without him leads through him."""
+    (pedestrian,) = scene(DYNAMIC).task(0).world.movers
+    place, reach = pedestrian.path[-1, :2], pedestrian.radius + machine(DYNAMIC).footprint.r_max
+    met = [
+        number
+        for number, episode in enumerate(episodes("real1", lme))
+        if np.hypot(*(episode.trajectory[:, 1:3] - place).T).min() < reach
+    ]
+    assert len(met) >= STARTS / 2
+    ended = episodes(DYNAMIC, lme)
+    assert np.mean([ended[number].outcome is Outcome.SUCCESS for number in met]) >= 0.8
+
+
+# Files
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_the_yaml_builds_what_ships(name):
+    written = catalogue.shipped().values(f"map/{name}")
+    speed = 0.66 if name in QUADRUPED else 0.5
+    assert build(written, "map").config == SceneConfig(name=name, speed=speed)
+    assert machine(name).v_max == speed
+
+
+DOOR = """
+bounds: [0, 0, 4, 4]
+start: [1, 1]
+goal: [3, 3]
+movers:
+  - {outline: [[0, 0], [1, 0], [1, 0.1]], path: [[2, 2, 0], [2, 2, 90]], turn_rate_deg: 45, start_after: 2,
+     repeat: back_and_forth}
+"""
+
+
+def test_a_door_is_a_mover_with_angles_in_degrees(tmp_path):
+    file = tmp_path / "door.yaml"
+    file.write_text(DOOR, "utf-8")
+    (door,) = read_scene(file).plan.world.movers
+    assert door.path[:, 2].tolist() == pytest.approx([0.0, math.pi / 2])
+    assert door.turn_rate == pytest.approx(math.pi / 4)
+    assert (door.start_after, door.repeat, door.radius) == (2.0, "back_and_forth", None)
+    assert door.outline.tolist() == [[0, 0], [1, 0], [1, 0.1]]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "right"),
+    [
+        ("start: [1, 1]\n", "", "start is missing"),
+        ("goal: [3, 3]", "goal: [3]", "goal is [3]: must be [x, y], 2 finite numbers"),
+        ("goal:", "gaol:", "unknown key 'gaol': did you mean goal?"),
+        ("turn_rate_deg", "turn_rate", "movers[0]: unknown key 'turn_rate': did you mean turn_rate_deg?"),
+        ("turn_rate_deg: 45", "turn_rate_deg: fast", "movers[0]: turn_rate_deg is 'fast': must be"),
+        ("[2, 2, 90]", "[2]", "movers[0]: path[1] is [2]: must be [x, y] or [x, y, yaw_deg]"),
+        ("path: [[2, 2, 0], [2, 2, 90]]", "path: 3", "movers[0]: path is 3: must be a list of positions"),
+        ("outline:", "radius: 0.2, outline:", "movers[0]: a mover needs either a radius"),
+        ("start_after: 2", "start_after: -2", "movers[0]: mover.start_after is -2: must be"),
+        ("back_and_forth", "[often]", "movers[0]: repeat is ['often']: must be one of once, back_and_forth"),
+        ("bounds: [0, 0, 4, 4]", "bounds: [0, 0, 4, 4]\nboxes: {}\ncircles: [1]", "circles[0]: 1 must be a"),
+    ],
+)
+def test_a_mistake_in_a_scene_file_is_one_line_that_names_its_place(tmp_path, old, new, right):
+    file = tmp_path / "scene.yaml"
+    assert old in DOOR
+    file.write_text(DOOR.replace(old, new), "utf-8")
+    with pytest.raises(InputError) as error:
+        read_scene(file)
+    assert str(error.value).startswith(str(file))
+    assert right in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("keys", "right"),
+    [
+        ({"name": "real5"}, "map.name is 'real5': must be one of go2_a, go2_b, real1"),
+        ({}, "map.name is None: must be one of"),
+        ({"path": "."}, "map.path is .: is a directory; must be a scene file"),
+        ({"path": "nowhere.yaml"}, "map.path is nowhere.yaml: no such file"),
+        ({"name": "real1", "starts": 0}, "map.starts is 0: must be at least 1"),
+        ({"name": "real1", "worlds": [2, 2]}, "map.worlds is [2, 2]: must be different numbers"),
+    ],
+)
+def test_a_mistake_in_a_key_is_one_line(keys, right):
+    with pytest.raises(InputError) as error:
+        Scene(SceneConfig(**keys))
+    assert right in str(error.value)
+
+
+def test_a_number_that_was_not_chosen_is_refused():
+    with pytest.raises(InputError, match="start 20 is not among the chosen ones of map real3"):
+        scene("real3").task(20)
+
+
+def test_a_robot_that_is_too_wide_for_the_only_way_is_refused():
+    with pytest.raises(
+        InputError,
+        match=r"map real1, start 0: no path from the start to the goal is wide enough for a disc of radius 0\.45 m",
+    ):
+        Scene(SceneConfig(name="real1", radius=0.45)).task(0)
+
+
+@pytest.mark.parametrize(
+    ("start", "right"),
+    [
+        ("[9, 3]", r"start 0: the start is \(9, 3\), outside the map: must lie in x 0 to 8 m, y 0 to 6 m$"),
+        (
+            "[4, 3.6]",
+            r"the start is \(4, 3\.6\), in an obstacle or too near one: must be at least 0\.2 m from",
+        ),
+    ],
+)
+def test_a_start_that_is_not_free_says_so(tmp_path, start, right):
+    path = tmp_path / "blocked.yaml"
+    path.write_text(
+        f"bounds: [0, 0, 8, 6]\nstart: {start}\ngoal: [7, 3]\ncircles: [{{centre: [4, 3], radius: 0.5}}]\n"
+    )
+    with pytest.raises(InputError, match=right):
+        Scene(SceneConfig(path=str(path), radius=0.2, lateral=0.0)).task(0)
+
+
+def test_a_start_at_the_goal_is_refused():
+    with pytest.raises(
+        InputError, match=r"start 0: the start lies 6\.4 m from the goal, within map\.goal_tolerance"
+    ):
+        scene("real1", goal_tolerance=6.5).task(0)
+
+
+@pytest.mark.parametrize("shape", ["radius: 0.25", "outline: [[0.25, 1], [0.25, -1], [-1, 0]]"])
+@pytest.mark.parametrize(("x", "refused"), [(1.44, True), (1.46, False)])
+def test_a_start_where_a_mover_stands_is_refused(tmp_path, shape, x, refused):
+    # Turned to face the start, either shape begins 0.25 m nearer than its origin.
+    path = tmp_path / "met.yaml"
+    path.write_text(
+        f"bounds: [0, 0, 8, 6]\nstart: [1, 3]\ngoal: [7, 3]\nmovers: [{{{shape}, path: [[{x}, 3, 180]]}}]\n"
+    )
+    met = Scene(SceneConfig(path=str(path), radius=0.2, lateral=0.0))
+    if not refused:
+        assert met.task(0).number == 0
+        return
+    with pytest.raises(
+        InputError, match=r"map met, start 0: movers\[0\] stands in the disc around the robot"
+    ):
+        met.task(0)
+
+
+def test_an_edited_file_is_read_again(tmp_path):
+    file = tmp_path / "scene.yaml"
+    file.write_text(DOOR, "utf-8")
+    chosen = SceneConfig(path=str(file), worlds=[0])
+    assert Scene(chosen).task(0).world.polygons == World().polygons
+    file.write_text(DOOR + "boxes:\n  - {centre: [2, 3], size: [0.2, 0.2]}\n", "utf-8")
+    assert len(Scene(chosen).task(0).world.polygons) == 1

@@ -1,0 +1,110 @@
+"""The layout of code and tests, as CONTRIBUTING.md describes it."""
+
+import ast
+from collections import defaultdict
+from itertools import takewhile
+from pathlib import Path
+
+import pytest
+
+from tests.places import ROOT
+
+PACKAGES = ("lme", "runners")
+SOURCES = {
+    path.relative_to(ROOT): ast.parse(path.read_text(encoding="utf-8"))
+    for package in PACKAGES
+    for path in sorted((ROOT / package).rglob("*.py"))
+}
+TESTS = sorted(
+    path.relative_to(ROOT / "tests")
+    for package in PACKAGES
+    for path in (ROOT / "tests" / package).rglob("test_*.py")
+)
+
+
+def subject_of(test):
+    """The module, package or asset that a test file is named for, without its ending; None if there is none."""
+    words = test.stem.split("_")[1:]
+    names = ("_".join(words[:count]) for count in range(len(words), 0, -1))
+    return next((test.with_name(name) for name in names if exists(test.with_name(name))), None)
+
+
+def exists(place):
+    return (ROOT / place / "__init__.py").exists() or any((ROOT / place.parent).glob(f"{place.name}.*"))
+
+
+def imported(tree):
+    """The names of the modules that a module imports, and of what it takes from them."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom):
+            yield from (node.module, *(f"{node.module}.{name.name}" for name in node.names))
+        elif isinstance(node, ast.Import):
+            yield from (name.name for name in node.names)
+
+
+CLIENTS = defaultdict(list)  # of each module: the modules of lme that import it
+for _path, _tree in SOURCES.items():
+    if _path.parts[0] == "lme":
+        for _name in {*imported(_tree)}:
+            CLIENTS[_name].append(_path)
+
+
+def clients(kernel):
+    return CLIENTS[".".join(kernel.with_suffix("").parts)]
+
+
+def common_folder(paths):
+    folders = [path.parent.parts for path in paths]
+    shared = takewhile(lambda level: len(set(level)) == 1, zip(*folders, strict=False))
+    return Path(*(level[0] for level in shared))
+
+
+@pytest.mark.parametrize("test", TESTS, ids=str)
+def test_a_test_file_is_named_for_what_it_tests(test):
+    assert subject_of(test), f"tests/{test}: no module, package or asset of {test.parent} has this name"
+
+
+def test_a_name_without_a_module_is_found():
+    assert subject_of(Path("lme/test_episode.py")) == Path("lme/episode")
+    assert subject_of(Path("lme/live/test_driver_clock.py")) == Path("lme/live/driver")
+    assert subject_of(Path("lme/planners/test_eband.py")) == Path("lme/planners/eband")
+    assert subject_of(Path("runners/explainer/assets/test_page_hands.py")) == Path(
+        "runners/explainer/assets/page"
+    )
+    assert subject_of(Path("lme/live/test_drives.py")) is None
+
+
+def test_a_public_class_name_stands_for_one_thing():
+    places = defaultdict(list)
+    for path, tree in SOURCES.items():
+        for node in tree.body:
+            if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+                places[node.name].append(str(path))
+    assert not {name: paths for name, paths in places.items() if len(paths) > 1}
+
+
+@pytest.mark.parametrize(
+    "kernel", [path for path in SOURCES if path.match("lme/kernels/[!_]*.py")], ids=lambda path: path.stem
+)
+def test_a_shared_kernel_has_clients_in_several_rooms(kernel):
+    found = clients(kernel)
+    assert len(found) > 1, f"{kernel} serves {found}"
+    assert common_folder(found) in (Path("lme"), kernel.parent), (
+        f"{kernel} belongs to {common_folder(found)}/"
+    )
+
+
+@pytest.mark.parametrize(
+    "kernel",
+    [
+        path
+        for path in SOURCES
+        if path.parts[:2] != ("lme", "kernels")
+        and path.match("*/kernels.py") | path.match("*/kernels/[!_]*.py")
+    ],
+    ids=str,
+)
+def test_a_kernel_beside_its_client_serves_nobody_else(kernel):
+    home = kernel.parent.parent if kernel.parent.name == "kernels" else kernel.parent
+    outside = [str(path) for path in clients(kernel) if not path.is_relative_to(home)]
+    assert not outside, f"{kernel} serves {outside}: lme/kernels/ holds what is shared"
