@@ -102,7 +102,7 @@ def test_a_place_between_lattice_points_is_free_if_the_disc_fits(tmp_path):
         ({"start": [1.0, 1.0], "goal": [1.0, 1.0]}, "map hall: the start lies 0 m from the goal, within"),
         (
             {"start": [1.0, 1.0], "goal": [9.0, 5.0], "worlds": [3]},
-            "map.worlds is [3]: must be null or [0], as",
+            "map.worlds is [3]: must be null or [0], since",
         ),
         ({"start": [1.0]}, "map.start is [1.0]: must be [x, y] or [x, y, yaw]"),
         ({"start": [1.0, math.nan]}, "map.start is [1.0, nan]: must be [x, y] or"),

@@ -40,13 +40,13 @@ def test_the_tensors_come_back(prefix, ending):
 def test_a_file_that_is_absent_or_no_table(prefix, tmp_path):
     assert "cannot be read" in refused(import_checkpoint, tmp_path / "other")
     part(prefix, INDEX).write_bytes(b"PK" * 100)
-    assert "no table of LevelDB" in refused(import_checkpoint, prefix)
+    assert "is not a LevelDB table" in refused(import_checkpoint, prefix)
 
 
 def test_a_shard_that_is_absent_or_cut_off(prefix):
     whole = part(prefix, SHARD).read_bytes()
     part(prefix, SHARD).write_bytes(whole[:-5])
-    assert "behind the end" in refused(import_checkpoint, prefix)
+    assert "beyond the end" in refused(import_checkpoint, prefix)
     part(prefix, SHARD).unlink()
     assert "cannot be read" in refused(import_checkpoint, prefix)
 
@@ -68,7 +68,7 @@ def test_weights_that_are_not_finite_are_refused(tmp_path):
     ("entry", "says"),
     [
         ((1, (32,), 0, 2**62), "as large as its shape"),
-        ((1, (32,), 2**62, 128), "behind the end"),
+        ((1, (32,), 2**62, 128), "beyond the end"),
         ((3, (32,), 0, 128), "float32"),
     ],
 )

@@ -104,8 +104,8 @@ CAFE = "<include><uri>model://cafe</uri></include>"
         (b"<sdf><world name='default'>", "not XML or is truncated"),
         (b"<?xml version='1.0' encoding='nonsense'?><sdf/>", "not XML or is truncated"),
         (BOMB, "entities"),
-        (b"<html><body/></html>", "no BARN world"),
-        (b"<sdf version='1.6'></sdf>", "no BARN world"),
+        (b"<html><body/></html>", "is not a BARN world"),
+        (b"<sdf version='1.6'></sdf>", "is not a BARN world"),
         (b"<sdf><world name='default'></world></sdf>", "no cylinders"),
         (sdf([(0.0, 0.0, 0.075)]).encode(), "of the 96 cylinders around the start it has only 0"),
         (
