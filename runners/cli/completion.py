@@ -10,20 +10,9 @@ from collections.abc import Iterable, Sequence
 from itertools import pairwise
 from pathlib import Path
 
-from runners.config import catalogue
+from runners.config import arguments, catalogue
 from runners.config.arguments import CFG, INFO
 
-_FLAGS = (
-    "--help",
-    "--multirun",
-    "-m",
-    "--cfg",
-    "--resolve",
-    "--package",
-    "--info",
-    "--config-dir",
-    "--hydra-help",
-)
 _PATH_KEYS = (
     "weights",
     "planner.weights",
@@ -77,9 +66,10 @@ def candidates(line: str, commands: Iterable[str]) -> list[str]:
     try:
         groups = configs.groups(before[1])
     except FileNotFoundError:  # a command without a config
-        return _starting(word, _own_flags(before[1])) if word.startswith("-") else _paths(word)
+        command = Path(__file__).parent / "commands" / f"{before[1].replace('-', '_')}.py"
+        return _starting(word, _flags(command)) if word.startswith("-") else _paths(word)
     if word.startswith("-"):
-        return _starting(word, _FLAGS)
+        return _starting(word, _flags(Path(arguments.__file__)))
     return _override(word, before[1], groups, before, configs)
 
 
@@ -120,7 +110,7 @@ def _keys(group: str, default: str | None, before: Sequence[str], configs: catal
         chosen.insert(0, before[2])  # lme figure KIND
     option = chosen[-1] if chosen else default
     try:
-        return [key.name for key in configs.keys(f"{group}/{option}") if key.name != "_target_"]
+        return [key.name for key in configs.keys(f"{group}/{option}")]
     except FileNotFoundError:
         return []
 
@@ -134,10 +124,9 @@ def _values(
     return _starting(last, named) + (_paths(last) if key in _PATH_KEYS else [])
 
 
-def _own_flags(command: str) -> list[str]:
-    """The flags of a command without a config, read from its source: to import it takes too long."""
-    path = Path(__file__).parent / "commands" / f"{command.replace('-', '_')}.py"
-    source = path.read_text(encoding="utf-8") if path.is_file() else ""
+def _flags(module: Path) -> list[str]:
+    """The flags that a module's parser takes, read from its source: importing a command takes too long."""
+    source = module.read_text(encoding="utf-8") if module.is_file() else ""
     return ["--help", *dict.fromkeys(re.findall(r'add_argument\(\s*"(--[\w-]+)"', source))]
 
 

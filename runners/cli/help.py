@@ -73,8 +73,8 @@ def command(name: str, title: str, examples: Sequence[str], words: Sequence[str]
             *_groups(configs, name),
             "",
             "keys:",
-            *_table((f"{key.name}={key.value}", key.comment) for key in configs.keys(name)),
-            *(_keys(configs, name, str(kind)) if kinds else ()),
+            *_keys(configs, name),
+            *(_keys(configs, f"{name}/{kind}", f"{name}.") if kinds else ()),
             *_table([("robot.v_max=1.0, ...", "any key of the options chosen; --cfg job prints them all")]),
             "",
             "how to:",
@@ -84,10 +84,9 @@ def command(name: str, title: str, examples: Sequence[str], words: Sequence[str]
     )
 
 
-def _keys(configs: catalogue.Catalogue, group: str, option: str) -> list[str]:
-    """Keys of one option."""
-    found = [key for key in configs.keys(f"{group}/{option}") if key.name != "_target_"]
-    return _table((f"{group}.{key.name}={key.value}", key.comment) for key in found)
+def _keys(configs: catalogue.Catalogue, name: str, prefix: str = "") -> list[str]:
+    """The keys of a YAML, each with its value and its comment."""
+    return _table((f"{prefix}{key.name}={key.value}", key.comment) for key in configs.keys(name))
 
 
 def _groups(configs: catalogue.Catalogue, command_name: str) -> list[str]:

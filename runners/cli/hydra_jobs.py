@@ -61,7 +61,7 @@ def _sweep(
     callbacks.on_multirun_start(config=config, config_name=composer.config_name)
     loader = _Planned(composer, plan, own)
     plan.configs.clear()
-    callbacks.callbacks.append(loader.forgetting)
+    callbacks.callbacks.append(loader)
     sweeper = Plugins.instance().instantiate_sweeper(
         config=config,
         hydra_context=HydraContext(config_loader=loader, callbacks=callbacks),
@@ -77,8 +77,11 @@ def _sweep(
     return max((int(job.return_value) for job in jobs), default=0)
 
 
-class _Planned(ConfigLoaderImpl):
-    """Hydra's config loader, but with the jobs that were composed when they were checked."""
+class _Planned(ConfigLoaderImpl, Callback):
+    """Hydra's config loader, but with the configs of the jobs as they were checked.
+
+    It drops a job's configs when the job has run: those of a thousand jobs take half a gigabyte.
+    """
 
     def __init__(self, composer: Composer, plan: Plan, own: Mapping[str, Any]) -> None:
         """own: keys of Hydra's own part that every job has."""
@@ -86,7 +89,6 @@ class _Planned(ConfigLoaderImpl):
         self._configs = {composer.canonical(words): config for words, config in plan.configs.items()}
         self._composer = composer
         self._own = own
-        self.forgetting = _Forgetting(self._configs)
 
     def load_sweep_config(self, master_config: DictConfig, sweep_overrides: list[str]) -> DictConfig:
         """The config of one job. A very large sweep has jobs that nobody has composed yet."""
@@ -96,14 +98,6 @@ class _Planned(ConfigLoaderImpl):
             worlds.expand(config)
         _set(config, self._own)
         return config
-
-
-class _Forgetting(Callback):
-    """Lets go of a job's configs when it has run: those of a thousand jobs take half a gigabyte."""
-
-    def __init__(self, configs: dict[frozenset[tuple[str, str]], DictConfig]) -> None:
-        """configs: of the jobs to come."""
-        self._configs = configs
 
     def on_job_end(self, config: DictConfig, job_return: JobReturn, **kwargs: Any) -> None:
         """Hydra keeps what the job returns, with two configs, until the sweep ends."""

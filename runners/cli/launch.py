@@ -53,7 +53,7 @@ def launch(command: Command, argv: Sequence[str]) -> int:
     typed = arguments.parse(argv)
     given, resumed = _with_resumed(command.name, typed)
     config_name = given.config_name or command.name
-    if given.info:
+    if given.info or given.hydra_help:
         return show.hydras_own(command.name, config_name, given)
     with Composer(config_name, given.config_dir) as composer:
         plan = command_line.plan(composer, given.overrides, given.multirun, typed.overrides)
@@ -150,10 +150,11 @@ def _directory(
     words = [word for word in plan.overrides if _key(word) not in (*_DIRECTORY_KEYS, "resume")]
     record = launch_record.launch_of(command.name, jobs, words, plan.multirun, given.config_name)
     asked = _asked_directory(plan.first, plan.multirun)
-    if resumed is None and OmegaConf.select(plan.first, "resume") is not True:
-        return run_directories.make_fresh(record, asked)
-    if resumed is None and asked is not None and not run_directories.holds_run(asked):
+    fresh = resumed is None and OmegaConf.select(plan.first, "resume") is not True
+    if not (fresh or resumed) and asked is not None and not run_directories.holds_run(asked):
         print(f"resume=true: nothing in {asked} yet, starting afresh", file=sys.stderr)
+        fresh = True
+    if fresh:
         return run_directories.make_fresh(record, asked)
     directory = resumed or asked or run_directories.resumable(record)
     run_directories.check_same(record, directory)

@@ -66,7 +66,9 @@ def _resolved(part: DictConfig | ListConfig, root: DictConfig) -> Any:
 def hydras_own(command: str, config_name: str, given: Arguments) -> int:
     """Let Hydra print what it knows of itself; returns the exit status."""
     before = sys.argv
-    sys.argv = [f"lme {command}", *given.info, *given.config_dir_flag(), *given.overrides]
+    flags = ["--hydra-help"] if given.hydra_help else ["--info", str(given.info)]
+    flags += ["--config-dir", str(given.config_dir)] if given.config_dir else []
+    sys.argv = [f"lme {command}", *flags, *given.overrides]
     try:
         hydra.main(version_base="1.3", config_path=str(resource_dir("conf")), config_name=config_name)(
             print

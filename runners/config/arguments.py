@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import argparse
+import os.path
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NoReturn
@@ -19,7 +19,7 @@ CFG = ("job", "hydra", "all")
 class Arguments:
     """A parsed command line.
 
-    cfg, package, resolve: which config to print instead of running. info: flags that make Hydra print something.
+    cfg, package, resolve: which config to print instead of running. info, hydra_help: what Hydra itself prints.
     """
 
     overrides: list[str] = field(default_factory=list)
@@ -29,39 +29,25 @@ class Arguments:
     cfg: str | None = None
     package: str | None = None
     resolve: bool = False
-    info: list[str] = field(default_factory=list)
-
-    def config_dir_flag(self) -> list[str]:
-        """The user's config folder as Hydra takes it."""
-        return [] if self.config_dir is None else ["--config-dir", str(self.config_dir)]
+    info: str | None = None
+    hydra_help: bool = False
 
 
 def parse(argv: Sequence[str]) -> Arguments:
     """Parse a command line. Raises InputError for an unknown flag."""
-    flags = _parser().parse_intermixed_args(list(argv))
-    if flags.config_dir is not None:
-        check_config_dir(flags.config_dir)
-    if flags.resolve and flags.cfg is None:
+    given = Arguments(**vars(_parser().parse_intermixed_args(list(argv))))
+    if given.config_dir is not None:
+        check_config_dir(given.config_dir)
+        given.config_dir = given.config_dir.resolve()
+    if given.resolve and given.cfg is None:
         raise InputError("--resolve goes with --cfg: --cfg job --resolve")
-    info = [] if flags.info is None else ["--info", flags.info]
-    return Arguments(
-        overrides=[_from_home(word) for word in flags.overrides],
-        multirun=flags.multirun,
-        config_dir=flags.config_dir and flags.config_dir.resolve(),
-        config_name=flags.config_name,
-        cfg=flags.cfg,
-        package=flags.package,
-        resolve=flags.resolve,
-        info=["--hydra-help"] if flags.hydra_help else info,
-    )
+    return given
 
 
 def check_config_dir(folder: Path) -> None:
     """Raise InputError unless a folder of the user's own options exists."""
-    with suppress(OSError):  # no folder has a name that is too long
-        if folder.is_dir():
-            return
-    raise InputError(f"--config-dir {folder}: no such directory")
+    if not os.path.isdir(folder):  # noqa: PTH112 - Path.is_dir raises for a name that is too long
+        raise InputError(f"--config-dir {folder}: no such directory")
 
 
 def _from_home(word: str) -> str:
@@ -78,7 +64,7 @@ class _Parser(argparse.ArgumentParser):
 
 def _parser() -> argparse.ArgumentParser:
     parser = _Parser(add_help=False, allow_abbrev=False)
-    parser.add_argument("overrides", nargs="*")
+    parser.add_argument("overrides", nargs="*", type=_from_home)
     parser.add_argument("--multirun", "-m", action="store_true")
     parser.add_argument("--cfg", "-c", choices=CFG)
     parser.add_argument("--resolve", action="store_true")

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import os.path
 from collections.abc import Callable, Iterator
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -52,11 +52,8 @@ class Catalogue:
 
     def options(self, group: str) -> list[str]:
         """Names of the options of a group. A file whose name begins with _ is no option: others inherit it."""
-        with suppress(OSError):  # no folder has a name that is too long
-            return sorted(
-                {path.stem for folder in self.folders for path in (folder / group).glob("[!_]*.yaml")}
-            )
-        return []
+        folders = filter(os.path.isdir, (folder / group for folder in self.folders))
+        return sorted({path.stem for folder in folders for path in folder.glob("[!_]*.yaml")})
 
     def has(self, name: str) -> bool:
         """Whether a folder has the YAML `name`."""
@@ -107,7 +104,7 @@ class Catalogue:
         return {option: self.title(f"{group}/{option}") for option in self.options(group)}
 
     def keys(self, name: str) -> list[Key]:
-        """Every value of the YAML `name` and of those that it inherits, in order, the defaults list left out.
+        """Every value of the YAML `name` and of those that it inherits, in order, without defaults and `_target_`.
 
         A key without a comment of its own has the inherited one.
         """
@@ -120,10 +117,8 @@ class Catalogue:
         return list(found.values())
 
     def _found(self, name: str) -> Path | None:
-        with suppress(OSError):  # no file has a name that is too long
-            files = (folder / f"{name}.yaml" for folder in self.folders)
-            return next((file for file in files if file.is_file()), None)
-        return None
+        files = (folder / f"{name}.yaml" for folder in self.folders)
+        return next(filter(os.path.isfile, files), None)  # Path.is_file raises for long names
 
 
 def shipped(*more: Path) -> Catalogue:
@@ -141,7 +136,7 @@ def _parsed(file: Path, text: str, parse: Callable[[str, Any], Any]) -> Any:
     try:
         return parse(text, _Loader)
     except yaml.YAMLError as error:
-        raise InputError(f"{file}: no valid YAML ({error})") from error
+        raise InputError(f"{file}: not valid YAML ({error})") from error
 
 
 def _walk(node: Any, lines: list[str], prefix: str) -> Iterator[Key]:
@@ -149,7 +144,7 @@ def _walk(node: Any, lines: list[str], prefix: str) -> Iterator[Key]:
         return
     for key, value in node.value:
         name = f"{prefix}{key.value}"
-        if name == "defaults":
+        if name in ("defaults", "_target_"):
             continue
         if isinstance(value, yaml.MappingNode) and value.value:
             yield from _walk(value, lines, f"{name}.")

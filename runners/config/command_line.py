@@ -8,7 +8,6 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import yaml
 from hydra.core.override_parser.types import Override, RangeSweep, ValueType
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
@@ -172,16 +171,8 @@ def _choices(parsed: Sequence[Override]) -> list[list[str]]:
 def _composed(composer: Composer, job: Sequence[str]) -> DictConfig:
     try:
         config = composer.compose(job)
-    except yaml.YAMLError as error:
-        raise diagnosis.broken_yaml(error) from error
     except COMPOSING as error:
         raise diagnosis.diagnosed(error, composer, job) from error
-    except AssertionError as error:  # OmegaConf's, where a key is set in a part that is null
-        deep = ", ".join(word for word in job if word.partition("=")[0].count(".") > 1)
-        raise InputError(
-            f"{deep}: sets a key of a part that is null: give the whole part, "
-            "e.g. robot.contact={length: 0.5, width: 0.4}"
-        ) from error
     known = keys_beside(OmegaConf.get_type(config), "")
     for key in sorted({str(key) for key in config} - {*known, "hydra"} if known else ()):
         raise unknown_key(key, known)  # the ++ of an open mapping makes keys that other commands have

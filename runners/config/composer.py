@@ -25,8 +25,8 @@ from runners.config import catalogue, schema
 
 # What Hydra and OmegaConf raise for what cannot be composed.
 COMPOSING = (
-    HydraException, OmegaConfBaseException, ValueError, TypeError, OverflowError, RecursionError, AttributeError,
-    OSError,
+    HydraException, OmegaConfBaseException, yaml.YAMLError, ValueError, TypeError, OverflowError, RecursionError,
+    AttributeError, AssertionError, OSError,
 )  # fmt: skip
 
 

@@ -16,20 +16,14 @@ from lme.errors import InputError, nearest
 from lme.resources import resource_dir
 from runners.config.composer import COMPOSING, Composer
 from runners.config.flatten import dotted_keys
-from runners.config.hydra_errors import expected, full_key, one_line, translated
+from runners.config.hydra_errors import expected, full_key, keys_beside, one_line, translated
 from runners.config.overrides import places, text_of
-
-
-def broken_yaml(error: yaml.YAMLError) -> InputError:
-    if not isinstance(error, yaml.MarkedYAMLError):  # a character that YAML does not allow
-        return InputError(f"a config file: no valid YAML ({one_line(str(error))})")
-    mark = error.problem_mark
-    place = f"{mark.name}, line {mark.line + 1}" if mark else "a config file"
-    return InputError(f"{place}: no valid YAML ({error.problem})")
 
 
 def diagnosed(error: Exception, composer: Composer, job: Sequence[str]) -> InputError:
     """Find the override or file that makes composing fail. The error says why."""
+    if isinstance(error, yaml.YAMLError):
+        return _broken_yaml(error)
     missing = error.missing_cfg_file if isinstance(error, MissingConfigException) else None
     if missing and not missing.startswith("hydra/"):
         return _no_file(missing, composer)
@@ -47,6 +41,12 @@ def diagnosed(error: Exception, composer: Composer, job: Sequence[str]) -> Input
         if mistake:
             return mistake
     return InputError(f"{' '.join(job)}: {one_line(str(error.__cause__ or error))}")
+
+
+def _broken_yaml(error: yaml.YAMLError) -> InputError:
+    mark = getattr(error, "problem_mark", None)  # none for a character that YAML does not allow
+    place = f"{mark.name}, line {mark.line + 1}" if mark else "a config file"
+    return InputError(f"{place}: not valid YAML ({one_line(getattr(error, 'problem', None) or str(error))})")
 
 
 def _no_file(name: str, composer: Composer) -> InputError:
@@ -81,7 +81,7 @@ def _mistaken(override: Override, config: DictConfig, composer: Composer) -> Inp
         if wanted and whole:
             return InputError(f"{key} is {shown}: must be {wanted}")
         return translated(error, schema)
-    except ValueError:  # a word for the number of an item of a list
+    except (ValueError, AssertionError):  # a word as the index of a list, or a key in a part that is null
         return _unknown(key, known, config, composer)
     return None
 
@@ -94,6 +94,9 @@ def _unknown(key: str, known: set[str], config: DictConfig, composer: Composer) 
         holder = OmegaConf.select(config, parent) if parent else config
     except OmegaConfBaseException as error:  # an interpolation that another override has put there
         return translated(error)
+    if parent and holder is None:
+        whole = ", ".join(f"{name}: …" for name in keys_beside(OmegaConf.get_type(config), key))
+        return InputError(f"{key}: {parent} is null, so give all of it: {parent}={{{whole}}}")
     if parent and not OmegaConf.is_dict(holder):
         return InputError(f"{key}: no such key; {parent} is a single value")
     names = sorted(str(name) for name in holder if name != "hydra")

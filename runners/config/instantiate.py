@@ -8,15 +8,14 @@ from __future__ import annotations
 
 import dataclasses
 import importlib
-import typing
 from collections.abc import Mapping
 from typing import Any
 
 from omegaconf import DictConfig, OmegaConf
-from omegaconf.errors import OmegaConfBaseException
+from omegaconf.errors import ConfigKeyError, OmegaConfBaseException
 
 from lme.errors import InputError, nearest
-from runners.config.hydra_errors import dataclass_of, describe, translated, unknown_key
+from runners.config.hydra_errors import expected, full_key, translated
 
 
 def build(node: DictConfig | Mapping[str, Any], key: str, *args: Any) -> Any:
@@ -47,30 +46,25 @@ def filled(schema: Any, given: DictConfig | Mapping[str, Any], key: str) -> Any:
     Raises InputError for a key that it lacks, a value of the wrong type, or a value that is missing.
     """
     node = OmegaConf.structured(schema)
-    _fill(node, schema, _plain(given, key), key)
+    for name, value in _plain(given, key).items():
+        try:
+            node.merge_with({name: value})
+        except (OmegaConfBaseException, OverflowError) as error:
+            raise _mistake(error, schema, name, value, key) from error
     try:
         return OmegaConf.to_object(node)
     except OmegaConfBaseException as error:
         raise _at(key, translated(error, schema)) from error
 
 
-def _fill(node: DictConfig, schema: Any, given: Mapping[str, Any], key: str) -> None:
-    annotations = typing.get_type_hints(schema)
-    names = [field.name for field in dataclasses.fields(schema)]
-    for name, value in given.items():
-        if name not in names:
-            raise unknown_key(f"{key}.{name}", names)
-        nested = dataclass_of(annotations[name])
-        if nested and isinstance(value, Mapping):
-            if OmegaConf.is_missing(node, name) or node[name] is None:
-                node[name] = OmegaConf.structured(nested)
-            _fill(node[name], nested, value, f"{key}.{name}")
-            continue
-        try:
-            node[name] = value
-        except (OmegaConfBaseException, OverflowError) as error:
-            wanted = describe(annotations[name])
-            raise InputError(f"{key}.{name} is {value!r:.80}: must be {wanted}") from error
+def _mistake(error: Exception, schema: Any, name: str, value: Any, key: str) -> InputError:
+    """What is wrong with the value of the field `name`, or with a part of it."""
+    if isinstance(error, ConfigKeyError):
+        return _at(key, translated(error, schema))
+    at = full_key(error).partition("[")[0] or name  # of a list, the whole
+    for part in at.split(".")[1:]:
+        value = value[part]
+    return InputError(f"{key}.{at} is {value!r:.80}: must be {expected(schema, at)}")
 
 
 def _plain(node: DictConfig | Mapping[str, Any], key: str) -> dict[str, Any]:

@@ -69,7 +69,7 @@ def _files(configs: Catalogue, group: str) -> dict[str, str]:
 
 def _option(configs: Catalogue, group: str, option: str) -> list[str]:
     name = f"{group}/{option}"
-    keys = [key for key in configs.keys(name) if key.name != "_target_"]
+    keys = configs.keys(name)
     target = configs.values(name).get("_target_")
     if not keys:
         return []

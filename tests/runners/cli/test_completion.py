@@ -24,7 +24,7 @@ JACKALS = "jackal jackal_gazebo jackal_real jackal_slow jackal_wheels"
         ("lme eval see", ["seed="]),
         ("lme eval robot=tur", ["robot=turtlebot2"]),
         ("lme eval   -m  robot=ja", [f"robot={name}" for name in JACKALS.split()]),
-        ("lme eval ablation=none,no_m", ["ablation=none,no_maintenance"]),
+        ("lme eval ablation=none,no_mai", ["ablation=none,no_maintenance"]),
         ("lme eval ablation=[no_c_o,no_c_h", ["ablation=[no_c_o,no_c_h"]),
         ("lme eval robot.lidar.nu", ["robot.lidar.num_beams="]),
         ("lme eval planner.k", ["planner.kp=", "planner.kd="]),
@@ -94,7 +94,7 @@ def environment(tmp_path):
         ("lme ev", "eval"),
         ("lme eval robot=tur", "turtlebot2"),
         ("lme eval robot=ja", JACKALS),
-        ("lme eval -m ablation=none,no_m", "none,no_maintenance"),
+        ("lme eval -m ablation=none,no_mai", "none,no_maintenance"),
     ],
 )
 def test_bash_completes(line, offered, environment):

@@ -58,7 +58,10 @@ def _never(job):
         ("+sed=1", ["sed: no such key; did you mean seed?"]),
         ("++sed=1", ["sed: no such key; did you mean seed?"]),
         ("robot.v_mx=1", ["robot.v_mx: no such key; did you mean robot.v_max? robot holds: "]),
-        ("robot.contact.width=1", ["robot.contact.width=1: sets a key of a part that is null"]),
+        (
+            "robot.contact.width=1",
+            ["robot.contact is null, so give all of it: robot.contact={length: …, width: …}"],
+        ),
         ("map.start.x=1", ["map.start.x: no such key; map.start is a single value"]),
         ("+map.start.x=1", ["map.start.x: no such key; map.start is a single value"]),
         ("robot.lidar.cloud={a: 1}", ["robot.lidar.cloud is {a: 1}: must be a mapping of height, "]),
@@ -193,14 +196,14 @@ def test_broken_yaml_names_file_and_line(launch, own):
     words, _ = own("v_max: 2.0", "v_max: [2.0")
     message = launch(*words)
     assert "own/robot/mine.yaml, line " in message
-    assert "no valid YAML" in message
+    assert "not valid YAML" in message
 
 
 @pytest.mark.parametrize(
     ("text", "said"),
     [
         ("0.5", "Invalid loaded object type: float"),
-        (ROBOT.replace("name: jackal", 'name: "\\uD800"'), "no valid YAML"),
+        (ROBOT.replace("name: jackal", 'name: "\\uD800"'), "not valid YAML"),
     ],
 )
 def test_a_file_that_is_no_mapping_or_that_only_one_parser_reads(launch, own, text, said):

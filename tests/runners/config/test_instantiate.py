@@ -84,7 +84,7 @@ def test_a_node_of_a_larger_config_is_resolved_in_it():
         ({"numbers": 3}, "planner.numbers is 3: must be a list, each a whole number"),
         ({"numbers": [1.5]}, "planner.numbers is [1.5]: must be a list, each a whole number"),
         ({"named": 3}, "planner.named is 3: must be a mapping of names, each to a number"),
-        ({"named": {"a": "b"}}, "planner.named is {'a': 'b'}: must be a mapping of names, each to a number"),
+        ({"named": {"a": "b"}}, "planner.named.a is 'b': must be a number"),
         ({"inner": 3}, "planner.inner is 3: must be a mapping of number"),
         ({"inner": {"number": "x"}}, "planner.inner.number is 'x': must be a whole number"),
         ({"inner": {"numbr": 1}}, "planner.inner.numbr: no such key; did you mean number?"),
