@@ -1,7 +1,7 @@
-"""Cloning by DAgger (Ross, Gordon and Bagnell 2011): an expert labels what the network and it drive through.
+"""Cloning by DAgger (Ross, Gordon and Bagnell 2011): an expert labels the states that it and the network visit.
 
-Round 0 is driven by the expert. In later rounds the network drives more and more, so that the expert also tells what
-to do where the network's own mistakes lead. `clone_training.py` does so in torch, which nothing here imports.
+The expert drives round 0. In later rounds the network drives more and more, so that the expert also labels the states
+to which the network's mistakes lead. `clone_training.py` implements this in torch, which nothing here imports.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ if TYPE_CHECKING:
 
 @dataclass(slots=True)
 class ExpertConfig:
-    """Options of planner and guide; the guide counts where the network is told the target, None: it is told the same.
+    """Options of planner and guide. guide: used if the network's subgoal is the target; None: the network's guide.
 
-    settings: keys of the planner that have other values than the option's file.
+    settings: keys of the planner whose values differ from those in the option's file.
     """
 
     planner: str = "dwa_tuned"
@@ -34,14 +34,14 @@ class CloneConfig:
     """Keys of `conf/learner/clone.yaml`."""
 
     rounds: int = 6
-    episodes: int = 300  # a round
+    episodes: int = 300  # per round
     updates: list[int] = field(default_factory=lambda: [2000, 6000])  # in the first and in the last round
     batch: int = 256
     lr: float = 1e-3  # of Adam; it falls to a hundredth in every round
     beta: float = 0.5  # in round n the expert drives beta^n of the steps
     least_beta: float = 0.1
-    least_sigma: float = 0.03  # no deviation counts as less
-    sharpness: float = 10.0  # of the draw of components where the network drives
+    least_sigma: float = 0.03  # minimum deviation
+    sharpness: float = 10.0  # of the draw of components while the network drives
     mirror: bool = True  # half of every batch is mirrored
     time_limit: float | None = 40.0  # [s] of an episode that is collected
     failures: bool = True  # learn also from episodes that do not succeed
@@ -83,7 +83,7 @@ class Clone:
         return asdict(self._config.expert)
 
     def check(self, config: LearnConfig) -> None:
-        """Every simulator will do."""
+        """Accept every simulator."""
 
     def learn(self, run: Run) -> None:
         from runners.learning.clone_training import CloneTraining

@@ -1,6 +1,6 @@
 """Proximal policy optimisation (Schulman et al. 2017, arXiv:1707.06347) of a mixture policy, with many robots.
 
-`ppo_training.py` does so in torch, which nothing here imports.
+`ppo_training.py` implements it in torch, which nothing here imports.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ class PpoConfig(ReinforcementConfig):
     batch: int = 512
     decay: float = 0.95  # λ of the generalised advantage
     clip: float = 0.2
-    kl_max: float = 0.03  # a round ends where the policy has changed more
-    warm_up: int = 20_000  # steps in which the critic alone is trained
+    kl_max: float = 0.03  # a round ends when the policy has changed more than this
+    warm_up: int = 20_000  # steps in which only the critic is trained
 
     def __post_init__(self) -> None:
         self.check()

@@ -1,4 +1,4 @@
-"""The keys that ppo and sac share, and what both say of themselves. Nothing here imports torch."""
+"""The keys and properties that ppo and sac share. Nothing here imports torch."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Settings = TypeVar("Settings", bound="ReinforcementConfig")
 
 @dataclass(slots=True)
 class DclpReward(Reward):
-    """The reward that DRL-DCLP was trained with."""
+    """The reward with which DRL-DCLP was trained."""
 
     progress: float = 2.0
     success: float = 10.0
@@ -24,10 +24,10 @@ class DclpReward(Reward):
 
 @dataclass(slots=True)
 class Curriculum:
-    """Easier tasks first: it is enough to come within `within` of the goal, stage by stage.
+    """Easier tasks first: in each stage, coming within `within` of the goal is a success.
 
-    within: [m] of each stage, before the map's own tolerance. promote: success in the last hundred episodes that ends
-    a stage.
+    within: [m] of each stage; the last stage has the map's own tolerance. promote: success in the last hundred
+    episodes that ends a stage.
     """
 
     within: list[float] = field(default_factory=list)
@@ -41,7 +41,7 @@ class Curriculum:
 
 @dataclass(slots=True)
 class ReinforcementConfig:
-    """Keys that `conf/learner/ppo.yaml` and `sac.yaml` have in common."""
+    """Keys common to `conf/learner/ppo.yaml` and `sac.yaml`."""
 
     steps: int = 1_000_000  # of all robots together
     robots: int = 32  # that drive at once
@@ -54,7 +54,7 @@ class ReinforcementConfig:
     curriculum: Curriculum = field(default_factory=Curriculum)
 
     def check(self) -> None:
-        """Raise InputError for values that cannot be."""
+        """Raise InputError for invalid values."""
         for key in ("steps", "robots", "worlds", "judge_every"):
             require(f"learner.{key}", getattr(self, key), at_least=1)
         for key in ("lr", "least_sigma"):
@@ -63,7 +63,7 @@ class ReinforcementConfig:
 
 
 class Reinforcement(Generic[Settings]):
-    """What ppo and sac say of themselves alike; each adds `learn`."""
+    """What ppo and sac have in common; each adds `learn`."""
 
     def __init__(self, config: Settings) -> None:
         self._config = config

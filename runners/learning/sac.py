@@ -1,6 +1,6 @@
 """Soft actor-critic (Haarnoja et al. 2018, arXiv:1801.01290) of a mixture policy, as DRL-DCLP was trained.
 
-`sac_training.py` does so in torch, which nothing here imports.
+`sac_training.py` implements it in torch, which nothing here imports.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ class SacConfig(ReinforcementConfig):
     steps: int = 300_000
     robots: int = 8
     judge_every: int = 20_000
-    alpha: float = 0.01  # worth of entropy
-    polyak: float = 0.005  # share of the critics that their targets take over in an update
+    alpha: float = 0.01  # weight of entropy
+    polyak: float = 0.005  # weight of the critics in an update of their targets
     batch: int = 256
     updates: int = 8  # after every step of all robots
     replay: int = 100_000  # steps kept
@@ -41,7 +41,7 @@ class SacConfig(ReinforcementConfig):
 
 
 class Sac(Reinforcement[SacConfig]):
-    """Learns from a memory of its own driving, and is paid for trying things."""
+    """Learns from a memory of its own driving, with a reward for exploration."""
 
     Config = SacConfig
 
