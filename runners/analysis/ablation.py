@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from runners.analysis import paired
 from runners.analysis.paired import METRIC, SUCCESS, Block, Difference, interval, signed
 from runners.analysis.summary import DASH, Row, title
-from runners.records.whole_file import write_whole
+from runners.records.whole_file import write_atomically
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -24,14 +24,14 @@ COLUMN, COMPLETE = "ablation", "none"
 NAME = "ablation"
 JOIN = "+"  # between the names of combined ablations
 SOURCE = "the LME paper, §IV, Ablation Studies (words without numbers)"
-SYSTEMS = ("LME", "LME as printed")  # what the paper's statements are about: either reading of its method,
+SYSTEMS = ("LME", "LME as printed")  # the paper's statements are about either reading of its method
 ABOUT = {"map": "barn", "robot": "jackal", "scale": ""}  # and its benchmark
 
 
 class Claim(NamedTuple):
     """What the paper says about removing a part. tier: 3 the largest loss, 0 none; None: a loss of unknown size.
 
-    ASSUMED: "noticeable" (2) is more than "moderate" (1); the paper lists them in this order.
+    ASSUMED: "noticeable" (2) is more than "moderate" (1), because the paper lists them in this order.
     """
 
     tier: int | None
@@ -53,7 +53,8 @@ _ANSWERS = {"yes": "Agrees", "in part": "Agrees in part", "no": "Does not agree"
 FEWEST = 20  # worlds needed for a verdict if no difference is beyond the noise
 MARGIN = 0.1  # of success rate: an interval that reaches farther may contain the loss that the paper states
 NOTES = (
-    f"Said of it: {SOURCE}. Ours is a 2D simulator, not Gazebo, and the paper does not list its hundred worlds.",
+    f"The paper's statements: {SOURCE}. Ours is a 2D simulator, not Gazebo, and the paper does not list its hundred "
+    "worlds.",
     "Agrees, if the paper states a loss: yes for a loss beyond the noise; in part if another variant, with a larger "
     "stated loss, loses less, and the two intervals do not overlap; no otherwise. "
     'The order of the stated losses is "most significant", "noticeable", "moderate".',
@@ -65,7 +66,7 @@ NOTES = (
 
 @dataclass(frozen=True, slots=True)
 class Variant:
-    """A line of the table. change: difference to the complete method, by measure; empty for the complete method.
+    """A line of the table. change: difference from the complete method, by measure; empty for the complete method.
 
     claim: what the paper says. agrees: "yes", "in part", "no" or "open". words: a sentence with the reason. All three
     are empty if the paper says nothing.
@@ -100,7 +101,7 @@ def in_text(ablation: str) -> str:
     return f"No {', '.join(part.removeprefix('no_') for part in ablation.split(JOIN))}"
 
 
-def words(found: list[AblationStudy]) -> list[str]:
+def sentences(found: list[AblationStudy]) -> list[str]:
     """Whether our results agree with the paper: a line for each of its statements."""
     lines = []
     for study in found:
@@ -114,7 +115,7 @@ def words(found: list[AblationStudy]) -> list[str]:
 def write(found: list[AblationStudy], place: Path) -> list[Path]:
     """Write `ablation.md` and `ablation.csv` into `place`; return their paths."""
     markdown, table = place / f"{NAME}.md", place / f"{NAME}.csv"
-    write_whole(markdown, to_markdown(found))
+    write_atomically(markdown, to_markdown(found))
     paired.write_csv([_numbers(study, variant) for study in found for variant in study.variants], table)
     return [markdown, table]
 
@@ -158,13 +159,13 @@ def _verdict(
     change = found.get(name)
     if change is None:
         return None
-    agrees, why = _judged(name, change, found, claims)
+    agrees, why = _judge(name, change, found, claims)
     reach = interval(change)
     measured = f"{signed(change.mean)} ({reach})" if reach else signed(change.mean)
     return agrees, f"the paper says {claims[name].words}; ours {measured}. {_ANSWERS[agrees]}: {why}."
 
 
-def _judged(
+def _judge(
     name: str, change: Difference, found: Mapping[str, Difference], claims: Mapping[str, Claim]
 ) -> tuple[str, str]:
     tier = claims[name].tier

@@ -1,4 +1,4 @@
-"""Formats a table as lines of plain text."""
+"""Formats a table as plain text."""
 
 from __future__ import annotations
 

@@ -12,12 +12,12 @@ from runners.analysis.columns import aligned
 from runners.analysis.compare_runs import MEASURES, Change, Compared, RunComparison
 from runners.analysis.paired import METRIC, SUCCESS, interval, p_value, signed
 from runners.analysis.summary import DASH
-from runners.records.whole_file import write_whole
+from runners.records.whole_file import write_atomically
 
 NAME = "compare"
-_SHORT = (SUCCESS, METRIC)  # measures on the terminal where many runs are compared
+_SHORT = (SUCCESS, METRIC)  # measures on the terminal if many runs are compared
 _MANY = 4  # runs
-_MOST_KEYS = 40  # in the table of keys
+_MAX_KEYS = 40  # in the table of keys
 _HEADER = ("Measure", "Reference", "This", "Difference", "95 %", "p (Holm)")
 NOTES = (*paired.NOTES, "Time and path: pairs in which both succeeded.")
 
@@ -41,7 +41,7 @@ def to_markdown(found: Sequence[RunComparison], pictures: Sequence[Path] = ()) -
 def write(found: Sequence[RunComparison], pictures: Sequence[Path], place: Path) -> list[Path]:
     """Write `compare.md`, `compare.csv` and `compare_worlds.csv` into `place`; return their paths."""
     paths = [place / f"{NAME}.md", place / f"{NAME}.csv", place / f"{NAME}_worlds.csv"]
-    write_whole(paths[0], to_markdown(found, pictures))
+    write_atomically(paths[0], to_markdown(found, pictures))
     paired.write_csv([line for each in found for line in _numbers(each)], paths[1])
     paired.write_csv([line for each in found for line in _worlds(each)], paths[2])
     return paths
@@ -111,8 +111,8 @@ def _table(study: RunComparison) -> str:
 
 def _keys(study: RunComparison) -> str:
     lines = [["Key", *study.names], ["---"] * (1 + len(study.names))]
-    lines += [[f"`{key}`", *map(_shown, values)] for key, values in list(study.keys.items())[:_MOST_KEYS]]
-    more = len(study.keys) - _MOST_KEYS
+    lines += [[f"`{key}`", *map(_shown, values)] for key, values in list(study.keys.items())[:_MAX_KEYS]]
+    more = len(study.keys) - _MAX_KEYS
     return (
         "What differs between the configs:\n\n"
         + _as_table(lines)

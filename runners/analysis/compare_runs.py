@@ -1,4 +1,4 @@
-"""Any runs against one of them, by world and run, where they drove the same worlds.
+"""Compares runs with one of them, by world and run, in the worlds that both drove.
 
 The statistics are those of `runners.analysis.paired`. The first run is the reference.
 """
@@ -29,7 +29,7 @@ MEASURES = {
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """A measure over the pairs of two runs: mean over worlds of the reference and of the other, and the difference."""
+    """A measure over the pairs of two runs: means over worlds of the reference and of the other, and the difference."""
 
     reference: float
     other: float
@@ -38,10 +38,9 @@ class Change:
 
 @dataclass(frozen=True, slots=True)
 class Compared:
-    """A run against the reference.
+    """A run compared with the reference.
 
-    changes: by measure. worlds: a row per shared world, with the means `reference` and `other` of the measure that is
-    drawn.
+    changes: by measure. worlds: a row per shared world, with the means `reference` and `other` of the drawn measure.
     """
 
     name: str
@@ -72,7 +71,7 @@ class Compared:
 
 @dataclass(frozen=True, slots=True)
 class RunComparison:
-    """Runs that share worlds with the reference. place: what all have in common. measure: what is drawn by world.
+    """Runs that share worlds with the reference. place: what all have in common. measure: drawn by world.
 
     notes: what a reader must know about the pairs. keys: of the configs that differ, with the value of each run.
     """
@@ -87,21 +86,21 @@ class RunComparison:
 
     @property
     def names(self) -> list[str]:
-        """Of all runs, that of the reference first."""
+        """Names of all runs, the reference first."""
         return [self.reference, *(each.name for each in self.compared)]
 
 
 def compare_runs(frame: pd.DataFrame) -> list[RunComparison]:
-    """Compare the runs of the records, which `read_episodes` gave; a comparison for each group that shares worlds.
+    """Compare the runs of records from `read_episodes`; returns a comparison for each group that shares worlds.
 
-    Raises InputError where there are no two runs, or no two share a world.
+    Raises InputError if there are not two runs, or no two share a world.
     """
     runs = [
         ComparedRun(Path(str(run_dir)), part.dropna(axis=1, how="all"))
         for run_dir, part in frame.groupby("run_dir", sort=False)
     ]
     if len(runs) < 2:
-        raise InputError(f"{runs[0].run_dir}: is a single run; give two runs or more, or a sweep")
+        raise InputError(f"{runs[0].run_dir}: is a single run; give two or more runs, or a sweep")
     found = groups(runs)
     together = [group for group in found if group.others]
     if not together:
@@ -187,12 +186,12 @@ def _notes(
         if len(seeds) == 1
         else f"Seeds differ ({', '.join(seeds)}): pairs with another seed share the world, not the random numbers."
     )
-    unlike = run_names.not_alike(keys, runs)
+    unlike = run_names.differing_conditions(keys, runs)
     if unlike:
-        lines.append(f"Not driven alike: {'; '.join(unlike)}.")
+        lines.append(f"Driven under different conditions: {'; '.join(unlike)}.")
     if len(launches) < len(runs):
         lines.append(
-            "Not every run has a launch.json: robot, simulator and rules may differ in more than is said."
+            "Not every run has a launch.json: robot, simulator and rules may differ in more than is shown."
         )
     versions = list(dict.fromkeys(launch.code for launch in launches if launch.code))
     if len(versions) > 1:
@@ -201,7 +200,7 @@ def _notes(
 
 
 def _left_out(reference: ComparedRun, run: ComparedRun, shared: frozenset[int], name: str) -> str:
-    """What two runs do not share; empty if each episode has a partner."""
+    """What two runs do not share; empty if every episode has a partner."""
     both, number = reference.worlds & run.worlds, len(shared)
     parts = [
         f"{_number(len(worlds - both), 'world')} that only {whose} drove"

@@ -1,6 +1,6 @@
-"""The comparison of systems: how each row of the table differs from the reference system, episode by episode.
+"""Compares systems: how each row of the table differs from the reference system, episode by episode.
 
-The reference is LME, or the system driven first where LME was not driven.
+The reference is LME, or the system driven first if LME was not driven.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from runners.analysis import paired
 from runners.analysis.paired import Block, Difference, interval, signed
 from runners.analysis.summary import DASH, METRICS, SETTING, SMOOTHNESS, USUAL, Row, as_text, row_keys, title
-from runners.records.whole_file import write_whole
+from runners.records.whole_file import write_atomically
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -22,14 +22,14 @@ REFERENCE = "LME"
 NAME = "comparison"
 MEASURES = (paired.SUCCESS, paired.METRIC, SMOOTHNESS)
 HEADERS = {metric.key: metric.header for metric in METRICS if metric.key in MEASURES}
-ROW = "row"  # a column of the records: what the table calls the row
+ROW = "row"  # a column of the records: the row's name in the table
 
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """Differences of the other rows to that of the reference, in one setting. place: the setting.
+    """Differences of the other rows from the reference's row, in one setting. place: the setting.
 
-    reference: what the table calls its row. changes: by row and measure. rows: of all, the reference's first.
+    reference: its row's name in the table. changes: by row and measure. rows: all, the reference's first.
     """
 
     reference: str
@@ -54,7 +54,7 @@ def studies(frame: pd.DataFrame) -> list[Comparison]:
     return [_comparison(block, baseline) for block in found]
 
 
-def words(found: list[Comparison]) -> list[str]:
+def sentences(found: list[Comparison]) -> list[str]:
     """A line for each row other than the reference's."""
     lines = []
     for study in found:
@@ -67,7 +67,7 @@ def words(found: list[Comparison]) -> list[str]:
 def write(found: list[Comparison], place: Path) -> list[Path]:
     """Write `comparison.md` and `comparison.csv` into `place`; return their paths."""
     markdown, table = place / f"{NAME}.md", place / f"{NAME}.csv"
-    write_whole(markdown, to_markdown(found))
+    write_atomically(markdown, to_markdown(found))
     paired.write_csv([_numbers(study, name) for study in found for name in study.rows], table)
     return [markdown, table]
 
@@ -78,7 +78,7 @@ def to_markdown(found: list[Comparison]) -> str:
 
 
 def _names(frame: pd.DataFrame, keys: list[str]) -> pd.Series:
-    """The system of each record, and its value of every key in which the records differ, unless it is usual."""
+    """The system of each record, and its value of every key in which records differ, unless it is the usual one."""
     names = as_text(frame["system"])
     for key in keys:
         values = as_text(frame[key])

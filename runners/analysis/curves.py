@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING
 from runners.analysis import paired
 from runners.analysis.paired import METRIC, SUCCESS
 from runners.analysis.summary import DASH, Row, as_text, changed_columns, row_keys, title
-from runners.records.whole_file import write_whole
+from runners.records.whole_file import write_atomically
 
 if TYPE_CHECKING:
     import pandas as pd
 
 NAME = "curves"
-LEAST = 3  # values of a key that make a curve
+LEAST = 3  # minimum number of values that make a curve
 AT = "at"  # column of the key's number
 EPISODE = ["world", "run"]
 NAMES = {SUCCESS: "success", "collision": "collision", METRIC: "BARN metric"}
@@ -24,7 +24,7 @@ NAMES = {SUCCESS: "success", "collision": "collision", METRIC: "BARN metric"}
 
 @dataclass(frozen=True, slots=True)
 class Curve:
-    """A row of figures for each value of the key, by increasing value. label: the system and what else varies."""
+    """A row of figures for each value of the key, in increasing order. label: the system and what else varies."""
 
     label: str
     points: tuple[tuple[float, Row], ...]
@@ -32,7 +32,7 @@ class Curve:
 
 @dataclass(frozen=True, slots=True)
 class CurveStudy:
-    """The curves over one key, all else as the options' files have it. place: map, robot, worlds and runs."""
+    """The curves over one key, with all other keys as in the options' files. place: map, robot, worlds and runs."""
 
     key: str
     place: str
@@ -51,8 +51,8 @@ def studies(frame: pd.DataFrame) -> list[CurveStudy]:
     return [study for study in found if study.curves]
 
 
-def words(found: list[CurveStudy]) -> list[str]:
-    """A line for each curve: success at the least and at the greatest value of the key."""
+def sentences(found: list[CurveStudy]) -> list[str]:
+    """A line for each curve: success at the smallest and the largest value of the key."""
     return [
         f"{curve.label}: success {_rate(curve.points[0][1])} at {study.key}={curve.points[0][0]:g}, "
         f"{_rate(curve.points[-1][1])} at {curve.points[-1][0]:g}."
@@ -64,7 +64,7 @@ def words(found: list[CurveStudy]) -> list[str]:
 def write(found: list[CurveStudy], place: Path) -> list[Path]:
     """Write `curves.md` and `curves.csv` into `place`; return their paths."""
     markdown, table = place / f"{NAME}.md", place / f"{NAME}.csv"
-    write_whole(markdown, to_markdown(found))
+    write_atomically(markdown, to_markdown(found))
     lines = [
         {"key": study.key, "value": value, "curve": curve.label, **paired.to_mapping(row, {})}
         for study in found
@@ -76,7 +76,7 @@ def write(found: list[CurveStudy], place: Path) -> list[Path]:
 
 
 def to_markdown(found: list[CurveStudy]) -> str:
-    """For each key and measure a table with a line for each curve and a column for each value."""
+    """For each key and measure, a table with a line for each curve and a column for each value."""
     parts = [f"**{study.key} · {study.place}**\n\n" + "\n\n".join(_tables(study)) for study in found]
     return "\n\n".join(parts) + "\n"
 
@@ -88,7 +88,7 @@ def _is_curve(frame: pd.DataFrame, key: str) -> bool:
 
 
 def _alone(frame: pd.DataFrame, key: str, keys: Sequence[str]) -> pd.DataFrame:
-    """Records in which none of the other keys is changed, each episode once, with the key's number as AT."""
+    """Records in which no other key is changed, each episode once, with the key's number as AT."""
     others = {other for other in keys if other != key}
     changed = frame["changes"].map(lambda text: {part.partition("=")[0] for part in text.split(", ")})
     part = frame[[others.isdisjoint(each) for each in changed]]

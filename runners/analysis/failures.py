@@ -23,7 +23,7 @@ FOLDER, INDEX = "explain", "index.html"
 HEADER = ("World", "Run", "Outcome", "Time [s]", "Closest to goal [m]")  # of `cells`
 _EPISODE = ["run_dir", *KEY_COLUMNS]
 _TEXT = ("Outcome", "Page", "Job")  # left-aligned columns
-_MOST_SETTINGS = 3  # in the name of a job
+_MAX_SETTINGS = 3  # in the name of a job
 
 
 def page_path(run_dir: Path, key: EpisodeKey) -> Path:
@@ -52,7 +52,7 @@ def failed_section(frame: pd.DataFrame, place: Path) -> str:
     jobs = _job_names(frame)
     lines = [
         [*([jobs[run_dir]] if len(jobs) > 1 else []), *cells(episode), _page_link(episode, run_dir, place)]
-        for run_dir, episode in episodes_told(frame[is_failure(frame)])
+        for run_dir, episode in episode_rows(frame[is_failure(frame)])
     ]
     header = [*(["Job"] if len(jobs) > 1 else []), *HEADER, "Page"]
     rule = ["---" if name in _TEXT else "---:" for name in header]
@@ -61,8 +61,8 @@ def failed_section(frame: pd.DataFrame, place: Path) -> str:
     return f"\n## Failed episodes\n\n{table}\n\nAll pages: {indexes}\n"
 
 
-def episodes_told(frame: pd.DataFrame) -> Iterator[tuple[Path, dict[str, Any]]]:
-    """Yield the run directory and the row of each episode, with its least distance to the goal, `closest_m` [m]."""
+def episode_rows(frame: pd.DataFrame) -> Iterator[tuple[Path, dict[str, Any]]]:
+    """Yield the run directory and the row of each episode, with its smallest distance to the goal, `closest_m` [m]."""
     closest = _closest_m(frame)
     for episode in frame.to_dict("records"):
         key = tuple(episode[name] for name in _EPISODE)
@@ -70,7 +70,7 @@ def episodes_told(frame: pd.DataFrame) -> Iterator[tuple[Path, dict[str, Any]]]:
 
 
 def cells(episode: Mapping[str, Any]) -> list[str]:
-    """The cells of a table for one episode of `episodes_told`."""
+    """The cells of a table for one episode of `episode_rows`."""
     closest = episode["closest_m"]
     return [
         str(episode["world"]),
@@ -82,7 +82,7 @@ def cells(episode: Mapping[str, Any]) -> list[str]:
 
 
 def _closest_m(frame: pd.DataFrame) -> Mapping[Any, float]:
-    """Least distance to the goal [m] by (run_dir, world, run); empty if the records have no goal."""
+    """Smallest distance to the goal [m] by (run_dir, world, run); empty if the records have no goal."""
     if frame.empty or not {"goal_x_m", "goal_y_m"} <= set(frame.columns):
         return {}
     keys = {EpisodeKey.of(row) for row in frame[list(KEY_COLUMNS)].to_dict("records")}
@@ -118,4 +118,4 @@ def _job_names(frame: pd.DataFrame) -> dict[Path, str]:
         run: [one for one in given if not all(one in others for others in settings.values())]
         for run, given in settings.items()
     }
-    return {run: " ".join([run.name, *own[run][:_MOST_SETTINGS]]).replace("|", r"\|") for run in runs}
+    return {run: " ".join([run.name, *own[run][:_MAX_SETTINGS]]).replace("|", r"\|") for run in runs}

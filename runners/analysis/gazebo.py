@@ -1,7 +1,7 @@
-"""Our episodes beside logs of the BARN Challenge in Gazebo, world by world.
+"""Compares our episodes with logs of the BARN Challenge in Gazebo, world by world.
 
-A log has a line `world success collision timeout time metric` per episode, as the challenge's run.py writes it, or is a
-CSV file with a header that names these columns, `time` as `time` or `time_s`, and perhaps `block`.
+A log has a line `world success collision timeout time metric` per episode, as the challenge's run.py writes it; or it
+is a CSV file whose header names these columns, with `time` or `time_s`, and perhaps `block`.
 """
 
 from __future__ import annotations
@@ -37,11 +37,11 @@ class Rates:
 
 @dataclass(frozen=True, slots=True)
 class Agreement:
-    """How two sets of episodes agree in the worlds that both have.
+    """Agreement of two sets of episodes in the worlds that both have.
 
     correlation: of the worlds' success rates; nan if either is the same in all worlds. same_verdict: probability that
-    an episode of each, in the same world, both reach the goal or both do not. time_ratio: median over worlds of the
-    first one's mean time of successful episodes over the other's; nan if none has both.
+    one episode of each, in the same world, both reach the goal or both do not. time_ratio: median over worlds of the
+    first set's mean time of successful episodes divided by the other's; nan if no world has both.
     """
 
     one: Rates
@@ -76,7 +76,7 @@ def read_log(path: Path, block: str | None = None) -> pd.DataFrame:
     ]
     if not rows:
         raise InputError(
-            f"{path}: has no episodes{'' if block is None else f' of block {block}'}: must have some"
+            f"{path}: has no episodes{'' if block is None else f' of block {block}'}: must have at least one"
         )
     return pd.DataFrame(rows, columns=["world", "outcome", "time_s"])
 
@@ -85,7 +85,7 @@ def agreement(one: pd.DataFrame, other: pd.DataFrame) -> Agreement:
     """Compare two sets of episodes in the worlds that both have. Raises InputError if there are none."""
     shared = sorted(set(one["world"]) & set(other["world"]))
     if not shared:
-        raise InputError("worlds: the episodes and the log have none in common: must have at least one")
+        raise InputError("worlds: the episodes and the log have no world in common: must have at least one")
     one, other = one[one["world"].isin(shared)], other[other["world"].isin(shared)]
     p, q = _success_by_world(one), _success_by_world(other)
     return Agreement(

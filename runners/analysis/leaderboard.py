@@ -1,7 +1,7 @@
-"""The leaderboard: many runs as systems × settings. Runs that were not driven alike never share a cell silently.
+"""The leaderboard: many runs as systems × settings. Runs under different conditions never share a cell silently.
 
-A setting is a map set, a robot and a simulator with all their keys. A system is the rest of the config, without seed
-and number of runs.
+A setting is a map set, a robot and a simulator with all their keys. A system is the rest of the config, without the
+seed and the number of runs.
 """
 
 from __future__ import annotations
@@ -27,40 +27,40 @@ if TYPE_CHECKING:
 
 PLACES = ("map", "robot", "sim")  # parts of the config that make a setting
 UNKNOWN = "unknown"  # the simulator of a run without a launch record
-_NEITHER = ("seed", "runs", "table")  # of the config; not of a setting, nor of a system
+_NEITHER = ("seed", "runs", "table")  # keys that belong neither to a setting nor to a system
 _NAMED = ("ablation", "weights", "scale")  # columns that are part of a system's name
-_MOST_KEYS = 4  # that a name shows to tell it from others
-_DIGITS = 9  # of figures that count as the same
+_MAX_KEYS = 4  # that a name shows to tell it from others
+_DIGITS = 9  # figures that agree to these digits count as equal
 
 
 class Setting(NamedTuple):
-    """Where runs were driven. told: what is unusual in it, and what tells it from others, such as "robot.v_max=1"."""
+    """Where runs were driven. traits: what is unusual, or tells it from other settings, such as "robot.v_max=1"."""
 
     map: str
     subset: str
     robot: str
     sim: str
-    told: tuple[str, ...] = ()
+    traits: tuple[str, ...] = ()
 
 
 class BoardSystem(NamedTuple):
-    """What drove. told: what is unusual in it, and what tells it from others, such as "ablation no_c_o"."""
+    """What drove. traits: what is unusual, or tells it from other systems, such as "ablation no_c_o"."""
 
     label: str
-    told: tuple[str, ...] = ()
+    traits: tuple[str, ...] = ()
 
     @property
     def name(self) -> str:
-        return ", ".join([self.label, *self.told])
+        return ", ".join([self.label, *self.traits])
 
 
 @dataclass(frozen=True, slots=True)
 class BoardEntry:
-    """One run. row: its figures. metric_interval: 95 % of the mean BARN metric. runs: as planned.
+    """One run. row: its figures. metric_interval: 95 % interval of the mean BARN metric. runs: as planned.
 
     config: every key of the setting and the system, dotted; empty for a run without a launch record.
-    repeats: number of runs of the same job. same: whether they have the same figures. shown: whether it is the one of
-    them to show: the newest that was finished.
+    repeats: number of runs of the same job. same: whether they have the same figures. shown: whether it is the one
+    to show: the newest finished one.
     """
 
     run_dir: Path
@@ -101,7 +101,7 @@ class _ReadRun(NamedTuple):
 def entries(frames: Mapping[Path, pd.DataFrame]) -> list[BoardEntry]:
     """An entry for each run, the newest first.
 
-    frames: records of each run by its directory, as `read_episodes` gives them for this run alone.
+    frames: records of each run by its directory, as `read_episodes` returns them for this run alone.
     """
     runs = [_read(run_dir, frame) for run_dir, frame in frames.items()]
     settings = _by_name((run.setting, run.of_setting) for run in runs)
@@ -109,8 +109,12 @@ def entries(frames: Mapping[Path, pd.DataFrame]) -> list[BoardEntry]:
     found = [
         _entry(
             run,
-            run.setting._replace(told=run.setting.told + _apart(run.of_setting, settings[run.setting])),
-            run.system._replace(told=run.system.told + _apart(run.of_system, systems[run.system])),
+            run.setting._replace(
+                traits=run.setting.traits + _distinguishing(run.of_setting, settings[run.setting])
+            ),
+            run.system._replace(
+                traits=run.system.traits + _distinguishing(run.of_system, systems[run.system])
+            ),
         )
         for run in runs
     ]
@@ -127,12 +131,12 @@ def _read(run_dir: Path, frame: pd.DataFrame) -> _ReadRun:
     of_setting = {key: config[key] for key in PLACES if key in config}
     of_system = {key: value for key, value in config.items() if key not in (*PLACES, *_NEITHER)}
     sim = _text(frame, "sim") if launch else UNKNOWN
-    told = _changed(changes, of_setting) if launch else (f"no launch record: {run_dir}",)
+    traits = _changed(changes, of_setting) if launch else (f"no launch record: {run_dir}",)
     return _ReadRun(
         run_dir,
         frame,
         launch,
-        Setting(map_set, subset, robot, sim, told),
+        Setting(map_set, subset, robot, sim, traits),
         BoardSystem(_text(frame, "system"), (*own, *_changed(changes, of_system))),
         dict(flatten(of_setting)),
         dict(flatten(of_system)),
@@ -144,16 +148,16 @@ def _text(frame: pd.DataFrame, column: str) -> str:
 
 
 def _changed(changes: Mapping[str, Any], part: Mapping[str, Any]) -> tuple[str, ...]:
-    """The changed keys of some groups of the config, each in words."""
-    return _each_in_words({key: value for key, value in changes.items() if key.partition(".")[0] in part})
+    """The changed keys of some groups of the config, each as text."""
+    return _each_as_text({key: value for key, value in changes.items() if key.partition(".")[0] in part})
 
 
-def _each_in_words(values: Mapping[str, Any]) -> tuple[str, ...]:
+def _each_as_text(values: Mapping[str, Any]) -> tuple[str, ...]:
     return tuple(in_words({key: value}) for key, value in values.items())
 
 
 def _by_name(named: Iterable[tuple[_Name, dict[str, Any]]]) -> dict[_Name, list[dict[str, Any]]]:
-    """The different things that have a name. Those of unknown keys are not among them."""
+    """The different configs of each name, without those whose keys are unknown."""
     found: dict[_Name, list[dict[str, Any]]] = {}
     for name, values in named:
         namesakes = found.setdefault(name, [])
@@ -162,17 +166,17 @@ def _by_name(named: Iterable[tuple[_Name, dict[str, Any]]]) -> dict[_Name, list[
     return found
 
 
-def _apart(values: Mapping[str, Any], namesakes: Sequence[Mapping[str, Any]]) -> tuple[str, ...]:
-    """The keys in which a thing differs from its namesakes, in words; none where its keys are not known."""
+def _distinguishing(values: Mapping[str, Any], namesakes: Sequence[Mapping[str, Any]]) -> tuple[str, ...]:
+    """The keys in which a config differs from its namesakes, as text; none if its keys are not known."""
     if not values:
         return ()
     keys = dict.fromkeys(key for other in namesakes for key in other)
     differing = [key for key in keys if any(other.get(key) != values.get(key) for other in namesakes)]
     shown = {key: values.get(key, "absent") for key in differing}
-    if len(shown) <= _MOST_KEYS:
-        return _each_in_words(shown)
-    first = _each_in_words({key: shown[key] for key in differing[:_MOST_KEYS]})
-    return (*first, f"{len(shown) - _MOST_KEYS} more (no. {namesakes.index(values) + 1})")
+    if len(shown) <= _MAX_KEYS:
+        return _each_as_text(shown)
+    first = _each_as_text({key: shown[key] for key in differing[:_MAX_KEYS]})
+    return (*first, f"{len(shown) - _MAX_KEYS} more (no. {namesakes.index(values) + 1})")
 
 
 def _entry(run: _ReadRun, setting: Setting, system: BoardSystem) -> BoardEntry:
@@ -194,13 +198,13 @@ def _entry(run: _ReadRun, setting: Setting, system: BoardSystem) -> BoardEntry:
 
 
 def _last_written(run_dir: Path) -> str:
-    """When the records were written, for a run that does not say when it was started."""
+    """When the records were written, for a run without a start time."""
     times = [path.stat().st_mtime for name in (EPISODES, APPEND_LOG) if (path := run_dir / name).is_file()]
     return datetime.fromtimestamp(max(times), UTC).isoformat(timespec="seconds")
 
 
 def _command(run_dir: Path, launch: Launch | None) -> str:
-    """The command line, without flags; that of `lme train` or `lme learn` for what it evaluated at its end."""
+    """The command line, without flags; that of `lme train` or `lme learn` for the evaluation at its end."""
     parent = read_launch(run_dir.parent)
     above = parent if parent is not None and not parent.multirun else None
     given = above or launch
@@ -208,7 +212,7 @@ def _command(run_dir: Path, launch: Launch | None) -> str:
 
 
 def _with_repeats(found: Sequence[BoardEntry]) -> list[BoardEntry]:
-    """The entries, each with what is known of other runs of its job. found: the newest first."""
+    """The entries, each with what is known about other runs of its job. found: the newest first."""
     groups: dict[tuple[Any, ...], list[BoardEntry]] = {}
     for entry in found:
         groups.setdefault(_job(entry), []).append(entry)
@@ -226,6 +230,6 @@ def _job(entry: BoardEntry) -> tuple[Any, ...]:
 
 
 def _figures(entry: BoardEntry) -> str:
-    """Figures of a run as text, equal for runs that ended alike."""
+    """Figures of a run as text, equal for runs with the same results."""
     rounded = {key: round(value, _DIGITS) for key, value in numbers(entry.row).items()}
     return json.dumps([entry.row.episodes, rounded], sort_keys=True)

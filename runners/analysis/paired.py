@@ -5,8 +5,8 @@ worlds. The value of a world is the mean of its paired differences. Seeds are fi
 figures.
 
 The bootstrap and the permutation test are implemented here because `scipy.stats` draws other signs, does not treat
-sums that differ by rounding as ties, takes ten times as long and a second to import. It does not have Holm's method.
-The tests compare with it.
+sums that differ by rounding as ties, takes ten times as long, and needs a second to import. It does not have Holm's
+method. The tests compare with it.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ NOTES = (
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """Mean paired difference to the baseline. low, high: interval. p: p-value. NaN with fewer than two worlds.
+    """Mean paired difference from the baseline. low, high: interval. p: p-value. NaN with fewer than two worlds.
 
     adjusted: p adjusted by Holm's method over all differences compared together. pairs: number of paired episodes.
     """
@@ -67,7 +67,7 @@ class Difference:
 
 @dataclass(frozen=True, slots=True)
 class Block:
-    """Records that differ in one column only. keys: values that distinguish this block from others, by column."""
+    """Records that differ in only one column. keys: values that distinguish this block from others, by column."""
 
     keys: dict[str, str]
     baseline: pd.DataFrame
@@ -85,7 +85,7 @@ class Block:
 def blocks(
     frame: pd.DataFrame, column: str, baseline: str, keys: Sequence[str] | None = None
 ) -> Iterator[Block]:
-    """Split records by `keys`, and each part by `column`; without the baseline or a variant a part is left out.
+    """Split records by `keys`, and each part by `column`; omits a part without the baseline or without a variant.
 
     keys: by default the system and all other columns that vary.
     """
@@ -102,7 +102,7 @@ def blocks(
 
 
 def compare(block: Block, quantity: str) -> dict[str, Difference]:
-    """The difference of each variant to the baseline, by name of variant; variants without pairs are left out."""
+    """The difference of each variant from the baseline, by name of variant; omits variants without pairs."""
     pairs = {name: difference(block.baseline, part, quantity) for name, part in block.variants.items()}
     found = {name: value for name, value in pairs.items() if value is not None}
     adjusted = holm([value.p for value in found.values()])
@@ -118,7 +118,7 @@ def difference(baseline: pd.DataFrame, variant: pd.DataFrame, quantity: str) -> 
     if changes.empty:
         return None
     by_world = changes.groupby("world").mean().to_numpy()
-    low, high, p = _tested(by_world)
+    low, high, p = _interval_and_p(by_world)
     return Difference(float(by_world.mean()), low, high, p, len(by_world), len(changes))
 
 
@@ -148,7 +148,7 @@ def holm(p_values: Sequence[float]) -> list[float]:
 
 
 def signed(value: float) -> str:
-    """Three decimals and a sign, a minus as wide as a plus; no sign if the value rounds to zero."""
+    """Three decimals and a sign, with a minus as wide as a plus; no sign if the value rounds to zero."""
     text = f"{value:+.3f}".replace("-", "\u2212")
     return "0.000" if float(f"{value:.3f}") == 0 else text
 
@@ -199,7 +199,7 @@ def write_csv(lines: Sequence[Mapping[str, object]], path: Path) -> None:
         writer.writerows(lines)
 
 
-def _tested(by_world: Floats) -> tuple[float, float, float]:
+def _interval_and_p(by_world: Floats) -> tuple[float, float, float]:
     """Interval of the mean of the differences (W,), and p-value of a mean of zero; NaN for fewer than two worlds."""
     worlds = len(by_world)
     if worlds < 2:

@@ -23,7 +23,7 @@ class PublishedSetting(NamedTuple):
 
 
 class Figures(NamedTuple):
-    """Published figures. label: without what our system says of its own settings, in brackets.
+    """Published figures. label: without our system's settings in brackets.
 
     stats: (mean, standard deviation) by metric; a deviation that was not published is NaN.
     """

@@ -1,4 +1,4 @@
-"""Names of runs that are compared: what differs between them, and what they have in common."""
+"""Names of the runs in a comparison: what differs between them, and what they have in common."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ _WHICH_WORLDS = (
 
 
 def names(runs: Sequence[ComparedRun]) -> list[str]:
-    """A name for each run, of what differs between them; those without a difference are named by their folders."""
+    """A name for each run, made of what differs between them; runs that do not differ are named by their folders."""
     differing = [column for column in _columns(runs) if len({run.text(column) for run in runs}) > 1]
-    found = [", ".join(_shortened([_part(run, column) for column in differing])) for run in runs]
+    found = [", ".join(_shorten([_part(run, column) for column in differing])) for run in runs]
     times = Counter(found)
     last = Counter(run.run_dir.name for run in runs)
     return [
@@ -47,17 +47,17 @@ def heading(runs: Sequence[ComparedRun]) -> str:
 
 
 def differing_keys(launches: Sequence[Launch]) -> dict[str, list[Any]]:
-    """The keys of the configs that decide results and differ, with the value of each run; None where it has none."""
+    """The keys that decide results and differ between the configs, with the value of each run or None."""
     configs = [dict(flatten(launch.configs[0])) for launch in launches]
     keys = dict.fromkeys(key for config in configs for key in config if key not in _WHICH_WORLDS)
     values = {key: [config.get(key) for config in configs] for key in keys}
     return {key: found for key, found in values.items() if any(value != found[0] for value in found)}
 
 
-def not_alike(keys: Mapping[str, Sequence[Any]], runs: Sequence[ComparedRun]) -> list[str]:
-    """In which respects the runs were not driven alike, beside their systems: robot, simulator, rules of the map.
+def differing_conditions(keys: Mapping[str, Sequence[Any]], runs: Sequence[ComparedRun]) -> list[str]:
+    """Conditions, besides their systems, that differ between the runs: robot, simulator, rules of the map.
 
-    keys: those that differ, if that is known.
+    keys: those that differ, if they are known.
     """
     found = []
     for group in ("robot", "sim", "map"):
@@ -81,10 +81,10 @@ def _part(run: ComparedRun, column: str) -> str:
     return f"{column} {value}" if value else "" if "." in column else f"no {column}"
 
 
-def _shortened(parts: Sequence[str]) -> list[str]:
-    told = [part for part in parts if part]
-    more = len(told) - _MOST
-    return told if more <= 0 else [*told[:_MOST], f"{more} more"]
+def _shorten(parts: Sequence[str]) -> list[str]:
+    shown = [part for part in parts if part]
+    more = len(shown) - _MOST
+    return shown if more <= 0 else [*shown[:_MOST], f"{more} more"]
 
 
 def _with_folder(name: str, run: ComparedRun, is_enough: bool) -> str:

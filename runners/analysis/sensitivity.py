@@ -12,7 +12,7 @@ from runners.analysis.paired import METRIC, SUCCESS, Block, Difference, signed
 from runners.analysis.summary import DASH, INTERVAL_NOTE, TIMES, Row, title
 from runners.config.weights import scale_from_words
 from runners.records.launch_record import read_launch
-from runners.records.whole_file import write_whole
+from runners.records.whole_file import write_atomically
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -21,15 +21,15 @@ COLUMN, UNCHANGED = "scale", ""
 NAME = "sensitivity"
 NAMES = {SUCCESS: "success", METRIC: "BARN metric"}
 NOTES = (
-    "Range: the highest minus the lowest success rate over the factors, 1 included. Bold: differs from that at 1 "
-    "beyond the noise, in brackets by how much.",
+    "Range: the highest minus the lowest success rate over the factors, including 1. Bold: differs from that at 1 "
+    "beyond the noise, by the amount in brackets.",
     f"The picture's band: 95 %, {INTERVAL_NOTE}",
 )
 
 
 @dataclass(frozen=True, slots=True)
 class Point:
-    """One factor of one parameter. change: difference to factor 1, by measure; empty at factor 1."""
+    """One factor of one parameter. change: difference from factor 1, by measure; empty at factor 1."""
 
     factor: float
     row: Row
@@ -43,7 +43,7 @@ class Point:
 
 @dataclass(frozen=True, slots=True)
 class ParameterCurve:
-    """Points of one parameter by increasing factor. value: of the parameter at factor 1; empty if unknown."""
+    """Points of one parameter by increasing factor. value: the parameter at factor 1; empty if unknown."""
 
     parameter: str
     value: str
@@ -61,7 +61,7 @@ class ParameterCurve:
         return max(rates) - min(rates)
 
     def beyond(self, measure: str) -> list[Point]:
-        """Points whose difference to factor 1 in the measure is beyond the noise."""
+        """Points whose difference from factor 1 in the measure is beyond the noise."""
         return [each for each in self.points if measure in each.change and each.change[measure].beyond_noise]
 
 
@@ -83,7 +83,7 @@ def studies(frame: pd.DataFrame) -> list[SensitivityStudy]:
     return [study for study in found if study.curves]
 
 
-def words(found: list[SensitivityStudy]) -> list[str]:
+def sentences(found: list[SensitivityStudy]) -> list[str]:
     """A line for each parameter, the one with the largest range first."""
     lines = []
     for study in found:
@@ -95,7 +95,7 @@ def words(found: list[SensitivityStudy]) -> list[str]:
 def write(found: list[SensitivityStudy], place: Path) -> list[Path]:
     """Write `sensitivity.md` and `sensitivity.csv` into `place`; return their paths."""
     markdown, table = place / f"{NAME}.md", place / f"{NAME}.csv"
-    write_whole(markdown, to_markdown(found))
+    write_atomically(markdown, to_markdown(found))
     points = [(study, curve, point) for study in found for curve in study.curves for point in curve.points]
     paired.write_csv([_numbers(*point) for point in points], table)
     return [markdown, table]
@@ -105,7 +105,7 @@ def to_markdown(found: list[SensitivityStudy]) -> str:
     """Success rate and BARN metric by factor, with a list of sentences below the tables of each study."""
     parts = []
     for study in found:
-        lines = "\n".join(f"- {line}" for line in words([study])[1:])
+        lines = "\n".join(f"- {line}" for line in sentences([study])[1:])
         parts += [
             f"**{study.heading} · {study.place}**",
             _table(study, SUCCESS),

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 _TASK = ("start_x_m", "start_y_m", "start_yaw_rad", "goal_x_m", "goal_y_m")
-_MEASURE = "world_"  # begins the columns that describe a world
+_MEASURE = "world_"  # prefix of the columns that describe a world
 _SAME = 1e-6  # [m, rad]
 
 
@@ -30,7 +30,7 @@ class ComparedRun:
         return set(self.frame["world"])
 
     def text(self, column: str) -> str:
-        """What all its episodes have in a column; empty without the column."""
+        """The value that all its episodes have in a column; empty without the column."""
         return str(self.frame[column].iloc[0]) if column in self.frame else ""
 
 
@@ -43,7 +43,7 @@ class Group:
 
 
 def groups(runs: Sequence[ComparedRun]) -> list[Group]:
-    """The runs by shared worlds, in their order. A run that shares none is a group without others."""
+    """The runs grouped by shared worlds, in their order. A run that shares none is a group without others."""
     found = []
     left = list(runs)
     while left:

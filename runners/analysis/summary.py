@@ -1,7 +1,7 @@
 """Summarises episode records as the rows of a result table.
 
-There is one row for each system and combination of other values that vary (ablation, map subset, seed, swept keys).
-The published figures of a system follow its row if they were measured in the same setting.
+There is one row for each combination of the system and other values that vary (ablation, map subset, seed, swept
+keys). The published figures of a system follow its row if they were measured in the same setting.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 class Metric(NamedTuple):
     """A column of the table.
 
-    spread: show ± over runs. of_successes: only successful episodes count. spare: left out first on a narrow terminal.
+    spread: show ± over runs. of_successes: only successful episodes count. spare: omitted first on a narrow terminal.
     """
 
     key: str
@@ -68,9 +68,9 @@ class Row:
 
     keys: values that distinguish this row from others, by column. stats: (mean, std over runs) by metric; std is NaN
     for a single run. interval: 95 % interval of the success rate. global_planner: a value of GLOBAL_PLANNER.
-    ablated: the label of its ablation, "without c_o"; empty if there is none, or if `label` says it already.
+    ablated: the label of its ablation, "without c_o"; empty if there is none, or if `label` includes it.
     changes: "key=value, …" of keys, other than `keys`, that differ from the files of their options. unfinished: how
-    much of what was planned was driven, such as "12 of 100 worlds"; empty if all.
+    much of the plan was driven, such as "12 of 100 worlds"; empty if all of it.
     """
 
     label: str
@@ -88,7 +88,7 @@ class Row:
 
     @property
     def name(self) -> str:
-        """What the table calls the row: its label, with its ablation and with what it lacks."""
+        """The row's name in the table: its label, with its ablation and with how much was driven."""
         system, _, source = self.label.rpartition(" ")
         label = f"{system} {self.ablated} {source}" if self.ablated else self.label
         return f"{label}, {self.unfinished}" if self.unfinished else label
@@ -102,9 +102,9 @@ def summarise(
 ) -> list[Row]:
     """Rows of the table for `frame` (one line per episode): for each system our rows, then the published ones.
 
-    order: names of systems whose rows come first, in this order. A system without episodes has its published figures
-    only. systems: named systems by name; by default those of `conf/system/`. labels: of ablations by name; by default
-    those of `conf/ablation/`.
+    order: names of systems whose rows come first, in this order. A system without episodes has only its published
+    figures. systems: named systems by name; by default those of `conf/system/`. labels: of ablations by name; by
+    default those of `conf/ablation/`.
     """
     systems = named_systems() if systems is None else systems
     labels = ablations.labels() if labels is None else labels
@@ -129,8 +129,8 @@ def metrics(frame: pd.DataFrame) -> dict[str, float]:
     return {"episodes": float(row.episodes or 0), **numbers(row)}
 
 
-def metrics_of_places(frame: pd.DataFrame) -> dict[str, float]:
-    """The metrics of each map, behind its name where there are several: numbers of one tracked run."""
+def metrics_by_map(frame: pd.DataFrame) -> dict[str, float]:
+    """The metrics of each map, prefixed with its name if there are several: numbers of one tracked run."""
     places = list(dict.fromkeys(frame["map"]))
     return {
         f"{place}_{key}" if len(places) > 1 else key: value
@@ -185,7 +185,7 @@ def title(frame: pd.DataFrame) -> str:
 
 
 def notes(rows: Sequence[Row], left_out: Collection[str] = ()) -> list[str]:
-    """Notes that explain the table. left_out: headers of columns that it does not show."""
+    """Notes that explain the table. left_out: headers of columns that it omits."""
     lines = []
     if any(row.runs is not None and row.runs > 1 for row in rows):
         lines.append("± is the standard deviation over runs.")
@@ -203,7 +203,7 @@ def notes(rows: Sequence[Row], left_out: Collection[str] = ()) -> list[str]:
     lines += changed_notes(rows)
     lines += published.notes({row.published_map for row in rows if row.published_map})
     if any(row.unfinished for row in rows):
-        lines.append("Not finished where a row says how much of it was driven; its figures are of that part.")
+        lines.append("A row that says how much was driven is not finished; its figures are of that part.")
     return lines
 
 
@@ -268,11 +268,11 @@ def _published_row(found: published.Figures, setting: published.PublishedSetting
 def _ablated(group: pd.DataFrame, labels: Mapping[str, str]) -> str:
     first = group.iloc[0]
     label = ablations.in_words(str(first.get("ablation", "")), labels)
-    return "" if str(first["system"]).endswith(label) else label  # lme_no_c_t has it in a label of its own
+    return "" if str(first["system"]).endswith(label) else label  # the label of lme_no_c_t includes it
 
 
 def _unfinished(group: pd.DataFrame, worlds: int, runs: int) -> str:
-    """ "12 of 100 worlds", or "250 of 300 episodes" where no world is missing; empty for a finished run."""
+    """ "12 of 100 worlds", or "250 of 300 episodes" if no world is missing; empty for a finished run."""
     all_worlds = max(worlds, planned(group, WORLDS))
     if worlds < all_worlds:
         return f"{worlds} of {all_worlds} worlds"
@@ -299,7 +299,7 @@ def changed_notes(rows: Sequence[Row]) -> list[str]:
 
 
 def _counted(frame: pd.DataFrame, column: str) -> str:
-    """Number of worlds, or runs, per row of the table; the fewest and the most if rows differ."""
+    """Number of worlds, or runs, per row of the table; the minimum and the maximum if rows differ."""
     keys = ["system", *row_keys(frame)]
     counts = frame.assign(**{key: as_text(frame[key]) for key in keys}).groupby(keys)[column].nunique()
     fewest, most = int(counts.min()), int(counts.max())

@@ -24,7 +24,7 @@ from runners.analysis.summary import (
     numbers,
     title,
 )
-from runners.records.whole_file import write_whole
+from runners.records.whole_file import write_atomically
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -92,12 +92,12 @@ def to_latex(rows: Sequence[Row]) -> str:
 
 
 def to_rich(rows: Sequence[Row], heading: str, width: int) -> rich.table.Table:
-    """The table for a terminal of `width` columns, at least 80; what does not fit is folded, or left out and named."""
+    """The table for a terminal of `width` columns, at least 80; what does not fit is wrapped, or omitted and named."""
     from rich.box import SIMPLE_HEAD
     from rich.table import Table
     from rich.text import Text
 
-    columns, gap, left_out = _fitting(rows, width)
+    columns, gap, left_out = _fit(rows, width)
     below = notes(rows, [header for header, *_ in left_out]) + _about(left_out, width)
     table = Table(title=Text(heading), caption=Text("\n".join(below)), caption_justify="left")
     table.box, table.show_edge, table.pad_edge, table.padding = SIMPLE_HEAD, False, False, (0, gap - 1, 0, 0)
@@ -129,7 +129,7 @@ def write_tables(frame: pd.DataFrame, rows: Sequence[Row], run_dir: Path) -> lis
         "table.tex": to_latex(rows),
     }
     for name, text in texts.items():
-        write_whole(run_dir / name, text)
+        write_atomically(run_dir / name, text)
     return [run_dir / name for name in texts]
 
 
@@ -138,7 +138,7 @@ def _shown_metrics(rows: Sequence[Row]) -> list[Metric]:
 
 
 def _cells(rows: Sequence[Row], plus_minus: str, to: str = DASH) -> list[list[str]]:
-    """Header and lines as text; the interval stands beside the success rate."""
+    """Header and lines as text; the interval is next to the success rate."""
     metrics = _shown_metrics(rows)
     headers = [metric.header for metric in metrics]
     keys = [key.capitalize() if key in GROUP_KEYS else key for key in rows[0].keys]
@@ -161,10 +161,10 @@ def _compares_planners(rows: Sequence[Row]) -> bool:
     return len(names) > 1 or any(row.global_planner != "no" for row in rows)
 
 
-def _fitting(rows: Sequence[Row], width: int) -> tuple[list[Column], int, list[Column]]:
-    """Columns for `width` characters with the gap between them, and the columns that were left out for them.
+def _fit(rows: Sequence[Row], width: int) -> tuple[list[Column], int, list[Column]]:
+    """Columns that fit into `width` characters, the gap between them, and the columns that were omitted.
 
-    First ± goes below its mean, then as few columns as possible are left out.
+    First ± moves below its mean, then as few columns as possible are omitted.
     """
     columns = list(zip(*_cells(rows, " ±"), strict=True))
     if _width(columns, GAP) <= width:
@@ -172,7 +172,7 @@ def _fitting(rows: Sequence[Row], width: int) -> tuple[list[Column], int, list[C
     columns = list(zip(*_cells(rows, " ±", f" {DASH}"), strict=True))
     spare = _least_needed_first(columns[1:], len(rows[0].keys))
     for count in range(len(spare) + 1):
-        folded = [_folded(column) for column in columns if column not in spare[:count]]
+        folded = [_wrap(column) for column in columns if column not in spare[:count]]
         for gap in (GAP, 1):
             if _width(folded, gap) <= width:
                 return folded, gap, spare[:count]
@@ -180,9 +180,9 @@ def _fitting(rows: Sequence[Row], width: int) -> tuple[list[Column], int, list[C
 
 
 def _least_needed_first(columns: Sequence[Column], keys: int) -> list[Column]:
-    """The columns that a table can lack: those with one value, then spare metrics, then others, each from the right.
+    """The columns that a table can omit: those with one value, then spare metrics, then others, each from the right.
 
-    keys: number of columns at the left that distinguish the rows; they stay if they vary, as the success rate does.
+    keys: number of columns at the left that distinguish the rows; they stay if they vary, like the success rate.
     """
     metrics = {metric.header: metric for metric in METRICS}
     ranked = []
@@ -200,13 +200,13 @@ def _least_needed_first(columns: Sequence[Column], keys: int) -> list[Column]:
 
 
 def _is_constant(column: Column) -> bool:
-    """Whether several rows have a value, and the same."""
+    """Whether several rows have a value, and all the same one."""
     values = [cell for cell in column[1:] if cell != MISSING]
     return len(values) > 1 and len(set(values)) == 1
 
 
 def _about(left_out: Sequence[Column], width: int) -> list[str]:
-    """Lines that name the columns that are left out, and say where they are."""
+    """Lines that name the omitted columns, and say where to find them."""
     same = [
         f"{header} {next(cell for cell in cells if cell != MISSING)}"
         for header, *cells in left_out
@@ -228,7 +228,7 @@ def _width(columns: Sequence[Sequence[str]], gap: int) -> int:
     return sum(width + gap for width in widest) - gap
 
 
-def _folded(column: Column) -> Column:
+def _wrap(column: Column) -> Column:
     """The cells, wrapped to the width of their longest word."""
     narrow = max(len(word) for cell in column for word in cell.split())
     return tuple("\n".join(textwrap.wrap(cell, narrow, break_on_hyphens=False)) for cell in column)

@@ -39,7 +39,7 @@ def validate(job: Job[EvalConfig]) -> None:
 
 
 def check_report(job: Job[ReportConfig]) -> None:
-    """Raise InputError where a job cannot record or report as its config says."""
+    """Raise InputError if a job cannot record or report as its config says."""
     config = job.config
     systems.check_names(config.table, job.folders)
     if config.record is Record.mcap:
@@ -48,7 +48,7 @@ def check_report(job: Job[ReportConfig]) -> None:
 
 
 def evaluate(job: Job[EvalConfig]) -> None:
-    """Run what is missing of map set × runs, and write everything below the job's run directory."""
+    """Run the missing episodes of map set × runs, and write everything below the job's run directory."""
     from runners.analysis.summary import metrics
     from runners.analysis.tables import print_table
 
@@ -63,7 +63,7 @@ def evaluate(job: Job[EvalConfig]) -> None:
 
 
 def start_tracking(job: Job[EvalConfig]) -> Tracking:
-    """Open the tracked run of a job, as its config says."""
+    """Open the tracked run of a job as its config says."""
     labels = run_labels(job, build.map_set(job.config))
     tracking: Tracking = instantiate.build(job.config.tracking, "tracking")
     tags = {**asdict(labels), "changes": job.changes_text, "command": "eval"}
@@ -72,7 +72,7 @@ def start_tracking(job: Job[EvalConfig]) -> Tracking:
 
 
 def produce(job: Job[EvalConfig], progress: bool = True) -> tuple[pd.DataFrame, list[Row], list[Path]]:
-    """Run what is missing and report on it; the records, the rows of the table, and all files.
+    """Run the missing episodes and report; returns the records, the rows of the table, and all files.
 
     progress: show a bar.
     """
@@ -86,7 +86,7 @@ def produce(job: Job[EvalConfig], progress: bool = True) -> tuple[pd.DataFrame, 
 def drive(
     config: EpisodesConfig, labels: RunLabels, maps: MapSet, run_dir: Path, progress: bool = True
 ) -> None:
-    """Run what is missing of map set × runs into the records of `run_dir`. progress: show a bar."""
+    """Run the missing episodes of map set × runs into the records of `run_dir`. progress: show a bar."""
     executor = instantiate.build(config.executor, "executor")
     with (
         RecordWriter(run_dir) as writer,
@@ -105,13 +105,13 @@ def drive(
 
 
 def _recorded(labels: RunLabels, run_dir: Path) -> RunLabels:
-    """The labels of the run's records: a resumed run keeps its names, though the files in `conf/` have new ones."""
+    """The labels of the run's records: a resumed run keeps its names, even if the files in `conf/` have new ones."""
     first = read_episodes([run_dir]).iloc[0]
     return RunLabels(**{key: str(first.get(key, label)) for key, label in asdict(labels).items()})
 
 
 def report(maps: MapSet, job: Job[EvalConfig]) -> tuple[pd.DataFrame, list[Row], list[Path]]:
-    """Write tables and picture, from the records alone; the records, the rows of the table, and all files."""
+    """Write tables and picture from the records alone; returns the records, the rows of the table, and all files."""
     from runners.analysis.summary import summarise
     from runners.analysis.tables import write_tables
     from runners.figures.reports.paths import draw_run
@@ -138,7 +138,7 @@ def _film(config: EvalConfig, maps: MapSet, run_dir: Path) -> list[Path]:
 
 
 def _recordings(config: EpisodesConfig, run_dir: Path) -> Recordings | None:
-    """Where recordings are written, and the config that they hold; None for no recordings."""
+    """Where recordings are written, and the config that they hold; None to write none."""
     if not isinstance(config, ReportConfig) or config.record is Record.none:
         return None
     return Recordings(run_dir / recorder.FOLDER, identity(config))

@@ -1,4 +1,4 @@
-"""Draw the figure of one job: drive episodes where none are given, then draw the picture."""
+"""Draw the figure of one job: drive episodes if none are given, then draw the picture."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def figure(job: Job[FigureConfig]) -> None:
         _draw(job.config, [job.run_dir], job.run_dir)
     except (InputError, KeyboardInterrupt):
         if not drives:
-            _leave(job.run_dir)
+            _remove_unless_drawn(job.run_dir)
         raise
 
 
@@ -58,7 +58,7 @@ def draw_sweep(job: Job[FigureConfig], driven: Sequence[Path]) -> None:
 
 
 def worlds_of(world: Any) -> list[int]:
-    """The worlds that are asked for: numbers, ranges, or a list of them; none for null. Raises InputError."""
+    """The requested worlds: numbers, ranges, or a list of them; null for none. Raises InputError."""
     if world is None:
         return []
     numbers = expanded(world, "world")
@@ -85,7 +85,7 @@ def _drive(job: Job[FigureConfig]) -> None:
         evaluate.drive(job.config, run_labels(job, maps), maps, job.run_dir)
 
 
-def _leave(run_dir: Path) -> None:
+def _remove_unless_drawn(run_dir: Path) -> None:
     """Remove the directory of a figure that was not drawn, unless it holds more than how it was started."""
     if {path.name for path in run_dir.iterdir()} <= {LAUNCH, ".hydra"}:
         shutil.rmtree(run_dir)
@@ -97,6 +97,6 @@ def _kind(config: FigureConfig) -> Kind:
 
 
 def _with_worlds(config: FigureConfig) -> FigureConfig:
-    """The config with the worlds to be driven: those asked for, those that the map set names, or its first."""
+    """The config with the worlds to drive: those requested, those that the map set names, or its first."""
     worlds = worlds_of(config.world) or config.map.get("worlds") or [build.map_set(config).numbers[0]]
     return replace(config, map={**config.map, "worlds": worlds})

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 _NAME = re.compile(r"[A-Za-z_][\w./-]*")
 _NOT_TEXT = ("true", "false", "null", "inf", "nan")  # to Hydra
-_INSTEAD = {"resume": "resume=True", "hydra.run.dir": "into=DIR", "hydra.sweep.dir": "into=DIR"}
+_KEYWORDS = {"resume": "resume=True", "hydra.run.dir": "into=DIR", "hydra.sweep.dir": "into=DIR"}
 
 
 def evaluate(
@@ -41,10 +41,10 @@ def evaluate(
     if resume and into is None:
         raise InputError("resume=True: there is nothing to resume without into=DIR")
     more = {**keys, **({} if workers is None else {"executor.workers": workers})}
-    words = _words([*overrides, *(f"{key}={in_grammar(value)}" for key, value in more.items())])
+    words = _overrides([*overrides, *(f"{key}={to_hydra(value)}" for key, value in more.items())])
     job = _job(words, config_dir)
     if into is not None:
-        return _kept(job, words, Path(into).expanduser(), resume, progress)
+        return _evaluate_into(job, words, Path(into).expanduser(), resume, progress)
     _check_needs_no_directory(job)
     with tempfile.TemporaryDirectory(prefix="lme-") as folder:
         maps = build.map_set(job.config)
@@ -52,8 +52,8 @@ def evaluate(
         return _records(Path(folder))
 
 
-def in_grammar(value: Any) -> str:
-    """A value of Python as Hydra's grammar writes it. Raises InputError for one that a config cannot hold."""
+def to_hydra(value: Any) -> str:
+    """A Python value in Hydra's grammar. Raises InputError for one that a config cannot hold."""
     if hasattr(value, "tolist"):  # of NumPy
         value = value.tolist()
     if value is None or isinstance(value, bool):
@@ -65,18 +65,20 @@ def in_grammar(value: Any) -> str:
     if isinstance(value, int | float):
         return repr(value)
     if isinstance(value, Mapping):
-        return "{" + ",".join(f"{key}:{in_grammar(each)}" for key, each in value.items()) + "}"
+        return "{" + ",".join(f"{key}:{to_hydra(each)}" for key, each in value.items()) + "}"
     if isinstance(value, Sequence):
-        return "[" + ",".join(map(in_grammar, value)) + "]"
-    raise InputError(f"{value!r}: must be a text, a number, True, False, None, or a list or mapping of such")
+        return "[" + ",".join(map(to_hydra, value)) + "]"
+    raise InputError(
+        f"{value!r}: must be a string, a number, True, False, None, or a list or mapping of these"
+    )
 
 
-def _words(words: list[str]) -> list[str]:
-    """The overrides, without tracking unless they choose one. Raises InputError for one that is a keyword here."""
+def _overrides(words: list[str]) -> list[str]:
+    """The overrides, without tracking unless they choose one. Raises InputError for a key that is a keyword here."""
     given = [word.partition("=")[0].lstrip("+") for word in words]
     for key, word in zip(given, words, strict=True):
-        if key in _INSTEAD:
-            raise InputError(f"{word}: must be the keyword {_INSTEAD[key]}")
+        if key in _KEYWORDS:
+            raise InputError(f"{word}: must be given as the keyword {_KEYWORDS[key]}")
     return words if "tracking" in given else ["tracking=none", *words]
 
 
@@ -97,17 +99,17 @@ def _job(words: Sequence[str], config_dir: str | Path | None) -> Job[EvalConfig]
 
 
 def _check_needs_no_directory(job: Job[EvalConfig]) -> None:
-    """Raise InputError for a job that asks for files or a tracked run, which names its directory."""
+    """Raise InputError for a job that asks for files or a tracked run, which need a directory."""
     asked = {"record": job.config.record, "explain": job.config.explain, "tracking": job.choices["tracking"]}
     for key, value in asked.items():
         if value != "none":
             raise InputError(f"{key}={value}: needs into=DIR, the run's directory")
 
 
-def _kept(
+def _evaluate_into(
     job: Job[EvalConfig], words: Sequence[str], run_dir: Path, resume: bool, progress: bool
 ) -> pd.DataFrame:
-    """Drive in a run directory as the command does, and write all that it writes."""
+    """Drive in a run directory as the command does, and write everything that it writes."""
     from runners.analysis.summary import metrics
 
     record = launch_record.launch_of("eval", [job], list(words), False, None)

@@ -1,4 +1,4 @@
-"""Evaluate what training found on worlds that it never saw."""
+"""Evaluate the result of a training on worlds that it never saw."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ if TYPE_CHECKING:
 
 
 def evaluate_held_out(job: Job[HeldOutConfig], values: Mapping[str, Any], weights: str) -> pd.DataFrame:
-    """Evaluate what was found on every held-out map and print how it went; the records.
+    """Evaluate the result on every held-out map, print the tables, and return the records.
 
-    values: what was found, by dotted config key. weights: what the records name as `weights`. Every map has a
-    directory of its own below that of the training.
+    values: those found, by dotted config key. weights: the name that the records have as `weights`. Every map has its
+    own directory below that of the training.
     """
     from runners.analysis.summary import summarise
     from runners.analysis.tables import print_table, write_tables
@@ -45,7 +45,7 @@ def evaluate_held_out(job: Job[HeldOutConfig], values: Mapping[str, Any], weight
 def _evaluation(
     job: Job[HeldOutConfig], values: Mapping[str, Any], place: str, node: dict[str, Any], weights: str
 ) -> Job[EvalConfig]:
-    """The evaluation of what was found on one map."""
+    """The job that evaluates the result on one map."""
     trained = with_values(job.config, values)
     names = {field.name for field in fields(EvalConfig)} & {field.name for field in fields(job.config)}
     shared = {each: getattr(trained, each) for each in names}
@@ -61,7 +61,7 @@ def _evaluation(
 
 
 def _changes(job: Job[HeldOutConfig], place: str) -> dict[str, Any]:
-    """The changed keys of the evaluation on one map: those of the training map say nothing of a held-out one."""
+    """The changed keys of the evaluation on one map: those of the training map say nothing about a held-out one."""
     if not job.config.held_out:
         return dict(job.changes)
     of_map = f"{HELD_OUT}{place}."
@@ -78,7 +78,7 @@ def _evaluate_on(place: str, job: Job[EvalConfig], values: Mapping[str, Any]) ->
     job.run_dir.mkdir(exist_ok=True)
     launch_of("eval", [job], [], False, None).write(job.run_dir)
     labels = replace(run_labels(job, maps), map=place)
-    if _settings(values):  # its planner is not that of the named pair any more
+    if _settings(values):  # its planner is no longer that of the named pair
         labels = replace(labels, system=f"{labels.guide}+{labels.planner}")
     drive(config, labels, maps, job.run_dir)
     pages.as_asked(config.explain, job.run_dir, instantiate.build(config.executor, "executor"))
@@ -86,5 +86,5 @@ def _evaluate_on(place: str, job: Job[EvalConfig], values: Mapping[str, Any]) ->
 
 
 def _settings(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Values that were found for keys that are no parameters of the guide."""
+    """The values found for keys that are not parameters of the guide."""
     return {key: value for key, value in values.items() if not key.startswith(PARAMETERS)}

@@ -12,7 +12,7 @@ from runners.records.episode_record import RunLabels
 
 
 def run_labels(job: Job[DriveConfig], maps: MapSet) -> RunLabels:
-    """What every record of the job says of system, robot and map. maps: the job's map set."""
+    """What every record of the job says about system, robot and map. maps: the job's map set."""
     config = job.config
     guide, planner = _chosen("guide", job), _chosen("planner", job)
     return RunLabels(
@@ -29,7 +29,7 @@ def run_labels(job: Job[DriveConfig], maps: MapSet) -> RunLabels:
 
 
 def _system(guide: str, planner: str, job: Job[DriveConfig]) -> str:
-    """The label of the system that was chosen, if this is its pair, or of the named pair."""
+    """The label of the chosen system if this is its pair, else of the named pair."""
     changed = any(key.startswith(("guide.", "planner.")) for key in job.changes)
     known = systems.systems(job.folders)
     chosen = [system for name, system in known.items() if name == job.choices.get("system")]
@@ -44,5 +44,5 @@ def _chosen(group: str, job: Job[DriveConfig]) -> str:
 
 
 def _ablation(job: Job[DriveConfig]) -> str:
-    """The option, or the options joined by +. Where a file chooses several, the parameters that they set."""
+    """The option, or the options joined by +. If a file chooses several, the parameters that they set."""
     return job.choices.get("ablation") or SEVERAL.join(job.config.ablation)

@@ -24,11 +24,11 @@ from runners.experiments.resume_hint import resume_hint
 from runners.learning.learnable import check_learnable, planner_config
 from runners.records import network_file
 from runners.records.launch_record import fingerprint, identity
-from runners.records.run_directories import held
+from runners.records.run_directories import locked
 from runners.workers import lessons
 from runners.workers.lessons import Expert, LessonPayload
 from runners.workers.progress import LearnProgress
-from runners.workers.robots import check_ranges, given
+from runners.workers.robots import check_ranges, ranged_keys
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -61,11 +61,11 @@ def learn(job: Job[LearnConfig]) -> None:
     tracking = instantiate.build(config.tracking, "tracking")
     tags = {**asdict(run_labels(job, build.map_set(config))), "changes": job.changes_text, "command": "learn"}
     tracking.start(asdict(config), run_dir, tags, job.sweep_dir)
-    with resume_hint("learn", run_dir), held(run_dir):
-        run = _learned(job)
-        files = [*_registered(job, run, {}), _picture(run)]
+    with resume_hint("learn", run_dir), locked(run_dir):
+        run = _run_learner(job)
+        files = [*_register(job, run, {}), _picture(run)]
         frame = evaluate_held_out(job, {"planner.weights": str(run_dir / NETWORK)}, config.weights)
-        _registered(job, run, _by_place(frame))
+        _register(job, run, _rates_by_map(frame))
     pages = [page for place in frame["run_dir"].unique() for page in failures.folder(Path(place))]
     tracking.finish(_numbers(frame, run.rows[-1]), [*files, *pages], _series(run.rows))
 
@@ -79,7 +79,7 @@ def network_name(job: Job[LearnConfig]) -> str:
     return "-".join(map(str, parts))
 
 
-def _learned(job: Job[LearnConfig]) -> Run:
+def _run_learner(job: Job[LearnConfig]) -> Run:
     """The run after its last round or step."""
     from runners.learning.run import Run
 
@@ -96,7 +96,7 @@ def _learned(job: Job[LearnConfig]) -> Run:
 
 
 def _payload(job: Job[LearnConfig], learner: Learner) -> LessonPayload:
-    """What the workers need. Raises InputError for an option that is none, or that cannot be built."""
+    """What the workers need. Raises InputError for an option that does not exist or cannot be built."""
     config = replace(job.config, guides=job.config.guides or {job.choices["guide"]: 1.0})
     for name, share in config.guides.items():
         require(f"guides.{name}", share, above=0.0)
@@ -115,25 +115,25 @@ def _payload(job: Job[LearnConfig], learner: Learner) -> LessonPayload:
 
 
 def _check_network(job: Job[LearnConfig]) -> None:
-    """Raise InputError for weights given at the wrong place, and for a robot that the planner hides."""
+    """Raise InputError for weights given by the wrong key, and for robot values that the planner overrides."""
     config = job.config
     if "planner.weights" in job.changes:
         raise InputError(
             f"planner.weights is {config.planner['weights']}: lme learn makes the weights; "
-            "to go on from some give start=NAME"
+            "to continue from other weights, give start=NAME"
         )
     if config.start is not None:
         find_network(config.start, "start")
     planner_config(config.planner)
     told = [key for key, value in dict(config.planner.get("told", {})).items() if value is not None]
-    if told and given(config.robots):
+    if told and ranged_keys(config.robots):
         raise InputError(
-            f"planner.told sets {', '.join(told)}: must be null where robots are drawn, such as with planner=dclp"
+            f"planner.told sets {', '.join(told)}: must be null if `robots` has ranges, such as with planner=dclp"
         )
 
 
 def _check_worlds(config: LearnConfig) -> None:
-    """Raise InputError unless the training maps have worlds of their own."""
+    """Raise InputError unless the training maps have worlds that are not held out."""
     if not config.training:
         raise InputError("training is {}: must hold at least one map set")
     require("first_world", config.first_world, at_least=0)
@@ -148,17 +148,17 @@ def _check_worlds(config: LearnConfig) -> None:
             build.map_set(replace(config, map=node), [config.first_world])
         except InputError as error:
             raise InputError(
-                f"training.{name} has no world {config.first_world}, first_world: must be a map set with drawn "
+                f"training.{name} has no world {config.first_world}, first_world: must be a map set with generated "
                 f"worlds, such as barn with subset fresh ({error})"
             ) from error
 
 
-def _registered(job: Job[LearnConfig], run: Run, held_out: Mapping[str, Any]) -> list[Path]:
-    """Write network and card under the run's name; the files in its directory."""
+def _register(job: Job[LearnConfig], run: Run, held_out: Mapping[str, Any]) -> list[Path]:
+    """Write network and card under the run's name; returns the files in its directory."""
     config, name = job.config, network_name(job)
     last = {key: round(float(value), 6) for key, value in run.rows[-1].items()}
     about = {
-        "command": shlex.join(["lme", "learn", *_words(job)]),
+        "command": shlex.join(["lme", "learn", *_overrides(job)]),
         "planner": job.choices["planner"],
         "learner": job.choices["learner"],
         "robot": config.robot.name,
@@ -175,7 +175,7 @@ def _registered(job: Job[LearnConfig], run: Run, held_out: Mapping[str, Any]) ->
     use = f"lme eval guide={job.choices['guide']} planner={job.choices['planner']} planner.weights={name}"
     files = network_file.register(job.run_dir, name, about, use)
     if not held_out:
-        print(f"Best success in validation {run.best:.3f} of {len(run.rows)} networks judged")
+        print(f"Best validation success of {len(run.rows)} networks: {run.best:.3f}")
         print(f"Network: {files[0]}; use it with: {use}")
     return files
 
@@ -186,7 +186,7 @@ def _picture(run: Run) -> Path:
     return curves_figure(run.rows, run.run_dir / "curves.png")
 
 
-def _by_place(frame: pd.DataFrame) -> dict[str, dict[str, float]]:
+def _rates_by_map(frame: pd.DataFrame) -> dict[str, dict[str, float]]:
     """The rates of each held-out map, for the card."""
     from runners.analysis.summary import metrics
 
@@ -197,16 +197,16 @@ def _by_place(frame: pd.DataFrame) -> dict[str, dict[str, float]]:
 
 
 def _numbers(frame: pd.DataFrame, last: Row) -> dict[str, float]:
-    from runners.analysis.summary import metrics_of_places
+    from runners.analysis.summary import metrics_by_map
 
-    return {**metrics_of_places(frame), "validation_success": last["best_success"], "hours": last["hours"]}
+    return {**metrics_by_map(frame), "validation_success": last["best_success"], "hours": last["hours"]}
 
 
 def _series(rows: list[Row]) -> dict[str, list[float]]:
     return {f"curve_{key}": [row[key] for row in rows] for key in rows[0]}
 
 
-def _words(job: Job[LearnConfig]) -> list[str]:
+def _overrides(job: Job[LearnConfig]) -> list[str]:
     return [
         word for word in job.overrides if word.partition("=")[0] not in ("resume", "executor", "tracking")
     ]

@@ -1,4 +1,4 @@
-"""What Ctrl-C and SIGTERM leave: a run that can be resumed."""
+"""Says how to resume a run after Ctrl-C or SIGTERM."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def resume_hint(command: str, run_dir: Path) -> Iterator[None]:
         yield
     except KeyboardInterrupt:
         print(
-            f"\nStopped; what is finished is kept. Go on with: {resume_command(command, run_dir)}",
+            f"\nStopped; finished work is kept. Continue with: {resume_command(command, run_dir)}",
             file=sys.stderr,
         )
         raise

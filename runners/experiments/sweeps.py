@@ -27,7 +27,7 @@ class Report(NamedTuple):
     """What was written, and the lines to print below the table."""
 
     files: list[Path]
-    words: list[str]
+    lines: list[str]
 
 
 def finish(job: Job[ReportConfig], run_dirs: Sequence[Path]) -> None:
@@ -39,16 +39,16 @@ def finish(job: Job[ReportConfig], run_dirs: Sequence[Path]) -> None:
     sweep_dir = job.sweep_dir
     assert sweep_dir is not None
     rows = summarise(frame, job.config.table, systems(job.folders), labels(job.folders))
-    artifacts, words = report(frame, rows, run_dirs, sweep_dir)
+    artifacts, lines = report(frame, rows, run_dirs, sweep_dir)
     print_table(frame, rows)
-    for line in words:
+    for line in lines:
         print(line)
     print(f"The sweep's table and pictures: {sweep_dir}")
     _track(job.config, frame, artifacts, sweep_dir, run_dirs)
 
 
-def report(frame: pd.DataFrame, rows: Sequence[Row], run_dirs: Sequence[Path], place: Path) -> Report:
-    """Write the table and pictures of several runs into `place`, and the studies that the records allow.
+def report(frame: pd.DataFrame, rows: Sequence[Row], run_dirs: Sequence[Path], folder: Path) -> Report:
+    """Write the table and pictures of several runs into `folder`, and the studies that the records allow.
 
     frame: their records. rows: of their table.
     """
@@ -57,15 +57,15 @@ def report(frame: pd.DataFrame, rows: Sequence[Row], run_dirs: Sequence[Path], p
     from runners.figures.reports.comparison import comparison_figure
 
     files = [
-        *write_tables(frame, rows, place),
-        *comparison_figure(frame, rows, place),
-        *side_by_side_figure(frame, run_dirs, place),
+        *write_tables(frame, rows, folder),
+        *comparison_figure(frame, rows, folder),
+        *side_by_side_figure(frame, run_dirs, folder),
     ]
-    studied = _studied(frame, place)
-    return Report(files + studied.files, studied.words)
+    studied = _studies(frame, folder)
+    return Report(files + studied.files, studied.lines)
 
 
-def _studied(frame: pd.DataFrame, place: Path) -> Report:
+def _studies(frame: pd.DataFrame, folder: Path) -> Report:
     """The studies of systems, ablations, scales and values of a key, if the records have any."""
     from runners.analysis import ablation, comparison, curves, sensitivity
     from runners.figures.reports.ablation import ablation_figure
@@ -73,7 +73,7 @@ def _studied(frame: pd.DataFrame, place: Path) -> Report:
     from runners.figures.reports.sensitivity import sensitivity_figure
 
     files: list[Path] = []
-    words: list[str] = []
+    lines: list[str] = []
     for study, figure in (
         (comparison, None),  # the chart of the table shows the systems
         (ablation, ablation_figure),
@@ -82,10 +82,10 @@ def _studied(frame: pd.DataFrame, place: Path) -> Report:
     ):
         found = study.studies(frame)
         if found:
-            files += study.write(found, place)
-            files += figure(found, place) if figure else []
-            words += study.words(found)
-    return Report(files, words)
+            files += study.write(found, folder)
+            files += figure(found, folder) if figure else []
+            lines += study.sentences(found)
+    return Report(files, lines)
 
 
 def _track(
@@ -95,7 +95,7 @@ def _track(
     sweep_dir: Path,
     run_dirs: Sequence[Path],
 ) -> None:
-    """Track the sweep: what its jobs have in common, and the figures of every row by its name."""
+    """Track the sweep: what its jobs have in common, and the metrics of every row by its name."""
     launches = [record for record in map(launch_record.read_launch, run_dirs) if record is not None]
     tracking = instantiate.build(config.tracking, "tracking")
     shared = launch_record.common([record.configs[0] for record in launches])

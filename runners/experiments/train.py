@@ -25,10 +25,10 @@ from runners.experiments.labels import run_labels
 from runners.experiments.resume_hint import resume_hint
 from runners.records import weight_file
 from runners.records.launch_record import fingerprint, identity
-from runners.records.run_directories import held
+from runners.records.run_directories import locked
 from runners.search.loop import run_trials
 from runners.search.opening import open_study
-from runners.search.storage import masked, open_storage, reached
+from runners.search.storage import masked, open_storage, storage_errors
 from runners.search.study import CONFIGURATIONS, Study, Trial
 from runners.workers import trials
 from runners.workers.progress import TrialProgress
@@ -59,15 +59,15 @@ def validate(job: Job[TrainConfig]) -> None:
 
 
 def train(job: Job[TrainConfig]) -> None:
-    """Search until the study has its trials, evaluate the best, and write everything below the run directory."""
+    """Search until the study has all its trials, evaluate the best, and write everything below the run directory."""
     config, run_dir = job.config, job.run_dir
     tracking = instantiate.build(config.tracking, "tracking")
     labels = replace(run_labels(job, build.map_set(config)), weights=weights_name(config))
     tags = {**asdict(labels), "changes": job.changes_text, "command": "train"}
     tracking.start(asdict(_without_password(config)), run_dir, tags, job.sweep_dir)
-    with resume_hint("train", run_dir), held(run_dir):
-        with reached(
-            config.storage, f"finished trials are kept, go on with: {resume_command('train', run_dir)}"
+    with resume_hint("train", run_dir), locked(run_dir):
+        with storage_errors(
+            config.storage, f"finished trials are kept, continue with: {resume_command('train', run_dir)}"
         ):
             found = _search(job)
             best = max(found.told, key=lambda trial: (trial.reward, -trial.number))
@@ -81,7 +81,7 @@ def train(job: Job[TrainConfig]) -> None:
 def training_worlds(config: TrainConfig) -> list[int]:
     """The numbers of the configurations to train on: drawn once per seed, without those held out.
 
-    Raises InputError where there are too few to draw from.
+    Raises InputError if there are too few to draw from.
     """
     numbers, count = config.training_numbers, config.configurations
     if len(numbers) != 2 or not 0 <= numbers[0] <= numbers[1]:
@@ -92,7 +92,7 @@ def training_worlds(config: TrainConfig) -> list[int]:
     left = last - first + 1 - sum(first <= number <= last for number in kept)
     if left < count:
         raise InputError(
-            f"training_numbers is {numbers}: must leave {count} worlds beside those held out, and leaves {left}"
+            f"training_numbers is {numbers}: must leave {count} worlds besides those held out, but leaves {left}"
         )
     rng = np.random.default_rng(np.random.SeedSequence([config.seed, _TRAINING]))
     drawn: list[int] = []
@@ -104,18 +104,18 @@ def training_worlds(config: TrainConfig) -> list[int]:
 
 
 def training_maps(config: TrainConfig, worlds: list[int]) -> MapSet:
-    """The map set with these worlds. Raises InputError where it does not have them."""
+    """The map set with these worlds. Raises InputError if it does not have them."""
     try:
         return build.map_set(config, worlds)
     except InputError as error:
         raise InputError(
             f"training_numbers is {config.training_numbers}: must be worlds that the map has, such as "
-            f"[0,299] beside map=barn's lab100 ({error})"
+            f"[0,299] with map=barn and its lab100 held out ({error})"
         ) from error
 
 
 def _space(job: Job[TrainConfig]) -> Space:
-    """What is searched: the ranges of the config, without what the ablation fixes."""
+    """The search space: the ranges of the config, without the keys that the ablation fixes."""
     ablated = ablations.settings(job.choices.get(ablations.GROUP, ""), Catalogue(job.folders))
     return read_space(job.config, dict(flatten(ablated)))
 
@@ -126,26 +126,26 @@ def _search(job: Job[TrainConfig]) -> Study:
     search = instantiate.build(config.search, "search")
     space = _space(job)
     first = own_values(config, space) if config.start_from_config else {}
-    opened = open_study(config.storage, config.study, run_dir, identity(config), space, search, first)
-    worlds = _settled_worlds(opened, config, run_dir)
+    study = open_study(config.storage, config.study, run_dir, identity(config), space, search, first)
+    worlds = _configurations(study, config, run_dir)
     training = with_values(config, {"map.worlds": worlds})
     with TrialProgress(f"train {config.robot.name}", config.trials) as progress:
-        progress.skip(len(opened.told), opened.best)
-        if opened.num_told < config.trials:
+        progress.skip(len(study.told), study.best)
+        if study.num_told < config.trials:
             executor = instantiate.build(config.executor, "executor")
             with executor.open(trials.initialise, training, len(worlds) * search.batch) as run_all:
-                run_trials(opened, config.trials, search.batch, worlds, run_all, progress.reach)
-    return opened
+                run_trials(study, config.trials, search.batch, worlds, run_all, progress.set_done)
+    return study
 
 
-def _settled_worlds(opened: Study, config: TrainConfig, run_dir: Path) -> list[int]:
+def _configurations(study: Study, config: TrainConfig, run_dir: Path) -> list[int]:
     """The configurations of the study. Raises InputError if the map has changed since they were drawn."""
     worlds = training_worlds(config)
     maps = training_maps(config, worlds)
     drawn = []
     for task in map(maps.task, worlds):
         drawn.append({"world": task.number, "start": list(task.start), "goal": task.goal.tolist()})
-    kept = opened.settle(CONFIGURATIONS, drawn)
+    kept = study.get_or_set(CONFIGURATIONS, drawn)
     if kept != drawn:
         raise InputError(
             f"{run_dir}: its study was trained on other configurations of map {task.map_name}, which has changed "
@@ -186,12 +186,12 @@ def _pictures(found: Study, space: Space, run_dir: Path) -> list[Path]:
 
 def _track(tracking: Any, told: list[Trial], best: Trial, frame: pd.DataFrame, files: list[Path]) -> None:
     """Track one run with a series of rewards. A tracked run for each trial would take longer than the trial."""
-    from runners.analysis.summary import metrics_of_places
+    from runners.analysis.summary import metrics_by_map
 
     rewards = [trial.reward for trial in told]
     series = {"reward": rewards, "best_reward": np.maximum.accumulate(rewards).tolist()}
     numbers = {"train_reward": best.reward, "trials": float(len(told))}
-    numbers |= metrics_of_places(frame)
+    numbers |= metrics_by_map(frame)
     numbers |= {f"best_{key.rpartition('.')[2]}": value for key, value in best.values.items()}
     tracking.finish(numbers, files, series)
 
@@ -201,7 +201,7 @@ def _fingerprint(config: TrainConfig) -> str:
 
 
 def weights_name(config: TrainConfig) -> str:
-    """The name that the weights are registered under."""
+    """The name under which the weights are registered."""
     if config.name is not None:
         return config.name
     place = config.map.get("name") or _class_name(config.map)

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
-from runners.analysis.failures import FOLDER, HEADER, INDEX, cells, episodes_told, page_path
+from runners.analysis.failures import FOLDER, HEADER, INDEX, cells, episode_rows, page_path
 from runners.analysis.summary import summarise, title
 from runners.analysis.tables import to_html
 from runners.explainer.write import asset, fill, write_html
@@ -30,7 +30,7 @@ def write_index(frame: pd.DataFrame, run_dir: Path) -> Path:
         f"<tr><td>{_anchor(episode, run_dir, place)}</td>"
         + "".join(f"<td>{html.escape(cell)}</td>" for cell in cells(episode)[2:])
         + f"<td>{episode['switches']}</td></tr>"
-        for _, episode in episodes_told(worst_first)
+        for _, episode in episode_rows(worst_first)
         if page_path(run_dir, EpisodeKey.of(episode)).is_file()
     ]
     header = "".join(f"<th>{name}</th>" for name in ("Episode", *HEADER[2:], "Switches"))

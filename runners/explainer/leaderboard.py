@@ -92,7 +92,7 @@ def _heading(setting: Setting) -> str:
     below = " · ".join(filter(None, (setting.robot, sim)))
     return (
         f'<tr class="setting"><th colspan="{_width()}" scope="rowgroup"><b>{breakable(name)}</b> '
-        f"<span>{breakable(below)}</span>{chips(setting.told)}</th></tr>"
+        f"<span>{breakable(below)}</span>{chips(setting.traits)}</th></tr>"
     )
 
 
@@ -109,8 +109,8 @@ def _rows(number: int, entry: BoardEntry, several: bool, place: Path) -> str:
 
 def _words(entry: BoardEntry) -> str:
     """What the search looks at."""
-    map_set, subset, robot, sim, told = entry.setting
-    return " ".join([entry.system.name, map_set, subset, robot, sim, *told, str(entry.run_dir)]).lower()
+    map_set, subset, robot, sim, traits = entry.setting
+    return " ".join([entry.system.name, map_set, subset, robot, sim, *traits, str(entry.run_dir)]).lower()
 
 
 def _width() -> int:

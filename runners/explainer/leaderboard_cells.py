@@ -61,7 +61,7 @@ def cells(number: int, entry: BoardEntry, several: bool) -> Iterator[str]:
     flags = "".join(f'<span class="flag">{escaped(flag)}</span>' for flag in _flags(entry))
     yield (
         f'<th scope="row"><button type="button" aria-expanded="false" aria-controls="more-{number}">'
-        f"{breakable(entry.system.label)}</button>{chips((*job, *entry.system.told))}{flags}</th>"
+        f"{breakable(entry.system.label)}</button>{chips((*job, *entry.system.traits))}{flags}</th>"
     )
     intervals = {SUCCESS: entry.row.interval, METRIC: entry.metric_interval}
     for key, column in _FIGURES.items():
@@ -73,11 +73,11 @@ def cells(number: int, entry: BoardEntry, several: bool) -> Iterator[str]:
     yield _cell("n", f"<b>{entry.row.episodes}</b><small>{counts}</small>", "n")
 
 
-def chips(told: Sequence[str]) -> str:
+def chips(traits: Sequence[str]) -> str:
     """What is unusual, in short; how many more there are if there are many."""
-    shown = [f"<code>{escaped(one)}</code>" for one in told[:_MOST_CHIPS]]
-    more = [f"<i>+{len(told) - _MOST_CHIPS}</i>"] * (len(told) > _MOST_CHIPS)
-    return f'<span class="chips">{"".join(shown + more)}</span>' if told else ""
+    shown = [f"<code>{escaped(one)}</code>" for one in traits[:_MOST_CHIPS]]
+    more = [f"<i>+{len(traits) - _MOST_CHIPS}</i>"] * (len(traits) > _MOST_CHIPS)
+    return f'<span class="chips">{"".join(shown + more)}</span>' if traits else ""
 
 
 def mean(entry: BoardEntry, key: str) -> float:

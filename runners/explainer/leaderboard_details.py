@@ -50,7 +50,7 @@ def _run(entry: BoardEntry, place: Path) -> Iterator[tuple[str, str]]:
     files = sorted(path for path in entry.run_dir.iterdir() if path.suffix in _SHOWN_FILES)
     if files:
         yield "Files", ", ".join(_link(path, place, path.name) for path in files)
-    told = {
+    facts = {
         "Command": f"<code>{escaped(entry.command)}</code>" if entry.command else "",
         "Started": escaped(entry.started[:16].replace("T", " ")),
         "Version": escaped(entry.code),
@@ -58,7 +58,7 @@ def _run(entry: BoardEntry, place: Path) -> Iterator[tuple[str, str]]:
         "Repeats": _repeats(entry),
         "Unfinished": escaped(entry.row.unfinished),
     }
-    yield from ((name, text) for name, text in told.items() if text)
+    yield from ((name, text) for name, text in facts.items() if text)
 
 
 def _repeats(entry: BoardEntry) -> str:
@@ -96,9 +96,9 @@ def _numbers(entry: BoardEntry, metric: Metric, spread: bool) -> Iterator[str]:
 
 def _changes(entry: BoardEntry) -> str:
     """All that is unusual in the system and in the setting."""
-    told = (*entry.system.told, *entry.setting.told)
-    items = "".join(f"<li><code>{breakable(one)}</code></li>" for one in told)
-    return f"<ul>{items}</ul>" if told else "<p>None: each key is as in the file of its option.</p>"
+    traits = (*entry.system.traits, *entry.setting.traits)
+    items = "".join(f"<li><code>{breakable(one)}</code></li>" for one in traits)
+    return f"<ul>{items}</ul>" if traits else "<p>None: each key is as in the file of its option.</p>"
 
 
 def _facts(facts: Iterator[tuple[str, str]]) -> str:

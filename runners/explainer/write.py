@@ -12,7 +12,7 @@ from pathlib import Path
 from lme.errors import InputError
 from lme.policies.lme.reasons import reason
 from runners.explainer.encode import encode, title
-from runners.records.whole_file import write_whole
+from runners.records.whole_file import write_atomically
 from runners.workers.trace import Trace
 
 ASSETS = Path(__file__).parent / "assets"
@@ -52,7 +52,7 @@ def write_page(trace: Trace, path: Path, system: str = "", ending: str = "") -> 
 def write_html(path: Path, text: str) -> None:
     """Write a page or an index whole or not at all. Raises InputError if the file cannot be written."""
     try:
-        write_whole(path, text)
+        write_atomically(path, text)
     except OSError as error:
         raise InputError(f"{path}: cannot be written ({error.strerror}): choose another place") from error
 

@@ -1,7 +1,7 @@
-"""Cloning by DAgger (Ross, Gordon and Bagnell 2011): an expert labels what the network and it drive through.
+"""Cloning by DAgger (Ross, Gordon and Bagnell 2011): an expert labels the states that it and the network visit.
 
-Round 0 is driven by the expert. In later rounds the network drives more and more, so that the expert also tells what
-to do where the network's own mistakes lead. `clone_training.py` does so in torch, which nothing here imports.
+The expert drives round 0. In later rounds the network drives more and more, so that the expert also labels the states
+to which the network's mistakes lead. `clone_training.py` implements this in torch, which nothing here imports.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class Clone:
         return asdict(self._config.expert)
 
     def check(self, config: LearnConfig) -> None:
-        """Every simulator will do."""
+        """Accept every simulator."""
 
     def learn(self, run: Run) -> None:
         from runners.learning.clone_training import CloneTraining

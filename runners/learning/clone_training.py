@@ -15,17 +15,17 @@ from runners.learning.mixture import log_likelihood
 from runners.learning.run import Row, Run, descend
 from runners.learning.settings import CloneConfig
 from runners.records.whole_file import replacing
-from runners.workers.lessons import Lesson, Taught
+from runners.workers.lessons import Lesson, LessonResult
 
-_DATA = "data"  # folder of what was collected, a file a round
+_DATA = "data"  # folder of the collected data, one file per round
 _GRADIENT_MAX = 1.0  # norm of an update's gradient
 _SHOWN_EVERY = 20  # updates
 
 
 class Data(NamedTuple):
-    """N steps. features: one array (N, …) of each input of the network; actions: (N, A) of the expert.
+    """N steps. features: one array (N, …) for each input of the network; actions: (N, A) of the expert.
 
-    outcomes: (E, 2) of the E episodes that they were collected in: 1 for a success, and the number of steps.
+    outcomes: (E, 2) of the E episodes in which they were collected: 1 for a success, and the number of steps.
     """
 
     features: tuple[Tensor, ...]
@@ -40,7 +40,7 @@ class CloneTraining:
         self._config = config
 
     def learn(self, run: Run) -> None:
-        """Go on from the checkpoint of the run until all rounds are done."""
+        """Continue from the checkpoint of the run until all rounds are done."""
         run.sharpness = self._config.sharpness
         optimiser = torch.optim.Adam(run.network.parameters(), self._config.lr)
 
@@ -51,14 +51,14 @@ class CloneTraining:
         done = run.restore(take) or 0
         parts = [_read(_file(run, number)) for number in range(done)]
         for number in range(done, self._config.rounds):
-            new = self._collected(run, number)
+            new = self._collect(run, number)
             parts = [_joined([*parts, new])]
             loss = self._fit(run, number, parts[0], optimiser)
             row = {**self._row(number, parts[0], new, loss), **run.judged()}
-            run.keep(number + 1, row, {"rounds": number + 1, "optimiser": optimiser.state_dict()})
+            run.save_checkpoint(number + 1, row, {"rounds": number + 1, "optimiser": optimiser.state_dict()})
 
-    def _collected(self, run: Run, number: int) -> Data:
-        """What a round gives, or gave before the training was killed."""
+    def _collect(self, run: Run, number: int) -> Data:
+        """The data of a round, collected now or before the training was killed."""
         path = _file(run, number)
         if not path.is_file():
             config = self._config
@@ -71,7 +71,7 @@ class CloneTraining:
         return _read(path)
 
     def _fit(self, run: Run, number: int, data: Data, optimiser: torch.optim.Optimizer) -> float:
-        """Train on all data so far; the mean loss of the last tenth of the updates."""
+        """Train on all data so far; returns the mean loss of the last tenth of the updates."""
         config, generator = self._config, run.generator(number)
         updates, _ = config.in_round(number)
         losses = []
@@ -82,7 +82,7 @@ class CloneTraining:
             chosen = torch.randint(len(data.actions), (config.batch,), generator=generator)
             losses.append(self._step(run, data, chosen, optimiser))
             if update % _SHOWN_EVERY == 0:
-                run.say(f"update {update}/{updates} on {len(data.actions)} steps")
+                run.describe(f"update {update}/{updates} on {len(data.actions)} steps")
         run.network.eval()
         return float(np.mean(losses[-max(updates // 10, 1) :]))
 
@@ -117,14 +117,14 @@ def _file(run: Run, number: int) -> Path:
     return run.run_dir / _DATA / f"round_{number:03d}.npz"
 
 
-def _write(path: Path, found: list[Taught], failures: bool) -> None:
-    """Write the steps of the episodes, or of the successful ones alone."""
+def _write(path: Path, found: list[LessonResult], failures: bool) -> None:
+    """Write the steps of the episodes, or of the successful ones only."""
     kept = [each for each in found if len(each.actions) and (failures or each.outcome == "success")]
     ends = [(each.outcome == "success", len(each.actions)) for each in found]
     if not kept:
         raise InputError(
-            f"learner.failures is false, and none of {len(found)} episodes was a success: must be true, "
-            "or learner.expert another one"
+            f"learner.failures is false, but none of {len(found)} episodes was a success: must be true, "
+            "or learner.expert must be a better one"
         )
     parts = zip(*(each.features for each in kept), strict=True)
     path.parent.mkdir(exist_ok=True)
@@ -138,16 +138,16 @@ def _write(path: Path, found: list[Taught], failures: bool) -> None:
 
 
 def _read(path: Path) -> Data:
-    """The steps in a file. Raises InputError for a damaged one."""
+    """The steps in a file. Raises InputError if it is damaged."""
     try:
         with np.load(path) as file:
             arrays = {name: torch.from_numpy(file[name]) for name in file.files}
         count = sum(name.startswith("feature_") for name in arrays)
         features = tuple(arrays[f"feature_{i}"] for i in range(count))
         return Data(features, arrays["actions"], arrays["outcomes"])
-    except Exception as error:  # damaged bytes raise anything
+    except Exception as error:  # damaged bytes can raise anything
         raise InputError(
-            f"{path}: is damaged ({type(error).__name__}): restore it, or start anew in another directory"
+            f"{path}: is damaged ({type(error).__name__}): restore it, or start again in another directory"
         ) from error
 
 

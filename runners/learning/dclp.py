@@ -29,8 +29,8 @@ from lme.robots import Robot
 from runners.learning.mixture import MixtureBatch
 
 _FIRST_JOINT, _LAST = "dense_1", LAYERS[-1]
-_LOG_SIGMA = (-20.0, 2.0)  # bounds of the logarithm of a deviation, those in common use for SAC
-# The first weights. State inputs count about as much as the others; the components drive ahead, left, right and stop.
+_LOG_SIGMA = (-20.0, 2.0)  # bounds of the logarithm of a deviation, as commonly used for SAC
+# Initial weights. State inputs count about as much as the others; the components drive ahead, left, right and stop.
 _ALPHA = 0.3  # [m]
 _STATE_SCALE = (0.3, 0.7, 0.7, 0.4, 0.5, 0.25, 0.05, 0.04)
 _FIRST_ACTIONS = (
@@ -42,7 +42,7 @@ _FIRST_ACTIONS = (
 
 
 class DclpBody(nn.Module):
-    """The layers of the published network, with further inputs beside the state or other outputs."""
+    """The layers of the published network, with inputs besides the state or with other outputs."""
 
     def __init__(self, more_inputs: int, outputs: int) -> None:
         super().__init__()
@@ -61,7 +61,7 @@ class DclpBody(nn.Module):
         return cast(nn.Linear, self.layers[name])
 
     def output(self, directions: Tensor, joint: Tensor) -> Tensor:
-        """directions: (B, 90, 6). joint: (B, J) of the state and the further inputs, or (B, K, J) of K such a scene."""
+        """directions: (B, 90, 6). joint: (B, J) state and further inputs, or (B, K, J) with K of them per scene."""
         nearest = self._nearest(directions)
         if joint.dim() == 3:
             nearest = nearest[:, None].expand(-1, joint.shape[1], -1)
@@ -74,8 +74,8 @@ class DclpBody(nn.Module):
     def _nearest(self, directions: Tensor) -> Tensor:
         """The largest of each feature over the directions: (B, 128).
 
-        The last shared layer is differentiated only for the directions that are largest, since the others have no
-        gradient.
+        The last shared layer is differentiated only for the directions with the largest features, since the others
+        have no gradient.
         """
         distance = directions[..., DISTANCE, None]
         inverse = 1.0 / (distance + self.alpha).clamp(min=LEAST_DISTANCE)
@@ -90,15 +90,15 @@ class DclpBody(nn.Module):
 
 
 class DclpCritic(DclpBody):
-    """The value of a scene, or of an action in it, by layers like the policy's."""
+    """The value of a scene, or of an action in it, from layers like the policy's."""
 
     def __init__(self, actions: int) -> None:
         super().__init__(actions, 1)
 
     def forward(self, directions: Tensor, state: Tensor, *actions: Tensor) -> Tensor:
-        """Features as the policy's, and actions (B, A) if the critic takes them: (B,).
+        """Values (B,) from the policy's features, and from actions (B, A) if the critic takes them.
 
-        Of K actions a scene (B, K, A): (B, K).
+        K actions per scene (B, K, A) give (B, K).
         """
         for several in actions:
             if several.dim() == 3:
@@ -122,17 +122,17 @@ class DclpNetwork(DclpBody):
 
     @staticmethod
     def interface(planner: DclpConfig, robot: Robot) -> DclpInterface:
-        """What the network is told of a robot, and what its answer means."""
+        """The network's inputs for a robot, and the meaning of its output."""
         return DclpInterface(planner, robot)
 
     def trained_for(self, planner: DclpConfig, robots: Iterable[Robot]) -> None:
-        """Remember what the network is trained for. robots: those with the lowest and the highest values."""
+        """Store the robots for which the network is trained: those with the lowest and the highest values."""
         told = [told_values(DclpInterface(planner, robot).told) for robot in robots]
         self._trained = np.column_stack([np.min(told, axis=0), np.max(told, axis=0)]).astype(np.float32)
 
     @staticmethod
     def critic(actions: int) -> DclpCritic:
-        """A critic of the same inputs and of `actions` numbers."""
+        """A critic with the same inputs and `actions` numbers."""
         return DclpCritic(actions)
 
     def weights(self, sharpness: float = 1.0) -> dict[str, NDArray[np.float32]]:
@@ -147,7 +147,7 @@ class DclpNetwork(DclpBody):
         return found
 
     def load(self, weights: Mapping[str, NDArray[np.float32]]) -> None:
-        """Take over the arrays of `SHAPES`."""
+        """Set the arrays of `SHAPES`."""
         with torch.no_grad():
             self.alpha.copy_(torch.from_numpy(np.asarray(weights["alpha"])))
             for name in LAYERS:
@@ -156,7 +156,7 @@ class DclpNetwork(DclpBody):
                 layer.bias.copy_(torch.from_numpy(weights[f"{name}.bias"]))
 
     def mirror(self, features: tuple[Tensor, ...], actions: Tensor) -> tuple[tuple[Tensor, ...], Tensor]:
-        """Features and actions as a mirror ahead of the robot shows them: what was left is right."""
+        """Features and actions with left and right swapped."""
         directions, state = features
         across, turns = torch.ones(directions.shape[-1]), torch.ones(state.shape[-1])
         across[0] = turns[1] = turns[3] = -1.0  # cos to the right; bearing of the target; ω
@@ -174,7 +174,7 @@ class DclpNetwork(DclpBody):
 
 
 def _linear(shape: tuple[int, ...]) -> nn.Linear:
-    """A layer with the first weights of He et al. (2015), for ReLUs."""
+    """A layer with the initial weights of He et al. (2015), for ReLUs."""
     inputs, outputs = shape
     layer = nn.Linear(inputs, outputs)
     nn.init.kaiming_normal_(layer.weight, a=SLOPE)
@@ -183,4 +183,4 @@ def _linear(shape: tuple[int, ...]) -> nn.Linear:
 
 
 def _leaky(values: Tensor) -> Tensor:
-    return nn.functional.leaky_relu_(values, SLOPE)  # in place: half of the time is memory
+    return nn.functional.leaky_relu_(values, SLOPE)  # in place: half of the time is memory access

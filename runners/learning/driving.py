@@ -1,4 +1,4 @@
-"""Robots that a network drives for its own experience: many at once, by `lme.envs.fleet.Fleet`."""
+"""Robots that a network drives to gain experience: many at once, by `lme.envs.fleet.Fleet`."""
 
 from __future__ import annotations
 
@@ -27,17 +27,17 @@ from runners.learning.learnable import planner_config
 from runners.learning.run import Run
 from runners.learning.settings import Curriculum
 from runners.workers.lessons import Interface
-from runners.workers.robots import changed, drawn, given
+from runners.workers.robots import draw_robot, ranged_keys, robot_with
 
 Features = tuple[Tensor, ...]
-_RECENT = 100  # episodes whose success counts
+_RECENT = 100  # episodes over which success is averaged
 
 
 class Experience(NamedTuple):
-    """What a step of N robots gives.
+    """The result of a step of N robots.
 
     features: of what they see next. rewards (N,). terminated, truncated (N,) bool. ended (K,): robots at the start of
-    their next episode, with `last`, the features of what they saw at the end of the one before.
+    their next episode, with `last`, the features of what they saw at the end of the previous one.
     """
 
     features: Features
@@ -49,12 +49,12 @@ class Experience(NamedTuple):
 
 
 class Driving:
-    """N robots in training worlds, seen as the network is told, under the target as subgoal."""
+    """N robots in training worlds, observed as the network's features, with the target as subgoal."""
 
     def __init__(
         self, run: Run, num_robots: int, worlds: int, reward: Reward, curriculum: Curriculum, part: int
     ) -> None:
-        """part: of the training, so that another part has other episodes."""
+        """part: of the training; each part has other episodes."""
         config = run.config
         self._config, self._reward, self._curriculum = config, reward, curriculum
         self._network = run.network
@@ -68,13 +68,15 @@ class Driving:
         self.recent: deque[bool] = deque(maxlen=_RECENT)
 
     def start(self, stage: int) -> Features:
-        """Begin episodes of a stage of the curriculum; what the robots see."""
+        """Begin episodes of a stage of the curriculum; returns what the robots see."""
         self.stage = stage
         self.recent.clear()
         within = [*self._curriculum.within, None][stage]
         config = self._config
         robot = (
-            (lambda rng: drawn(config.robot, config.robots, rng)) if given(config.robots) else config.robot
+            (lambda rng: draw_robot(config.robot, config.robots, rng))
+            if ranged_keys(config.robots)
+            else config.robot
         )
         self._fleet = Fleet(self._maps.within(within), robot, self._num, _simulator(config), self._reward)
         seeds = [int(child.generate_state(1)[0]) for child in self._seeds.spawn(self._num)]
@@ -116,7 +118,7 @@ class Driving:
 
     @property
     def promoted(self) -> bool:
-        """Whether the present stage of the curriculum is done."""
+        """Whether the current stage of the curriculum is done."""
         full = len(self.recent) == _RECENT and self.stage < len(self._curriculum.within)
         return full and self.success >= self._curriculum.promote
 
@@ -146,24 +148,24 @@ class Driving:
 
 
 class _Worlds:
-    """The training map sets as one, whose worlds are built once, also for another stage of the curriculum."""
+    """The training map sets as one. Each world is built once, for all stages of the curriculum."""
 
     def __init__(self, config: LearnConfig, places: list[tuple[str, int]]) -> None:
         self._config = config
         self._names = {number: name for name, number in places}
         self.numbers = tuple(self._names)
-        self.task = lru_cache(maxsize=None)(self._built)
+        self.task = lru_cache(maxsize=None)(self._build)
 
     def within(self, distance: float | None) -> MapSet:
         """The same worlds, with success within this distance of the goal [m]; None: the map's own."""
-        return cast(MapSet, self if distance is None else _Nearer(self, distance))
+        return cast(MapSet, self if distance is None else _EasierWorlds(self, distance))
 
-    def _built(self, number: int) -> Task:
+    def _build(self, number: int) -> Task:
         node = self._config.training[self._names[number]]
         return build.map_set(replace(self._config, map=node), [number]).task(number)
 
 
-class _Nearer:
+class _EasierWorlds:
     def __init__(self, worlds: _Worlds, distance: float) -> None:
         self.numbers, self._worlds, self._distance = worlds.numbers, worlds, distance
 
@@ -173,7 +175,7 @@ class _Nearer:
 
 
 def check_driving(config: LearnConfig) -> None:
-    """Raise InputError for a simulator or a robot that cannot be moved with many others at once."""
+    """Raise InputError for a simulator or a robot that cannot be stepped with many others at once."""
     Fleet(build.map_set(config), config.robot, 1, _simulator(config))
 
 
@@ -181,15 +183,15 @@ def _simulator(config: LearnConfig) -> FastConfig:
     cls, found = configured(config.sim, "sim")
     if cls is not FastSimulator:
         raise InputError(
-            "sim is not fast: reinforcement drives many robots at once, which sim=fast alone can"
+            "sim is not fast: reinforcement learning drives many robots at once, which only sim=fast can"
         )
     return cast(FastConfig, found)
 
 
 def _robot(config: LearnConfig, views: Views, row: int) -> Robot:
-    """The robot of a row: the job's, with the limits and the footprint that were drawn."""
+    """The robot of a row: the job's robot, with the limits and the footprint drawn for it."""
     values = Limits(*views.limits[row].tolist())._asdict()
     if config.robots.length is not None:
         half_length, half_width, _ = views.boxes[row].tolist()
         values |= {"length": 2 * half_length, "width": 2 * half_width}
-    return changed(config.robot, values)
+    return robot_with(config.robot, values)

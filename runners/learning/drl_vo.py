@@ -23,9 +23,9 @@ from runners.learning.mixture import MixtureBatch
 
 Arrays = Mapping[str, NDArray[np.float32]]
 
-SMALL = Sizes(channels=8, features=64, hidden=64)  # ASSUMED: what two cores can train in an hour
-_SIGMA = 0.3  # deviation of the first actions
-_MEAN_MAX = 0.999  # of an answer, since atanh(1) is infinite
+SMALL = Sizes(channels=8, features=64, hidden=64)  # ASSUMED: two cores can train it in an hour
+_SIGMA = 0.3  # initial deviation of the actions
+_MEAN_MAX = 0.999  # of an output, since atanh(1) is infinite
 
 
 class Normed(nn.Module):
@@ -47,7 +47,7 @@ class Normed(nn.Module):
 
 
 class ResidualBlock(nn.Module):
-    """Three convolutions, and one around them."""
+    """Three convolutions, and one parallel to them."""
 
     def __init__(self, residual: Residual, channels: int) -> None:
         super().__init__()
@@ -55,7 +55,7 @@ class ResidualBlock(nn.Module):
         self.around = nn.Identity() if residual.shortcut is None else Normed(residual.shortcut, channels)
 
     def forward(self, x: Tensor, start: Tensor | None = None) -> Tensor:
-        """start: where the way around begins, if not at x."""
+        """start: input of the parallel convolution, if not x."""
         first, second, third = self.inside
         inside = third(second(first(x).relu()).relu())
         found: Tensor = (inside + self.around(x if start is None else start)).relu()
@@ -63,7 +63,7 @@ class ResidualBlock(nn.Module):
 
 
 class DrlVoBody(nn.Module):
-    """The layers of the published network in any size, with further inputs beside the goal or other outputs."""
+    """The layers of the published network in any size, with inputs besides the goal or with other outputs."""
 
     def __init__(self, sizes: Sizes, more_inputs: int, outputs: int) -> None:
         super().__init__()
@@ -81,18 +81,18 @@ class DrlVoBody(nn.Module):
         self.eval()
 
     def answer(self, sweeps: Tensor, pedestrians: Tensor, joint: Tensor) -> Tensor:
-        """sweeps: (B, 20, 80), pedestrians: (B, P, 4), joint: (B, J), or (B, K, J) of K such a scene."""
+        """sweeps: (B, 20, 80), pedestrians: (B, P, 4), joint: (B, J), or (B, K, J) with K of them per scene."""
         pairs = zip(sweeps.numpy(), pedestrians.numpy(), strict=True)
         image = torch.from_numpy(np.stack([image_of(*pair) for pair in pairs]))
-        seen = self._seen(image)
+        seen = self._image_features(image)
         if joint.dim() == 3:
             seen = seen[:, None].expand(-1, joint.shape[1], -1)
         features = self.features(torch.cat((seen, joint), -1)).relu()
         found: Tensor = self.output(self.hidden(features).tanh())
         return found
 
-    def _seen(self, image: Tensor) -> Tensor:
-        """What is seen in images (B, 3, 80, 80): (B, 8 c)."""
+    def _image_features(self, image: Tensor) -> Tensor:
+        """Image features (B, 8 c) of images (B, 3, 80, 80)."""
         layer_1_0, layer_1_1, layer_2, refinement_2, layer_3, refinement_3 = self.residuals
         stem = nn.functional.max_pool2d(self.stem(image).relu(), 3, 1, 1)
         first = layer_1_1(layer_1_0(stem))
@@ -102,15 +102,15 @@ class DrlVoBody(nn.Module):
 
 
 class DrlVoCritic(DrlVoBody):
-    """The value of a scene, or of an action in it, by layers like the policy's."""
+    """The value of a scene, or of an action in it, from layers like the policy's."""
 
     def __init__(self, actions: int) -> None:
         super().__init__(SMALL, actions, 1)
 
     def forward(self, sweeps: Tensor, pedestrians: Tensor, goal: Tensor, *actions: Tensor) -> Tensor:
-        """Features as the policy's, and actions (B, A) if the critic takes them: (B,).
+        """Values (B,) from the policy's features, and from actions (B, A) if the critic takes them.
 
-        Of K actions a scene (B, K, A): (B, K).
+        K actions per scene (B, K, A) give (B, K).
         """
         for several in actions:
             if several.dim() == 3:
@@ -121,7 +121,7 @@ class DrlVoCritic(DrlVoBody):
 class DrlVoNetwork(DrlVoBody):
     """The published network in the size `SMALL`, or in that of the weights that it loads.
 
-    Its answer is a Gaussian about the clipped mean. The deviation is before tanh.
+    Its output is a Gaussian about the clipped mean. The deviation is before tanh.
     """
 
     def __init__(self, sizes: Sizes = SMALL) -> None:
@@ -132,32 +132,32 @@ class DrlVoNetwork(DrlVoBody):
     def forward(self, sweeps: Tensor, pedestrians: Tensor, goal: Tensor) -> MixtureBatch:
         """sweeps: (B, 20, 80), pedestrians: (B, 32, 4), goal: (B, 2), as `DrlVoFeatures`."""
         mean = self.answer(sweeps, pedestrians, goal)
-        # a mean beyond the greatest answer is cut off, but its gradient goes on
+        # a mean beyond the largest output is clipped, but its gradient is not
         mean = mean + (mean.clamp(-_MEAN_MAX, _MEAN_MAX) - mean).detach()
         mu = mean.atanh()[:, None]
         return MixtureBatch(torch.zeros(len(mu), 1), mu, self.log_std.expand_as(mu))
 
     @staticmethod
     def interface(planner: DrlVoConfig, robot: Robot) -> DrlVoInterface:
-        """What the network is told, and what its answer means."""
+        """The network's inputs, and the meaning of its output."""
         return DrlVoInterface(planner, robot)
 
     def trained_for(self, planner: DrlVoConfig, robots: Iterable[Robot]) -> None:
-        """Remember the greatest commands. The network is told nothing of the robots."""
+        """Store the largest commands. The network's inputs do not depend on the robots."""
         self._trained = np.array([getattr(planner, key) for key in TOLD], np.float32)
 
     @staticmethod
     def critic(actions: int) -> DrlVoCritic:
-        """A critic of the same inputs and of `actions` numbers."""
+        """A critic with the same inputs and `actions` numbers."""
         return DrlVoCritic(actions)
 
     def weights(self, sharpness: float = 1.0) -> dict[str, NDArray[np.float32]]:
-        """The arrays of a file. sharpness: of a draw of components; here there is one."""
+        """The arrays of a file. sharpness: ignored, because there is only one component."""
         found = {name: tensor.detach().numpy().copy(order="C") for name, tensor in self._tensors()}
         return {**found, TRAINED: self._trained.copy()}
 
     def load(self, weights: Arrays) -> None:
-        """Take over the arrays that `lme.planners.drl_vo.architecture` lists, and their sizes."""
+        """Set the arrays that `lme.planners.drl_vo.architecture` lists, and their sizes."""
         sizes = net.checked_sizes({name: array.shape for name, array in weights.items()}, "weights")
         self._build(sizes, 0, net.ACTIONS)
         with torch.no_grad():
@@ -165,7 +165,7 @@ class DrlVoNetwork(DrlVoBody):
                 tensor.copy_(torch.from_numpy(weights[name]))
 
     def mirror(self, features: tuple[Tensor, ...], actions: Tensor) -> tuple[tuple[Tensor, ...], Tensor]:
-        """Features and actions as a mirror ahead of the robot shows them: what was left is right."""
+        """Features and actions with left and right swapped."""
         sweeps, pedestrians, goal = features
         across = torch.tensor([1.0, -1.0])
         return (sweeps.flip(-1), pedestrians * across.repeat(2), goal * across), actions * across

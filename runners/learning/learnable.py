@@ -1,4 +1,4 @@
-"""The networks that can be learned, each by its planner. A further one is a line here and a class beside `dclp.py`."""
+"""The networks that can be learned, by planner. To add one, add a line here and a class like those in `dclp.py`."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ _NETWORKS = {  # by the planner's class: an option and the network
 class Learnable(Protocol):
     """A network in torch, a `torch.nn.Module`, that a planner drives with in numpy or by onnxruntime.
 
-    The planner has an `interface` with `features`, whose arrays `__call__` takes as float32 with a batch in front.
-    One with norms is made in the mode `eval`; only a learner that fits them turns it to `train` and back.
+    The planner has an `interface` with `features`; `__call__` takes its arrays as float32 with a batch axis in front.
+    A network with norms starts in the mode `eval`; only a learner that fits them switches to `train` and back.
     """
 
     def __call__(self, *features: Tensor) -> MixtureBatch:
@@ -41,21 +41,21 @@ class Learnable(Protocol):
         """The arrays that the planner's file holds. sharpness: of the draw of components, a factor on their logits."""
 
     def load(self, weights: Arrays) -> None:
-        """Take over these arrays."""
+        """Set these arrays."""
 
     def trained_for(self, planner: Any, robots: Iterable[Robot]) -> None:
-        """Remember what the network is trained for. robots: those with the lowest and the highest values."""
+        """Store the robots for which the network is trained: those with the lowest and the highest values."""
 
     @staticmethod
     def interface(planner: Any, robot: Robot) -> Interface:
-        """What the network is told of a robot, and what its answer means. planner: its Config."""
+        """The network's inputs for a robot, and the meaning of its output. planner: its Config."""
 
     @staticmethod
     def critic(actions: int) -> nn.Module:
-        """A network from the features, and a tensor (B, actions) if that is not 0, to values (B,)."""
+        """A network from the features, and a tensor (B, actions) unless `actions` is 0, to values (B,)."""
 
     def mirror(self, features: tuple[Tensor, ...], actions: Tensor) -> tuple[tuple[Tensor, ...], Tensor]:
-        """Features and actions as a mirror ahead of the robot shows them."""
+        """Features and actions with left and right swapped."""
 
     def eval(self) -> Any:
         """Of torch: norms with the statistics of the training so far."""
@@ -89,7 +89,7 @@ def check_learnable(planner: Mapping[str, Any], name: str) -> None:
 
 
 def planner_config(planner: Mapping[str, Any]) -> Any:
-    """The Config of a planner, apart from its weights, which are to be learned. Raises InputError."""
+    """The Config of a planner, without its weights, which are to be learned. Raises InputError."""
     return configured({**planner, "weights": None}, "planner")[1]
 
 

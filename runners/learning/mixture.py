@@ -1,4 +1,4 @@
-"""The mixture of Gaussians that a policy draws its actions from.
+"""The mixture of Gaussians from which a policy draws its actions.
 
 A component is a Gaussian with independent v and ω before tanh, so that actions lie in (−1, 1).
 """
@@ -22,12 +22,12 @@ class MixtureBatch(NamedTuple):
     log_sigma: Tensor
 
     def at_least(self, sigma: float) -> MixtureBatch:
-        """The same with no deviation below `sigma`, so that a policy keeps trying."""
+        """The same with no deviation below `sigma`, so that a policy keeps exploring."""
         return self._replace(log_sigma=self.log_sigma.clamp(min=math.log(sigma)))
 
 
 def draw(mixture: MixtureBatch, generator: torch.Generator) -> Tensor:
-    """Actions before tanh (B, 2), each of a component drawn by its probability."""
+    """Actions before tanh (B, 2), each from a component drawn by its probability."""
     chosen = torch.multinomial(mixture.logits.softmax(-1), 1, generator=generator)[:, :, None]
     index = chosen.expand(-1, 1, mixture.mu.shape[-1])
     mu, sigma = mixture.mu.gather(1, index)[:, 0], mixture.log_sigma.gather(1, index)[:, 0].exp()
@@ -35,7 +35,7 @@ def draw(mixture: MixtureBatch, generator: torch.Generator) -> Tensor:
 
 
 def draw_each(mixture: MixtureBatch, generator: torch.Generator) -> Tensor:
-    """Actions before tanh (B, K, 2), one of each component; differentiable in the mixture."""
+    """Actions before tanh (B, K, 2), one from each component; differentiable in the mixture."""
     return mixture.mu + mixture.log_sigma.exp() * torch.randn(mixture.mu.shape, generator=generator)
 
 
@@ -46,7 +46,7 @@ def log_density(mixture: MixtureBatch, raw: Tensor) -> Tensor:
 
 def log_density_of_actions(mixture: MixtureBatch, raw: Tensor) -> Tensor:
     """Logarithm of the density of the actions tanh(raw) (B, 2), which lie closer together than raw: (B,)."""
-    # log(1 − tanh²) in a form that does not lose digits
+    # log(1 − tanh²) in a form that does not lose precision
     squeeze = 2.0 * (math.log(2.0) - raw - torch.nn.functional.softplus(-2.0 * raw))
     return log_density(mixture, raw) - squeeze.sum(-1)
 
@@ -54,8 +54,8 @@ def log_density_of_actions(mixture: MixtureBatch, raw: Tensor) -> Tensor:
 def log_likelihood(mixture: MixtureBatch, actions: Tensor, least_sigma: float) -> Tensor:
     """Logarithm of the density of an expert's actions (B, 2) in [−1, 1] about the components' means: (B,).
 
-    Errors count in actions, not before tanh, where an expert's full command lies at infinity. least_sigma: no
-    deviation counts as less, or the density of a command that the expert gives often would grow without bound.
+    Errors are measured in actions, not before tanh, where an expert's full command is at infinity. least_sigma:
+    minimum deviation, because the density of a command that the expert gives often would otherwise grow without bound.
     """
     log_sigma = mixture.log_sigma.clamp(min=math.log(least_sigma))
     return _log_mixture(mixture.logits, mixture.mu.tanh(), log_sigma, actions)

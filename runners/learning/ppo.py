@@ -1,6 +1,6 @@
 """Proximal policy optimisation (Schulman et al. 2017, arXiv:1707.06347) of a mixture policy, with many robots.
 
-`ppo_training.py` does so in torch, which nothing here imports.
+`ppo_training.py` implements it in torch, which nothing here imports.
 """
 
 from __future__ import annotations

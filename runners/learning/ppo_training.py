@@ -19,8 +19,8 @@ from runners.learning.settings import PpoConfig
 class PpoStep(NamedTuple):
     """One or more steps of N robots, with N in front of every shape, or a batch of such steps.
 
-    features; raw (N, 2): actions before tanh; log_density (N,) of these when drawn; values (N,) by the critic;
-    rewards (N,); ended (N,): whether the episode did.
+    features; raw (N, 2): actions before tanh; log_density (N,): of these when drawn; values (N,): from the critic;
+    rewards (N,); ended (N,): whether the episode ended.
     """
 
     features: Features
@@ -32,7 +32,7 @@ class PpoStep(NamedTuple):
 
 
 class Batch(NamedTuple):
-    """M steps to learn from, as in `Step`. returns (M,): advantage and value together."""
+    """M steps to learn from, as in `PpoStep`. returns (M,): sum of advantage and value."""
 
     features: Features
     raw: Tensor
@@ -52,7 +52,7 @@ class PpoTraining:
         self._config = config
 
     def learn(self, run: Run) -> None:
-        """Go on from the checkpoint of the run until all steps are done."""
+        """Continue from the checkpoint of the run until all steps are done."""
         critic = run.network.critic(0)
         modules = {"critic": critic}
         optimisers = {
@@ -62,16 +62,16 @@ class PpoTraining:
         parts = Parts(modules, optimisers, run.generator(0))
 
         def advance(driving: Driving, features: Features, done: int) -> Advanced:
-            features, batch = self._driven(run.network, parts, driving, features)
-            losses = self._updated(run.network, parts, batch, learn_policy=done >= self._config.warm_up)
+            features, batch = self._drive(run.network, parts, driving, features)
+            losses = self._update(run.network, parts, batch, learn_policy=done >= self._config.warm_up)
             return Advanced(features, len(batch.raw), losses)
 
         reinforce(run, self._config, parts, ["loss_policy", "loss_value", "kl"], advance)
 
-    def _driven(
+    def _drive(
         self, policy: Learnable, parts: Parts, driving: Driving, features: Features
     ) -> tuple[Features, Batch]:
-        """Drive `horizon` steps; what the robots see then, and the steps."""
+        """Drive `horizon` steps; returns what the robots see then, and the steps."""
         steps = []
         critic = parts.modules["critic"]
         with torch.no_grad():
@@ -80,7 +80,7 @@ class PpoTraining:
                 raw, values = draw(mixture, parts.generator), critic(*features)
                 found = driving.step(raw.tanh())
                 rewards = found.rewards
-                if len(found.ended):  # an episode out of time would have gone on
+                if len(found.ended):  # an episode that timed out would have continued
                     ongoing = found.truncated[found.ended].float() * critic(*found.last)
                     rewards[found.ended] += self._config.gamma * ongoing
                 ended = found.terminated | found.truncated
@@ -94,8 +94,8 @@ class PpoTraining:
         raw, density, values = joined
         return features, Batch(inputs, raw, density, advantages, advantages + values)
 
-    def _updated(self, policy: Learnable, parts: Parts, batch: Batch, learn_policy: bool) -> dict[str, float]:
-        """Go through the steps `epochs` times; the mean losses. The policy stops where it has changed too much."""
+    def _update(self, policy: Learnable, parts: Parts, batch: Batch, learn_policy: bool) -> dict[str, float]:
+        """Train on the steps `epochs` times; returns the mean losses. Stops the policy if it has changed too much."""
         found: dict[str, list[float]] = {"loss_policy": [], "loss_value": [], "kl": []}
         for _ in range(self._config.epochs):
             order = torch.randperm(len(batch.raw), generator=parts.generator)
@@ -115,7 +115,7 @@ class PpoTraining:
         return {name: fmean(values) for name, values in found.items() if values}
 
     def _policy_loss(self, policy: Learnable, part: Batch) -> tuple[Tensor, float]:
-        """The clipped loss, and how far the policy is from the one that drove (Schulman's estimate of KL)."""
+        """The clipped loss, and the KL divergence from the policy that drove (Schulman's estimate)."""
         mixture = policy(*part.features).at_least(self._config.least_sigma)
         change = log_density(mixture, part.raw) - part.log_density
         ratio = change.exp()

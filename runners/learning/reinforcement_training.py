@@ -1,4 +1,4 @@
-"""What ppo and sac share in torch: robots that drive, a curriculum, and a judge that comes by every so many steps."""
+"""What ppo and sac share in torch: robots that drive, a curriculum, and an evaluation every `judge_every` steps."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ Losses = Mapping[str, float]
 
 
 class Parts(NamedTuple):
-    """What a checkpoint holds beside the policy, by name, and the random numbers of the actions."""
+    """What a checkpoint holds besides the policy, by name, and the random numbers of the actions."""
 
     modules: Mapping[str, nn.Module]
     optimisers: Mapping[str, torch.optim.Optimizer]
     generator: torch.Generator
 
     def descend(self, optimiser: str, loss: Tensor, parameters: Iterable[nn.Parameter]) -> float:
-        """One step of an optimiser down a loss; the loss."""
+        """Take one optimiser step to reduce a loss; returns the loss."""
         return descend(self.optimisers[optimiser], loss, parameters, _GRADIENT_MAX)
 
     def state(self) -> dict[str, Any]:
@@ -39,7 +39,7 @@ class Parts(NamedTuple):
         return {**modules, **optimisers, "generator": self.generator.get_state()}
 
     def load(self, state: Mapping[str, Any]) -> None:
-        """Take over what `state` gave."""
+        """Restore what `state` returned."""
         for name, module in self.modules.items():
             module.load_state_dict(state[name])
         for name, optimiser in self.optimisers.items():
@@ -48,7 +48,7 @@ class Parts(NamedTuple):
 
 
 class Advanced(NamedTuple):
-    """What one call of a learner did. features: what the robots see now; steps: driven; losses: by name."""
+    """The result of one call of a learner. features: what the robots see now; steps: driven; losses: by name."""
 
     features: Features
     steps: int
@@ -61,12 +61,12 @@ Advance = Callable[[Driving, Features, int], Advanced]
 def reinforce(
     run: Run, config: ReinforcementConfig, parts: Parts, names: list[str], advance: Advance
 ) -> None:
-    """Let a learner drive and update until `config.steps` are done, also from a checkpoint.
+    """Let a learner drive and update, from a checkpoint if there is one, until `config.steps` are done.
 
-    names: of the losses. advance: takes what the robots see and the steps done so far. Episodes under way when a run
+    names: of the losses. advance: takes what the robots see and the steps done so far. Episodes in progress when a run
     is killed are not continued.
     """
-    done, stage, episodes = _restored(run, parts)
+    done, stage, episodes = _restore(run, parts)
     driving = Driving(run, config.robots, config.worlds, config.reward, config.curriculum, done)
     if not run.rows:
         _judge(run, parts, 0, driving, dict.fromkeys((*names, "steps_per_s"), math.nan))
@@ -79,7 +79,7 @@ def reinforce(
         features, done = advanced.features, done + advanced.steps
         for name, loss in advanced.losses.items():
             losses[name].append(loss)
-        run.say(f"step {done}, success {driving.success:.2f}")
+        run.describe(f"step {done}, success {driving.success:.2f}")
         if driving.promoted:
             features = driving.start(driving.stage + 1)
         if done - judged >= config.judge_every or done >= config.steps:
@@ -102,11 +102,11 @@ def _judge(run: Run, parts: Parts, done: int, driving: Driving, numbers: Row) ->
         **run.judged(),
     }
     place = {"steps": done, "stage": driving.stage, "episodes": driving.episodes}
-    run.keep(done, row, {**parts.state(), **place})
+    run.save_checkpoint(done, row, {**parts.state(), **place})
 
 
-def _restored(run: Run, parts: Parts) -> tuple[int, int, int]:
-    """Steps, stage and episodes of the checkpoint, whose other content goes into the parts."""
+def _restore(run: Run, parts: Parts) -> tuple[int, int, int]:
+    """Steps, stage and episodes of the checkpoint; its other content goes into the parts."""
 
     def take(state: dict[str, Any]) -> tuple[int, int, int]:
         parts.load(state)

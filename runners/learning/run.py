@@ -1,4 +1,4 @@
-"""What every learner shares: the worlds, the judge, the curves, the checkpoint, and the best network so far."""
+"""What every learner shares: the worlds, the evaluation, the curves, the checkpoint, and the best network so far."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ from runners.config.weights import NETWORK
 from runners.learning.learnable import Learnable, network_class, planner_config
 from runners.records.whole_file import replacing
 from runners.workers.executor import Map
-from runners.workers.lessons import Lesson, Taught
+from runners.workers.lessons import Lesson, LessonResult
 from runners.workers.progress import LearnProgress
 from runners.workers.robots import extremes
 
 CHECKPOINT, CURVES, PRESENT = "checkpoint.pt", "curves.csv", "network.npz"
-_GUIDES = 0x6775  # seeds the draw of guides apart from the episodes
+_GUIDES = 0x6775  # seeds the draw of guides separately from the episodes
 
 Row = dict[str, float]
 T = TypeVar("T")
 
 
 class Learner(Protocol):
-    """A way to learn; `conf/learner/` has one file for each."""
+    """A learning algorithm; `conf/learner/` has one file for each."""
 
     @property
     def total(self) -> int:
@@ -43,10 +43,10 @@ class Learner(Protocol):
         """Options of the planner and the guide of an expert to learn from, if there is one."""
 
     def check(self, config: LearnConfig) -> None:
-        """Raise InputError where it cannot learn from what the config drives."""
+        """Raise InputError if it cannot learn with the config."""
 
     def learn(self, run: Run) -> None:
-        """Go on from the checkpoint of the run until `total` is done."""
+        """Continue from the checkpoint of the run until `total` is done."""
 
 
 class Run:
@@ -55,14 +55,14 @@ class Run:
     def __init__(
         self, config: LearnConfig, run_dir: Path, start: Path | None, drive: Map, progress: LearnProgress
     ) -> None:
-        """start: of the weights to go on from; None: random ones. drive: lessons to what came of them."""
+        """start: path of the initial weights; None: random ones. drive: maps lessons to their results."""
         torch.set_num_threads(config.threads)
         torch.manual_seed(config.seed)
         self.config = config
         self.run_dir = run_dir
         self.rows: list[Row] = []
         self.best: float | None = None
-        self.sharpness = 1.0  # of the draw of components where the network drives
+        self.sharpness = 1.0  # of the draw of components while the network drives
         self._drive = drive
         self._progress = progress
         self._seconds = 0.0
@@ -79,7 +79,7 @@ class Run:
         return self._seconds + perf_counter() - self._began
 
     def restore(self, take: Callable[[dict[str, Any]], T]) -> T | None:
-        """Take over curves and network of the checkpoint; what `take` makes of the learner's own state there.
+        """Restore curves and network from the checkpoint; returns what `take` makes of the learner's state in it.
 
         None without a checkpoint. Raises InputError, naming the file, for a damaged one.
         """
@@ -90,19 +90,19 @@ class Run:
             saved = torch.load(path, weights_only=True)
             self.rows, self.best, self._seconds = saved["rows"], saved["best"], saved["seconds"]
             self.network.load_state_dict(saved["network"])
-            self._progress.reach(int(saved["done"]), self.best)
+            self._progress.set_done(int(saved["done"]), self.best)
             return take(saved["state"])
-        except Exception as error:  # damaged bytes raise anything
+        except Exception as error:  # damaged bytes can raise anything
             raise InputError(
-                f"{path}: is no checkpoint of this training, or damaged ({type(error).__name__}): restore it, or start "
-                "anew in another directory"
+                f"{path}: is not a checkpoint of this training, or is damaged ({type(error).__name__}): restore it, or "
+                "start again in another directory"
             ) from error
 
-    def keep(self, done: int, row: Row | None, state: Mapping[str, Any]) -> None:
+    def save_checkpoint(self, done: int, row: Row | None, state: Mapping[str, Any]) -> None:
         """Write the checkpoint after `done` rounds or steps.
 
-        row: a point of the curves, with the `success` of `judged`, if the network was judged. state: what the
-        learner needs to go on, of tensors, numbers, lists and mappings.
+        row: a point of the curves, with the `success` of `judged`, if the network was evaluated. state: what the
+        learner needs to continue, made of tensors, numbers, lists and mappings.
         """
         if row is not None:
             if self.best is None or row["success"] > self.best:
@@ -122,21 +122,21 @@ class Run:
         torch.save(saved, whole)
         with replacing(self.run_dir / CHECKPOINT) as draft:
             draft.write_bytes(whole.getbuffer())
-        self._progress.reach(done, self.best)
+        self._progress.set_done(done, self.best)
 
     def write(self, name: str = PRESENT) -> str:
-        """Write the network as planners read it; the path."""
+        """Write the network in the format that planners read; returns the path."""
         path = self.run_dir / name
         with replacing(path) as draft, draft.open("wb") as file:
             type(self.network).write(self.network.weights(self.sharpness), file)
         return str(path)
 
-    def say(self, doing: str) -> None:
-        """Show what is being done."""
-        self._progress.say(doing)
+    def describe(self, doing: str) -> None:
+        """Show what the learner is doing."""
+        self._progress.describe(doing)
 
     def judged(self) -> Row:
-        """Shares of the validation episodes of the present network by outcome, and of success under each guide."""
+        """Shares of outcomes in the validation episodes of the current network, and its success under each guide."""
         present = self.write()
         config = self.config
         places = self._places(0, config.validation)
@@ -149,18 +149,18 @@ class Run:
             row[f"success_{guide}"] = sum(under) / len(under)
         return row
 
-    def drive(self, lessons: Sequence[Lesson], doing: str) -> Iterator[Taught]:
-        """Drive the lessons; what came of them, in any order. doing: what this is, for the progress."""
+    def drive(self, lessons: Sequence[Lesson], doing: str) -> Iterator[LessonResult]:
+        """Drive the lessons; yields their results, in any order. doing: text for the progress bar."""
         for number, taught in enumerate(self._drive(lessons), 1):
-            self.say(f"{doing} {number}/{len(lessons)}")
+            self.describe(f"{doing} {number}/{len(lessons)}")
             yield taught
 
     def places(self, first: int, count: int) -> list[tuple[str, int]]:
-        """Map sets and numbers of training worlds, the `first` one counted from 0. None is one of the validation."""
+        """Map sets and numbers of training worlds, from the `first` (from 0). None of them is a validation world."""
         return self._places(self.config.validation + first, count)
 
     def guides(self, part: int, count: int) -> list[str]:
-        """Names of guides, drawn by their shares. part: of the training, so that parts differ."""
+        """Names of guides, drawn by their shares. part: of the training; each part draws other guides."""
         names, shares = list(self.config.guides), np.array(list(self.config.guides.values()))
         rng = np.random.default_rng(np.random.SeedSequence([self.config.seed, part, _GUIDES]))
         return [names[i] for i in rng.choice(len(names), count, p=shares / shares.sum())]
@@ -178,7 +178,7 @@ class Run:
 def descend(
     optimiser: torch.optim.Optimizer, loss: Tensor, parameters: Iterable[nn.Parameter], gradient_max: float
 ) -> float:
-    """One step of the optimiser down a loss; the loss. gradient_max: norm that the gradient is cut to."""
+    """Take one optimiser step; returns the loss. gradient_max: norm to which the gradient is clipped."""
     optimiser.zero_grad()
     torch.autograd.backward(loss)
     nn.utils.clip_grad_norm_(parameters, gradient_max)

@@ -1,6 +1,6 @@
 """Soft actor-critic (Haarnoja et al. 2018, arXiv:1801.01290) of a mixture policy, as DRL-DCLP was trained.
 
-`sac_training.py` does so in torch, which nothing here imports.
+`sac_training.py` implements it in torch, which nothing here imports.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 class Sac(Reinforcement[SacConfig]):
-    """Learns from a memory of its own driving, and is paid for trying things."""
+    """Learns from a memory of its own driving, with a reward for exploration."""
 
     Config = SacConfig
 

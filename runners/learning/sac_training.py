@@ -1,7 +1,6 @@
 """SAC in torch: the memory of steps, and the updates of policy and critics.
 
-The expectation over the components is exact: each counts with its probability, so that nothing but their Gaussians is
-drawn.
+The expectation over the components is exact: each counts with its probability, so only their Gaussians are sampled.
 """
 
 from __future__ import annotations
@@ -34,7 +33,7 @@ class ReplaySteps(NamedTuple):
 
 
 class Replay:
-    """The last `capacity` steps, drawn from evenly."""
+    """The last `capacity` steps, sampled uniformly."""
 
     def __init__(self, capacity: int) -> None:
         self._capacity = capacity
@@ -42,7 +41,7 @@ class Replay:
         self.count = 0
 
     def add(self, step: ReplaySteps) -> None:
-        """Keep B steps in place of the oldest."""
+        """Add B steps, which replace the oldest."""
         flat = [*step.features, step.raw, step.rewards, step.terminated, *step.following]
         if not self._arrays:
             self._arrays = [torch.empty((self._capacity, *each.shape[1:]), dtype=each.dtype) for each in flat]
@@ -52,7 +51,7 @@ class Replay:
         self.count += len(step.raw)
 
     def sample(self, size: int, generator: torch.Generator) -> ReplaySteps:
-        """B steps, each drawn from all that are kept."""
+        """B steps, each drawn from all that are stored."""
         chosen = torch.randint(min(self.count, self._capacity), (size,), generator=generator)
         rows = [array[chosen] for array in self._arrays]
         inputs = (len(rows) - 3) // 2
@@ -67,7 +66,7 @@ class SacTraining:
         self._config = config
 
     def learn(self, run: Run) -> None:
-        """Go on from the checkpoint of the run until all steps are done."""
+        """Continue from the checkpoint of the run until all steps are done."""
         config, policy = self._config, run.network
         critics = nn.ModuleList([policy.critic(_ACTIONS), policy.critic(_ACTIONS)])
         modules = {"critics": critics, "targets": copy.deepcopy(critics)}
@@ -80,13 +79,13 @@ class SacTraining:
 
         def advance(driving: Driving, features: Features, done: int) -> Advanced:
             nonlocal updates
-            features = self._driven(policy, parts, driving, features, replay)
+            features = self._drive(policy, parts, driving, features, replay)
             found: list[dict[str, float]] = []
             if replay.count >= max(config.warm_up, config.batch):
                 for _ in range(config.updates):
                     batch = replay.sample(config.batch, parts.generator)
                     found.append(
-                        self._updated(policy, parts, batch, done > 0 and updates >= config.critics_first)
+                        self._update(policy, parts, batch, done > 0 and updates >= config.critics_first)
                     )
                     updates += 1
             names = {name for each in found for name in each}
@@ -95,21 +94,21 @@ class SacTraining:
 
         reinforce(run, config, parts, ["loss_policy", "loss_value", "entropy"], advance)
 
-    def _driven(
+    def _drive(
         self, policy: Learnable, parts: Parts, driving: Driving, features: Features, replay: Replay
     ) -> Features:
-        """Drive one step and remember it; what the robots see then."""
+        """Drive one step and store it; returns what the robots see then."""
         with torch.no_grad():
             raw = draw(policy(*features).at_least(self._config.least_sigma), parts.generator)
         found = driving.step(raw.tanh())
-        replay.add(ReplaySteps(features, raw, found.rewards, found.terminated, following(found)))
+        replay.add(ReplaySteps(features, raw, found.rewards, found.terminated, next_features(found)))
         return found.features
 
-    def _updated(
+    def _update(
         self, policy: Learnable, parts: Parts, batch: ReplaySteps, learn_policy: bool
     ) -> dict[str, float]:
-        """One update of critics and targets, and of the policy if it is time; the losses."""
-        wanted = self._wanted(policy, parts, batch)
+        """Update critics and targets, and the policy if it is time; returns the losses."""
+        wanted = self._target_values(policy, parts, batch)
         critics = parts.modules["critics"]
         errors = [
             nn.functional.mse_loss(each(*batch.features, batch.raw.tanh()), wanted)
@@ -128,13 +127,13 @@ class SacTraining:
                 target.lerp_(new, self._config.polyak)
         return found
 
-    def _wanted(self, policy: Learnable, parts: Parts, batch: ReplaySteps) -> Tensor:
-        """What the critics should say (B,): the reward and the worth of what follows."""
+    def _target_values(self, policy: Learnable, parts: Parts, batch: ReplaySteps) -> Tensor:
+        """The critics' target values (B,): the reward and the value of what follows."""
         config = self._config
         with torch.no_grad():
             mixture = policy(*batch.following).at_least(config.least_sigma)
             raw = draw(mixture, parts.generator)
-            worth = least(parts.modules["targets"], batch.following, raw.tanh())
+            worth = lower_value(parts.modules["targets"], batch.following, raw.tanh())
             worth = worth - config.alpha * log_density_of_actions(mixture, raw)
             return batch.rewards + config.gamma * (~batch.terminated).float() * worth
 
@@ -143,13 +142,13 @@ class SacTraining:
         mixture = policy(*batch.features).at_least(self._config.least_sigma)
         raw = draw_each(mixture, parts.generator)
         density = torch.stack([log_density_of_actions(mixture, each) for each in raw.unbind(1)], 1)
-        worth = least(parts.modules["critics"], batch.features, raw.tanh())
+        worth = lower_value(parts.modules["critics"], batch.features, raw.tanh())
         odds = mixture.logits.softmax(-1)
         loss = (odds * (self._config.alpha * density - worth)).sum(-1).mean()
         return loss, -(odds * density).sum(-1).mean().item()
 
 
-def following(found: Experience) -> Features:
+def next_features(found: Experience) -> Features:
     """What the robots see after a step, also where it ended an episode."""
     seen = tuple(each.clone() for each in found.features)
     for each, last in zip(seen, found.last, strict=False):
@@ -157,7 +156,7 @@ def following(found: Experience) -> Features:
     return seen
 
 
-def least(critics: nn.Module, features: Features, actions: Tensor) -> Tensor:
+def lower_value(critics: nn.Module, features: Features, actions: Tensor) -> Tensor:
     """The lower of both critics' values. actions: (B, 2), or (B, K, 2) for values (B, K)."""
     first, second = (each(*features, actions) for each in critics.children())
     return torch.minimum(first, second)

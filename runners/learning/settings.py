@@ -1,4 +1,4 @@
-"""Keys of `conf/learner/`: what each learner can be told. Nothing here imports torch."""
+"""Keys of the learners in `conf/learner/`. Nothing here imports torch."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from lme.errors import InputError, require
 
 @dataclass(slots=True)
 class ExpertConfig:
-    """Options of planner and guide; the guide counts where the network is told the target, None: it is told the same.
+    """Options of planner and guide. guide: used if the network's subgoal is the target; None: the network's guide.
 
-    settings: keys of the planner that have other values than the option's file.
+    settings: keys of the planner whose values differ from those in the option's file.
     """
 
     planner: str = "dwa_tuned"
@@ -26,14 +26,14 @@ class CloneConfig:
     """Keys of `conf/learner/clone.yaml`."""
 
     rounds: int = 6
-    episodes: int = 300  # a round
+    episodes: int = 300  # per round
     updates: list[int] = field(default_factory=lambda: [2000, 6000])  # in the first and in the last round
     batch: int = 256
     lr: float = 1e-3  # of Adam; it falls to a hundredth in every round
     beta: float = 0.5  # in round n the expert drives beta^n of the steps
     least_beta: float = 0.1
-    least_sigma: float = 0.03  # no deviation counts as less
-    sharpness: float = 10.0  # of the draw of components where the network drives
+    least_sigma: float = 0.03  # minimum deviation
+    sharpness: float = 10.0  # of the draw of components while the network drives
     mirror: bool = True  # half of every batch is mirrored
     time_limit: float | None = 40.0  # [s] of an episode that is collected
     failures: bool = True  # learn also from episodes that do not succeed
@@ -60,7 +60,7 @@ class CloneConfig:
 
 @dataclass(slots=True)
 class DclpReward(Reward):
-    """The reward that DRL-DCLP was trained with."""
+    """The reward with which DRL-DCLP was trained."""
 
     progress: float = 2.0
     success: float = 10.0
@@ -69,10 +69,10 @@ class DclpReward(Reward):
 
 @dataclass(slots=True)
 class Curriculum:
-    """Easier tasks first: it is enough to come within `within` of the goal, stage by stage.
+    """Easier tasks first: in each stage, coming within `within` of the goal is a success.
 
-    within: [m] of each stage, before the map's own tolerance. promote: success in the last hundred episodes that ends
-    a stage.
+    within: [m] of each stage; the last stage has the map's own tolerance. promote: success in the last hundred
+    episodes that ends a stage.
     """
 
     within: list[float] = field(default_factory=list)
@@ -86,7 +86,7 @@ class Curriculum:
 
 @dataclass(slots=True)
 class ReinforcementConfig:
-    """Keys that `conf/learner/ppo.yaml` and `sac.yaml` have in common."""
+    """Keys common to `conf/learner/ppo.yaml` and `sac.yaml`."""
 
     steps: int = 1_000_000  # of all robots together
     robots: int = 32  # that drive at once
@@ -99,7 +99,7 @@ class ReinforcementConfig:
     curriculum: Curriculum = field(default_factory=Curriculum)
 
     def check(self) -> None:
-        """Raise InputError for values that cannot be."""
+        """Raise InputError for invalid values."""
         for key in ("steps", "robots", "worlds", "judge_every"):
             require(f"learner.{key}", getattr(self, key), at_least=1)
         for key in ("lr", "least_sigma"):
@@ -116,8 +116,8 @@ class PpoConfig(ReinforcementConfig):
     batch: int = 512
     decay: float = 0.95  # λ of the generalised advantage
     clip: float = 0.2
-    kl_max: float = 0.03  # a round ends where the policy has changed more
-    warm_up: int = 20_000  # steps in which the critic alone is trained
+    kl_max: float = 0.03  # a round ends when the policy has changed more than this
+    warm_up: int = 20_000  # steps in which only the critic is trained
 
     def __post_init__(self) -> None:
         self.check()
@@ -136,8 +136,8 @@ class SacConfig(ReinforcementConfig):
     steps: int = 300_000
     robots: int = 8
     judge_every: int = 20_000
-    alpha: float = 0.01  # worth of entropy
-    polyak: float = 0.005  # share of the critics that their targets take over in an update
+    alpha: float = 0.01  # weight of entropy
+    polyak: float = 0.005  # weight of the critics in an update of their targets
     batch: int = 256
     updates: int = 8  # after every step of all robots
     replay: int = 100_000  # steps kept

@@ -1,4 +1,4 @@
-"""The time that the node goes by: the system's, or that of /clock."""
+"""The clock of the node: the system's, or /clock."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from lme.live.messages import nanoseconds
 
 
 class SystemClock:
-    """Time since 1970, as robots' drivers stamp their messages."""
+    """Time since 1970, as in the stamps of robots' drivers."""
 
     still = 0.0
 
@@ -37,5 +37,5 @@ class TopicClock:
 
     @property
     def still(self) -> float:
-        """Real time since it last moved [s]."""
+        """Real time since it last advanced [s]."""
         return time.monotonic() - self._moved

@@ -21,7 +21,7 @@ from runners.live.transport import Transport
 
 
 def drive_robot(job: Job[LiveCommandConfig], transport: Transport) -> None:
-    """Drive the robot until an exception comes, such as KeyboardInterrupt."""
+    """Drive the robot until an exception, such as KeyboardInterrupt."""
     config = job.config
     own: NodeConfig = configured(config.live, "live")[1]
     topics = filled(LiveTopicsConfig, config.topics, "topics")
@@ -32,7 +32,7 @@ def drive_robot(job: Job[LiveCommandConfig], transport: Transport) -> None:
     scan, frames = filled(ScanConfig, config.scan, "scan"), filled(FramesConfig, config.frames, "frames")
     driver = LiveDriver(navigator, config.robot, own, scan, frames)
     node = Node(own, transport, topics, driver, config.robot.dt)
-    node.listen(_Teller().take)
+    node.listen(_StatePrinter().take)
     version = transport.version
     action = f" or the action {topics.action_in(version)}" if node.serves_action else ""
     print(f"{config.robot.name} in ROS {version}: reads {topics.scan} and {topics.pose}", flush=True)
@@ -43,8 +43,8 @@ def drive_robot(job: Job[LiveCommandConfig], transport: Transport) -> None:
         node.run()
 
 
-class _Teller:
-    """Prints what the robot does whenever that changes."""
+class _StatePrinter:
+    """Prints what the robot does, whenever it changes."""
 
     def __init__(self) -> None:
         self._said = ""

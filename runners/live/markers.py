@@ -30,7 +30,7 @@ _SUBGOAL = np.array([0.835, 0.369, 0.0])
 _TARGET = np.array([0.0, 0.620, 0.451])
 _PATH = np.array([0.0, 0.447, 0.698])
 _INK = np.array([0.1, 0.1, 0.1])
-_CLIP = (0.05, 0.95)  # a few extreme scores would use up the scale
+_CLIP = (0.05, 0.95)  # otherwise a few extreme scores would use up the scale
 _DOT, _LINE, _MARK, _LETTER = 0.04, 0.03, 0.16, 0.25  # [m]
 
 
@@ -46,7 +46,7 @@ class Shape(IntEnum):
 class Marker(NamedTuple):
     """One marker in the base frame.
 
-    points: (N, 2) [m]. colours: (N, 3) or (1, 3) for all, red, green, blue from 0 to 1. size: of a point, the width
+    points: (N, 2) [m]. colours: (N, 3), or (1, 3) for all: red, green, blue from 0 to 1. size: of a point, the width
     of a line, or the height of a letter [m].
     """
 

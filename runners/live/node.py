@@ -1,4 +1,4 @@
-"""The node: hands what arrives to the driver, asks it once per control period, and publishes what it answers."""
+"""The node: passes messages to the driver, asks it for a step once per control period, and publishes the result."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ from runners.live.topics import TF, TF_MESSAGE, LiveTopicsConfig
 from runners.live.transport import ActionGoal, Delivery, Transport
 from runners.live.watchdog import Watchdog
 
-_AT_REST = 1.0  # [s] for which zero velocity is repeated without a goal; then others may drive
-_FAREWELL = 3  # times that zero velocity is sent at shutdown
+_AT_REST = 1.0  # [s] for which zero velocity is repeated without a goal; after that, others may drive
+_SHUTDOWN_STOPS = 3  # times that zero velocity is sent at shutdown
 
 
 @dataclass(slots=True)
@@ -50,16 +50,16 @@ class Node:
         driver: LiveDriver,
         period: float,
     ) -> None:
-        """period: between two decisions [s], on the node's clock."""
+        """period: between decisions [s], on the node's clock."""
         self._config, self._ros, self._driver = config, transport, driver
         self._topics = topics
         self._period = round(period * SECOND)
         self._make = OutgoingMessages(transport)
         self._due = 0  # [ns] when the next decision is due
         self._goal: ActionGoal | None = None
-        self._goal_time = 0  # [ns] when it came
+        self._goal_time = 0  # [ns] when it arrived
         self._before: Explanation | None = None
-        self._resting: int | None = None  # [ns] since when the robot need not drive; None while it must obey
+        self._resting: int | None = None  # [ns] since when the robot has had no goal; None while it has one
         self._status = Status()
         self._listeners: list[Callable[[LiveStep], None]] = []
         self._clock = self._connect()
@@ -70,7 +70,7 @@ class Node:
         self._listeners.append(listener)
 
     def run(self) -> None:
-        """Drive until an exception comes, such as KeyboardInterrupt; then stop the robot."""
+        """Drive until an exception, such as KeyboardInterrupt; then stop the robot."""
         try:
             with self._watchdog:
                 while True:
@@ -81,14 +81,14 @@ class Node:
             self._shut_down()
 
     def _left(self) -> float:
-        """Real time to wait for a message at most [s]."""
+        """Maximum real time to wait for a message [s]."""
         now = self._clock.now()
         if now is None or isinstance(self._clock, TopicClock):
             return self._config.stale / 4
         return min(max(self._due - now, 0), self._period) / SECOND
 
     def _act(self) -> None:
-        """Ask the driver if a decision is due, and also while the clock stands still, so that it notices."""
+        """Ask the driver for a step if one is due, and also while the clock stands still, so that it notices."""
         now = self._clock.now()
         if now is None:
             return
@@ -101,7 +101,7 @@ class Node:
         self._publish(self._driver.tick(now))
 
     def _publish(self, step: LiveStep) -> None:
-        """Send the command and what explains it, and tell the action's client how it goes."""
+        """Send the command and its explanation, and report to the action's client."""
         if step.state in (LiveState.DRIVING, LiveState.STOPPED):
             self._resting = None
         elif self._resting is None:
@@ -118,7 +118,7 @@ class Node:
             self._diagnostics(self._status.message(step, self._driver.soft_stops, self._make))
 
     def _halt(self) -> None:
-        """Stop the robot while the node is held up, for example by a planner that does not come to an end."""
+        """Stop the robot while the node is blocked, for example by a planner that does not return."""
         if self._resting is None:
             self._send(STILL, self._clock.now() or 0)
 
@@ -127,7 +127,7 @@ class Node:
         self._command(self._make.command(kind, stamp, base, command))
 
     def _explain(self, step: LiveStep) -> None:
-        """Publish subgoal, markers and reason of a decision, or why there is none. Costs little if nobody listens."""
+        """Publish subgoal, markers and reason of a decision, or why there is none. Cheap if nobody subscribes."""
         if step.observation is None or step.guidance is None:
             self._before = None
             if step.reason and self._reason.watched:
@@ -147,7 +147,7 @@ class Node:
         self._before = why
 
     def _report(self, step: LiveStep) -> None:
-        """Feedback and result for the client of the action."""
+        """Send feedback and result to the client of the action."""
         if self._goal is None:
             return
         if step.state is LiveState.ARRIVED:
@@ -159,7 +159,7 @@ class Node:
             self._goal.feedback(pose, math.hypot(*seen.target), step.stamp - self._goal_time)
 
     def _take_goal(self, pose: Any, goal: ActionGoal | None = None) -> None:
-        """Drive to a PoseStamped. Another goal gives way."""
+        """Drive to a PoseStamped instead of the previous goal."""
         now, point = self._clock.now() or 0, pose.pose.position
         try:
             self._driver.set_goal((point.x, point.y), pose.header.frame_id, now)
@@ -169,11 +169,11 @@ class Node:
                 goal.abort(str(error))
             return
         if self._goal is not None:
-            self._goal.cancel("another goal takes its place")
+            self._goal.cancel("another goal replaces it")
         self._goal, self._goal_time = goal, now
 
     def _cancel(self, goal: ActionGoal | None = None) -> None:
-        """Cancel a goal; None: whatever goal there is. One that is not driven to any more is left as it is."""
+        """Cancel a goal; None: the current one, if any. Ignores a goal that is no longer the current one."""
         if goal is not None and goal is not self._goal:
             return
         if self._goal is not None:
@@ -183,7 +183,7 @@ class Node:
 
     def _shut_down(self) -> None:
         step = self._driver.stop("the node shuts down")
-        for _ in range(_FAREWELL):
+        for _ in range(_SHUTDOWN_STOPS):
             self._send(step.command, step.stamp)
             time.sleep(0.02)
         if self._goal is not None:
@@ -191,7 +191,7 @@ class Node:
             self._ros.handle(0.1)  # in which ROS sends the result
 
     def _connect(self) -> SystemClock | TopicClock:
-        """Subscribe and advertise; the clock to go by."""
+        """Subscribe and advertise; returns the node's clock."""
         ros, topics, driver = self._ros, self._topics, self._driver
         self._command = ros.publisher(topics.command, topics.command_kind)
         self._subgoal = ros.publisher(topics.subgoal, "geometry_msgs/PointStamped")

@@ -1,4 +1,4 @@
-"""How the simulated robot's episodes ended: printed, and kept as a table."""
+"""The outcomes of the simulated robot's episodes: printed, and written as a table."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class Outcomes:
             print(f"{count} episodes: success {rate:.3f}, BARN metric {score:.3f}. Table: {self._path}")
 
     def add(self, world: int, run: int, driven: Driven) -> None:
-        """Print and keep one episode."""
+        """Print one episode and add it to the table."""
         success = driven.outcome is Outcome.SUCCESS
         score = metrics.barn_metric(success, driven.time, driven.task.optimal_time)
         spl = metrics.spl(success, driven.task.shortest_path_length, driven.path_length)

@@ -1,4 +1,4 @@
-"""Makes the messages that are published. Both versions of ROS name their fields alike."""
+"""Makes the messages that are published. Both versions of ROS use the same field names."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class OutgoingMessages:
         return self._ros.type("rosgraph_msgs/Clock")(clock=self._ros.stamp(now))
 
     def command(self, kind: str, now: int, frame: str, twist: Twist) -> Any:
-        """geometry_msgs/Twist or TwistStamped, as `kind` says."""
+        """geometry_msgs/Twist or TwistStamped, according to `kind`."""
         message = self._ros.type(f"geometry_msgs/{kind}")()
         moving = message
         if kind == "TwistStamped":
@@ -42,7 +42,7 @@ class OutgoingMessages:
         return message
 
     def scan(self, now: int, frame: str, scan: LaserScan, period: float) -> Any:
-        """sensor_msgs/LaserScan. period: between two scans [s]."""
+        """sensor_msgs/LaserScan. period: between scans [s]."""
         message = self._ros.type("sensor_msgs/LaserScan")()
         self._head(message, now, frame)
         message.angle_min, message.angle_increment = scan.angle_min, scan.angle_increment
@@ -86,7 +86,7 @@ class OutgoingMessages:
         return message
 
     def markers(self, now: int, frame: str, found: Sequence[Marker]) -> Any:
-        """visualization_msgs/MarkerArray that replaces all earlier markers of the topic."""
+        """A visualization_msgs/MarkerArray that replaces all earlier markers of the topic."""
         clear = self._ros.type("visualization_msgs/Marker")(action=_DELETE_ALL)
         self._head(clear, now, frame)
         drawn = [clear, *(self._marker(now, frame, one) for one in found)]

@@ -24,22 +24,22 @@ LIVE_TOPICS = {
     STATE: "std_msgs/msg/String",
 }
 _ENDS = (LiveState.IDLE, LiveState.ARRIVED, LiveState.CANCELLED)
-_ADVICE = "make room there, or choose another directory with hydra.run.dir=PATH"
+_ADVICE = "free some space there, or choose another directory with hydra.run.dir=PATH"
 
 
 class LiveRecorder:
     """Writes the steps of a driver into `goal-1.mcap`, `goal-2.mcap`, …; use as a context manager.
 
     A file begins with the first decision on the way to its goal, and ends when the robot has arrived, or when the
-    goal is cancelled or replaced. Stamps are those of the ticks; where the clock jumps back, they go on from the last.
-    Methods raise InputError where the file cannot be written.
+    goal is cancelled or replaced. Stamps are those of the ticks; if the clock jumps back, they continue from the last.
+    Methods raise InputError if the file cannot be written.
     """
 
     def __init__(self, folder: Path, config: DriveConfig, driver: LiveDriver) -> None:
         self._folder, self._config, self._driver = folder, config, driver
         self._open = ExitStack()
         self._writer: DecisionWriter | None = None
-        self._goal = 0  # of the file that is open
+        self._goal = 0  # of the open file
         self._latest, self._shift = -1, 0  # [ns]
         self._said = ""
         self._before: Explanation | None = None
@@ -53,7 +53,7 @@ class LiveRecorder:
         self._close()
 
     def take(self, step: LiveStep) -> None:
-        """Add a step. One that was given before, because the clock stands still, is not added again."""
+        """Add a step, unless it is a repeated one because the clock stands still."""
         if self._writer is not None and step.goal != self._goal:
             self._close()
         if self._writer is None and step.observation is not None:
@@ -99,7 +99,7 @@ class LiveRecorder:
             self._before = step.explanation
 
     def _stamp(self, step: LiveStep) -> int | None:
-        """The stamp in the file [ns], later than all before it; None if the step is not a new one."""
+        """The stamp in the file [ns], later than all before it; None if the step is not new."""
         if step.stamp + self._shift == self._latest:
             return None
         if step.stamp + self._shift < self._latest:

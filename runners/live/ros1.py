@@ -24,14 +24,14 @@ INSTALL = (
     "python3-nav-msgs python3-tf2-msgs python3-visualization-msgs python3-diagnostic-msgs (Debian 12, Ubuntu 22.04 "
     "and later), or source the setup.bash of a ROS 1 workspace"
 )
-_QUEUE = 1  # a robot needs the newest message only
-_FAREWELL = 3.0  # [s] that a node has for its last commands when ROS ends it
+_QUEUE = 1  # a robot needs only the newest message
+_SHUTDOWN_S = 3.0  # for a node's last commands when ROS ends it
 
 
 def check_installed() -> None:
-    """Raise InputError unless ROS 1 can be imported. Debian's packages are found from a virtual environment too.
+    """Raise InputError unless ROS 1 can be imported. Finds Debian's packages from a virtual environment too.
 
-    Debian's folder comes last in the search, so that the environment's own packages win.
+    Debian's folder is last in the search path, so the environment's own packages take precedence.
     """
     if find_spec("rospy") is None and (DEBIAN / "rospy").is_dir():
         sys.path.append(str(DEBIAN))
@@ -45,21 +45,21 @@ def check_installed() -> None:
 
 
 class Ros1:
-    """A node. words: ROS's own arguments, such as `__name:=drive` and `scan:=front/scan`.
+    """A node. arguments: ROS's own, such as `__name:=drive` and `scan:=front/scan`.
 
     Raises InputError if ROS 1 is not installed or no master answers.
     """
 
     version = 1
 
-    def __init__(self, name: str, words: Sequence[str] = ()) -> None:
+    def __init__(self, name: str, arguments: Sequence[str] = ()) -> None:
         check_installed()
         import rosgraph
         import rospy
 
         if not rosgraph.is_master_online():
             raise InputError(f"no ROS master answers at {rosgraph.get_master_uri()}: start roscore")
-        rospy.init_node(name, argv=[name, *words], disable_signals=True)
+        rospy.init_node(name, argv=[name, *arguments], disable_signals=True)
         self._rospy = rospy
         self._inbox: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
         self._closed = threading.Event()
@@ -88,12 +88,12 @@ class Ros1:
         return self._rospy.Duration(*divmod(time, SECOND))
 
     def subscribe(self, topic: str, kind: str, take: Take, delivery: Delivery) -> None:
-        """Call `take` with the messages. Whether ROS 1 sends one that came before is up to the publisher."""
+        """Call `take` with the messages. In ROS 1, the publisher decides whether to send an earlier one."""
         size = _QUEUE if delivery is Delivery.NEWEST else None
         self._rospy.Subscriber(topic, self.type(kind), self._later(take), queue_size=size, tcp_nodelay=True)
 
     def publisher(self, topic: str, kind: str, latched: bool = False) -> Publisher:
-        """A publisher. latched: subscribers that come later receive the last message."""
+        """A publisher. latched: later subscribers receive the last message."""
         made = self._rospy.Publisher(
             topic, self.type(kind), queue_size=_QUEUE, latch=latched, tcp_nodelay=True
         )
@@ -132,7 +132,7 @@ class Ros1:
         return _Client(action)
 
     def handle(self, timeout: float) -> None:
-        """Wait at most `timeout` [s] for something to arrive, and hand over all that has, for `HANDLING` at most."""
+        """Wait at most `timeout` [s] for messages, then deliver all that arrived, for at most `HANDLING`."""
         with contextlib.suppress(queue.Empty):
             self._inbox.get(timeout=max(timeout, 0.0))()
             end = time.monotonic() + HANDLING
@@ -140,18 +140,18 @@ class Ros1:
                 self._inbox.get_nowait()()
 
     def close(self) -> None:
-        """Leave ROS."""
+        """Shut the node down."""
         self._closed.set()
         self._rospy.signal_shutdown("done")
 
     def _end(self) -> None:
-        """ROS ends the node, as by `rosnode kill`: end as Ctrl-C does, and keep the topics open until then."""
+        """When ROS ends the node, as by `rosnode kill`: end as Ctrl-C does, and keep the topics open until then."""
         if not self._closed.is_set():
             self._inbox.put(_interrupt)
-            self._closed.wait(_FAREWELL)
+            self._closed.wait(_SHUTDOWN_S)
 
     def _later(self, take: Take) -> Take:
-        """rospy calls back in threads of its own; `handle` calls `take` in the caller's."""
+        """Defer `take`: rospy calls back in its own threads, `handle` in the caller's."""
         return lambda message: self._inbox.put(partial(take, message))
 
 

@@ -18,7 +18,7 @@ INSTALL = (
     "ros-visualization-msgs ros-diagnostic-msgs ros-rosgraph-msgs, or source the setup.bash of a ROS 2 workspace "
     "whose Python is 3.11 or later"
 )
-_DEPTH = 100  # messages that may wait
+_DEPTH = 100  # queue size
 
 
 def check_installed() -> None:
@@ -28,20 +28,20 @@ def check_installed() -> None:
 
 
 class Ros2:
-    """A node. words: ROS's own arguments, such as `--ros-args -r scan:=front/scan`.
+    """A node. arguments: ROS's own, such as `--ros-args -r scan:=front/scan`.
 
     Raises InputError if ROS 2 is not installed.
     """
 
     version = 2
 
-    def __init__(self, name: str, words: Sequence[str] = ()) -> None:
+    def __init__(self, name: str, arguments: Sequence[str] = ()) -> None:
         check_installed()
         import rclpy
         from rclpy.executors import SingleThreadedExecutor
         from rclpy.signals import SignalHandlerOptions
 
-        rclpy.init(args=[name, *words], signal_handler_options=SignalHandlerOptions.NO)
+        rclpy.init(args=[name, *arguments], signal_handler_options=SignalHandlerOptions.NO)
         self._rclpy = rclpy
         self._node = rclpy.create_node(name)
         self._executor = SingleThreadedExecutor()
@@ -49,7 +49,7 @@ class Ros2:
         self._handled = 0
         self._later: list[
             Callable[[], None]
-        ] = []  # what the action server asks for, when its own part is done
+        ] = []  # what the action server requests, when its own part is done
         self.sim_time = bool(self._node.get_parameter("use_sim_time").value)
 
     def has(self, kind: str) -> bool:
@@ -63,8 +63,8 @@ class Ros2:
             return getattr(importlib.import_module(f"{package}.msg"), name)
         except ImportError as error:
             raise InputError(
-                f"{kind} needs the package {package}: pip install ros-{package.replace('_', '-')} where there is "
-                "such a package, or source the setup.bash of a ROS 2 workspace"
+                f"{kind} needs the package {package}: pip install ros-{package.replace('_', '-')} if there is such a "
+                "package, or source the setup.bash of a ROS 2 workspace"
             ) from error
 
     def stamp(self, time: int) -> Any:
@@ -78,7 +78,7 @@ class Ros2:
         return self.type("builtin_interfaces/Duration")(sec=sec, nanosec=nanosec)
 
     def subscribe(self, topic: str, kind: str, take: Take, delivery: Delivery) -> None:
-        """Call `take` with the messages. The newest are asked for by best effort, which fits every publisher."""
+        """Call `take` with the messages. The newest are requested by best effort, which matches every publisher."""
         from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
         def counted(message: Any) -> None:
@@ -93,7 +93,7 @@ class Ros2:
         self._node.create_subscription(self.type(kind), topic, counted, profile)
 
     def publisher(self, topic: str, kind: str, latched: bool = False) -> Publisher:
-        """A publisher. latched: subscribers that come later receive the last message."""
+        """A publisher. latched: later subscribers receive the last message."""
         from rclpy.qos import DurabilityPolicy, QoSProfile
 
         durability = DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE
@@ -148,7 +148,7 @@ class Ros2:
         return _Client(self._node, action)
 
     def handle(self, timeout: float) -> None:
-        """Wait at most `timeout` [s] for something to arrive, and hand over all that has, for `HANDLING` at most."""
+        """Wait at most `timeout` [s] for messages, then deliver all that arrived, for at most `HANDLING`."""
         before = self._handled
         self._executor.spin_once(timeout_sec=max(timeout, 0.0))
         end = time.monotonic() + HANDLING
@@ -160,7 +160,7 @@ class Ros2:
             call()
 
     def close(self) -> None:
-        """Leave ROS."""
+        """Shut the node down."""
         self._executor.shutdown()
         self._node.destroy_node()
         self._rclpy.try_shutdown()
@@ -202,7 +202,7 @@ class _Goal:
         self.result.set_result(self._action.Result())
 
     def cancel(self, reason: str) -> None:
-        """Canceled if the client asked for it; a goal that another one displaces is aborted, as Nav2 does."""
+        """Cancel the goal if the client asked for it; abort one that another goal replaces, as Nav2 does."""
         self._handle.canceled() if self._handle.is_cancel_requested else self._handle.abort()
         self.result.set_result(self._action.Result())
 

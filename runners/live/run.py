@@ -59,8 +59,8 @@ def validate(job: Job[LiveCommandConfig]) -> None:
     _INSTALLED[config.ros]()
 
 
-def drive(job: Job[LiveCommandConfig], words: Sequence[str] = ()) -> None:
-    """Drive until Ctrl-C, or until the simulator has driven all worlds. words: ROS's own arguments."""
+def drive(job: Job[LiveCommandConfig], arguments: Sequence[str] = ()) -> None:
+    """Drive until Ctrl-C, or until the simulator has driven all worlds. arguments: ROS's own."""
     came: list[int] = []
 
     def interrupt(number: int, frame: FrameType | None) -> None:
@@ -71,10 +71,10 @@ def drive(job: Job[LiveCommandConfig], words: Sequence[str] = ()) -> None:
     before = {number: signal.signal(number, interrupt) for number in _ends()}
     transport = None
     try:
-        transport = connect(job.config.ros, SIMULATOR if _simulates(job) else "lme", words)
+        transport = connect(job.config.ros, SIMULATOR if _simulates(job) else "lme", arguments)
         (_simulate if _simulates(job) else drive_robot)(job, transport)
     except (KeyboardInterrupt, RuntimeError) as error:
-        # pybind11, in rclpy, makes a RuntimeError of an interrupt that comes while it converts.
+        # pybind11, in rclpy, turns an interrupt during a conversion into a RuntimeError.
         if isinstance(error, RuntimeError) and not came:
             raise
         print("stopped")
@@ -85,9 +85,9 @@ def drive(job: Job[LiveCommandConfig], words: Sequence[str] = ()) -> None:
             signal.signal(number, handler)
 
 
-def connect(version: int | None, name: str, words: Sequence[str]) -> Transport:
-    """A node of ROS 1 or 2. Raises InputError if it is not installed, or where ROS 1 has no master."""
-    return ros1.Ros1(name, words) if version == 1 else ros2.Ros2(name, words)
+def connect(version: int | None, name: str, arguments: Sequence[str]) -> Transport:
+    """A node of ROS 1 or 2. Raises InputError if it is not installed, or if ROS 1 has no master."""
+    return ros1.Ros1(name, arguments) if version == 1 else ros2.Ros2(name, arguments)
 
 
 def _simulate(job: Job[LiveCommandConfig], transport: Transport) -> None:
@@ -120,7 +120,7 @@ def _keys(worlds: Sequence[int], runs: int) -> list[tuple[int, int]]:
 
 
 def _finely_stepped(config: LiveCommandConfig) -> LiveCommandConfig:
-    """The config with the simulator's step in place of the control period: commands come when they come."""
+    """The config with the simulator's step instead of the control period: commands may come at any time."""
     return replace(config, robot=replace(config.robot, control_rate=1.0 / config.live["step"]))
 
 
@@ -129,13 +129,13 @@ def _simulates(job: Job[Any]) -> bool:
 
 
 def _check_keys(job: Job[LiveCommandConfig]) -> None:
-    """Raise InputError for a key that has no meaning for what is started."""
+    """Raise InputError for a key that has no meaning for the node, or for the simulator."""
     foreign, reader = (
         (_NODES_ONLY, "the nodes read") if _simulates(job) else (_SIMULATOR_ONLY, "the simulator reads")
     )
     for override in job.overrides:
         if override.lstrip("+").partition("=")[0].partition(".")[0] in foreign:
-            raise InputError(f"{override}: only {reader} this; leave it away")
+            raise InputError(f"{override}: only {reader} this; omit it")
 
 
 def _ends() -> list[signal.Signals]:

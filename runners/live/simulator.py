@@ -1,4 +1,4 @@
-"""The simulator behind the topics of a real robot: clock, scans, odometry, tf and goals out, commands in."""
+"""The simulator behind the topics of a real robot: publishes clock, scans, odometry, tf, goals; takes commands."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class Driven(NamedTuple):
 
 
 class SimulatedRobot:
-    """A robot in one world after the other. `robot`: of the config; `simulator`: of the robot with dt = step."""
+    """A robot in one world after another. `robot`: of the config; `simulator`: of the robot with dt = step."""
 
     Config = SimulatorConfig
 
@@ -75,17 +75,17 @@ class SimulatedRobot:
         self._config, self._ros, self._topics = config, transport, topics
         self._robot, self._simulator = robot, simulator
         self._make = OutgoingMessages(transport)
-        self._now = 0  # [ns] simulated time; it never goes back
+        self._now = 0  # [ns] simulated time; it never goes backwards
         self._step = round(config.step * SECOND)
         self._period = config.step / config.speed  # [s] of real time
         self._steps = 0
-        self._scans = max(1, round(1.0 / (config.scan_rate * config.step)))  # steps between two scans
+        self._scans = max(1, round(1.0 / (config.scan_rate * config.step)))  # steps between scans
         self._next = time.monotonic()  # [s] when the next step is due
         self._command, self._commanded = _REST, 0
         self._connect()
 
     def drive(self, tasks: Iterable[tuple[Task, np.random.Generator]]) -> Iterator[Driven]:
-        """Drive each task with its random numbers; yield how it ended."""
+        """Drive each task with its random numbers; yield the results."""
         for task, rng in tasks:
             yield self._episode(task, rng)
             for _ in range(round(self._config.pause / self._config.step)):
@@ -112,7 +112,7 @@ class SimulatedRobot:
                 progress.moved(before, self._simulator.state)
             else:
                 waited += self._config.step
-        self._publish(observation)  # so that a node whose tolerance is the task's sees that it has arrived
+        self._publish(observation)  # so that a node with the task's tolerance sees that it has arrived
         state = self._simulator.state
         return Driven(
             task,
@@ -124,12 +124,12 @@ class SimulatedRobot:
         )
 
     def _obeyed(self) -> Twist:
-        """The last command; none if it came longer ago than the watchdog allows."""
+        """The last command; zero if it is older than the watchdog allows."""
         fresh = self._now - self._commanded <= self._config.watchdog * SECOND
         return self._command if fresh else _REST
 
     def _wait(self) -> None:
-        """Wait for the next step and take the commands that come meanwhile. A step that is late delays the others."""
+        """Wait for the next step and take the commands that arrive meanwhile. A late step delays the others."""
         while (left := self._next - time.monotonic()) > 0.0:
             self._ros.handle(left)
         self._ros.handle(0.0)
@@ -137,7 +137,7 @@ class SimulatedRobot:
         self._now += self._step
 
     def _publish(self, observation: Observation) -> None:
-        """Publish what the sensors say, and then the time: at that time a node has all that belongs to it."""
+        """Publish the sensors' data, and then the time, so that a node has all data of that time."""
         now, make, pose = self._now, self._make, observation.odometry
         self._odometry(make.odometry(now, ODOM, BASE, pose, observation.twist))
         if self._tf is not None:
@@ -149,7 +149,7 @@ class SimulatedRobot:
         self._clock(make.clock(now))
 
     def _send(self, goal: Pose) -> bool:
-        """Send the goal if somebody listens; whether it is sent."""
+        """Send the goal if somebody subscribes; returns whether it was sent."""
         if self._goal is None:
             return True
         if not self._goal.watched:
@@ -180,7 +180,7 @@ class SimulatedRobot:
         )
 
     def _take(self, message: Any) -> None:
-        """Take a command. One that is not finite stops the robot."""
+        """Take a command. A command that is not finite stops the robot."""
         twist = twist_of(message, f"geometry_msgs/msg/{self._topics.command_type}")
         self._command = twist if all(map(math.isfinite, twist)) else _REST
         self._commanded = self._now

@@ -1,4 +1,4 @@
-"""What /diagnostics says of the node."""
+"""What /diagnostics says about the node."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from lme.live.step import LiveState, LiveStep
 from runners.live.outgoing import OK, WARN, OutgoingMessages
 
 _NAME = "lme: navigation"
-_PERIOD = 1.0  # [s] of real time between two messages
+_PERIOD = 1.0  # [s] of real time between messages
 
 
 class Status:
@@ -30,7 +30,7 @@ class Status:
         return time.monotonic() - self._began >= _PERIOD
 
     def message(self, step: LiveStep, soft_stops: int, make: OutgoingMessages) -> Any:
-        """A diagnostic_msgs/DiagnosticArray of the time since the last one. soft_stops: so far."""
+        """A diagnostic_msgs/DiagnosticArray for the time since the last one. soft_stops: so far."""
         seconds = time.monotonic() - self._began
         made = self._decisions
         values = {

@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass
 from lme.errors import InputError
 
 TF_MESSAGE = "tf2_msgs/TFMessage"
-TF = "tf"  # in place of a topic of poses
+TF = "tf"  # instead of a topic of poses
 SCANS = {"LaserScan": "sensor_msgs", "PointCloud2": "sensor_msgs"}
 POSES = {
     "Odometry": "nav_msgs",
@@ -24,7 +24,7 @@ _ACTION = {1: "move_base", 2: "navigate_to_pose"}
 
 @dataclass(slots=True)
 class LiveTopicsConfig:
-    """Names and types of the topics; goal, action: null: the usual name in this version of ROS."""
+    """Names and types of the topics. goal, action: null for the usual name in this version of ROS."""
 
     scan: str = "scan"
     scan_type: str = "LaserScan"

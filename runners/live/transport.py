@@ -8,7 +8,7 @@ from enum import Enum, auto
 from typing import Any, Protocol
 
 Take = Callable[[Any], None]
-HANDLING = 0.05  # [s] in one call of `handle`: messages that come faster than they are taken must not hold up commands
+HANDLING = 0.05  # [s] in one call of `handle`: messages that arrive too fast must not delay commands
 
 
 class Delivery(Enum):
@@ -16,7 +16,7 @@ class Delivery(Enum):
 
     NEWEST = auto()  # as of sensors; older ones may be lost
     ALL = auto()
-    LATCHED = auto()  # all, and the last one sent before
+    LATCHED = auto()  # all, and the last one sent before subscribing
 
 
 class Publisher(Protocol):
@@ -32,7 +32,7 @@ class Publisher(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class TopicPublisher:
-    """Publishes on a topic with what rospy and rclpy call by different names. subscribers: how many there are."""
+    """Publishes on a topic; rospy and rclpy have other names for its parts. subscribers: returns their number."""
 
     publish: Take
     subscribers: Callable[[], int]
@@ -53,13 +53,13 @@ class ActionGoal(Protocol):
     pose: Any  # PoseStamped
 
     def feedback(self, pose: Any, distance: float, time: int) -> None:
-        """Report the robot's PoseStamped, its distance to the goal [m], and the time since the goal came [ns]."""
+        """Report the robot's PoseStamped, its distance to the goal [m], and the time since the goal arrived [ns]."""
 
     def succeed(self) -> None:
         """The robot has arrived."""
 
     def cancel(self, reason: str) -> None:
-        """The client has cancelled the goal, or another goal has taken its place."""
+        """The client has cancelled the goal, or another goal has replaced it."""
 
     def abort(self, reason: str) -> None:
         """The goal cannot be reached."""
@@ -68,7 +68,7 @@ class ActionGoal(Protocol):
 class Transport(Protocol):
     """A node of ROS 1 or ROS 2, named by `version`. Message types are named as in "sensor_msgs/LaserScan".
 
-    Everything that arrives is handed over in `handle`, in the thread that calls it.
+    Everything that arrives is delivered in `handle`, in the thread that calls it.
     """
 
     version: int
@@ -90,7 +90,7 @@ class Transport(Protocol):
         """Call `take` with the messages."""
 
     def publisher(self, topic: str, kind: str, latched: bool = False) -> Publisher:
-        """A publisher. latched: subscribers that come later receive the last message."""
+        """A publisher. latched: later subscribers receive the last message."""
 
     def serve(
         self, action: str, accept: Callable[[ActionGoal], None], cancel: Callable[[ActionGoal | None], None]
@@ -101,7 +101,7 @@ class Transport(Protocol):
         """Sends PoseStamped as goals of the navigation action. Raises InputError if its package is not installed."""
 
     def handle(self, timeout: float) -> None:
-        """Wait at most `timeout` [s] for something to arrive, and hand over all that has, for `HANDLING` at most."""
+        """Wait at most `timeout` [s] for messages, then deliver all that arrived, for at most `HANDLING`."""
 
     def close(self) -> None:
-        """Leave ROS."""
+        """Shut the node down."""

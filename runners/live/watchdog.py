@@ -1,4 +1,4 @@
-"""Stops the robot while the loop that should drive it is held up."""
+"""Stops the robot while the loop that should drive it is blocked."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Self
 
 
 class Watchdog:
-    """Calls `halt`, from a thread of its own, whenever `feed` was not called for `patience` [s]; a context manager."""
+    """Calls `halt`, from its own thread, whenever `feed` was not called for `patience` [s]; a context manager."""
 
     def __init__(self, patience: float, halt: Callable[[], None]) -> None:
         self._patience, self._halt = patience, halt
@@ -29,7 +29,7 @@ class Watchdog:
         self._thread.join()
 
     def feed(self) -> None:
-        """The loop goes on."""
+        """Report that the loop is running."""
         self._fed.set()
 
     def _watch(self) -> None:

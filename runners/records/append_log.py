@@ -66,9 +66,9 @@ def encode(entry: LogEntry) -> bytes:
 
 
 class AppendLog:
-    """An append log, read in the order of the keys; of equal keys the first line counts.
+    """An append log, read in the order of the keys; if a key occurs twice, the first line counts.
 
-    Only the keys and places of its lines are held in memory, 24 bytes each. A last line without a newline is left out.
+    Memory holds only the key and the offset of each line, 24 bytes. A last line without a newline is ignored.
     keys: (N, 2) world and run, sorted. layouts: every combination of (name, dtype) of trajectory columns.
     """
 
@@ -76,13 +76,13 @@ class AppendLog:
         """Raises InputError for a line that is not an episode."""
         self._lines, self._path = lines, path
         self.layouts: set[tuple[tuple[str, str], ...]] = set()
-        places = np.array(self._places(), dtype=np.int64).reshape(-1, 3)  # world, run, first byte
-        order = np.lexsort((places[:, 1], places[:, 0]))  # stable
+        index = np.array(self._index(), dtype=np.int64).reshape(-1, 3)  # world, run, first byte
+        order = np.lexsort((index[:, 1], index[:, 0]))  # stable
         first = np.ones(len(order), dtype=bool)
-        first[1:] = (np.diff(places[order, :2], axis=0) != 0).any(axis=1)
+        first[1:] = (np.diff(index[order, :2], axis=0) != 0).any(axis=1)
         self._order = order[first]
-        self._starts = places[self._order, 2]
-        self.keys = places[self._order, :2]
+        self._starts = index[self._order, 2]
+        self.keys = index[self._order, :2]
 
     def entries(self, wanted: Container[EpisodeKey] | None = None) -> Iterator[LogEntry]:
         """Entries in the order of the keys; all, or the `wanted` ones. Raises InputError."""
@@ -91,29 +91,29 @@ class AppendLog:
                 self._lines.seek(start)
                 yield _decode(self._lines.readline(), self._path, int(number) + 1)
 
-    def _places(self) -> array[int]:
-        places, start = array("q"), 0
+    def _index(self) -> array[int]:
+        index, start = array("q"), 0
         for number, line in enumerate(self._lines, start=1):
             if not line.endswith(b"\n"):
                 break
-            with _told(self._path, number):
+            with _name_bad_line(self._path, number):
                 fields = json.loads(line)
                 key = EpisodeKey.of(fields["record"])
-                places.extend((key.world, key.run, start))
+                index.extend((key.world, key.run, start))
                 self.layouts.add(_layout(fields["trajectory"]))
             start += len(line)
-        return places
+        return index
 
 
 @contextlib.contextmanager
 def read_log(path: Path) -> Iterator[AppendLog]:
-    """Give the append log at `path`; an empty one where there is none. Raises InputError as `AppendLog` does."""
+    """Give the append log at `path`; an empty one if there is none. Raises InputError as `AppendLog` does."""
     with path.open("rb") if path.is_file() else io.BytesIO() as lines:
         yield AppendLog(lines, path)
 
 
 def _decode(line: bytes, path: Path, number: int) -> LogEntry:
-    with _told(path, number):
+    with _name_bad_line(path, number):
         fields = json.loads(line)
         arrays = {
             name: np.frombuffer(base64.b64decode(data), dtype=_dtype(kind))
@@ -126,20 +126,20 @@ def _decode(line: bytes, path: Path, number: int) -> LogEntry:
 
 
 def _layout(trajectory: dict[str, tuple[str, str]]) -> tuple[tuple[str, str], ...]:
-    """Names and types of the columns. Raises ValueError or TypeError for what Parquet could not hold."""
+    """Names and types of the columns. Raises ValueError or TypeError for what Parquet cannot hold."""
     "".join(trajectory).encode()  # JSON may hold half characters
     return tuple((name, _dtype(kind).str) for name, (kind, _) in trajectory.items())
 
 
 def _dtype(kind: str) -> np.dtype[Any]:
-    # numpy evaluates a text with a comma.
+    # NumPy would evaluate a string with a comma.
     if not re.fullmatch(r"[<>|=]?[fiu]\d\d?", kind):
-        raise ValueError(f"{kind} is no type of numbers")
+        raise ValueError(f"{kind} is not a type of number")
     return np.dtype(kind)
 
 
 def _check(row: dict[str, Any]) -> None:
-    """Raise TypeError or ValueError unless the values are of the kinds that `encode` writes."""
+    """Raise TypeError or ValueError unless the values have the types that `encode` writes."""
     for name, value in row.items():
         kind = str if name in TEXTS else int | float if name in COLUMNS else str | int | float
         if value is not None and not isinstance(value, kind):
@@ -151,8 +151,8 @@ def _check(row: dict[str, Any]) -> None:
 
 
 @contextlib.contextmanager
-def _told(path: Path, number: int) -> Iterator[None]:
-    """Raise InputError, which names the line, where its content is not that of an episode."""
+def _name_bad_line(path: Path, number: int) -> Iterator[None]:
+    """Raise InputError, which names the line, if the block finds that it is not an episode."""
     try:
         yield
     except (ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError):
@@ -160,7 +160,7 @@ def _told(path: Path, number: int) -> Iterator[None]:
 
 
 def cut_torn_line(path: Path) -> None:
-    """Remove a last line without a newline, which a killed run left; the next line would be joined to it."""
+    """Remove a last line without a newline, left by a killed run; the next line would be joined to it."""
     if not path.is_file():
         return
     with path.open("rb") as file:
@@ -178,9 +178,9 @@ def cut_torn_line(path: Path) -> None:
 
 
 def lock(file: Any, run_dir: Path) -> None:
-    """Lock an open file, so that only one process writes the run. The lock ends with the process.
+    """Lock an open file so that only one process writes the run. The lock ends with the process.
 
-    Raises InputError, naming `run_dir`, where another process holds the lock.
+    Raises InputError, naming `run_dir`, if another process holds the lock.
     """
     try:
         import fcntl

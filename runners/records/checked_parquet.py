@@ -1,4 +1,4 @@
-"""Parquet files of records, checked as they are read: their columns, the kinds of values, and that keys are there."""
+"""Reads Parquet files of records, and checks their columns, the types of the values, and that no key is missing."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ STEP_KEY = (*KEY_COLUMNS, "step")
 
 
 def read_table(path: Path, columns: Sequence[str] | None = None) -> pa.Table:
-    """A Parquet file of records, or these columns of it. Raises InputError where it is none."""
+    """A Parquet file of records, or these columns of it. Raises InputError if it is not one."""
     with _opened(path) as file:
-        return _whole(file.read(columns), path)
+        return _validated(file.read(columns), path)
 
 
 def row_groups(path: Path, worlds: Ints | None = None) -> Iterator[pa.Table]:
-    """The row groups that are not empty; only those which may hold one of the sorted `worlds`."""
+    """The row groups that are not empty; only those that may hold one of the sorted `worlds`."""
     with _opened(path, STEP_KEY) as file:
         for number in range(file.num_row_groups):
             if worlds is None or _may_hold(file, number, worlds):
-                table = _whole(file.read_row_group(number), path)
+                table = _validated(file.read_row_group(number), path)
                 if table.num_rows:
                     yield table
 
@@ -37,7 +37,7 @@ def row_groups(path: Path, worlds: Ints | None = None) -> Iterator[pa.Table]:
 def _may_hold(file: pq.ParquetFile, group: int, worlds: Ints) -> bool:
     column = file.schema_arrow.get_field_index("world")
     chunk = file.metadata.row_group(group).column(column)
-    # Arrow would end the process when it reads the statistics of such a column.
+    # Arrow would abort the process on reading the statistics of such a column.
     if chunk.physical_type != file.schema.column(column).physical_type:
         raise OSError(f"row group {group} holds world as {chunk.physical_type}")
     found = chunk.statistics
@@ -48,7 +48,7 @@ def _may_hold(file: pq.ParquetFile, group: int, worlds: Ints) -> bool:
 
 @contextlib.contextmanager
 def _opened(path: Path, required: Sequence[str] = KEY_COLUMNS) -> Iterator[pq.ParquetFile]:
-    """A Parquet file of records. Raises InputError where it is none, also while it is read."""
+    """Open a Parquet file of records. Raises InputError if it is not one, also while it is being read."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -63,20 +63,20 @@ def _opened(path: Path, required: Sequence[str] = KEY_COLUMNS) -> Iterator[pq.Pa
 
 
 def _check_columns(schema: pa.Schema, required: Sequence[str], path: Path) -> None:
-    """Raise InputError for a column that is missing, that stands twice, or whose values are not of its kind."""
+    """Raise InputError for a column that is missing, occurs twice, or has values of the wrong type."""
     names = schema.names
     missing = set(required) - set(names)
     if missing:
         raise InputError(f"{path} lacks the columns {', '.join(sorted(missing))}: not a file of lme eval")
     for field in schema:
         if names.count(field.name) > 1:
-            raise InputError(f"{path}: column {field.name!r} stands twice: not a file of lme eval")
-        if not _is_right(field):
+            raise InputError(f"{path}: column {field.name!r} occurs twice: not a file of lme eval")
+        if not _has_right_type(field):
             raise InputError(f"{path}: column {field.name!r} holds {field.type}: not a file of lme eval")
 
 
-def _is_right(column: pa.Field) -> bool:
-    """Whether the type of a column is one that its values may have; pandas may have written it again."""
+def _has_right_type(column: pa.Field) -> bool:
+    """Whether a column has one of the types that it may have; pandas may have rewritten the file."""
     import pyarrow.types as types
 
     held = column.type.value_type if types.is_dictionary(column.type) else column.type
@@ -89,8 +89,8 @@ def _is_right(column: pa.Field) -> bool:
     return bool(types.is_null(held) or types.is_boolean(held) or number or text)
 
 
-def _whole(table: pa.Table, path: Path) -> pa.Table:
-    """The table, after a check of its values, which are not decoded before they are used."""
+def _validated(table: pa.Table, path: Path) -> pa.Table:
+    """The table, after a check of its values, which Arrow would not decode before they are used."""
     table.validate(full=True)
     for name in (*KEY_COLUMNS, "outcome"):
         if name in table.column_names and table[name].null_count:

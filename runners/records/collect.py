@@ -25,7 +25,7 @@ class Collected(NamedTuple):
 def collect(folders: Iterable[Path]) -> Collected:
     """The records of every run in or below the folders, finished or not.
 
-    Below a folder, a run is what holds a launch record: MLflow keeps copies of records without one.
+    Below a folder, only a directory with a launch record is a run: MLflow keeps copies of records without one.
     Raises InputError for a folder that does not exist or has no run below it.
     """
     found = Collected({}, [])
@@ -45,12 +45,12 @@ def _runs_below(folder: Path) -> list[Path]:
 
 
 def _add(run_dir: Path, found: Collected) -> None:
-    """Read a run, once, however it is named."""
+    """Read a run, once, whatever path names it."""
     if any(run_dir.samefile(known) for known in found.frames):
         return
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", UserWarning)  # of a run without episodes: the error says so
+            warnings.simplefilter("ignore", UserWarning)  # about a run without episodes: the error says so
             found.frames[run_dir] = read_episodes([run_dir])
     except (InputError, OSError) as error:
         found.problems.append(str(error))

@@ -27,7 +27,7 @@ class EpisodeKey:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunLabels:
-    """The columns that name what was run. All episodes of a run have the same."""
+    """The columns that name what was run; the same in all episodes of a run."""
 
     system: str
     guide: str

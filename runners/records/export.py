@@ -15,35 +15,39 @@ from runners.records.records import episode_tables
 if TYPE_CHECKING:
     import pyarrow as pa
 
-_OF_RUN = ("run_dir", "sim", "scale")  # columns that tell runs apart, beside changed keys, which have a dot
+_RUN_COLUMNS = ("run_dir", "sim", "scale")  # tell runs apart, as do changed keys, which have a dot
 
-Write = Callable[[Iterable["pa.Table"], Any], int]  # tables and an open file to the number of rows
+Write = Callable[
+    [Iterable["pa.Table"], Any], int
+]  # takes tables and an open file, returns the number of rows
 
 
 def episodes(run_dirs: Sequence[Path]) -> Iterator[pa.Table]:
-    """The records of a run as its file holds them; those of several with the columns that tell the runs apart."""
+    """The records of a run as its file holds them; those of several runs with the columns that tell them apart."""
     found = episode_tables(run_dirs)
     if len(found) == 1:
         yield found[0][1]
         return
     names = dict.fromkeys(name for _, table, _ in found for name in table.column_names)
-    own = dict.fromkeys(key for _, _, columns in found for key in columns if key in _OF_RUN or "." in key)
+    own = dict.fromkeys(
+        key for _, _, columns in found for key in columns if key in _RUN_COLUMNS or "." in key
+    )
     for _, table, columns in found:
         whole = _with_columns(table, {name: None for name in names if name not in table.column_names})
         whole = _with_columns(whole.select(list(names)), {key: columns.get(key, "") for key in own})
         yield whole.select(["run_dir", *names, *(key for key in own if key != "run_dir")])
 
 
-def of_run(tables: Iterable[pa.Table], run_dir: Path) -> Iterator[pa.Table]:
+def with_run_dir(tables: Iterable[pa.Table], run_dir: Path) -> Iterator[pa.Table]:
     """The tables with the column `run_dir` before the others."""
     for table in tables:
         yield _with_columns(table, {"run_dir": str(run_dir)}).select(["run_dir", *table.column_names])
 
 
-def selected(tables: Iterable[pa.Table], columns: Sequence[str]) -> Iterator[pa.Table]:
-    """The tables with these columns, in this order; with all for none. They have the same columns as the first.
+def select(tables: Iterable[pa.Table], columns: Sequence[str]) -> Iterator[pa.Table]:
+    """The tables with these columns, in this order; with all columns if none are named.
 
-    Raises InputError for a column that is not there, and for tables that differ.
+    Raises InputError for a column that does not exist, and for tables whose columns differ from those of the first.
     """
     names: list[str] = []
     for table in tables:
@@ -51,8 +55,8 @@ def selected(tables: Iterable[pa.Table], columns: Sequence[str]) -> Iterator[pa.
         missing = [name for name in names if name not in table.column_names]
         if missing or (not columns and len(names) < table.num_columns):
             raise InputError(
-                "the runs have different columns, as those of different versions have: export each alone, "
-                "or choose --columns that all have"
+                "the runs have different columns, perhaps because different versions of lme recorded them: export "
+                "each alone, or choose --columns that all have"
             )
         yield table.select(names)
 
@@ -85,7 +89,7 @@ def write_parquet(tables: Iterable[pa.Table], file: IO[bytes]) -> int:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    # A column that one run lacks has no type there.
+    # A column that a run lacks has the type null there.
     whole = pa.concat_tables(tables, promote_options="permissive")
     pq.write_table(whole, file)
     return int(whole.num_rows)

@@ -22,12 +22,12 @@ from runners.config.instantiate import filled
 from runners.config.job import Job
 from runners.config.schema import RecordedConfig, SystemConfig
 from runners.records.versions import code
-from runners.records.whole_file import write_whole
+from runners.records.whole_file import write_atomically
 
 LAUNCH = "launch.json"
 # Keys that cannot change a result.
 NO_RESULTS = ("resume", "executor", "tracking", "system", "record", "explain")
-_SHOWN = 3  # differing keys that a message names at most
+_SHOWN = 3  # most differing keys that a message names
 
 
 @dataclass(slots=True)
@@ -35,10 +35,10 @@ class Launch:
     """How a run was started.
 
     configs: the part of the config that decides results; one for a run, one per job for a sweep. choices: the
-    option of every config group. changes: keys that have other values than their options' files. Both are in the
-    order of configs. weights: the set that each job drives with, which may be its guide's own. config_dir: of the
-    user's own options. job: its number within a sweep. started: date and time. code: the version that drove it, in
-    words.
+    option of every config group. changes: keys whose values differ from those in their options' files. Both are in
+    the order of configs. weights: the set that each job drives with, which may be its guide's own. config_dir: of the
+    user's own options. job: its number within a sweep. started: date and time. code: the version that drove it, as
+    text.
     """
 
     command: str
@@ -61,7 +61,7 @@ class Launch:
 
     @property
     def config(self) -> RecordedConfig:
-        """The config of the run, or of the first job. Raises InputError where it is not complete."""
+        """The config of the run, or of the first job. Raises InputError if it is not complete."""
         return recorded_config(self.configs[0])
 
     @property
@@ -70,31 +70,31 @@ class Launch:
         return catalogue.shipped(*([Path(self.config_dir)] if self.config_dir else [])).folders
 
     def write(self, directory: Path) -> None:
-        """Write `launch.json` whole. A run that is resumed keeps its start and its code.
+        """Write `launch.json` atomically. A run that is resumed keeps its `started` and its `code`.
 
-        Raises InputError where the directory cannot be written.
+        Raises InputError if the directory cannot be written.
         """
         fields, before = dataclasses.asdict(self), read_launch(directory)
         if before is not None and before.fingerprint == self.fingerprint:
             fields |= {"started": before.started, "code": before.code}
         text = json.dumps(fields, indent=1, sort_keys=True)
         try:
-            write_whole(directory / LAUNCH, text + "\n")
+            write_atomically(directory / LAUNCH, text + "\n")
         except OSError as error:
-            raise unusable(directory, "written", error) from error
+            raise directory_error(directory, "written", error) from error
 
 
 def read_launch(directory: Path) -> Launch | None:
-    """The launch of a run directory; None where it holds no readable one."""
+    """The launch of a run directory; None if it does not hold a readable one."""
     try:
         launch = Launch(**json.loads((directory / LAUNCH).read_text(encoding="utf-8")))
     except (OSError, ValueError, TypeError, RecursionError):
         return None
-    return launch if _is_whole(launch) else None
+    return launch if _is_complete(launch) else None
 
 
 def recorded_config(values: Mapping[str, Any]) -> RecordedConfig:
-    """The typed config of what `identity` gave. Raises InputError where it is not complete."""
+    """The typed config from what `identity` returned. Raises InputError if it is not complete."""
     names = [field.name for field in dataclasses.fields(RecordedConfig)]
     config: RecordedConfig = filled(
         RecordedConfig, {name: values[name] for name in names if name in values}, "config"
@@ -150,7 +150,7 @@ def differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterator[str]
 
 
 def shortened(found: Sequence[str]) -> str:
-    """The first changes, and the number of the others."""
+    """The first few changes, and the number of the others."""
     more = f" and {len(found) - _SHOWN} more" if len(found) > _SHOWN else ""
     return f"{'; '.join(found[:_SHOWN])}{more}"
 
@@ -161,7 +161,7 @@ def common(configs: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     return {key: value for key, value in first.items() if all(other.get(key) == value for other in others)}
 
 
-def unusable(directory: Path, what: str, error: OSError) -> InputError:
+def directory_error(directory: Path, what: str, error: OSError) -> InputError:
     """what: cannot be done with the directory, "read" or "written"."""
     return InputError(
         f"output directory {directory}: cannot be {what} ({error.strerror}): "
@@ -169,8 +169,8 @@ def unusable(directory: Path, what: str, error: OSError) -> InputError:
     )
 
 
-def _is_whole(launch: Launch) -> bool:
-    """Whether a launch that was read holds what `launch_of` gives, and as much of it for every job."""
+def _is_complete(launch: Launch) -> bool:
+    """Whether a launch that was read holds what `launch_of` writes, for every job."""
     texts = [launch.command, launch.fingerprint, launch.started, launch.code]
     texts += [launch.config_dir or "", launch.config_name or ""]
     parts = (launch.configs, launch.choices, launch.changes)

@@ -12,16 +12,16 @@ import yaml
 from lme.errors import InputError
 from runners.config.weights import NETWORK, REGISTERED, shipped_networks
 from runners.records import registered_name
-from runners.records.registered_name import said_in
+from runners.records.registered_name import read_key
 from runners.records.versions import versions
-from runners.records.whole_file import replacing, write_whole
+from runners.records.whole_file import replacing, write_atomically
 
-CARD = "card.yaml"  # in the run's directory; NAME.card.yaml beside the registered network
+CARD = "card.yaml"  # in the run's directory; NAME.card.yaml next to the registered network
 _PACKAGES = ("numpy", "numba", "torch")
 
 
 def register(run_dir: Path, name: str, about: Mapping[str, Any], use: str) -> list[Path]:
-    """Copy the network of a run to outputs/weights/NAME.npz and write its card at both places.
+    """Copy the network of a run to outputs/weights/NAME.npz and write its card next to both.
 
     about: entries of the card. use: the command that drives with the network. Returns the files in `run_dir`.
     Raises OSError.
@@ -32,7 +32,7 @@ def register(run_dir: Path, name: str, about: Mapping[str, Any], use: str) -> li
     with replacing(REGISTERED / f"{name}.npz") as draft:
         shutil.copyfile(run_dir / NETWORK, draft)
     for path in (run_dir / CARD, _card(name)):
-        write_whole(path, text)
+        write_atomically(path, text)
     return [run_dir / NETWORK, run_dir / CARD]
 
 
@@ -40,7 +40,7 @@ def check_name(name: str, training: str) -> None:
     """Raise InputError unless `name` is free, or holds a network of the same training. training: a fingerprint."""
     registered_name.check_name(name, ".npz", "a network", shipped_networks())
     path = REGISTERED / f"{name}.npz"
-    if path.exists() and said_in(_card(name), "training") != training:
+    if path.exists() and read_key(_card(name), "training") != training:
         raise InputError(f"name is {name!r}: {path} holds another network; choose another name")
 
 

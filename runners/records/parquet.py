@@ -46,7 +46,7 @@ def episode_table(run_dir: Path, log: AppendLog) -> pa.Table:
     path = run_dir / EPISODES
     known = [read_table(path)] if path.is_file() else []
     new = new_in(log, set().union(*map(_keys_in, known)))
-    with _agreeing(run_dir):
+    with _explain_conflicts(run_dir):
         return _episodes([*known, *map(_rows, _blocks(log.entries(new)))])
 
 
@@ -61,7 +61,7 @@ def trajectory_table(run_dir: Path, log: AppendLog, wanted: Collection[EpisodeKe
     new = new_in(log, done)
     if wanted is not None:
         done, new = done.intersection(wanted), new.intersection(wanted)
-    with _agreeing(run_dir):
+    with _explain_conflicts(run_dir):
         schema = _step_schema(log)
         tables = [
             schema.empty_table(),
@@ -73,13 +73,13 @@ def trajectory_table(run_dir: Path, log: AppendLog, wanted: Collection[EpisodeKe
 
 
 def write_files(run_dir: Path, log: AppendLog) -> None:
-    """Write both files anew with the episodes of the append log. Raises OSError."""
+    """Write both files again, with the episodes of the append log added. Raises OSError."""
     import pyarrow.parquet as pq
 
     # Trajectories first: an episode is complete once it is in episodes.parquet.
-    # Through Python files, because their OSError has the number that tells a full disk from other causes.
+    # Through Python files: their OSError has the errno that tells a full disk from other causes.
     with (
-        _agreeing(run_dir),
+        _explain_conflicts(run_dir),
         replacing(run_dir / TRAJECTORIES) as draft,
         draft.open("wb") as file,
         pq.ParquetWriter(file, schema := _step_schema(log)) as writer,
@@ -94,7 +94,7 @@ def write_files(run_dir: Path, log: AppendLog) -> None:
 
 
 def entries_in_files(run_dir: Path) -> Iterator[LogEntry]:
-    """The episodes of the two files, if there are any, as they were in the append log."""
+    """The episodes in the two files, if there are any, as they were in the append log."""
     if not (run_dir / EPISODES).is_file():
         return
     table = read_table(run_dir / EPISODES).to_pylist()
@@ -109,7 +109,7 @@ def entries_in_files(run_dir: Path) -> Iterator[LogEntry]:
 
 
 def _blocks(entries: Iterable[LogEntry]) -> Iterator[list[LogEntry]]:
-    """Lists of entries with about `_BLOCK_STEPS` control steps together."""
+    """Lists of entries, each with about `_BLOCK_STEPS` control steps in total."""
     block: list[LogEntry] = []
     steps = 0
     for entry in entries:
@@ -141,7 +141,7 @@ def _episodes(tables: Sequence[pa.Table]) -> pa.Table:
 
 
 def _step_schema(log: AppendLog) -> pa.Schema:
-    """All trajectory columns of the log; those that this version knows if it is empty."""
+    """All trajectory columns of the log; those that this version knows if the log is empty."""
     import pyarrow as pa
 
     from lme.episode import TRAJECTORY_COLUMNS
@@ -202,8 +202,8 @@ def _by_episode(path: Path) -> Iterator[tuple[EpisodeKey, pa.Table]]:
 
 
 @contextlib.contextmanager
-def _agreeing(run_dir: Path) -> Iterator[None]:
-    """Raise InputError for records that are each right, but hold different things under the same name."""
+def _explain_conflicts(run_dir: Path) -> Iterator[None]:
+    """Raise InputError if records are valid one by one, but hold different types under the same name."""
     import pyarrow as pa
 
     try:
@@ -231,7 +231,7 @@ def _codes(keys: Ints) -> Ints:
 
 
 def _trajectory(steps: pa.Table) -> dict[str, NDArray[Any]]:
-    """The columns of an episode that it has."""
+    """The columns of an episode, without those that it lacks."""
     names = [name for name in steps.column_names if name not in STEP_KEY]
     return {name: steps[name].to_numpy() for name in names if steps[name].null_count < len(steps)}
 

@@ -1,4 +1,4 @@
-"""How much a run was to drive, from its launch record: a killed run has driven less."""
+"""How much a run was planned to drive, from its launch record: a killed run has driven less."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ WORLDS, EPISODES = "planned_worlds", "planned_episodes"  # columns, the same in 
 
 
 def planned_columns(launch: Launch) -> dict[str, int]:
-    """The numbers of worlds and of episodes that a run was to drive; {} if its map cannot be built any more."""
+    """The numbers of worlds and episodes that a run was planned to drive; {} if its map can no longer be built."""
     if launch.command != "eval":
         return {}
     from runners.config import build
@@ -27,7 +27,7 @@ def planned_columns(launch: Launch) -> dict[str, int]:
 
 
 def planned(episodes: pd.DataFrame, column: str) -> int:
-    """The number that the runs of these episodes were to drive together; 0 if no run tells."""
+    """The number that the runs of these episodes were planned to drive in total; 0 if no run says."""
     if column not in episodes:
         return 0
     runs = episodes.drop_duplicates("run_dir") if "run_dir" in episodes else episodes.iloc[:1]

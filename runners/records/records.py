@@ -58,8 +58,8 @@ class RecordsWriteError(OSError):
 class RecordWriter:
     """Adds finished episodes to the records of a run directory.
 
-    Use as a context manager. Only one process can hold a run directory at a time. Raises InputError where
-    the directory cannot be written or is held by another process.
+    Use as a context manager. Only one process can hold a run directory at a time. Raises InputError if the directory
+    cannot be written or another process holds it.
     """
 
     def __init__(self, run_dir: Path) -> None:
@@ -68,7 +68,7 @@ class RecordWriter:
         self._file: Any = None
         self._done: set[EpisodeKey] = set()
         self._appended = 0
-        self._unmerged = 0  # episodes that are in the append log alone
+        self._unmerged = 0  # episodes that are only in the append log
 
     def __enter__(self) -> RecordWriter:
         try:
@@ -98,11 +98,11 @@ class RecordWriter:
         self._file.close()
 
     def done(self) -> set[EpisodeKey]:
-        """Keys of the episodes that were recorded before."""
+        """Keys of the episodes recorded so far."""
         return self._done
 
     def append(self, result: EpisodeResult) -> None:
-        """Add one finished episode. An episode that was recorded before stays as it is.
+        """Add one finished episode. An episode that is already recorded stays as it is.
 
         Raises RecordsWriteError, for example when the disk is full.
         """
@@ -126,7 +126,7 @@ class RecordWriter:
             except OSError as error:
                 raise self._write_error(Path(error.filename or self._run_dir), error) from None
         try:
-            self._log.unlink()  # whoever has it open reads on
+            self._log.unlink()  # a reader that has it open can continue
         except OSError:  # Windows keeps a file that is open
             with contextlib.suppress(OSError):
                 self._file.truncate(0)
@@ -153,7 +153,7 @@ class RecordWriter:
 
 
 def find_runs(paths: Iterable[Path]) -> list[Path]:
-    """The run directories among `paths`. A path may also be a sweep's directory: it stands for its runs.
+    """The run directories among `paths`. The directory of a sweep stands for its runs.
 
     Numbered directories come in numerical order. Raises InputError for a path without records.
     """
@@ -162,7 +162,7 @@ def find_runs(paths: Iterable[Path]) -> list[Path]:
         below = sorted(path.iterdir(), key=_natural_order) if path.is_dir() else []
         found = [path] if has_records(path) else [child for child in below if has_records(child)]
         if not found:
-            problem = "holds no records" if path.is_dir() else "is not a directory"
+            problem = "has no records" if path.is_dir() else "is not a directory"
             raise InputError(
                 f"{path} {problem}: give a run directory ({EPISODES} or {APPEND_LOG} in it) or a sweep's"
             )
@@ -173,8 +173,8 @@ def find_runs(paths: Iterable[Path]) -> list[Path]:
 def read_episodes(run_dirs: Sequence[Path]) -> pd.DataFrame:
     """Records of one or more runs, finished or not: one row per episode, with the column `run_dir`.
 
-    What the launch records tell of the runs becomes columns: see `_columns_of`.
-    Raises InputError for a file that is missing or holds no records.
+    What the launch records say about the runs becomes columns: see `_columns_of`.
+    Raises InputError for a file that is missing or has no records.
     """
     import pandas as pd
 
@@ -197,7 +197,7 @@ def episode_tables(run_dirs: Sequence[Path]) -> list[tuple[Launch | None, pa.Tab
         with log_of(run_dir) as log:
             table = episode_table(run_dir, log)
         if table.num_rows == 0:
-            warnings.warn(f"{run_dir} holds no finished episode yet: left out", stacklevel=3)
+            warnings.warn(f"{run_dir} has no finished episode yet: left out", stacklevel=3)
             continue
         missing = ", ".join(sorted(REQUIRED - set(table.column_names)))
         if missing:
@@ -235,14 +235,14 @@ def _natural_order(path: Path) -> tuple[bool, int, str]:
 
 
 def log_of(run_dir: Path) -> contextlib.AbstractContextManager[AppendLog]:
-    """The append log of a run, finished or not. Raises InputError where there is no run."""
+    """The append log of a run, finished or not. Raises InputError if there is no run."""
     if not has_records(run_dir):
-        raise InputError(f"{run_dir} holds no records: expected {EPISODES} or {APPEND_LOG}")
+        raise InputError(f"{run_dir} has no records: expected {EPISODES} or {APPEND_LOG}")
     return read_log(run_dir / APPEND_LOG)
 
 
 def _with_own_weights(frame: pd.DataFrame, launch: Launch | None) -> pd.DataFrame:
-    """Records with the weight sets that were used: once they said `published` where a guide took its own set."""
+    """Records with the weight sets that were used: old ones say `published` even if a guide took its own set."""
     if not {"guide", "weights"} <= set(frame):
         return frame
     folders = launch.folders if launch else shipped().folders
@@ -260,9 +260,9 @@ def _run_columns(launches: Sequence[Launch | None]) -> list[dict[str, object]]:
 
 
 def _columns_of(launch: Launch, changed: Iterable[str]) -> dict[str, object]:
-    """sim: the simulator. scale: factors on parameters. changes: keys that have other values than the files of the
-    chosen options, in words. Every key that some run has `changed` is a column too, by its dotted name. So are the
-    numbers of worlds and episodes that the run was to drive.
+    """sim: the simulator. scale: factors on parameters. changes: keys whose values differ from those in the files of
+    the chosen options, as text. Every key that some run has `changed` is a column too, by its dotted name. So are the
+    numbers of worlds and episodes that the run was planned to drive.
     """
     values = dict(flatten(launch.configs[0]))
     return {

@@ -15,23 +15,23 @@ from runners.config.weights import REGISTERED
 
 
 def check_name(name: str, ending: str, what: str, shipped: Container[str], key: str = "name") -> None:
-    """Raise InputError unless `name` can name a file that no shipped one hides, and that can be written.
+    """Raise InputError unless `name` can name a file that can be written and that no shipped file hides.
 
-    what: a shipped file's content.
+    what: the content of a shipped file, for the message.
     """
     if not name or Path(name).name != name or name.startswith("."):
         raise InputError(f"{key} is {name!r}: must be a plain file name without {ending}")
-    place = next(folder for folder in (REGISTERED, *REGISTERED.parents) if folder.exists())
-    if not os.access(place, os.W_OK):
+    folder = next(folder for folder in (REGISTERED, *REGISTERED.parents) if folder.exists())
+    if not os.access(folder, os.W_OK):
         raise InputError(
-            f"{place.resolve()}: cannot be written, and {name} belongs there: call lme in another folder"
+            f"{folder.resolve()}: cannot be written, and {name} belongs there: call lme in another folder"
         )
     if name in shipped:
         raise InputError(f"{key} is {name!r}: {what} of that name ships with lme; choose another name")
 
 
-def said_in(path: Path, key: str) -> Any:
-    """The value of a key in a YAML file; None where there is no such file or key."""
+def read_key(path: Path, key: str) -> Any:
+    """The value of a key in a YAML file; None if there is no such file or key."""
     content: Any = None
     with suppress(OSError, UnicodeDecodeError, yaml.YAMLError):
         content = yaml.safe_load(path.read_text(encoding="utf-8"))

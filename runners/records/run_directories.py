@@ -10,16 +10,16 @@ from pathlib import Path
 
 from lme.errors import InputError
 from runners.records.append_log import APPEND_LOG, lock
-from runners.records.launch_record import LAUNCH, Launch, differences, read_launch, shortened, unusable
+from runners.records.launch_record import LAUNCH, Launch, differences, directory_error, read_launch, shortened
 
 ROOT = Path("outputs")
 _RESULTS = ("episodes.parquet", "study.journal", "checkpoint.pt")
 _ADVICE = "resume it with resume=PATH alone, or choose another directory"
-_OUTDATED = "the options that it was started with have changed since; start it anew in another directory"
+_OUTDATED = "the options that it was started with have changed since; start again in another directory"
 
 
 def resumable(launch: Launch, root: Path = ROOT) -> Path:
-    """The newest directory with the launch's fingerprint. Raises InputError where there is none."""
+    """The newest directory with the launch's fingerprint. Raises InputError if there is none."""
     pattern = f"*-{_fingerprint_suffix(launch)}*"
     folder = root / launch.command
     for directory in sorted(folder.glob(pattern), reverse=True):
@@ -37,7 +37,7 @@ def check_same(launch: Launch, directory: Path) -> None:
     saved = read_launch(directory)
     if saved is None:
         raise InputError(
-            f"{directory}: holds no {LAUNCH}, so there is no run to resume; choose another directory"
+            f"{directory}: has no {LAUNCH}, so there is no run to resume; choose another directory"
         )
     if saved.fingerprint == launch.fingerprint:
         return
@@ -53,11 +53,11 @@ def check_same(launch: Launch, directory: Path) -> None:
     found = list(dict.fromkeys(change for old, new in pairs for change in differences(old, new)))
     raise InputError(
         f"{directory}: holds a run with another config ({shortened(found)}): "
-        f"{_OUTDATED if _same_words(saved, launch) else _ADVICE}"
+        f"{_OUTDATED if _same_command_line(saved, launch) else _ADVICE}"
     )
 
 
-def _same_words(saved: Launch, launch: Launch) -> bool:
+def _same_command_line(saved: Launch, launch: Launch) -> bool:
     """Whether both were started with the same overrides and config, apart from Hydra's own part."""
     before, now = (
         (
@@ -73,12 +73,12 @@ def _same_words(saved: Launch, launch: Launch) -> bool:
 def holds_run(directory: Path) -> bool:
     """Whether the directory, or one right below it, holds records or a study.
 
-    Raises InputError where it cannot be read.
+    Raises InputError if it cannot be read.
     """
     try:
         return _holds_run(directory)
     except OSError as error:
-        raise unusable(directory, "read", error) from error
+        raise directory_error(directory, "read", error) from error
 
 
 def _holds_run(directory: Path) -> bool:
@@ -91,18 +91,18 @@ def _holds_run(directory: Path) -> bool:
 
 
 @contextlib.contextmanager
-def held(run_dir: Path) -> Iterator[None]:
+def locked(run_dir: Path) -> Iterator[None]:
     """Lock the directory of a run. Raises InputError if another process holds it."""
-    with (run_dir / LAUNCH).open("r+b") as file:  # NFS locks only what may be written
+    with (run_dir / LAUNCH).open("r+b") as file:  # NFS locks only files that are open for writing
         lock(file, run_dir)
         yield
 
 
 def jobs_of_sweep(sweep_dir: Path, num_jobs: int) -> list[Path]:
-    """The directories of a sweep's jobs in the order of the jobs.
+    """The directories of a sweep's jobs, in the order of the jobs.
 
-    num_jobs: that the command line names; a sweeper plugin may run more. A folder beyond them without records was
-    left by a larger sweep that was stopped.
+    num_jobs: the number that the command line implies; a sweeper plugin may run more. A folder beyond them without
+    records was left by a larger sweep that was stopped.
     """
     places = [path.parent for path in sweep_dir.rglob(LAUNCH)]
     found = [(read_launch(place), place) for place in places]
@@ -113,29 +113,29 @@ def jobs_of_sweep(sweep_dir: Path, num_jobs: int) -> list[Path]:
 def make_fresh(launch: Launch, given: Path | None, root: Path = ROOT) -> Path:
     """Make the directory of a new run and write its `launch.json`. Returns `given`, or a new one under `root`.
 
-    Raises InputError where it cannot be written, holds a run already, or belongs to a process that runs.
+    Raises InputError if it cannot be written, already holds a run, or belongs to a running process.
     """
     if given is not None and holds_run(given):
         raise InputError(f"{given}: already holds a run: add resume=true or choose another directory")
-    directory = _new_directory(launch, root) if given is None else _made(given, exist_ok=True)
+    directory = _new_directory(launch, root) if given is None else _make_directory(given, exist_ok=True)
     _check_free(directory)
     launch.write(directory)
     return directory
 
 
 def _check_free(directory: Path) -> None:
-    """Raise InputError if another process is at work in the directory, though it has no results yet."""
+    """Raise InputError if another process is using the directory, even if it has no results yet."""
     for path in (directory / LAUNCH, directory / APPEND_LOG):
         with contextlib.suppress(FileNotFoundError, PermissionError), path.open("r+b") as file:
             lock(file, directory)
 
 
 def _new_directory(launch: Launch, root: Path) -> Path:
-    """A new directory, named by date, time and fingerprint. A number follows if another run has that name."""
+    """A new directory, named by date, time and fingerprint; with a number if another run has that name."""
     name = f"{datetime.now():%Y-%m-%d_%H-%M-%S}-{_fingerprint_suffix(launch)}"
     for candidate in _numbered(root / launch.command / name):
         with contextlib.suppress(FileExistsError):
-            return _made(candidate, exist_ok=False)
+            return _make_directory(candidate, exist_ok=False)
     raise AssertionError("an endless sequence ended")
 
 
@@ -148,13 +148,13 @@ def _numbered(path: Path) -> Iterator[Path]:
     yield from (path.with_name(f"{path.name}-{number}") for number in count(2))
 
 
-def _made(directory: Path, exist_ok: bool) -> Path:
+def _make_directory(directory: Path, exist_ok: bool) -> Path:
     try:
         directory.mkdir(parents=True, exist_ok=exist_ok)
     except FileExistsError as error:
         if not exist_ok and directory.is_dir():
             raise
-        raise unusable(directory, "written", error) from error
+        raise directory_error(directory, "written", error) from error
     except OSError as error:
-        raise unusable(directory, "written", error) from error
+        raise directory_error(directory, "written", error) from error
     return directory

@@ -1,4 +1,4 @@
-"""Versions of Python, of packages and of the checkout, on which a result may depend."""
+"""Versions of Python, packages and the checkout, on which a result may depend."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from typing import NamedTuple
 import lme
 
 _ROOT = Path(__file__).resolve().parents[2]
-_SHOWN = 8  # digits of a commit in words
+_SHOWN = 8  # digits of a commit, as text
 
 
 class Commit(NamedTuple):
@@ -24,7 +24,7 @@ class Commit(NamedTuple):
 
 
 def versions(*packages: str) -> dict[str, str]:
-    """The versions of Python, of lme, and of each of the packages that is installed, by name."""
+    """The versions of Python, lme, and each of the packages that is installed, by name."""
     found = {"python": platform.python_version(), "lme": lme.__version__}
     for package in packages:
         with suppress(PackageNotFoundError):
@@ -45,7 +45,7 @@ def commit() -> Commit | None:
 
 
 def code() -> str:
-    """The version of lme and its commit in words: "lme 0.2.0, commit 1ec8305b, changed"."""
+    """The version of lme and its commit as text: "lme 0.2.0, commit 1ec8305b, changed"."""
     found = commit()
     parts = [] if found is None else [f"commit {found.number[:_SHOWN]}", *["changed"] * found.changed]
     return ", ".join([f"lme {lme.__version__}", *parts])

@@ -13,9 +13,9 @@ from runners.config.schema import TrainConfig
 from runners.config.space import PARAMETERS
 from runners.config.weights import REGISTERED, WEIGHTS, shipped_weights
 from runners.records import registered_name
-from runners.records.registered_name import said_in
+from runners.records.registered_name import read_key
 from runners.records.versions import versions
-from runners.records.whole_file import write_whole
+from runners.records.whole_file import write_atomically
 
 _PACKAGES = ("numpy", "numba", "optuna")
 
@@ -28,7 +28,7 @@ def write_weights(
     name: str,
     use: str,
 ) -> Path:
-    """Write `weights.yaml` into `run_dir`, and as outputs/weights/NAME.yaml where a guide can load it.
+    """Write `weights.yaml` into `run_dir`, and as outputs/weights/NAME.yaml if a guide can load it.
 
     values: those of the best trial, by dotted config key. about: further entries of the file.
     use: the command that drives with the weights. Returns the path of the first file. Raises OSError.
@@ -46,12 +46,12 @@ def write_weights(
     text = f"# Written by lme train; use with: {use}\n{yaml.safe_dump(content, sort_keys=False, allow_unicode=True)}"
     for path in (run_dir / WEIGHTS, *([REGISTERED / f"{name}.yaml"] if parameters else [])):
         path.parent.mkdir(parents=True, exist_ok=True)
-        write_whole(path, text)
+        write_atomically(path, text)
     return run_dir / WEIGHTS
 
 
 def usage(config: TrainConfig, values: Mapping[str, float], pair: Mapping[str, str], name: str) -> str:
-    """The command that drives with the values found. pair: the options of guide and planner."""
+    """The command that drives with the values found. pair: the options of the guide and the planner."""
     words = [f"weights={name}"] if best_parameters(config, values) else []
     others = _settings(values).get("settings", {})
     if others:
@@ -61,7 +61,7 @@ def usage(config: TrainConfig, values: Mapping[str, float], pair: Mapping[str, s
 
 
 def best_parameters(config: TrainConfig, values: Mapping[str, float]) -> dict[str, float]:
-    """The guide's parameters, replaced by the values found; {} for a guide without parameters."""
+    """The guide's parameters, with the values found; {} for a guide without parameters."""
     found = {
         key.removeprefix(PARAMETERS): value for key, value in values.items() if key.startswith(PARAMETERS)
     }
@@ -73,11 +73,11 @@ def check_name(name: str, study: str) -> None:
     """Raise InputError unless `name` is free, or holds weights of the same study. study: a fingerprint."""
     registered_name.check_name(name, ".yaml", "a weight set", shipped_weights())
     path = REGISTERED / f"{name}.yaml"
-    if path.exists() and said_in(path, "study") != study:
+    if path.exists() and read_key(path, "study") != study:
         raise InputError(f"name is {name!r}: {path} holds the weights of another study; choose another name")
 
 
 def _settings(values: Mapping[str, float]) -> dict[str, Any]:
-    """The entry `settings`: values found for keys that are not parameters of the guide."""
+    """The entry `settings`: the values found for keys that are not parameters of the guide."""
     others = {key: value for key, value in values.items() if not key.startswith(PARAMETERS)}
     return {"settings": others} if others else {}

@@ -1,1 +1,1 @@
-"""Replay: the decisions that a guide and a planner make on what a robot recorded."""
+"""Replay: the decisions that a guide and a planner make on a robot's recording."""

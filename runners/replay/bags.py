@@ -1,4 +1,4 @@
-"""Reads recordings of ROS 1 (`.bag`) and ROS 2 (`.db3`, `.mcap`, or their folder) as a stream.
+"""Streams recordings of ROS 1 (`.bag`) and ROS 2 (`.db3`, `.mcap`, or their folder).
 
 Uses the package rosbags (extra `replay`). Any error in a file becomes an InputError of one line.
 """
@@ -47,9 +47,9 @@ class Bag:
     """An open recording. It reads one message at a time, so a file may be of any size."""
 
     def __init__(self, path: Path) -> None:
-        """Open `path`. Raises InputError if it is no recording, is damaged or empty, or if rosbags is missing."""
+        """Open `path`. Raises InputError if it is not a recording, is damaged or empty, or if rosbags is missing."""
         self.path = path
-        self._reader = _opened(path)
+        self._reader = _open(path)
 
     def __enter__(self) -> Self:
         return self
@@ -107,7 +107,7 @@ class Bag:
             raise _unreadable(self.path, error, "damaged") from error
 
 
-def _opened(path: Path) -> Any:
+def _open(path: Path) -> Any:
     _check_path(path)
     try:
         from rosbags.highlevel import AnyReader
@@ -129,19 +129,19 @@ def _opened(path: Path) -> Any:
 
 
 def _what_is_wrong(reader: Any, standard: Mapping[str, Any]) -> str:
-    """Why a recording cannot be used, though rosbags can read it; empty if it can."""
+    """Why a recording cannot be used although rosbags can read it; empty if it can be used."""
     if not all(isinstance(name, str) for c in reader.connections for name in (c.topic, c.msgtype)):
         return "damaged (a topic has no name or no type)"
     if not reader.message_count:
-        return "holds no messages"
+        return "has no messages"
     odd = _odd_type(reader.typestore.fielddefs, standard)
-    return f"defines {odd} otherwise than ROS does, or is damaged" if odd else ""
+    return f"defines {odd} differently from ROS, or is damaged" if odd else ""
 
 
 def _odd_type(defined: Mapping[str, Any], standard: Mapping[str, Any]) -> str:
-    """A type that is read, or is part of one, and lacks a field that it has in ROS; empty if there is none.
+    """A type that is read, or part of one, and that lacks a field that it has in ROS; empty if there is none.
 
-    Both give (constants, fields) by the name of a type; a field is a name and a type. ROS 1 has more fields.
+    Both map the name of a type to (constants, fields); a field is a name and a type. ROS 1 has more fields.
     """
     todo, seen = [*_READ], set[str]()
     while todo:
@@ -157,7 +157,7 @@ def _odd_type(defined: Mapping[str, Any], standard: Mapping[str, Any]) -> str:
 
 
 def _parts(fields: Any) -> Iterator[str]:
-    """Every name in a definition; some are those of types."""
+    """Every name in a definition; some are names of types."""
     for item in fields:
         if isinstance(item, str):
             yield item

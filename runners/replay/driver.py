@@ -30,8 +30,8 @@ from runners.replay.recording import Recording
 
 _HERE = Pose(0.0, 0.0, 0.0)
 _NO_EDGES = np.empty((0, 4))
-_STEP = 0.02  # [m] no point of the footprint moves further between two collision checks
-_SAMPLE = 60  # decisions at least are kept for the pictures, if there are as many
+_STEP = 0.02  # [m] furthest that a point of the footprint moves between collision checks
+_SAMPLE = 60  # minimum number of decisions kept for the pictures, if there are enough
 
 
 class ReplayStep(NamedTuple):
@@ -64,11 +64,11 @@ class Log:
 
 
 class Driver:
-    """Takes messages in the order of recording and makes a decision once per control period of the robot.
+    """Takes messages in recorded order and makes a decision once per control period of the robot.
 
-    Each decision uses the scan nearest to the time at which it is due, or every scan, and the pose at the stamp of
-    that scan. horizon [s]: time for which the clearance of a command is predicted. stale [ns]: largest difference
-    between the stamps of a pose and of the scan.
+    Each decision uses the scan nearest to its due time, or every scan, and the pose at the stamp of that scan.
+    horizon [s]: time for which the clearance of a command is predicted. stale [ns]: largest difference between the
+    stamps of a pose and of the scan.
     """
 
     def __init__(
@@ -105,7 +105,7 @@ class Driver:
         self._decide(message)
         sample = self._recording.pose(message, self._tree)
         if sample is not None:
-            if self._pose_order.takes(sample.stamp):
+            if self._pose_order.accepts(sample.stamp):
                 self._track.add(*sample)
         elif name == topics.scan.name:
             self._take_scan(message)
@@ -131,7 +131,7 @@ class Driver:
 
     def _take_scan(self, message: Message) -> None:
         stamp = self._recording.stamp(message)
-        if not self._scan_order.takes(stamp):
+        if not self._scan_order.accepts(stamp):
             return
         self.log.scans += 1
         if self._ticks is None or self._ticks.due(stamp):
@@ -203,7 +203,7 @@ class Driver:
             listener(step)
 
     def _clearances(self, points: Floats, twist: Twist, command: Twist) -> dict[str, float]:
-        """Distances from the footprint to the scan points [m]: now, and the least while each command is held."""
+        """Distances from the footprint to the scan points [m]: now, and the smallest while each command is held."""
         circles = np.column_stack((points, np.zeros(len(points))))
         box, robot = self._robot.footprint.box, self._robot
 
@@ -236,7 +236,7 @@ class _Ticks:
 
 
 def _features(explanation: Explanation | None) -> dict[str, Any]:
-    """How the current subgoal was chosen, its score, and its value of each criterion."""
+    """How the current subgoal was chosen, its score, and its value in each criterion."""
     if explanation is None:
         return {}
     kept = explanation.decision.choice is Choice.KEPT and explanation.old_features is not None
@@ -251,7 +251,7 @@ def _features(explanation: Explanation | None) -> dict[str, Any]:
 
 
 class _Sampler:
-    """Keeps an evenly spaced sample of steps. The number of steps need not be known beforehand."""
+    """Keeps an evenly spaced sample of steps. The number of steps need not be known in advance."""
 
     def __init__(self) -> None:
         self.kept: list[ReplayStep] = []

@@ -70,18 +70,20 @@ class TopicGoal:
         return None if self._goal is None else self._goal.target(motion, self._recording.frames, tree)
 
 
-def goal_of(asked: Any, recording: Recording, stop: int | None, tolerance: int) -> GoalSource:
-    """The goal that `goal=` asks for. stop: end of the replay [ns, clock of the file]."""
+def goal_source(requested: Any, recording: Recording, stop: int | None, tolerance: int) -> GoalSource:
+    """The goal that `goal=` gives. stop: end of the replay [ns, clock of the file]."""
     if recording.topics.goal is not None:
         return TopicGoal(recording, tolerance)
-    return FixedGoal(recording.last_pose(stop)[:2] if asked is None or asked == LAST else asked)
+    return FixedGoal(recording.last_pose(stop)[:2] if requested is None or requested == LAST else requested)
 
 
-def topic_of(asked: Any) -> str | None:
+def topic_of(requested: Any) -> str | None:
     """The topic that `goal=` names; None if it is a point or not set. Raises InputError for anything else."""
-    if asked is None or isinstance(asked, str):
-        return None if asked in (None, LAST) else asked
-    numbers = isinstance(asked, Sequence) and all(isinstance(v, int | float) for v in asked)
-    if not numbers or len(asked) != 2 or not np.isfinite(list(asked)).all():
-        raise InputError(f"goal is {asked!r}: must be [x, y] in the odometry frame [m], a topic, or {LAST}")
+    if requested is None or isinstance(requested, str):
+        return None if requested in (None, LAST) else requested
+    numbers = isinstance(requested, Sequence) and all(isinstance(v, int | float) for v in requested)
+    if not numbers or len(requested) != 2 or not np.isfinite(list(requested)).all():
+        raise InputError(
+            f"goal is {requested!r}: must be [x, y] in the odometry frame [m], a topic, or {LAST}"
+        )
     return None

@@ -1,11 +1,11 @@
-"""Checks that the time of a topic goes forward."""
+"""Checks that the time of a topic increases."""
 
 from __future__ import annotations
 
 from lme.errors import InputError
 from lme.live.messages import SECOND
 
-_JITTER = SECOND // 10  # messages out of order by up to this much are ignored: threads may swap them
+_JITTER = SECOND // 10  # messages up to this late are ignored: threads may swap them
 
 
 class Order:
@@ -15,7 +15,7 @@ class Order:
         self._topic = topic
         self._last: int | None = None
 
-    def takes(self, stamp: int) -> bool:
+    def accepts(self, stamp: int) -> bool:
         """Whether `stamp` [ns] is later than all before it. Raises InputError if time jumps back."""
         if self._last is not None and stamp < self._last - _JITTER:
             back = (self._last - stamp) / SECOND

@@ -1,4 +1,4 @@
-"""Recognises recordings that lme itself wrote, with `record=mcap`. They contain the config and the seed."""
+"""Recognises recordings that lme wrote, with `record=mcap`. They contain the config and the seed."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ GROUPS = ("robot", "guide", "planner")
 
 
 class RecordedEpisode(NamedTuple):
-    """An episode of `lme eval`, or a drive of `lme live` to one goal, whose number stands for that of the world.
+    """An episode of `lme eval`, or a drive of `lme live` to one goal; then `world` is the number of the goal.
 
     config: of the command. scan: the geometry of every scan, as in `LaserScan`. goal_tolerance: of a drive of
     `lme live` [m]; None for an episode.
@@ -42,7 +42,7 @@ class RecordedEpisode(NamedTuple):
 
     @property
     def command(self) -> str:
-        """The topic of the planner's commands. What `lme live` sends is limited, and 0 where the robot must stand."""
+        """The topic of the planner's commands. What `lme live` sends is limited, and 0 while the robot must stop."""
         return WANTED if self.live else "/cmd_vel"
 
     def __str__(self) -> str:
@@ -62,7 +62,7 @@ class RecordedEpisode(NamedTuple):
 
 
 def episode_of(bag: Bag) -> RecordedEpisode | None:
-    """The episode of a recording that lme wrote; else None. Raises InputError if its data are not valid."""
+    """The episode if lme wrote the recording, else None. Raises InputError if its data are not valid."""
     if not any(topic.name == TOPIC and TYPE in topic.types for topic in bag.topics()):
         return None
     text = next((message.content.data for message in bag.messages([TOPIC])), "")

@@ -1,4 +1,4 @@
-"""Finds what a replay must know of a recording beforehand: its clock, its frames, the mount of its lidar."""
+"""Finds what a replay must know about a recording in advance: its clock, its frames, the mount of its lidar."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from runners.replay.bags import Bag, Message
 from runners.replay.topics import Topics, other_pose
 
 CLOCKS = ("auto", "header", "recorded")
-_LOOK_S = 10  # [s] of the recording that are searched for a transform to the lidar
+_LOOK_S = 10  # [s] of the recording to search for a transform to the lidar
 _SCANS = 20  # used to measure the rate
-_TAIL_S = (2, 30)  # [s] at the end that are searched for the last pose, before the whole recording is
+_TAIL_S = (2, 30)  # [s] at the end to search for the last pose, before the whole recording
 
 
 class RecordedPose(NamedTuple):
@@ -33,7 +33,7 @@ class RecordedPose(NamedTuple):
 
 @dataclass(slots=True)
 class Recording:
-    """A recording, its topics, and what its first messages show.
+    """A recording, its topics, and properties found in its first messages.
 
     frames: the odometry frame and the base frame. headers: whether stamps come from the headers. offset: clock
     of the file minus clock of the stamps [ns]. mount: (4, 4) from the scan's frame to the base frame; None if tf has
@@ -60,7 +60,7 @@ class Recording:
         return (stamp + self.offset - self.bag.start) / SECOND
 
     def pose(self, message: Message, tree: TransformTree) -> RecordedPose | None:
-        """The pose that a message contains, if any; one with absurd numbers is none.
+        """The pose that a message contains, if any; one with absurd numbers is ignored.
 
         Transforms of a tf message are first added to `tree`.
         """
@@ -87,10 +87,10 @@ class Recording:
             if last is not None:
                 return last.pose
         odom, base = self.frames
-        raise InputError(f"bag {self.bag.path}: no pose of {base} in {odom} that could be the goal")
+        raise InputError(f"bag {self.bag.path}: no pose of {base} in {odom} to use as the goal")
 
 
-def look(bag: Bag, topics: Topics, frames: FramesConfig, clock: str) -> Recording:
+def inspect(bag: Bag, topics: Topics, frames: FramesConfig, clock: str) -> Recording:
     """Read the beginning of a recording. Raises InputError if scans, poses or their frames are missing."""
     first = _Beginning(topics)
     for message in _statics(bag, topics):
@@ -100,10 +100,10 @@ def look(bag: Bag, topics: Topics, frames: FramesConfig, clock: str) -> Recordin
         if first.complete and (message.recorded - bag.start > _LOOK_S * SECOND or first.mounted(frames)):
             break
     if not first.scans:
-        raise InputError(f"bag {bag.path}: no scans: {topics.scan.name} holds no message")
+        raise InputError(f"bag {bag.path}: no scans: {topics.scan.name} has no messages")
     if topics.pose is None and tf_frames(frames, first.tree) is None:
         topics = topics._replace(pose=other_pose(bag, topics))
-        return look(bag, topics, frames, clock)
+        return inspect(bag, topics, frames, clock)
     chosen = first.frames(frames)
     headers, offset = first.clock(clock, chosen)
     stamps = [stamp_of(m.content.header) if headers else m.recorded for m in first.scans]
@@ -157,15 +157,15 @@ class _Beginning:
             return found
         return message_frames(frames, None if self._pose is None else self._pose.content, self.tree)
 
-    def clock(self, asked: str, frames: Frames) -> tuple[bool, int]:
+    def clock(self, requested: str, frames: Frames) -> tuple[bool, int]:
         """Whether to use the stamps of the headers, and the clock of the file minus that of the stamps [ns]."""
-        if asked == "recorded":
+        if requested == "recorded":
             return False, 0
         offset = min(_ahead(message) for message in self.scans)
         stamped = all(stamp_of(message.content.header) for message in self.scans)
         # Some drivers do not set stamps; on some robots, the clocks of the computers differ.
         alike = all(abs(ahead - offset) < SECOND for ahead in self._poses_ahead(frames))
-        return (True, offset) if asked == "header" or (stamped and alike) else (False, 0)
+        return (True, offset) if requested == "header" or (stamped and alike) else (False, 0)
 
     def _poses_ahead(self, frames: Frames) -> list[int]:
         if self._topics.pose is not None:

@@ -1,4 +1,4 @@
-"""The results of a replay: its table, and figures of agreement and of decision time, from the log alone."""
+"""The results of a replay: its table, and figures of agreement and decision time, from the log alone."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 
 from lme.live.messages import SECOND
 from lme.types import Floats
-from runners.records.whole_file import replacing, write_whole
+from runners.records.whole_file import replacing, write_atomically
 from runners.replay.driver import Log
 
 if TYPE_CHECKING:
@@ -19,17 +19,17 @@ if TYPE_CHECKING:
 
 TABLE = "replay.parquet"
 FIGURES = "agreement.json"
-_MOVING = 0.02  # [m/s] a slower robot counts as standing
-_TURNING = 0.1  # [rad/s] a slower turn counts as none
+_MOVING = 0.02  # [m/s] a slower robot counts as standing still
+_TURNING = 0.1  # [rad/s] a slower robot counts as not turning
 _CLOSE = math.radians(30.0)  # [rad] headings that differ by less agree
 
 
 def frame_of(log: Log, period_s: float, ahead: float) -> pd.DataFrame:
-    """The table of a replay: the rows of the log, with what the robot did.
+    """The table of a replay: the rows of the log, and what the robot did.
 
-    recorded_command_*: the next command recorded within a period, else the last one before. robot_heading_rad:
-    bearing of the position where the robot was first `ahead` [m] away. heading_error_rad: bearing of the subgoal
-    minus that. Both are NaN if the robot did not get that far.
+    recorded_command_*: the next command recorded within a period, else the previous one. robot_heading_rad: bearing
+    of the position where the robot was first `ahead` [m] away. heading_error_rad: bearing of the subgoal minus that.
+    Both are NaN if the robot did not get that far.
     """
     import pandas as pd
 
@@ -44,7 +44,7 @@ def frame_of(log: Log, period_s: float, ahead: float) -> pd.DataFrame:
 
 
 def headings_ahead(poses: Floats, ahead: float) -> Floats:
-    """Bearings (T,) [rad] from each of the poses (T, 3) to the first later one at least `ahead` [m] away; NaN: none."""
+    """Bearings (T,) [rad] from each of the poses (T, 3) to the first later one at least `ahead` [m] away, or NaN."""
     bearings = np.full(len(poses), np.nan)
     later = 0
     for k, (x, y, yaw) in enumerate(poses):
@@ -113,7 +113,7 @@ def write(frame: pd.DataFrame, found: Mapping[str, float], run_dir: Path) -> lis
     with replacing(table) as draft:
         frame.to_parquet(draft, index=False)
     finite = {key: value if math.isfinite(value) else None for key, value in found.items()}
-    write_whole(numbers, json.dumps(finite, indent=1) + "\n")
+    write_atomically(numbers, json.dumps(finite, indent=1) + "\n")
     return [table, numbers]
 
 

@@ -19,7 +19,7 @@ _BLUE, _ORANGE, _GREEN, _GREY = (0, 114, 178), (213, 94, 0), (0, 158, 115), (120
 
 
 def check_installed() -> None:
-    """Raise InputError unless rerun-sdk is installed, which writes the file."""
+    """Raise InputError unless rerun-sdk, which writes the file, is installed."""
     try:
         import rerun  # noqa: F401
     except ImportError as error:
@@ -29,7 +29,7 @@ def check_installed() -> None:
 class RerunFile:
     """Writes each decision as it is made, in the odometry frame and at its time in the recording.
 
-    Points and lines are 3D at height 0: rerun draws 2D ones as images with y downwards, which swaps left and right.
+    Points and lines are 3D at height 0: rerun draws 2D ones with y downwards as in images, which swaps left and right.
     """
 
     def __init__(self, path: Path, name: str, robot: Robot) -> None:

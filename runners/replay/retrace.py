@@ -1,4 +1,4 @@
-"""Makes the decisions of a recording by lme again, and keeps all that is behind them, for `lme explain`."""
+"""Makes the decisions in a recording by lme again, with everything behind them, for `lme explain`."""
 
 from __future__ import annotations
 
@@ -39,23 +39,23 @@ class _Moment(NamedTuple):
 def retrace(path: Path) -> Trace:
     """The trace of a recording by `lme eval` or `lme live`.
 
-    A simulated episode is driven again. For a real robot only the decisions are made again, and its world is unknown.
+    A simulated episode is driven again. For a real robot, whose world is unknown, only the decisions are made again.
     Raises InputError if lme did not make the recording, or if a decision differs from the recorded one.
     """
     with Bag(path) as bag:
         episode = episode_of(bag)
         if episode is None:
             raise InputError(
-                f"bag {path}: neither lme eval nor lme live made this recording, so it holds no decisions: "
-                "lme replay makes some"
+                f"bag {path}: neither lme eval nor lme live made this recording, so it has no decisions: "
+                "make some with lme replay"
             )
         if not episode.live:
             return rerun(episode.config, episode.world, episode.run)
         *moments, end = _moments(bag, episode)
         said = [message.content.data for message in bag.messages([STATE])][-1]
     if not moments:
-        raise InputError(f"bag {path}: holds no decision")
-    steps = _decided_again(path, episode, moments)
+        raise InputError(f"bag {path}: has no decisions")
+    steps = _decide_again(path, episode, moments)
     rows = [_row(episode.config.robot, moment) for moment in (*moments, end)]
     last = TraceEnd(end.time, end.observation.odometry, end.observation, _NOTHING)
     drive = Drive(_outcome(said, end, episode.goal_tolerance), end.time, np.array(rows))
@@ -64,7 +64,7 @@ def retrace(path: Path) -> Trace:
 
 
 def _outcome(said: str, end: _Moment, tolerance: float | None) -> str:
-    """How the drive ended. said: the driver's last words, which are of safety where a simulator has ended first."""
+    """How the drive ended. said: the driver's last state, which is a safety stop if the simulator ended first."""
     state = said.partition(":")[0]
     distance = float(np.hypot(*end.observation.target))
     if state in (LiveState.ARRIVED, LiveState.CANCELLED):
@@ -73,7 +73,7 @@ def _outcome(said: str, end: _Moment, tolerance: float | None) -> str:
 
 
 def _moments(bag: Bag, episode: RecordedEpisode) -> Iterator[_Moment]:
-    """Every decision, and the end: the last pose, where nothing is seen."""
+    """Every decision, and the end: the last pose, without a scan."""
     latest: dict[str, Message] = {}
     began = None
     for message in bag.messages([ODOM, GOAL, SCAN, WANTED]):
@@ -103,7 +103,7 @@ def _observation(episode: RecordedEpisode, latest: dict[str, Message]) -> Observ
     )
 
 
-def _decided_again(path: Path, episode: RecordedEpisode, moments: list[_Moment]) -> tuple[TracedStep, ...]:
+def _decide_again(path: Path, episode: RecordedEpisode, moments: list[_Moment]) -> tuple[TracedStep, ...]:
     navigator = build.navigator(episode.config)
     navigator.reset(episode.rng())
     steps: list[TracedStep] = []
@@ -112,8 +112,8 @@ def _decided_again(path: Path, episode: RecordedEpisode, moments: list[_Moment])
         command = navigator.act(observation)
         if command != recorded:
             raise InputError(
-                f"bag {path}: the decision at {time:.1f} s comes out differently: another version of the program made "
-                "the recording, or guide or planner failed before it"
+                f"bag {path}: the decision at {time:.1f} s differs from the recorded one: another version of lme made "
+                "the recording, or the guide or planner failed before it"
             )
         assert navigator.guidance is not None
         why = navigator.explanation()
@@ -126,7 +126,7 @@ def _decided_again(path: Path, episode: RecordedEpisode, moments: list[_Moment])
 
 
 def _row(robot: Robot, moment: _Moment) -> tuple[float, ...]:
-    """A row of a trajectory; its clearance is that to what the robot saw, and NaN at the end, where nothing is seen."""
+    """A row of a trajectory; its clearance is the distance to what the robot saw, NaN at the end, without a scan."""
     seen = moment.observation
     if moment.command is None:
         return (moment.time, *seen.odometry, *seen.twist, *_NO_SUBGOAL, np.nan)

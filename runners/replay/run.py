@@ -1,4 +1,4 @@
-"""Runs `lme replay`: reads a recording, makes decisions on it, and writes the table, figures and pictures."""
+"""Runs `lme replay`: reads a recording, makes decisions on it, and writes the table, the figures and the pictures."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ from runners.config.schema import ReplayConfig
 from runners.replay import recorded, report
 from runners.replay.bags import Bag
 from runners.replay.driver import Driver
-from runners.replay.goals import goal_of, topic_of
-from runners.replay.recording import CLOCKS, Recording, look
+from runners.replay.goals import goal_source, topic_of
+from runners.replay.recording import CLOCKS, Recording, inspect
 from runners.replay.topics import BagTopicsConfig, choose
 
-_SLOWER = 0.9  # scans at less than this share of the robot's control rate set the rate of decisions
+_SLOWER = 0.9  # scans at less than this fraction of the robot's control rate set the rate of decisions
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +38,7 @@ class _Part:
 
 
 def validate(job: Job[ReplayConfig]) -> None:
-    """Raise InputError for a mistake in the config or a recording without the topics that a replay needs."""
+    """Raise InputError for a mistake in the config, or a recording without the topics that a replay needs."""
     config = job.config
     path = _path(config)
     if config.clock not in CLOCKS:
@@ -106,7 +106,7 @@ def _replay(
         navigator.reset(seed if episode is None else episode.rng())
         if episode is not None:
             episode.read_map(navigator)
-        goal = goal_of(config.goal, recording, part.stop, stale)
+        goal = goal_source(config.goal, recording, part.stop, stale)
         every_scan = episode is not None
         return Driver(recording, scan_source, navigator, goal, config.horizon, stale, every_scan)
 
@@ -137,12 +137,12 @@ def _replay(
 def _recording(
     bag: Bag, config: ReplayConfig, episode: recorded.RecordedEpisode | None
 ) -> tuple[Recording, _Part]:
-    asked = recorded.GOAL if episode is not None and config.goal is None else topic_of(config.goal)
+    requested = recorded.GOAL if episode is not None and config.goal is None else topic_of(config.goal)
     names = filled(BagTopicsConfig, config.topics, "topics")
     if episode is not None and names.command is None:
         names.command = episode.command
-    topics = choose(bag, names, asked)
-    recording = look(bag, topics, filled(FramesConfig, config.frames, "frames"), config.clock)
+    topics = choose(bag, names, requested)
+    recording = inspect(bag, topics, filled(FramesConfig, config.frames, "frames"), config.clock)
     start = bag.start + round(config.start * SECOND) if config.start else None
     stop = None if config.end is None else bag.start + round(config.end * SECOND)
     return recording, _Part(start, stop)
@@ -168,12 +168,12 @@ def _as_recorded(job: Job[ReplayConfig], episode: recorded.RecordedEpisode | Non
     if episode is None:
         return job.config
     chosen = {override.lstrip("+").partition("=")[0] for override in job.overrides}
-    asked = sorted(
+    requested = sorted(
         key for key in chosen if key.partition(".")[0] in (*recorded.GROUPS, "weights", "ablation", "system")
     )
-    if asked:
+    if requested:
         raise InputError(
-            f"{asked[0]}: lme made the recording, which is replayed with its own robot, guide and planner; "
+            f"{requested[0]}: lme made this recording, so it is replayed with its own robot, guide and planner; "
             "add as_recorded=false to choose others"
         )
     groups = {group: getattr(episode.config, group) for group in recorded.GROUPS}

@@ -1,4 +1,4 @@
-"""Chooses the topics of a recording to read: by type, or by name if there are several of a type."""
+"""Chooses the topics of a recording: by type, or by name if there are several of a type."""
 
 from __future__ import annotations
 
@@ -66,9 +66,7 @@ def choose(bag: Bag, config: BagTopicsConfig, goal: str | None) -> Topics:
     tf = tuple(topic.name for topic in known if set(topic.types) & set(messages.TF) and topic.number)
     scan = _choose(known, "scan", config.scan, _SCANS)
     if scan is None:
-        raise InputError(
-            f"bag {bag.path}: no scans: no topic of type {_or(_SCANS)}; it holds {_listed(known)}"
-        )
+        raise InputError(f"bag {bag.path}: no scans: no topic of type {_or(_SCANS)}; it has {_listed(known)}")
     kinds = _POSES if config.pose is None else (*_POSES, *_OTHER_POSES)
     pose = _choose(known, "pose", config.pose, kinds)
     command = _choose(known, "command", config.command, _COMMANDS)
@@ -84,13 +82,13 @@ def other_pose(bag: Bag, topics: Topics) -> ChosenTopic:
     if pose is None:
         raise InputError(
             f"bag {bag.path}: no poses: no topic of type {_or((*_POSES, *_OTHER_POSES))} and no tf from "
-            f"an odometry frame to a base frame (frames.odom, frames.base); it holds {_listed(known)}"
+            f"an odometry frame to a base frame (frames.odom, frames.base); it has {_listed(known)}"
         )
     return pose
 
 
 def table(bag: Bag) -> list[str]:
-    """One line per topic: name, type, number of messages, rate, and the roles that it can have."""
+    """One line per topic: name, type, number of messages, rate, and its possible roles."""
     known = bag.topics()
     uses = [("scan", _SCANS), ("pose", (*_POSES, *_OTHER_POSES)), ("command", _COMMANDS), ("tf", messages.TF)]
     rows = [("topic", "type", "messages", "Hz", "can be")]
@@ -105,12 +103,12 @@ def table(bag: Bag) -> list[str]:
 
 
 def _choose(
-    known: Sequence[Topic], role: str, asked: str | None, types: Sequence[str], taken: str | None = None
+    known: Sequence[Topic], role: str, requested: str | None, types: Sequence[str], taken: str | None = None
 ) -> ChosenTopic | None:
-    """The topic asked for, else the only or usual one of the first of these types that occurs; None: no such type."""
+    """The requested topic, else the only or usual one of the first of these types that occurs; None: no such type."""
     key = "goal" if role == "goal" else f"topics.{role}"
-    if asked is not None:
-        return _asked(known, key, asked, types)
+    if requested is not None:
+        return _requested_topic(known, key, requested, types)
     for kind in types:
         fitting = [t.name for t in known if kind in t.types and t.number and t.name != taken]
         if len(fitting) == 1 or _USUAL[role] in fitting:
@@ -122,16 +120,20 @@ def _choose(
     return None
 
 
-def _asked(known: Sequence[Topic], key: str, asked: str, types: Sequence[str]) -> ChosenTopic:
+def _requested_topic(known: Sequence[Topic], key: str, requested: str, types: Sequence[str]) -> ChosenTopic:
     names = {topic.name: topic for topic in known}
-    name = asked if asked in names else f"/{asked}"
+    name = requested if requested in names else f"/{requested}"
     if name not in names:
-        raise InputError(f"{key} is {asked}: no such topic; {nearest(asked, names)}it holds {_listed(known)}")
+        raise InputError(
+            f"{key} is {requested}: no such topic; {nearest(requested, names)}it has {_listed(known)}"
+        )
     fitting = [kind for kind in types if kind in names[name].types]
     if not fitting:
-        raise InputError(f"{key} is {asked}, of type {_or(names[name].types)}: must be of type {_or(types)}")
+        raise InputError(
+            f"{key} is {requested}, of type {_or(names[name].types)}: must be of type {_or(types)}"
+        )
     if not names[name].number:
-        raise InputError(f"{key} is {asked}: the recording holds no message of it")
+        raise InputError(f"{key} is {requested}: the recording has no messages on it")
     return ChosenTopic(name, fitting[0])
 
 

@@ -1,4 +1,4 @@
-"""Signs of life of running trials in a database, by which other processes see that one was killed."""
+"""Heartbeats of running trials in a database: from their absence, other processes see that one was killed."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 class Heartbeat:
-    """The signs of life of this process's trials. storage: None where it keeps none (a journal).
+    """The heartbeats of this process's trials. storage: None if it does not store any (a journal).
 
     Optuna sends them only from `Study.optimize`, which runs one trial at a time. `RDBStorage.record_heartbeat` is
     public, and so is `fail_stale_trials`.
@@ -28,24 +28,24 @@ class Heartbeat:
         self._seen: set[int] = set()
 
     @property
-    def finds_dead(self) -> bool:
+    def finds_killed(self) -> bool:
         """Whether the trials of killed processes are found."""
         return self._storage is not None
 
     def begin(self, trial_id: int) -> None:
-        """This process runs the trial."""
+        """Start the heartbeat of a trial that this process runs."""
         if self._storage is not None:
             self._storage.record_heartbeat(trial_id)
             self._seen.add(trial_id)
             self._running.add(trial_id)
 
     def end(self, trial_id: int) -> None:
-        """This process no longer runs the trial."""
+        """Stop the heartbeat of a trial."""
         self._running.discard(trial_id)
 
     @contextmanager
     def beating(self) -> Iterator[None]:
-        """Send signs of life while the block runs."""
+        """Send heartbeats while the block runs."""
         stop = Event()
         if self._storage is not None:
             Thread(target=self._beat, args=(self._storage, stop), daemon=True).start()
@@ -54,7 +54,7 @@ class Heartbeat:
         finally:
             stop.set()
 
-    def requeue_dead(self, study: optuna.Study) -> None:
+    def requeue_killed(self, study: optuna.Study) -> None:
         """Queue the trials of killed processes again, with their parameters and scores."""
         from optuna.storages import fail_stale_trials
         from optuna.trial import TrialState
@@ -62,7 +62,7 @@ class Heartbeat:
         if self._storage is None:
             return
         for trial in study.get_trials(deepcopy=False, states=(TrialState.RUNNING,)):
-            # Perhaps its process was killed before the first sign. Optuna misses only a trial that has given one.
+            # Its process may have been killed before the first heartbeat, and Optuna only misses a trial that had one.
             if id_of(trial) not in self._seen:
                 self._storage.record_heartbeat(id_of(trial))
                 self._seen.add(id_of(trial))
@@ -74,5 +74,5 @@ class Heartbeat:
         interval = storage.get_heartbeat_interval()
         while not stop.wait(interval):
             for trial_id in tuple(self._running):
-                with suppress(Exception):  # of a storage that is away: the search itself meets and tells it
+                with suppress(Exception):  # if the storage does not answer, the search itself reports it
                     storage.record_heartbeat(trial_id)

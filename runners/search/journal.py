@@ -1,4 +1,4 @@
-"""A journal in Optuna's file format that only one process uses and that is written in whole steps.
+"""A journal in Optuna's file format that only one process uses and that is written in complete steps.
 
 Entries stay in memory until `flush` writes them, followed by a mark with the number of entries in the file. Entries
 after the last mark are discarded, so after a kill or a power cut a batch of trials is complete or absent. A step
@@ -27,7 +27,7 @@ class Journal(BaseJournalBackend):
 
     def __init__(self, path: Path) -> None:
         self._path = path
-        self._entries = list(_whole_steps(path))
+        self._entries = list(_complete_steps(path))
         self._waiting: list[str] = []
 
     def read_logs(self, log_number_from: int) -> Iterator[dict[str, Any]]:
@@ -37,7 +37,7 @@ class Journal(BaseJournalBackend):
     def append_logs(self, logs: list[dict[str, Any]]) -> None:
         """Keep entries until the next flush."""
         lines = [json.dumps(entry, separators=(",", ":")) for entry in logs]
-        # Decoded again, so that this process sees the same values as one that resumes from the file.
+        # Decoded again so that this process sees the same values as one that resumes from the file.
         self._entries += map(json.loads, lines)
         self._waiting += lines
 
@@ -55,11 +55,11 @@ class Journal(BaseJournalBackend):
         self._waiting.clear()
 
 
-def _whole_steps(path: Path) -> Iterator[dict[str, Any]]:
+def _complete_steps(path: Path) -> Iterator[dict[str, Any]]:
     """Yield the entries of a journal up to its last mark, and cut off the rest of the file."""
     content = path.read_bytes() if path.is_file() else b""
     if not _BEGINNING.startswith(content[: len(_BEGINNING)]):  # another file: leave it as it is
-        raise _no_entry(path, 1)
+        raise _not_an_entry(path, 1)
     lines = content.splitlines(keepends=True)
     mark = f'"{_MARK}":'.encode()
     while lines and not (mark in lines[-1] and lines[-1].endswith(b"\n")):
@@ -67,7 +67,7 @@ def _whole_steps(path: Path) -> Iterator[dict[str, Any]]:
     if path.is_file():
         os.truncate(path, sum(map(len, lines)))
     for number, line in enumerate(lines, start=1):
-        entry = _decoded(line, path, number)
+        entry = _decode(line, path, number)
         counted = (entry.get("system_attr") or {}).get(_MARK, number)
         if counted != number:
             raise InputError(
@@ -77,18 +77,18 @@ def _whole_steps(path: Path) -> Iterator[dict[str, Any]]:
         yield entry
 
 
-def _decoded(line: bytes, path: Path, number: int) -> dict[str, Any]:
+def _decode(line: bytes, path: Path, number: int) -> dict[str, Any]:
     try:
         entry: dict[str, Any] = json.loads(line)
         _ = entry["op_code"], entry["worker_id"], dict(entry.get("system_attr") or {})
         if not all(isinstance(value, int | float) for value in entry.get("values") or []):
-            raise TypeError("a reward is a number")
+            raise TypeError("a reward must be a number")
     except (ValueError, KeyError, TypeError, RecursionError):
-        raise _no_entry(path, number) from None
+        raise _not_an_entry(path, number) from None
     return entry
 
 
-def _no_entry(path: Path, number: int) -> InputError:
+def _not_an_entry(path: Path, number: int) -> InputError:
     return InputError(
-        f"{path} line {number}: no entry of an Optuna journal; restore the file, or start another study"
+        f"{path} line {number}: is not an entry of an Optuna journal; restore the file, or start another study"
     )

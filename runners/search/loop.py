@@ -1,4 +1,4 @@
-"""Runs trials until a study has the number that was asked for."""
+"""Runs trials until a study has the requested number."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from runners.search.study import Proposal, Study
 from runners.workers import trials
 from runners.workers.executor import Map
 
-_POLL_S = 1.0  # between two looks at the trials of other processes
+_POLL_S = 1.0  # between checks of the trials of other processes
 
 
 def run_trials(
-    opened: Study,
+    study: Study,
     total: int,
     batch: int,
     worlds: list[int],
@@ -22,27 +22,27 @@ def run_trials(
 ) -> None:
     """Run trials until the study has `total`, starting with the unfinished ones of a killed run.
 
-    Where other processes run the last trials, wait for them and take up those of a process that dies.
+    If other processes run the last trials, wait for them, and take over those of a process that dies.
     run_all: maps attempts to scores, in any order. note: called with the number of finished trials and the best
     reward so far.
     """
-    with opened.alive():
-        while opened.num_told < total:
-            if proposals := opened.claim(total, batch):
-                _run_batch(opened, proposals, worlds, run_all)
+    with study.alive():
+        while study.num_told < total:
+            if proposals := study.claim(total, batch):
+                _run_batch(study, proposals, worlds, run_all)
                 for proposal in proposals:
-                    opened.tell(proposal.number)
-                    note(opened.num_told, opened.best)
-            elif opened.finds_dead:
+                    study.tell(proposal.number)
+                    note(study.num_told, study.best)
+            elif study.finds_killed:
                 time.sleep(_POLL_S)
-                note(opened.num_told, opened.best)
+                note(study.num_told, study.best)
             else:
                 break
 
 
-def _run_batch(opened: Study, batch: list[Proposal], worlds: list[int], run_all: Map) -> None:
+def _run_batch(study: Study, batch: list[Proposal], worlds: list[int], run_all: Map) -> None:
     """Run all episodes of a batch. The scores of a trial are stored when its last episode ends."""
-    todo = [proposal for proposal in batch if not opened.scored(proposal.number)]
+    todo = [proposal for proposal in batch if not study.scored(proposal.number)]
     attempts = [
         trials.Attempt(proposal.number, world, tuple(proposal.values.items()))
         for proposal in todo
@@ -53,4 +53,4 @@ def _run_batch(opened: Study, batch: list[Proposal], worlds: list[int], run_all:
         of_trial = scores[score.trial]
         of_trial.append(score)
         if len(of_trial) == len(worlds):
-            opened.keep(score.trial, sorted(of_trial, key=lambda score: worlds.index(score.world)))
+            study.store_scores(score.trial, sorted(of_trial, key=lambda score: worlds.index(score.world)))

@@ -14,7 +14,7 @@ from runners.search.heartbeat import Heartbeat
 from runners.search.optuna_private import is_first
 from runners.search.samplers import Search, per_trial
 from runners.search.score_log import SCORE_LOG, ScoreLog
-from runners.search.storage import masked, open_storage, reached
+from runners.search.storage import masked, open_storage, storage_errors
 from runners.search.study import Study
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 JOURNAL = "study.journal"
 _IDENTITY = "identity"
-# Keys that do not identify a study: the length of the search, and what is done with the result.
+# Keys that do not identify a study: the length of the search, and the use of its result.
 _NOT_SEARCHED = ("trials", "runs", "held_out", "name", "storage", "study")
 
 
@@ -48,35 +48,35 @@ def open_study(
     searched = {key: value for key, value in identity.items() if key not in _NOT_SEARCHED}
     name = name or f"lme-{launch_record.fingerprint([searched], multirun=False)[:8]}"
     sampler = per_trial(search.sampler, identity["seed"], first)
-    with reached(storage, "start again when it does"):
-        opened = _opened(storage, name, run_dir, space, sampler)
-        settled = opened.settle(_IDENTITY, searched)
-    damaged = [] if isinstance(settled, Mapping) else [f"{_IDENTITY} is {settled!r:.40}: must be a mapping"]
-    found = damaged or list(launch_record.differences(settled, searched))
+    with storage_errors(storage, "start again when it does"):
+        study = _open(storage, name, run_dir, space, sampler)
+        stored = study.get_or_set(_IDENTITY, searched)
+    damaged = [] if isinstance(stored, Mapping) else [f"{_IDENTITY} is {stored!r:.40}: must be a mapping"]
+    found = damaged or list(launch_record.differences(stored, searched))
     if found:
         place = run_dir / JOURNAL if storage is None else f"study {name} in {masked(storage)}"
         raise InputError(
-            f"{place}: is of another search ({launch_record.shortened(found)}): "
+            f"{place}: belongs to another search ({launch_record.shortened(found)}): "
             "choose another study=NAME or directory"
         )
-    return opened
+    return study
 
 
-def _opened(
+def _open(
     storage: str | None, name: str, run_dir: Path, space: Space, sampler: optuna.samplers.BaseSampler
 ) -> Study:
     from optuna.storages import RDBStorage
 
     if storage is None:
-        return _of_journal(run_dir / JOURNAL, name, space, sampler)
+        return _open_journal(run_dir / JOURNAL, name, space, sampler)
     shared = open_storage(storage)
     owner = f"{socket.gethostname()}:{run_dir.resolve()}"
     heartbeat = Heartbeat(shared if isinstance(shared, RDBStorage) else None)
     log = ScoreLog(run_dir / SCORE_LOG)
-    return Study(_created(shared, name, sampler), space, owner, _nothing, heartbeat, log)
+    return Study(_create(shared, name, sampler), space, owner, _no_flush, heartbeat, log)
 
 
-def _created(storage: BaseStorage, name: str, sampler: optuna.samplers.BaseSampler) -> optuna.Study:
+def _create(storage: BaseStorage, name: str, sampler: optuna.samplers.BaseSampler) -> optuna.Study:
     import optuna
 
     return optuna.create_study(
@@ -89,25 +89,25 @@ def _created(storage: BaseStorage, name: str, sampler: optuna.samplers.BaseSampl
     )
 
 
-def _of_journal(path: Path, name: str, space: Space, sampler: optuna.samplers.BaseSampler) -> Study:
-    """The study of a journal. Raises InputError for a damaged one."""
+def _open_journal(path: Path, name: str, space: Space, sampler: optuna.samplers.BaseSampler) -> Study:
+    """The study in a journal. Raises InputError if it is damaged."""
     from optuna.storages import JournalStorage
 
     from runners.search.journal import Journal
 
     journal = Journal(path)
     try:
-        created = _created(JournalStorage(journal), name, sampler)
+        created = _create(JournalStorage(journal), name, sampler)
         if not is_first(created):
             raise ValueError("the first study was deleted")
         study = Study(created, space, "", journal.flush, Heartbeat(None), ScoreLog(None))
-        _ = study.told  # every trial can be read
-    except Exception as error:  # entries that are JSON but no steps of a study raise anything
+        _ = study.told  # raises unless every trial can be read
+    except Exception as error:  # JSON that does not describe steps of a study can raise anything
         raise InputError(
             f"{path}: is damaged ({type(error).__name__}): restore the file, or start another study"
         ) from error
     return study
 
 
-def _nothing() -> None:
-    """A database needs no flush."""
+def _no_flush() -> None:
+    """Do nothing: a database needs no flush."""

@@ -1,9 +1,9 @@
 """Optuna's private names: all of them, and nothing else.
 
-Processes share trials, resume those of a killed process, and send signs of life for them. All that takes the id of a
-trial in its storage, which Optuna keeps in `_trial_id` alone: the public `record_heartbeat` wants it, and a trial that
-was asked for before is made again from it. An attribute of such a trial can be set only through the study's `_storage`.
-A journal whose first study was deleted is known by `_study_id`.
+Processes share trials, resume those of a killed process, and send heartbeats for them. All this needs the id of a
+trial in its storage, which only `_trial_id` holds: the public `record_heartbeat` takes it, and a trial that was asked
+for before is constructed again from it. Only the study's `_storage` can set an attribute of such a trial. `_study_id`
+shows whether the first study of a journal was deleted.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ def id_of(trial: optuna.Trial | FrozenTrial) -> int:
     return int(trial._trial_id)
 
 
-def asked_again(study: optuna.Study, running: FrozenTrial) -> optuna.Trial:
-    """A trial that was asked for before and is still running, to suggest its values once more."""
+def resume_trial(study: optuna.Study, running: FrozenTrial) -> optuna.Trial:
+    """A trial that was asked for before and is still running, to suggest its values again."""
     import optuna
 
     return optuna.trial.Trial(study, id_of(running))
 
 
 def annotate(study: optuna.Study, trial: FrozenTrial, name: str, value: Any) -> None:
-    """Set an attribute of a trial, whoever asked for it. Raises UpdateFinishedTrialError."""
+    """Set an attribute of a trial, whichever process asked for it. Raises UpdateFinishedTrialError."""
     study._storage.set_trial_user_attr(id_of(trial), name, value)
 
 

@@ -31,7 +31,7 @@ class Search(Protocol):
 
     @property
     def batch(self) -> int:
-        """Number of trials that are proposed before any of their rewards is known."""
+        """Number of trials proposed before any of their rewards is known."""
 
     def sampler(self, seed: int) -> BaseSampler:
         """A new sampler."""
@@ -164,7 +164,7 @@ def per_trial(
         _number: int | None = None
         _sampler: BaseSampler
 
-        def _of(self, trial: FrozenTrial) -> BaseSampler:
+        def _sampler_for(self, trial: FrozenTrial) -> BaseSampler:
             number = _origin(trial)
             if number != self._number:
                 self._number, self._sampler = number, _quietly(make, trial_seed(seed, number))
@@ -173,25 +173,25 @@ def per_trial(
         def infer_relative_search_space(self, study: Study, trial: FrozenTrial) -> Distributions:
             if first and _origin(trial) == 0:
                 return {}
-            return self._of(trial).infer_relative_search_space(study, trial)
+            return self._sampler_for(trial).infer_relative_search_space(study, trial)
 
         def sample_relative(
             self, study: Study, trial: FrozenTrial, search_space: Distributions
         ) -> dict[str, Any]:
-            return self._of(trial).sample_relative(study, trial, search_space)
+            return self._sampler_for(trial).sample_relative(study, trial, search_space)
 
         def sample_independent(
             self, study: Study, trial: FrozenTrial, param_name: str, param_distribution: BaseDistribution
         ) -> Any:
             if first and param_name in first and _origin(trial) == 0:
                 return first[param_name]
-            return self._of(trial).sample_independent(study, trial, param_name, param_distribution)
+            return self._sampler_for(trial).sample_independent(study, trial, param_name, param_distribution)
 
     return PerTrial()
 
 
 def _origin(trial: FrozenTrial) -> int:
-    """Number of the trial, or of the first one that a killed process left and that this one repeats."""
+    """Number of the trial, or of the original trial of a killed process that this one repeats."""
     # RetryHeartbeatStaleTrialCallback writes this name.
     return int(trial.system_attrs.get("failed_trial", trial.number))
 

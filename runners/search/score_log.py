@@ -1,4 +1,4 @@
-"""The scores of a run's own trials, on its own disk: a shared storage may be away when a trial ends."""
+"""The scores of a run's trials, on its own disk: a shared storage may be unreachable when a trial ends."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ SCORE_LOG = "scores.jsonl"
 
 
 class ScoreLog:
-    """One line per trial: its values and its scores. It begins with what a killed run left.
+    """One line per trial: its values and its scores. Lines of a killed run are read first.
 
-    path: None where the study itself is on that disk.
+    path: None if the study itself is on that disk.
     """
 
     def __init__(self, path: Path | None) -> None:
-        """Raises InputError for a line that holds no scores."""
+        """Raises InputError for a line that does not hold scores."""
         self._path = path
         self._scores: dict[frozenset[tuple[str, float]], list[Any]] = {}
         if path is not None and path.is_file():
             cut_torn_line(path)
             for number, line in enumerate(path.read_bytes().splitlines(), start=1):
-                values, scores = _decoded(line, path, number)
+                values, scores = _decode(line, path, number)
                 self._scores[values] = scores
 
     def get(self, values: Mapping[str, float]) -> list[Any] | None:
@@ -40,11 +40,13 @@ class ScoreLog:
                 file.write(json.dumps([dict(values), list(scores)]) + "\n")
 
 
-def _decoded(line: bytes, path: Path, number: int) -> tuple[frozenset[tuple[str, float]], list[Any]]:
+def _decode(line: bytes, path: Path, number: int) -> tuple[frozenset[tuple[str, float]], list[Any]]:
     try:
         values, scores = json.loads(line)
         return frozenset((key, float(value)) for key, value in values.items()), [
             list(score) for score in scores
         ]
     except (ValueError, TypeError, AttributeError, OverflowError, RecursionError):
-        raise InputError(f"{path} line {number} holds no scores of a trial: remove that line") from None
+        raise InputError(
+            f"{path} line {number} does not hold the scores of a trial: remove that line"
+        ) from None

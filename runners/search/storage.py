@@ -16,31 +16,31 @@ if TYPE_CHECKING:
     from optuna.storages import BaseStorage, RDBStorage
     from sqlalchemy.exc import OperationalError
 
-HEARTBEAT_S = 10  # between two signs of life of a running trial
-GRACE_S = 60  # a trial that is silent for longer goes to another process
-_LIBRARIES = ("optuna", "sqlalchemy", "redis")  # whose errors are those of a storage
+HEARTBEAT_S = 10  # between heartbeats of a running trial
+GRACE_S = 60  # after this long without a heartbeat, another process takes a trial
+_LIBRARIES = ("optuna", "sqlalchemy", "redis")  # their errors come from a storage
 _REDIS = ("redis://", "rediss://", "unix://")
-_PACKAGES = {"MySQLdb": "mysqlclient", "psycopg2": "psycopg2-binary"}  # whose modules have other names
+_PACKAGES = {"MySQLdb": "mysqlclient", "psycopg2": "psycopg2-binary"}  # by the name of their module
 _RIGHT = "must be an Optuna storage URL such as postgresql://user@host/optuna, or null for a journal"
-_CREATIONS = 6  # attempts to create the tables, while other processes create the same
+_CREATIONS = 6  # attempts to create the tables while other processes do the same
 
 
 def open_storage(url: str) -> BaseStorage:
     """The storage at an Optuna URL: a database, or redis:// for a journal. Raises InputError if it cannot be used."""
-    with _one_line(url, "cannot be used", _RIGHT), warnings.catch_warnings():
+    with _as_input_error(url, "cannot be used", _RIGHT), warnings.catch_warnings():
         warnings.simplefilter("ignore")  # Optuna's warnings that Redis and heartbeats are experimental
         return _redis(url) if url.startswith(_REDIS) else _database(url)
 
 
 @contextmanager
-def reached(url: str | None, advice: str) -> Iterator[None]:
-    """Turn the error of a storage that fails in the block into an InputError. advice: what the user can do."""
+def storage_errors(url: str | None, advice: str) -> Iterator[None]:
+    """Turn a storage error in the block into an InputError. advice: what the user can do."""
     try:
         yield
     except Exception as error:
         if url is None or type(error).__module__.partition(".")[0] not in _LIBRARIES:
             raise
-        with _one_line(url, "no longer answers", advice):
+        with _as_input_error(url, "no longer answers", advice):
             raise
 
 
@@ -71,33 +71,33 @@ def _database(url: str) -> RDBStorage:
         try:
             return RDBStorage(
                 named,
-                engine_kwargs=_patience(url),
+                engine_kwargs=_engine_options(url),
                 heartbeat_interval=HEARTBEAT_S,
                 grace_period=GRACE_S,
                 heartbeat_stale_trial_callback=RetryHeartbeatStaleTrialCallback(),
             )
         except (IntegrityError, OperationalError, ProgrammingError, StorageInternalError) as error:
-            refused = isinstance(error, OperationalError) and not _mysql_has_it(error)
+            refused = isinstance(error, OperationalError) and not _already_in_mysql(error)
             if refused or attempt == _CREATIONS:
                 raise
             time.sleep(random.uniform(0.1, 0.5))
     raise AssertionError("unreachable: the last attempt returns or raises")
 
 
-def _mysql_has_it(error: OperationalError) -> bool:
-    """Whether MySQL says that another process has created a table or an index meanwhile."""
+def _already_in_mysql(error: OperationalError) -> bool:
+    """Whether MySQL says that another process has already created the table or the index."""
     return error.orig is not None and error.orig.args[:1] in ((1050,), (1061,))
 
 
-def _patience(url: str) -> dict[str, Any]:
-    """Options of the engine: give up on an unreachable server after seconds, survive the restart of a server."""
+def _engine_options(url: str) -> dict[str, Any]:
+    """Options of the engine: give up on an unreachable server within seconds, survive the restart of a server."""
     if url.startswith(("postgresql", "mysql")):
         return {"connect_args": {"connect_timeout": 10}, "pool_pre_ping": True}
     return {"connect_args": {"timeout": 30}} if url.startswith("sqlite") else {}
 
 
 @contextmanager
-def _one_line(url: str, trouble: str, advice: str) -> Iterator[None]:
+def _as_input_error(url: str, trouble: str, advice: str) -> Iterator[None]:
     """Turn any error of the block into an InputError of one line."""
     try:
         yield
@@ -110,7 +110,7 @@ def _one_line(url: str, trouble: str, advice: str) -> Iterator[None]:
 
 
 def _causes(error: BaseException | None) -> Iterator[BaseException]:
-    """The error, and what caused it."""
+    """The error and its causes."""
     while error is not None:
         yield error
         error = error.__cause__

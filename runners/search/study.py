@@ -2,8 +2,8 @@
 
 A batch of trials is proposed before any of them runs, and told to the sampler in the order of their numbers after all
 have run. The sampler therefore sees the same for any number of workers. The unfinished trials of a killed study keep
-their parameters and run again: in its own directory at once, in another process that shares the storage after a
-while of silence.
+their parameters and run again: at once in its own directory, or after a timeout in another process that shares the
+storage.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from runners.config.space import Space
 from runners.search.heartbeat import Heartbeat
-from runners.search.optuna_private import annotate, asked_again, id_of
+from runners.search.optuna_private import annotate, id_of, resume_trial
 from runners.search.score_log import ScoreLog
 from runners.workers.trials import Score
 
@@ -64,12 +64,12 @@ class Study:
         self._values: dict[int, dict[str, float]] = {}  # of the trials that this process has proposed
 
     @property
-    def finds_dead(self) -> bool:
+    def finds_killed(self) -> bool:
         """Whether `claim` finds the trials of killed processes."""
-        return self._heartbeat.finds_dead
+        return self._heartbeat.finds_killed
 
     def alive(self) -> AbstractContextManager[None]:
-        """Within the block, other processes see that this one is alive."""
+        """Within the block, show other processes that this one is alive."""
         return self._heartbeat.beating()
 
     @property
@@ -95,30 +95,31 @@ class Study:
     def claim(self, total: int, batch: int) -> list[Proposal]:
         """Trials to run next: the unfinished ones of this directory, or else those of killed processes and new ones.
 
-        At most `batch` of them, and never so many that more than `total` would finish. [] if others run the rest.
+        At most `batch` of them, and never so many that more than `total` would finish. [] if other processes run the
+        rest.
         """
-        self._heartbeat.requeue_dead(self._study)
+        self._heartbeat.requeue_killed(self._study)
         count = min(batch, total - self.num_told - self.num_elsewhere)
         proposals = self._unfinished() or [self._ask() for _ in range(count)]
         self._flush()
-        return [each for each in proposals if each is not None and self._counts(each.number, total)]
+        return [each for each in proposals if each is not None and self._is_within_total(each.number, total)]
 
     def _unfinished(self) -> list[Proposal | None]:
         """Trials that a killed run in this directory proposed but did not finish."""
         mine = [t for t in self._in_state("RUNNING") if t.user_attrs.get(OWNER) == self._owner]
-        return [self._proposal(asked_again(self._study, trial)) for trial in mine]
+        return [self._proposal(resume_trial(self._study, trial)) for trial in mine]
 
     def _ask(self) -> Proposal | None:
         with warnings.catch_warnings():
-            # Optuna warns that only Study.optimize sends signs of life; here Heartbeat does.
+            # Optuna warns that only Study.optimize sends heartbeats; here Heartbeat does.
             warnings.simplefilter("ignore")
             return self._proposal(self._study.ask())
 
-    def _counts(self, number: int, total: int) -> bool:
-        """Whether fewer than `total` trials come before this one; if not, withdraw it.
+    def _is_within_total(self, number: int, total: int) -> bool:
+        """Whether fewer than `total` trials precede this one; if not, withdraw it.
 
         Processes that propose at the same time may propose too many. The storage numbers trials one after the other,
-        and later ones never come before this one, so the first `total` are the same to all.
+        and later ones never precede this one, so all processes see the same first `total`.
         """
         before = [trial for trial in self._study.get_trials(deepcopy=False) if trial.number < number]
         if sum(trial.state.name != "FAIL" for trial in before) < total:
@@ -130,7 +131,7 @@ class Study:
         """Whether the scores of an unfinished trial are stored."""
         return SCORES in self._frozen(number).user_attrs
 
-    def keep(self, number: int, scores: Sequence[Score]) -> None:
+    def store_scores(self, number: int, scores: Sequence[Score]) -> None:
         """Store the scores of a trial, before `tell`."""
         import optuna
 
@@ -146,8 +147,8 @@ class Study:
         self._finish(number, None if scores is None else fmean(Score(*score).reward for score in scores))
         self._flush()
 
-    def settle(self, name: str, value: Any) -> Any:
-        """The study's attribute `name`, which is set to `value` if the study has none yet."""
+    def get_or_set(self, name: str, value: Any) -> Any:
+        """The study's attribute `name`; it is first set to `value` if the study does not have it yet."""
         if name not in self._study.user_attrs:
             self._study.set_user_attr(name, value)
             self._flush()
@@ -167,7 +168,7 @@ class Study:
         return {name: float(share) for name, share in found.items()}
 
     def _finish(self, number: int, reward: float | None) -> None:
-        """Finish a trial, unless another process has taken it. None: it has failed, and does not count."""
+        """Finish a trial, unless another process has taken it. reward: None if it failed, and does not count."""
         import optuna
 
         state = optuna.trial.TrialState.FAIL if reward is None else None
@@ -215,6 +216,8 @@ class Study:
 
 def _trial(trial: FrozenTrial) -> Trial:
     kept = [Score(*score) for score in trial.user_attrs.get(SCORES, [])]
-    scores = [score._replace(trial=trial.number) for score in kept]  # a repeated trial has those of the first
+    scores = [
+        score._replace(trial=trial.number) for score in kept
+    ]  # a repeated trial has the scores of the original
     assert trial.value is not None
     return Trial(trial.number, trial.value, dict(trial.params), scores)

@@ -28,7 +28,7 @@ from runners.tracking.store import (
     log_params,
     log_series,
     open_client,
-    remove_doubles,
+    remove_duplicates,
     run_of,
     set_defaults,
     sqlite_path,
@@ -124,7 +124,7 @@ class MlflowTracking:
     ) -> None:
         place = unwritable(self._config.uri)
         if place is not None:
-            _warn_of(place, self._config.uri, sweep_dir or run_dir)
+            _warn_unwritable(place, self._config.uri, sweep_dir or run_dir)
             return
         set_defaults()
 
@@ -178,12 +178,12 @@ class MlflowTracking:
         log_series(self._client, self._run_id, series)
         for path in artifacts:
             self._client.log_artifact(self._run_id, str(path))
-        remove_doubles(self._client, self._run_id)
+        remove_duplicates(self._client, self._run_id)
         self._client.set_terminated(self._run_id)
 
 
 def add_files(run_dir: Path, files: Sequence[Path], folder: str) -> None:
-    """Add files to the MLflow run of `run_dir`, in its `folder`; do nothing if `run_dir` has no MLflow run.
+    """Add files to `folder` of the MLflow run of `run_dir`; do nothing if there is no MLflow run.
 
     Warns if that fails.
     """
@@ -197,7 +197,7 @@ def add_files(run_dir: Path, files: Sequence[Path], folder: str) -> None:
         uri, run_id = str(known.get("uri", DEFAULT_URI)), str(known["run"])
         store = sqlite_path(uri)
         if store is not None and not store.is_file():
-            raise FileNotFoundError(f"there is none at {store.resolve()}")
+            raise FileNotFoundError(f"there is no database at {store.resolve()}")
         if unwritable(uri) is not None:
             raise PermissionError(f"{unwritable(uri)} cannot be written")
         client = open_client(uri)
@@ -208,11 +208,11 @@ def add_files(run_dir: Path, files: Sequence[Path], folder: str) -> None:
 
 
 @cache  # once for all jobs of a sweep
-def _warn_of(place: Path, uri: str, results: Path) -> None:
+def _warn_unwritable(place: Path, uri: str, results: Path) -> None:
     """Warn before a run, without importing MLflow, that its store cannot be written."""
     warnings.warn(
         f"not logged in MLflow at {uri}: {place} cannot be written; all results go to {results}. "
-        "Set MLFLOW_TRACKING_URI to another place, or tracking=none",
+        "Set MLFLOW_TRACKING_URI to another store, or choose tracking=none",
         stacklevel=3,
     )
 
@@ -226,7 +226,7 @@ def _warn(uri: str, error: Exception) -> None:
 
 
 def environment_tags() -> dict[str, str]:
-    """Tags for what the results may depend on besides the config: commit, versions, platform."""
+    """Tags with what the results may depend on besides the config: commit, versions, platform."""
     return {"platform": platform.platform(), **versions("numpy", "numba"), **_git_tags()}
 
 

@@ -1,8 +1,8 @@
-"""The addresses at which MLflow's page shows tables of runs with their metrics.
+"""The addresses of MLflow's page with tables of runs and their metrics.
 
-MLflow's page opens without runs, and its tables without metrics. A view that somebody shares is a tag of its
-experiment, and an address can name it. `addresses` shares one view of every experiment. It asks the server, because
-importing MLflow takes seconds.
+MLflow's page opens without runs, and its tables without metrics. A shared view is a tag of its experiment, and an
+address can name it. `addresses` shares one view of every experiment. It asks the server, because importing MLflow takes
+seconds.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ COLUMNS = ["tags.`system`", *(f"metrics.`{name}`" for name in METRICS), "tags.`m
 STATE = {
     "selectedColumns": COLUMNS,
     "columnOrder": COLUMNS,
-    "searchFilter": "tags.command != 'sweep'",  # its jobs have the metrics
-    "orderByKey": "tags.`mlflow.runName`",  # their dates; sorted by creation, jobs would be hidden below their sweeps
+    "searchFilter": "tags.command != 'sweep'",  # a sweep's jobs have the metrics
+    "orderByKey": "tags.`mlflow.runName`",  # their dates; by creation, jobs would be hidden below their sweeps
     "orderByAsc": False,
 }
 _TIMEOUT_S = 30.0
@@ -31,10 +31,10 @@ class RunsPage(NamedTuple):
     address: str
 
 
-def answers(server: str) -> bool:
+def is_up(server: str) -> bool:
     """Whether the server is up."""
     try:
-        with _direct().open(f"{server}/health", timeout=_TIMEOUT_S):
+        with _opener_without_proxy().open(f"{server}/health", timeout=_TIMEOUT_S):
             return True
     except OSError:
         return False
@@ -43,7 +43,7 @@ def answers(server: str) -> bool:
 def addresses(server: str) -> list[RunsPage]:
     """The tables of all experiments that have runs, the latest experiment first.
 
-    server: its address, without a slash at the end. Raises OSError or ValueError if it does not answer as MLflow does.
+    server: its address, without a trailing slash. Raises OSError or ValueError if it does not answer as MLflow does.
     """
     return [
         RunsPage(
@@ -56,7 +56,7 @@ def addresses(server: str) -> list[RunsPage]:
 
 
 def _shared(server: str, experiment: dict[str, Any]) -> str:
-    """Share our view of the experiment; what its address ends with, or "" where the store cannot be written."""
+    """Share our view of the experiment; returns the end of its address, or "" if the store cannot be written."""
     tag = {"key": f"mlflow.sharedViewState.{VIEW}", "value": json.dumps(STATE)}
     try:
         _ask(server, "experiments/set-experiment-tag", experiment_id=experiment["experiment_id"], **tag)
@@ -66,14 +66,14 @@ def _shared(server: str, experiment: dict[str, Any]) -> str:
 
 
 def _ask(server: str, what: str, **content: Any) -> dict[str, Any]:
-    """What the server answers to a request of its REST interface."""
+    """The server's answer to a request of its REST interface."""
     request = urllib.request.Request(
         f"{server}/api/2.0/mlflow/{what}", json.dumps(content).encode(), {"Content-Type": "application/json"}
     )
-    with _direct().open(request, timeout=_TIMEOUT_S) as answer:
+    with _opener_without_proxy().open(request, timeout=_TIMEOUT_S) as answer:
         return dict(json.load(answer))
 
 
-def _direct() -> urllib.request.OpenerDirector:
-    """Opens addresses without a proxy of the user's: the server is on this machine."""
+def _opener_without_proxy() -> urllib.request.OpenerDirector:
+    """Opens addresses without the user's proxy: the server is on this machine."""
     return urllib.request.build_opener(urllib.request.ProxyHandler({}))

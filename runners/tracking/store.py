@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from lme.errors import InputError
 from runners.config.flatten import flatten
-from runners.records.whole_file import obstacle, write_whole
+from runners.records.whole_file import obstacle, write_atomically
 
 if TYPE_CHECKING:
     from mlflow import MlflowClient
@@ -24,7 +24,7 @@ DEFAULT_URI = "sqlite:///outputs/mlflow.db"
 SQLITE = "sqlite:///"
 SCHEMES = ("sqlite", "http", "https", "postgresql", "mysql", "mssql", "databricks")
 RUN_ID_FILE = "mlflow_run.json"
-_CREATED = "lme_created"  # a tag: equal in runs that one request has created
+_CREATED = "lme_created"  # a tag: equal in runs that the same request created
 
 # MLflow's limits.
 KEY_LENGTH = 250
@@ -65,13 +65,13 @@ def sqlite_path(uri: str) -> Path | None:
 
 
 def unwritable(uri: str) -> Path | None:
-    """The file or folder that keeps an SQLite store from being written; None if nothing does, or for other stores."""
+    """The file or folder that prevents writing to an SQLite store; None if nothing does, or for other stores."""
     path = sqlite_path(uri)
     return None if path is None else obstacle(path)
 
 
 def open_client(uri: str) -> MlflowClient:
-    """A client of the store at `uri`; an SQLite store that does not exist is created."""
+    """A client of the store at `uri`. Creates an SQLite store that does not exist."""
     _quieten()
     from mlflow import MlflowClient
 
@@ -83,7 +83,7 @@ def open_client(uri: str) -> MlflowClient:
 
 
 def _create_store(path: Path) -> None:
-    """Create the database under another name, and give it its own name when it is complete.
+    """Create the database under a temporary name, and give it its own name when it is complete.
 
     MLflow creates the tables by migrations, which take seconds. It refuses a database with incomplete migrations.
     """
@@ -91,10 +91,10 @@ def _create_store(path: Path) -> None:
 
     path.parent.mkdir(parents=True, exist_ok=True)
     unfinished = path.with_name(f".{path.name}.{os.getpid()}")
-    unfinished.touch()  # fails at once where MLflow would try again for 100 s
+    unfinished.touch()  # fails at once, where MLflow would retry for 100 s
     try:
         MlflowClient(tracking_uri=f"{SQLITE}{unfinished}").search_experiments(max_results=1)
-        # A link, not a rename, which would replace a database that another process created meanwhile.
+        # A link, because a rename would replace a database that another process created meanwhile.
         with contextlib.suppress(FileExistsError):
             os.link(unfinished, path)
     finally:
@@ -102,7 +102,7 @@ def _create_store(path: Path) -> None:
 
 
 def experiment_id(client: MlflowClient, uri: str, name: str) -> str:
-    """Id of the experiment, which is created if needed. Its files are stored beside the database, or by the server."""
+    """Id of the experiment, created if needed. Its files are stored next to the database, or by the server."""
     from mlflow.exceptions import MlflowException
 
     found = client.get_experiment_by_name(name)
@@ -133,14 +133,14 @@ def run_of(directory: Path, client: MlflowClient, uri: str, experiment: str, tag
         texts = {name: str(value)[:TAG_LENGTH] for name, value in tags.items()}
         texts[_CREATED] = uuid.uuid4().hex
         run_id = str(client.create_run(experiment, tags=texts, run_name=_run_name(directory)).info.run_id)
-        write_whole(note, json.dumps({"uri": uri, "experiment": experiment, "run": run_id}) + "\n")
+        write_atomically(note, json.dumps({"uri": uri, "experiment": experiment, "run": run_id}) + "\n")
     return run_id
 
 
-def remove_doubles(client: MlflowClient, run_id: str) -> None:
-    """Remove the other runs that creating this one has left.
+def remove_duplicates(client: MlflowClient, run_id: str) -> None:
+    """Remove the other runs that the creation of this one left behind.
 
-    MLflow sends a request again if no answer comes in time, and a server that was only slow then creates two runs.
+    MLflow repeats a request that gets no answer in time, and a server that was only slow then creates two runs.
     """
     run = client.get_run(run_id)
     mark = run.data.tags.get(_CREATED)
@@ -153,7 +153,7 @@ def remove_doubles(client: MlflowClient, run_id: str) -> None:
 
 @contextlib.contextmanager
 def _locked(directory: Path) -> Iterator[None]:
-    """Let one process at a time work on the directory; the lock ends with the process."""
+    """Lock the directory for one process at a time; the lock ends with the process."""
     try:
         import fcntl
     except ImportError:  # Windows has no such locks
@@ -198,7 +198,7 @@ def log_params(client: MlflowClient, run_id: str, config: Mapping[str, Any]) -> 
 
 
 def log_series(client: MlflowClient, run_id: str, series: Mapping[str, Sequence[float]]) -> None:
-    """Log metrics with a value for each step; steps that were logged before the run was resumed are left out."""
+    """Log metrics with a value for each step; skip steps that were logged before the run was resumed."""
     from mlflow.entities import Metric
 
     now = int(time.time() * 1000)
@@ -214,6 +214,6 @@ def log_series(client: MlflowClient, run_id: str, series: Mapping[str, Sequence[
 
 
 def _quieten() -> None:
-    """Silence the log messages of MLflow, its migrations and its retries; errors are raised anyway."""
+    """Silence the log messages of MLflow, its migrations and retries; errors are raised anyway."""
     for name in ("mlflow", "alembic", "urllib3"):
         logging.getLogger(name).setLevel(logging.ERROR)

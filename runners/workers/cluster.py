@@ -34,17 +34,17 @@ if TYPE_CHECKING:
 
 _ADDRESS = r"\w+://\S+:\d+"
 _CONNECT_S = 5.0
-_NO_WORKER_S = 30  # with an empty cluster on this machine, after which the run ends
-_ALONE = "add resume=true, and executor=process to go on without it"
-_SHARES = 4  # of a worker in a list that is short: its last batches then end at about the same time
+_NO_WORKER_S = 30  # the run ends if a cluster on this machine has had no worker for this long
+_WITHOUT_DASK = "add resume=true, and executor=process to continue without dask"
+_BATCHES_PER_WORKER = 4  # of a short list, so that the last batches end at about the same time
 _NUMERIC = ("numpy", "numba", "scipy")  # packages that may change the last bit of a result
 
 
 @dataclass(slots=True)
 class DaskConfig:
-    """address: of a scheduler; null: a cluster on this machine, of `workers` processes (null: one per core).
+    """address: of a scheduler; null: a cluster on this machine with `workers` processes (null: one per core).
 
-    batch: most episodes in a task.
+    batch: maximum number of episodes in a task.
     """
 
     address: str | None = None
@@ -64,12 +64,12 @@ class DaskConfig:
             require("executor.workers", self.workers, at_least=1)
             if self.address is not None:
                 raise InputError(
-                    f"executor.workers is {self.workers}: must be null with executor.address, which has its own"
+                    f"executor.workers is {self.workers}: must be null with executor.address, whose cluster has workers"
                 )
 
 
 class DaskExecutor:
-    """Runs items on the workers of a dask cluster; dask gives those of a lost worker to another.
+    """Runs items on the workers of a dask cluster; dask gives the items of a lost worker to another.
 
     Without an address, inside a worker process of a Hydra launcher, it runs them there, as ProcessExecutor does.
     """
@@ -82,11 +82,11 @@ class DaskExecutor:
     def map(self, initialise: Initialise, payload: Any, items: Iterable[Item]) -> Iterator[Any]:
         """Yield the result of `initialise(payload)` on every item, as they finish.
 
-        initialise: a function at the top of a module. payload, items: anything that pickles. Raises InputError and
-        EpisodeError as ProcessExecutor does; WorkerDiedError if a task lost worker after worker, or if the scheduler is
-        gone.
+        initialise: a function at the top level of a module. payload, items: anything that pickles. Raises InputError
+        and EpisodeError as ProcessExecutor does; WorkerDiedError if several workers died with a task, or if the
+        scheduler is gone.
         """
-        return map_once(self.open, self._most, initialise, payload, items)
+        return map_once(self.open, self._max_workers, initialise, payload, items)
 
     @contextlib.contextmanager
     def open(self, initialise: Initialise, payload: Any, at_once: int | None = None) -> Iterator[Map]:
@@ -107,8 +107,8 @@ class DaskExecutor:
             yield lambda items: _hand_out(client, token, list(items), self._config.batch)
 
     @property
-    def _most(self) -> int:
-        """Processes of a cluster on this machine, if there are as many items."""
+    def _max_workers(self) -> int:
+        """Maximum number of processes of a cluster on this machine."""
         return self._config.workers or available_cores()
 
     @contextlib.contextmanager
@@ -119,16 +119,18 @@ class DaskExecutor:
                 yield client
             return
         with (
-            _local_cluster(self._most if at_once is None else min(self._most, at_once)) as cluster,
+            _local_cluster(
+                self._max_workers if at_once is None else min(self._max_workers, at_once)
+            ) as cluster,
             _connected(cluster.scheduler_address) as client,
         ):
             yield client
 
 
 def _local_cluster(workers: int) -> LocalCluster:
-    """Processes on this machine that only this machine can reach. Raises WorkerDiedError where they do not start.
+    """Processes on this machine that only this machine can reach. Raises WorkerDiedError if they do not start.
 
-    Dask starts a process that died again, but not one that dies while it starts.
+    Dask restarts a process that died, but not one that dies while it starts.
     """
     import dask
     from distributed import LocalCluster
@@ -145,7 +147,9 @@ def _local_cluster(workers: int) -> LocalCluster:
                 env=ONE_THREAD,
             )
     except RuntimeError as error:
-        raise WorkerDiedError(f"executor=dask: no worker process starts ({error}); {_ALONE}") from error
+        raise WorkerDiedError(
+            f"executor=dask: no worker process starts ({error}); {_WITHOUT_DASK}"
+        ) from error
 
 
 @contextlib.contextmanager
@@ -167,7 +171,7 @@ def _connected(address: str) -> Iterator[Client]:
 
 @contextlib.contextmanager
 def _registered(client: Client, initialise: Initialise, payload: Any) -> Iterator[str]:
-    """Give every worker, also those that join later, what the items need; its name."""
+    """Give every worker, also those that join later, what the items need; yields its name."""
     from runners.workers.cluster_worker import WorkerSetup
 
     token = f"lme-{uuid.uuid4().hex}"
@@ -187,7 +191,7 @@ def _registered(client: Client, initialise: Initialise, payload: Any) -> Iterato
 
 
 def _hand_out(client: Client, token: str, items: Sequence[Item], batch: int) -> Iterator[Any]:
-    """Give the items out in batches; the scheduler hands each worker the next as soon as it is free."""
+    """Submit the items in batches; the scheduler gives each worker the next one as soon as it is free."""
     from distributed import as_completed
 
     from runners.workers.cluster_worker import run_batch
@@ -209,8 +213,8 @@ def _hand_out(client: Client, token: str, items: Sequence[Item], batch: int) -> 
 
 
 def _batch_size(items: int, workers: int, most: int) -> int:
-    """Items in a batch: `most`, or fewer where each worker would get few batches."""
-    return min(most, max(1, math.ceil(items / (_SHARES * max(workers, 1)))))
+    """Items in a batch: `most`, or fewer if each worker would get only a few batches."""
+    return min(most, max(1, math.ceil(items / (_BATCHES_PER_WORKER * max(workers, 1)))))
 
 
 def _receive(future: Future[Any], items: Sequence[Item]) -> tuple[list[Any], Exception | None]:
@@ -228,15 +232,18 @@ def _receive(future: Future[Any], items: Sequence[Item]) -> tuple[list[Any], Exc
         ) from None
     except NoWorkerError:
         raise WorkerDiedError(
-            f"executor=dask: all worker processes died and none starts again: finished episodes are kept; {_ALONE}"
+            "executor=dask: all worker processes died and none starts again: finished episodes are kept; "
+            f"{_WITHOUT_DASK}"
         ) from None
     except (CancelledError, CommClosedError):
-        raise WorkerDiedError(f"the dask scheduler is gone: finished episodes are kept; {_ALONE}") from None
+        raise WorkerDiedError(
+            f"the dask scheduler is gone: finished episodes are kept; {_WITHOUT_DASK}"
+        ) from None
 
 
 @contextlib.contextmanager
 def _quiet_logs() -> Iterator[None]:
-    """Keep dask's own account of lost connections off the terminal: our errors say it in one line."""
+    """Keep dask's messages about lost connections off the terminal: our errors report them in one line."""
     levels = {name: logging.getLogger(name).level for name in ("distributed", "distributed.client")}
     try:
         for name in levels:

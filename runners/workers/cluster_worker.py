@@ -15,7 +15,7 @@ from runners.workers.executor import Item, Run, portable
 
 
 class WorkerSetup(WorkerPlugin):
-    """What every item of an open executor needs. Dask keeps it in each worker, and gives it to new ones.
+    """What every item of an open executor needs. Dask keeps it in each worker, and gives it to new workers.
 
     pickled: `initialise` and its payload. wanted: the versions of the process that hands out the items.
     """
@@ -26,21 +26,21 @@ class WorkerSetup(WorkerPlugin):
         self._run: Run | None = None
 
     def run(self, items: Sequence[Item]) -> tuple[list[Any], Exception | None]:
-        """The results of the items, up to the first that fails, and its error."""
+        """The results of the items up to the first that fails, and its error."""
         results: list[Any] = []
         item: Item | None = None
         try:
-            # The coordinator has built the same config and given the same warnings.
+            # The coordinator built the same config and printed the same warnings.
             with warnings.catch_warnings(action="ignore", category=UserWarning):
-                run = self._built(get_worker())
+                run = self._build_once(get_worker())
                 for item in items:
                     results.append(run(item))
         except Exception as error:
             return results, portable(error, item)
         return results, None
 
-    def _built(self, worker: Worker) -> Run:
-        """What runs one item; it is built for the first."""
+    def _build_once(self, worker: Worker) -> Run:
+        """The function that runs one item; built for the first one."""
         if self._run is None:
             _check(worker, self._wanted)
             initialise, payload = pickle.loads(self._pickled)

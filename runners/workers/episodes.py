@@ -73,10 +73,10 @@ def episode_rng(seed: int, world: int, run: int) -> np.random.Generator:
 
 
 def _check_run_dir(recordings: Recordings | None) -> None:
-    """Raise InputError on a machine of a cluster that lacks the run's directory."""
+    """Raise InputError on a machine of a cluster that does not have the run's directory."""
     if recordings is not None and not recordings.folder.parent.is_dir():
         raise InputError(
-            f"record=mcap: {recordings.folder.parent.absolute()} is not there on {platform.node()}: start the "
+            f"record=mcap: {recordings.folder.parent.absolute()} does not exist on {platform.node()}: start the "
             "workers in the folder in which lme was called, on a file system that the machines share"
         )
 

@@ -37,11 +37,11 @@ _JOIN_S = 5.0
 
 
 class EpisodeError(RuntimeError):
-    """An episode failed for another reason than a user's mistake. The message names its world and run."""
+    """An episode failed for a reason other than a user's mistake. The message names its world and run."""
 
 
 class WorkerDiedError(RuntimeError):
-    """A worker process ended during an episode: it was killed, or memory ran out. Or a cluster is gone."""
+    """A worker process ended during an episode, because it was killed or memory ran out; or a cluster is gone."""
 
 
 @dataclass(slots=True)
@@ -112,9 +112,9 @@ class ProcessExecutor:
     def map(self, initialise: Initialise, payload: Any, items: Iterable[Item]) -> Iterator[Any]:
         """Yield the result of `initialise(payload)` on every item, as they finish.
 
-        initialise: a function at the top of a module. payload: anything that pickles. Raises InputError and
+        initialise: a function at the top level of a module. payload: anything that pickles. Raises InputError and
         EpisodeError (any other exception of a worker), which name the world and run, and WorkerDiedError if a
-        worker was killed. The workers are stopped when the iteration is left.
+        worker was killed. Leaving the iteration stops the workers.
         """
         return map_once(self.open, self.workers, initialise, payload, items)
 
@@ -145,7 +145,7 @@ def map_once(
     payload: Any,
     items: Iterable[Item],
 ) -> Iterator[Any]:
-    """Yield the result of every item, as they finish, from workers that live as long; none for no items.
+    """Yield the result of every item, as they finish, from workers that live as long as the iteration.
 
     most: number of workers; no more are started than there are items.
     """
@@ -164,15 +164,15 @@ def available_cores() -> int:
 
 
 def serial_in_launcher(executor: str) -> SerialExecutor | None:
-    """What runs the items in place of `executor` inside a launcher's worker process; None elsewhere."""
+    """The executor to use instead of `executor` inside a launcher's worker process; None elsewhere."""
     if parent_process() is None:
         return None
-    _say_serial(executor)
+    _announce_serial(executor)
     return SerialExecutor(SerialConfig())
 
 
 @functools.cache  # print it once
-def _say_serial(executor: str) -> None:
+def _announce_serial(executor: str) -> None:
     print(
         f"executor={executor}: inside a launcher's worker process, episodes run one by one", file=sys.stderr
     )
@@ -229,7 +229,7 @@ def _start_workers(
 
 
 def _stop(workers: dict[Connection, BaseProcess]) -> None:
-    """Kill the workers at once: they hold nothing that must be closed."""
+    """Kill the workers at once: they do not hold anything that must be closed."""
     for worker, process in workers.items():
         worker.close()
         process.kill()
@@ -239,10 +239,10 @@ def _stop(workers: dict[Connection, BaseProcess]) -> None:
 
 def _work(coordinator: Connection, initialise: Initialise, payload: Any) -> None:
     """Build, then answer items until the coordinator closes the connection."""
-    # These two come to all processes; the coordinator ends the workers.
+    # All processes receive these two; the coordinator ends the workers.
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, signal.SIG_IGN)
-    # The coordinator has built the same config and given the same warnings.
+    # The coordinator built the same config and printed the same warnings.
     warnings.simplefilter("ignore", UserWarning)
     with contextlib.suppress(EOFError, BrokenPipeError, ConnectionResetError):
         try:
@@ -251,7 +251,7 @@ def _work(coordinator: Connection, initialise: Initialise, payload: Any) -> None
             coordinator.recv()
             coordinator.send((portable(error, None), None))
             return
-        gc.freeze()  # no search for garbage goes through what has been imported and built: it stays
+        gc.freeze()  # garbage collection skips what has been imported and built: it stays
         while True:
             item = coordinator.recv()
             answer: tuple[Exception | None, Any]

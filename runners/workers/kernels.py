@@ -1,4 +1,4 @@
-"""Checks whether the kernels are already compiled; the first episode after installation waits for that."""
+"""Checks whether the kernels are already compiled; the first episode after installation must wait for that."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ import lme
 from lme import numba_cache
 
 SOURCE = Path(lme.__file__).parent / "kernels" / "motion.py"
-_LAST = "travelled"  # the last kernel of it that the first step of an episode calls
+_LAST = "travelled"  # the last kernel in it that the first step of an episode calls
 
 
 def compiled() -> bool:
-    """Whether Numba's cache has `travelled` of this version of Numba. Numba, which takes a second, is not imported.
+    """Whether Numba's cache has `travelled` for this version of Numba. Does not import Numba, which takes a second.
 
-    The cache may still lack the kernels of a guide, planner or simulator that has not been used yet.
+    The cache may still lack the kernels of a guide, planner or simulator that was never used.
     """
     if os.environ.get("NUMBA_DISABLE_JIT", "0") != "0":
         return True

@@ -1,6 +1,6 @@
-"""Drives the episodes of `lme learn`: an expert tells a network what to do, or a network shows what it can.
+"""Drives the episodes of `lme learn`: an expert labels what a network sees, or a network is evaluated alone.
 
-Worker processes call this module. It knows networks as planners and needs no torch.
+Worker processes call this module. It treats networks as planners and does not need torch.
 """
 
 from __future__ import annotations
@@ -22,24 +22,24 @@ from lme.worlds.world import World
 from runners.config import build, instantiate
 from runners.config.schema import LearnConfig
 from runners.config.weights import with_network
-from runners.workers.robots import drawn
+from runners.workers.robots import draw_robot
 
 Arrays = tuple[NDArray[np.float32], ...]
-_ROBOT, _DRIVER = 0x726F, 0x6472  # seed the robot, and who drives, apart from the episode
-_TURN = (5, 25)  # steps that the expert or the network drives before the other may
+_ROBOT, _DRIVER = 0x726F, 0x6472  # seed the robot and the choice of driver separately from the episode
+_TURN = (5, 25)  # steps that the expert or the network drives before the driver may change
 
 
 class Interface(Protocol):
-    """What a network is told, and what its answer means: `lme.planners.dclp.interface`."""
+    """The inputs of a network, and the meaning of its output: `lme.planners.dclp.interface`."""
 
     def features(self, observation: Observation, subgoal: Floats) -> tuple[Floats, ...]:
-        """The inputs of the network, asked for once a step. subgoal: the point to drive to (2,) [m]."""
+        """The inputs of the network; called once per step. subgoal: the point to drive to (2,) [m]."""
 
     def action(self, command: Twist, observation: Observation) -> Floats:
-        """The answer that stands for a command."""
+        """The output that stands for a command."""
 
     def command(self, action: Floats, observation: Observation) -> Twist:
-        """The command that an answer stands for."""
+        """The command that an output stands for."""
 
 
 class NetworkPlanner(Planner, Protocol):
@@ -50,10 +50,10 @@ class NetworkPlanner(Planner, Protocol):
 
 
 class Lesson(NamedTuple):
-    """One episode. maps: which of the training map sets; world: its number. guide: who gives the network its subgoals.
+    """One episode. maps: which of the training map sets; world: its number. guide: gives the network its subgoals.
 
     network: path of its weights. beta: share of the steps that the expert drives; None: the network drives the job's
-    own robot alone, to be judged. time_limit: [s] in place of the map's.
+    robot alone, to be evaluated. time_limit: [s], instead of the map's.
     """
 
     maps: str
@@ -67,11 +67,11 @@ class Lesson(NamedTuple):
         return f"world {self.world} of {self.maps} under {self.guide}"
 
 
-class Taught(NamedTuple):
-    """What came of a lesson of T steps.
+class LessonResult(NamedTuple):
+    """The result of a lesson of T steps.
 
-    features: one array (T, …) of each input of the network; actions: (T, A) of the expert. Both are empty where the
-    network was judged.
+    features: one array (T, …) for each input of the network; actions: (T, A) of the expert. Both are empty if the
+    network was evaluated.
     """
 
     lesson: Lesson
@@ -82,9 +82,9 @@ class Taught(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Expert:
-    """Config of the expert's planner, and of the guide that it follows where the network is told the target.
+    """Config of the expert's planner, and of the guide that it follows if the network's subgoal is the target.
 
-    guide: None: the expert is told what the network is told.
+    guide: None: the expert follows the network's guide.
     """
 
     planner: Mapping[str, Any]
@@ -93,18 +93,18 @@ class Expert:
 
 @dataclass(frozen=True, slots=True)
 class LessonPayload:
-    """What a worker needs. guides: their configs by name. expert: None where networks are only judged."""
+    """What a worker needs. guides: their configs by name. expert: None if networks are only evaluated."""
 
     config: LearnConfig
     guides: Mapping[str, Mapping[str, Any]]
     expert: Expert | None
 
 
-def initialise(payload: LessonPayload) -> Callable[[Lesson], Taught]:
+def initialise(payload: LessonPayload) -> Callable[[Lesson], LessonResult]:
     """Return the function that runs one lesson. Raises InputError."""
     config = payload.config
 
-    def run(lesson: Lesson) -> Taught:
+    def run(lesson: Lesson) -> LessonResult:
         places = replace(config, map=config.training[lesson.maps])
         task = build.map_set(places, [lesson.world]).task(lesson.world)
         rng = np.random.default_rng(np.random.SeedSequence([config.seed, lesson.world, 0]))
@@ -112,19 +112,19 @@ def initialise(payload: LessonPayload) -> Callable[[Lesson], Taught]:
             check_task(task, config.robot)
             navigator = Navigator(*_student(payload, lesson, config.robot))
             episode = run_episode(task, navigator, build.simulator(config), rng)
-            return Taught(lesson, str(episode.outcome), (), np.empty((0, 0), np.float32))
+            return LessonResult(lesson, str(episode.outcome), (), np.empty((0, 0), np.float32))
         task = replace(task, time_limit=lesson.time_limit or task.time_limit)
-        robot = drawn(config.robot, config.robots, _rng(config.seed, lesson.world, _ROBOT))
-        pair = Lecture(payload, lesson, robot)
+        robot = draw_robot(config.robot, config.robots, _rng(config.seed, lesson.world, _ROBOT))
+        pair = TeachingNavigator(payload, lesson, robot)
         simulator = build.simulator(replace(config, robot=robot))
         outcome = run_episode(task, pair, simulator, rng).outcome
-        return Taught(lesson, str(outcome), *pair.notes())
+        return LessonResult(lesson, str(outcome), *pair.labels())
 
     return run
 
 
-class Lecture(Navigator):
-    """The network and an expert at once: both are asked at every step, one drives, and all is written down."""
+class TeachingNavigator(Navigator):
+    """The network and an expert together: both decide at every step, one drives, and everything is recorded."""
 
     def __init__(self, payload: LessonPayload, lesson: Lesson, robot: Robot) -> None:
         guide, student = _student(payload, lesson, robot)
@@ -132,7 +132,7 @@ class Lecture(Navigator):
         expert = payload.expert
         assert expert is not None
         self._student = student
-        with _quiet():
+        with _without_warnings():
             self._expert: Planner = instantiate.build(with_network(expert.planner), "learner.expert", robot)
         own = expert.guide if lesson.guide == "target" else None
         self._guide: Guide | None = (
@@ -164,17 +164,17 @@ class Lecture(Navigator):
         assert self._student.seen is not None
         self._features.append(self._student.seen)
         self._actions.append(self._student.interface.action(advice, observation))
-        return advice if self._is_expert_s_turn() else command
+        return advice if self._let_expert_drive() else command
 
-    def _is_expert_s_turn(self) -> bool:
-        """Who drives changes after some steps, so that a mistake of the network has time to show."""
+    def _let_expert_drive(self) -> bool:
+        """Whether the expert drives. The driver changes only after some steps, so that the network's mistakes show."""
         if self._left == 0:
             self._expert_drives = bool(self._driver.random() < self._beta)
             self._left = int(self._driver.integers(*_TURN))
         self._left -= 1
         return self._expert_drives
 
-    def notes(self) -> tuple[Arrays, NDArray[np.float32]]:
+    def labels(self) -> tuple[Arrays, NDArray[np.float32]]:
         """The features (T, …) and the expert's actions (T, A) so far."""
         features = tuple(np.array(each, np.float32) for each in zip(*self._features, strict=True))
         return features, np.array(self._actions, np.float32)
@@ -183,12 +183,12 @@ class Lecture(Navigator):
 def _student(payload: LessonPayload, lesson: Lesson, robot: Robot) -> tuple[Guide, NetworkPlanner]:
     planner = {**payload.config.planner, "weights": lesson.network}
     guide = instantiate.build(payload.guides[lesson.guide], "guide", robot)
-    with _quiet():
+    with _without_warnings():
         return guide, instantiate.build(planner, "planner", robot)
 
 
-def _quiet() -> warnings.catch_warnings[None]:
-    """Without a planner's warning that its network was not trained for the robot: it is about to be."""
+def _without_warnings() -> warnings.catch_warnings[None]:
+    """Ignore a planner's warning that its network was not trained for the robot: it is about to be."""
     return warnings.catch_warnings(action="ignore", category=UserWarning)
 
 

@@ -12,11 +12,11 @@ from lme.errors import InputError
 from lme.requirements import install
 from runners.workers.ros_messages import McapMessages
 
-_ROSBAG2_VERSION: Final = 8  # 9 stores QoS profiles as words, which Humble cannot read (ros2/rosbag2#1476)
+_ROSBAG2_VERSION: Final = 8  # 9 stores QoS profiles as text, which Humble cannot read (ros2/rosbag2#1476)
 
 
 def check_installed() -> None:
-    """Raise InputError unless rosbags is installed, which writes the files."""
+    """Raise InputError unless rosbags, which writes the files, is installed."""
     try:
         import rosbags.rosbag2
         import rosbags.typesys  # noqa: F401
@@ -28,8 +28,8 @@ class McapFile:
     """A recording while it is written; use as a context manager.
 
     The file gets its name, and replaces an older one, when it is complete. If an exception ends it, no file is left.
-    topics: message types by name. latched: topics that late subscribers receive as well. advice: what to do where it
-    cannot be written, for the InputError that is then raised.
+    topics: message types by name. latched: topics that late subscribers receive as well. advice: what to do if the
+    file cannot be written, for the InputError that is then raised.
     """
 
     def __init__(self, path: Path, topics: Mapping[str, str], latched: Collection[str], advice: str) -> None:

@@ -11,11 +11,11 @@ from rich.console import Console
 from rich.progress import Progress, TaskID
 
 _WIDTH = 100  # [characters]
-_EVERY_S = 0.2  # at least between two pictures of the bar
+_EVERY_S = 0.2  # minimum time between updates of the bar
 
 
 class NotebookProgress(Progress):
-    """Shows itself below the cell, in one output that it replaces. What Rich has for notebooks needs ipywidgets."""
+    """Shows itself below the cell, in one output that it updates. Rich's own bar for notebooks needs ipywidgets."""
 
     def __init__(self, *columns: Any, **settings: Any) -> None:
         super().__init__(*columns, auto_refresh=False, **settings)
@@ -29,19 +29,19 @@ class NotebookProgress(Progress):
             self._handle = display(self._picture(), raw=True, display_id=True)
 
     def stop(self) -> None:
-        """Show how it ended."""
+        """Show the final state."""
         if self._handle is not None:
             self._handle.update(self._picture(), raw=True)
 
     def update(self, task_id: TaskID, **fields: Any) -> None:
-        """Change the task, and show it unless that was done just now."""
+        """Change the task, and show it unless it was shown just now."""
         super().update(task_id, **fields)
         if self._handle is not None and monotonic() - self._shown_s > _EVERY_S:
             self._shown_s = monotonic()
             self._handle.update(self._picture(), raw=True)
 
     def refresh(self) -> None:
-        """Nothing: `update` shows what changes."""
+        """Do nothing: `update` shows the changes."""
 
     def _picture(self) -> dict[str, str]:
         text = io.StringIO()

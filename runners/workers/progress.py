@@ -90,8 +90,8 @@ class TrialProgress(_Bar):
         self._before = done
         self._bar.update(self._task, completed=done, best=_reward_text(best))
 
-    def reach(self, done: int, best: float | None) -> None:
-        """So many trials are done, on all machines."""
+    def set_done(self, done: int, best: float | None) -> None:
+        """Set the number of finished trials on all machines, and the best reward."""
         rate = (done - self._before) / max(perf_counter() - self._began, 1e-9)
         self._bar.update(self._task, completed=done, best=_reward_text(best), rate=f"{rate:.1f} trials/s")
 
@@ -103,12 +103,12 @@ class LearnProgress(_Bar):
         best, doing = "best success {task.fields[best]}", "{task.fields[doing]}"
         super().__init__(label, total, best, doing, best="–", doing="")
 
-    def reach(self, done: int, best: float | None) -> None:
-        """So many rounds or steps are done, those of an earlier run included."""
+    def set_done(self, done: int, best: float | None) -> None:
+        """Set the number of finished rounds or steps, including those of an earlier run, and the best success."""
         self._bar.update(self._task, completed=done, best=_reward_text(best), doing="")
 
-    def say(self, doing: str) -> None:
-        """Name what is being done."""
+    def describe(self, doing: str) -> None:
+        """Show what the learner is doing."""
         self._bar.update(self._task, doing=doing)
 
 

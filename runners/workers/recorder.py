@@ -20,7 +20,7 @@ from runners.records.episode_record import EpisodeKey
 from runners.workers.mcap_file import McapFile
 
 FOLDER = "recordings"  # within a run's directory
-TOPICS = {  # message types; the topics stand in the order in which a control period writes them
+TOPICS = {  # message types; the topics are in the order in which a control period writes them
     "/lme": "std_msgs/msg/String",
     "/tf_static": "tf2_msgs/msg/TFMessage",
     "/tf": "tf2_msgs/msg/TFMessage",
@@ -30,13 +30,13 @@ TOPICS = {  # message types; the topics stand in the order in which a control pe
     "/subgoal": "geometry_msgs/msg/PointStamped",
     "/cmd_vel": "geometry_msgs/msg/Twist",
 }
-# On a robot, /cmd_vel holds what was sent to it, and these topics the planner's commands, the reasons, and the state.
+# On a robot, /cmd_vel holds what was sent to it, and these topics the planner's commands, the reasons and the state.
 WANTED, WHY, STATE = "/wanted", "/why", "/state"
 LATCHED = ("/lme", "/tf_static")  # written once; late subscribers receive them as well
 ODOM, BASE, LASER = "odom", "base_link", "laser"
 
 _SECOND = 1_000_000_000
-_ADVICE = "make room there and add resume=true, or choose another directory with hydra.run.dir=PATH"
+_ADVICE = "free some space there and add resume=true, or choose another directory with hydra.run.dir=PATH"
 
 
 def recording_path(folder: Path, key: EpisodeKey) -> Path:
@@ -45,7 +45,7 @@ def recording_path(folder: Path, key: EpisodeKey) -> Path:
 
 
 class DecisionWriter:
-    """Writes decisions to an open recording. about: JSON values that /lme holds besides the bearings of the beams."""
+    """Writes decisions to an open recording. about: JSON values for /lme, besides the bearings of the beams."""
 
     def __init__(self, file: McapFile, about: Mapping[str, Any], robot: Robot) -> None:
         self._file, self._make = file, file.messages

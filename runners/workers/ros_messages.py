@@ -85,9 +85,9 @@ def _store() -> Any:
 
 
 def half_angle(yaw: float) -> tuple[float, float]:
-    """(z, w) of the quaternion of a yaw in [−π, π] [rad], such that 2·atan2(z, w) equals the yaw exactly.
+    """(z, w) of the quaternion of a yaw in [−π, π] [rad] such that 2·atan2(z, w) equals the yaw exactly.
 
-    z and w are sine and cosine of half the yaw, rounded up or down where rounding to nearest loses the last bit.
+    z and w are sine and cosine of half the yaw, rounded up or down if rounding to nearest loses the last bit.
     """
     z, w = math.sin(yaw / 2), math.cos(yaw / 2)
     near = product(_and_neighbours(z), _and_neighbours(w))

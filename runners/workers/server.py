@@ -16,7 +16,7 @@ from runners.workers.signals import sigint_ignored, sigterm_blocked
 ONE_THREAD = dict.fromkeys(
     ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1"
 )
-# What most jobs need; a worker imports the rest of its job itself.
+# What most jobs need; a worker imports the rest itself.
 _PRELOAD = (
     "runners.workers.episodes",
     "runners.workers.trials",
@@ -30,13 +30,13 @@ _METHOD = "forkserver" if "forkserver" in get_all_start_methods() else "spawn"
 
 
 def start() -> None:
-    """Start the server if there is one on this system and it does not run. Returns at once; the server imports.
+    """Start the server if this system has one and it is not running. Returns at once, while the server imports.
 
-    It and the processes that it forks do not hear SIGTERM.
+    It and the processes that it forks block SIGTERM.
     """
     if _METHOD == "forkserver":
         get_context(_METHOD).set_forkserver_preload(list(_PRELOAD))
-        resource_tracker.ensure_running()  # its start, a part of the server's, ends with SIGTERM unblocked
+        resource_tracker.ensure_running()  # first, because its start leaves SIGTERM unblocked
         with _environment(ONE_THREAD), sigint_ignored(), sigterm_blocked():
             forkserver.ensure_running()
 
@@ -51,7 +51,7 @@ def context() -> Iterator[Any]:
 
 @contextlib.contextmanager
 def _without_main() -> Iterator[None]:
-    """Hide the script that was started: a worker needs nothing of it, and would run it once more to import it."""
+    """Hide the main script: a worker does not need it, and would run it again to import it."""
     script = sys.modules["__main__"]
     sys.modules["__main__"] = ModuleType("__main__")
     try:
@@ -62,7 +62,7 @@ def _without_main() -> Iterator[None]:
 
 @contextlib.contextmanager
 def _environment(variables: dict[str, str]) -> Iterator[None]:
-    """Set environment variables, which processes started meanwhile inherit."""
+    """Set environment variables, which processes started in the block inherit."""
     before = {name: os.environ.get(name) for name in variables}
     os.environ.update(variables)
     try:

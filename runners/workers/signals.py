@@ -1,4 +1,4 @@
-"""Signals that come to all processes of a command, but are for the coordinator alone: it ends the others."""
+"""Signals that all processes of a command receive, but only the coordinator must handle: it ends the others."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from collections.abc import Iterator
 
 @contextlib.contextmanager
 def sigint_ignored() -> Iterator[None]:
-    """Processes started meanwhile, and those that they start, ignore Ctrl-C: the coordinator stops them."""
+    """Processes started in the block, and those that they start, ignore Ctrl-C: the coordinator stops them."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -23,7 +23,7 @@ def sigint_ignored() -> Iterator[None]:
 
 @contextlib.contextmanager
 def sigterm_blocked() -> Iterator[None]:
-    """Processes started meanwhile do not hear SIGTERM; this one hears at the end of the block what came in it."""
+    """Processes started in the block ignore SIGTERM; this one handles at the end a SIGTERM that came meanwhile."""
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return

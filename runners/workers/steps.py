@@ -1,4 +1,4 @@
-"""The control steps of episodes: as recorded, or driven once more where the run has kept none."""
+"""The control steps of episodes: as recorded, or driven again if the run did not keep them."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ _BLOCK = 1000  # episodes that are held in memory at once
 def step_tables(run_dir: Path, rows: Mapping[EpisodeKey, Mapping[str, Any]]) -> Iterator[pa.Table]:
     """The steps of these episodes, in the order of their keys: the columns of `trajectories.parquet`.
 
-    rows: what the run recorded of each episode. Raises InputError where episodes without steps cannot be driven once
-    more, or do not go as recorded.
+    rows: the record of each episode. Raises InputError if episodes without steps cannot be driven again, or then
+    differ from their records.
     """
     import pyarrow as pa
 
@@ -53,11 +53,11 @@ def step_tables(run_dir: Path, rows: Mapping[EpisodeKey, Mapping[str, Any]]) -> 
 
 @contextlib.contextmanager
 def _driver(run_dir: Path, row: Mapping[str, Any]) -> Iterator[Map]:
-    """Give what drives episodes of a run, in processes. row: of any episode, whose labels all share."""
+    """Give a `map` that drives episodes of a run, in processes. row: of any episode; all share its labels."""
     launch = read_launch(run_dir)
     if launch is None:
         raise InputError(
-            f"{run_dir}: has no {TRAJECTORIES} with all steps, and no {LAUNCH} to drive its episodes once more"
+            f"{run_dir}: has no {TRAJECTORIES} with all steps, and no {LAUNCH} to drive its episodes again"
         )
     labels = RunLabels(**{field.name: str(row.get(field.name, "")) for field in fields(RunLabels)})
     payload = EpisodePayload(launch.config, labels, None)
@@ -68,17 +68,17 @@ def _driver(run_dir: Path, row: Mapping[str, Any]) -> Iterator[Map]:
 def _checked(
     result: EpisodeResult, rows: Mapping[EpisodeKey, Mapping[str, Any]], run_dir: Path
 ) -> EpisodeResult:
-    """The result. Raises InputError unless the drive went as it is recorded."""
+    """The result. Raises InputError unless the drive equals its record."""
     row = rows[result.record.key]
-    if not _alike(result.record, row):
+    if not _matches(result.record, row):
         raise InputError(
-            f"{run_dir}: {result.record.key} goes another way when it is driven again, so the run was made by another "
-            "version of the program or of its libraries: its steps are lost; drive it again with lme eval"
+            f"{run_dir}: {result.record.key} takes another path when it is driven again, so another version of lme "
+            "or of its libraries recorded the run: its steps are lost; run it again with lme eval"
         )
     return result
 
 
-def _alike(record: EpisodeRecord, row: Mapping[str, Any]) -> bool:
+def _matches(record: EpisodeRecord, row: Mapping[str, Any]) -> bool:
     same = (record.outcome, record.steps) == (row["outcome"], row["steps"])
     lengths = ("path_length_m", "final_distance_m")
     return same and all(

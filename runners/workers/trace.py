@@ -49,7 +49,7 @@ class TracedStep(NamedTuple):
 
 
 class Drive(NamedTuple):
-    """What is known of a drive without a simulator; the names are those of `Episode`."""
+    """What is known about a drive without a simulator; the names are those of `Episode`."""
 
     outcome: str
     time: float
@@ -98,10 +98,10 @@ def rerun(config: DriveConfig, world: int, run: int) -> Trace:
 
 
 def rerun_recorded(run_dir: Path, world: int, run: int, trajectories: pd.DataFrame) -> Trace:
-    """Run a recorded episode again, and compare it with its record in the run's `trajectories`.
+    """Run a recorded episode again, and compare it with the run's `trajectories`.
 
-    Raises InputError if the run has no config or no such episode, or if the paths differ, because another version of
-    the program made the record.
+    Raises InputError if the run has no config or no such episode, or if the paths differ because another version of
+    the program recorded the run.
     """
     launch = launch_record.read_launch(run_dir)
     if launch is None:
@@ -109,15 +109,15 @@ def rerun_recorded(run_dir: Path, world: int, run: int, trajectories: pd.DataFra
     steps = trajectories[(trajectories["world"] == world) & (trajectories["run"] == run)]
     if steps.empty:
         raise InputError(
-            f"{run_dir}: has no episode of world {world}, run {run}: episodes.parquet lists those that it has"
+            f"{run_dir}: has no episode of world {world}, run {run}: episodes.parquet lists its episodes"
         )
     trace = rerun(launch.config, world, run)
     recorded = steps[["x_m", "y_m"]].to_numpy(float)
     driven = trace.episode.trajectory[:, 1:3]
     if recorded.shape != driven.shape or not np.allclose(recorded, driven, rtol=0.0, atol=SAME_M):
         raise InputError(
-            f"{run_dir}: world {world}, run {run} goes another way when it is driven again, so the run was made by "
-            "another version of the program or of its libraries: run it anew with lme eval"
+            f"{run_dir}: world {world}, run {run} takes another path when it is driven again, so another version of "
+            "lme or of its libraries recorded the run: run it again with lme eval"
         )
     return trace
 

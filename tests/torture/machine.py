@@ -134,7 +134,7 @@ def _terminated(name: str) -> Callable[[], str]:
         os.killpg(process.pid, signal.SIGTERM)
         said = process.communicate(timeout=60)[1]
         assert process.returncode == 143, f"status {process.returncode}: {said[-1000:]}"
-        assert "Go on with: lme " in said, said[-1000:]
+        assert "Continue with: lme " in said, said[-1000:]
         assert "Traceback" not in said, said[-1000:]
         _wait(lambda: not _group(process.pid))
         assert not _group(process.pid), "processes are left"

@@ -236,7 +236,7 @@ def _look_at_bag(folder: Path) -> None:
     from lme.live.frames import FramesConfig
     from runners.replay.bags import Bag
     from runners.replay.recorded import episode_of
-    from runners.replay.recording import look
+    from runners.replay.recording import inspect
     from runners.replay.topics import BagTopicsConfig, choose, table
 
     (path,) = folder.iterdir()
@@ -244,7 +244,7 @@ def _look_at_bag(folder: Path) -> None:
         table(bag)
         episode_of(bag)
         topics = choose(bag, BagTopicsConfig(), None)
-        recording = look(bag, topics, FramesConfig(), "auto")
+        recording = inspect(bag, topics, FramesConfig(), "auto")
         recording.last_pose(None)
         for message in bag.messages(topics.names):
             recording.pose(message, recording.tree)
@@ -373,7 +373,7 @@ def _learned(folder: Path) -> None:
 
     run = _learning(folder)
     optimiser = torch.optim.Adam(run.network.parameters())
-    run.keep(1, None, {"rounds": 1, "optimiser": optimiser.state_dict()})
+    run.save_checkpoint(1, None, {"rounds": 1, "optimiser": optimiser.state_dict()})
 
 
 def _read_learned(folder: Path) -> None:

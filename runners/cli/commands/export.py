@@ -37,7 +37,7 @@ def main(argv: list[str]) -> int:
     runs = find_runs(arguments.runs)
     tables = export.episodes(runs) if arguments.steps is None else _steps(runs, arguments.steps)
     chosen = [name for name in (arguments.columns or "").split(",") if name]
-    rows = export.selected(tables, chosen)
+    rows = export.select(tables, chosen)
     if arguments.output is None or str(arguments.output) == "-":
         export.FORMATS[style](rows, sys.stdout)
     else:
@@ -83,7 +83,7 @@ def _steps(runs: Sequence[Path], words: Sequence[str]) -> Iterator[pa.Table]:
     """The steps of the named episodes of each run. Raises InputError, before anything is written."""
     from lme.errors import InputError
     from runners.explainer.pages import keys_of
-    from runners.records.export import of_run
+    from runners.records.export import with_run_dir
     from runners.records.records import read_episodes
     from runners.workers.steps import step_tables
 
@@ -94,7 +94,7 @@ def _steps(runs: Sequence[Path], words: Sequence[str]) -> Iterator[pa.Table]:
         wanted = {key: records[key] for key in _keys(frame, words)}
         if wanted:
             tables = step_tables(run_dir, wanted)
-            parts.append(of_run(tables, run_dir) if len(runs) > 1 else tables)
+            parts.append(with_run_dir(tables, run_dir) if len(runs) > 1 else tables)
     if not parts:
         raise InputError(f"--steps {' '.join(words)}: no episode failed")
     return chain.from_iterable(parts)

@@ -25,7 +25,7 @@ def main(argv: list[str]) -> int:
     from runners.live.run import drive, validate
 
     overrides, own = _split(argv)
-    command = Command("live", partial(drive, words=own), validate)
+    command = Command("live", partial(drive, arguments=own), validate)
     return launch(command, _translated(overrides))
 
 

@@ -85,7 +85,7 @@ def _rewrite(frame: pd.DataFrame, rows: list[Row], runs: list[Path], place: Path
     try:
         place.mkdir(parents=True, exist_ok=True)
         if runs != [place]:
-            return sweeps.report(frame, rows, runs, place).words
+            return sweeps.report(frame, rows, runs, place).lines
         write_tables(frame, rows, place)
         _draw(frame, place)
     except OSError as error:

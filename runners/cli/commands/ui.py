@@ -91,9 +91,9 @@ def _serve(command: list[str], environment: dict[str, str], address: str) -> int
 
 def _announce(server: subprocess.Popen[bytes], address: str) -> None:
     """Print where the runs are as soon as the server answers; nothing if it ends before."""
-    from runners.tracking.runs_page import addresses, answers
+    from runners.tracking.runs_page import addresses, is_up
 
-    while not answers(address):
+    while not is_up(address):
         if server.poll() is not None:
             return
         time.sleep(0.2)

@@ -117,7 +117,7 @@ def test_the_paper_speaks_of_its_own_method_on_barn_alone(columns):
     frame = sweep(AS_THE_PAPER_SAYS).assign(**columns)
     (study,) = ablation.studies(frame)
     assert [variant.agrees for variant in study.variants] == [""] * 8
-    assert ablation.words([study]) == []
+    assert ablation.sentences([study]) == []
     assert "the LME paper" not in ablation.to_markdown([study])
 
 
@@ -183,7 +183,7 @@ def test_two_ablations_at_once_are_shown_last_and_nothing_is_said_of_them():
 
 
 def test_the_words_follow_from_the_figures():
-    lines = ablation.words(ablation.studies(sweep({"none": 0.9, "no_c_t": 1.0})))
+    lines = ablation.sentences(ablation.studies(sweep({"none": 0.9, "no_c_t": 1.0})))
     assert lines[0].endswith("the paper's ablation and ours.")
     assert lines[1].startswith("No c_t: the paper says noticeable degradation; ours +0.100 (+0.0")
     assert len(lines) == 2

@@ -76,7 +76,7 @@ def test_files_and_words(tmp_path):
     assert cells["BARN metric"] == cells[r"\|Δω\| [rad/s]"] == DASH
     _, row = csv.DictReader(table.open(encoding="utf-8"))
     assert (row["row"], row["reference"], row["success_beyond_noise"]) == ("Worse", "LME", "True")
-    heading, sentence = comparison.words(found)
+    heading, sentence = comparison.sentences(found)
     assert heading == "Paired differences from LME, 60 worlds × 2 runs:"
     assert sentence.startswith("Worse: Success \u2212")
     assert sentence.endswith(", beyond the noise.")

@@ -91,4 +91,4 @@ def test_the_files_of_curves_are_written(tmp_path):
         (LATENCY, "0.05", "0.8"),
         (LATENCY, "0.1", "0.5"),
     ]
-    assert curves.words(found) == ["LME: success 0.900 at sim.latency=0, 0.500 at 0.1."]
+    assert curves.sentences(found) == ["LME: success 0.900 at sim.latency=0, 0.500 at 0.1."]

@@ -51,9 +51,9 @@ def test_other_robots_simulators_and_maps_are_other_settings(board):
     found = board(**{f"run{number}": (words, {}) for number, words in enumerate(ways)})
     settings = [found[f"run{number}"].setting for number in range(len(ways))]
     assert len(set(settings)) == len(ways)
-    assert settings[1].told[0] == "robot.v_max=1"
+    assert settings[1].traits[0] == "robot.v_max=1"
     assert settings[2].sim == "physics"
-    assert settings[3].told[0] == "map.time_limit=50"
+    assert settings[3].traits[0] == "map.time_limit=50"
     assert {entry.system.name for entry in found.values()} == {"LME"}
 
 
@@ -61,8 +61,8 @@ def test_worlds_tell_settings_of_one_name_apart(board):
     found = board(
         one=(["map.worlds=[1]"], {"subset": "custom"}), two=(["map.worlds=[2]"], {"subset": "custom"})
     )
-    assert found["one"].setting.told == ("map.worlds=[1]",)
-    assert found["two"].setting.told == ("map.worlds=[2]",)
+    assert found["one"].setting.traits == ("map.worlds=[1]",)
+    assert found["two"].setting.traits == ("map.worlds=[2]",)
 
 
 def test_changed_keys_of_the_system_are_in_its_name_and_not_in_the_settings(board):
@@ -71,8 +71,8 @@ def test_changed_keys_of_the_system_are_in_its_name_and_not_in_the_settings(boar
         changed=(["guide.history_length=4"], {}),
         ablation=(["ablation=no_c_o"], {"ablation": "no_c_o"}),
     )
-    assert found["usual"].system.told == ()
-    assert found["changed"].system.told == ("guide.history_length=4",)
+    assert found["usual"].system.traits == ()
+    assert found["changed"].system.traits == ("guide.history_length=4",)
     assert found["ablation"].system == ("LME", ("ablation no_c_o",))
     assert found["ablation"].system.name == "LME, ablation no_c_o"
     assert len({entry.setting for entry in found.values()}) == 1
@@ -87,7 +87,7 @@ def test_parameters_that_no_name_tells_apart_are_named(board):
     values["configs"][0]["guide"]["parameters"]["c_t"] = 7
     launch.write_text(json.dumps(values))
     again = {entry.run_dir.name: entry for entry in entries(collect([found["two"].run_dir.parent]).frames)}
-    assert again["two"].system.told == ("guide.parameters.c_t=7",)
+    assert again["two"].system.traits == ("guide.parameters.c_t=7",)
     assert again["one"].system != again["two"].system
 
 
@@ -100,8 +100,8 @@ def test_of_many_keys_that_tell_systems_apart_a_name_shows_the_first(board):
     )
     launch.write_text(json.dumps(values))
     again = {entry.run_dir.name: entry for entry in entries(collect([launch.parents[1]]).frames)}
-    assert len(again["two"].system.told) == 5
-    assert [entry.system.told[-1] for entry in again.values()] == ["1 more (no. 1)", "1 more (no. 2)"]
+    assert len(again["two"].system.traits) == 5
+    assert [entry.system.traits[-1] for entry in again.values()] == ["1 more (no. 1)", "1 more (no. 2)"]
 
 
 def test_repeats_of_a_job_are_told_and_the_newest_finished_one_is_shown(board):

@@ -76,7 +76,7 @@ def test_what_matters_is_beyond_the_noise_and_comes_first():
     assert found["a_close"].range == pytest.approx(0.7)
     assert [point.factor for point in found["a_close"].beyond("success")] == [0.0, 0.25]
     assert found["d2"].beyond("success") == []
-    lines = sensitivity.words(sensitivity.studies(sweep(RATES)))
+    lines = sensitivity.sentences(sensitivity.studies(sweep(RATES)))
     assert [line.split()[0] for line in lines] == ["LME,", "a_close", "d2"]
     assert "beyond the noise: success 0.200 at × 0, 0.800 at × 0.25; BARN metric" in lines[1]
     assert lines[2] == "d2 (200): 0.880 to 0.900, range 0.020; nothing beyond the noise."

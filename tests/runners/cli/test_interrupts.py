@@ -48,7 +48,7 @@ def test_an_evaluation_ends_in_order(tmp_path):
     log = Path("run", "parts", "episodes.jsonl")
     status, said, group = stopped(["eval", *WORDS], lambda: log.is_file() and log.stat().st_size)
     assert status == 143
-    assert "what is finished is kept. Go on with: lme eval resume=run" in said
+    assert "finished work is kept. Continue with: lme eval resume=run" in said
     assert "Traceback" not in said
     for _ in range(100):
         if not in_group(group):

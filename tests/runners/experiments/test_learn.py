@@ -249,7 +249,7 @@ def test_reinforcement_killed_and_resumed_ends_with_its_steps():
     [
         (["planner=dwa"], "planner is dwa: has no network that can be learned; must be one of dclp"),
         (["planner._target_={}"], "planner is custom: has no network that can be learned; must be one of dclp"),
-        (["planner.weights=x"], "planner.weights is x: lme learn makes the weights; to go on from some give start="),
+        (["planner.weights=x"], "lme learn makes the weights; to continue from other weights, give start="),
         (["start=nowhere"], "start is 'nowhere': must be one of taken, dclp_clone, dclp_jackal"),
         (["learner=clonee"], "learner=clonee: no such option; did you mean clone?"),
         (["learner.rounds=0"], "learner.rounds is 0: must be at least 1"),
@@ -265,7 +265,7 @@ def test_reinforcement_killed_and_resumed_ends_with_its_steps():
         (["planner=dclp_barn", "robots.v_max=[1,2]"], "planner.told sets v_max, omega_max,"),
         (["first_world=3"], "first_world is 3: must be above 6, the last held-out world"),
         (["training.fresh.subset=all"], "training.fresh has no world 100000, first_world: must be a map set"),
-        (["learner=ppo", "sim=physics"], "sim is not fast: reinforcement drives many robots at once"),
+        (["learner=ppo", "sim=physics"], "sim is not fast: reinforcement learning drives many robots at once"),
         (["learner=ppo", "sim.slip=0.1"], "sim.slip is 0.1: the compiled step of many robots does not support it"),
         (["learner=sac", "learner.alpha=-1"], "learner.alpha is -1: must be at least 0"),
         (["learner=ppo", "learner.reward.succes=1"], "learner.reward.succes: no such key; did you mean"),

@@ -239,7 +239,7 @@ def test_a_planner_is_tuned_by_its_own_space(capsys):
         (["space.guide.parameters.d3={low: 1, high: 2}"], "the config has no guide.parameters.d3"),
         (["guide=target", "space=lme"], "the config has no guide.parameters.a_close"),
         (["training_numbers=[5]"], "training_numbers is [5]: must be [first, last]"),
-        (["training_numbers=[0,2]"], "must leave 2 worlds beside those held out, and leaves 1"),
+        (["training_numbers=[0,2]"], "must leave 2 worlds besides those held out, but leaves 1"),
         (["name=a/b"], "name is 'a/b': must be a plain file name"),
         (["name=published"], "name is 'published': a weight set of that name ships with lme"),
         (["name=taken"], "holds the weights of another study; choose another name"),
@@ -296,7 +296,7 @@ def test_a_corrupt_journal_is_one_line(trained, capsys):
     journal.write_text("\n".join([*lines[:3], "not json", *lines[3:]]) + "\n")
     assert main(["train", f"resume={run_dir}"]) == 2
     shown = capsys.readouterr().err.splitlines()[-1]
-    assert "study.journal line 4: no entry of an Optuna journal" in shown
+    assert "study.journal line 4: is not an entry of an Optuna journal" in shown
 
 
 def test_a_map_that_has_changed_is_refused(capsys):

@@ -28,7 +28,7 @@ import os, pathlib, signal, sys, time
 from runners.cli.main import main
 from runners.search import storage, study
 storage.HEARTBEAT_S, storage.GRACE_S = 1, 3
-left, pause, started, keep = int(sys.argv[1]), float(sys.argv[2]), int(sys.argv[3]), study.Study.keep
+left, pause, started, keep = int(sys.argv[1]), float(sys.argv[2]), int(sys.argv[3]), study.Study.store_scores
 
 def counted(*given):
     global left
@@ -42,7 +42,7 @@ def counted(*given):
         time.sleep(pause)
     keep(*given)
 
-study.Study.keep = counted
+study.Study.store_scores = counted
 sys.exit(main(["train", *sys.argv[4:]]))
 """
 
@@ -153,7 +153,7 @@ def test_a_storage_that_refuses_is_one_line(server, url, said, capsys):
 
 def test_a_storage_that_goes_away_loses_no_finished_trial(server, monkeypatch, capsys):
     """It goes when the second trial of three has been driven; the first is stored."""
-    kept, keep = [], study.Study.keep
+    kept, keep = [], study.Study.store_scores
 
     def stopping(self, number, scores):
         kept.append(number)
@@ -161,13 +161,13 @@ def test_a_storage_that_goes_away_loses_no_finished_trial(server, monkeypatch, c
             server.stop()
         keep(self, number, scores)
 
-    monkeypatch.setattr(study.Study, "keep", stopping)
+    monkeypatch.setattr(study.Study, "store_scores", stopping)
     words = [*SMALL, "trials=3", f"storage='{server.create('away')}'", "hydra.run.dir=run"]
     assert main(["train", *words]) == 2
     shown = capsys.readouterr().err.splitlines()[-1]
     assert shown.count("storage is ") == 1
     assert "no longer answers" in shown
-    assert "finished trials are kept, go on with: lme train resume=" in shown
+    assert "finished trials are kept, continue with: lme train resume=" in shown
     server.start()
     assert main(["train", "resume=run"]) == 0
     assert kept == [0, 1, 2]

@@ -157,7 +157,7 @@ def test_a_page_calls_the_system_what_the_table_calls_it(tmp_path, drawn):
 def test_pages_that_cannot_be_made_are_one_warning_of_a_finished_run(run, drawn):
     shutil.rmtree(run / "explain")
     spoil(run)
-    with pytest.warns(UserWarning, match="1 of 2 pages were not made: .* goes another way") as caught:
+    with pytest.warns(UserWarning, match="1 of 2 pages were not made: .* takes another path") as caught:
         pages.as_asked(Explain.all, run, SerialExecutor(SerialConfig()))
     assert len(caught) == 1
     assert files(run) == ["230-0.html", "index.html"]
@@ -294,7 +294,7 @@ def test_a_directory_of_several_runs_names_them(driven, capsys):
 def test_a_run_of_another_version_is_refused_by_the_command(run, drawn, capsys):
     spoil(run)
     assert main(["explain", str(run), "207"]) == 2
-    assert "goes another way when it is driven again" in capsys.readouterr().err
+    assert "takes another path when it is driven again" in capsys.readouterr().err
     assert files(run) == ["207-0.html", "index.html"]  # the old page, and no draft
 
 

@@ -20,7 +20,7 @@ from runners.learning.dclp import DclpCritic, DclpNetwork  # noqa: E402
 from runners.learning.driving import Driving, Experience  # noqa: E402
 from runners.learning.ppo_training import Batch, PpoStep, PpoTraining, advantages_of  # noqa: E402
 from runners.learning.reinforcement_training import Parts  # noqa: E402
-from runners.learning.sac_training import Replay, ReplaySteps, SacTraining, following, least  # noqa: E402
+from runners.learning.sac_training import Replay, ReplaySteps, SacTraining, lower_value, next_features  # noqa: E402
 from runners.learning.settings import Curriculum, PpoConfig, SacConfig  # noqa: E402
 
 
@@ -67,7 +67,7 @@ def test_the_policy_learns_what_was_better():
         before = mixture.log_density(answer, raw)
     left = (raw[:, 1] > 0).float()
     batch = Batch(inputs, raw, before, left, torch.full((64,), 7.0))
-    learner._updated(policy, parts, batch, learn_policy=True)
+    learner._update(policy, parts, batch, learn_policy=True)
     with torch.no_grad():
         change = mixture.log_density(policy(*inputs).at_least(0.1), raw) - before
         values = critic(*inputs)
@@ -94,7 +94,7 @@ def test_replay_keeps_the_newest_steps():
 def test_what_follows_an_end_is_what_was_seen_there():
     seen, last = features(3, 1), features(1, 2)
     flags = torch.zeros(3, dtype=torch.bool)
-    found = following(Experience(seen, torch.zeros(3), flags, flags, torch.tensor([1]), last))
+    found = next_features(Experience(seen, torch.zeros(3), flags, flags, torch.tensor([1]), last))
     for each, next_one, end in zip(found, seen, last, strict=True):
         torch.testing.assert_close(each[1], end[0])
         torch.testing.assert_close(each[[0, 2]], next_one[[0, 2]])
@@ -104,8 +104,8 @@ def test_a_critic_values_several_actions_in_a_scene_as_one_by_one():
     torch.manual_seed(0)
     critics = torch.nn.ModuleList([DclpCritic(2), DclpCritic(2)])
     inputs, actions = features(3), torch.rand(3, 4, 2)
-    together = least(critics, inputs, actions)
-    alone = torch.stack([least(critics, inputs, actions[:, k]) for k in range(4)], 1)
+    together = lower_value(critics, inputs, actions)
+    alone = torch.stack([lower_value(critics, inputs, actions[:, k]) for k in range(4)], 1)
     torch.testing.assert_close(together, alone, atol=FLOAT32_LAYER, rtol=0.0)
     both = torch.stack([critic(*inputs, actions[:, 0]) for critic in critics])
     torch.testing.assert_close(alone[:, 0], both.min(0).values)
@@ -120,11 +120,11 @@ def test_the_worth_of_a_step_by_hand():
     batch = ReplaySteps(inputs, torch.zeros(2, 2), rewards, torch.tensor([False, True]), inputs)
     learner = SacTraining(SacConfig(alpha=0.5, gamma=0.9))
     parts = Parts({"targets": targets}, {}, torch.Generator().manual_seed(3))
-    wanted = learner._wanted(policy, parts, batch)
+    wanted = learner._target_values(policy, parts, batch)
     with torch.no_grad():
         answer = policy(*inputs).at_least(0.1)
         raw = mixture.draw(answer, torch.Generator().manual_seed(3))
-        follows = least(targets, inputs, raw.tanh()) - 0.5 * mixture.log_density_of_actions(answer, raw)
+        follows = lower_value(targets, inputs, raw.tanh()) - 0.5 * mixture.log_density_of_actions(answer, raw)
     assert wanted.numpy() == pytest.approx([1.0 + 0.9 * follows[0].item(), -10.0], abs=FLOAT32_LAYER)
 
 

@@ -195,7 +195,7 @@ def test_stops_on_the_way_and_jumps_of_the_clock_stay_readable(tmp_path, place):
         "driving",
     ]
     with pytest.raises(
-        InputError, match=r"comes out differently: another version .* or guide or planner"
+        InputError, match=r"differs from the recorded one: another version .* or the guide or planner"
     ) as error:
         retrace(drive.path)  # the decision of the step that was dropped is missing
     assert "\n" not in str(error.value)

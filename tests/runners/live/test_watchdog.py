@@ -1,4 +1,4 @@
-"""The robot is stopped while the loop that should drive it is held up."""
+"""The robot is stopped while the loop that should drive it is blocked."""
 
 import threading
 import time

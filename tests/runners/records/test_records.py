@@ -278,7 +278,7 @@ def test_config_keys_that_a_run_has_changed_become_columns(tmp_path):
 def test_missing_and_garbage_files_are_named(tmp_path):
     with pytest.raises(InputError, match="nowhere is not a directory"):
         find_runs([tmp_path / "nowhere"])
-    with pytest.raises(InputError, match="holds no records"):
+    with pytest.raises(InputError, match="has no records"):
         find_runs([tmp_path])
     with (
         RecordWriter(tmp_path),

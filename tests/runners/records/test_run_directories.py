@@ -7,7 +7,7 @@ import pytest
 from lme.errors import InputError
 from runners.records.launch_record import LAUNCH, Launch, read_launch
 from runners.records.records import RecordWriter
-from runners.records.run_directories import check_same, held, jobs_of_sweep, make_fresh
+from runners.records.run_directories import check_same, jobs_of_sweep, locked, make_fresh
 
 
 def launch(**fields):
@@ -39,7 +39,7 @@ def test_jobs_beyond_those_named_need_records(tmp_path):
         ({"overrides": ["seed=2"]}, r"\(seed: 1 there, 2 now\): resume it with resume=PATH alone, or choose"),
         (
             {"overrides": ["seed=x", "hydra.mode=RUN"]},
-            "have changed since; start it anew in another directory",
+            "have changed since; start again in another directory",
         ),
         ({"overrides": ["seed=x"], "config_dir": "own"}, "resume it with resume=PATH alone"),
         ({"overrides": ["seed=x"], "multirun": True}, "holds one run, not a sweep: resume it with"),
@@ -75,7 +75,7 @@ def test_a_launch_with_a_value_of_another_kind_is_none(tmp_path, damage):
     assert read_launch(tmp_path) is None
 
 
-@pytest.mark.parametrize("hold", [RecordWriter, held])
+@pytest.mark.parametrize("hold", [RecordWriter, locked])
 def test_a_directory_at_work_without_results_yet_is_left_alone(tmp_path, hold):
     make_fresh(launch(), tmp_path)
     with hold(tmp_path), pytest.raises(InputError, match="is being written by another process: wait for it"):

@@ -8,7 +8,7 @@ import textwrap
 
 import pytest
 
-from runners.records.whole_file import replacing, write_whole
+from runners.records.whole_file import replacing, write_atomically
 from tests.places import ROOT
 
 
@@ -18,7 +18,7 @@ def test_a_file_takes_the_place_of_the_old_one_and_old_drafts_of_other_machines_
     for file in (path, old, young):
         file.write_text("before")
     os.utime(old, (0.0, 0.0))  # its writer was killed; the other one may be at work
-    write_whole(path, "whole")
+    write_atomically(path, "whole")
     assert path.read_text() == "whole"
     assert sorted(tmp_path.iterdir()) == [young, path]
 
@@ -50,7 +50,7 @@ def test_the_old_file_stays_if_the_writer_fails(tmp_path, error):
 def test_an_error_names_the_file_and_not_its_draft(tmp_path, place):
     (tmp_path / "file").write_text("")
     with pytest.raises(OSError, match=r"table\.md") as caught:
-        write_whole(tmp_path / place, "text")
+        write_atomically(tmp_path / place, "text")
     assert caught.value.filename == str(tmp_path / place)
     assert "new" not in str(caught.value)
     assert str(caught.value).endswith("table.md'")
@@ -58,7 +58,7 @@ def test_an_error_names_the_file_and_not_its_draft(tmp_path, place):
 
 def test_permissions_are_those_of_any_new_file(tmp_path):
     (tmp_path / "usual").write_text("")
-    write_whole(tmp_path / "whole", "")
+    write_atomically(tmp_path / "whole", "")
     assert (tmp_path / "whole").stat().st_mode == (tmp_path / "usual").stat().st_mode
 
 
@@ -69,7 +69,7 @@ def test_the_draft_of_a_process_at_work_stays(tmp_path):
     for process in (os.getppid(), 1):  # one of ours and one of the system's
         draft = ours.with_name(ours.name.replace(f".{os.getpid()}.", f".{process}."))
         draft.write_text("half")
-    write_whole(path, "whole")
+    write_atomically(path, "whole")
     assert len(list(tmp_path.iterdir())) == 3
 
 
@@ -91,5 +91,5 @@ def test_a_killed_writer_leaves_the_old_file(tmp_path):
     assert subprocess.run(command, cwd=ROOT).returncode == -signal.SIGKILL
     assert path.read_text() == "before"
     assert len(list(tmp_path.iterdir())) == 2
-    write_whole(path, "whole")
+    write_atomically(path, "whole")
     assert list(tmp_path.iterdir()) == [path]

@@ -129,7 +129,7 @@ def test_other_paths_that_are_no_recording(tmp_path):
 
 
 def test_a_recording_without_messages(tmp_path):
-    with pytest.raises(InputError, match="holds no messages"):
+    with pytest.raises(InputError, match="has no messages"):
         Bag(BagMaker(".bag").write(tmp_path))
 
 
@@ -195,7 +195,7 @@ def test_a_topic_that_does_not_fit(tmp_path, names, message):
 
 
 def test_a_recording_without_scans_or_poses(tmp_path):
-    with pytest.raises(InputError, match=r"no scans: no topic of type .*; it holds /cmd_vel"):
+    with pytest.raises(InputError, match=r"no scans: no topic of type .*; it has /cmd_vel"):
         chosen(drive(steps=2, scans="none"), tmp_path / "a")
     maker = BagMaker()
     maker.add("/scan", "sensor_msgs/msg/LaserScan", BEGAN, maker.scan(BEGAN, [1.0, 1.0], 0.0, 0.1))
@@ -246,7 +246,7 @@ def test_a_message_that_is_defined_otherwise_is_refused(tmp_path):
     assert path.read_bytes() != content
     with pytest.raises(InputError) as error, Bag(path):
         pass
-    assert "geometry_msgs/msg/Pose otherwise than ROS does, or is damaged" in one_line(error)
+    assert "geometry_msgs/msg/Pose differently from ROS, or is damaged" in one_line(error)
 
 
 def test_a_message_whose_time_is_no_number_is_damage(tmp_path):

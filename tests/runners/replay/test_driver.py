@@ -15,10 +15,10 @@ SECOND = 1_000_000_000
 
 def test_time_that_goes_backwards_is_said():
     order = Order("/odom")
-    assert order.takes(5 * SECOND)
-    assert not order.takes(5 * SECOND - SECOND // 20)  # overtaken by a few milliseconds
+    assert order.accepts(5 * SECOND)
+    assert not order.accepts(5 * SECOND - SECOND // 20)  # overtaken by a few milliseconds
     with pytest.raises(InputError, match=r"time of /odom goes backwards by 3 s .*clock=recorded") as error:
-        order.takes(2 * SECOND)
+        order.accepts(2 * SECOND)
     assert "\n" not in str(error.value)
 
 

@@ -42,6 +42,6 @@ def test_a_running_trial_gives_signs_until_it_ends_though_the_storage_fails_mean
 def test_a_journal_takes_none():
     heartbeat = Heartbeat(None)
     heartbeat.begin(5)
-    heartbeat.requeue_dead(None)
+    heartbeat.requeue_killed(None)
     with heartbeat.beating():
-        assert not heartbeat.finds_dead
+        assert not heartbeat.finds_killed

@@ -129,7 +129,7 @@ def test_a_trial_that_was_run_is_not_run_again(whole, tmp_path):
     """Killed when the first trial of a batch was over and the others were not."""
     study = opened(tmp_path)
     proposals = study.claim(4, 4)
-    study.keep(1, [Score(1, world, "success", 1, 0.5) for world in WORLDS])
+    study.store_scores(1, [Score(1, world, "success", 1, 0.5) for world in WORLDS])
     again, seen = opened(tmp_path), []
     assert again.claim(4, 4) == proposals
 
@@ -209,7 +209,7 @@ def test_a_damaged_journal_names_its_line(whole, tmp_path):
         b'{"op_code": 6, "worker_id": "", "trial_id": 0, "state": 1, "values": ["x"]}\n',
     ):
         path.write_bytes(b"".join([*lines[:5], damage, *lines[5:]]))
-        with pytest.raises(InputError, match=rf"{JOURNAL} line 6: no entry of an Optuna journal"):
+        with pytest.raises(InputError, match=rf"{JOURNAL} line 6: is not an entry of an Optuna journal"):
             opened(tmp_path, "random")
     path.write_bytes(b"".join(lines[:5] + lines[9:]))
     with pytest.raises(InputError, match=r"line \d+: should be line \d+, so lines are missing") as caught:
@@ -278,7 +278,7 @@ def test_a_trial_of_a_killed_process_goes_to_another(tmp_path, monkeypatch):
     assert len(told) == 10
     values = [found for _, _, found, _ in told]
     assert all(proposal.values in values for proposal in left)
-    away.keep(0, [Score(0, world, "success", 1, 9.0) for world in WORLDS])
+    away.store_scores(0, [Score(0, world, "success", 1, 9.0) for world in WORLDS])
     away.tell(0)
     assert away.num_told == 10
     assert away.best == second.best < 9.0
@@ -312,7 +312,7 @@ def test_trials_beyond_the_total_are_withdrawn(tmp_path, monkeypatch):
 def test_a_file_that_is_no_journal_is_left_as_it_is(tmp_path):
     path = tmp_path / JOURNAL
     path.write_bytes(b"somebody's notes")
-    with pytest.raises(InputError, match="line 1: no entry of an Optuna journal"):
+    with pytest.raises(InputError, match="line 1: is not an entry of an Optuna journal"):
         Journal(path)
     assert path.read_bytes() == b"somebody's notes"
 
@@ -392,5 +392,5 @@ def test_a_line_without_scores_is_named(tmp_path, line):
     assert ScoreLog(tmp_path / SCORE_LOG).get({"b": 2.0, "a": 1.5}) == [["success", 1, 2.5]]
     with (tmp_path / SCORE_LOG).open("a") as file:
         file.write(f"{line}\n")
-    with pytest.raises(InputError, match=r"scores\.jsonl line 2 holds no scores of a trial"):
+    with pytest.raises(InputError, match=r"scores\.jsonl line 2 does not hold the scores of a trial"):
         ScoreLog(tmp_path / SCORE_LOG)

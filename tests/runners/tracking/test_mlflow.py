@@ -113,7 +113,9 @@ def test_nothing_is_added_to_what_was_never_booked_or_lies_elsewhere(store, tmp_
         add_files(tmp_path, [page], "explain")
     elsewhere = f"sqlite:///{tmp_path}/none.db"
     (tmp_path / RUN_ID_FILE).write_text(json.dumps({"uri": elsewhere, "experiment": "1", "run": "0" * 32}))
-    with pytest.warns(UserWarning, match=r"not logged in MLflow at sqlite:///\S+/none\.db.*there is none"):
+    with pytest.warns(
+        UserWarning, match=r"not logged in MLflow at sqlite:///\S+/none\.db.*there is no database at"
+    ):
         add_files(tmp_path, [page], "explain")
     assert not (tmp_path / "none.db").exists()
     (tmp_path / RUN_ID_FILE).write_text(json.dumps({"uri": store, "experiment": "1", "run": "0" * 32}))
@@ -151,7 +153,7 @@ def test_a_store_that_cannot_be_written_is_one_line_before_the_first_episode(tmp
     (said,) = [str(warning.message) for warning in caught]
     assert said == (
         f"not logged in MLflow at sqlite:///{store}: {place} cannot be written; all results go to "
-        f"{tmp_path}/sweep. Set MLFLOW_TRACKING_URI to another place, or tracking=none"
+        f"{tmp_path}/sweep. Set MLFLOW_TRACKING_URI to another store, or choose tracking=none"
     )
     with warnings.catch_warnings():
         warnings.simplefilter("error")

@@ -7,7 +7,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 import pytest
 
 from runners.analysis import summary
-from runners.tracking.runs_page import METRICS, STATE, VIEW, RunsPage, addresses, answers
+from runners.tracking.runs_page import METRICS, STATE, VIEW, RunsPage, addresses, is_up
 
 
 class Mlflow(BaseHTTPRequestHandler):
@@ -58,7 +58,7 @@ def server():
 
 def test_an_experiment_with_runs_has_a_table_with_our_columns(server, monkeypatch):
     monkeypatch.setenv("http_proxy", "http://192.0.2.1:9")  # would not answer
-    assert answers(server.address)
+    assert is_up(server.address)
     page = f"{server.address}/#/experiments/1/runs?viewStateShareKey={VIEW}"
     assert addresses(server.address) == [RunsPage("lme", page)]
     (tag,) = server.tags
@@ -83,4 +83,4 @@ def test_without_runs_there_is_no_table(server, monkeypatch):
 
 def test_a_server_that_is_not_up_does_not_answer(server):
     server.server_close()
-    assert not answers(server.address)
+    assert not is_up(server.address)

@@ -129,10 +129,14 @@ def test_worlds_of_one_number_that_are_not_the_same_are_left_out(tmp_path, job, 
 @pytest.mark.parametrize(
     ("words", "columns", "note"),
     [
-        (["robot=turtlebot2"], {"robot": "turtlebot2"}, "Not driven alike: robot: jackal | turtlebot2."),
-        (["sim=physics"], {}, "Not driven alike: sim: fast | physics."),
-        (["sim.latency=0.1"], {}, "Not driven alike: sim.latency: 0 | 0.1."),
-        (["map.time_limit=60"], {}, "Not driven alike: map.time_limit: 100 | 60."),
+        (
+            ["robot=turtlebot2"],
+            {"robot": "turtlebot2"},
+            "Driven under different conditions: robot: jackal | turtlebot2.",
+        ),
+        (["sim=physics"], {}, "Driven under different conditions: sim: fast | physics."),
+        (["sim.latency=0.1"], {}, "Driven under different conditions: sim.latency: 0 | 0.1."),
+        (["map.time_limit=60"], {}, "Driven under different conditions: map.time_limit: 100 | 60."),
         (["map.worlds=[7]"], {}, ""),
         (["runs=9"], {}, "Not finished:"),
     ],
@@ -142,7 +146,7 @@ def test_what_was_not_driven_alike_is_said(tmp_path, job, capsys, words, columns
     other = write(tmp_path / "b", job("map.worlds=[1,2]", "runs=2", *words), worlds=(1, 2), **columns)
     text = said(capsys, one, other, "--into", tmp_path / "into")
     assert note in text
-    assert ("Not driven alike" in text) == note.startswith("Not driven alike")
+    assert ("Driven under different" in text) == note.startswith("Driven under different")
 
 
 def test_runs_of_several_maps_are_compared_map_by_map(tmp_path, job, capsys):
@@ -197,7 +201,7 @@ def test_mistakes_are_one_line(tmp_path, job, capsys):
     other = write(tmp_path / "b", job(), worlds=(3,))
     (tmp_path / "file").touch()
     for words, problem in (
-        ([one], "a: is a single run; give two runs or more, or a sweep"),
+        ([one], "a: is a single run; give two or more runs, or a sweep"),
         ([one, one], "a: is a single run"),
         (
             [one, other],

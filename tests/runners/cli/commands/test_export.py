@@ -151,10 +151,10 @@ def test_a_run_without_steps_is_driven_once_more(tmp_path, capfd):
     records = pd.read_parquet(run_dir / "episodes.parquet")
     records.assign(path_length_m=1.0).to_parquet(run_dir / "episodes.parquet")
     assert main.main(["export", str(run_dir), "--steps", "200"]) == 2
-    assert "goes another way when it is driven again" in capfd.readouterr().err
+    assert "takes another path when it is driven again" in capfd.readouterr().err
     (run_dir / "launch.json").unlink()
     assert main.main(["export", str(run_dir), "--steps", "200"]) == 2
-    assert "no launch.json to drive its episodes once more" in capfd.readouterr().err
+    assert "no launch.json to drive its episodes again" in capfd.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -81,7 +81,7 @@ def test_several_runs_are_printed_and_nothing_is_written(tmp_path, capsys):
 
 
 def test_a_folder_without_records(tmp_path):
-    with pytest.raises(InputError, match="holds no records: give a run directory"):
+    with pytest.raises(InputError, match="has no records: give a run directory"):
         table.main([str(tmp_path)])
 
 
