@@ -95,8 +95,8 @@ def _unknown(key: str, known: set[str], config: DictConfig, composer: Composer) 
     except OmegaConfBaseException as error:  # an interpolation that another override has put there
         return translated(error)
     if parent and holder is None:
-        whole = ", ".join(f"{name}: …" for name in keys_beside(OmegaConf.get_type(config), key))
-        return InputError(f"{key}: {parent} is null, so give all of it: {parent}={{{whole}}}")
+        names = ", ".join(keys_beside(OmegaConf.get_type(config), key))
+        return InputError(f"{key}: {parent} is null: set all of it, {parent}={{…}}; it has the keys {names}")
     if parent and not OmegaConf.is_dict(holder):
         return InputError(f"{key}: no such key; {parent} is a single value")
     names = sorted(str(name) for name in holder if name != "hydra")

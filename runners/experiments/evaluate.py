@@ -106,7 +106,7 @@ def drive(
 
 def _recorded(labels: RunLabels, run_dir: Path) -> RunLabels:
     """The labels of the run's records: a resumed run keeps its names, even if the files in `conf/` have new ones."""
-    first = read_episodes([run_dir]).iloc[0]
+    first = read_episodes([run_dir]).iloc[0].dropna()
     return RunLabels(**{key: str(first.get(key, label)) for key, label in asdict(labels).items()})
 
 

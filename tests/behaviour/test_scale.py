@@ -137,5 +137,5 @@ def test_the_sweep_has_its_report_and_table_writes_it_anew(sweep, tmp_path, caps
 
 def test_a_sweep_without_factors_has_no_report_and_no_picture(sweep, tmp_path):
     one = read_episodes([sweep / "0"])
-    assert sweeps._studied(one, tmp_path) == ([], [])
+    assert sweeps._studies(one, tmp_path) == ([], [])
     assert list(tmp_path.iterdir()) == []

@@ -105,9 +105,9 @@ def test_a_picture_is_a_map_set_too(tmp_path):
         ({"name": "env3"}, "map.name is 'env3': must be one of env1, env2, or give map.path"),
         (
             {"path": __file__},
-            "test_map_sets.py: is not a picture; must be a shape file (.yaml), a ROS map (.yaml) or",
+            "test_room.py: is not a picture; must be a shape file (.yaml), a ROS map (.yaml) or",
         ),
-        ({"path": __file__, "size": [9.0, 9.0]}, "test_map_sets.py: is not a picture; must be a shape file"),
+        ({"path": __file__, "size": [9.0, 9.0]}, "test_room.py: is not a picture; must be a shape file"),
         ({"path": "gone.yaml"}, "map.path is gone.yaml: no such file"),
         ({"path": "."}, "map.path is .: is a directory; must be a shape file, ROS map or picture"),
         ({"size": [10.0, 10.0]}, "map.size is [10.0, 10.0]: must be null"),

@@ -339,7 +339,7 @@ def test_without_rosbags_it_says_what_to_install_before_anything_runs(place, mon
     assert message.count("\n") == 1
     assert "pip install 'rosbags" in message
     assert not run_directories.holds_run(Path("out"))
-    assert evaluated("map.worlds=[0]", "runs=1", "hydra.run.dir=other") == 0
+    assert evaluated("map.worlds=[0]", "runs=1") == 0
 
 
 @pytest.mark.parametrize("word", ["record=mcp", "record=null"])
