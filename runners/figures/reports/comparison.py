@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from runners.analysis import published
-from runners.analysis.summary import DASH, INTERVAL_HEADER, INTERVAL_NOTE, Row, title
+from runners.analysis.summary import DASH, INTERVAL_HEADER, INTERVAL_NOTE, USUAL, Row, title
 from runners.figures.parts.style import GRID, INK, SKY, STYLES, new_figure, save
 
 if TYPE_CHECKING:
@@ -89,7 +89,7 @@ def _metric(axes: Axes, rows: Sequence[Row]) -> None:
             axes.barh(line, mean, height=_height(row), color=SKY, alpha=_opacity(row))
             _value(axes, line, mean)
     axes.set(xlim=(0.0, 0.52))
-    axes.set_xlabel("BARN metric (at most 0.5)", fontsize=8.5, color=INK)
+    axes.set_xlabel("BARN metric\n(at most 0.5)", fontsize=8.5, color=INK)
     _plain(axes)
 
 
@@ -122,7 +122,8 @@ def _label(figure: Figure, axes: Axes, rows: Sequence[Row], of: int, heading: st
     """Write the names of the rows, the heading and the key above, and the notes below. of: rows of the table."""
     from matplotlib.patches import Patch
 
-    axes.set_yticks(range(len(rows)), [_name(row) for row in rows], fontsize=8, color=INK)
+    shared = _shared_keys(rows)
+    axes.set_yticks(range(len(rows)), [_name(row, shared) for row in rows], fontsize=8, color=INK)
     axes.set_ylim(len(rows) - 0.4, -0.6)
     keys = [
         Patch(
@@ -135,6 +136,9 @@ def _label(figure: Figure, axes: Axes, rows: Sequence[Row], of: int, heading: st
         for kind in OUTCOMES
     ]
     figure.legend(handles=keys, loc="outside upper right", ncols=3, frameon=False, fontsize=8, labelcolor=INK)
+    heading = " · ".join(
+        [heading, *(f"{key} {value}" for key, value in shared.items() if value not in USUAL)]
+    )
     figure.suptitle(heading, fontsize=10.5, color=INK, x=0.01, ha="left")
     figure.supxlabel("\n".join(_notes(rows, of)), fontsize=7, color=INK, x=0.01, ha="left")
 
@@ -152,8 +156,18 @@ def _notes(rows: Sequence[Row], of: int) -> list[str]:
     return lines + published.notes({row.published_map for row in rows if row.published_map})
 
 
-def _name(row: Row) -> str:
-    parts = [row.name, *(f"{key} {value}" for key, value in row.keys.items() if value)]
+def _shared_keys(rows: Sequence[Row]) -> dict[str, str]:
+    """The keys in which several rows of ours do not differ."""
+    ours = [row.keys for row in rows if not row.published_map]
+    if len(ours) < 2:
+        return {}
+    return {key: value for key, value in ours[0].items() if all(keys.get(key) == value for keys in ours)}
+
+
+def _name(row: Row, shared: Container[str]) -> str:
+    """The name of a row with its keys, without those that all share and without usual values."""
+    keys = {key: value for key, value in row.keys.items() if key not in shared and value not in USUAL}
+    parts = [row.name, *(f"{key} {value}" for key, value in keys.items())]
     return f" {DASH} ".join(parts) + ("" if row.global_planner == "no" else " *")
 
 

@@ -60,7 +60,9 @@ def _never(job):
         ("robot.v_mx=1", ["robot.v_mx: no such key; did you mean robot.v_max? robot holds: "]),
         (
             "robot.contact.width=1",
-            ["robot.contact is null: set all of it, robot.contact={…}; it has the keys radius, length, width"],
+            [
+                "robot.contact is null: set all of it, robot.contact={…}; it has the keys radius, length, width"
+            ],
         ),
         ("map.start.x=1", ["map.start.x: no such key; map.start is a single value"]),
         ("+map.start.x=1", ["map.start.x: no such key; map.start is a single value"]),

@@ -64,3 +64,16 @@ def test_whiskers_are_the_intervals_of_the_table_and_the_notes_say_so(tmp_path, 
     assert whiskers(metric) == set()
     (notes,) = [text.get_text() for text in figure.texts if "Whiskers" in text.get_text()]
     assert "Whiskers: 95 % CI. Wilson interval of the success rate; worlds are independent" in notes
+
+
+def test_the_heading_says_once_what_all_rows_of_ours_share(tmp_path, monkeypatch):
+    drawn = []
+    monkeypatch.setattr(comparison, "save", lambda figure, *_: drawn.append(figure) or [])
+    rows = [
+        Row("LME", {"sim": "skid", "seed": str(seed)}, {"success": (0.5, math.nan)}) for seed in range(2)
+    ] + [Row("LME (published)", {}, {"success": (0.6, math.nan)}, published_map="barn")]
+    comparison.comparison_figure(records(), rows, tmp_path)
+    (figure,) = drawn
+    assert figure._suptitle.get_text().endswith(" · sim skid")
+    names = [label.get_text() for label in figure.axes[0].get_yticklabels()]
+    assert names == ["LME – seed 0", "LME – seed 1", "LME (published)"]
