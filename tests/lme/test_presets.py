@@ -27,7 +27,7 @@ def test_a_robot_is_what_hydra_makes_of_its_file(path):
     assert type(load_robot(path.stem).lidar.num_beams) is int
 
 
-def test_what_is_left_out_of_a_robots_file_is_the_default(tmp_path):
+def test_a_key_omitted_from_a_robots_file_is_the_default(tmp_path):
     path = tmp_path / "mine.yaml"
     left_out = ("  noise_std", "  x:", "  y:", "  yaw", "  length", "  width", "collision_radius")
     path.write_text("\n".join(line for line in STAGE.splitlines() if not line.startswith(left_out)))

@@ -61,7 +61,7 @@ def plain(tmp_path_factory):
     return drive(".mcap").write(tmp_path_factory.mktemp("plain"))
 
 
-def test_what_is_written(replay, plain, capsys):
+def test_a_replay_writes_its_records_and_figures(replay, plain, capsys):
     table = replay(plain, drawn=True)
     assert {path.name for path in replay.folder.iterdir()} >= {
         "replay.parquet", "agreement.json", "replay.png", "orientation.png", "launch.json",
@@ -158,7 +158,7 @@ def test_goals_of_a_topic_come_by_tf(replay, tmp_path):
     ],
     ids=["ros1", "sqlite", "clockwise", "another clock", "no stamps"],
 )
-def test_the_same_drive_gives_the_same_decisions(replay, plain, tmp_path, other):
+def test_replaying_a_drive_gives_its_decisions(replay, plain, tmp_path, other):
     told = drive(**other).write(tmp_path, "other")
     assert_same(replay(told), replay(plain), atol=2e-4 if other.get("clockwise") else 1e-6)
 
@@ -171,7 +171,7 @@ def test_a_lidar_upside_down_sees_the_same_obstacles(replay, plain, tmp_path):
 
 
 @pytest.mark.parametrize("other", OTHERS.values(), ids=OTHERS)
-def test_another_robot_on_the_same_way_sees_the_same(replay, plain, tmp_path, other):
+def test_replays_of_two_robots_on_the_same_way_see_the_same_obstacles(replay, plain, tmp_path, other):
     table, told = replay(drive(**other).write(tmp_path)), replay(plain)
     np.testing.assert_allclose(table[["x_m", "y_m", "yaw_rad"]], told[["x_m", "y_m", "yaw_rad"]], atol=1e-9)
     np.testing.assert_allclose(
@@ -214,7 +214,7 @@ def test_any_pair_may_decide(replay, plain, guide, planner):
     assert table[["command_v_mps", "command_omega_radps"]].notna().all().all()
 
 
-def test_it_is_booked_in_mlflow(replay, plain, tmp_path):
+def test_a_replay_is_logged_to_mlflow(replay, plain, tmp_path):
     import mlflow
 
     uri = f"sqlite:///{tmp_path}/mlflow.db"
@@ -299,7 +299,7 @@ def test_a_mistake_is_one_line(plain, capsys, tmp_path, monkeypatch, words, mess
     assert message in fails(capsys, f"bag={plain}", *words)
 
 
-def test_without_a_recording(capsys):
+def test_replay_without_a_recording_is_an_error(capsys):
     assert "bag is null" in fails(capsys)
 
 

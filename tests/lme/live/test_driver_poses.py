@@ -11,7 +11,7 @@ from tests.lme.live.rig import FAR, Rig, drives, stands
 from tests.made_bags import SECOND
 
 
-def test_without_odometry_it_stands(rig):
+def test_without_odometry_the_driver_stands(rig):
     rig.driver.set_goal(FAR, "odom", rig.now)
     rig.scan()
     rig.tick()

@@ -102,7 +102,7 @@ def test_by_default_everything_above_the_frame_counts_and_nothing_below(height, 
 
 
 @pytest.mark.parametrize(("height", "counts"), [(0.09, False), (0.1, True), (0.5, True), (0.51, False)])
-def test_both_heights_count_themselves(height, counts):
+def test_min_height_and_max_height_are_inclusive(height, counts):
     scan = to_scan([[2.0, 0.0, height]], Projection(min_height=0.1, max_height=0.5))
     assert np.isfinite(scan.ranges).any() == counts
 

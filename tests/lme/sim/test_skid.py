@@ -156,7 +156,7 @@ def test_a_scan_is_at_most_one_lidar_period_old():
     assert max(ages) - min(ages) > 0.02
 
 
-def test_without_a_scan_rate_the_scan_is_taken_at_the_present_pose():
+def test_without_a_scan_rate_the_scan_is_taken_at_the_current_pose():
     robot = dataclasses.replace(GAZEBO, lidar=dataclasses.replace(GAZEBO.lidar, noise_std=0.0))
     simulator, _ = skid(CLUTTER, robot, scan_rate=None)
     seen = driven(simulator, [(0.5, 0.3)] * 3)[-1]

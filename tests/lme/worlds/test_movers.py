@@ -175,7 +175,7 @@ def test_a_mover_on_its_way_back_waits_for_a_robot_on_the_other_side():
         ({"radius": None, "outline": LEAF[:2]}, r"mover\.outline is .* at least 3 rows"),
     ],
 )
-def test_what_makes_no_sense_is_named(changes, words):
+def test_invalid_mover_configs_are_refused(changes, words):
     with pytest.raises(InputError, match=words):
         walker(**changes)
 

@@ -65,7 +65,7 @@ def test_a_number_means_the_same_whatever_else_is_chosen():
     assert pairs(room(sample_seed=1))[3] != five[3]
 
 
-def test_another_process_draws_the_same():
+def test_another_process_draws_the_same_tasks():
     code = (
         "import json; from lme.worlds.room import Room, RoomConfig; "
         "r = Room(RoomConfig(name='env2', configurations=3)); "

@@ -115,7 +115,7 @@ def test_repeats_of_a_job_are_told_and_the_newest_finished_one_is_shown(board):
     assert board(old=(worlds, {}), new=(worlds, {}))["new"].same
 
 
-def test_another_seed_is_no_repeat(board):
+def test_another_seed_is_not_a_repeat(board):
     found = board(one=([], {}), two=(["seed=1"], {"seed": 1}))
     assert {entry.repeats for entry in found.values()} == {1}
     assert len({(entry.setting, entry.system) for entry in found.values()}) == 1

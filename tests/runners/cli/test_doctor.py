@@ -93,7 +93,7 @@ def test_metadata_that_are_missing_or_of_another_version(installed):
     assert "lme-nav is not installed" in line("lme").advice
 
 
-def test_another_python(installed, monkeypatch):
+def test_doctor_names_an_unsupported_python(installed, monkeypatch):
     monkeypatch.setattr(doctor.platform, "python_version", lambda: "3.14.1")
     assert line("Python").advice.startswith("must be >=3.11,<3.14")
 
@@ -136,7 +136,9 @@ def test_a_file_in_the_place_of_a_folder_and_a_store_that_is_read_only(installed
         ("outputs", "outputs", False),
     ],
 )
-def test_other_stores_are_not_asked_and_no_password_is_shown(installed, monkeypatch, uri, found, is_right):
+def test_stores_on_a_server_are_not_contacted_and_no_password_is_shown(
+    installed, monkeypatch, uri, found, is_right
+):
     monkeypatch.setenv("MLFLOW_TRACKING_URI", uri)
     store = line("MLflow store")
     assert store.found == found
@@ -154,7 +156,7 @@ def test_whether_the_kernels_are_compiled(installed, monkeypatch, compiled):
     )
 
 
-def test_its_help_teaches(capsys):
+def test_the_help_of_doctor_explains_its_exit_status(capsys):
     with pytest.raises(SystemExit) as ended:
         main.main(["doctor", "--help"])
     shown = capsys.readouterr().out

@@ -601,7 +601,7 @@ def test_a_run_of_listed_worlds_is_resumed_by_their_range(probe):
         (["-m", "map.subset=all,official50", "map.worlds=1"], "1, which map.subset=official50 does not hold"),
     ],
 )
-def test_two_words_that_contradict_each_other(probe, words, said):
+def test_contradicting_arguments_are_refused(probe, words, said):
     with pytest.raises(InputError) as caught:
         probe.launch(*words)
     assert said in str(caught.value)

@@ -29,7 +29,7 @@ def lme(*words, without):
     )  # fmt: skip
 
 
-def test_they_are_what_the_installation_for_robots_leaves_out():
+def test_the_named_packages_are_those_that_the_robot_installation_omits():
     assert set(PACKAGES.values()) == EXPERIMENTS
 
 

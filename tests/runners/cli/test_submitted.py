@@ -65,7 +65,7 @@ def test_nothing_is_said_of_jobs_of_another_launcher(capsys):
     assert capsys.readouterr().err == ""
 
 
-def test_only_errors_of_submitit_are_put_in_words():
+def test_only_errors_of_submitit_are_explained():
     utils = pytest.importorskip("submitit").core.utils
     with (
         pytest.raises(

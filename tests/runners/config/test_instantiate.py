@@ -94,7 +94,7 @@ def test_a_node_of_a_larger_config_is_resolved_in_it():
         ({}, "planner.needed has no value"),
     ],
 )
-def test_what_does_not_fit(given, message):
+def test_arguments_that_do_not_fit_the_target_are_refused(given, message):
     needed = {"needed": 1} if given else {}
     with pytest.raises(InputError) as caught:
         build({"_target_": TARGET, **needed, **given}, "planner")
@@ -114,7 +114,7 @@ def test_what_does_not_fit(given, message):
         (3, "planner is 3: must be a mapping"),
     ],
 )
-def test_what_is_no_target(node, message):
+def test_an_invalid_target_is_refused(node, message):
     with pytest.raises(InputError) as caught:
         build(node, "planner")
     assert message in str(caught.value)

@@ -30,7 +30,7 @@ def test_ranges_are_written_out(given, numbers):
 
 
 @pytest.mark.parametrize("given", ["3-1", "a", "1-", "-1-4", ["0-4", 2], ["0-4", "x"], "0-1000000", ""])
-def test_what_is_not_a_range(given):
+def test_invalid_ranges_of_worlds_are_refused(given):
     with pytest.raises(InputError, match=r"^held_out\.env1\.worlds (has|is) "):
         expanded(given, "held_out.env1.worlds")
 

@@ -82,7 +82,7 @@ def test_smoothness_is_that_of_the_executed_turn_rates(sweep):
     assert len(rates) == episode["steps"] + 1
 
 
-def test_one_run_above_those_of_the_jobs_holds_it_all(sweep):
+def test_the_parent_run_of_a_sweep_holds_all_results(sweep):
     out, uri = sweep
     parent = booked(uri, out)
     assert parent.data.metrics["LME/success"] == 1.0

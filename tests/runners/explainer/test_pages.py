@@ -242,7 +242,7 @@ def test_a_page_elsewhere(run, drawn, tmp_path, output, page, capsys):
     assert files(run) == ["207-0.html", "index.html"]
 
 
-def test_two_pages_are_made_by_processes(run, tmp_path, capsys):
+def test_two_pages_are_written_by_two_processes(run, tmp_path, capsys):
     assert main(["explain", str(run), "230", "207", "--output", str(tmp_path)]) == 0
     assert capsys.readouterr().out.split() == [str(tmp_path / f"{world}-0.html") for world in (207, 230)]
     assert (tmp_path / "207-0.html").read_bytes() == (run / "explain" / "207-0.html").read_bytes()

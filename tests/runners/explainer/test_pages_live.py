@@ -37,7 +37,7 @@ def page(open_page, live):
     assert opened.watch.said == []
 
 
-def test_there_is_no_box_for_a_map_that_is_not_there(page):
+def test_without_a_map_the_page_has_no_box_for_it(page):
     assert page.locator("#truth").is_hidden()
     press(page, "m")
     assert not page.locator("#truth").is_checked()

@@ -91,7 +91,7 @@ def test_replay_keeps_the_newest_steps():
     torch.testing.assert_close(drawn.terminated, drawn.rewards > 4)
 
 
-def test_what_follows_an_end_is_what_was_seen_there():
+def test_the_features_after_an_end_are_those_seen_there():
     seen, last = features(3, 1), features(1, 2)
     flags = torch.zeros(3, dtype=torch.bool)
     found = next_features(Experience(seen, torch.zeros(3), flags, flags, torch.tensor([1]), last))
@@ -181,7 +181,7 @@ def test_an_easy_stage_is_won_at_a_distance_and_left(config):
     assert made._fleet.tasks[0].goal_tolerance == 1.0
 
 
-def test_another_part_has_other_episodes(config):
+def test_another_part_drives_other_episodes(config):
     one, other, again = (driving(config, robots=20, part=part) for part in (0, 1, 0))
     speeds = [made.start(0)[1][:, 4] for made in (one, other, again)]
     torch.testing.assert_close(speeds[0], speeds[2])

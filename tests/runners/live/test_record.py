@@ -161,7 +161,7 @@ def test_explain_opens_a_recording_of_eval(place, capsys):
     assert path.with_suffix(".html").is_file()
 
 
-def test_what_was_sent_and_what_was_said(by_lme):
+def test_the_recording_holds_commands_states_and_odometry(by_lme):
     found = messages(by_lme.path)
     sent = [(message.linear.x, message.angular.z) for message in found["/cmd_vel"]]
     assert sent == [*(tuple(step.command) for step in by_lme.steps), (0.0, 0.0)]

@@ -61,7 +61,7 @@ def contents(run_dir):
 
 
 @pytest.mark.parametrize("merge", [False, True])
-def test_what_goes_in_comes_out_exactly(tmp_path, merge):
+def test_records_are_read_back_exactly(tmp_path, merge):
     write(tmp_path, KEYS, merge)
     frame, steps = read_episodes([tmp_path]), read_trajectories([tmp_path])
     assert list(map(EpisodeKey.of, frame.to_dict("records"))) == sorted(KEYS)

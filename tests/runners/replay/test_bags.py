@@ -107,7 +107,7 @@ def test_an_index_that_names_another_topic(tmp_path, monkeypatch):
     ("content", "message"),
     [(b"", "is empty"), (b"no recording at all" * 9, "is not a .*file, or is damaged")],
 )
-def test_what_is_no_recording(tmp_path, suffix, content, message):
+def test_invalid_recordings_are_refused(tmp_path, suffix, content, message):
     path = tmp_path / f"drive{suffix}"
     path.write_bytes(content)
     with pytest.raises(InputError, match=message) as error:
@@ -115,7 +115,7 @@ def test_what_is_no_recording(tmp_path, suffix, content, message):
     one_line(error)
 
 
-def test_other_paths_that_are_no_recording(tmp_path):
+def test_paths_that_are_not_recordings_are_refused(tmp_path):
     for path, message in (
         (tmp_path / "absent.bag", "no such file"),
         (tmp_path, "metadata.yaml"),
@@ -166,7 +166,7 @@ def test_a_second_scanner_needs_no_choice_beside_one_called_scan(tmp_path):
     assert chosen(maker, tmp_path / "other", scan="rear_scan").scan.name == "/rear_scan"
 
 
-def test_two_scanners_of_other_names_ask_for_a_choice(tmp_path):
+def test_two_scanners_of_unknown_names_require_a_choice(tmp_path):
     maker = drive(steps=2, scans="none")
     for name in ("/front", "/rear"):
         maker.add(name, "sensor_msgs/msg/LaserScan", BEGAN, maker.scan(BEGAN, [1.0, 1.0], 0.0, 0.1))

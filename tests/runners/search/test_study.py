@@ -112,7 +112,7 @@ def test_killed_at_any_byte_it_ends_as_the_uninterrupted_one(whole, share):
 
 @pytest.mark.parametrize("search", ["cmaes", "random"])
 @pytest.mark.parametrize("share", [0.1, 0.35, 0.62, 0.9])
-def test_another_search_killed_at_any_byte_ends_as_the_uninterrupted_one(whole, search, share, tmp_path):
+def test_a_search_killed_at_any_byte_ends_as_an_uninterrupted_one(whole, search, share, tmp_path):
     trials, journal = whole(search)
     (tmp_path / JOURNAL).write_bytes(journal[: round(share * len(journal))])
     assert run(opened(tmp_path, search), search) == trials
@@ -122,7 +122,7 @@ def test_another_search_killed_at_any_byte_ends_as_the_uninterrupted_one(whole, 
 @pytest.mark.parametrize("share", [0.1, 0.35, 0.62, 0.9])
 def test_a_gaussian_process_killed_at_any_byte_ends_as_the_uninterrupted_one(whole, share, tmp_path):
     pytest.importorskip("torch")
-    test_another_search_killed_at_any_byte_ends_as_the_uninterrupted_one(whole, "gp", share, tmp_path)
+    test_a_search_killed_at_any_byte_ends_as_an_uninterrupted_one(whole, "gp", share, tmp_path)
 
 
 def test_a_trial_that_was_run_is_not_run_again(whole, tmp_path):
@@ -146,7 +146,7 @@ def test_the_order_in_which_episodes_end_changes_nothing(whole, tmp_path):
     assert run(opened(tmp_path), order=reversed) == whole("tpe")[0]
 
 
-def test_another_seed_is_another_search(whole, tmp_path):
+def test_another_seed_makes_another_search(whole, tmp_path):
     assert run(opened(tmp_path, seed=1))[0][2] != whole("tpe")[0][0][2]
     assert len({trial_seed(seed, number) for seed in range(20) for number in range(20)}) == 400
 

@@ -325,7 +325,7 @@ def test_a_uri_that_mlflow_cannot_use_is_refused(uri):
         MlflowConfig(uri=uri)
 
 
-def test_no_tracking_does_nothing(tmp_path):
+def test_tracking_none_does_nothing(tmp_path):
     tracking = NoTracking(NoTrackingConfig())
     threads = threading.active_count()
     tracking.start(CONFIG, tmp_path, {})

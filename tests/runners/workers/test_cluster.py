@@ -101,7 +101,7 @@ def test_errors_of_a_worker_arrive_as_with_the_process_executor(executor, initia
         list(executor.map(initialise, payload, ONE_RUN))
 
 
-def test_what_was_finished_before_an_error_in_the_same_batch_is_out(executor):
+def test_results_before_an_error_in_the_same_batch_are_delivered(executor):
     found = []
     with (
         executor.open(fail_in_world_3, InputError("no")) as run_all,

@@ -77,7 +77,7 @@ def test_components_are_drawn_by_their_probability():
     assert np.bincount(drawn.astype(int)) / 4000 == pytest.approx(odds, abs=0.03)
 
 
-def test_what_the_network_is_told(file):
+def test_the_network_gets_the_goal_twist_limits_and_footprint(file):
     robot = stage(footprint=Footprint(length=0.4, width=0.3))
     planner, network = made(file, robot)
     planner.plan(observation(twist=Twist(0.3, -0.1), robot=robot), Guidance(np.array([0.0, 2.0])))

@@ -74,7 +74,7 @@ def test_the_barn_entry_is_fast_where_it_is_free_ahead(file, ahead, v_max):
 
 
 @pytest.mark.parametrize(("name", "margin"), [("drl_vo", 0.4), ("drl_vo_barn", 0.45)])
-def test_before_an_obstacle_ahead_it_turns_left_in_place(file, name, margin):
+def test_drl_vo_turns_left_in_place_before_an_obstacle_ahead(file, name, margin):
     planner, network = made(file, name)
     assert planner.plan(seen((-30.0, margin - 0.01)), STRAIGHT) == pytest.approx((0.0, 0.7))
     assert network.goal is None
@@ -105,7 +105,7 @@ def test_the_original_draws_its_action(file):
 @pytest.mark.parametrize(
     ("name", "lookahead", "pedestrians"), [("drl_vo", 2.0, True), ("drl_vo_barn", 1.0, False)]
 )
-def test_what_the_network_is_told(file, name, lookahead, pedestrians):
+def test_the_network_gets_the_people_and_the_goal(file, name, lookahead, pedestrians):
     planner, network = made(file, name)
     people = np.array([[5.0, 0.0, 1.0, -1.0]])
     planner.plan(seen((10.0, 3.0))._replace(pedestrians=people), Guidance(np.array([0.0, 9.0])))
@@ -138,7 +138,7 @@ def test_while_no_path_is_found_the_sub_goal_stays(file):
     assert planner.plan(seen(), lost) == pytest.approx((0.0, 0.0))
 
 
-def test_it_stops_near_the_end_of_the_path_or_near_the_target(file):
+def test_drl_vo_stops_near_the_end_of_the_path_or_near_the_target(file):
     planner, _ = made(file)
     for end, stops in ((0.89, True), (0.91, False)):
         point = np.array([end, 0.0])
@@ -161,7 +161,7 @@ def test_a_real_network_answers_and_a_seed_decides(file):
     assert len(set(commands[0])) == 3
 
 
-def test_both_norms_run_and_differ(file):
+def test_sample_and_running_norms_differ(file):
     answers = []
     for batch_norm in ("sample", "running"):
         planner = DrlVo(config("drl_vo_barn", file, batch_norm=batch_norm), ROBOT)
@@ -186,7 +186,7 @@ def test_settings_that_cannot_be(settings, says):
     assert says in str(caught.value)
 
 
-def test_without_weights_or_with_those_of_another_network(tmp_path):
+def test_missing_weights_and_those_of_another_network_are_refused(tmp_path):
     with pytest.raises(InputError, match=r"planner\.weights is null: .*lme weights import drl_vo PATH NAME"):
         DrlVo(DrlVoConfig(), ROBOT)
     other = network_file(tmp_path / "dclp.npz")

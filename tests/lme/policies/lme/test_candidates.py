@@ -93,7 +93,7 @@ def test_the_distribution_reaches_the_escaper():
     assert distance.mean() == pytest.approx(10 / 3, abs=0.1)
 
 
-def test_the_same_seed_draws_the_same_and_each_step_anew():
+def test_the_same_seed_draws_the_same_candidates_and_each_step_new_ones():
     config = CandidateConfig(number=20)
     rng, twin = np.random.default_rng(3), np.random.default_rng(3)
     first = sample(rng, config, 5.0, -1.0, 2.0)

@@ -152,7 +152,7 @@ def test_paths_keep_to_the_rules(seed, fill, smoothings):
         assert not (dr and dc and blocked[r + dr, c] and blocked[r, c + dc])
 
 
-def test_no_way_through_is_no_world():
+def test_a_grid_without_a_way_through_has_no_path():
     blocked = np.zeros((GRID_CELLS, GRID_CELLS), dtype=bool)
     blocked[:, 15] = True
     assert middle_path(blocked) is None

@@ -13,7 +13,7 @@ from tests.composing import jobs_of
 from tests.made_runs import write_run
 
 
-def test_one_run_is_printed_and_its_files_written_anew(tmp_path, capsys):
+def test_table_prints_one_run_and_rewrites_its_files(tmp_path, capsys):
     with jobs_of() as job:
         write_run(tmp_path, job=job())
     assert table.main([str(tmp_path), "--format", "md"]) == 0

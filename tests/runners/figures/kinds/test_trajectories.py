@@ -101,7 +101,7 @@ def test_a_row_that_is_too_long_goes_on_below(tmp_path, drawn):
     assert [len(row) for row in rows_of(drawn[0])] == [6, 6]
 
 
-def test_what_does_not_fit_on_a_page_is_refused(tmp_path):
+def test_more_panels_than_fit_on_a_page_are_refused(tmp_path):
     with pytest.raises(InputError, match="12 systems in 4 worlds make 8 rows of panels, and 6 can be read"):
         draw(several(12, [1, 2, 3, 4]), [1, 2, 3, 4], tmp_path)
 
@@ -186,7 +186,7 @@ def test_a_moment_is_a_step_or_a_time(value, meant):
 
 
 @pytest.mark.parametrize("value", [-1, 12.5, "12.5", True, "soon", "-3 s", [3]])
-def test_what_is_neither_a_step_nor_a_time_is_no_moment(value):
+def test_a_moment_must_be_a_step_or_a_time(value):
     with pytest.raises(
         InputError, match=r"figure\.moment is .*: must be null, the number of a step, or a time"
     ):

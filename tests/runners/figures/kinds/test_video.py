@@ -86,7 +86,7 @@ def test_a_film_is_the_same_twice(sweep, tmp_path):
     assert (tmp_path / "one.gif").read_bytes() == (tmp_path / "two.gif").read_bytes()
 
 
-def test_what_moves_is_drawn_anew_and_what_stands_is_not_touched(traces):
+def test_only_moving_parts_are_redrawn(traces):
     screen = Screen(traces, ["LME", "DWA"], 400)
     first, later = screen.at(0.0), screen.at(5.0)
     changed = (first != later).any(axis=2)
