@@ -103,7 +103,7 @@ class _Planned(ConfigLoaderImpl, Callback):
         """Hydra keeps what the job returns, with two configs, until the sweep ends."""
         job_return.cfg = None
         if job_return.status == JobStatus.COMPLETED and job_return.return_value == 0:
-            job_return.hydra_cfg = None  # a job that failed is named by it
+            job_return.hydra_cfg = None  # names the job that failed
         for key in [key for key, known in self._configs.items() if known is config]:
             del self._configs[key]
 

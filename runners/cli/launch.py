@@ -28,7 +28,7 @@ from runners.workers import server
 
 _PROCESSES = "runners.workers.executor.ProcessExecutor"
 _DIRECTORY_KEYS = ("hydra.run.dir", "hydra.sweep.dir")
-_HYDRAS_OWN = ("outputs/${now:", "multirun/${now:")  # where Hydra writes unless it is told otherwise
+_HYDRAS_OWN = ("outputs/${now:", "multirun/${now:")  # where Hydra writes by default
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +70,7 @@ def launch(command: Command, argv: Sequence[str]) -> int:
 def _with_resumed(command: str, given: arguments.Arguments) -> tuple[arguments.Arguments, Path | None]:
     """Add the overrides of the run that `resume=PATH` names; those given now win. Returns the PATH too.
 
-    With an option chosen anew, such as `hydra/launcher=basic`, the keys of the former one are left out.
+    With an option chosen again, such as `hydra/launcher=basic`, the keys of the former one are left out.
     """
     directory = _resume_path(given.overrides)
     if directory is None:
@@ -124,7 +124,7 @@ def _why_no_run(directory: Path) -> str:
     return (
         f"its {launch_record.LAUNCH} is damaged"
         if damaged
-        else f"holds no {launch_record.LAUNCH}, so it is no run"
+        else f"holds no {launch_record.LAUNCH}, so it is not a run"
     )
 
 

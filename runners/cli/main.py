@@ -1,4 +1,4 @@
-"""The `lme` command: finds the commands in `runners/cli/commands/` and runs the one that is named.
+"""The `lme` command: finds the commands in `runners/cli/commands/` and runs the one given.
 
 A command is one file there: a docstring whose first line says what it does, `EXAMPLES`, and
 `main(argv) -> int`. A command that Hydra configures has a `conf/<command>.yaml`, and its help is made from

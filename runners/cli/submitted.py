@@ -35,7 +35,7 @@ class Submitted:
         """Say where to look while the jobs run."""
         if self.folder:
             print(
-                f"lme {self.name}: {num_jobs} jobs are submitted; their output: {self._above}",
+                f"lme {self.name}: {num_jobs} jobs submitted; their output: {self._above}",
                 file=sys.stderr,
             )
 

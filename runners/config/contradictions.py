@@ -16,7 +16,7 @@ _BARN = "lme.worlds.barn.Barn"
 
 
 def refuse(given: Sequence[Override], configs: Collection[DictConfig]) -> None:
-    """Raise InputError for a key with two values, and for worlds outside the subset that is named beside them.
+    """Raise InputError for a key with two values, and for worlds outside the subset given with them.
 
     given: the overrides as they were typed. configs: of the jobs that they make.
     """

@@ -49,7 +49,7 @@ def full_key(error: BaseException) -> str:
 
 
 def expected(schema: Any, key: str) -> str:
-    """What the value at the dotted `key` of a dataclass must be, in words; empty if unknown."""
+    """Text: what the value at the dotted `key` of a dataclass must be; empty if unknown."""
     return describe(_annotation(schema, key))
 
 

@@ -21,7 +21,7 @@ from runners.config.hydra_errors import expected, full_key, translated
 def build(node: DictConfig | Mapping[str, Any], key: str, *args: Any) -> Any:
     """The object that `node` describes: its class called with its Config and `args`.
 
-    key: where the node stands in the config ("planner"), for messages. Raises InputError naming key, value
+    key: the node's key in the config ("planner"), for messages. Raises InputError naming key, value
     and what would be right.
     """
     cls, config = configured(node, key)
@@ -36,7 +36,7 @@ def configured(node: DictConfig | Mapping[str, Any], key: str) -> tuple[Any, Any
 
 
 def config_class(target: Any, key: str) -> Any:
-    """The dataclass that checks the keys beside `_target_: target`. Raises InputError where there is none."""
+    """The dataclass that checks the keys next to `_target_: target`. Raises InputError if there is none."""
     return _class(target, key).Config
 
 

@@ -46,7 +46,7 @@ class Job(Generic[C]):
 
     @property
     def changes_text(self) -> str:
-        """The changes in words: "robot.v_max=1, sim.latency=0.1"; empty where there are none."""
+        """The changes as text: "robot.v_max=1, sim.latency=0.1"; empty if there are none."""
         return in_words(self.changes)
 
     @classmethod

@@ -52,7 +52,7 @@ def choose(words: Sequence[str]) -> Chosen:
 def known_path(maps: MapSet, task: Task) -> Floats | None:
     """(P, 2) the way from start to goal that the optimal time counts [m]; None where only its length is known.
 
-    BARN's leads through the middles of its cells; the scripts that score measure it (−0.15, −0.10) m beside them.
+    BARN's leads through the middles of its cells; the scripts that score measure it (−0.15, −0.10) m off them.
     """
     from lme.worlds.barn.generator import CELL_M, ORIGIN_X_M, ORIGIN_Y_M
     from lme.worlds.barn.map_set import Barn

@@ -58,7 +58,7 @@ def label(guide: str, planner: str, known: Iterable[System], changed: bool = Fal
 
 
 def check_names(names: Iterable[str], folders: tuple[Path, ...]) -> None:
-    """Raise InputError for a row of a table that is no named pair."""
+    """Raise InputError for a row of a table that is not a named pair."""
     known = systems(folders)
     for name in names:
         if name not in known:

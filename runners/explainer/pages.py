@@ -152,7 +152,7 @@ def _key(word: str, there: Sequence[EpisodeKey]) -> EpisodeKey:
     world_word, _, run_word = word.partition("/")
     if not world_word.isdigit() or not (run_word or "0").isdigit():
         raise InputError(
-            f"{word!r} is no episode: give WORLD, WORLD/RUN or failures, such as {there[0].world}/{there[0].run}"
+            f"{word!r} is not an episode: give WORLD, WORLD/RUN or failures, such as {there[0].world}/{there[0].run}"
         )
     world, run = int(world_word), int(run_word or 0)
     runs = sorted(key.run for key in there if key.world == world)
@@ -195,4 +195,4 @@ def make_folder(path: Path) -> None:
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise InputError(f"{path}: cannot be made ({error.strerror}): choose another place") from error
+        raise InputError(f"{path}: cannot be made ({error.strerror}): choose another folder") from error

@@ -54,11 +54,11 @@ def write_html(path: Path, text: str) -> None:
     try:
         write_atomically(path, text)
     except OSError as error:
-        raise InputError(f"{path}: cannot be written ({error.strerror}): choose another place") from error
+        raise InputError(f"{path}: cannot be written ({error.strerror}): choose another path") from error
 
 
 def sentences(trace: Trace) -> list[str]:
-    """The reason for every decision of LME, in words; empty for other guides."""
+    """The reason for every decision of LME, as text; empty for other guides."""
     reasons = [step.explanation for step in trace.steps]
     pairs = zip([None, *reasons], reasons, strict=False)
     return [reason(now, before) for before, now in pairs if now is not None]

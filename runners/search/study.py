@@ -1,9 +1,9 @@
 """The study of a search: its trials, in a journal in the run directory or in a storage that machines share.
 
-A batch of trials is proposed before any of them runs, and told to the sampler in the order of their numbers after all
-have run. The sampler therefore sees the same for any number of workers. The unfinished trials of a killed study keep
-their parameters and run again: at once in its own directory, or after a timeout in another process that shares the
-storage.
+A batch of trials is proposed before any of them runs, and reported to the sampler in the order of their numbers after
+all have run. The sampler therefore sees the same for any number of workers. The unfinished trials of a killed study
+keep their parameters and run again: at once in its own directory, or after a timeout in another process that shares
+the storage.
 """
 
 from __future__ import annotations

@@ -60,7 +60,7 @@ OFF_LINE_M = dict.fromkeys(
     LME, 1.0
 )  # its subgoals are random, and the best of them lies that far off the line
 OFF_LINE_OTHERS_M = 0.5
-ARRIVED_M = dict.fromkeys(LME, 0.51)  # its d1: nearer than this it takes the goal for reached and goes on
+ARRIVED_M = dict.fromkeys(LME, 0.51)  # its d1: nearer than this it takes the goal for reached and continues
 AT_GOAL_M, AT_REST_M_S = 0.2, 0.05
 STOPS_M = {"ros_dwa": 0.3}  # its xy_goal_tolerance is 0.25 m
 SLOW_M_S = {"ros_dwa": 0.5}  # its own limit

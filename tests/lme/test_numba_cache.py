@@ -134,7 +134,7 @@ def called():
 
 
 def test_a_kernel_follows_a_change_of_a_kernel_that_it_calls(tmp_path):
-    """Numba alone would go on with the old one, because the caller's own file is the same."""
+    """Numba alone would keep using the old one, because the caller's own file is the same."""
     copy = tmp_path / "lme"
     shutil.copytree(ROOT / "lme", copy, ignore=shutil.ignore_patterns("__pycache__"))
     (copy / "kernels" / "caller.py").write_text(CALLER.format(name="called"))

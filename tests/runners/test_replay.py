@@ -1,4 +1,4 @@
-"""`lme replay` from end to end: what it writes, and that the same drive told in any way gives the same decisions."""
+"""`lme replay` from end to end: what it writes, and that the same drive recorded in any way decides the same."""
 
 import json
 import math
@@ -144,7 +144,7 @@ def test_goals_of_a_topic_come_by_tf(replay, tmp_path):
     np.testing.assert_allclose(told[targets], given[targets].iloc[5:], atol=1e-6)
 
 
-# The same drive, told otherwise
+# The same drive, recorded differently
 
 
 @pytest.mark.parametrize(
@@ -247,7 +247,7 @@ def test_the_interactive_map_does_not_swap_left_and_right(replay, plain, monkeyp
     np.testing.assert_allclose(first.to_pylist(), [[*table.loc[0, ["x_m", "y_m"]], 0.0]], atol=1e-6)
 
 
-# Recordings of our own
+# Our own recordings
 
 
 @pytest.mark.parametrize("words", [("robot=stage",), ("robot=jackal", "guide=global_path", "planner=eband")])

@@ -43,7 +43,7 @@ def main(argv: list[str]) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    notes = "Episodes are driven once more, and must go as they are recorded."
+    notes = "Episodes are driven once more, and must repeat what was recorded."
     parser = argparse.ArgumentParser(prog="lme explain", **texts(__doc__, EXAMPLES, notes))
     what = "a run's directory, that of a sweep's job, or a recording"
     parser.add_argument("run", type=Path, metavar="RUN", help=what)
@@ -58,7 +58,7 @@ def _parser() -> argparse.ArgumentParser:
         "--output",
         type=Path,
         metavar="PATH",
-        help="a file .html for one episode, or a folder; default: RUN/explain/, or beside the recording",
+        help="an .html file for one episode, or a folder; default: RUN/explain/, or next to the recording",
     )
     either.add_argument("--text", action="store_true", help="print the sentences instead of making a page")
     return parser
@@ -73,7 +73,7 @@ def _recording(path: Path, words: Sequence[str], output: Path | None, text: bool
     from runners.replay.retrace import retrace
 
     if words:
-        raise InputError(f"{words[0]}: a recording holds one drive; leave the episode away")
+        raise InputError(f"{words[0]}: a recording holds one drive; omit the episode")
     trace = retrace(path)
     if text:
         print("\n".join(_told(title(trace).capitalize(), trace)))
@@ -112,7 +112,7 @@ def _list(run_dir: Path) -> None:
     successes = len(episodes) - len(failed)
     if successes:
         many = f"{successes} episodes" if successes > 1 else "1 episode"
-        print(f"{many} reached the goal" + "; any of them can be named, too" * bool(len(failed)))
+        print(f"{many} reached the goal" + "; you can explain any of them, too" * bool(len(failed)))
     first = (failed if len(failed) else episodes).iloc[0]
     episode = f"{first['world']}/{first['run']}"
     print(f"\nOne of them:        lme explain {run_dir} {episode}")
@@ -200,7 +200,7 @@ def _sentences(steps: Sequence[TracedStep]) -> Iterator[str]:
     why = [step.explanation for step in steps if step.explanation is not None]
     if not why:
         raise InputError(
-            "--text: only guide=lme and guide=lme_plus have reasons to tell; without --text the page shows the drive"
+            "--text: only guide=lme and guide=lme_plus give reasons; without --text the page shows the drive"
         )
     yield f"{'step':>11}  {'time [s]':>13}  why"
     for first, last, text in reasons(why):

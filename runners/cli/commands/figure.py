@@ -50,9 +50,7 @@ def _check_beside_run(words: list[str]) -> None:
     driving = {*configs.groups("figure"), *(key.name for key in configs.keys("figure"))} - _BESIDE_RUN
     for key, word in given.items():
         if key.partition(".")[0] in driving:
-            raise InputError(
-                f"{word}: the episodes of run= are driven already, as its own config says; leave it away"
-            )
+            raise InputError(f"{word}: the episodes of run= were driven with its own config; omit it")
 
 
 def _check_swept(words: list[str]) -> None:

@@ -151,8 +151,8 @@ def _rows(
         ]
     if len(rows) > ROWS:
         raise InputError(
-            f"{len(labels)} systems in {len(shown)} worlds make {len(rows)} rows of panels, and {ROWS} can be "
-            "read on a page: choose fewer with world="
+            f"{len(labels)} systems in {len(shown)} worlds make {len(rows)} rows of panels; at most {ROWS} are "
+            "readable on a page: choose fewer with world="
         )
     return rows
 

@@ -1,4 +1,4 @@
-"""The extent of a world, and its size in words."""
+"""The extent of a world, and its size as text."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def mover_outline(mover: Mover) -> Floats:
 
 
 def metres(task: Task) -> str:
-    """The size of a world in words, start and goal included, rounded to half a metre."""
+    """The size of a world as text, start and goal included, rounded to half a metre."""
     box = extent(task)
     return " × ".join(f"{round(2 * side) / 2:g}" for side in (box.x1 - box.x0, box.y1 - box.y0)) + " m"
 

@@ -33,7 +33,7 @@ SYSTEMS = (  # differ by line style as well as by colour; the marker shows the o
 LINE_PT = 10.5  # between the lines of text below a panel
 LETTER_IN = 0.056  # approximate width of a letter
 FIRST_PT = 8.0  # from the panel's edge to the middle of the first line
-SCALE, METRES_IN = 0.25, 0.4  # of a panel's width at most; space for the length beside it
+SCALE, METRES_IN = 0.25, 0.4  # of a panel's width at most; space for the length next to it
 SMALLER = 0.75  # factor on stars without numbers: there may be many
 FAINTEST = 0.25  # opacity of the first subgoal where later ones are stronger
 APART = 0.09  # of the panel's diagonal: numbered subgoals closer than this would hide their numbers
@@ -48,7 +48,7 @@ class Panel(NamedTuple):
 
 
 class Look(NamedTuple):
-    """What a panel shows beside the paths.
+    """What a panel shows besides the paths.
 
     moment: a step, or seconds since the start; None: no scan. subgoals: none, faded or numbered. systems: style of
     each system by label; empty: outcomes decide the styles.
@@ -102,7 +102,7 @@ def draw_ends(axes: Axes, runs: Sequence[DrivenRun], place: DrivenPlace, look: L
 
 
 def scale_drop_pt(panels: Sequence[Panel], look: Look, width_in: float) -> float:
-    """Distance of the scale bar below a panel [pt]: beside the first line of text, or below the last line."""
+    """Distance of the scale bar below a panel [pt]: next to the first line of text, or below the last line."""
     labels = [run.label for panel in panels for run in panel.runs]
     is_beside = width_in * (1 - SCALE) - METRES_IN >= least_in(labels, look)
     return FIRST_PT if is_beside else FIRST_PT + LINE_PT * _lines(panels, look)

@@ -157,7 +157,7 @@ def rival_subgoal(why: Explanation) -> tuple[str, Floats] | None:
 
 
 def letters(blockage: Blockage, brief: bool = False) -> list[Letter]:
-    """E1, E2, A and B. The end that is A is named "A = E1" or "A = E2"; `brief`: only "A"."""
+    """E1, E2, A and B. The end that is A is labelled "A = E1" or "A = E2"; `brief`: only "A"."""
     ends = ((blockage.E1, "$E_1$", 1.0), (blockage.E2, "$E_2$", -1.0))  # clockwise end first
     named = []
     for end, name, turn in ends:
@@ -202,7 +202,7 @@ def _beside(axes: Axes, letter: Letter, away_pt: float, clear_of: Sequence[Float
 
 
 def write(axes: Axes, letter: Letter, away_pt: float) -> None:
-    """Write a name beside its point, moved into the panel if it would leave it."""
+    """Write a name next to its point, moved into the panel if it would leave it."""
     dots = axes.figure.dpi / 72
     at = axes.transData.transform(upwards(letter.point)) + away_pt * dots * letter.away
     edge = 9 * dots

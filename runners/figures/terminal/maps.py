@@ -1,4 +1,4 @@
-"""Map sets and worlds in a terminal: a picture with text beside it."""
+"""Map sets and worlds in a terminal: a picture with text next to it."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def several_worlds(tasks: Sequence[Task]) -> RenderableType:
 
 
 def one_world(chosen: Chosen, task: Task, console: Console) -> RenderableType:
-    """A world as large as the terminal allows, with facts beside it if they fit, else below."""
+    """A world as large as the terminal allows, with facts next to it if they fit, else below."""
     way = known_path(chosen.maps, task)
     drawn = picture(task, console.width, max(LARGE_LINES, console.height - 4), way)
     facts = Group(

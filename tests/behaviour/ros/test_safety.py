@@ -1,4 +1,4 @@
-"""What goes wrong on a real robot, over real topics: it must stand in time, and go on when all is well again."""
+"""What goes wrong on a real robot, over real topics: it must stand in time, and continue when all is well again."""
 
 import signal
 import time
@@ -40,7 +40,7 @@ def stands(said):
 
 
 def assert_stands(robot, within=STALE + LATE):
-    """It is told to stand within this time, and stays."""
+    """It is stopped within this time, and stays stopped."""
     time.sleep(within)
     assert not any(abs(v) + abs(omega) for _, v, omega in robot.commands(0.5))
 

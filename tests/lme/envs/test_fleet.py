@@ -221,7 +221,7 @@ def test_robots_that_are_drawn_have_the_same_lidar():
         robot.lidar.num_beams = 540 if rng.random() < 0.5 else 360
         return robot
 
-    with pytest.raises(InputError, match=r"robot\.lidar of a drawn robot is Lidar\(num_beams"):
+    with pytest.raises(InputError, match=r"robot\.lidar of a randomly drawn robot is Lidar\(num_beams"):
         Fleet(ROOM, draw, 30).reset(range(30))
 
 

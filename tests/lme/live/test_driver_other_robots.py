@@ -1,4 +1,4 @@
-"""The live driver on other robots: the same drive, told by other lidars and other sources of poses."""
+"""The live driver on other robots: the same drive, seen by other lidars and other sources of poses."""
 
 import math
 from collections import Counter

@@ -166,7 +166,7 @@ def test_a_sealed_box_is_no_reason_to_crash(name, config):
 
 
 def test_dwa_turns_away_from_the_nearest_obstacle_where_no_arc_is_free():
-    # A half ring 1 cm before a disc: no way ahead. The nearer part is on its right, so it turns left; and goes on.
+    # A half ring 1 cm before a disc: no way ahead. The nearer part is on its right, so it turns left; and drives on.
     robot = stage()
     ranges = np.full(540, 0.215, np.float32)
     ranges[: 540 // 2] = 0.212  # bearings below 0 are on the right

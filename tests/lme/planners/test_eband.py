@@ -66,7 +66,7 @@ def test_eband_first_turns_in_place_when_the_way_leads_back():
 
 
 def test_small_bubbles_slow_the_robot_down():
-    # Walls 0.5 m to either side: a bubble of 0.3 m, 0.6 m/s at most; here the acceleration is no limit.
+    # Walls 0.5 m to either side: a bubble of 0.3 m, 0.6 m/s at most; here the acceleration does not limit it.
     robot = stage(v_max=2.0, alpha_v=50.0, num_beams=2000)
     world = World(segments=np.array([[-20.0, 0.5, 20.0, 0.5], [-20.0, -0.5, 20.0, -0.5]]))
     simulator = FastSimulator(FastConfig(), robot)

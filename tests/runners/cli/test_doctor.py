@@ -88,7 +88,7 @@ def test_an_extra_that_is_not_there_is_no_problem_but_an_old_one_is(installed):
 
 def test_metadata_that_are_missing_or_of_another_version(installed):
     installed["lme-nav"] = "0.0.1"
-    assert "metadata are of 0.0.1; in a checkout: pip install" in line("lme").advice
+    assert "metadata is of 0.0.1; in a checkout: pip install" in line("lme").advice
     del installed["lme-nav"]
     assert "lme-nav is not installed" in line("lme").advice
 
@@ -110,7 +110,7 @@ def test_little_memory(installed, tmp_path, monkeypatch):
 def test_folders_that_cannot_be_written(installed, unwritable, tmp_path, monkeypatch):
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "kernels"))
     unwritable.add(str(tmp_path))
-    assert line("outputs").advice.startswith("call lme in a folder that is yours")
+    assert line("outputs").advice.startswith("call lme in a folder that you own")
     assert line("MLflow store").advice.startswith("set MLFLOW_TRACKING_URI")
     assert line("Numba cache").advice.startswith("set NUMBA_CACHE_DIR")
 

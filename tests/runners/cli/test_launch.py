@@ -364,7 +364,7 @@ def test_resume_in_a_given_directory_checks_the_config(probe):
 
 
 def test_resume_in_an_empty_given_directory_starts_afresh(probe, capsys):
-    """Killed before the first record: the same command with resume=true goes on from nothing."""
+    """Killed before the first record: the same command with resume=true starts from nothing."""
     assert probe.launch("hydra.run.dir=here", "resume=true") == 0
     assert "nothing in here yet" in capsys.readouterr().err
 
@@ -505,7 +505,7 @@ def test_a_full_disk_is_one_line(probe, capsys):
     probe.failure = OSError(errno.ENOSPC, "No space left on device", "run/table.md")
     assert probe.launch() == 1
     assert capsys.readouterr().err == (
-        "lme eval: disk full while writing run/table.md: what is finished is kept; "
+        "lme eval: disk full while writing run/table.md: finished work is kept; "
         "free some space and add resume=true\n"
     )
 
@@ -515,7 +515,7 @@ def test_a_place_that_cannot_be_written_is_one_line(probe, capsys, number):
     probe.failure = OSError(number, "Not allowed", "run/table.md")
     assert probe.launch() == 1
     assert capsys.readouterr().err == (
-        "lme eval: run/table.md: cannot be used (Not allowed): what is finished is kept; use another place\n"
+        "lme eval: run/table.md: cannot be used (Not allowed): finished work is kept; use another folder\n"
     )
 
 

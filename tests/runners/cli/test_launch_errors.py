@@ -109,7 +109,7 @@ def _never(job):
         ("map.worlds=[range(5)]", ["several values within a list or a mapping; must be single values"]),
         ("map={worlds: range(5)}", ["several values within a list or a mapping"]),
         ("map.worlds=9-0", ["map.worlds has 9-0: the range runs backwards; must be 0-9"]),
-        ("map.worlds=[0-9,3]", ["map.worlds is [0-9,3]: names a world twice"]),
+        ("map.worlds=[0-9,3]", ["map.worlds is [0-9,3]: lists a world twice"]),
         (
             "map.worlds=first",
             ["map.worlds has 'first': must be numbers and ranges", "such as 0-49 or [0-9,20"],

@@ -53,7 +53,7 @@ def test_a_failed_job_is_told_with_the_file_that_says_why(capsys):
     LOCAL.announce(2)
     LOCAL.tell_failed([job(0, 0), job(1, 2, "seed=1", "runs=1")])
     assert capsys.readouterr().err.splitlines() == [
-        "lme eval: 2 jobs are submitted; their output: out/.submitit",
+        "lme eval: 2 jobs submitted; their output: out/.submitit",
         "lme eval: job 1 failed (seed=1 runs=1): see out/.submitit/7_1/7_1_0_log.err",
     ]
 
@@ -95,7 +95,7 @@ def check_a_sweep(folder, launcher, environment=None):
     sweep = ["eval", "-m", *WORDS, "ablation=none,no_c_t"]
     done = lme(folder, *sweep, *launcher, "hydra.sweep.dir=far", environment=environment)
     assert done.returncode == 0, done.stderr
-    assert "lme eval: 2 jobs are submitted; their output: far/.submitit" in done.stderr
+    assert "lme eval: 2 jobs submitted; their output: far/.submitit" in done.stderr
     assert "no_c_t" in done.stdout
     assert lme(folder, *sweep, "hydra.sweep.dir=near").returncode == 0
     for number in "01":
@@ -103,7 +103,7 @@ def check_a_sweep(folder, launcher, environment=None):
 
 
 def check_failures(folder, launcher, environment=None):
-    """A job that cannot go on is told at the end, and the other is done. Once mended, the sweep goes on."""
+    """A job that cannot continue is reported at the end, and the other is done. Once mended, the sweep continues."""
     (folder / "my_module.py").write_text(PLANNER)
     ends = ["planner._target_=my_module.Planner", "+planner.ends=well,wrong"]
     failed = lme(

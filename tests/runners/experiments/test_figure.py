@@ -1,4 +1,4 @@
-"""`lme figure`: the word for the kind, what may stand beside run=, and episodes where none are given."""
+"""`lme figure`: the name of the kind, what may be given with run=, and episodes where none are given."""
 
 import shutil
 from pathlib import Path

@@ -230,7 +230,7 @@ def test_reinforcement_from_a_network(words, points, losses):
     assert Path("run/curves.png").stat().st_size > 10_000
 
 
-@pytest.mark.slow  # cloning, killed above, goes on from the same kind of checkpoint
+@pytest.mark.slow  # cloning, killed above, continues from the same kind of checkpoint
 def test_reinforcement_killed_and_resumed_ends_with_its_steps():
     def ready():
         file = Path("killed/curves.csv")

@@ -15,7 +15,7 @@ from runners.figures.parts.driven_runs import runs_of
 from runners.figures.parts.places import places
 from runners.records.records import find_runs, read_episodes, read_trajectories
 from runners.tracking.store import RUN_ID_FILE
-from tests.runners.tracking.test_mlflow import booked
+from tests.runners.tracking.test_mlflow import logged
 
 WORDS = ["map.worlds=[0,6]", "map.subset=all", "runs=1", "executor=serial"]
 
@@ -84,7 +84,7 @@ def test_smoothness_is_that_of_the_executed_turn_rates(sweep):
 
 def test_the_parent_run_of_a_sweep_holds_all_results(sweep):
     out, uri = sweep
-    parent = booked(uri, out)
+    parent = logged(uri, out)
     assert parent.data.metrics["LME/success"] == 1.0
     assert "Simple/success" in parent.data.metrics
     assert parent.data.params["robot.name"] == "jackal"

@@ -265,7 +265,7 @@ def test_text_tells_every_decision(driven, capsys):
     [
         (["206"], "world 206 was not driven in this run: those nearest to it are 207, 230"),
         (["207/3"], "world 207 has no run 3: it has 0"),
-        (["207.0"], "'207.0' is no episode: give WORLD, WORLD/RUN or failures, such as 207/0"),
+        (["207.0"], "'207.0' is not an episode: give WORLD, WORLD/RUN or failures, such as 207/0"),
         (["207", "230", "--output", "one.html"], "one file cannot hold 2 pages; give a folder"),
     ],
 )
@@ -319,7 +319,7 @@ def test_a_guide_without_reasons_has_pages_but_no_sentences(tmp_path, capsys):
     assert main(["explain", str(tmp_path), world, "--text"]) == 2
     out, error = capsys.readouterr()
     assert out == ""
-    assert "only guide=lme and guide=lme_plus have reasons to tell" in error
+    assert "only guide=lme and guide=lme_plus give reasons" in error
 
 
 # --- the sentences of real drives ------------------------------------------------------------------------
@@ -338,7 +338,7 @@ def test_every_decision_of_a_real_drive_has_its_own_reason(driven, world):
     assert sum(text.startswith("switched") for text in texts) == trace.episode.switches
 
 
-def test_episodes_of_a_figure_are_explained_though_nothing_is_booked(run, drawn):
+def test_episodes_of_a_figure_are_explained_though_nothing_is_logged(run, drawn):
     note = run / ".hydra" / "config.yaml"
     note.write_text("seed: 0\n")
     assert main(["explain", str(run), "230"]) == 0

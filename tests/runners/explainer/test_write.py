@@ -24,7 +24,7 @@ OWN = "tests.runners.explainer.test_write.a_left"
 
 
 def a_left(candidates, view):
-    """A criterion of one's own: how far to the left."""
+    """A custom criterion: how far to the left."""
     return candidates[:, 1]
 
 

@@ -170,7 +170,7 @@ def test_the_recording_holds_commands_states_and_odometry(by_lme):
 
 
 def test_stops_on_the_way_and_jumps_of_the_clock_stay_readable(tmp_path, place):
-    """Stops hold no decision; after a jump back, stamps go on from the last."""
+    """Stops hold no decision; after a jump back, stamps continue from the last."""
     count = iter(range(10_000))
 
     def disturb(step):

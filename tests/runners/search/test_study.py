@@ -1,4 +1,4 @@
-"""A study: killed at any byte it ends as if nothing had happened, and damage is told in one line."""
+"""A study: killed at any byte it ends as if nothing had happened, and damage is reported in one line."""
 
 import json
 import math
@@ -264,7 +264,7 @@ def test_a_database_holds_the_same_study(whole, tmp_path):
 
 
 def test_a_trial_of_a_killed_process_goes_to_another(tmp_path, monkeypatch):
-    """With its values; and the killed process, if it was only away, is not told a second time."""
+    """With its values; and the killed process, if it was only away, is not reported a second time."""
     monkeypatch.setattr(storage, "HEARTBEAT_S", 1)
     monkeypatch.setattr(storage, "GRACE_S", 1)
     url, here, there = f"sqlite:///{tmp_path}/shared.db", tmp_path / "here", tmp_path / "there"

@@ -47,7 +47,7 @@ PAIRS = {
 
 
 class ListObserver:
-    """Keeps what an observer is told."""
+    """Keeps what an observer is given."""
 
     def __init__(self):
         self.ticks, self.last = [], None

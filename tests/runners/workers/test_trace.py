@@ -34,7 +34,7 @@ class Mapped(Lme):
 
 
 class Own:
-    """A guide of one's own that is no LME, but can explain itself."""
+    """A custom guide that is not LME, but can explain itself."""
 
     Config = Lme.Config
 

@@ -1,4 +1,4 @@
-"""DRL-DCLP with random weights: what the network is told, what is done with its answer, and what is refused."""
+"""DRL-DCLP with random weights: what the network is given, what is done with its answer, and what is refused."""
 
 import warnings
 
@@ -25,7 +25,7 @@ def file(tmp_path_factory):
 
 
 class Recorder:
-    """A network that keeps what it is told and always answers the same."""
+    """A network that keeps what it is given and always answers the same."""
 
     def __init__(self, means):
         self.means = np.full((4, 2), means)

@@ -100,7 +100,7 @@ def test_the_reason_for_a_loss_in_a_mount_depends_on_the_surmount_reading():
 
 
 def test_the_features_of_a_kept_subgoal_are_those_of_the_old_one():
-    """Kept at the step before: what fell since is told from the old one there, not from that step's best."""
+    """Kept at the step before: what fell since is measured from the old one there, not from that step's best."""
     kept = explained([{"c_h": 0.0}], old={"c_t": 0.0})
     assert kept.decision.choice is Choice.KEPT
     now = explained([{}], old={"c_t": 0.0})
@@ -266,7 +266,7 @@ def test_every_decision_of_a_drive_has_its_reason(seed):
 
 
 def test_criteria_of_ones_own_from_the_escaper():
-    """Weights stand in the order of the names, whatever that is."""
+    """Weights are in the order of the names, whatever that is."""
     criteria = {"ahead": lambda candidates, view: candidates[:, 0], **PAPER_CRITERIA}
     made = LocalMinimumEscaper(stage(), {**only(c_o=1.0), "ahead": 50.0}, EscaperConfig(), criteria)
     made.decide(escape()[0])

@@ -42,10 +42,10 @@ COLUMNS = {
 LAST_DIGIT = 0.51e-4  # the reference figures have four decimals
 
 needs_published = pytest.mark.skipif(
-    not PUBLISHED.is_dir(), reason="published BARN files are not beside the checkout"
+    not PUBLISHED.is_dir(), reason="published BARN files are not next to the checkout"
 )
 needs_figures = pytest.mark.skipif(
-    not FIGURES.is_file(), reason="reference figures are not beside the checkout"
+    not FIGURES.is_file(), reason="reference figures are not next to the checkout"
 )
 
 

@@ -1,4 +1,4 @@
-"""The figure of several systems' paths: which panels it has, what stands in them, that nothing overlaps."""
+"""The figure of several systems' paths: which panels it has, what they show, that nothing overlaps."""
 
 import math
 from itertools import combinations
@@ -102,7 +102,9 @@ def test_a_row_that_is_too_long_goes_on_below(tmp_path, drawn):
 
 
 def test_more_panels_than_fit_on_a_page_are_refused(tmp_path):
-    with pytest.raises(InputError, match="12 systems in 4 worlds make 8 rows of panels, and 6 can be read"):
+    with pytest.raises(
+        InputError, match="12 systems in 4 worlds make 8 rows of panels; at most 6 are readable"
+    ):
         draw(several(12, [1, 2, 3, 4]), [1, 2, 3, 4], tmp_path)
 
 

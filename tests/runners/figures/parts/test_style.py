@@ -1,4 +1,4 @@
-"""Figures can be made while another thread imports IPython, as MLflow does; a full disk is told as one."""
+"""Figures can be made while another thread imports IPython, as MLflow does; a full disk is reported as one."""
 
 import errno
 import os

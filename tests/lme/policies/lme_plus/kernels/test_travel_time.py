@@ -166,7 +166,7 @@ def test_one_more_obstacle_never_shortens_a_time(seed):
     (before, before_time), (after, after_time) = (times(each, target, robot) for each in (points, more))
     found = np.isfinite(before) & np.isfinite(
         after
-    )  # the search goes on longer where the robot's way is longer
+    )  # the search lasts longer where the robot's way is longer
     assert (after[found] >= before[found] - near(before[found])).all()
     assert after_time >= before_time - near(before_time) or math.isinf(before_time)
 
