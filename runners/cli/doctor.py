@@ -107,7 +107,7 @@ def _memory(meminfo: Path = Path("/proc/meminfo")) -> list[Line]:
 
 def _numba() -> Line:
     folder = numba_cache.folder(kernels.SOURCE)
-    if not _can_make(folder):
+    if not _is_writable(folder):
         return Line("Numba cache", f"{folder}, not writable", "set NUMBA_CACHE_DIR to a folder that you own")
     warm = "warm" if _version("numba") and kernels.compiled() else "cold: the first episode compiles"
     return Line("Numba cache", f"{folder}, writable, {warm}")
@@ -115,7 +115,7 @@ def _numba() -> Line:
 
 def _outputs() -> Line:
     place = OUTPUTS.absolute()
-    if _can_make(place):
+    if _is_writable(place):
         return Line("outputs", f"{place}, writable")
     return Line(
         "outputs", f"{place}, not writable", "call lme in a folder that you own, or set hydra.run.dir=DIR"
@@ -145,6 +145,6 @@ def _without_password(uri: str) -> str:
     return re.sub(r"//.*@", "//", uri)
 
 
-def _can_make(folder: Path) -> bool:
+def _is_writable(folder: Path) -> bool:
     """Whether files can be made in `folder`, which may have to be made itself."""
     return obstacle(folder / "file") is None

@@ -14,7 +14,7 @@ _SETS = ("held_out", "training")  # map sets by name, besides `map` itself
 _RANGE = re.compile(r"(\d{1,18})(?:-(\d{1,18}))?")
 
 
-def expand(config: DictConfig) -> None:
+def expand_worlds(config: DictConfig) -> None:
     """Write out the ranges of every map set's `worlds` in a composed config.
 
     What a list of numbers gives stays as it is. Raises InputError.
@@ -22,10 +22,10 @@ def expand(config: DictConfig) -> None:
     for key in ("map", *(f"{name}.{place}" for name in _SETS for place in _names(config, name))):
         node = OmegaConf.select(config, key)
         if OmegaConf.is_dict(node) and "worlds" in node and not OmegaConf.is_interpolation(node, "worlds"):
-            node["worlds"] = expanded(node["worlds"], f"{key}.worlds")
+            node["worlds"] = parse_worlds(node["worlds"], f"{key}.worlds")
 
 
-def expanded(given: Any, key: str) -> Any:
+def parse_worlds(given: Any, key: str) -> Any:
     """The numbers of worlds in their order; anything that holds no text and is not a number stays as it is.
 
     key: of `given`, for messages. Raises InputError for a text that is not a number or a range, for a range that

@@ -10,7 +10,7 @@ from lme.errors import InputError
 from lme.policies.lme.score import CRITERIA
 from lme.presets import load_map_set, load_parameters, load_robot, load_simulator
 from lme.robots import Robot
-from runners.config.instantiate import build, configured, filled
+from runners.config.instantiate import build, configured, fill_dataclass
 from tests.places import ROOT
 
 ROBOTS = sorted((ROOT / "conf" / "robot").glob("*.yaml"))
@@ -22,7 +22,7 @@ STAGE = (ROOT / "conf" / "robot" / "stage.yaml").read_text(encoding="utf-8")
 def test_a_robot_is_what_hydra_makes_of_its_file(path):
     with initialize_config_dir(str(ROOT / "conf"), version_base=None):
         given = OmegaConf.to_container(compose(f"robot/{path.stem}").robot)
-    expected = filled(Robot, given, "robot")
+    expected = fill_dataclass(Robot, given, "robot")
     assert load_robot(path.stem) == load_robot(path) == load_robot(str(path)) == expected
     assert type(load_robot(path.stem).lidar.num_beams) is int
 

@@ -102,13 +102,13 @@ def _steps(runs: Sequence[Path], words: Sequence[str]) -> Iterator[pa.Table]:
 
 def _keys(frame: pd.DataFrame, words: Sequence[str]) -> list[EpisodeKey]:
     from runners.analysis.failures import is_failure
-    from runners.explainer.pages import chosen, keys_of
+    from runners.explainer.pages import keys_of, select_episodes
 
     if not words:
         return keys_of(frame)
     if list(words) == ["failures"]:
         return keys_of(frame[is_failure(frame)])
-    return keys_of(chosen(frame, words))
+    return keys_of(select_episodes(frame, words))
 
 
 def _to_file(rows: Iterator[pa.Table], path: Path, style: str) -> int:

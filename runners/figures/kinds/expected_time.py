@@ -141,7 +141,7 @@ def _draw_field(axes: Axes, sight: Sight) -> Any:
     shown = known[(x0 < x) & (x < x1) & (y0 < y) & (y < y1)]
     ends: dict[str, Any] = {"vmin": shown.min(), "vmax": shown.max()}
     mesh = axes.pcolormesh(
-        *corners.transpose(2, 0, 1), known, cmap=_pale(), rasterized=True, zorder=0, **ends
+        *corners.transpose(2, 0, 1), known, cmap=_pale_colormap(), rasterized=True, zorder=0, **ends
     )
     levels = _levels(**ends)
     lines = axes.contour(x, y, known, levels=levels, colors=INK, linewidths=0.4, zorder=1)
@@ -159,7 +159,7 @@ def _on_page(sight: Sight, along: Any) -> Floats:
     return view.upwards(to_robot(places.reshape(-1, 2), sight.pose)).reshape(*places.shape)
 
 
-def _pale() -> Any:
+def _pale_colormap() -> Any:
     from matplotlib import colormaps
     from matplotlib.colors import ListedColormap
 

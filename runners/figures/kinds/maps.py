@@ -17,7 +17,7 @@ from lme.worlds.world import Task
 from runners.config.catalogue import shipped
 from runners.config.map_sets import GRAMMAR, Chosen, choose, known_path
 from runners.figures.parts.driven_runs import DrivenRun
-from runners.figures.parts.extent import about_set, extent, metres, mover_outline
+from runners.figures.parts.extent import describe_set, extent, metres, mover_outline
 from runners.figures.parts.scene import MARGIN_M, Box, draw_task, frame_panel, legend_keys, scale_bar
 from runners.figures.parts.style import BLUE, GRID, INK, OBSTACLE, VERMILION, new_figure, save
 
@@ -102,9 +102,9 @@ def panels_of(chosen: Chosen) -> list[MapPanel]:
     maps = chosen.maps
     if not chosen.worlds:
         task = maps.task(maps.numbers[0])
-        return [MapPanel(chosen.name, about_set(chosen, task), task, None)]
+        return [MapPanel(chosen.name, describe_set(chosen, task), task, None)]
     return [
-        MapPanel(f"{chosen.name} {task.number}", _about_world(task), task, known_path(maps, task))
+        MapPanel(f"{chosen.name} {task.number}", _describe_world(task), task, known_path(maps, task))
         for task in map(maps.task, chosen.worlds)
     ]
 
@@ -153,7 +153,7 @@ def _chosen(entry: Sequence[str]) -> Chosen:
         raise InputError(f"figure.maps holds {' '.join(entry)!r}: {error}") from error
 
 
-def _about_world(task: Task) -> str:
+def _describe_world(task: Task) -> str:
     return f"{metres(task)}\noptimal time {task.optimal_time:.3g} s"
 
 

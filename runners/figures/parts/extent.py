@@ -39,7 +39,7 @@ def metres(task: Task) -> str:
     return " × ".join(f"{round(2 * side) / 2:g}" for side in (box.x1 - box.x0, box.y1 - box.y0)) + " m"
 
 
-def about_set(chosen: Chosen, task: Task) -> str:
+def describe_set(chosen: Chosen, task: Task) -> str:
     """Two lines: the size of the world shown, and the number of worlds."""
     count = len(chosen.maps.numbers)
     choice = f", {chosen.choice}" if chosen.choice else ""

@@ -173,7 +173,7 @@ def test_a_variant_that_drove_other_worlds_is_shown_and_not_compared():
 
 def test_two_ablations_at_once_are_shown_last_without_a_verdict():
     (study,) = ablation.studies(sweep({"no_c_o+no_c_t": 0.1, "none": 0.9, "no_c_h": 0.8}))
-    assert [ablation.in_text(variant.ablation) for variant in study.variants] == [
+    assert [ablation.variant_label(variant.ablation) for variant in study.variants] == [
         "Complete",
         "No c_h",
         "No c_o, c_t",

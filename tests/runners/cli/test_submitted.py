@@ -51,7 +51,7 @@ def job(number, status, *overrides):
 
 def test_a_failed_job_is_told_with_the_file_that_says_why(capsys):
     LOCAL.announce(2)
-    LOCAL.tell_failed([job(0, 0), job(1, 2, "seed=1", "runs=1")])
+    LOCAL.report_failures([job(0, 0), job(1, 2, "seed=1", "runs=1")])
     assert capsys.readouterr().err.splitlines() == [
         "lme eval: 2 jobs submitted; their output: out/.submitit",
         "lme eval: job 1 failed (seed=1 runs=1): see out/.submitit/7_1/7_1_0_log.err",
@@ -61,7 +61,7 @@ def test_a_failed_job_is_told_with_the_file_that_says_why(capsys):
 def test_nothing_is_said_of_jobs_of_another_launcher(capsys):
     other = Submitted.of(OmegaConf.create({"hydra": {"launcher": {"_target_": "BasicLauncher"}}}), "eval")
     other.announce(2)
-    other.tell_failed([job(0, 2)])
+    other.report_failures([job(0, 2)])
     assert capsys.readouterr().err == ""
 
 
@@ -71,10 +71,10 @@ def test_only_errors_of_submitit_are_explained():
         pytest.raises(
             LauncherError, match=r"^bash: command not found.*; output of the jobs: out/\.submitit$"
         ),
-        LOCAL.errors_in_words(),
+        LOCAL.explain_errors(),
     ):
         utils.CommandFunction(["bash", "-c", "echo bash: command not found >&2; exit 1"], verbose=False)()
-    with pytest.raises(RuntimeError, match="ours"), LOCAL.errors_in_words():
+    with pytest.raises(RuntimeError, match="ours"), LOCAL.explain_errors():
         raise RuntimeError("ours")
 
 

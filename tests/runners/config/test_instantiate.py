@@ -9,7 +9,7 @@ from omegaconf import MISSING, OmegaConf
 
 from lme.errors import InputError
 from lme.robots import Footprint, Robot
-from runners.config.instantiate import build, configured, filled
+from runners.config.instantiate import build, configured, fill_dataclass
 
 
 class Colour(enum.Enum):
@@ -123,8 +123,10 @@ def test_an_invalid_target_is_refused(node, message):
 def test_a_dataclass_with_a_required_inner_one():
     lidar = {"num_beams": 9, "fov": math.pi, "range_min": 0.1, "range_max": 9}
     limits = dict.fromkeys(("v_max", "omega_max", "alpha_v", "alpha_omega", "control_rate"), 1)
-    robot = filled(Robot, {"name": "r", "footprint": {"radius": 1}, "lidar": lidar, **limits}, "robot")
+    robot = fill_dataclass(
+        Robot, {"name": "r", "footprint": {"radius": 1}, "lidar": lidar, **limits}, "robot"
+    )
     assert robot.footprint == Footprint(radius=1.0)
     del lidar["range_max"]
     with pytest.raises(InputError, match=r"robot\.lidar\.range_max has no value"):
-        filled(Robot, {"name": "r", "footprint": {"radius": 1}, "lidar": lidar, **limits}, "robot")
+        fill_dataclass(Robot, {"name": "r", "footprint": {"radius": 1}, "lidar": lidar, **limits}, "robot")

@@ -128,13 +128,13 @@ def test_explaining_more_goes_on_with_the_same_run_and_keeps_what_is_there(run, 
 def test_a_page_that_is_torn_or_of_another_episode_is_made_anew(run, drawn, spoil_page):
     page = run / "explain" / "207-0.html"
     page.write_bytes(spoil_page(page.read_bytes()))
-    pages.as_asked(Explain.failures, run, SerialExecutor(SerialConfig()))
+    pages.make_requested_pages(Explain.failures, run, SerialExecutor(SerialConfig()))
     assert drawn == [FAILED]
 
 
 def test_explain_none_makes_no_page(run, drawn):
     shutil.rmtree(run / "explain")
-    pages.as_asked(Explain.none, run, SerialExecutor(SerialConfig()))
+    pages.make_requested_pages(Explain.none, run, SerialExecutor(SerialConfig()))
     assert drawn == []
     assert folder(run) == []
 
@@ -158,7 +158,7 @@ def test_pages_that_cannot_be_made_are_one_warning_of_a_finished_run(run, drawn)
     shutil.rmtree(run / "explain")
     spoil(run)
     with pytest.warns(UserWarning, match="1 of 2 pages were not made: .* takes another path") as caught:
-        pages.as_asked(Explain.all, run, SerialExecutor(SerialConfig()))
+        pages.make_requested_pages(Explain.all, run, SerialExecutor(SerialConfig()))
     assert len(caught) == 1
     assert files(run) == ["230-0.html", "index.html"]
 
@@ -279,7 +279,7 @@ def test_mistakes_are_named(driven, words, message, capsys):
 def test_a_run_without_failures_says_so(driven):
     episodes = read_episodes([driven])
     with pytest.raises(InputError, match="no episode of this run failed"):
-        pages.chosen(episodes[episodes["outcome"] == "success"], ["failures"])
+        pages.select_episodes(episodes[episodes["outcome"] == "success"], ["failures"])
 
 
 def test_a_directory_of_several_runs_names_them(driven, capsys):

@@ -62,14 +62,14 @@ def test_the_policy_learns_what_was_better():
     )
     inputs = features(64)
     with torch.no_grad():
-        answer = policy(*inputs).at_least(0.1)
+        answer = policy(*inputs).with_min_sigma(0.1)
         raw = mixture.draw(answer, parts.generator)
         before = mixture.log_density(answer, raw)
     left = (raw[:, 1] > 0).float()
     batch = Batch(inputs, raw, before, left, torch.full((64,), 7.0))
     learner._update(policy, parts, batch, learn_policy=True)
     with torch.no_grad():
-        change = mixture.log_density(policy(*inputs).at_least(0.1), raw) - before
+        change = mixture.log_density(policy(*inputs).with_min_sigma(0.1), raw) - before
         values = critic(*inputs)
     assert change[left > 0].mean() > 0.1 > -0.1 > change[left == 0].mean()
     assert abs(values.mean() - 7.0) < 2.0
@@ -122,7 +122,7 @@ def test_the_worth_of_a_step_by_hand():
     parts = Parts({"targets": targets}, {}, torch.Generator().manual_seed(3))
     wanted = learner._target_values(policy, parts, batch)
     with torch.no_grad():
-        answer = policy(*inputs).at_least(0.1)
+        answer = policy(*inputs).with_min_sigma(0.1)
         raw = mixture.draw(answer, torch.Generator().manual_seed(3))
         follows = lower_value(targets, inputs, raw.tanh()) - 0.5 * mixture.log_density_of_actions(answer, raw)
     assert wanted.numpy() == pytest.approx([1.0 + 0.9 * follows[0].item(), -10.0], abs=FLOAT32_LAYER)

@@ -10,7 +10,7 @@ from lme.planners.drl_vo import DrlVo
 from lme.planners.drl_vo.config import DrlVoConfig
 from lme.types import Guidance, Twist
 from runners.config.catalogue import shipped as catalogue
-from runners.config.instantiate import filled
+from runners.config.instantiate import fill_dataclass
 from tests.builders import observation, shipped, stage
 from tests.networks import drl_vo_file, network_file
 from tests.tolerances import KERNEL
@@ -39,7 +39,7 @@ class Recorder:
 
 def config(name, file, **settings):
     values = {key: value for key, value in catalogue().values(f"planner/{name}").items() if key != "_target_"}
-    return filled(DrlVoConfig, {**values, "weights": file, **settings}, "planner")
+    return fill_dataclass(DrlVoConfig, {**values, "weights": file, **settings}, "planner")
 
 
 def made(file, name="drl_vo_barn", means=(0.5, -0.25), robot=ROBOT, **settings):

@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from runners.cli.left_out import PACKAGES, left_out
+from runners.cli.missing_packages import PACKAGES, explain_missing
 from tests.lme.test_requirements import EXPERIMENTS
 from tests.places import ROOT
 
@@ -58,5 +58,5 @@ def test_lme_live_needs_hydra_alone():
 
 
 def test_a_module_that_is_no_requirement_keeps_its_traceback():
-    assert left_out(ModuleNotFoundError("No module named 'nope'", name="nope"), "eval") == ""
-    assert left_out(ModuleNotFoundError("no name"), "eval") == ""
+    assert explain_missing(ModuleNotFoundError("No module named 'nope'", name="nope"), "eval") == ""
+    assert explain_missing(ModuleNotFoundError("no name"), "eval") == ""
