@@ -303,7 +303,7 @@ def test_replay_without_a_recording_is_an_error(capsys):
     assert "bag is null" in fails(capsys)
 
 
-def test_time_going_backwards_is_said(tmp_path, capsys, monkeypatch):
+def test_time_going_backwards_is_reported(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     jump = drive(stamps=lambda stamp: stamp if stamp < BEGAN + 3 * SECOND else stamp - 2 * SECOND).write(
         tmp_path

@@ -84,7 +84,7 @@ def test_the_node_says_why_the_robot_stands(driving):
     assert "scan" in driving.until(lambda said: "stopped" in said.get("reason", ""))["reason"]
 
 
-def test_rviz_and_diagnostics_are_told(driving):
+def test_rviz_and_diagnostics_get_messages(driving):
     driving.set(watch=True)
     seen = driving.until(lambda said: "groups" in said)
     assert {"candidates", "sectors", "subgoal", "target"} <= set(seen["groups"])

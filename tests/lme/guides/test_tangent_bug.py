@@ -205,7 +205,7 @@ def test_a_mirrored_world_is_driven_through_mirrored():
     assert other * [1, -1, -1] == pytest.approx(poses, abs=MIRROR)
 
 
-def test_a_reset_guide_begins_anew():
+def test_a_reset_guide_starts_from_scratch():
     guide, seen = look(walls(*U), start=Pose(2.0, 0.3, 0.0))
     first = guide.guide(seen).subgoal
     guide.guide(seen._replace(target=np.array([0.1, 0.0])))

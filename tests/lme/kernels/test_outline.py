@@ -60,7 +60,7 @@ def test_the_cost_is_the_highest_under_the_outline(seed):
 
 
 @pytest.mark.parametrize("centre", [(-1.4, 0.0), (0.0, 1.4), (5.0, 5.0), (-1.4, -1.4)])
-def test_a_footprint_that_leaves_the_map_is_no_footprint(centre):
+def test_a_footprint_that_leaves_the_map_is_invalid(centre):
     cells = np.empty(outline_capacity(BOX, GRID[2]), np.int64)
     assert outline_cells(BOX, (*centre, 0.3), GRID, SHAPE, cells) == -1
     assert outline_cost(np.zeros(SHAPE, np.uint8), BOX, (*centre, 0.3), GRID, cells) == -1

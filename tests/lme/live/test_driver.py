@@ -49,7 +49,7 @@ def test_an_event_during_a_decision_stops_the_driver(rig, command):
         (ZeroDivisionError("no"), "ZeroDivisionError: no"),
     ],
 )
-def test_a_planner_that_fails_stops_it(rig, command, reason):
+def test_a_planner_that_fails_stops_the_driver(rig, command, reason):
     rig.drive()
     rig.puppet.command = command
     assert stands(rig.period(), reason)
@@ -68,7 +68,7 @@ def test_a_decision_that_takes_too_long_does_not_count(rig):
     assert stands(rig.period(), "the decision took 0.60 s")
 
 
-def test_a_navigator_that_cannot_be_built_is_said():
+def test_a_navigator_that_cannot_be_built_is_reported():
     rig = Rig()
     rig.driver._make_navigator = lambda robot: builders.Simple(None, None)
     rig.sense()

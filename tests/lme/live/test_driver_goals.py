@@ -60,7 +60,7 @@ def test_a_new_goal_takes_the_place_of_the_old_one(rig):
 
 
 @pytest.mark.parametrize("goal", [(math.nan, 0.0), (1.0,), (1.0, math.inf)])
-def test_a_goal_that_is_no_position(rig, goal):
+def test_a_goal_must_be_a_position(rig, goal):
     with pytest.raises(InputError, match="must be two finite numbers") as error:
         rig.driver.set_goal(goal, "odom", rig.now)
     assert "\n" not in str(error.value)

@@ -15,7 +15,7 @@ def test_without_a_scan_the_driver_stands(rig):
     assert stands(rig.tick(), "no scan")
 
 
-def test_a_stale_scan_stops_it_until_there_is_a_fresh_one(rig):
+def test_a_stale_scan_stops_the_driver_until_a_fresh_one_comes(rig):
     rig.drive()
     for _ in range(2):
         rig.pass_time()
@@ -30,7 +30,7 @@ def test_a_stale_scan_stops_it_until_there_is_a_fresh_one(rig):
 @pytest.mark.parametrize(
     "ranges", [[math.nan] * 540, [0.0] * 540, [0.01] * 540], ids=["NaN", "0", "too near"]
 )
-def test_an_empty_scan_stops_it(rig, ranges):
+def test_an_empty_scan_stops_the_driver(rig, ranges):
     rig.drive()
     rig.pass_time()
     rig.odometry()
@@ -42,7 +42,7 @@ def test_an_empty_scan_stops_it(rig, ranges):
 @pytest.mark.parametrize(
     "points", [np.empty((0, 3)), np.full((50, 3), math.nan), np.zeros((50, 3))], ids=["none", "NaN", "0"]
 )
-def test_an_empty_cloud_stops_it(rig, points):
+def test_an_empty_cloud_stops_the_driver(rig, points):
     def see(points):
         rig.pass_time()
         rig.odometry()

@@ -159,7 +159,7 @@ def test_a_dead_end_holds_it(config):
 
 @pytest.mark.parametrize("name", SHIPPED)
 @pytest.mark.parametrize("config", [{}, EAGER])
-def test_a_sealed_box_is_no_reason_to_crash(name, config):
+def test_a_sealed_box_does_not_crash_the_planner(name, config):
     robot = shipped(name)
     episode = drive(room(4.0 * robot.footprint.r_max), robot, goal=(6.0, 0.3), **config)
     assert episode.outcome is Outcome.TIMEOUT

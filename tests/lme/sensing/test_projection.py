@@ -203,7 +203,7 @@ def test_a_matrix_and_its_six_numbers_say_the_same(seed):
     "mount",
     [(0, 0, 0), (0, 0, math.nan, 0, 0, 0), np.eye(3), 2 * np.eye(4), np.diag([1, 1, -1, 1]), np.ones((4, 4))],
 )
-def test_a_mount_that_is_no_rigid_transform_is_refused(mount):
+def test_a_mount_that_is_not_a_rigid_transform_is_refused(mount):
     with pytest.raises(InputError, match=r"mount is .*: must be six finite numbers .* or a 4 × 4 matrix"):
         rigid_transform(mount)
 

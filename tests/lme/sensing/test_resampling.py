@@ -68,7 +68,7 @@ def test_every_way_to_say_no_return(nothing):
     assert list(np.isfinite(ranges)) == [True, False, True]
 
 
-def test_a_range_of_zero_is_no_return_even_where_range_min_is_zero():
+def test_a_range_of_zero_is_not_a_return_even_where_range_min_is_zero():
     assert np.isinf(tidied(scan([0, 1], limits=(0.0, 10.0))).ranges[0])
 
 

@@ -69,14 +69,14 @@ def returns(scan):
 
 
 @MOUNTS
-def test_ground_and_ceiling_are_seen_but_are_no_obstacles(mount):
+def test_ground_and_ceiling_are_seen_but_are_not_obstacles(mount):
     empty = ExtrudedWorld(World(), ceiling=2.5)
     assert len(sensor(mount).cloud(empty, ORIGIN, 0.1)) > 5000
     assert returns(scan_of(empty, mount=mount)) == 0
 
 
 @MOUNTS
-def test_ground_is_no_obstacle_under_noise_either(mount):
+def test_ground_is_not_an_obstacle_under_noise_either(mount):
     assert returns(scan_of(ExtrudedWorld(World(), ceiling=2.5), mount=mount, noise_std=0.02)) == 0
 
 

@@ -208,7 +208,7 @@ def test_a_pedestrian_runs_into_a_robot_at_rest():
 # --- mistakes -------------------------------------------------------------------------------------------
 
 
-def test_a_robot_without_a_drivetrain_is_told_what_to_add():
+def test_a_robot_without_a_drivetrain_is_refused_with_what_to_add():
     with pytest.raises(
         InputError, match=r"robot\.drivetrain is null in robot stage: sim=skid needs mass.*jackal_gazebo"
     ):

@@ -119,7 +119,7 @@ def test_a_mover_starts_after_its_time_whatever_the_step(dt):
     assert crowd.poses[0, 0] == pytest.approx(0.5 * (crowd._time - 0.35), abs=KERNEL)
 
 
-def test_a_mover_starts_once_the_robot_is_near_and_goes_on_when_it_leaves():
+def test_a_mover_starts_once_the_robot_is_near_and_continues_when_it_leaves():
     crowd = Crowd([walker(starts_within=1.0)])
     for robot, x in ((1.01, 0.0), (0.99, 0.1), (50.0, 0.2)):
         crowd.advance(Pose(0.0, robot, 0.0), 0.2)

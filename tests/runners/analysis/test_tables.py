@@ -108,7 +108,7 @@ def test_one_run_has_no_deviation():
         ({"system": "target+simple"}, False),
     ],
 )
-def test_published_figures_stand_beside_what_they_compare_with(columns, published):
+def test_published_figures_are_next_to_what_they_compare_with(columns, published):
     rows = summarise(records(**columns), systems=SYSTEMS)
     assert [row.published_map is not None for row in rows] == [False, True][: 1 + published]
     text = "\n".join(notes(rows))

@@ -79,7 +79,7 @@ def test_a_problem_is_marked_says_what_to_do_and_is_the_exit_status(installed, c
     assert shown.endswith("\n2 problems.\n")
 
 
-def test_an_extra_that_is_not_there_is_no_problem_but_an_old_one_is(installed):
+def test_a_missing_extra_is_not_a_problem_but_an_old_one_is(installed):
     del installed["torch"]
     assert line("extra gp") == ("extra gp", "no; pip install 'torch>=2.2'", "")
     installed["torch"] = "1.13.1"

@@ -322,7 +322,7 @@ def test_resume_by_path_refuses_another_config_and_names_it(probe):
 
 
 @pytest.mark.parametrize("place", ["nowhere", "."])
-def test_resume_of_what_is_no_run(probe, place):
+def test_resuming_a_folder_without_a_run_is_refused(probe, place):
     with pytest.raises(InputError, match=f"resume={place}: "):
         probe.launch(f"resume={place}")
 
@@ -405,7 +405,7 @@ def test_a_sweep_of_other_jobs_is_not_the_same(probe):
             probe.launch("-m", f"seed={seeds}", "hydra.sweep.dir=here", "resume=true")
 
 
-def test_a_folder_that_a_larger_sweep_left_behind_is_no_job(probe):
+def test_a_folder_left_by_a_larger_sweep_is_not_a_job(probe):
     probe.launch("-m", "seed=0,1,2", "hydra.sweep.dir=here")
     for path in [Path("here/launch.json"), *Path("here").rglob("episodes.jsonl")]:
         path.unlink()
@@ -525,7 +525,7 @@ def test_a_bug_keeps_its_traceback(probe):
         probe.launch()
 
 
-def test_an_interrupt_is_130_and_says_how_to_go_on(probe, capsys):
+def test_an_interrupt_is_130_and_says_how_to_continue(probe, capsys):
     probe.failure = KeyboardInterrupt()
     assert probe.launch("-m", "seed=0,1") == 130
     assert f"resume={probe.directory.parent}" in capsys.readouterr().err

@@ -206,7 +206,7 @@ def test_broken_yaml_names_file_and_line(launch, own):
         (ROBOT.replace("name: jackal", 'name: "\\uD800"'), "not valid YAML"),
     ],
 )
-def test_a_file_that_is_no_mapping_or_that_only_one_parser_reads(launch, own, text, said):
+def test_a_file_that_is_not_a_mapping_or_that_only_one_parser_reads(launch, own, text, said):
     words, _ = own("v_max: 2.0", "v_max: 1.0")
     Path(words[1], "robot", "mine.yaml").write_text(text)
     assert said in launch(*words)

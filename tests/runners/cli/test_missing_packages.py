@@ -57,6 +57,6 @@ def test_lme_live_needs_hydra_alone():
     assert done.stderr.startswith("lme live: ROS 2 is not installed: pip install ros-rclpy ")
 
 
-def test_a_module_that_is_no_requirement_keeps_its_traceback():
+def test_a_missing_module_that_is_not_a_requirement_keeps_its_traceback():
     assert explain_missing(ModuleNotFoundError("No module named 'nope'", name="nope"), "eval") == ""
     assert explain_missing(ModuleNotFoundError("no name"), "eval") == ""

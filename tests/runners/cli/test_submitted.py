@@ -49,7 +49,7 @@ def job(number, status, *overrides):
     return SimpleNamespace(return_value=status, hydra_cfg=config, overrides=overrides)
 
 
-def test_a_failed_job_is_told_with_the_file_that_says_why(capsys):
+def test_a_failed_job_is_reported_with_its_log_file(capsys):
     LOCAL.announce(2)
     LOCAL.report_failures([job(0, 0), job(1, 2, "seed=1", "runs=1")])
     assert capsys.readouterr().err.splitlines() == [
@@ -58,7 +58,7 @@ def test_a_failed_job_is_told_with_the_file_that_says_why(capsys):
     ]
 
 
-def test_nothing_is_said_of_jobs_of_another_launcher(capsys):
+def test_jobs_of_another_launcher_are_not_announced(capsys):
     other = Submitted.of(OmegaConf.create({"hydra": {"launcher": {"_target_": "BasicLauncher"}}}), "eval")
     other.announce(2)
     other.report_failures([job(0, 2)])
@@ -126,7 +126,7 @@ def test_processes_of_this_machine(tmp_path):
 
 
 @pytest.mark.slow
-def test_a_killed_job_is_one_line_and_the_sweep_can_go_on(tmp_path):
+def test_a_killed_job_is_one_line_and_the_sweep_can_continue(tmp_path):
     pytest.importorskip("hydra_plugins.hydra_submitit_launcher")
     (tmp_path / "my_module.py").write_text(PLANNER)
     words = [*WORDS, "planner._target_=my_module.Planner", "+planner.ends=killed,well", "hydra.sweep.dir=cut"]

@@ -54,7 +54,7 @@ def test_defaults_before_self_are_overridden_and_those_after_override(own, tmp_p
     assert own.values("robot/back")["name"] == "long"
 
 
-def test_a_base_file_is_no_option(own):
+def test_a_base_file_is_not_an_option(own):
     assert own.options("robot") == ["long", "wide"]
     assert own.title("robot/long") == "Long"
 

@@ -36,7 +36,7 @@ def test_rows_in_the_order_of_the_config(sweep):
     assert [line.split(",")[0] for line in lines] == ["label", "LME (ours)", "Simple (ours)"]
 
 
-def test_the_chart_is_there_and_table_draws_it_anew(sweep, capsys):
+def test_the_chart_is_there_and_table_redraws_it(sweep, capsys):
     chart = sweep[0] / "comparison.png"
     assert chart.read_bytes().startswith(b"\x89PNG")
     assert (sweep[0] / "comparison.pdf").read_bytes().startswith(b"%PDF")
@@ -97,7 +97,7 @@ def test_the_parent_run_of_a_sweep_holds_all_results(sweep):
         assert tags["mlflow.parentRunId"] == parent.info.run_id
 
 
-def test_a_row_that_is_no_system_is_named(capsys):
+def test_a_row_that_is_not_a_system_is_refused(capsys):
     assert main(["eval", "table=[drl_v]"]) == 2
     assert "table: drl_v: did you mean drl_vo?" in capsys.readouterr().err
 

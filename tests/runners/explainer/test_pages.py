@@ -93,7 +93,7 @@ def test_the_closest_approach_is_that_of_the_path(driven):
     assert f"| {closest:.2f} |" in (driven / "table.md").read_text()
 
 
-def test_the_page_is_of_the_episode_and_needs_nothing_beside_it(driven):
+def test_the_page_is_of_the_episode_and_needs_no_other_file(driven):
     page = (driven / "explain" / "207-0.html").read_text(encoding="utf-8")
     assert "<title>" in page
     assert not re.search(r'(src|href)="(https?:)?//', page)
@@ -113,7 +113,7 @@ def test_names_in_the_index_are_text_and_nothing_else(run, drawn):
     assert not re.search("<script|<img", text)
 
 
-def test_explaining_more_goes_on_with_the_same_run_and_keeps_what_is_there(run, drawn):
+def test_explaining_more_continues_the_same_run_and_keeps_its_pages(run, drawn):
     before = (run / "explain" / "207-0.html").read_bytes()
     assert main([*WORDS, FEW, SHORT, "explain=all", f"hydra.run.dir={run}", "resume=true"]) == 0
     assert drawn == [ARRIVED]
@@ -125,7 +125,7 @@ def test_explaining_more_goes_on_with_the_same_run_and_keeps_what_is_there(run, 
 @pytest.mark.parametrize(
     "spoil_page", [lambda page: page[:-30], lambda page: page.replace(b"<!-- ", b"<!-- not ")]
 )
-def test_a_page_that_is_torn_or_of_another_episode_is_made_anew(run, drawn, spoil_page):
+def test_a_page_that_is_torn_or_of_another_episode_is_replaced(run, drawn, spoil_page):
     page = run / "explain" / "207-0.html"
     page.write_bytes(spoil_page(page.read_bytes()))
     pages.make_requested_pages(Explain.failures, run, SerialExecutor(SerialConfig()))
@@ -248,7 +248,7 @@ def test_two_pages_are_written_by_two_processes(run, tmp_path, capsys):
     assert (tmp_path / "207-0.html").read_bytes() == (run / "explain" / "207-0.html").read_bytes()
 
 
-def test_text_tells_every_decision(driven, capsys):
+def test_text_explains_every_decision(driven, capsys):
     assert main(["explain", str(driven), "207", "--text"]) == 0
     title, header, *lines = capsys.readouterr().out.splitlines()
     steps = int(read_episodes([driven]).set_index("world").loc[207, "steps"])

@@ -137,7 +137,7 @@ def test_explain_shows_the_drive(driven, place, capsys):
     assert np.isnan(trace.episode.trajectory[-1, 9])  # nothing is seen at the end
 
 
-def test_explain_tells_the_reasons_that_were_recorded(by_lme, place, capsys):
+def test_explain_prints_the_recorded_reasons(by_lme, place, capsys):
     assert main(["explain", str(by_lme.path), "--text"]) == 0
     told = capsys.readouterr().out
     assert re.match(rf"Live, goal 1, run 0: arrived after [\d.]+ s, {len(by_lme.steps)} decisions", told)

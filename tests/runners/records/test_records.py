@@ -402,7 +402,7 @@ def test_a_line_with_a_value_of_another_kind_is_named(tmp_path, damage):
         read_episodes([tmp_path])
 
 
-def test_records_that_disagree_are_told_in_one_line(tmp_path):
+def test_records_that_disagree_are_reported_in_one_line(tmp_path):
     write(tmp_path, KEYS[:2], merge=False)
     log = tmp_path / "parts" / "episodes.jsonl"
     lines = log.read_text().splitlines(keepends=True)

@@ -159,7 +159,7 @@ def test_topics_are_found_by_type(tmp_path):
     assert topics.tf == ("/tf_static",)
 
 
-def test_a_second_scanner_needs_no_choice_beside_one_called_scan(tmp_path):
+def test_a_second_scanner_needs_no_choice_next_to_one_called_scan(tmp_path):
     maker = drive(steps=2)
     maker.add("/rear_scan", "sensor_msgs/msg/LaserScan", BEGAN, maker.scan(BEGAN, [1.0, 1.0], 0.0, 0.1))
     assert chosen(maker, tmp_path).scan.name == "/scan"
@@ -249,7 +249,7 @@ def test_a_message_that_is_defined_otherwise_is_refused(tmp_path):
     assert "geometry_msgs/msg/Pose differently from ROS, or is damaged" in one_line(error)
 
 
-def test_a_message_whose_time_is_no_number_is_damage(tmp_path):
+def test_a_message_whose_time_is_not_a_number_is_damage(tmp_path):
     path = drive(".db3", steps=6).write(tmp_path)
     with sqlite3.connect(path) as database:
         database.execute("UPDATE messages SET timestamp = 'x' WHERE id = 4")

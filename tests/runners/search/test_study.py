@@ -309,7 +309,7 @@ def test_trials_beyond_the_total_are_withdrawn(tmp_path, monkeypatch):
     assert second.claim(5, 3) != []
 
 
-def test_a_file_that_is_no_journal_is_left_as_it_is(tmp_path):
+def test_a_file_that_is_not_a_journal_is_not_changed(tmp_path):
     path = tmp_path / JOURNAL
     path.write_bytes(b"somebody's notes")
     with pytest.raises(InputError, match="line 1: is not an entry of an Optuna journal"):

@@ -67,7 +67,7 @@ def test_the_original_answers_up_to_half_a_metre_and_two_radians(file):
 
 
 @pytest.mark.parametrize(("ahead", "v_max"), [(2.3, 2.0), (2.1, 0.5)])
-def test_the_barn_entry_is_fast_where_it_is_free_ahead(file, ahead, v_max):
+def test_the_barn_entry_drives_fast_where_the_way_ahead_is_free(file, ahead, v_max):
     planner, _ = made(file)
     command = planner.plan(seen((40.0, ahead), (60.0, 0.5)), STRAIGHT)
     assert command == pytest.approx((0.75 * v_max, -0.25 * 0.7), abs=KERNEL)

@@ -124,7 +124,7 @@ def test_the_target_is_a_candidate_where_the_lidar_sees_it(yaw, target, candidat
     assert (seen.candidates[-1].tolist() == list(target)) is candidate
 
 
-def test_a_target_that_is_not_free_is_no_candidate():
+def test_a_target_that_is_not_free_is_not_a_candidate():
     ranges = np.full(180, 15.0, dtype=np.float32)
     ranges[90] = 2.0
     assert len(explain(with_lidar(), (3.0, 0.0), ranges).candidates) == 300

@@ -24,7 +24,7 @@ def test_without_arguments_leaderboard_reads_outputs(here, capsys):
     assert "2 of 100 worlds" in text
 
 
-def test_a_run_that_cannot_be_read_is_told_here_and_on_the_page(here, capsys):
+def test_a_run_that_cannot_be_read_is_reported_here_and_on_the_page(here, capsys):
     (here / "outputs" / "eval" / "two" / "episodes.parquet").write_text("junk")
     with pytest.warns(UserWarning, match=r"left out: outputs/eval/two/episodes.parquet is not a readable"):
         assert main(["leaderboard", "outputs", "--into", "board.html"]) == 0

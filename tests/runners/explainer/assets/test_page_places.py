@@ -74,7 +74,7 @@ def test_a_guide_without_reasons_has_its_drive_shown(open_page, tmp_path):
     assert page.watch.said == []
 
 
-def test_a_planned_path_is_drawn_and_the_end_tells_the_tasks_clock(open_page, tmp_path):
+def test_a_planned_path_is_drawn_and_the_end_shows_the_tasks_clock(open_page, tmp_path):
     path = tmp_path / "planned.html"
     planned = traced(230, "map.worlds=[230]", "guide=global_path", "planner=eband", "map.time_limit=4")
     write_page(planned, path, "E-Band")
@@ -110,7 +110,7 @@ def test_a_long_name_breaks(open_page, trace, tmp_path):
     assert open_page(tmp_path / "long.html", "", 360, 740).evaluate(FIT)
 
 
-def test_a_browser_that_is_too_old_is_told_so(browser, page_file):
+def test_a_browser_that_is_too_old_gets_a_note(browser, page_file):
     page = browser.new_page()
     page.add_init_script("CSS.supports = () => false")
     page.goto(page_file.as_uri())

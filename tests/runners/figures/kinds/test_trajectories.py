@@ -96,7 +96,7 @@ def test_one_column_per_system_and_one_row_per_world(tmp_path, drawn):
     assert [row[0].get_ylabel() for row in rows] == ["corridor, world 3", "corridor, world 8"]
 
 
-def test_a_row_that_is_too_long_goes_on_below(tmp_path, drawn):
+def test_a_row_that_is_too_long_continues_below(tmp_path, drawn):
     draw(several(12), [3], tmp_path)
     assert [len(row) for row in rows_of(drawn[0])] == [6, 6]
 
@@ -210,7 +210,7 @@ def test_a_setting_that_makes_no_sense_is_named(key, value):
         build(node, "figure")
 
 
-def test_subgoals_are_those_chosen_anew_and_not_the_goal():
+def test_subgoals_are_the_newly_chosen_ones_and_not_the_goal():
     steps = pd.DataFrame(
         {
             "step": [0, 1, 2, 3, 4],

@@ -35,7 +35,7 @@ def test_a_figure_waits_for_an_import_of_ipython_in_another_thread(tmp_path):
 
 
 @pytest.mark.parametrize("ending", FORMATS)
-def test_a_full_disk_is_told_as_one_and_leaves_the_old_picture(tmp_path, monkeypatch, ending):
+def test_a_full_disk_is_reported_as_one_and_leaves_the_old_picture(tmp_path, monkeypatch, ending):
     path = tmp_path / f"chart.{ending}"
     path.write_text("before")
 
