@@ -126,7 +126,7 @@ def _styles(runs: Sequence[DrivenRun]) -> dict[str, Style]:
     labels = _labels(runs)
     if len(labels) > len(SYSTEMS):
         raise InputError(
-            f"figure.layout is overlaid: {len(labels)} systems cannot be told apart in one panel, "
+            f"figure.layout is overlaid: {len(labels)} systems cannot be distinguished in one panel, "
             f"{len(SYSTEMS)} can; choose side_by_side, or fewer systems"
         )
     return dict(zip(labels, SYSTEMS, strict=False))

@@ -175,7 +175,7 @@ def test_overlaid_systems_differ_in_colour_and_in_line(tmp_path, drawn):
 
 
 def test_more_systems_than_can_be_told_apart_are_refused(tmp_path):
-    with pytest.raises(InputError, match=r"figure\.layout is overlaid: 7 systems cannot be told apart"):
+    with pytest.raises(InputError, match=r"figure\.layout is overlaid: 7 systems cannot be distinguished"):
         draw(several(7), [3], tmp_path, layout="overlaid")
 
 
