@@ -1,4 +1,4 @@
-"""Times each kernel, called from Python, beside its plain twin and, for the scan, pymunk's ray queries."""
+"""Times each kernel, called from Python, against its plain twin and, for the scan, pymunk's ray queries."""
 
 import math
 import time

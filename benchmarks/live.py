@@ -108,7 +108,7 @@ def _started(before: list[str], words: tuple[str, ...], folder: str, name: str) 
 
 
 def _isolate(version: int, folder: str, stack: contextlib.ExitStack) -> None:
-    """A ROS of our own on the loopback."""
+    """A separate ROS on the loopback."""
     os.environ |= {"ROS_LOG_DIR": folder, "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST", "ROS_DOMAIN_ID": "86"}
     if version == 2:
         return

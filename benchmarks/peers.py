@@ -1,9 +1,9 @@
-"""Measures the speed of other simulators beside `sim=fast`: scan, motion and collision check of one robot, one core.
+"""Measures the speed of other simulators next to `sim=fast`: scan, motion and collision check of one robot, one core.
 
     python -m benchmarks.peers [--record]
 
 All drive the same small circle in BARN world 200 with 540 beams, one after the other, so ratios are valid on a busy
-machine too. Peers are no dependencies: what is not installed is named in its row. navground and ir-sim come from pip;
+machine too. Peers are not dependencies: the row of a missing one says so. navground and ir-sim come from pip;
 Stage is built from source (github.com/rtv/Stage), and `stage` must be on the PATH. --record also writes
 benchmarks/results/peers.md.
 """

@@ -1,4 +1,4 @@
-"""Measures the speed of kernels beside their plain twins, of a decision, the closed loop and whole commands.
+"""Measures the speed of kernels against their plain twins, of a decision, the closed loop and whole commands.
 
     python -m benchmarks.speed [--record]
 

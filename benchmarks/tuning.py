@@ -59,7 +59,7 @@ def tune(planner: str, name: str, seed: int) -> Path:
 
 
 def variant(planner: str, robot: str, found: dict[str, Any], command: str) -> str:
-    """The text of the YAML file: the planner's file with the values found, each beside the textbook value."""
+    """The text of the YAML file: the planner's file with the values found, each with the textbook value."""
     own = (resource_dir("conf") / "planner" / f"{planner}.yaml").read_text(encoding="utf-8")
     title, before = own.splitlines()[0].removeprefix("# "), yaml.safe_load(own)
     settings = {key.removeprefix("planner."): value for key, value in found["settings"].items()}

@@ -50,7 +50,7 @@ def load_map_set(name: str, settings: Mapping[str, Any] | None = None, robot: Ro
     if "radius" in values and values["radius"] is None:
         if robot is None:
             raise InputError(
-                "map.radius is null: must be given if robots are drawn, at least that of the largest"
+                "map.radius is null: must be given if robots are drawn at random, at least that of the largest"
             )
         values["radius"] = robot.hull.r_max
     made: MapSet = target(_build(target.Config, place, values))

@@ -17,7 +17,7 @@ from lme.sim.fast import FastConfig, FastSimulator
 from lme.types import LaserScan, Observation, Pose, Twist
 from lme.worlds.world import Task, World
 from runners.config import catalogue
-from runners.config.instantiate import filled
+from runners.config.instantiate import fill_dataclass
 from runners.records.episode_record import COLUMNS, EpisodeRecord
 
 PUBLISHED = {  # paper §IV.D
@@ -52,7 +52,7 @@ def robot_from(values):
     """A robot from a mapping as in `conf/robot/`; a warning about its collision radius is its author's."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)
-        return filled(Robot, values, "robot")
+        return fill_dataclass(Robot, values, "robot")
 
 
 def shipped(name):

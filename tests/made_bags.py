@@ -1,4 +1,4 @@
-"""Recordings made for tests: the same drive in any format, told by any topics."""
+"""Recordings made for tests: the same drive in any format, over any topics."""
 
 import math
 from pathlib import Path

@@ -261,7 +261,7 @@ def dense(inputs, kernel, bias, slope):
 
 
 def nearest_returns(ranges, sectors, angles, limits, unseen, offset):
-    """Every sector by itself: its beams counter-clockwise, the nearest of them, or the point of no beam."""
+    """Every sector on its own: its beams counter-clockwise, the nearest of them, or the point of no beam."""
     out = []
     for s, point in enumerate(unseen):
         beams = [i for i in range(len(ranges)) if sectors[i] == s]

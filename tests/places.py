@@ -1,4 +1,4 @@
-"""Where tests find the checkout, and the material beside it that not every machine has."""
+"""Where tests find the checkout, and the material next to it that not every machine has."""
 
 from pathlib import Path
 

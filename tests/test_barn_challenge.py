@@ -37,7 +37,7 @@ def test_the_node_reads_the_challenges_topics_and_clock():
     assert config.live["use_sim_time"]
 
 
-def test_the_words_of_roslaunch_are_no_words_of_lme(capsys):
+def test_arguments_of_roslaunch_are_not_arguments_of_lme(capsys):
     _, _, *words, _ = started()
     assert main(["live", *words, "__name:=move_base", "__log:=/tmp/node.log", "--cfg", "job"]) == 0
     assert "front/scan" in capsys.readouterr().out

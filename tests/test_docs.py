@@ -60,7 +60,7 @@ def _commands(page: Path) -> list[tuple[str, ...]]:
     return [command for command in commands if not {"--help", "system=NAME"} & {*command}]
 
 
-# Each once, with the first page that has it; the changelog tells of commands that were.
+# Each once, with the first page that has it; the changelog describes former commands.
 COMMANDS = {
     command: page for page in reversed(PAGES) if page.name != "CHANGELOG.md" for command in _commands(page)
 }

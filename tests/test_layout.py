@@ -104,7 +104,7 @@ def test_a_shared_kernel_has_clients_in_several_rooms(kernel):
     ],
     ids=str,
 )
-def test_a_kernel_beside_its_client_serves_nobody_else(kernel):
+def test_a_kernel_next_to_its_client_has_no_other_client(kernel):
     home = kernel.parent.parent if kernel.parent.name == "kernels" else kernel.parent
     outside = [str(path) for path in clients(kernel) if not path.is_relative_to(home)]
     assert not outside, f"{kernel} serves {outside}: lme/kernels/ holds what is shared"

@@ -1,4 +1,4 @@
-"""Private names of Hydra and Optuna stand in one file each, which says why."""
+"""Private names of Hydra and Optuna are in one file each, which says why."""
 
 import ast
 import re

@@ -222,14 +222,14 @@ def _edge_entry(x, y, psi, square, R, half_length, half_width, r):
             (front * front - square) / (R + root) if R > 0.0 else -root
         )  # R − root, without cancellation
         if abs(y_front) <= half_width + EDGE:
-            first = min(first, _ahead(psi - math.atan2(front, root)))
+            first = min(first, _wrap_positive(psi - math.atan2(front, root)))
         if abs(R + root) <= half_width + EDGE:
-            first = min(first, _ahead(psi - math.atan2(-front, -root)))
+            first = min(first, _wrap_positive(psi - math.atan2(-front, -root)))
     for left in (half_width + r, -half_width - r):
         beside = x * x + y * y - left * left + 2.0 * R * (left - y)  # x² where the circle meets y = left
         if 0.0 <= beside <= (half_length + EDGE) ** 2:
             crossing = math.copysign(math.sqrt(beside), left)
-            first = min(first, _ahead(psi - math.atan2(crossing, R - left)))
+            first = min(first, _wrap_positive(psi - math.atan2(crossing, R - left)))
     return first
 
 
@@ -248,11 +248,11 @@ def _corner_entry(x, y, psi, rho, R, half_length, half_width, r):
     if rest < 0.0 or rest > whole:  # the circle misses the disc or is inside it
         return np.inf
     beta, corner = 2.0 * math.asin(math.sqrt(rest / whole)), math.atan2(half_length, below)
-    return min(_ahead(psi - corner - beta), _ahead(psi + corner - beta))
+    return min(_wrap_positive(psi - corner - beta), _wrap_positive(psi + corner - beta))
 
 
 @njit(cache=True, error_model="numpy")
-def _ahead(angle):
+def _wrap_positive(angle):
     """The angle wrapped to [0, 2π)."""
     if angle < 0.0:
         angle += 2.0 * math.pi

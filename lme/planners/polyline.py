@@ -58,7 +58,7 @@ def stretch(line: Floats, begin: float, end: float, spacing: float) -> Floats:
 
 
 @njit(cache=True, error_model="numpy")
-def leaves(line: Floats, radius: float) -> tuple[float, float, float]:
+def exit_point(line: Floats, radius: float) -> tuple[float, float, float]:
     """The point where the polyline (K, 2), K ≥ 1, first leaves the disc of `radius` [m] about its first point.
 
     Returns its x and y, or those of the line's end if it stays inside, and the length of the whole line [m].

@@ -85,7 +85,7 @@ class Scene(Starts):
         for place, mover in enumerate(task.world.movers):
             if _distance(mover, task.start) <= self._radius:
                 raise InputError(
-                    f"map {task.map_name}, start {number}: movers[{place}] stands in the disc around the robot "
+                    f"map {task.map_name}, start {number}: movers[{place}] overlaps the disc around the robot "
                     "(map.radius): must start further away"
                 )
         return task

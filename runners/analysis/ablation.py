@@ -94,7 +94,7 @@ def studies(frame: pd.DataFrame) -> list[AblationStudy]:
     return [_study(block) for block in paired.blocks(frame, COLUMN, COMPLETE)]
 
 
-def in_text(ablation: str) -> str:
+def variant_label(ablation: str) -> str:
     """ "No a_close" for no_a_close, "No c_o, c_t" for two at once."""
     if ablation == COMPLETE:
         return "Complete"
@@ -108,7 +108,7 @@ def sentences(found: list[AblationStudy]) -> list[str]:
         said = [variant for variant in study.variants if variant.agrees]
         if said:
             lines.append(f"{study.heading}, {study.place}: the paper's ablation and ours.")
-        lines += [f"{in_text(each.ablation)}: {each.words}" for each in said]
+        lines += [f"{variant_label(each.ablation)}: {each.words}" for each in said]
     return lines
 
 
@@ -184,8 +184,8 @@ def _judge(
     if tier is None:
         return "yes", "a loss beyond the noise"
     if tier == MOST:
-        return _the_largest(name, change, found, claims)
-    above = list(_surpassed(name, change, found, claims))
+        return _judge_largest_loss(name, change, found, claims)
+    above = list(_exceeded_variants(name, change, found, claims))
     if above:
         return "in part", f"a loss beyond the noise, but larger than that of {' and '.join(above)}"
     return "yes", "a loss beyond the noise"
@@ -197,25 +197,25 @@ def _is_open(change: Difference, tier: int | None) -> bool:
     return not change.beyond_noise and (change.worlds < FEWEST or reach > MARGIN)
 
 
-def _the_largest(
+def _judge_largest_loss(
     name: str, change: Difference, found: Mapping[str, Difference], claims: Mapping[str, Claim]
 ) -> tuple[str, str]:
     others = {other: found[other] for other in claims if other in found and other != name}
-    larger = [in_text(other) for other, theirs in others.items() if theirs.high < change.low]
+    larger = [variant_label(other) for other, theirs in others.items() if theirs.high < change.low]
     if larger:
         return "in part", f"a loss beyond the noise, but smaller than that of {' and '.join(larger)}"
     largest = all(theirs.mean > change.mean for theirs in others.values())
     return "yes", "the largest loss of all" if largest else "a loss beyond the noise"
 
 
-def _surpassed(
+def _exceeded_variants(
     name: str, change: Difference, found: Mapping[str, Difference], claims: Mapping[str, Claim]
 ) -> Iterator[str]:
     """Variants with a larger loss in the paper that lose less here, with disjoint intervals."""
     tier = claims[name].tier or 0
     for other, claim in claims.items():
         if claim.tier is not None and claim.tier > tier and other in found and change.high < found[other].low:
-            yield in_text(other)
+            yield variant_label(other)
 
 
 def _table(study: AblationStudy) -> str:
@@ -229,7 +229,7 @@ def _table(study: AblationStudy) -> str:
 
 def _cells(variant: Variant) -> list[str]:
     lacking = f", {variant.row.unfinished}" if variant.row.unfinished else ""
-    cells = [in_text(variant.ablation) + lacking]
+    cells = [variant_label(variant.ablation) + lacking]
     for measure in (SUCCESS, METRIC):
         mean, std = variant.row.stats.get(measure, (math.nan, math.nan))
         spread = "" if math.isnan(std) else f" ± {std:.3f}"
@@ -249,7 +249,7 @@ def _change(change: Difference | None) -> list[str]:
 
 
 def _list(study: AblationStudy) -> str:
-    return "\n".join(f"- {in_text(v.ablation)}: {v.words}" for v in study.variants if v.agrees)
+    return "\n".join(f"- {variant_label(v.ablation)}: {v.words}" for v in study.variants if v.agrees)
 
 
 def _numbers(study: AblationStudy, variant: Variant) -> dict[str, object]:

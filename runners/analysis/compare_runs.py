@@ -104,10 +104,11 @@ def compare_runs(frame: pd.DataFrame) -> list[RunComparison]:
     found = groups(runs)
     together = [group for group in found if group.others]
     if not together:
-        drove = "; ".join(f"{run.run_dir} drove {_drove(run)}" for run in runs[:3])
+        drove = "; ".join(f"{run.run_dir} drove {_describe_worlds(run)}" for run in runs[:3])
         raise InputError(f"no two of these runs share a world: {drove}")
     alone = [
-        f"Left out: {group.reference.run_dir} shares no world with another run; it drove {_drove(group.reference)}."
+        f"Left out: {group.reference.run_dir} shares no world with another run; "
+        f"it drove {_describe_worlds(group.reference)}."
         for group in found
         if not group.others
     ]
@@ -172,7 +173,7 @@ def _notes(
 ) -> list[str]:
     runs = [group.reference, *(run for run, _ in group.others)]
     lines = [
-        _left_out(group.reference, run, worlds, name)
+        _describe_unshared(group.reference, run, worlds, name)
         for (run, worlds), name in zip(group.others, names[1:], strict=True)
     ]
     lines += [
@@ -199,7 +200,7 @@ def _notes(
     return [line for line in lines if line]
 
 
-def _left_out(reference: ComparedRun, run: ComparedRun, shared: frozenset[int], name: str) -> str:
+def _describe_unshared(reference: ComparedRun, run: ComparedRun, shared: frozenset[int], name: str) -> str:
     """What two runs do not share; empty if every episode has a partner."""
     both, number = reference.worlds & run.worlds, len(shared)
     parts = [
@@ -216,7 +217,7 @@ def _left_out(reference: ComparedRun, run: ComparedRun, shared: frozenset[int], 
     return f"{name}: {_number(number, 'shared world')}; left out: {', '.join(parts)}." if parts else ""
 
 
-def _drove(run: ComparedRun) -> str:
+def _describe_worlds(run: ComparedRun) -> str:
     """ "barn, 20 worlds from 0 to 285"."""
     numbers = run.worlds
     return f"{run.text('map')}, {_number(len(numbers), 'world')} from {min(numbers)} to {max(numbers)}"

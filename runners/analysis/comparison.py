@@ -60,7 +60,9 @@ def sentences(found: list[Comparison]) -> list[str]:
     for study in found:
         lines.append(f"Paired differences from {study.reference}, {study.place}:")
         for name, changes in study.changes.items():
-            lines.append(f"{name}: {'; '.join(_in_words(key, change) for key, change in changes.items())}.")
+            lines.append(
+                f"{name}: {'; '.join(_describe_change(key, change) for key, change in changes.items())}."
+            )
     return lines
 
 
@@ -103,7 +105,7 @@ def _comparison(block: Block, reference: str) -> Comparison:
     )
 
 
-def _in_words(measure: str, change: Difference) -> str:
+def _describe_change(measure: str, change: Difference) -> str:
     reach = interval(change)
     shown = f"{HEADERS[measure]} {signed(change.mean)}" + (f" ({reach})" if reach else "")
     return f"{shown}, beyond the noise" if change.beyond_noise else shown

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 from runners.analysis.paired import METRIC, interval_of_mean
 from runners.analysis.summary import USUAL, Row, as_text, measure, numbers
-from runners.config.changes import in_words
+from runners.config.changes import describe_changes
 from runners.config.flatten import flatten
 from runners.records.append_log import APPEND_LOG
 from runners.records.launch_record import Launch, read_launch
@@ -153,7 +153,7 @@ def _changed(changes: Mapping[str, Any], part: Mapping[str, Any]) -> tuple[str, 
 
 
 def _each_as_text(values: Mapping[str, Any]) -> tuple[str, ...]:
-    return tuple(in_words({key: value}) for key, value in values.items())
+    return tuple(describe_changes({key: value}) for key, value in values.items())
 
 
 def _by_name(named: Iterable[tuple[_Name, dict[str, Any]]]) -> dict[_Name, list[dict[str, Any]]]:

@@ -267,7 +267,7 @@ def _published_row(found: published.Figures, setting: published.PublishedSetting
 
 def _ablated(group: pd.DataFrame, labels: Mapping[str, str]) -> str:
     first = group.iloc[0]
-    label = ablations.in_words(str(first.get("ablation", "")), labels)
+    label = ablations.describe_ablation(str(first.get("ablation", "")), labels)
     return "" if str(first["system"]).endswith(label) else label  # the label of lme_no_c_t includes it
 
 

@@ -98,7 +98,7 @@ def to_rich(rows: Sequence[Row], heading: str, width: int) -> rich.table.Table:
     from rich.text import Text
 
     columns, gap, left_out = _fit(rows, width)
-    below = notes(rows, [header for header, *_ in left_out]) + _about(left_out, width)
+    below = notes(rows, [header for header, *_ in left_out]) + _describe_omitted(left_out, width)
     table = Table(title=Text(heading), caption=Text("\n".join(below)), caption_justify="left")
     table.box, table.show_edge, table.pad_edge, table.padding = SIMPLE_HEAD, False, False, (0, gap - 1, 0, 0)
     # Text, not str: Rich would read a unit in brackets as markup.
@@ -205,7 +205,7 @@ def _is_constant(column: Column) -> bool:
     return len(values) > 1 and len(set(values)) == 1
 
 
-def _about(left_out: Sequence[Column], width: int) -> list[str]:
+def _describe_omitted(left_out: Sequence[Column], width: int) -> list[str]:
     """Lines that name the omitted columns, and say where to find them."""
     same = [
         f"{header} {next(cell for cell in cells if cell != MISSING)}"

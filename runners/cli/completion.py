@@ -73,7 +73,7 @@ def candidates(line: str, commands: Iterable[str]) -> list[str]:
     return _override(word, before[1], groups, before, configs)
 
 
-def unbroken(found: Sequence[str], line: str, breaks: str) -> list[str]:
+def drop_broken_part(found: Sequence[str], line: str, breaks: str) -> list[str]:
     """The candidates without the part that the shell takes for an earlier word: bash breaks words at = and :."""
     word = line.rpartition(" ")[2]
     cut = max((word.rfind(letter) for letter in "=:" if letter in breaks), default=-1) + 1

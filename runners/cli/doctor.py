@@ -51,7 +51,7 @@ def _lme() -> Line:
             "lme", found, f"{DISTRIBUTION} is not installed, so what it needs is unknown; {_REINSTALL}"
         )
     if installed != lme.__version__:
-        return Line("lme", found, f"the installed metadata are of {installed}; {_REINSTALL}")
+        return Line("lme", found, f"the installed metadata is of {installed}; {_REINSTALL}")
     return Line("lme", found)
 
 
@@ -72,7 +72,7 @@ def _package(needed: Requirement) -> Line:
 
 
 def _extra(name: str, needed: Requirement) -> Line:
-    """An extra that is not there is no problem; one of a version that does not fit is."""
+    """An extra that is not installed is not a problem; one of an unsuitable version is."""
     found = _version(needed.name)
     label = f"extra {name}"
     if found is None:
@@ -107,18 +107,18 @@ def _memory(meminfo: Path = Path("/proc/meminfo")) -> list[Line]:
 
 def _numba() -> Line:
     folder = numba_cache.folder(kernels.SOURCE)
-    if not _can_make(folder):
-        return Line("Numba cache", f"{folder}, not writable", "set NUMBA_CACHE_DIR to a folder that is yours")
+    if not _is_writable(folder):
+        return Line("Numba cache", f"{folder}, not writable", "set NUMBA_CACHE_DIR to a folder that you own")
     warm = "warm" if _version("numba") and kernels.compiled() else "cold: the first episode compiles"
     return Line("Numba cache", f"{folder}, writable, {warm}")
 
 
 def _outputs() -> Line:
     place = OUTPUTS.absolute()
-    if _can_make(place):
+    if _is_writable(place):
         return Line("outputs", f"{place}, writable")
     return Line(
-        "outputs", f"{place}, not writable", "call lme in a folder that is yours, or set hydra.run.dir=DIR"
+        "outputs", f"{place}, not writable", "call lme in a folder that you own, or set hydra.run.dir=DIR"
     )
 
 
@@ -136,7 +136,7 @@ def _mlflow() -> Line:
     if obstacle(path) is None:
         return Line("MLflow store", f"{path}, writable")
     return Line(
-        "MLflow store", f"{path}, not writable", "set MLFLOW_TRACKING_URI to another place, or tracking=none"
+        "MLflow store", f"{path}, not writable", "set MLFLOW_TRACKING_URI to another store, or tracking=none"
     )
 
 
@@ -145,6 +145,6 @@ def _without_password(uri: str) -> str:
     return re.sub(r"//.*@", "//", uri)
 
 
-def _can_make(folder: Path) -> bool:
+def _is_writable(folder: Path) -> bool:
     """Whether files can be made in `folder`, which may have to be made itself."""
     return obstacle(folder / "file") is None

@@ -69,11 +69,11 @@ def _sweep(
     )
     submitted = Submitted.of(config, name)
     submitted.announce(plan.num_jobs)
-    with submitted.errors_in_words():
+    with submitted.explain_errors():
         batches = sweeper.sweep(arguments=list(config.hydra.overrides.task))
     callbacks.on_multirun_end(config=config, config_name=composer.config_name)
     jobs = [job for batch in batches or () for job in batch]
-    submitted.tell_failed(jobs)
+    submitted.report_failures(jobs)
     return max((int(job.return_value) for job in jobs), default=0)
 
 
@@ -95,7 +95,7 @@ class _Planned(ConfigLoaderImpl, Callback):
         config = self._configs.get(self._composer.canonical(sweep_overrides))
         if config is None:
             config = super().load_sweep_config(master_config, sweep_overrides)
-            worlds.expand(config)
+            worlds.expand_worlds(config)
         _set(config, self._own)
         return config
 
@@ -103,7 +103,7 @@ class _Planned(ConfigLoaderImpl, Callback):
         """Hydra keeps what the job returns, with two configs, until the sweep ends."""
         job_return.cfg = None
         if job_return.status == JobStatus.COMPLETED and job_return.return_value == 0:
-            job_return.hydra_cfg = None  # a job that failed is named by it
+            job_return.hydra_cfg = None  # names the job that failed
         for key in [key for key, known in self._configs.items() if known is config]:
             del self._configs[key]
 

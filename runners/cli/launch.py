@@ -16,19 +16,19 @@ from omegaconf.errors import OmegaConfBaseException
 from lme.errors import InputError
 from runners.cli import hydra_jobs, show
 from runners.cli.interrupts import status_of
-from runners.cli.outside import outside
+from runners.cli.os_errors import explain_os_error
 from runners.cli.submitted import LauncherError
 from runners.config import ablations, arguments, catalogue, command_line, schema
 from runners.config.catalogue import Catalogue
 from runners.config.composer import Composer, resume_command, unquoted
-from runners.config.hydra_errors import translated
+from runners.config.hydra_errors import translate_error
 from runners.config.job import Job
 from runners.records import launch_record, run_directories
 from runners.workers import server
 
 _PROCESSES = "runners.workers.executor.ProcessExecutor"
 _DIRECTORY_KEYS = ("hydra.run.dir", "hydra.sweep.dir")
-_HYDRAS_OWN = ("outputs/${now:", "multirun/${now:")  # where Hydra writes unless it is told otherwise
+_HYDRAS_OWN = ("outputs/${now:", "multirun/${now:")  # where Hydra writes by default
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +54,7 @@ def launch(command: Command, argv: Sequence[str]) -> int:
     given, resumed = _with_resumed(command.name, typed)
     config_name = given.config_name or command.name
     if given.info or given.hydra_help:
-        return show.hydras_own(command.name, config_name, given)
+        return show.print_hydra_info(command.name, config_name, given)
     with Composer(config_name, given.config_dir) as composer:
         plan = command_line.plan(composer, given.overrides, given.multirun, typed.overrides)
         if given.cfg:
@@ -70,7 +70,7 @@ def launch(command: Command, argv: Sequence[str]) -> int:
 def _with_resumed(command: str, given: arguments.Arguments) -> tuple[arguments.Arguments, Path | None]:
     """Add the overrides of the run that `resume=PATH` names; those given now win. Returns the PATH too.
 
-    With an option chosen anew, such as `hydra/launcher=basic`, the keys of the former one are left out.
+    With an option chosen again, such as `hydra/launcher=basic`, the keys of the former one are left out.
     """
     directory = _resume_path(given.overrides)
     if directory is None:
@@ -78,7 +78,7 @@ def _with_resumed(command: str, given: arguments.Arguments) -> tuple[arguments.A
     saved = launch_record.read_launch(directory)
     if saved is None:
         raise InputError(
-            f"resume={directory}: {_why_no_run(directory)}; give true, or the directory of a run"
+            f"resume={directory}: {_explain_missing_run(directory)}; give true, or the directory of a run"
         )
     if saved.command != command:
         hint = resume_command(saved.command, directory)
@@ -96,7 +96,7 @@ def _with_resumed(command: str, given: arguments.Arguments) -> tuple[arguments.A
     if config_dir is not None:
         arguments.check_config_dir(config_dir)
     configs = catalogue.shipped(*([config_dir] if config_dir else []))
-    kept = [now for word in kept for now in _as_now(word, configs)]
+    kept = [now for word in kept for now in _update_override(word, configs)]
     return replace(
         given,
         overrides=kept + given.overrides,
@@ -106,14 +106,14 @@ def _with_resumed(command: str, given: arguments.Arguments) -> tuple[arguments.A
     ), directory
 
 
-def _as_now(word: str, configs: Catalogue) -> list[str]:
+def _update_override(word: str, configs: Catalogue) -> list[str]:
     """The override of an earlier run, in today's words where it chooses a system that has become an ablation."""
     key, _, value = word.partition("=")
     pair = ablations.of_system(value, configs) if key == "system" else None
     return [f"system={pair[0]}", f"ablation={pair[1]}"] if pair else [word]
 
 
-def _why_no_run(directory: Path) -> str:
+def _explain_missing_run(directory: Path) -> str:
     try:
         found = directory.is_dir()
     except OSError as error:
@@ -124,7 +124,7 @@ def _why_no_run(directory: Path) -> str:
     return (
         f"its {launch_record.LAUNCH} is damaged"
         if damaged
-        else f"holds no {launch_record.LAUNCH}, so it is no run"
+        else f"holds no {launch_record.LAUNCH}, so it is not a run"
     )
 
 
@@ -149,7 +149,7 @@ def _directory(
     """The directory to write to. Makes it and its launch record, unless a run is resumed."""
     words = [word for word in plan.overrides if _key(word) not in (*_DIRECTORY_KEYS, "resume")]
     record = launch_record.launch_of(command.name, jobs, words, plan.multirun, given.config_name)
-    asked = _asked_directory(plan.first, plan.multirun)
+    asked = _requested_directory(plan.first, plan.multirun)
     fresh = resumed is None and OmegaConf.select(plan.first, "resume") is not True
     if not (fresh or resumed) and asked is not None and not run_directories.holds_run(asked):
         print(f"resume=true: nothing in {asked} yet, starting afresh", file=sys.stderr)
@@ -161,7 +161,7 @@ def _directory(
     return directory
 
 
-def _asked_directory(config: DictConfig, multirun: bool) -> Path | None:
+def _requested_directory(config: DictConfig, multirun: bool) -> Path | None:
     """The directory that the command line or a config file names; None if neither does.
 
     Raises InputError where its interpolations lead nowhere.
@@ -175,7 +175,7 @@ def _asked_directory(config: DictConfig, multirun: bool) -> Path | None:
             if not str(written["dir"]).startswith(_HYDRAS_OWN):
                 return Path(str(config.hydra[name].dir))
     except OmegaConfBaseException as error:
-        raise translated(error) from error
+        raise translate_error(error) from error
     finally:
         HydraConfig.instance().cfg = before
     return None
@@ -238,7 +238,7 @@ class _Task:
             status = _status(error)
             if status is None:
                 raise
-            print(f"lme {self.command.name}: {outside(error) or error}", file=sys.stderr)
+            print(f"lme {self.command.name}: {explain_os_error(error) or error}", file=sys.stderr)
             if isinstance(error, EpisodeError) or os.getpid() != self.process:
                 return status
             raise SystemExit(status) from error
@@ -275,4 +275,4 @@ def _status(error: Exception) -> int | None:
     if isinstance(error, InputError):
         return 2
     known = isinstance(error, EpisodeError | RecordsWriteError | WorkerDiedError)
-    return 1 if outside(error) or known else None
+    return 1 if explain_os_error(error) or known else None

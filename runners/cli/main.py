@@ -1,4 +1,4 @@
-"""The `lme` command: finds the commands in `runners/cli/commands/` and runs the one that is named.
+"""The `lme` command: finds the commands in `runners/cli/commands/` and runs the one given.
 
 A command is one file there: a docstring whose first line says what it does, `EXAMPLES`, and
 `main(argv) -> int`. A command that Hydra configures has a `conf/<command>.yaml`, and its help is made from
@@ -23,8 +23,8 @@ from lme.errors import InputError, nearest
 from lme.resources import resource_dir
 from runners.cli import commands, help
 from runners.cli.interrupts import status_of, terminable
-from runners.cli.left_out import left_out
-from runners.cli.outside import outside
+from runners.cli.missing_packages import explain_missing
+from runners.cli.os_errors import explain_os_error
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -48,7 +48,11 @@ def main(argv: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except (ModuleNotFoundError, OSError) as error:
-        said = left_out(error, name) if isinstance(error, ModuleNotFoundError) else outside(error)
+        said = (
+            explain_missing(error, name)
+            if isinstance(error, ModuleNotFoundError)
+            else explain_os_error(error)
+        )
         if not said:
             raise
         print(f"lme {name}: {said}", file=sys.stderr)

@@ -15,7 +15,7 @@ from lme.errors import InputError
 from lme.resources import resource_dir
 from runners.config.arguments import Arguments
 from runners.config.composer import without_hydra
-from runners.config.hydra_errors import full_key, translated
+from runners.config.hydra_errors import full_key, translate_error
 
 
 def config(composed: DictConfig, what: str, package: str | None, resolve: bool) -> None:
@@ -34,7 +34,7 @@ def config(composed: DictConfig, what: str, package: str | None, resolve: bool) 
         try:
             part = OmegaConf.select(part, package)
         except OmegaConfBaseException as error:
-            raise translated(error) from error
+            raise translate_error(error) from error
         if part is None:
             raise InputError(f"--package {package}: the config has no such key")
         print(f"# @package {package}")
@@ -58,12 +58,12 @@ def _resolved(part: DictConfig | ListConfig, root: DictConfig) -> Any:
         except OmegaConfBaseException as error:
             key = full_key(error)
             if not isinstance(error, InterpolationToMissingValueError) or key in {"", *unset}:
-                raise translated(error, OmegaConf.get_type(root)) from error
+                raise translate_error(error, OmegaConf.get_type(root)) from error
             unset.add(key)
             OmegaConf.update(root, key, MISSING)
 
 
-def hydras_own(command: str, config_name: str, given: Arguments) -> int:
+def print_hydra_info(command: str, config_name: str, given: Arguments) -> int:
     """Let Hydra print what it knows of itself; returns the exit status."""
     before = sys.argv
     flags = ["--hydra-help"] if given.hydra_help else ["--info", str(given.info)]

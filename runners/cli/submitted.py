@@ -35,11 +35,11 @@ class Submitted:
         """Say where to look while the jobs run."""
         if self.folder:
             print(
-                f"lme {self.name}: {num_jobs} jobs are submitted; their output: {self._above}",
+                f"lme {self.name}: {num_jobs} jobs submitted; their output: {self._output_folder}",
                 file=sys.stderr,
             )
 
-    def tell_failed(self, jobs: Sequence[JobReturn]) -> None:
+    def report_failures(self, jobs: Sequence[JobReturn]) -> None:
         """Name every job that failed, and the file in which it says why."""
         for job in jobs if self.folder else ():
             if int(job.return_value):
@@ -49,7 +49,7 @@ class Submitted:
                 print(f"lme {self.name}: job {own.num} failed ({words}): see {log}", file=sys.stderr)
 
     @contextlib.contextmanager
-    def errors_in_words(self) -> Iterator[None]:
+    def explain_errors(self) -> Iterator[None]:
         """Raise a LauncherError of one line for an error of submitit, about a job or about the cluster."""
         try:
             yield
@@ -57,10 +57,10 @@ class Submitted:
             if not _is_of_submitit(error):
                 raise
             what = " ".join(str(error).splitlines()[:2])  # the log of the job follows
-            raise LauncherError(f"{what}; output of the jobs: {self._above}") from error
+            raise LauncherError(f"{what}; output of the jobs: {self._output_folder}") from error
 
     @property
-    def _above(self) -> Path:
+    def _output_folder(self) -> Path:
         """The folder with the output of all jobs."""
         return Path(self.folder.partition(_ID)[0])
 

@@ -43,7 +43,7 @@ def labels(folders: tuple[Path, ...] = SHIPPED) -> Mapping[str, str]:
     return {name: label for name, label in found.items() if label}
 
 
-def in_words(choice: str, known: Mapping[str, str]) -> str:
+def describe_ablation(choice: str, known: Mapping[str, str]) -> str:
     """ "without c_o and without c_t" for "no_c_o+no_c_t"; empty where one has no label. known: labels by name."""
     names = choice.split(SEVERAL)
     return " and ".join(known[name] for name in names) if known.keys() >= set(names) else ""

@@ -18,7 +18,7 @@ _Loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 @dataclass(frozen=True, slots=True)
 class Key:
-    """A value of a YAML: dotted name, value as written, and the comment beside or above it."""
+    """A value of a YAML: dotted name, value as written, and the comment after or above it."""
 
     name: str
     value: str
@@ -51,7 +51,7 @@ class Catalogue:
         return dict(sorted({**named, **{option: found[option] for option in users}}.items()))
 
     def options(self, group: str) -> list[str]:
-        """Names of the options of a group. A file whose name begins with _ is no option: others inherit it."""
+        """Names of the options of a group. A file whose name begins with _ is not an option: others inherit it."""
         folders = filter(os.path.isdir, (folder / group for folder in self.folders))
         return sorted({path.stem for folder in folders for path in folder.glob("[!_]*.yaml")})
 
@@ -69,7 +69,7 @@ class Catalogue:
     def files(self, name: str) -> list[Path]:
         """The YAML `name` and the files that its defaults list inherits, in the order of merging.
 
-        Choices of other groups in that list do not count. Raises FileNotFoundError where there is no such YAML.
+        Choices of other groups in that list do not count. Raises FileNotFoundError if there is no such YAML.
         """
         file = self.file(name)
         entries = [entry for entry in _plain(file).get("defaults", []) if isinstance(entry, str)]
@@ -81,7 +81,7 @@ class Catalogue:
             base = entry[1:] if entry.startswith("/") else f"{group}/{entry}"
             if entry == "_self_":
                 files.append(file)
-            elif self._found(base):  # the schema of a command is listed too, and is no file
+            elif self._found(base):  # the schema of a command is listed too, but is not a file
                 files += self.files(base)
         return files
 
@@ -153,7 +153,7 @@ def _walk(node: Any, lines: list[str], prefix: str) -> Iterator[Key]:
 
 
 def _written(value: Any, lines: list[str]) -> str:
-    """The value as it stands in the file, shortened to its first line."""
+    """The value as written in the file, shortened to its first line."""
     start, end = value.start_mark, value.end_mark
     stop = end.column if end.line == start.line else None
     return lines[start.line][start.column : stop].strip() if start.line < len(lines) else ""

@@ -37,7 +37,7 @@ def changed_keys(config: DictConfig, choices: Mapping[str, str], catalogue: Cata
     return changes
 
 
-def in_words(changes: Mapping[str, Any]) -> str:
+def describe_changes(changes: Mapping[str, Any]) -> str:
     """ "robot.v_max=1, sim.latency=0.1"; empty where nothing is changed."""
     return ", ".join(f"{key}={_shown(value)}" for key, value in changes.items())
 

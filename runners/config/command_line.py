@@ -15,7 +15,7 @@ from omegaconf.errors import OmegaConfBaseException
 from lme.errors import InputError
 from runners.config import arguments, contradictions, diagnosis, worlds
 from runners.config.composer import COMPOSING, Composer, without_hydra
-from runners.config.hydra_errors import keys_beside, translated, unknown_key
+from runners.config.hydra_errors import keys_beside, translate_error, unknown_key
 from runners.config.job import Job
 from runners.config.overrides import normalised, text_of
 
@@ -62,7 +62,7 @@ def plan(composer: Composer, overrides: Sequence[str], multirun: bool, typed: Se
     Raises InputError where Hydra could not compose.
     """
     made = _plan(composer, overrides, multirun)
-    contradictions.refuse(composer.parse(typed), made.configs.values())
+    contradictions.refuse_contradictions(composer.parse(typed), made.configs.values())
     return made
 
 
@@ -96,10 +96,10 @@ def _validated(config: DictConfig, words: Sequence[str], composer: Composer, val
         job: Job[Any] = Job.composed(without_hydra(config), config.hydra, composer.catalogue)
         validate(job)
     except InputError as error:
-        raise diagnosis.located(error, config, words, composer) from error
+        raise diagnosis.add_location(error, config, words, composer) from error
     except OmegaConfBaseException as error:
-        mistake = translated(error, OmegaConf.get_type(config))
-        raise diagnosis.located(mistake, config, words, composer) from error
+        mistake = translate_error(error, OmegaConf.get_type(config))
+        raise diagnosis.add_location(mistake, config, words, composer) from error
     return job
 
 
@@ -120,11 +120,11 @@ def _refuse_sweep(parsed: Sequence[Override]) -> None:
         if override.is_sweep_override():
             key, _, value = text_of(override).partition("=")
             is_list = override.value_type is ValueType.SIMPLE_CHOICE_SWEEP
-            better = f", or write {key}=[{value}] for a list" if is_list else _as_range(key, override)
+            better = f", or write {key}=[{value}] for a list" if is_list else _suggest_range(key, override)
             raise InputError(f"{text_of(override)}: several values; add -m to run each of them{better}")
 
 
-def _as_range(key: str, override: Override) -> str:
+def _suggest_range(key: str, override: Override) -> str:
     """How to write range(5) where it was meant as worlds of one run; empty for anything else."""
     swept = override.value()
     if not isinstance(swept, RangeSweep) or key.rpartition(".")[2] != "worlds":
@@ -172,12 +172,12 @@ def _composed(composer: Composer, job: Sequence[str]) -> DictConfig:
     try:
         config = composer.compose(job)
     except COMPOSING as error:
-        raise diagnosis.diagnosed(error, composer, job) from error
+        raise diagnosis.diagnose(error, composer, job) from error
     known = keys_beside(OmegaConf.get_type(config), "")
     for key in sorted({str(key) for key in config} - {*known, "hydra"} if known else ()):
         raise unknown_key(key, known)  # the ++ of an open mapping makes keys that other commands have
     try:
-        worlds.expand(config)
+        worlds.expand_worlds(config)
     except InputError as error:
-        raise diagnosis.located(error, config, job, composer) from error
+        raise diagnosis.add_location(error, config, job, composer) from error
     return config

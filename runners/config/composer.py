@@ -34,7 +34,7 @@ class Composer(initialize_config_dir):
     """Composes configs within a `with` block. Hydra's global state is restored at its end."""
 
     def __init__(self, config_name: str, config_dir: Path | None = None) -> None:
-        """config_dir: the user's own options, beside the shipped ones. Raises InputError without a config."""
+        """config_dir: the user's own options, besides the shipped ones. Raises InputError without a config."""
         self.config_name = config_name
         self.catalogue = catalogue.shipped(*([config_dir] if config_dir else []))
         self._config_dir = config_dir

@@ -15,8 +15,8 @@ from runners.config.overrides import text_of
 _BARN = "lme.worlds.barn.Barn"
 
 
-def refuse(given: Sequence[Override], configs: Collection[DictConfig]) -> None:
-    """Raise InputError for a key with two values, and for worlds outside the subset that is named beside them.
+def refuse_contradictions(given: Sequence[Override], configs: Collection[DictConfig]) -> None:
+    """Raise InputError for a key with two values, and for worlds outside the subset given with them.
 
     given: the overrides as they were typed. configs: of the jobs that they make.
     """

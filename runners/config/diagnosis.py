@@ -16,11 +16,11 @@ from lme.errors import InputError, nearest
 from lme.resources import resource_dir
 from runners.config.composer import COMPOSING, Composer
 from runners.config.flatten import dotted_keys
-from runners.config.hydra_errors import expected, full_key, keys_beside, one_line, translated
+from runners.config.hydra_errors import describe_expected, full_key, keys_beside, one_line, translate_error
 from runners.config.overrides import places, text_of
 
 
-def diagnosed(error: Exception, composer: Composer, job: Sequence[str]) -> InputError:
+def diagnose(error: Exception, composer: Composer, job: Sequence[str]) -> InputError:
     """Find the override or file that makes composing fail. The error says why."""
     if isinstance(error, yaml.YAMLError):
         return _broken_yaml(error)
@@ -37,7 +37,7 @@ def diagnosed(error: Exception, composer: Composer, job: Sequence[str]) -> Input
     except COMPOSING:
         return InputError(f"{' '.join(job)}: {one_line(str(error))}")
     for override in dotted:
-        mistake = _mistaken(override, config, composer)
+        mistake = _find_mistake(override, config, composer)
         if mistake:
             return mistake
     return InputError(f"{' '.join(job)}: {one_line(str(error.__cause__ or error))}")
@@ -62,7 +62,7 @@ def _is_group(override: Override, composer: Composer) -> bool:
     return "/" in key or (bool(composer.catalogue.options(key)) and not isinstance(override.value(), dict))
 
 
-def _mistaken(override: Override, config: DictConfig, composer: Composer) -> InputError | None:
+def _find_mistake(override: Override, config: DictConfig, composer: Composer) -> InputError | None:
     """Why this override alone does not fit the config."""
     key = override.key_or_group
     if override.is_delete():
@@ -75,12 +75,12 @@ def _mistaken(override: Override, config: DictConfig, composer: Composer) -> Inp
         OmegaConf.update(config, key, override.value(), merge=True, force_add=override.is_force_add())
     except (OmegaConfBaseException, TypeError, OverflowError, AttributeError) as error:
         schema = OmegaConf.get_type(config)
-        wanted = expected(schema, key)
+        wanted = describe_expected(schema, key)
         shown = text_of(override).partition("=")[2] or "empty"
         whole = full_key(error) in ("", key)
         if wanted and whole:
             return InputError(f"{key} is {shown}: must be {wanted}")
-        return translated(error, schema)
+        return translate_error(error, schema)
     except (ValueError, AssertionError):  # a word as the index of a list, or a key in a part that is null
         return _unknown(key, known, config, composer)
     return None
@@ -93,7 +93,7 @@ def _unknown(key: str, known: set[str], config: DictConfig, composer: Composer) 
     try:
         holder = OmegaConf.select(config, parent) if parent else config
     except OmegaConfBaseException as error:  # an interpolation that another override has put there
-        return translated(error)
+        return translate_error(error)
     if parent and holder is None:
         names = ", ".join(keys_beside(OmegaConf.get_type(config), key))
         return InputError(f"{key}: {parent} is null: set all of it, {parent}={{…}}; it has the keys {names}")
@@ -117,11 +117,11 @@ def _in_file(error: Exception, name: str, composer: Composer) -> InputError:
     if name.partition("/")[0] in composer.slots:
         schema = OmegaConf.get_type(composer.compose([]))
     message = re.sub(r"^In '[^']+': \w+ raised while composing config:\s*", "", str(error))
-    mistake = translated(type(error)(message), schema)
+    mistake = translate_error(type(error)(message), schema)
     return InputError(f"{mistake} (in {composer.catalogue.file(name)})")
 
 
-def located(error: InputError, config: DictConfig, job: Sequence[str], composer: Composer) -> InputError:
+def add_location(error: InputError, config: DictConfig, job: Sequence[str], composer: Composer) -> InputError:
     """Add the user's file to a message, if that file sets the key that the message begins with."""
     key = (re.match(r"[\w.]+", str(error)) or [""])[0].rstrip(".")
     group = key.partition(".")[0]

@@ -21,7 +21,7 @@ class ConfigField(NamedTuple):
 
 
 def fields(schema: type) -> list[ConfigField]:
-    """The fields of a dataclass, in order; those of a part that has a default stand in place of the part."""
+    """The fields of a dataclass, in order; those of a part that has a default replace the part."""
     return list(_fields(schema, ""))
 
 

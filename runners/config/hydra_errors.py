@@ -25,7 +25,7 @@ def unknown_key(key: str, known: Iterable[str]) -> InputError:
     return InputError(f"{key}: no such key; {nearest(name, names)}{place}{', '.join(names) or 'no keys'}")
 
 
-def translated(error: BaseException, schema: Any = None) -> InputError:
+def translate_error(error: BaseException, schema: Any = None) -> InputError:
     """Translate an error of OmegaConf about a config of type `schema`."""
     message, key = str(error), full_key(error)
     inner = re.match(r"InputError raised while resolving interpolation: (.+)", message)
@@ -35,7 +35,7 @@ def translated(error: BaseException, schema: Any = None) -> InputError:
         return InputError(f"{key} has no value: give one")
     if re.search(r"Key '.*' (?:is )?not in", message):
         return unknown_key(key, keys_beside(schema, key))
-    value, wanted = _VALUE.search(message), expected(schema, key) if key else ""
+    value, wanted = _VALUE.search(message), describe_expected(schema, key) if key else ""
     if value and wanted:
         return InputError(f"{key} is {value.group(1) or value.group(2)}: must be {wanted}")
     reason = re.sub(r"^\w+ raised while composing config:\s*", "", one_line(message))
@@ -48,8 +48,8 @@ def full_key(error: BaseException) -> str:
     return found.group(1) if found else ""
 
 
-def expected(schema: Any, key: str) -> str:
-    """What the value at the dotted `key` of a dataclass must be, in words; empty if unknown."""
+def describe_expected(schema: Any, key: str) -> str:
+    """Text: what the value at the dotted `key` of a dataclass must be; empty if unknown."""
     return describe(_annotation(schema, key))
 
 

@@ -15,13 +15,13 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import ConfigKeyError, OmegaConfBaseException
 
 from lme.errors import InputError, nearest
-from runners.config.hydra_errors import expected, full_key, translated
+from runners.config.hydra_errors import describe_expected, full_key, translate_error
 
 
 def build(node: DictConfig | Mapping[str, Any], key: str, *args: Any) -> Any:
     """The object that `node` describes: its class called with its Config and `args`.
 
-    key: where the node stands in the config ("planner"), for messages. Raises InputError naming key, value
+    key: the node's key in the config ("planner"), for messages. Raises InputError naming key, value
     and what would be right.
     """
     cls, config = configured(node, key)
@@ -32,15 +32,15 @@ def configured(node: DictConfig | Mapping[str, Any], key: str) -> tuple[Any, Any
     """The class and the checked Config instance of `node`, without making the object itself."""
     given = _plain(node, key)
     cls = _class(given.pop("_target_", None), key)
-    return cls, filled(cls.Config, given, key)
+    return cls, fill_dataclass(cls.Config, given, key)
 
 
 def config_class(target: Any, key: str) -> Any:
-    """The dataclass that checks the keys beside `_target_: target`. Raises InputError where there is none."""
+    """The dataclass that checks the keys next to `_target_: target`. Raises InputError if there is none."""
     return _class(target, key).Config
 
 
-def filled(schema: Any, given: DictConfig | Mapping[str, Any], key: str) -> Any:
+def fill_dataclass(schema: Any, given: DictConfig | Mapping[str, Any], key: str) -> Any:
     """An instance of the dataclass `schema` with the values `given`.
 
     Raises InputError for a key that it lacks, a value of the wrong type, or a value that is missing.
@@ -54,17 +54,17 @@ def filled(schema: Any, given: DictConfig | Mapping[str, Any], key: str) -> Any:
     try:
         return OmegaConf.to_object(node)
     except OmegaConfBaseException as error:
-        raise _at(key, translated(error, schema)) from error
+        raise _at(key, translate_error(error, schema)) from error
 
 
 def _mistake(error: Exception, schema: Any, name: str, value: Any, key: str) -> InputError:
     """What is wrong with the value of the field `name`, or with a part of it."""
     if isinstance(error, ConfigKeyError):
-        return _at(key, translated(error, schema))
+        return _at(key, translate_error(error, schema))
     at = full_key(error).partition("[")[0] or name  # of a list, the whole
     for part in at.split(".")[1:]:
         value = value[part]
-    return InputError(f"{key}.{at} is {value!r:.80}: must be {expected(schema, at)}")
+    return InputError(f"{key}.{at} is {value!r:.80}: must be {describe_expected(schema, at)}")
 
 
 def _plain(node: DictConfig | Mapping[str, Any], key: str) -> dict[str, Any]:
@@ -74,7 +74,7 @@ def _plain(node: DictConfig | Mapping[str, Any], key: str) -> dict[str, Any]:
         try:
             given = OmegaConf.to_container(node, resolve=True)
         except OmegaConfBaseException as error:
-            raise translated(error) from error
+            raise translate_error(error) from error
     if not isinstance(given, Mapping):
         raise InputError(f"{key} is {given!r}: must be a mapping")
     return {str(name): value for name, value in given.items()}

@@ -11,7 +11,7 @@ from omegaconf import DictConfig, OmegaConf
 
 from runners.config.ablations import SEVERAL
 from runners.config.catalogue import Catalogue
-from runners.config.changes import changed_keys, in_words
+from runners.config.changes import changed_keys, describe_changes
 from runners.config.hydra_errors import check_parts
 from runners.config.schema import SystemConfig
 from runners.config.weights import PUBLISHED, own_weights
@@ -46,8 +46,8 @@ class Job(Generic[C]):
 
     @property
     def changes_text(self) -> str:
-        """The changes in words: "robot.v_max=1, sim.latency=0.1"; empty where there are none."""
-        return in_words(self.changes)
+        """The changes as text: "robot.v_max=1, sim.latency=0.1"; empty if there are none."""
+        return describe_changes(self.changes)
 
     @classmethod
     def composed(cls, config: DictConfig, hydra: Any, catalogue: Catalogue) -> Job[C]:

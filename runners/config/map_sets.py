@@ -12,7 +12,7 @@ from lme.errors import InputError, nearest
 from lme.types import Floats
 from lme.worlds.world import MapSet, Task
 from runners.config import catalogue
-from runners.config.worlds import expanded
+from runners.config.worlds import parse_worlds
 
 GRAMMAR = "NAME [NUMBER…] [key=value…]"
 CHOICES = ("subset", "kind", "difficulty")  # settings that say which of a set's worlds there are
@@ -52,7 +52,7 @@ def choose(words: Sequence[str]) -> Chosen:
 def known_path(maps: MapSet, task: Task) -> Floats | None:
     """(P, 2) the way from start to goal that the optimal time counts [m]; None where only its length is known.
 
-    BARN's leads through the middles of its cells; the scripts that score measure it (−0.15, −0.10) m beside them.
+    BARN's leads through the middles of its cells; the scripts that score measure it (−0.15, −0.10) m off them.
     """
     from lme.worlds.barn.generator import CELL_M, ORIGIN_X_M, ORIGIN_Y_M
     from lme.worlds.barn.map_set import Barn
@@ -68,7 +68,7 @@ def _numbers(word: str) -> list[int]:
         return [int(word)]  # the map set says what is right
     if not re.fullmatch(r"[0-9]{1,9}(-[0-9]{1,9})?", word):
         raise InputError(f"{word!r} is neither a world number nor key=value")
-    return list(expanded(word, "the world number"))
+    return list(parse_worlds(word, "the world number"))
 
 
 def _node(name: str, settings: Sequence[str]) -> Any:
@@ -80,6 +80,6 @@ def _node(name: str, settings: Sequence[str]) -> Any:
     try:
         given = OmegaConf.from_dotlist(list(settings))
         merged: Any = OmegaConf.merge(catalogue.shipped().values(f"map/{name}"), given)
-        return {**merged, "worlds": expanded(merged.get("worlds"), "worlds")}
+        return {**merged, "worlds": parse_worlds(merged.get("worlds"), "worlds")}
     except (OmegaConfBaseException, YAMLError, ValueError) as error:
         raise InputError(f"{' '.join(settings)}: must be key=value, as in YAML") from error

@@ -1,4 +1,4 @@
-"""Options of a config group that a job names beside the one that it has chosen."""
+"""Options of a config group that a job names besides the one that it has chosen."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ def named_option(
 ) -> dict[str, Any]:
     """The node of the option `name` of a group, as if the job had chosen it, with `settings` in place of its own.
 
-    The option that the job has chosen is the job's own node. key: where the name stands in the config, for the
-    message. Raises InputError for a name that is no option.
+    The option that the job has chosen is the job's own node. key: the key of the name in the config, for the
+    message. Raises InputError for a name that is not an option.
     """
     if job.choices.get(group) == name:
         node: Mapping[str, Any] = getattr(job.config, group)

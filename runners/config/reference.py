@@ -9,7 +9,7 @@ from typing import Any
 from lme.robots import Robot
 from runners.config import instantiate, schema
 from runners.config.catalogue import Catalogue, Key, shipped
-from runners.config.hydra_errors import expected
+from runners.config.hydra_errors import describe_expected
 
 _SCHEMAS = {"robot": Robot}  # groups that are a dataclass themselves; the others name a class in `_target_`
 _NO_KEYS = {"experiment", "system"}  # their keys are those of other groups, or figures of the paper
@@ -84,7 +84,7 @@ def _keys(keys: Sequence[Key], schema_class: Any) -> str:
         (
             _code(key.name),
             _code(key.value),
-            expected(schema_class, key.name) if schema_class else "",
+            describe_expected(schema_class, key.name) if schema_class else "",
             _plain(key.comment),
         )
         for key in keys

@@ -43,7 +43,7 @@ class SystemConfig:
 
 @dataclass(slots=True, kw_only=True)
 class DriveConfig(SystemConfig):
-    """A system and where it drives: all that an episode depends on, beside its world and run."""
+    """A system and where it drives: all that an episode depends on, besides its world and run."""
 
     runs: int
     map: dict[str, Any]
@@ -129,7 +129,7 @@ class RobotRanges:
 
 @dataclass(slots=True, kw_only=True)
 class LearnConfig(HeldOutConfig):
-    """`lme learn`. training: map sets by name; guides: shares by name; start: a network to go on from."""
+    """`lme learn`. training: map sets by name; guides: shares by name; start: a network to continue from."""
 
     learner: dict[str, Any]
     training: dict[str, Any]

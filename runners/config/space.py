@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 
 from lme.errors import InputError, nearest, require
 from runners.config.flatten import flatten
-from runners.config.instantiate import filled
+from runners.config.instantiate import fill_dataclass
 from runners.config.schema import SystemConfig, TrainConfig
 
 PARAMETERS = "guide.parameters."
@@ -83,7 +83,7 @@ def _ranges(node: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, Range]]
         if isinstance(child.get("low", {}), Mapping) and isinstance(child.get("high", {}), Mapping):
             yield from _ranges(child, f"{key}.")
         else:
-            yield key, filled(Range, child, f"space.{key}")
+            yield key, fill_dataclass(Range, child, f"space.{key}")
 
 
 def _check_key(key: str, known: Mapping[str, Any]) -> None:

@@ -11,7 +11,7 @@ from typing import Any
 from lme.errors import InputError, nearest
 from lme.resources import resource_dir
 from runners.config.catalogue import Catalogue
-from runners.config.instantiate import filled
+from runners.config.instantiate import fill_dataclass
 
 SHIPPED = (resource_dir("conf"),)
 
@@ -58,7 +58,7 @@ def label(guide: str, planner: str, known: Iterable[System], changed: bool = Fal
 
 
 def check_names(names: Iterable[str], folders: tuple[Path, ...]) -> None:
-    """Raise InputError for a row of a table that is no named pair."""
+    """Raise InputError for a row of a table that is not a named pair."""
     known = systems(folders)
     for name in names:
         if name not in known:
@@ -71,7 +71,7 @@ def _read(catalogue: Catalogue, name: str) -> System:
     if not isinstance(node, dict):
         raise InputError(f"{file}: must hold a mapping `system` with label, guide and planner")
     try:
-        system: System = filled(System, node, "system")
+        system: System = fill_dataclass(System, node, "system")
     except InputError as error:
         raise InputError(f"{error} (in {file})") from error
     return system

@@ -37,7 +37,7 @@ def parameters(
     """The parameters of a weight set, multiplied by `scale`, with those of the ablation in their place.
 
     weights: a name in `conf/weight_set/` or `outputs/weights/`, the directory of a training run, or the path of
-    a YAML with a mapping `parameters`. criteria: names of criteria beside the paper's six. scale: factors by
+    a YAML with a mapping `parameters`. criteria: names of criteria besides the paper's six. scale: factors by
     name; an ablation replaces what they give. own: the weight set of a guide with other criteria than the paper's; it
     names them, and is taken where `weights` is the paper's set.
     Raises InputError naming the file where it is missing or malformed, and for a scale of no parameter or a
@@ -59,7 +59,7 @@ def own_weights(guide: Mapping[str, Any]) -> str | None:
 
 @cache
 def own_weights_of(guide: str, folders: tuple[Path, ...]) -> str | None:
-    """The same of an option of the group `guide`, read once; None where there is no such option any more."""
+    """The same of an option of the group `guide`, read once; None if the option no longer exists."""
     try:
         return own_weights(Catalogue(folders).values(f"guide/{guide}"))
     except (FileNotFoundError, InputError):
@@ -74,7 +74,7 @@ def _own_names(own: str) -> list[str]:
 
 
 def check_scale(scale: Mapping[str, float], guide: Mapping[str, Any]) -> None:
-    """Raise InputError for factors beside a guide's config that has no parameters to multiply."""
+    """Raise InputError for factors if the guide's config has no parameters to multiply."""
     if scale and "parameters" not in guide:
         raise InputError(
             f"scale is {dict(scale)}: {guide['_target_']} has no parameters to multiply; must be {{}}"

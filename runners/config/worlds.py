@@ -10,11 +10,11 @@ from omegaconf import DictConfig, OmegaConf
 from lme.errors import InputError
 
 MAX_WORLDS = 1_000_000  # of a range: a list of more fills the memory
-_SETS = ("held_out", "training")  # map sets by name, beside `map` itself
+_SETS = ("held_out", "training")  # map sets by name, besides `map` itself
 _RANGE = re.compile(r"(\d{1,18})(?:-(\d{1,18}))?")
 
 
-def expand(config: DictConfig) -> None:
+def expand_worlds(config: DictConfig) -> None:
     """Write out the ranges of every map set's `worlds` in a composed config.
 
     What a list of numbers gives stays as it is. Raises InputError.
@@ -22,14 +22,14 @@ def expand(config: DictConfig) -> None:
     for key in ("map", *(f"{name}.{place}" for name in _SETS for place in _names(config, name))):
         node = OmegaConf.select(config, key)
         if OmegaConf.is_dict(node) and "worlds" in node and not OmegaConf.is_interpolation(node, "worlds"):
-            node["worlds"] = expanded(node["worlds"], f"{key}.worlds")
+            node["worlds"] = parse_worlds(node["worlds"], f"{key}.worlds")
 
 
-def expanded(given: Any, key: str) -> Any:
+def parse_worlds(given: Any, key: str) -> Any:
     """The numbers of worlds in their order; anything that holds no text and is not a number stays as it is.
 
     key: of `given`, for messages. Raises InputError for a text that is not a number or a range, for a range that
-    runs backwards, and for a world that is named twice.
+    runs backwards, and for a world that is listed twice.
     """
     items = list(given) if isinstance(given, list | tuple) or OmegaConf.is_list(given) else [given]
     is_number = isinstance(given, int) and not isinstance(given, bool)
@@ -38,12 +38,12 @@ def expanded(given: Any, key: str) -> Any:
     numbers = [number for item in items for number in _numbers(item, key)]
     if len(set(numbers)) < len(numbers):
         shown = ",".join(map(str, items))
-        raise InputError(f"{key} is [{shown}]: names a world twice; must be different numbers")
+        raise InputError(f"{key} is [{shown}]: lists a world twice; must be different numbers")
     return numbers
 
 
 def _numbers(item: Any, key: str) -> range | list[Any]:
-    """The numbers that an item of the list stands for; what is not a text stays as it is."""
+    """The numbers that an item of the list stands for; an item that is not text stays as it is."""
     if not isinstance(item, str):
         return [item]
     found = _RANGE.fullmatch(item.strip())

@@ -54,7 +54,7 @@ def evaluate(job: Job[EvalConfig]) -> None:
 
     tracking = start_tracking(job)
     with resume_hint("eval", job.run_dir):
-        frame, rows, artifacts = produce(job)
+        frame, rows, artifacts = run_and_report(job)
     print_table(frame, rows)
     print(f"Records, tables and pictures: {job.run_dir}")
     for place in failures.folder(job.run_dir):
@@ -71,14 +71,16 @@ def start_tracking(job: Job[EvalConfig]) -> Tracking:
     return tracking
 
 
-def produce(job: Job[EvalConfig], progress: bool = True) -> tuple[pd.DataFrame, list[Row], list[Path]]:
+def run_and_report(job: Job[EvalConfig], progress: bool = True) -> tuple[pd.DataFrame, list[Row], list[Path]]:
     """Run the missing episodes and report; returns the records, the rows of the table, and all files.
 
     progress: show a bar.
     """
     maps, run_dir = build.map_set(job.config), job.run_dir
     drive(job.config, run_labels(job, maps), maps, run_dir, progress)
-    pages.as_asked(job.config.explain, run_dir, instantiate.build(job.config.executor, "executor"))
+    pages.make_requested_pages(
+        job.config.explain, run_dir, instantiate.build(job.config.executor, "executor")
+    )
     frame, rows, artifacts = report(maps, job)
     return frame, rows, [*artifacts, *_film(job.config, maps, run_dir), *failures.folder(run_dir)]
 

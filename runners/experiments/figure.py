@@ -12,7 +12,7 @@ from lme.errors import InputError
 from runners.config import build, instantiate, weights
 from runners.config.job import Job
 from runners.config.schema import FigureConfig
-from runners.config.worlds import expanded
+from runners.config.worlds import parse_worlds
 from runners.experiments import evaluate
 from runners.experiments.labels import run_labels
 from runners.experiments.resume_hint import resume_hint
@@ -61,7 +61,7 @@ def worlds_of(world: Any) -> list[int]:
     """The requested worlds: numbers, ranges, or a list of them; null for none. Raises InputError."""
     if world is None:
         return []
-    numbers = expanded(world, "world")
+    numbers = parse_worlds(world, "world")
     if not isinstance(numbers, list) or not numbers or any(type(number) is not int for number in numbers):
         raise InputError(f"world is {world!r}: must be a number, or a list of numbers")
     return numbers

@@ -14,7 +14,7 @@ from runners.config import build, command_line
 from runners.config.composer import Composer, quoted
 from runners.config.job import Job
 from runners.config.schema import EvalConfig
-from runners.experiments.evaluate import drive, produce, start_tracking, validate
+from runners.experiments.evaluate import drive, run_and_report, start_tracking, validate
 from runners.experiments.labels import run_labels
 from runners.records import launch_record, run_directories
 from runners.records.parquet import EPISODES
@@ -119,7 +119,7 @@ def _evaluate_into(
         run_directories.make_fresh(record, run_dir)
     job = replace(job, run_dir=run_dir)
     tracking = start_tracking(job)
-    frame, _, artifacts = produce(job, progress)
+    frame, _, artifacts = run_and_report(job, progress)
     tracking.finish(metrics(frame), artifacts)
     return _records(run_dir)
 

@@ -81,7 +81,7 @@ def _evaluate_on(place: str, job: Job[EvalConfig], values: Mapping[str, Any]) ->
     if _settings(values):  # its planner is no longer that of the named pair
         labels = replace(labels, system=f"{labels.guide}+{labels.planner}")
     drive(config, labels, maps, job.run_dir)
-    pages.as_asked(config.explain, job.run_dir, instantiate.build(config.executor, "executor"))
+    pages.make_requested_pages(config.explain, job.run_dir, instantiate.build(config.executor, "executor"))
     report(maps, job)
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from runners.analysis.summary import Row, numbers, summarise
 from runners.config import instantiate
 from runners.config.ablations import labels
-from runners.config.changes import in_words
+from runners.config.changes import describe_changes
 from runners.config.job import Job
 from runners.config.schema import ReportConfig
 from runners.config.systems import systems
@@ -100,7 +100,7 @@ def _track(
     tracking = instantiate.build(config.tracking, "tracking")
     shared = launch_record.common([record.configs[0] for record in launches])
     changes = launch_record.common([record.changes[0] for record in launches])
-    tracking.start(shared, sweep_dir, {"command": "sweep", "changes": in_words(changes)})
+    tracking.start(shared, sweep_dir, {"command": "sweep", "changes": describe_changes(changes)})
     rows = [row for row in summarise(frame, systems={}) if row.episodes]
     tracking.finish(
         {f"{_name(row)}/{key}": value for row in rows for key, value in numbers(row).items()}, artifacts

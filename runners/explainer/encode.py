@@ -100,42 +100,42 @@ def _first_line(name: str, first: Explanation) -> str:
 def _drive(packer: Packer, trace: Trace) -> None:
     """Add poses, twists, clearance and targets of all steps and of the end, and commands and subgoals of all steps."""
     steps, track = trace.steps, trace.episode.trajectory
-    packer.drawn("time", track[:, 0])
-    packer.drawn("pose", track[:, 1:4])
-    packer.drawn("twist", track[:, 4:6])
-    packer.drawn("clearance", track[:, 9])
-    packer.drawn("command", np.array([step.command for step in steps]))
-    packer.drawn("subgoal", np.array([step.guidance.subgoal for step in steps]))
-    packer.whole("switched", [step.guidance.switched for step in steps])
-    packer.drawn("target", np.array([frame.observation.target for frame in trace.frames]))
+    packer.add_singles("time", track[:, 0])
+    packer.add_singles("pose", track[:, 1:4])
+    packer.add_singles("twist", track[:, 4:6])
+    packer.add_singles("clearance", track[:, 9])
+    packer.add_singles("command", np.array([step.command for step in steps]))
+    packer.add_singles("subgoal", np.array([step.guidance.subgoal for step in steps]))
+    packer.add_integers("switched", [step.guidance.switched for step in steps])
+    packer.add_singles("target", np.array([frame.observation.target for frame in trace.frames]))
 
 
 def _scans(packer: Packer, trace: Trace) -> None:
     """Add scan points in the robot frame, and the cells of the world that each step sees for the first time."""
     frames = trace.frames
     points = [obstacle_points(frame.observation.scan, trace.robot.lidar.mount) for frame in frames]
-    _ragged_mm(packer, "scan", points, differences=True)
+    _add_points_mm(packer, "scan", points, differences=True)
     steps = np.repeat(np.arange(len(frames)), [len(some) for some in points])
     placed = np.concatenate([to_world(some, frame.pose) for some, frame in zip(points, frames, strict=True)])
     cells, first = np.unique(np.floor(placed / CELL_M).astype(np.int64), axis=0, return_index=True)
     seen_at = steps[first]
     order = np.argsort(seen_at, kind="stable")
-    packer.whole("seen.count", np.bincount(seen_at, minlength=len(frames)))
-    packer.whole("seen.x", cells[order, 0], differences=True)
-    packer.whole("seen.y", cells[order, 1], differences=True)
+    packer.add_integers("seen.count", np.bincount(seen_at, minlength=len(frames)))
+    packer.add_integers("seen.x", cells[order, 0], differences=True)
+    packer.add_integers("seen.y", cells[order, 1], differences=True)
 
 
 def _world(packer: Packer, trace: Trace) -> None:
     """Add the true world, which the robot does not know, and its movers at every step."""
     world = trace.task.world
-    packer.drawn("world.circles", world.circles)
-    packer.drawn("world.segments", world.segments)
-    packer.counts("polygons", world.polygons)
-    packer.drawn("polygons", np.concatenate([np.empty((0, 2)), *world.polygons]))
+    packer.add_singles("world.circles", world.circles)
+    packer.add_singles("world.segments", world.segments)
+    packer.add_counts("polygons", world.polygons)
+    packer.add_singles("polygons", np.concatenate([np.empty((0, 2)), *world.polygons]))
     moving_parts = zip(*map(trace.moving, trace.frames), strict=True)
     for name, moving in zip(("discs", "edges"), moving_parts, strict=True):
-        packer.counts(name, moving)
-        packer.drawn(name, np.concatenate(moving))
+        packer.add_counts(name, moving)
+        packer.add_singles(name, np.concatenate(moving))
 
 
 def _is_mapped(trace: Trace) -> bool:
@@ -154,7 +154,7 @@ def _plans(packer: Packer, trace: Trace) -> None:
     """Add the planned path of every step, if the guide plans paths."""
     if _plans_paths(trace):
         paths = [step.guidance.path for step in trace.steps]
-        _ragged_mm(packer, "plan", [np.empty((0, 2)) if path is None else path for path in paths])
+        _add_points_mm(packer, "plan", [np.empty((0, 2)) if path is None else path for path in paths])
 
 
 def _decisions(packer: Packer, reasons: Sequence[Explanation]) -> None:
@@ -162,34 +162,34 @@ def _decisions(packer: Packer, reasons: Sequence[Explanation]) -> None:
     old = np.array([NONE if why.old is None else why.old for why in reasons])
     num_criteria = len(reasons[0].names)
     nothing = np.full(num_criteria, np.nan)
-    packer.whole("new", [why.new for why in reasons])
-    packer.whole("choice", [CHOICES.index(why.decision.choice) for why in reasons])
-    packer.whole("blocked", [why.decision.blocked for why in reasons])
-    packer.drawn("old", old)
-    packer.exact("old_distance", [math.hypot(x, y) for x, y in old])
+    packer.add_integers("new", [why.new for why in reasons])
+    packer.add_integers("choice", [CHOICES.index(why.decision.choice) for why in reasons])
+    packer.add_integers("blocked", [why.decision.blocked for why in reasons])
+    packer.add_singles("old", old)
+    packer.add_doubles("old_distance", [math.hypot(x, y) for x, y in old])
     features = [nothing if why.old_features is None else why.old_features for why in reasons]
-    packer.exact("old_features", np.array(features))
+    packer.add_doubles("old_features", np.array(features))
 
 
 def _candidates(packer: Packer, reasons: Sequence[Explanation]) -> None:
-    _ragged_mm(packer, "candidates", [why.candidates for why in reasons])
+    _add_points_mm(packer, "candidates", [why.candidates for why in reasons])
     for row, name in enumerate(reasons[0].names):
-        packer.exact(f"feature.{name}", np.concatenate([why.features[row] for why in reasons]))
+        packer.add_doubles(f"feature.{name}", np.concatenate([why.features[row] for why in reasons]))
 
 
 def _obstacles(packer: Packer, reasons: Sequence[Explanation]) -> None:
     """Add the sectors of the scan, the blocking one, and the recent positions."""
     sectors = [why.sectors for why in reasons]
-    packer.counts("sectors", sectors)
-    packer.whole("sectors", np.concatenate(sectors))
-    packer.whole("blocking", [_blocking_sector(why) for why in reasons])
+    packer.add_counts("sectors", sectors)
+    packer.add_integers("sectors", np.concatenate(sectors))
+    packer.add_integers("blocking", [_blocking_sector(why) for why in reasons])
     blockages = [why.view.blockage for why in reasons]
     ends_at_first = [0 if way is None else np.array_equal(way.A, way.E1) for way in blockages]
-    packer.whole("a_is_e1", ends_at_first)
-    packer.drawn("b", np.array([NONE if way is None else way.B for way in blockages]))
+    packer.add_integers("a_is_e1", ends_at_first)
+    packer.add_singles("b", np.array([NONE if way is None else way.B for way in blockages]))
     history = [why.view.history for why in reasons]
-    packer.counts("history", history)
-    packer.drawn("history", np.concatenate(history))
+    packer.add_counts("history", history)
+    packer.add_singles("history", np.concatenate(history))
 
 
 def _blocking_sector(why: Explanation) -> int:
@@ -202,9 +202,9 @@ def _blocking_sector(why: Explanation) -> int:
     return int(np.argmax(matches))
 
 
-def _ragged_mm(packer: Packer, name: str, rows: Sequence[Floats], differences: bool = False) -> None:
+def _add_points_mm(packer: Packer, name: str, rows: Sequence[Floats], differences: bool = False) -> None:
     """Add (N, 2) points [m] of every step, rounded to the millimetre."""
-    packer.counts(name, rows)
+    packer.add_counts(name, rows)
     millimetres = np.rint(np.concatenate(rows) * 1000.0)
-    packer.whole(f"{name}.x", millimetres[:, 0], differences)
-    packer.whole(f"{name}.y", millimetres[:, 1], differences)
+    packer.add_integers(f"{name}.x", millimetres[:, 0], differences)
+    packer.add_integers(f"{name}.y", millimetres[:, 1], differences)

@@ -8,9 +8,9 @@ from pathlib import Path
 
 from runners.analysis.leaderboard import UNKNOWN, BoardEntry, Setting
 from runners.analysis.summary import INTERVAL_NOTE, TIMES
-from runners.explainer.leaderboard_cells import COLUMNS, breakable, cells, chips, counted, escaped, orders
+from runners.explainer.leaderboard_cells import COLUMNS, breakable, cells, chips, counted, escaped, sort_keys
 from runners.explainer.leaderboard_details import details, settings_data
-from runners.explainer.write import asset, fill, policy, write_html
+from runners.explainer.write import asset, content_security_policy, fill, write_html
 
 FILTERS = {"map": "Map set", "robot": "Robot", "sim": "Simulator"}
 _SCRIPTS = ("theme.js", "leaderboard.js")
@@ -30,7 +30,7 @@ def write_leaderboard(entries: Sequence[BoardEntry], problems: Sequence[str], pa
     style = "\n".join(map(asset, _STYLES))
     script = '(() => {{\n"use strict";\n{}\n}})();'.format("\n".join(map(asset, _SCRIPTS)))
     parts = {
-        "POLICY": policy(style, script),
+        "POLICY": content_security_policy(style, script),
         "STYLE": style,
         "SCRIPT": script,
         "COUNT": _count(entries),
@@ -98,7 +98,7 @@ def _heading(setting: Setting) -> str:
 
 def _rows(number: int, entry: BoardEntry, several: bool, place: Path) -> str:
     """The line of a run, and the line of its details. several: its system has other runs in this setting."""
-    values = {"words": _words(entry), **orders(entry)}
+    values = {"words": _words(entry), **sort_keys(entry)}
     data = "".join(f' data-{key}="{escaped(value)}"' for key, value in values.items())
     return (
         f'<tr class="run{"" if entry.shown else " older"}" id="run-{number}"{data}>'

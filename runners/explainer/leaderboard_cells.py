@@ -43,7 +43,7 @@ COLUMNS = (
 _FIGURES = {column.key: column for column in COLUMNS if column.digits}
 
 
-def orders(entry: BoardEntry) -> dict[str, str]:
+def sort_keys(entry: BoardEntry) -> dict[str, str]:
     """What a line is sorted by, by column: numbers or text. A figure of an unfinished run is empty: it comes last."""
     means = {key: "" if entry.row.unfinished else plain(mean(entry, key)) for key in _FIGURES}
     means[SUCCESS] = f"{means[SUCCESS]} {means[METRIC]}".strip()  # the metric decides between equals

@@ -26,15 +26,15 @@ class Packer:
         self._planes: list[bytes] = []
         self._size = 0
 
-    def exact(self, name: str, values: Any) -> None:
+    def add_doubles(self, name: str, values: Any) -> None:
         """Add numbers in double precision."""
         self._add(name, np.asarray(values, dtype="<f8"), False)
 
-    def drawn(self, name: str, values: Any) -> None:
+    def add_singles(self, name: str, values: Any) -> None:
         """Add numbers that are only drawn, in single precision."""
         self._add(name, np.asarray(values, dtype="<f4"), False)
 
-    def whole(self, name: str, values: Any, differences: bool = False) -> None:
+    def add_integers(self, name: str, values: Any, differences: bool = False) -> None:
         """Add integers in the smallest type that holds them. differences: store differences of neighbours."""
         numbers = np.asarray(values, dtype=np.int64).ravel()
         if differences:
@@ -42,9 +42,9 @@ class Packer:
         kind = next(kind for kind in _WHOLE if kind == _WHOLE[-1] or _fits(numbers, kind))
         self._add(name, numbers.astype(kind), differences)
 
-    def counts(self, name: str, rows: Sequence[Sequence[Any] | NDArray[Any]]) -> None:
+    def add_counts(self, name: str, rows: Sequence[Sequence[Any] | NDArray[Any]]) -> None:
         """Add the number of entries that each step has in the array `name`."""
-        self.whole(f"{name}.count", [len(row) for row in rows])
+        self.add_integers(f"{name}.count", [len(row) for row in rows])
 
     def text(self, header: Mapping[str, Any]) -> str:
         """The header and all arrays in base64; equal arrays give equal text."""

@@ -47,7 +47,7 @@ class PagePayload:
     systems: Mapping[EpisodeKey, str]
 
 
-def as_asked(which: Explain, run_dir: Path, executor: Any) -> None:
+def make_requested_pages(which: Explain, run_dir: Path, executor: Any) -> None:
     """Make the pages that `explain=` asks for, and their index. Keeps pages that exist.
 
     Warns once of pages that could not be made. Raises InputError if their folder or the index cannot be written.
@@ -78,7 +78,7 @@ def keys_of(episodes: pd.DataFrame) -> list[EpisodeKey]:
     ]
 
 
-def chosen(episodes: pd.DataFrame, words: Sequence[str]) -> pd.DataFrame:
+def select_episodes(episodes: pd.DataFrame, words: Sequence[str]) -> pd.DataFrame:
     """The episodes that the words name: "WORLD" (its run 0), "WORLD/RUN" or "failures"; each once, in order.
 
     Raises InputError for an episode that does not exist, and names the nearest worlds.
@@ -105,7 +105,7 @@ def make_pages(
     """
     marks = _marks(run_dir, episodes)
     outcomes = dict(zip(keys_of(episodes), episodes["outcome"], strict=True))
-    kept = [key for key in places if keep and _bears(places[key], marks[key])]
+    kept = [key for key in places if keep and _has_mark(places[key], marks[key])]
     yield from (Page(key, places[key], "") for key in kept)
     todo = [key for key in places if key not in kept]
     for path in {places[key].parent for key in todo}:
@@ -152,7 +152,7 @@ def _key(word: str, there: Sequence[EpisodeKey]) -> EpisodeKey:
     world_word, _, run_word = word.partition("/")
     if not world_word.isdigit() or not (run_word or "0").isdigit():
         raise InputError(
-            f"{word!r} is no episode: give WORLD, WORLD/RUN or failures, such as {there[0].world}/{there[0].run}"
+            f"{word!r} is not an episode: give WORLD, WORLD/RUN or failures, such as {there[0].world}/{there[0].run}"
         )
     world, run = int(world_word), int(run_word or 0)
     runs = sorted(key.run for key in there if key.world == world)
@@ -179,7 +179,7 @@ def _marks(run_dir: Path, episodes: pd.DataFrame) -> dict[EpisodeKey, str]:
     }
 
 
-def _bears(path: Path, mark: str) -> bool:
+def _has_mark(path: Path, mark: str) -> bool:
     """Whether the file is a complete page of the episode with this mark."""
     end = _MARK.format(mark).encode()
     try:
@@ -195,4 +195,4 @@ def make_folder(path: Path) -> None:
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise InputError(f"{path}: cannot be made ({error.strerror}): choose another place") from error
+        raise InputError(f"{path}: cannot be made ({error.strerror}): choose another folder") from error

@@ -54,11 +54,11 @@ def write_html(path: Path, text: str) -> None:
     try:
         write_atomically(path, text)
     except OSError as error:
-        raise InputError(f"{path}: cannot be written ({error.strerror}): choose another place") from error
+        raise InputError(f"{path}: cannot be written ({error.strerror}): choose another path") from error
 
 
 def sentences(trace: Trace) -> list[str]:
-    """The reason for every decision of LME, in words; empty for other guides."""
+    """The reason for every decision of LME, as text; empty for other guides."""
     reasons = [step.explanation for step in trace.steps]
     pairs = zip([None, *reasons], reasons, strict=False)
     return [reason(now, before) for before, now in pairs if now is not None]
@@ -71,7 +71,7 @@ def page(trace: Trace, reasons: Sequence[str], system: str = "") -> str:
     script = f'/*\n{asset(LICENCE)}*/\n{asset(LIBRARY)}\n(() => {{\n"use strict";\n{scripts}\n}})();'
     parts = {
         "TITLE": html.escape(title(trace)),
-        "POLICY": policy(style, script),
+        "POLICY": content_security_policy(style, script),
         "STYLE": style,
         "DATA": encode(trace, reasons, system),
         "SCRIPT": script,
@@ -84,7 +84,7 @@ def fill(name: str, parts: Mapping[str, str]) -> str:
     return re.sub(r"{{([A-Z]+)}}", lambda found: parts[found[1]], asset(name))
 
 
-def policy(style: str, script: str) -> str:
+def content_security_policy(style: str, script: str) -> str:
     """Content security policy: this style, this script, and no connections."""
     return (
         f"default-src 'none'; style-src {_hash(style)}; script-src {_hash(script)}; img-src data:; "

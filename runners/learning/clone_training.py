@@ -54,7 +54,7 @@ class CloneTraining:
             new = self._collect(run, number)
             parts = [_joined([*parts, new])]
             loss = self._fit(run, number, parts[0], optimiser)
-            row = {**self._row(number, parts[0], new, loss), **run.judged()}
+            row = {**self._row(number, parts[0], new, loss), **run.judge()}
             run.save_checkpoint(number + 1, row, {"rounds": number + 1, "optimiser": optimiser.state_dict()})
 
     def _collect(self, run: Run, number: int) -> Data:

@@ -78,7 +78,9 @@ class Driving:
             if ranged_keys(config.robots)
             else config.robot
         )
-        self._fleet = Fleet(self._maps.within(within), robot, self._num, _simulator(config), self._reward)
+        self._fleet = Fleet(
+            self._maps.with_tolerance(within), robot, self._num, _simulator(config), self._reward
+        )
         seeds = [int(child.generate_state(1)[0]) for child in self._seeds.spawn(self._num)]
         self._views = self._fleet.reset(seeds)
         self._returns[:] = 0.0
@@ -156,7 +158,7 @@ class _Worlds:
         self.numbers = tuple(self._names)
         self.task = lru_cache(maxsize=None)(self._build)
 
-    def within(self, distance: float | None) -> MapSet:
+    def with_tolerance(self, distance: float | None) -> MapSet:
         """The same worlds, with success within this distance of the goal [m]; None: the map's own."""
         return cast(MapSet, self if distance is None else _EasierWorlds(self, distance))
 

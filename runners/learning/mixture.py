@@ -21,7 +21,7 @@ class MixtureBatch(NamedTuple):
     mu: Tensor
     log_sigma: Tensor
 
-    def at_least(self, sigma: float) -> MixtureBatch:
+    def with_min_sigma(self, sigma: float) -> MixtureBatch:
         """The same with no deviation below `sigma`, so that a policy keeps exploring."""
         return self._replace(log_sigma=self.log_sigma.clamp(min=math.log(sigma)))
 

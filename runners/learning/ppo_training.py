@@ -76,7 +76,7 @@ class PpoTraining:
         critic = parts.modules["critic"]
         with torch.no_grad():
             for _ in range(self._config.horizon):
-                mixture = policy(*features).at_least(self._config.least_sigma)
+                mixture = policy(*features).with_min_sigma(self._config.least_sigma)
                 raw, values = draw(mixture, parts.generator), critic(*features)
                 found = driving.step(raw.tanh())
                 rewards = found.rewards
@@ -116,7 +116,7 @@ class PpoTraining:
 
     def _policy_loss(self, policy: Learnable, part: Batch) -> tuple[Tensor, float]:
         """The clipped loss, and the KL divergence from the policy that drove (Schulman's estimate)."""
-        mixture = policy(*part.features).at_least(self._config.least_sigma)
+        mixture = policy(*part.features).with_min_sigma(self._config.least_sigma)
         change = log_density(mixture, part.raw) - part.log_density
         ratio = change.exp()
         spread = part.advantages.std() + 1e-6

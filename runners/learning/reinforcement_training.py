@@ -99,7 +99,7 @@ def _judge(run: Run, parts: Parts, done: int, driving: Driving, numbers: Row) ->
         "return": driving.mean_return,
         "driven_success": driving.success,
         **numbers,
-        **run.judged(),
+        **run.judge(),
     }
     place = {"steps": done, "stage": driving.stage, "episodes": driving.episodes}
     run.save_checkpoint(done, row, {**parts.state(), **place})

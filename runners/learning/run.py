@@ -101,7 +101,7 @@ class Run:
     def save_checkpoint(self, done: int, row: Row | None, state: Mapping[str, Any]) -> None:
         """Write the checkpoint after `done` rounds or steps.
 
-        row: a point of the curves, with the `success` of `judged`, if the network was evaluated. state: what the
+        row: a point of the curves, with the `success` of `judge`, if the network was evaluated. state: what the
         learner needs to continue, made of tensors, numbers, lists and mappings.
         """
         if row is not None:
@@ -135,7 +135,7 @@ class Run:
         """Show what the learner is doing."""
         self._progress.describe(doing)
 
-    def judged(self) -> Row:
+    def judge(self) -> Row:
         """Shares of outcomes in the validation episodes of the current network, and its success under each guide."""
         present = self.write()
         config = self.config

@@ -99,7 +99,7 @@ class SacTraining:
     ) -> Features:
         """Drive one step and store it; returns what the robots see then."""
         with torch.no_grad():
-            raw = draw(policy(*features).at_least(self._config.least_sigma), parts.generator)
+            raw = draw(policy(*features).with_min_sigma(self._config.least_sigma), parts.generator)
         found = driving.step(raw.tanh())
         replay.add(ReplaySteps(features, raw, found.rewards, found.terminated, next_features(found)))
         return found.features
@@ -131,7 +131,7 @@ class SacTraining:
         """The critics' target values (B,): the reward and the value of what follows."""
         config = self._config
         with torch.no_grad():
-            mixture = policy(*batch.following).at_least(config.least_sigma)
+            mixture = policy(*batch.following).with_min_sigma(config.least_sigma)
             raw = draw(mixture, parts.generator)
             worth = lower_value(parts.modules["targets"], batch.following, raw.tanh())
             worth = worth - config.alpha * log_density_of_actions(mixture, raw)
@@ -139,7 +139,7 @@ class SacTraining:
 
     def _policy_loss(self, policy: Learnable, parts: Parts, batch: ReplaySteps) -> tuple[Tensor, float]:
         """The loss over all components by their probability, and the mean entropy."""
-        mixture = policy(*batch.features).at_least(self._config.least_sigma)
+        mixture = policy(*batch.features).with_min_sigma(self._config.least_sigma)
         raw = draw_each(mixture, parts.generator)
         density = torch.stack([log_density_of_actions(mixture, each) for each in raw.unbind(1)], 1)
         worth = lower_value(parts.modules["critics"], batch.features, raw.tanh())

@@ -11,7 +11,7 @@ from lme.live.messages import nanoseconds
 class SystemClock:
     """Time since 1970, as in the stamps of robots' drivers."""
 
-    still = 0.0
+    seconds_still = 0.0
 
     def now(self) -> int | None:
         """[ns]."""
@@ -36,6 +36,6 @@ class TopicClock:
         return self._now
 
     @property
-    def still(self) -> float:
+    def seconds_still(self) -> float:
         """Real time since it last advanced [s]."""
         return time.monotonic() - self._moved

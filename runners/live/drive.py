@@ -11,7 +11,7 @@ from lme.live.step import LiveStep
 from lme.navigator import Navigator
 from lme.robots import Robot
 from runners.config import build
-from runners.config.instantiate import configured, filled
+from runners.config.instantiate import configured, fill_dataclass
 from runners.config.job import Job
 from runners.config.schema import LiveCommandConfig, Record
 from runners.live.node import Node, NodeConfig
@@ -24,12 +24,15 @@ def drive_robot(job: Job[LiveCommandConfig], transport: Transport) -> None:
     """Drive the robot until an exception, such as KeyboardInterrupt."""
     config = job.config
     own: NodeConfig = configured(config.live, "live")[1]
-    topics = filled(LiveTopicsConfig, config.topics, "topics")
+    topics = fill_dataclass(LiveTopicsConfig, config.topics, "topics")
 
     def navigator(robot: Robot) -> Navigator:
         return build.navigator(config, robot)
 
-    scan, frames = filled(ScanConfig, config.scan, "scan"), filled(FramesConfig, config.frames, "frames")
+    scan, frames = (
+        fill_dataclass(ScanConfig, config.scan, "scan"),
+        fill_dataclass(FramesConfig, config.frames, "frames"),
+    )
     driver = LiveDriver(navigator, config.robot, own, scan, frames)
     node = Node(own, transport, topics, driver, config.robot.dt)
     node.listen(_StatePrinter().take)

@@ -61,7 +61,7 @@ class Marker(NamedTuple):
 
 def markers(observation: Observation, guidance: Guidance, why: Explanation | None) -> list[Marker]:
     """The markers of one decision. why: None for a guide that cannot explain; then there are fewer."""
-    found = [] if why is None else [*_of_explanation(why)]
+    found = [] if why is None else [*_explanation_markers(why)]
     if guidance.path is not None and len(guidance.path) > 1:
         found.append(Marker("path", 0, Shape.LINE_STRIP, guidance.path, _PATH[None], _LINE))
     found.append(_mark("target", observation.target, _TARGET))
@@ -69,7 +69,7 @@ def markers(observation: Observation, guidance: Guidance, why: Explanation | Non
     return found
 
 
-def _of_explanation(why: Explanation) -> Iterator[Marker]:
+def _explanation_markers(why: Explanation) -> Iterator[Marker]:
     yield Marker("candidates", 0, Shape.POINTS, why.candidates, _shades(why.scores), _DOT)
     for k, sector in enumerate(why.sectors):
         points = sector_points(why.view.points, sector)

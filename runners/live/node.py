@@ -93,7 +93,7 @@ class Node:
         if now is None:
             return
         waits = self._due - self._period <= now < self._due  # otherwise it is due, or time has jumped
-        if waits and self._clock.still < self._config.stale / 4:
+        if waits and self._clock.seconds_still < self._config.stale / 4:
             return
         if not waits:
             late = now - self._due

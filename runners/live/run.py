@@ -16,7 +16,7 @@ from lme.live.scan_source import ScanConfig
 from lme.worlds.check import check_task
 from lme.worlds.world import Task
 from runners.config import build
-from runners.config.instantiate import configured, filled
+from runners.config.instantiate import configured, fill_dataclass
 from runners.config.job import Job
 from runners.config.schema import LiveCommandConfig, Record
 from runners.live import ros1, ros2
@@ -43,7 +43,7 @@ def validate(job: Job[LiveCommandConfig]) -> None:
         )
     _check_keys(job)
     require("seed", config.seed, at_least=0)
-    filled(LiveTopicsConfig, config.topics, "topics")
+    fill_dataclass(LiveTopicsConfig, config.topics, "topics")
     configured(config.live, "live")
     if _simulates(job):
         require("runs", config.runs, at_least=1)
@@ -51,8 +51,8 @@ def validate(job: Job[LiveCommandConfig]) -> None:
         check_task(maps.task(maps.numbers[0]), config.robot)
         build.simulator(_finely_stepped(config))
     else:
-        filled(ScanConfig, config.scan, "scan")
-        filled(FramesConfig, config.frames, "frames")
+        fill_dataclass(ScanConfig, config.scan, "scan")
+        fill_dataclass(FramesConfig, config.frames, "frames")
         if config.record is Record.mcap:
             check_mcap()
         build.navigator(config)
@@ -94,7 +94,7 @@ def _simulate(job: Job[LiveCommandConfig], transport: Transport) -> None:
     config = job.config
     maps = build.map_set(config)
     own = configured(config.live, "live")[1]
-    topics = filled(LiveTopicsConfig, config.topics, "topics")
+    topics = fill_dataclass(LiveTopicsConfig, config.topics, "topics")
     robot = SimulatedRobot(own, transport, topics, config.robot, build.simulator(_finely_stepped(config)))
     print(
         f"simulated {config.robot.name} in ROS {config.ros}: waits for commands on {topics.command}",

@@ -104,7 +104,7 @@ class SimulatedRobot:
             self._publish(observation)
             sent = sent or self._send(goal)
             self._wait()
-            command = self._obeyed()
+            command = self._current_command()
             begun = begun or command != _REST
             if begun:
                 before = self._simulator.state
@@ -123,7 +123,7 @@ class SimulatedRobot:
             math.dist(state.pose[:2], task.goal),
         )
 
-    def _obeyed(self) -> Twist:
+    def _current_command(self) -> Twist:
         """The last command; zero if it is older than the watchdog allows."""
         fresh = self._now - self._commanded <= self._config.watchdog * SECOND
         return self._command if fresh else _REST

@@ -18,7 +18,7 @@ from typing import Any
 from lme.errors import InputError
 from runners.config import catalogue
 from runners.config.flatten import flatten
-from runners.config.instantiate import filled
+from runners.config.instantiate import fill_dataclass
 from runners.config.job import Job
 from runners.config.schema import RecordedConfig, SystemConfig
 from runners.records.versions import code
@@ -96,7 +96,7 @@ def read_launch(directory: Path) -> Launch | None:
 def recorded_config(values: Mapping[str, Any]) -> RecordedConfig:
     """The typed config from what `identity` returned. Raises InputError if it is not complete."""
     names = [field.name for field in dataclasses.fields(RecordedConfig)]
-    config: RecordedConfig = filled(
+    config: RecordedConfig = fill_dataclass(
         RecordedConfig, {name: values[name] for name in names if name in values}, "config"
     )
     return config

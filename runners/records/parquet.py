@@ -36,7 +36,7 @@ def keys_of(run_dir: Path) -> set[EpisodeKey]:
     return _keys_in(read_table(path, KEY_COLUMNS)) if path.is_file() else set()
 
 
-def new_in(log: AppendLog, done: Collection[EpisodeKey]) -> set[EpisodeKey]:
+def keys_not_in(log: AppendLog, done: Collection[EpisodeKey]) -> set[EpisodeKey]:
     """Keys of the append log that are not `done`."""
     return {key for world, run in log.keys.tolist() if (key := EpisodeKey(world, run)) not in done}
 
@@ -45,7 +45,7 @@ def episode_table(run_dir: Path, log: AppendLog) -> pa.Table:
     """Episodes of the run's Parquet file and of its append log, sorted by key, each once."""
     path = run_dir / EPISODES
     known = [read_table(path)] if path.is_file() else []
-    new = new_in(log, set().union(*map(_keys_in, known)))
+    new = keys_not_in(log, set().union(*map(_keys_in, known)))
     with _explain_conflicts(run_dir):
         return _episodes([*known, *map(_rows, _blocks(log.entries(new)))])
 
@@ -58,7 +58,7 @@ def trajectory_table(run_dir: Path, log: AppendLog, wanted: Collection[EpisodeKe
     import pyarrow as pa
 
     done = keys_of(run_dir)
-    new = new_in(log, done)
+    new = keys_not_in(log, done)
     if wanted is not None:
         done, new = done.intersection(wanted), new.intersection(wanted)
     with _explain_conflicts(run_dir):

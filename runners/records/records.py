@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from lme.errors import InputError
 from runners.config.catalogue import shipped
-from runners.config.changes import in_words
+from runners.config.changes import describe_changes
 from runners.config.flatten import flatten
 from runners.config.weights import PUBLISHED, own_weights_of, scale_in_words
 from runners.records.append_log import (
@@ -36,8 +36,8 @@ from runners.records.parquet import (
     EPISODES,
     entries_in_files,
     episode_table,
+    keys_not_in,
     keys_of,
-    new_in,
     trajectory_table,
     write_files,
 )
@@ -85,7 +85,7 @@ class RecordWriter:
             cut_torn_line(self._log)
             with read_log(self._log) as log:
                 merged = keys_of(self._run_dir)
-                new = new_in(log, merged)
+                new = keys_not_in(log, merged)
             self._done, self._unmerged = merged | new, len(new)
         except BaseException:
             self._file.close()
@@ -268,7 +268,7 @@ def _columns_of(launch: Launch, changed: Iterable[str]) -> dict[str, object]:
     return {
         "sim": launch.choices[0].get("sim", ""),
         "scale": scale_in_words(launch.configs[0].get("scale", {})),
-        "changes": in_words(launch.changes[0]),
+        "changes": describe_changes(launch.changes[0]),
         **{key: str(values.get(key, "")) for key in changed},
         **planned_columns(launch),
     }

@@ -24,7 +24,7 @@ _TURNING = 0.1  # [rad/s] a slower robot counts as not turning
 _CLOSE = math.radians(30.0)  # [rad] headings that differ by less agree
 
 
-def frame_of(log: Log, period_s: float, ahead: float) -> pd.DataFrame:
+def replay_table(log: Log, period_s: float, ahead: float) -> pd.DataFrame:
     """The table of a replay: the rows of the log, and what the robot did.
 
     recorded_command_*: the next command recorded within a period, else the previous one. robot_heading_rad: bearing
@@ -35,7 +35,9 @@ def frame_of(log: Log, period_s: float, ahead: float) -> pd.DataFrame:
 
     frame = pd.DataFrame(log.rows)
     stamps = frame["stamp_ns"].to_numpy()
-    frame[["recorded_command_v_mps", "recorded_command_omega_radps"]] = _answers(log, stamps, period_s)
+    frame[["recorded_command_v_mps", "recorded_command_omega_radps"]] = _recorded_commands(
+        log, stamps, period_s
+    )
     headings = headings_ahead(frame[["x_m", "y_m", "yaw_rad"]].to_numpy(), ahead)
     wanted = np.arctan2(frame["subgoal_y_m"].to_numpy(), frame["subgoal_x_m"].to_numpy())
     frame["robot_heading_rad"] = headings
@@ -117,7 +119,7 @@ def write(frame: pd.DataFrame, found: Mapping[str, float], run_dir: Path) -> lis
     return [table, numbers]
 
 
-def _answers(log: Log, stamps: Floats, period_s: float) -> Floats:
+def _recorded_commands(log: Log, stamps: Floats, period_s: float) -> Floats:
     """Recorded commands (T, 2) [m/s, rad/s], one for each tick; NaN if there is none."""
     if not log.commands:
         return np.full((len(stamps), 2), np.nan)

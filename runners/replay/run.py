@@ -16,7 +16,7 @@ from lme.live.messages import SECOND
 from lme.live.scan_source import ScanConfig, ScanSource
 from lme.robots import Robot
 from runners.config import build, instantiate
-from runners.config.instantiate import configured, filled
+from runners.config.instantiate import configured, fill_dataclass
 from runners.config.job import Job
 from runners.config.schema import ReplayConfig
 from runners.replay import recorded, report
@@ -54,10 +54,10 @@ def validate(job: Job[ReplayConfig]) -> None:
         from runners.replay.rerun_file import check_installed
 
         check_installed()
-    filled(ScanConfig, config.scan, "scan")
+    fill_dataclass(ScanConfig, config.scan, "scan")
     build.navigator(config)
     with Bag(path) as bag:
-        choose(bag, filled(BagTopicsConfig, config.topics, "topics"), topic_of(config.goal))
+        choose(bag, fill_dataclass(BagTopicsConfig, config.topics, "topics"), topic_of(config.goal))
 
 
 def replay(job: Job[ReplayConfig]) -> None:
@@ -94,7 +94,7 @@ def _replay(
     recording, part = _recording(bag, config, episode)
     stale = round(config.stale * SECOND)
     scan_source = ScanSource(
-        filled(ScanConfig, config.scan, "scan"),
+        fill_dataclass(ScanConfig, config.scan, "scan"),
         recording.first_scan.content,
         recording.mount,
         config.robot if episode is not None else _at_scan_rate(config, recording),
@@ -126,7 +126,7 @@ def _replay(
         driving.take(message)
     log = driving.finish()
     wall_s = perf_counter() - began
-    frame = report.frame_of(log, scan_source.robot.dt, config.ahead)
+    frame = report.replay_table(log, scan_source.robot.dt, config.ahead)
     found = report.figures(frame, log, scan_source.robot.dt, wall_s)
     artifacts += report.write(frame, found, run_dir)
     artifacts += figures.write(frame, log, scan_source, recording, run_dir)
@@ -138,11 +138,11 @@ def _recording(
     bag: Bag, config: ReplayConfig, episode: recorded.RecordedEpisode | None
 ) -> tuple[Recording, _Part]:
     requested = recorded.GOAL if episode is not None and config.goal is None else topic_of(config.goal)
-    names = filled(BagTopicsConfig, config.topics, "topics")
+    names = fill_dataclass(BagTopicsConfig, config.topics, "topics")
     if episode is not None and names.command is None:
         names.command = episode.command
     topics = choose(bag, names, requested)
-    recording = inspect(bag, topics, filled(FramesConfig, config.frames, "frames"), config.clock)
+    recording = inspect(bag, topics, fill_dataclass(FramesConfig, config.frames, "frames"), config.clock)
     start = bag.start + round(config.start * SECOND) if config.start else None
     stop = None if config.end is None else bag.start + round(config.end * SECOND)
     return recording, _Part(start, stop)

@@ -44,7 +44,7 @@ class Heartbeat:
         self._running.discard(trial_id)
 
     @contextmanager
-    def beating(self) -> Iterator[None]:
+    def send_heartbeats(self) -> Iterator[None]:
         """Send heartbeats while the block runs."""
         stop = Event()
         if self._storage is not None:

@@ -26,7 +26,7 @@ def run_trials(
     run_all: maps attempts to scores, in any order. note: called with the number of finished trials and the best
     reward so far.
     """
-    with study.alive():
+    with study.keep_alive():
         while study.num_told < total:
             if proposals := study.claim(total, batch):
                 _run_batch(study, proposals, worlds, run_all)

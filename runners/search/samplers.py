@@ -88,7 +88,7 @@ class Gp:
     Config = GpConfig
 
     def __init__(self, config: GpConfig) -> None:
-        _need("torch", "gp")
+        _require_package("torch", "gp")
         self._config = config
         self.batch = config.batch
 
@@ -118,7 +118,7 @@ class Cmaes:
     Config = CmaesConfig
 
     def __init__(self, config: CmaesConfig) -> None:
-        _need("cmaes", "cmaes")
+        _require_package("cmaes", "cmaes")
         self.batch = config.batch
 
     def sampler(self, seed: int) -> BaseSampler:
@@ -167,7 +167,7 @@ def per_trial(
         def _sampler_for(self, trial: FrozenTrial) -> BaseSampler:
             number = _origin(trial)
             if number != self._number:
-                self._number, self._sampler = number, _quietly(make, trial_seed(seed, number))
+                self._number, self._sampler = number, _make_quietly(make, trial_seed(seed, number))
             return self._sampler
 
         def infer_relative_search_space(self, study: Study, trial: FrozenTrial) -> Distributions:
@@ -201,13 +201,13 @@ def trial_seed(seed: int, number: int) -> int:
     return int(np.random.SeedSequence([seed, number]).generate_state(1)[0])
 
 
-def _quietly(make: Callable[[int], BaseSampler], seed: int) -> BaseSampler:
+def _make_quietly(make: Callable[[int], BaseSampler], seed: int) -> BaseSampler:
     """Make a sampler without Optuna's warning that it is experimental."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         return make(seed)
 
 
-def _need(package: str, search: str) -> None:
+def _require_package(package: str, search: str) -> None:
     if find_spec(package) is None:
         raise InputError(f"search={search} needs {package}: {install(package)}, or choose search=tpe")

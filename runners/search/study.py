@@ -1,9 +1,9 @@
 """The study of a search: its trials, in a journal in the run directory or in a storage that machines share.
 
-A batch of trials is proposed before any of them runs, and told to the sampler in the order of their numbers after all
-have run. The sampler therefore sees the same for any number of workers. The unfinished trials of a killed study keep
-their parameters and run again: at once in its own directory, or after a timeout in another process that shares the
-storage.
+A batch of trials is proposed before any of them runs, and reported to the sampler in the order of their numbers after
+all have run. The sampler therefore sees the same for any number of workers. The unfinished trials of a killed study
+keep their parameters and run again: at once in its own directory, or after a timeout in another process that shares
+the storage.
 """
 
 from __future__ import annotations
@@ -68,19 +68,19 @@ class Study:
         """Whether `claim` finds the trials of killed processes."""
         return self._heartbeat.finds_killed
 
-    def alive(self) -> AbstractContextManager[None]:
+    def keep_alive(self) -> AbstractContextManager[None]:
         """Within the block, show other processes that this one is alive."""
-        return self._heartbeat.beating()
+        return self._heartbeat.send_heartbeats()
 
     @property
     def num_told(self) -> int:
         """Number of finished trials."""
-        return len(self._in_state("COMPLETE"))
+        return len(self._trials_in_state("COMPLETE"))
 
     @property
     def told(self) -> list[Trial]:
         """Finished trials, by number."""
-        return [_trial(trial) for trial in self._in_state("COMPLETE")]
+        return [_trial(trial) for trial in self._trials_in_state("COMPLETE")]
 
     @property
     def best(self) -> float | None:
@@ -90,7 +90,7 @@ class Study:
     @property
     def num_elsewhere(self) -> int:
         """Number of trials that other processes are running."""
-        return sum(trial.user_attrs.get(OWNER) != self._owner for trial in self._in_state("RUNNING"))
+        return sum(trial.user_attrs.get(OWNER) != self._owner for trial in self._trials_in_state("RUNNING"))
 
     def claim(self, total: int, batch: int) -> list[Proposal]:
         """Trials to run next: the unfinished ones of this directory, or else those of killed processes and new ones.
@@ -106,7 +106,7 @@ class Study:
 
     def _unfinished(self) -> list[Proposal | None]:
         """Trials that a killed run in this directory proposed but did not finish."""
-        mine = [t for t in self._in_state("RUNNING") if t.user_attrs.get(OWNER) == self._owner]
+        mine = [t for t in self._trials_in_state("RUNNING") if t.user_attrs.get(OWNER) == self._owner]
         return [self._proposal(resume_trial(self._study, trial)) for trial in mine]
 
     def _ask(self) -> Proposal | None:
@@ -202,9 +202,9 @@ class Study:
         return Proposal(trial.number, values)
 
     def _rewards(self) -> list[float]:
-        return [trial.value for trial in self._in_state("COMPLETE") if trial.value is not None]
+        return [trial.value for trial in self._trials_in_state("COMPLETE") if trial.value is not None]
 
-    def _in_state(self, state: str) -> list[FrozenTrial]:
+    def _trials_in_state(self, state: str) -> list[FrozenTrial]:
         import optuna
 
         return self._study.get_trials(deepcopy=False, states=(optuna.trial.TrialState[state],))

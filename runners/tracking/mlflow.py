@@ -211,7 +211,7 @@ def add_files(run_dir: Path, files: Sequence[Path], folder: str) -> None:
 def _warn_unwritable(place: Path, uri: str, results: Path) -> None:
     """Warn before a run, without importing MLflow, that its store cannot be written."""
     warnings.warn(
-        f"not logged in MLflow at {uri}: {place} cannot be written; all results go to {results}. "
+        f"not logged to MLflow at {uri}: {place} cannot be written; all results go to {results}. "
         "Set MLFLOW_TRACKING_URI to another store, or choose tracking=none",
         stacklevel=3,
     )
@@ -220,7 +220,7 @@ def _warn_unwritable(place: Path, uri: str, results: Path) -> None:
 def _warn(uri: str, error: Exception) -> None:
     reason = (str(error).splitlines() or [type(error).__name__])[0]
     warnings.warn(
-        f"not logged in MLflow at {uri}; the results are on disk ({reason[:300]})",
+        f"not logged to MLflow at {uri}; the results are on disk ({reason[:300]})",
         stacklevel=3,
     )
 

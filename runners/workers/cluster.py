@@ -104,7 +104,7 @@ class DaskExecutor:
             self._client(at_once) as client,
             _registered(client, initialise, payload) as token,
         ):
-            yield lambda items: _hand_out(client, token, list(items), self._config.batch)
+            yield lambda items: _submit_batches(client, token, list(items), self._config.batch)
 
     @property
     def _max_workers(self) -> int:
@@ -190,7 +190,7 @@ def _registered(client: Client, initialise: Initialise, payload: Any) -> Iterato
                 client.unregister_worker_plugin(token)
 
 
-def _hand_out(client: Client, token: str, items: Sequence[Item], batch: int) -> Iterator[Any]:
+def _submit_batches(client: Client, token: str, items: Sequence[Item], batch: int) -> Iterator[Any]:
     """Submit the items in batches; the scheduler gives each worker the next one as soon as it is free."""
     from distributed import as_completed
 

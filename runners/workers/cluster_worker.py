@@ -11,7 +11,7 @@ from distributed import Worker, WorkerPlugin, get_worker
 
 from lme.errors import InputError
 from runners.records.versions import versions
-from runners.workers.executor import Item, Run, portable
+from runners.workers.executor import Item, Run, to_portable_error
 
 
 class WorkerSetup(WorkerPlugin):
@@ -36,7 +36,7 @@ class WorkerSetup(WorkerPlugin):
                 for item in items:
                     results.append(run(item))
         except Exception as error:
-            return results, portable(error, item)
+            return results, to_portable_error(error, item)
         return results, None
 
     def _build_once(self, worker: Worker) -> Run:

@@ -68,14 +68,14 @@ class SerialExecutor:
         try:
             run = initialise(payload)
         except Exception as error:
-            raise portable(error, None) from error
+            raise to_portable_error(error, None) from error
 
         def run_all(items: Iterable[Item]) -> Iterator[Any]:
             for item in items:
                 try:
                     result = run(item)
                 except Exception as error:
-                    raise portable(error, item) from error
+                    raise to_portable_error(error, item) from error
                 yield result
 
         yield run_all
@@ -249,7 +249,7 @@ def _work(coordinator: Connection, initialise: Initialise, payload: Any) -> None
             run = initialise(payload)
         except Exception as error:
             coordinator.recv()
-            coordinator.send((portable(error, None), None))
+            coordinator.send((to_portable_error(error, None), None))
             return
         gc.freeze()  # garbage collection skips what has been imported and built: it stays
         while True:
@@ -258,11 +258,11 @@ def _work(coordinator: Connection, initialise: Initialise, payload: Any) -> None
             try:
                 answer = None, run(item)
             except Exception as error:
-                answer = portable(error, item), None
+                answer = to_portable_error(error, item), None
             coordinator.send(answer)
 
 
-def portable(error: Exception, item: Item | None) -> Exception:
+def to_portable_error(error: Exception, item: Item | None) -> Exception:
     """The error that the coordinator raises: an InputError stays one, any other carries its traceback as text."""
     where = "" if item is None else f"{item}: "
     if isinstance(error, InputError):

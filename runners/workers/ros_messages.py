@@ -90,9 +90,9 @@ def half_angle(yaw: float) -> tuple[float, float]:
     z and w are sine and cosine of half the yaw, rounded up or down if rounding to nearest loses the last bit.
     """
     z, w = math.sin(yaw / 2), math.cos(yaw / 2)
-    near = product(_and_neighbours(z), _and_neighbours(w))
+    near = product(_with_float_neighbours(z), _with_float_neighbours(w))
     return next((pair for pair in near if 2.0 * math.atan2(*pair) == yaw), (z, w))
 
 
-def _and_neighbours(value: float) -> tuple[float, float, float]:
+def _with_float_neighbours(value: float) -> tuple[float, float, float]:
     return value, math.nextafter(value, math.inf), math.nextafter(value, -math.inf)

@@ -60,7 +60,7 @@ OFF_LINE_M = dict.fromkeys(
     LME, 1.0
 )  # its subgoals are random, and the best of them lies that far off the line
 OFF_LINE_OTHERS_M = 0.5
-ARRIVED_M = dict.fromkeys(LME, 0.51)  # its d1: nearer than this it takes the goal for reached and goes on
+ARRIVED_M = dict.fromkeys(LME, 0.51)  # its d1: nearer than this it takes the goal for reached and continues
 AT_GOAL_M, AT_REST_M_S = 0.2, 0.05
 STOPS_M = {"ros_dwa": 0.3}  # its xy_goal_tolerance is 0.25 m
 SLOW_M_S = {"ros_dwa": 0.5}  # its own limit
@@ -180,7 +180,7 @@ def test_a_seed_decides_everything(robot, guide, planner):
     np.testing.assert_array_equal(poses, again)
 
 
-def test_no_scan_is_too_strange(robot, guide, planner):
+def test_every_pair_survives_strange_scans(robot, guide, planner):
     machine, navigator = made(robot, guide, planner)
     beams = machine.lidar.num_beams
     mixed = np.resize(np.array([0.0, np.nan, 1.0, np.inf, -1.0, 0.3], dtype=np.float32), beams)

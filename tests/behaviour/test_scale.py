@@ -46,7 +46,7 @@ def test_a_wrong_factor_is_named(scale, message):
     assert message in str(error.value)
 
 
-def test_factors_in_words_are_read_back():
+def test_factors_as_text_are_read_back():
     assert scale_in_words({"a_close": 0.5, "d1": 2}) == "a_close × 0.5, d1 × 2"
     assert scale_in_words({"a_close": 1.0, "d1": 2}) == "d1 × 2"
     for scale in ({}, {"c_o": 0.0}, {"a_close": 1 / 3, "d2": 1e-7}):
@@ -119,7 +119,7 @@ def test_figures_tell_scaled_jobs_apart(sweep):
     assert labels == [f"LME, {COMBINED}", f"LME, {COMBINED}, a_close × 0.5"]
 
 
-def test_the_sweep_has_its_report_and_table_writes_it_anew(sweep, tmp_path, capsys):
+def test_the_sweep_has_its_report_and_table_rewrites_it(sweep, tmp_path, capsys):
     names = [f"sensitivity.{end}" for end in ("md", "csv", "png", "pdf")]
     copy = tmp_path / "copy"
     shutil.copytree(sweep, copy)

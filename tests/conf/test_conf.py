@@ -133,7 +133,7 @@ def test_every_file_is_explained(path):
         assert sum(bool(key.comment) for key in numbers) / len(numbers) >= COMMENTED
 
 
-def test_there_is_no_yaml_that_no_command_reaches():
+def test_every_yaml_is_reached_by_a_command():
     commands = {path.stem for path in CONF.glob("*.yaml")}
     assert commands <= set(command_files())
     groups = {
@@ -246,7 +246,7 @@ def test_the_published_weights(composer):
 
 
 @pytest.mark.parametrize("option", CATALOGUE.options("system"))
-def test_a_system_file_is_what_it_says(chosen, option):
+def test_a_system_file_sets_the_pair_that_it_names(chosen, option):
     """Read as data, and chosen on the command line, it names the same pair."""
     config = chosen("system", option)
     system = config.system

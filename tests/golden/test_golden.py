@@ -15,7 +15,7 @@ def golden(path):
 
 
 @pytest.mark.parametrize("path", PATHS, ids=lambda path: path.stem)
-def test_an_episode_goes_as_it_went(path):
+def test_a_golden_episode_repeats_itself(path):
     record = golden(path)
     assert not refresh.differences(record["result"], refresh.play(record["config"])), (
         "python -m tests.golden.refresh, if the new result is right"

@@ -79,7 +79,7 @@ def test_a_place_of_the_users_that_cannot_be_written_stays(package, monkeypatch)
     assert os.environ["NUMBA_CACHE_DIR"] == os.devnull
 
 
-def test_without_a_home_a_private_folder_among_the_temporary_files(read_only, monkeypatch):
+def test_without_a_home_the_cache_is_a_private_temporary_folder(read_only, monkeypatch):
     monkeypatch.setenv("HOME", os.devnull)
     folder, place = chosen(read_only)
     assert place == read_only.parent / "temporary" / f"lme-nav-{os.getuid()}"
@@ -134,7 +134,7 @@ def called():
 
 
 def test_a_kernel_follows_a_change_of_a_kernel_that_it_calls(tmp_path):
-    """Numba alone would go on with the old one, because the caller's own file is the same."""
+    """Numba alone would keep using the old one, because the caller's own file is the same."""
     copy = tmp_path / "lme"
     shutil.copytree(ROOT / "lme", copy, ignore=shutil.ignore_patterns("__pycache__"))
     (copy / "kernels" / "caller.py").write_text(CALLER.format(name="called"))

@@ -10,7 +10,7 @@ from lme.errors import InputError
 from lme.policies.lme.score import CRITERIA
 from lme.presets import load_map_set, load_parameters, load_robot, load_simulator
 from lme.robots import Robot
-from runners.config.instantiate import build, configured, filled
+from runners.config.instantiate import build, configured, fill_dataclass
 from tests.places import ROOT
 
 ROBOTS = sorted((ROOT / "conf" / "robot").glob("*.yaml"))
@@ -22,12 +22,12 @@ STAGE = (ROOT / "conf" / "robot" / "stage.yaml").read_text(encoding="utf-8")
 def test_a_robot_is_what_hydra_makes_of_its_file(path):
     with initialize_config_dir(str(ROOT / "conf"), version_base=None):
         given = OmegaConf.to_container(compose(f"robot/{path.stem}").robot)
-    expected = filled(Robot, given, "robot")
+    expected = fill_dataclass(Robot, given, "robot")
     assert load_robot(path.stem) == load_robot(path) == load_robot(str(path)) == expected
     assert type(load_robot(path.stem).lidar.num_beams) is int
 
 
-def test_what_is_left_out_of_a_robots_file_is_the_default(tmp_path):
+def test_a_key_omitted_from_a_robots_file_is_the_default(tmp_path):
     path = tmp_path / "mine.yaml"
     left_out = ("  noise_std", "  x:", "  y:", "  yaw", "  length", "  width", "collision_radius")
     path.write_text("\n".join(line for line in STAGE.splitlines() if not line.startswith(left_out)))

@@ -77,7 +77,7 @@ def test_uninstalled_a_hint_names_the_package_alone(monkeypatch):
     assert requirements.install("rosbags") == "pip install 'rosbags'"
 
 
-def test_both_installations_have_one_name_that_is_not_the_other_projects():
+def test_both_installations_share_one_name_and_it_is_not_lme():
     """So pip replaces the one by the other: they hold the same files."""
     assert requirements.DISTRIBUTION == WHOLE["name"] == ROBOTS["name"] != "lme"
 
@@ -90,7 +90,7 @@ def test_the_installation_for_robots_leaves_out_what_only_experiments_need():
     assert ROBOTS["requires-python"] == WHOLE["requires-python"]
 
 
-def test_it_requires_what_the_library_imports():
+def test_the_installation_for_robots_requires_what_the_library_imports():
     optional = ROBOTS["optional-dependencies"]
     packages = [*ROBOTS["dependencies"], *optional["gym"], *optional["onnx"]]
     assert imported(ROOT / "lme") == {MODULES.get(name(each), name(each)) for each in packages}

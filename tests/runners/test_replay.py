@@ -1,4 +1,4 @@
-"""`lme replay` from end to end: what it writes, and that the same drive told in any way gives the same decisions."""
+"""`lme replay` from end to end: what it writes, and that the same drive recorded in any way decides the same."""
 
 import json
 import math
@@ -61,7 +61,7 @@ def plain(tmp_path_factory):
     return drive(".mcap").write(tmp_path_factory.mktemp("plain"))
 
 
-def test_what_is_written(replay, plain, capsys):
+def test_a_replay_writes_its_records_and_figures(replay, plain, capsys):
     table = replay(plain, drawn=True)
     assert {path.name for path in replay.folder.iterdir()} >= {
         "replay.parquet", "agreement.json", "replay.png", "orientation.png", "launch.json",
@@ -144,7 +144,7 @@ def test_goals_of_a_topic_come_by_tf(replay, tmp_path):
     np.testing.assert_allclose(told[targets], given[targets].iloc[5:], atol=1e-6)
 
 
-# The same drive, told otherwise
+# The same drive, recorded differently
 
 
 @pytest.mark.parametrize(
@@ -158,7 +158,7 @@ def test_goals_of_a_topic_come_by_tf(replay, tmp_path):
     ],
     ids=["ros1", "sqlite", "clockwise", "another clock", "no stamps"],
 )
-def test_the_same_drive_gives_the_same_decisions(replay, plain, tmp_path, other):
+def test_replaying_a_drive_gives_its_decisions(replay, plain, tmp_path, other):
     told = drive(**other).write(tmp_path, "other")
     assert_same(replay(told), replay(plain), atol=2e-4 if other.get("clockwise") else 1e-6)
 
@@ -171,7 +171,7 @@ def test_a_lidar_upside_down_sees_the_same_obstacles(replay, plain, tmp_path):
 
 
 @pytest.mark.parametrize("other", OTHERS.values(), ids=OTHERS)
-def test_another_robot_on_the_same_way_sees_the_same(replay, plain, tmp_path, other):
+def test_replays_of_two_robots_on_the_same_way_see_the_same_obstacles(replay, plain, tmp_path, other):
     table, told = replay(drive(**other).write(tmp_path)), replay(plain)
     np.testing.assert_allclose(table[["x_m", "y_m", "yaw_rad"]], told[["x_m", "y_m", "yaw_rad"]], atol=1e-9)
     np.testing.assert_allclose(
@@ -214,7 +214,7 @@ def test_any_pair_may_decide(replay, plain, guide, planner):
     assert table[["command_v_mps", "command_omega_radps"]].notna().all().all()
 
 
-def test_it_is_booked_in_mlflow(replay, plain, tmp_path):
+def test_a_replay_is_logged_to_mlflow(replay, plain, tmp_path):
     import mlflow
 
     uri = f"sqlite:///{tmp_path}/mlflow.db"
@@ -247,7 +247,7 @@ def test_the_interactive_map_does_not_swap_left_and_right(replay, plain, monkeyp
     np.testing.assert_allclose(first.to_pylist(), [[*table.loc[0, ["x_m", "y_m"]], 0.0]], atol=1e-6)
 
 
-# Recordings of our own
+# Our own recordings
 
 
 @pytest.mark.parametrize("words", [("robot=stage",), ("robot=jackal", "guide=global_path", "planner=eband")])
@@ -299,11 +299,11 @@ def test_a_mistake_is_one_line(plain, capsys, tmp_path, monkeypatch, words, mess
     assert message in fails(capsys, f"bag={plain}", *words)
 
 
-def test_without_a_recording(capsys):
+def test_replay_without_a_recording_is_an_error(capsys):
     assert "bag is null" in fails(capsys)
 
 
-def test_time_going_backwards_is_said(tmp_path, capsys, monkeypatch):
+def test_time_going_backwards_is_reported(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     jump = drive(stamps=lambda stamp: stamp if stamp < BEGAN + 3 * SECOND else stamp - 2 * SECOND).write(
         tmp_path

@@ -69,7 +69,7 @@ def _filled(kind: Kind, size: int, wanted: str) -> str:
 
 
 def _is_one_line(said: str) -> bool:
-    """Whether one line, the last, tells of the disk, besides progress and the numbers of a sweep's jobs."""
+    """Whether one line, the last, names the disk, besides progress and the numbers of a sweep's jobs."""
     lines = [line for line in said.splitlines() if line.startswith("lme ")]
     return (
         "Traceback" not in said

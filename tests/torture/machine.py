@@ -116,7 +116,7 @@ def two_processes() -> str:
     finally:
         os.killpg(process.pid, signal.SIGKILL)
         process.wait()
-    return "the second one is refused in one line, whether it resumes or not, and the first one goes on."
+    return "the second one is refused in one line, whether it resumes or not, and the first one continues."
 
 
 def _terminated(name: str) -> Callable[[], str]:

@@ -58,7 +58,7 @@ class DclpConfig:
     blind_range: float = 5.0  # [m] range in a direction without beams
     lookahead: float = 2.0  # [m] of the subgoal on a guide's path
     full_v: float | None = (
-        None  # [m/s] command for the full output of the network; None: the v_max that it is told
+        None  # [m/s] command for the full output of the network; None: the v_max that it is given
     )
     full_omega: float | None = None  # [rad/s] the same for omega_max
     told: Told = field(default_factory=Told)
@@ -130,7 +130,7 @@ class DclpInterface:
         )
 
     def _limits(self, own: Limits) -> Limits:
-        """The limits that the network is told."""
+        """The limits that the network is given."""
         told = self._config.told
         given = {name: getattr(told, name) for name in Limits._fields}
         return own._replace(**{name: value for name, value in given.items() if value is not None})

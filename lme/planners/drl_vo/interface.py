@@ -10,7 +10,7 @@ import numpy as np
 from lme.planners.commands import limited
 from lme.planners.drl_vo.config import DrlVoConfig
 from lme.planners.drl_vo.observation import Sweeps, free_ahead
-from lme.planners.polyline import leaves
+from lme.planners.polyline import exit_point
 from lme.robots import Robot
 from lme.types import Floats, Guidance, Observation, Twist
 
@@ -62,7 +62,7 @@ class DrlVoInterface:
             path = np.vstack([_NOWHERE, guidance.subgoal])
         elif guidance.blocked:
             return self._goal
-        x, y, _ = leaves(np.ascontiguousarray(path, dtype=np.float64), self._config.lookahead)
+        x, y, _ = exit_point(np.ascontiguousarray(path, dtype=np.float64), self._config.lookahead)
         self._goal = np.array([x, y])
         return self._goal
 

@@ -13,7 +13,7 @@ from lme.kernels.collision import sweep
 from lme.planners.commands import approach, limited
 from lme.planners.eband.band import Band, BandConfig
 from lme.planners.eband.kernels import hidden
-from lme.planners.polyline import leaves
+from lme.planners.polyline import exit_point
 from lme.planners.stopping import until_rest
 from lme.robots import Robot
 from lme.sensing.scan_points import obstacle_points
@@ -119,7 +119,7 @@ class EBand:
         A band that is torn at the robot still includes the next bubble.
         """
         line = to_robot(self.band.centres[: max(self.band.chain, 2)], here)
-        x, y, left = leaves(line, max(self.band.radii[0], self._robot.footprint.r_min))
+        x, y, left = exit_point(line, max(self.band.radii[0], self._robot.footprint.r_min))
         return x, y, left
 
     def _allowed(self) -> float:

@@ -209,7 +209,7 @@ class TrajectorySearch:
         )
 
     def _choose(self, forward: _Scored, turns: _Scored) -> Twist | None:
-        """The best forward trajectory, unless a turn in place that is no worse faces a cell nearer to the goal."""
+        """The best forward trajectory, unless an equally good turn in place faces a cell nearer to the goal."""
         wanted, least, nearest = forward.best(), forward.least, math.inf
         for twist, total, end in zip(turns.twists, turns.scores, turns.ends, strict=True):
             side = 1 if twist[1] > 0.0 else -1

@@ -27,7 +27,7 @@ class Rectangle(NamedTuple):
         """Cells along x and along y."""
         return self.x1 - self.x0, self.y1 - self.y0
 
-    def grown(self, cells: int) -> Rectangle:
+    def enlarged(self, cells: int) -> Rectangle:
         """This rectangle, larger by this many cells on every side."""
         return Rectangle(self.x0 - cells, self.y0 - cells, self.x1 + cells, self.y1 + cells)
 
@@ -49,6 +49,6 @@ class Rectangle(NamedTuple):
         return bool(self.x0 <= x <= self.x1 and self.y0 <= y <= self.y1)
 
 
-def drawn(rng: np.random.Generator, bounds: Range) -> int:
+def random_size(rng: np.random.Generator, bounds: Range) -> int:
     """A random number of cells, from the least to the greatest of `bounds`."""
     return int(rng.integers(*bounds, endpoint=True))

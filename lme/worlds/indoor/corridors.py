@@ -8,7 +8,7 @@ from itertools import product
 import numpy as np
 
 from lme.worlds.indoor.building import Building
-from lme.worlds.indoor.cells import WALL, Rectangle, drawn
+from lme.worlds.indoor.cells import WALL, Rectangle, random_size
 from lme.worlds.indoor.network import network
 
 EXTENT = (300, 400)  # of the network, at most: 15–20 m
@@ -41,11 +41,11 @@ def corridors(rng: np.random.Generator, passage: int) -> Building:
 
 def _lines(rng: np.random.Generator, passage: int) -> list[Line]:
     """Parallel corridors side by side, with solid between them."""
-    extent, low = drawn(rng, EXTENT), WALL
+    extent, low = random_size(rng, EXTENT), WALL
     lines: list[Line] = []
     while True:
-        high = low + max(drawn(rng, WIDTH), passage)
+        high = low + max(random_size(rng, WIDTH), passage)
         if high + WALL > extent:
             return lines
         lines.append((low, high))
-        low = high + drawn(rng, BETWEEN)
+        low = high + random_size(rng, BETWEEN)

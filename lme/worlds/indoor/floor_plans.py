@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from lme.worlds.indoor.building import Building
-from lme.worlds.indoor.cells import WALL, Rectangle, drawn
+from lme.worlds.indoor.cells import WALL, Rectangle, random_size
 from lme.worlds.indoor.furniture import furniture
 from lme.worlds.indoor.network import network
 from lme.worlds.indoor.partition import borders, door, room
@@ -22,7 +22,7 @@ LOOPS = 0.25  # probability of a door that closes a loop
 
 def floor_plans(rng: np.random.Generator, passage: int) -> Building:
     """Rooms joined by doors. passage: least width of doors and of ways around furniture [cells]."""
-    columns, rows = drawn(rng, EXTENT), drawn(rng, EXTENT)
+    columns, rows = random_size(rng, EXTENT), random_size(rng, EXTENT)
     tiles = _split(rng, Rectangle(0, 0, columns, rows))
     shared = borders(tiles, passage)
     size = math.ceil(rng.uniform(*SHARE) * len(tiles))
@@ -39,7 +39,7 @@ def _split(rng: np.random.Generator, tile: Rectangle) -> list[Rectangle]:
     length = width if upright else height
     if length < 2 * SIDE or (max(width, height) < LARGE and rng.random() < WHOLE):
         return [tile]
-    cut = drawn(rng, (SIDE, length - SIDE))
+    cut = random_size(rng, (SIDE, length - SIDE))
     if upright:
         halves = tile._replace(x1=tile.x0 + cut), tile._replace(x0=tile.x0 + cut)
     else:

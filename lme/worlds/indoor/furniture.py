@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lme.worlds.indoor.cells import Range, Rectangle, drawn
+from lme.worlds.indoor.cells import Range, Rectangle, random_size
 
 DESK = (24, 32), (12, 16)  # length and depth: 1.2–1.6 × 0.6–0.8 m
 CUPBOARD = (16, 24), (8, 10)  # 0.8–1.2 × 0.4–0.5 m
@@ -37,14 +37,14 @@ def furniture(
     Desks and cupboards stand at a wall. Tables and single chairs are at least `passage` cells from any wall.
     """
     pieces: list[Piece] = []
-    taken = [door.grown(passage) for door in doors]
+    taken = [door.enlarged(passage) for door in doors]
     for room in rooms:
         across, up = room.size
-        for _ in range(drawn(rng, (0, across * up // FLOOR_PER_PIECE))):
+        for _ in range(random_size(rng, (0, across * up // FLOOR_PER_PIECE))):
             piece = _piece(rng, room, passage)
             if piece is not None and not any(map(piece.floor.meets, taken)):
                 pieces.append(piece)
-                taken.append(piece.floor.grown(passage))
+                taken.append(piece.floor.enlarged(passage))
     return pieces
 
 
@@ -57,8 +57,8 @@ def _piece(rng: np.random.Generator, room: Rectangle, passage: int) -> Piece | N
     length, depth = piece.floor.size
     if min(width - length, height - depth) < 2 * gap:
         return None
-    x = drawn(rng, (gap, width - gap - length))
-    y = drawn(rng, (gap, height - gap - depth)) if gap else 0
+    x = random_size(rng, (gap, width - gap - length))
+    y = random_size(rng, (gap, height - gap - depth)) if gap else 0
 
     def placed(part: Rectangle) -> Rectangle:
         part = part.shifted(x, y)
@@ -74,7 +74,7 @@ def _desk(rng: np.random.Generator) -> Piece:
 
 
 def _cupboard(rng: np.random.Generator) -> Piece:
-    return Piece([Rectangle(0, 0, drawn(rng, CUPBOARD[0]), drawn(rng, CUPBOARD[1]))], [])
+    return Piece([Rectangle(0, 0, random_size(rng, CUPBOARD[0]), random_size(rng, CUPBOARD[1]))], [])
 
 
 def _table(rng: np.random.Generator) -> Piece:
@@ -82,12 +82,12 @@ def _table(rng: np.random.Generator) -> Piece:
 
 
 def _chair(rng: np.random.Generator) -> Piece:
-    side = 2 * drawn(rng, CHAIR)
+    side = 2 * random_size(rng, CHAIR)
     return Piece([], [Rectangle(0, 0, side, side)])
 
 
 def _with_chair(rng: np.random.Generator, lengths: Range, depths: Range) -> Piece:
     """A box with its back to y = 0, and a chair that touches its front."""
-    length, depth, chair = drawn(rng, lengths), drawn(rng, depths), _chair(rng).floor
-    at = drawn(rng, (0, length - chair.x1))
+    length, depth, chair = random_size(rng, lengths), random_size(rng, depths), _chair(rng).floor
+    at = random_size(rng, (0, length - chair.x1))
     return Piece([Rectangle(0, 0, length, depth)], [chair.shifted(at, depth)])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from lme.worlds.indoor.building import Building
-from lme.worlds.indoor.cells import WALL, Rectangle, drawn
+from lme.worlds.indoor.cells import WALL, Rectangle, random_size
 from lme.worlds.indoor.furniture import furniture
 from lme.worlds.indoor.partition import borders, door, room
 
@@ -18,10 +18,10 @@ INNER = 0.2  # probability of a door between neighbouring rooms
 
 def offices(rng: np.random.Generator, passage: int) -> Building:
     """Every room has a door to the corridor. passage: least width of doors and of ways around furniture [cells]."""
-    length, width = drawn(rng, LENGTH), max(drawn(rng, WIDTH), passage)
-    low = drawn(rng, DEPTH)
+    length, width = random_size(rng, LENGTH), max(random_size(rng, WIDTH), passage)
+    low = random_size(rng, DEPTH)
     high = low + WALL + width
-    top = high + drawn(rng, DEPTH)
+    top = high + random_size(rng, DEPTH)
     tiles = [Rectangle(0, low, length, high), *_row(rng, length, 0, low), *_row(rng, length, high, top)]
     if rng.random() < 0.5:
         tiles = [Rectangle(tile.y0, tile.x0, tile.y1, tile.x1) for tile in tiles]
@@ -40,5 +40,5 @@ def _row(rng: np.random.Generator, length: int, y0: int, y1: int) -> list[Rectan
     cuts = [0]
     while length - cuts[-1] > FRONT[1]:
         rest = length - cuts[-1]
-        cuts.append(cuts[-1] + drawn(rng, (FRONT[0], min(FRONT[1], rest - FRONT[0]))))
+        cuts.append(cuts[-1] + random_size(rng, (FRONT[0], min(FRONT[1], rest - FRONT[0]))))
     return [Rectangle(x0, y0, x1, y1) for x0, x1 in zip(cuts, [*cuts[1:], length], strict=True)]

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lme.worlds.indoor.cells import WALL, Rectangle, drawn
+from lme.worlds.indoor.cells import WALL, Rectangle, random_size
 
 DOOR = (16, 22)  # width: 0.8–1.1 m
 JAMB = 2  # least wall next to a door: 0.1 m
@@ -44,8 +44,8 @@ def door(rng: np.random.Generator, wall: Rectangle, passage: int) -> Rectangle:
     """A door at a random place in a wall, at least `passage` cells wide."""
     upright = wall.size[0] == WALL
     length = wall.size[1] if upright else wall.size[0]
-    width = min(max(drawn(rng, DOOR), passage), length - 2 * JAMB)
-    begin = drawn(rng, (JAMB, length - JAMB - width))
+    width = min(max(random_size(rng, DOOR), passage), length - 2 * JAMB)
+    begin = random_size(rng, (JAMB, length - JAMB - width))
     if upright:
         return wall._replace(y0=wall.y0 + begin, y1=wall.y0 + begin + width)
     return wall._replace(x0=wall.x0 + begin, x1=wall.x0 + begin + width)

@@ -33,7 +33,7 @@ def main(argv: list[str]) -> int:
     found = compare_runs(read_episodes(runs))
     shown = compare_report.to_markdown(found) if arguments.format == "md" else compare_report.to_text(found)
     print(shown, end="")
-    place = arguments.into or _usual_place(arguments.runs, runs)
+    place = arguments.into or _default_folder(arguments.runs, runs)
     files = _write(found, place)
     said = f"Tables and pictures: {', '.join(path.name for path in files)} in {place}"
     print(said, file=sys.stderr if arguments.format == "md" else sys.stdout)
@@ -65,7 +65,7 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _usual_place(given: Sequence[Path], runs: Sequence[Path]) -> Path:
+def _default_folder(given: Sequence[Path], runs: Sequence[Path]) -> Path:
     """The directory of the sweep that was given alone; else a new one."""
     from runners.records.run_directories import ROOT
 

@@ -22,7 +22,7 @@ def main(argv: list[str]) -> int:
         print(completion.SCRIPTS[given.what], end="")
         return 0
     found = completion.candidates(given.line, command_files())
-    print("\n".join(completion.unbroken(found, given.line, given.breaks)))
+    print("\n".join(completion.drop_broken_part(found, given.line, given.breaks)))
     return 0
 
 

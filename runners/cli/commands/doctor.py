@@ -17,9 +17,10 @@ EXAMPLES = (
 )
 _MARK = "!"
 _NOTES = f"""\
-A line that begins with {_MARK} is a problem; what to do stands below it. The exit status is 1 if there is one, else 0.
+A line that begins with {_MARK} is a problem; the next line says what to do.
+The exit status is 1 if there is a problem, else 0.
 Call it in the folder where you call lme: outputs and the MLflow store are relative to it.
-Nothing is written, sent or started. The report names folders of yours: read it before you publish it."""
+Nothing is written, sent or started. The report names your folders: read it before you publish it."""
 
 
 def main(argv: list[str]) -> int:

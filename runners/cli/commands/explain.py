@@ -36,14 +36,14 @@ def main(argv: list[str]) -> int:
     if not arguments.episodes:
         _list(run_dir)
     elif arguments.text:
-        _tell(run_dir, arguments.episodes)
+        _print_reasons(run_dir, arguments.episodes)
     else:
         _draw(run_dir, arguments.episodes, arguments.output)
     return 0
 
 
 def _parser() -> argparse.ArgumentParser:
-    notes = "Episodes are driven once more, and must go as they are recorded."
+    notes = "Episodes are driven once more, and must repeat what was recorded."
     parser = argparse.ArgumentParser(prog="lme explain", **texts(__doc__, EXAMPLES, notes))
     what = "a run's directory, that of a sweep's job, or a recording"
     parser.add_argument("run", type=Path, metavar="RUN", help=what)
@@ -58,7 +58,7 @@ def _parser() -> argparse.ArgumentParser:
         "--output",
         type=Path,
         metavar="PATH",
-        help="a file .html for one episode, or a folder; default: RUN/explain/, or beside the recording",
+        help="an .html file for one episode, or a folder; default: RUN/explain/, or next to the recording",
     )
     either.add_argument("--text", action="store_true", help="print the sentences instead of making a page")
     return parser
@@ -73,10 +73,10 @@ def _recording(path: Path, words: Sequence[str], output: Path | None, text: bool
     from runners.replay.retrace import retrace
 
     if words:
-        raise InputError(f"{words[0]}: a recording holds one drive; leave the episode away")
+        raise InputError(f"{words[0]}: a recording holds one drive; omit the episode")
     trace = retrace(path)
     if text:
-        print("\n".join(_told(title(trace).capitalize(), trace)))
+        print("\n".join(_episode_lines(title(trace).capitalize(), trace)))
         return
     place = path.with_suffix(".html") if output is None else output
     place = place / f"{path.stem}.html" if place.suffix != ".html" else place
@@ -112,7 +112,7 @@ def _list(run_dir: Path) -> None:
     successes = len(episodes) - len(failed)
     if successes:
         many = f"{successes} episodes" if successes > 1 else "1 episode"
-        print(f"{many} reached the goal" + "; any of them can be named, too" * bool(len(failed)))
+        print(f"{many} reached the goal" + "; you can explain any of them, too" * bool(len(failed)))
     first = (failed if len(failed) else episodes).iloc[0]
     episode = f"{first['world']}/{first['run']}"
     print(f"\nOne of them:        lme explain {run_dir} {episode}")
@@ -142,7 +142,7 @@ def _draw(run_dir: Path, words: Sequence[str], output: Path | None) -> None:
     from runners.tracking.mlflow import add_files
     from runners.workers.executor import ProcessConfig, ProcessExecutor, WorkerDiedError
 
-    episodes = pages.chosen(read_episodes([run_dir]), words)
+    episodes = pages.select_episodes(read_episodes([run_dir]), words)
     places = _places(run_dir, pages.keys_of(episodes), output)
     executor = ProcessExecutor(ProcessConfig())
     try:
@@ -173,20 +173,20 @@ def _places(run_dir: Path, keys: Sequence[EpisodeKey], output: Path | None) -> d
     return dict.fromkeys(keys, output)
 
 
-def _tell(run_dir: Path, words: Sequence[str]) -> None:
+def _print_reasons(run_dir: Path, words: Sequence[str]) -> None:
     """Print the reason of every decision. Equal decisions in a row share a line."""
-    from runners.explainer.pages import chosen, keys_of
+    from runners.explainer.pages import keys_of, select_episodes
     from runners.records.records import read_episodes, read_trajectories
     from runners.workers.trace import rerun_recorded
 
     trajectories = read_trajectories([run_dir])
 
-    for number, key in enumerate(keys_of(chosen(read_episodes([run_dir]), words))):
+    for number, key in enumerate(keys_of(select_episodes(read_episodes([run_dir]), words))):
         trace = rerun_recorded(run_dir, key.world, key.run, trajectories)
-        print("\n" * (number > 0) + "\n".join(_told(str(key).capitalize(), trace)))
+        print("\n" * (number > 0) + "\n".join(_episode_lines(str(key).capitalize(), trace)))
 
 
-def _told(name: str, trace: Trace) -> list[str]:
+def _episode_lines(name: str, trace: Trace) -> list[str]:
     """How a drive ended, and the reasons of its decisions."""
     end = f"{trace.episode.outcome} after {trace.episode.time:.1f} s"
     return [f"{name}: {end}, {len(trace.steps)} decisions", *_sentences(trace.steps)]
@@ -200,7 +200,7 @@ def _sentences(steps: Sequence[TracedStep]) -> Iterator[str]:
     why = [step.explanation for step in steps if step.explanation is not None]
     if not why:
         raise InputError(
-            "--text: only guide=lme and guide=lme_plus have reasons to tell; without --text the page shows the drive"
+            "--text: only guide=lme and guide=lme_plus give reasons; without --text the page shows the drive"
         )
     yield f"{'step':>11}  {'time [s]':>13}  why"
     for first, last, text in reasons(why):

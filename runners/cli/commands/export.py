@@ -50,7 +50,7 @@ def _parser() -> argparse.ArgumentParser:
         "Columns are those of episodes.parquet, or with --steps of trajectories.parquet; units are in their names\n"
         "(docs/records.md). Several runs, or a sweep, go into one file, with the column run_dir before the others,\n"
         "and with a column for every key that differs. CSV holds every digit; an empty field is a missing value.\n"
-        "A run without trajectories.parquet has its episodes driven once more, and they must go as recorded."
+        "A run without trajectories.parquet has its episodes driven once more, and they must repeat what was recorded."
     )
     parser = argparse.ArgumentParser(prog="lme export", **texts(__doc__, EXAMPLES, notes))
     parser.add_argument("runs", nargs="+", type=Path, metavar="RUN", help="a run's directory, or a sweep's")
@@ -61,7 +61,7 @@ def _parser() -> argparse.ArgumentParser:
         help="the control steps of WORLD (its run 0), WORLD/RUN or failures; none: of all episodes",
     )
     parser.add_argument("--columns", metavar="A,B,…", help="these columns, in this order")
-    parser.add_argument("--format", choices=_FORMATS, help="default: as --output ends, or csv")
+    parser.add_argument("--format", choices=_FORMATS, help="default: by the ending of --output, else csv")
     parser.add_argument(
         "--output", "-o", type=Path, metavar="FILE", help="default: -, which is standard output"
     )
@@ -102,13 +102,13 @@ def _steps(runs: Sequence[Path], words: Sequence[str]) -> Iterator[pa.Table]:
 
 def _keys(frame: pd.DataFrame, words: Sequence[str]) -> list[EpisodeKey]:
     from runners.analysis.failures import is_failure
-    from runners.explainer.pages import chosen, keys_of
+    from runners.explainer.pages import keys_of, select_episodes
 
     if not words:
         return keys_of(frame)
     if list(words) == ["failures"]:
         return keys_of(frame[is_failure(frame)])
-    return keys_of(chosen(frame, words))
+    return keys_of(select_episodes(frame, words))
 
 
 def _to_file(rows: Iterator[pa.Table], path: Path, style: str) -> int:

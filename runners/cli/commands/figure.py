@@ -17,21 +17,21 @@ def main(argv: list[str]) -> int:
     from runners.cli.launch import Command, launch
     from runners.experiments.figure import draw_sweep, figure, validate
 
-    words = _translated(argv)
+    words = _to_overrides(argv)
     _check_beside_run(words)
     _check_swept(words)
     return launch(Command("figure", figure, validate, draw_sweep), words)
 
 
-def _translated(argv: list[str]) -> list[str]:
+def _to_overrides(argv: list[str]) -> list[str]:
     """The words as overrides: the kind, short names in full, and a single format as a list."""
     words = list(argv)
     if words and "=" not in words[0] and not words[0].startswith("-"):
         words[0] = f"figure={words[0]}"
-    return [_in_full(word) for word in words]
+    return [_expand_key(word) for word in words]
 
 
-def _in_full(word: str) -> str:
+def _expand_key(word: str) -> str:
     key, value = _key(word), word.partition("=")[2]
     if key == "formats" and value.isalpha():
         return f"formats=[{value}]"
@@ -50,9 +50,7 @@ def _check_beside_run(words: list[str]) -> None:
     driving = {*configs.groups("figure"), *(key.name for key in configs.keys("figure"))} - _BESIDE_RUN
     for key, word in given.items():
         if key.partition(".")[0] in driving:
-            raise InputError(
-                f"{word}: the episodes of run= are driven already, as its own config says; leave it away"
-            )
+            raise InputError(f"{word}: the episodes of run= were driven with its own config; omit it")
 
 
 def _check_swept(words: list[str]) -> None:

@@ -17,7 +17,7 @@ NAME = "leaderboard.html"
 
 
 def main(argv: list[str]) -> int:
-    """Write the page and say where it is. Raises InputError where there are no records or it cannot be written."""
+    """Write the page and say where it is. Raises InputError if there are no records or it cannot be written."""
     from runners.analysis.leaderboard import entries
     from runners.explainer.leaderboard import write_leaderboard
     from runners.records.collect import collect

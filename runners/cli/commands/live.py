@@ -26,7 +26,7 @@ def main(argv: list[str]) -> int:
 
     overrides, own = _split(argv)
     command = Command("live", partial(drive, arguments=own), validate)
-    return launch(command, _translated(overrides))
+    return launch(command, _to_overrides(overrides))
 
 
 def _split(argv: list[str]) -> tuple[list[str], list[str]]:
@@ -36,7 +36,7 @@ def _split(argv: list[str]) -> tuple[list[str], list[str]]:
     return plain, [*(word for word in argv[:at] if ":=" in word), *argv[at:]]
 
 
-def _translated(words: list[str]) -> list[str]:
+def _to_overrides(words: list[str]) -> list[str]:
     """The kind and the version of ROS as overrides."""
     from lme.errors import InputError
 

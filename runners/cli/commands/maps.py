@@ -36,7 +36,7 @@ def main(argv: list[str]) -> int:
 
 
 def _parsed(argv: list[str]) -> argparse.Namespace:
-    """The arguments. Worlds and settings may follow an option, which argparse does not allow by itself."""
+    """The arguments. Worlds and settings may follow an option, which argparse alone does not allow."""
     parser = _parser()
     arguments, rest = parser.parse_known_args(argv)
     strange = [word for word in rest if word.startswith("-") and not re.fullmatch(r"-\d+", word)]
@@ -55,11 +55,11 @@ def _parser() -> argparse.ArgumentParser:
     verbs = parser.add_subparsers(metavar="VERB")
     about = (
         "The worlds of one map set: optimal time and measures.\n"
-        "Worlds that are named by their numbers are drawn too: in the terminal, and as a file.\n"
+        "Worlds given by number are also drawn, in the terminal and to a file.\n"
         "Settings are the keys of conf/map/MAP.yaml."
     )
     examples = [each for each in EXAMPLES if " show " in each]
-    title = "the worlds of one map set: measures; of single worlds a picture too"
+    title = "the worlds of one map set: measures, and pictures of those given by number"
     show = verbs.add_parser("show", help=title, **texts(about, examples))
     show.add_argument("map", help="a map set that `lme maps` lists")
     show.add_argument(
@@ -84,7 +84,7 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _add_plain(parser: argparse.ArgumentParser, default: bool | str) -> None:
-    words = "no pictures in the terminal, one line each: what is printed anyway where there is no terminal"
+    words = "one plain line each instead of pictures, as without a terminal"
     parser.add_argument("--plain", action="store_true", default=default, help=words)
 
 

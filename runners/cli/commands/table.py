@@ -38,7 +38,7 @@ def main(argv: list[str]) -> int:
 
 def _parser() -> argparse.ArgumentParser:
     notes = (
-        "One run or sweep: its own files are written anew, not those of a sweep's jobs.\n"
+        "One run or sweep: its own files are rewritten, not those of a sweep's jobs.\n"
         "Several: nothing is written without --into."
     )
     parser = argparse.ArgumentParser(prog="lme table", **texts(__doc__, EXAMPLES, notes))
@@ -77,7 +77,7 @@ def _print(frame: pd.DataFrame, rows: list[Row], style: str) -> None:
 
 
 def _rewrite(frame: pd.DataFrame, rows: list[Row], runs: list[Path], place: Path) -> list[str]:
-    """Write the tables and pictures of a run or sweep anew. Returns its findings. Raises InputError if it cannot."""
+    """Rewrite the tables and pictures of a run or sweep. Returns its findings. Raises InputError if it cannot."""
     from lme.errors import InputError
     from runners.analysis.tables import write_tables
     from runners.experiments import sweeps

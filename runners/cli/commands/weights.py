@@ -64,12 +64,10 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="lme weights", **texts(about, EXAMPLES))
     parser.set_defaults(run=_list)
     verbs = parser.add_subparsers(metavar="VERB")
-    bring = verbs.add_parser("import", help="check a network that its authors published, and keep it")
+    bring = verbs.add_parser("import", help="check and import a network that its authors published")
     sources = "; ".join(f"{name}: {network.source}" for name, network in NETWORKS.items())
     bring.add_argument("network", choices=NETWORKS, help=sources)
-    bring.add_argument(
-        "path", type=Path, help="the file; of a checkpoint, what its files' names have in common"
-    )
+    bring.add_argument("path", type=Path, help="the file, or the common prefix of a checkpoint's files")
     bring.add_argument("name", nargs="?", help="for planner.weights=; default: the network's name")
     bring.set_defaults(run=_import)
     return parser

@@ -46,7 +46,7 @@ class Playback {
   /** Stop here. */
   pause() {
     this.playing = false;
-    cancelAnimationFrame(this.frame); // else it would continue beside the next playback
+    cancelAnimationFrame(this.frame); // else it would run alongside the next playback
     this.#write();
     this.changed();
   }

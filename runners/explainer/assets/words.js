@@ -38,7 +38,7 @@ function clearance(value) {
   return value === Infinity ? "nothing in sight" : metres(value);
 }
 
-/** The scene in words, for a screen reader. */
+/** The scene as text, for a screen reader. */
 function sceneText(trace, step) {
   const facts = factsAt(trace, step).map(([name, value]) => `${name} ${value}`).join("; ");
   const ending = step < trace.decisions ? ` Chosen subgoal ${whereabouts(trace.pair("subgoal", step))}.` : "";

@@ -43,7 +43,7 @@ PAGE_IN, EDGE_IN, GAP_IN, WIDE_IN, BAR_IN = 7.0, 0.08, 0.2, 4.9, 0.1
 CANDIDATES = "viridis"  # as in the other figures
 FIELD, PALEST, DARKEST = "BuPu", 0.05, 0.55  # the pale part of it: points and candidates must stand out
 BESIDE, BEHIND = 0.72, 0.35  # of the view ahead
-LINES, NAMED = 20, 4  # of equal time at most; one of how many is named
+LINES, NAMED = 20, 4  # of equal time at most; one of how many has a label
 CLIPPED = (5, 100)  # [percentile] ends of the colour scale of scores
 SAME_M = 1e-6  # [m] a known point this near to one of the scan is that point
 
@@ -141,7 +141,7 @@ def _draw_field(axes: Axes, sight: Sight) -> Any:
     shown = known[(x0 < x) & (x < x1) & (y0 < y) & (y < y1)]
     ends: dict[str, Any] = {"vmin": shown.min(), "vmax": shown.max()}
     mesh = axes.pcolormesh(
-        *corners.transpose(2, 0, 1), known, cmap=_pale(), rasterized=True, zorder=0, **ends
+        *corners.transpose(2, 0, 1), known, cmap=_pale_colormap(), rasterized=True, zorder=0, **ends
     )
     levels = _levels(**ends)
     lines = axes.contour(x, y, known, levels=levels, colors=INK, linewidths=0.4, zorder=1)
@@ -159,7 +159,7 @@ def _on_page(sight: Sight, along: Any) -> Floats:
     return view.upwards(to_robot(places.reshape(-1, 2), sight.pose)).reshape(*places.shape)
 
 
-def _pale() -> Any:
+def _pale_colormap() -> Any:
     from matplotlib import colormaps
     from matplotlib.colors import ListedColormap
 
@@ -200,7 +200,7 @@ def _draw_points(axes: Axes, why: Explanation, sight: Sight) -> None:
 
 
 def _draw_side(figure: Figure, bars: Sequence[Any], why: Explanation, top: float) -> None:
-    """Draw colour bars and the key beside the panel, from `top` [in] down."""
+    """Draw colour bars and the key next to the panel, from `top` [in] down."""
     height = figure.get_figheight()
     left, width = EDGE_IN + WIDE_IN + GAP_IN, PAGE_IN - 2 * EDGE_IN - WIDE_IN - 2 * GAP_IN
     titles = ("expected time to the target [s]", "score below the best")

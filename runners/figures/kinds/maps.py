@@ -17,7 +17,7 @@ from lme.worlds.world import Task
 from runners.config.catalogue import shipped
 from runners.config.map_sets import GRAMMAR, Chosen, choose, known_path
 from runners.figures.parts.driven_runs import DrivenRun
-from runners.figures.parts.extent import about_set, extent, metres, mover_outline
+from runners.figures.parts.extent import describe_set, extent, metres, mover_outline
 from runners.figures.parts.scene import MARGIN_M, Box, draw_task, frame_panel, legend_keys, scale_bar
 from runners.figures.parts.style import BLUE, GRID, INK, OBSTACLE, VERMILION, new_figure, save
 
@@ -31,7 +31,7 @@ PANELS = 60  # at most: more would be too small to read
 PAGE_IN, CELL_IN = 7.0, 3.4  # width of the page and of a panel, at most
 TALL = 1.45  # height of a panel over its width, at most
 HEADING_IN, SCALE_IN, GAP_IN = 0.47, 0.2, 0.12  # above a panel, below it, around it
-NUMBERS_IN = 0.36  # beside and below a panel with numbers in metres
+NUMBERS_IN = 0.36  # left of and below a panel with numbers in metres
 SCALE_SHARE = 0.3  # of a panel's width that its scale bar may take
 SCALE_PT = 7.0  # from a panel down to its scale bar
 KEY_IN, KEY_LINE_IN = 1.3, 0.16  # size of an entry in the key
@@ -102,9 +102,9 @@ def panels_of(chosen: Chosen) -> list[MapPanel]:
     maps = chosen.maps
     if not chosen.worlds:
         task = maps.task(maps.numbers[0])
-        return [MapPanel(chosen.name, about_set(chosen, task), task, None)]
+        return [MapPanel(chosen.name, describe_set(chosen, task), task, None)]
     return [
-        MapPanel(f"{chosen.name} {task.number}", _about_world(task), task, known_path(maps, task))
+        MapPanel(f"{chosen.name} {task.number}", _describe_world(task), task, known_path(maps, task))
         for task in map(maps.task, chosen.worlds)
     ]
 
@@ -153,7 +153,7 @@ def _chosen(entry: Sequence[str]) -> Chosen:
         raise InputError(f"figure.maps holds {' '.join(entry)!r}: {error}") from error
 
 
-def _about_world(task: Task) -> str:
+def _describe_world(task: Task) -> str:
     return f"{metres(task)}\noptimal time {task.optimal_time:.3g} s"
 
 

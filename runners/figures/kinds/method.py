@@ -136,7 +136,7 @@ def _draw_sectors(axes: Axes, shot: Shot) -> str:
     ends = [] if seen.blockage is None else [seen.blockage.E1, seen.blockage.E2]
     radius_pt = _in_points(axes, shot.trace.robot.footprint.r_max)
     view.write(axes, view.Letter("$O$", np.zeros(2), _free_side([seen.target, *ends])), radius_pt + 5)
-    return f"Points nearer to each other than 2r join, {len(why.sectors)} sectors in all. {_about_blockage(seen)}"
+    return f"Points nearer to each other than 2r join, {len(why.sectors)} sectors in all. {_describe_blockage(seen)}"
 
 
 def _free_side(points: Sequence[Floats]) -> Floats:
@@ -153,7 +153,7 @@ def _in_points(axes: Axes, length_m: float) -> float:
     return float(x1 - x0) * 72 / axes.figure.dpi
 
 
-def _about_blockage(seen: View) -> str:
+def _describe_blockage(seen: View) -> str:
     if seen.blockage is None:
         return "None of them blocks the way to the target T."
     E1, E2, A = seen.blockage.E1, seen.blockage.E2, seen.blockage.A

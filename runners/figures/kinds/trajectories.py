@@ -23,7 +23,7 @@ from runners.figures.parts.panels import (
     draw_panel,
     ends_before,
     episodes_of,
-    foot_in,
+    footer_height_in,
     least_in,
     scale_drop_pt,
     steps_of,
@@ -90,7 +90,7 @@ class Trajectories:
         overlaid = self._config.layout == "overlaid"
         look = Look(moment(self._config.moment), self._config.subgoals, _styles(runs) if overlaid else {})
         rows = _rows(runs, places(runs, worlds), look, self._config.width)
-        return save(_drawn(rows, look, self._config.width), stem, formats)
+        return save(_draw_page(rows, look, self._config.width), stem, formats)
 
 
 def side_by_side_figure(frame: pd.DataFrame, run_dirs: Sequence[Path], folder: Path) -> list[Path]:
@@ -103,7 +103,7 @@ def side_by_side_figure(frame: pd.DataFrame, run_dirs: Sequence[Path], folder: P
     if not 1 < columns <= COLUMNS:
         return []
     rows = _rows(runs, places(runs)[:ROWS], Look())
-    return save(_drawn(rows, Look(), PANEL_IN * columns), folder / NAME, ("png", "pdf"))
+    return save(_draw_page(rows, Look(), PANEL_IN * columns), folder / NAME, ("png", "pdf"))
 
 
 def moment(value: Any) -> int | float | None:
@@ -126,7 +126,7 @@ def _styles(runs: Sequence[DrivenRun]) -> dict[str, Style]:
     labels = _labels(runs)
     if len(labels) > len(SYSTEMS):
         raise InputError(
-            f"figure.layout is overlaid: {len(labels)} systems cannot be told apart in one panel, "
+            f"figure.layout is overlaid: {len(labels)} systems cannot be distinguished in one panel, "
             f"{len(SYSTEMS)} can; choose side_by_side, or fewer systems"
         )
     return dict(zip(labels, SYSTEMS, strict=False))
@@ -151,20 +151,20 @@ def _rows(
         ]
     if len(rows) > ROWS:
         raise InputError(
-            f"{len(labels)} systems in {len(shown)} worlds make {len(rows)} rows of panels, and {ROWS} can be "
-            "read on a page: choose fewer with world="
+            f"{len(labels)} systems in {len(shown)} worlds make {len(rows)} rows of panels; at most {ROWS} are "
+            "readable on a page: choose fewer with world="
         )
     return rows
 
 
-def _drawn(rows: Sequence[Sequence[Panel]], look: Look, width_in: float) -> Figure:
+def _draw_page(rows: Sequence[Sequence[Panel]], look: Look, width_in: float) -> Figure:
     panels = [panel for row in rows for panel in row]
     boxes = {panel.place: _box(panel.place) for panel in panels}
     if _is_wrapped(rows):
         boxes = dict(zip(boxes, same_size(list(boxes.values())), strict=True))
     shown = [[boxes[panel.place] for panel in row] for row in rows]
     keys = _keys(panels, look)
-    page = _measured(rows, shown, look, keys, width_in)
+    page = _widest_page(rows, shown, look, keys, width_in)
     figure = new_figure(width_in, TALL_IN, layout=None)
     all_axes = lay_out(figure, shown, page.panel, page.around, page.width)
     for row, row_axes in zip(rows, all_axes, strict=True):
@@ -188,7 +188,7 @@ class _Page(NamedTuple):
     titles: dict[str, str]
 
 
-def _measured(
+def _widest_page(
     rows: Sequence[Sequence[Panel]],
     shown: Sequence[Sequence[Box]],
     look: Look,
@@ -207,7 +207,7 @@ def _measured(
     titles = {name: textwrap.fill(name, max(int(panel / LETTER_IN), 8)) for name in names}
     title = LINE_IN * (1 + max(text.count("\n") for text in titles.values())) + 0.05
     key_lines = math.ceil(len(keys) / _key_columns(keys, width))
-    foot = foot_in([each for row in rows for each in row], look, panel)
+    foot = footer_height_in([each for row in rows for each in row], look, panel)
     above = {"title": 0.04, "header": title} if _is_repeated(rows) else {"title": title, "header": 0.04}
     return _Page(
         width, panel, Around(foot=foot, left=left, footer=LINE_IN * key_lines + 0.1, **above), titles

@@ -85,7 +85,7 @@ def _shown(runs: Sequence[DrivenRun], worlds: Sequence[int]) -> list[tuple[Drive
             shown.append((driven, *chosen_world(driven, [world])))
     if len(shown) > PANELS:
         raise InputError(
-            f"{len(runs)} runs make {len(shown)} panels, and {PANELS} can be seen at once: choose fewer systems, or "
+            f"{len(runs)} runs make {len(shown)} panels; at most {PANELS} fit at once: choose fewer systems, or "
             "one world"
         )
     return shown

@@ -1,4 +1,4 @@
-"""The extent of a world, and its size in words."""
+"""The extent of a world, and its size as text."""
 
 from __future__ import annotations
 
@@ -34,12 +34,12 @@ def mover_outline(mover: Mover) -> Floats:
 
 
 def metres(task: Task) -> str:
-    """The size of a world in words, start and goal included, rounded to half a metre."""
+    """The size of a world as text, start and goal included, rounded to half a metre."""
     box = extent(task)
     return " × ".join(f"{round(2 * side) / 2:g}" for side in (box.x1 - box.x0, box.y1 - box.y0)) + " m"
 
 
-def about_set(chosen: Chosen, task: Task) -> str:
+def describe_set(chosen: Chosen, task: Task) -> str:
     """Two lines: the size of the world shown, and the number of worlds."""
     count = len(chosen.maps.numbers)
     choice = f", {chosen.choice}" if chosen.choice else ""

@@ -81,12 +81,12 @@ class FeaturePage:
         low, high = percentiles
         text = (
             f"{len(self._shot.why.candidates)} candidates. Colours end at percentiles {low:g} and {high:g}; an arrow "
-            f"on a bar: values lie beyond.\n{self._about_sector()}"
+            f"on a bar: values lie beyond.\n{self._describe_sector()}"
         )
         at = EDGE_IN / PAGE_IN, 0.05 / self._height
         self.figure.text(*at, text, va="bottom", fontsize=7, color=INK)
 
-    def _about_sector(self) -> str:
+    def _describe_sector(self) -> str:
         seen = self._shot.why.view
         if seen.blockage is None:
             return "No sector blocks the way to the target."

@@ -63,11 +63,11 @@ def _write_gif(pictures: Iterable[Picture], path: Path, fps: float, sample: Sequ
 
     palette = _palette(np.vstack(sample))
 
-    def reduced() -> Iterator[Image.Image]:
+    def quantized() -> Iterator[Image.Image]:
         for picture in pictures:
             yield Image.fromarray(picture).quantize(palette=palette, dither=Image.Dither.NONE)
 
-    frames = reduced()
+    frames = quantized()
     first = next(frames)
     hundredths = max(round(100.0 / fps), 2)  # [0.01 s], the unit of a GIF; browsers ignore less than 2
     first.save(path, save_all=True, append_images=frames, duration=10 * hundredths, loop=0, optimize=False)

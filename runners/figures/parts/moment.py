@@ -104,7 +104,7 @@ def candidate_reach(trace: Trace) -> float:
 
 
 def heading(shot: Shot) -> list[str]:
-    """Lines of the heading: place and time, then the decision in words, wrapped to the page."""
+    """Lines of the heading: place and time, then the decision as a sentence, wrapped to the page."""
     trace = shot.trace
     where = f"{shot.label} · {trace.task.map_name}, world {trace.world}, run {trace.run}"
     when = f"step {shot.step} of 0–{len(trace.steps) - 1}, {trace.steps[shot.step].time:.1f} s"

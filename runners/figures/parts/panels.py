@@ -33,7 +33,7 @@ SYSTEMS = (  # differ by line style as well as by colour; the marker shows the o
 LINE_PT = 10.5  # between the lines of text below a panel
 LETTER_IN = 0.056  # approximate width of a letter
 FIRST_PT = 8.0  # from the panel's edge to the middle of the first line
-SCALE, METRES_IN = 0.25, 0.4  # of a panel's width at most; space for the length beside it
+SCALE, METRES_IN = 0.25, 0.4  # of a panel's width at most; space for the length next to it
 SMALLER = 0.75  # factor on stars without numbers: there may be many
 FAINTEST = 0.25  # opacity of the first subgoal where later ones are stronger
 APART = 0.09  # of the panel's diagonal: numbered subgoals closer than this would hide their numbers
@@ -48,7 +48,7 @@ class Panel(NamedTuple):
 
 
 class Look(NamedTuple):
-    """What a panel shows beside the paths.
+    """What a panel shows besides the paths.
 
     moment: a step, or seconds since the start; None: no scan. subgoals: none, faded or numbered. systems: style of
     each system by label; empty: outcomes decide the styles.
@@ -86,7 +86,7 @@ def draw_ends(axes: Axes, runs: Sequence[DrivenRun], place: DrivenPlace, look: L
     """Write the outcomes at the lower right of the panel, one line per system."""
     for line, run in enumerate(runs):
         style = look.systems.get(run.label)
-        text = _ends(episodes_of(run, place), steps_of(run, place))
+        text = _outcome_text(episodes_of(run, place), steps_of(run, place))
         axes.annotate(
             text if style is None else f"{run.label}: {text}",
             (1.0, 0.0),
@@ -102,13 +102,13 @@ def draw_ends(axes: Axes, runs: Sequence[DrivenRun], place: DrivenPlace, look: L
 
 
 def scale_drop_pt(panels: Sequence[Panel], look: Look, width_in: float) -> float:
-    """Distance of the scale bar below a panel [pt]: beside the first line of text, or below the last line."""
+    """Distance of the scale bar below a panel [pt]: next to the first line of text, or below the last line."""
     labels = [run.label for panel in panels for run in panel.runs]
     is_beside = width_in * (1 - SCALE) - METRES_IN >= least_in(labels, look)
     return FIRST_PT if is_beside else FIRST_PT + LINE_PT * _lines(panels, look)
 
 
-def foot_in(panels: Sequence[Panel], look: Look, width_in: float) -> float:
+def footer_height_in(panels: Sequence[Panel], look: Look, width_in: float) -> float:
     """Height of the texts and the scale bar below each panel [in]."""
     last = max(FIRST_PT + LINE_PT * (_lines(panels, look) - 1), scale_drop_pt(panels, look, width_in))
     return (last + LINE_PT / 2) / 72
@@ -175,7 +175,7 @@ def subgoals_of(steps: pd.DataFrame, task: Task) -> Floats:
 def _draw_subgoals(axes: Axes, points: Floats, colour: str, numbered: bool, box: Box) -> None:
     """Draw stars that grow stronger from first to last, or some of them numbered from 1."""
     if numbered:
-        points = _apart(points, APART * math.hypot(box.x1 - box.x0, box.y1 - box.y0))
+        points = _keep_apart(points, APART * math.hypot(box.x1 - box.x0, box.y1 - box.y0))
     size = SUBGOAL["markersize"] * (1.0 if numbered else SMALLER)
     strengths = np.ones(len(points)) if numbered else np.linspace(FAINTEST, 1.0, len(points))
     for number, (point, strength) in enumerate(zip(points, strengths, strict=True), 1):
@@ -184,7 +184,7 @@ def _draw_subgoals(axes: Axes, points: Floats, colour: str, numbered: bool, box:
             write(axes, str(number), point, (7.5, 0.0))
 
 
-def _apart(points: Floats, distance: float) -> Floats:
+def _keep_apart(points: Floats, distance: float) -> Floats:
     """The points, in order, that are at least this far from all those kept before them."""
     kept: list[Floats] = []
     for point in points:
@@ -193,7 +193,7 @@ def _apart(points: Floats, distance: float) -> Floats:
     return np.array(kept).reshape(-1, 2)
 
 
-def _ends(episodes: pd.DataFrame, steps: pd.DataFrame) -> str:
+def _outcome_text(episodes: pd.DataFrame, steps: pd.DataFrame) -> str:
     """Outcome and time of one episode, or the number of successes among several.
 
     The time counts from the start, as in the key and in a film. The time in a record may start later, with the

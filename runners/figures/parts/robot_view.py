@@ -95,7 +95,7 @@ def draw_robot(axes: Axes, footprint: Footprint) -> None:
 def draw_target(axes: Axes, target: Floats, colour: str = INK, written: bool = False) -> None:
     """Draw a line to the target T with a cross on it, or an arrow to the edge if T is outside the panel."""
     x, y = upwards(target)
-    part = _part_inside(x, y, Box(*_corners(axes)))
+    part = _share_inside(x, y, Box(*_corners(axes)))
     tip = target if part == 1.0 else 0.98 * part * target
     if part == 1.0:
         axes.plot([0, x], [0, y], color=INK, linewidth=0.9, zorder=4)
@@ -157,7 +157,7 @@ def rival_subgoal(why: Explanation) -> tuple[str, Floats] | None:
 
 
 def letters(blockage: Blockage, brief: bool = False) -> list[Letter]:
-    """E1, E2, A and B. The end that is A is named "A = E1" or "A = E2"; `brief`: only "A"."""
+    """E1, E2, A and B. The end that is A is labelled "A = E1" or "A = E2"; `brief`: only "A"."""
     ends = ((blockage.E1, "$E_1$", 1.0), (blockage.E2, "$E_2$", -1.0))  # clockwise end first
     named = []
     for end, name, turn in ends:
@@ -186,10 +186,10 @@ def draw_letters(
         x, y = upwards(letter.point)
         axes.plot(x, y, "o", markersize=size_pt, markerfacecolor=face, markeredgecolor=BLUE, zorder=8)
         if written and is_inside(letter.point, Box(*_corners(axes))):
-            write(axes, _beside(axes, letter, 7 + size_pt / 2, clear_of), 7 + size_pt / 2)
+            write(axes, _avoid_points(axes, letter, 7 + size_pt / 2, clear_of), 7 + size_pt / 2)
 
 
-def _beside(axes: Axes, letter: Letter, away_pt: float, clear_of: Sequence[Floats]) -> Letter:
+def _avoid_points(axes: Axes, letter: Letter, away_pt: float, clear_of: Sequence[Floats]) -> Letter:
     """The letter, moved to another side if it would hide one of these points."""
     dots = axes.figure.dpi / 72
     point, *others = (axes.transData.transform(upwards(each)) for each in (letter.point, *clear_of))
@@ -202,7 +202,7 @@ def _beside(axes: Axes, letter: Letter, away_pt: float, clear_of: Sequence[Float
 
 
 def write(axes: Axes, letter: Letter, away_pt: float) -> None:
-    """Write a name beside its point, moved into the panel if it would leave it."""
+    """Write a name next to its point, moved into the panel if it would leave it."""
     dots = axes.figure.dpi / 72
     at = axes.transData.transform(upwards(letter.point)) + away_pt * dots * letter.away
     edge = 9 * dots
@@ -228,7 +228,7 @@ def halo() -> list[Any]:
 def is_inside(point: Floats, box: Box) -> bool:
     """Whether a point of the robot frame lies in this box of the page."""
     x, y = upwards(point)
-    return _part_inside(x, y, box) == 1.0
+    return _share_inside(x, y, box) == 1.0
 
 
 def _corners(axes: Axes) -> tuple[float, float, float, float]:
@@ -236,7 +236,7 @@ def _corners(axes: Axes) -> tuple[float, float, float, float]:
     return x0, y0, x1, y1
 
 
-def _part_inside(x: float, y: float, box: Box) -> float:
+def _share_inside(x: float, y: float, box: Box) -> float:
     """The largest t ≤ 1 with t·(x, y) in the box, which contains the origin."""
     across = (box.x1 if x > 0 else box.x0) / x if x else math.inf
     along = (box.y1 if y > 0 else box.y0) / y if y else math.inf

@@ -30,7 +30,7 @@ POINTER = (
     (-0.4, 0.0),
     (-0.8, -0.62),
     (1.0, 0.0),
-)  # longer than wide: its tip can be told
+)  # longer than wide: its tip is recognisable
 POINTER_SIZE = 10  # at the start
 PATH_PT = 1.1
 BEHIND_PT, BESIDE_PT = (
@@ -192,7 +192,7 @@ def scale_bar(axes: Axes, box: Box, most: float, drop_pt: float) -> None:
 
 
 def write(axes: Axes, text: str, point: Sequence[float], offset_pt: tuple[float, float]) -> None:
-    """Write small bold text beside a point, with a white outline that keeps it readable."""
+    """Write small bold text next to a point, with a white outline that keeps it readable."""
     from matplotlib.patheffects import withStroke
 
     x, y = point

@@ -71,13 +71,13 @@ class Stage:
         frame = self._frames[index]
         self._robot.set_xy(to_world(self._outline, frame.pose))
         self._nose.set_xy(to_world(NOSE * self._outline.max(axis=0), frame.pose))
-        self._see(frame)
+        self._show_scan(frame)
         self._move(frame)
         subgoal = frame.subgoal if isinstance(frame, TracedStep) else np.full(2, math.nan)
         shown = not np.allclose(subgoal, self._trace.task.goal)  # the goal has its own mark
         self._subgoal.set_data(subgoal[:1] if shown else [], subgoal[1:] if shown else [])
         if self._candidates is not None:
-            self._consider(frame)
+            self._show_candidates(frame)
 
     def keep(self, *, scan: bool, subgoal: bool) -> None:
         """Hide the scan or the subgoal, unless it is to be kept."""
@@ -86,7 +86,7 @@ class Stage:
             if artist is not None:
                 artist.set_visible(scan)
 
-    def _see(self, frame: TracedStep | TraceEnd) -> None:
+    def _show_scan(self, frame: TracedStep | TraceEnd) -> None:
         points = seen(frame, self._trace.robot)
         if self._beams is None:
             self._scan.set_data(*points.T)
@@ -103,7 +103,7 @@ class Stage:
         self._discs.set_paths([Circle((x, y), radius) for x, y, radius in circles])
         self._sides.set_segments(list(edges.reshape(-1, 2, 2)))
 
-    def _consider(self, frame: TracedStep | TraceEnd) -> None:
+    def _show_candidates(self, frame: TracedStep | TraceEnd) -> None:
         """Show the candidates coloured by score, clipped at the `CLIPPED` percentiles."""
         why = frame.explanation if isinstance(frame, TracedStep) else None
         assert self._candidates is not None

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 TOP = {METRIC: 0.5}  # highest value of a measure, where it is not 1
 PAIR_IN = (9.0, 4.6)
-FEWEST_BARS, MOST_BARS = 16, 40  # places for worlds beside the scatter
+FEWEST_BARS, MOST_BARS = 16, 40  # places for worlds next to the scatter
 BAND, CELL_IN, LINE_IN = 75, 0.125, 0.24  # worlds in a band of the heat map, and sizes
 MOST_WORLDS = 300  # in a heat map: more cannot be read on a page
 LABEL = 34  # letters in a line of a name

@@ -1,4 +1,4 @@
-"""A chart of several systems: outcomes and BARN metric, beside published results."""
+"""A chart of several systems: outcomes and BARN metric, next to published results."""
 
 from __future__ import annotations
 

@@ -41,13 +41,13 @@ def picture(task: Task, columns: int, lines: int, path: Floats | None = None) ->
     Obstacles are filled; movers are hollow, at their first pose. An arrow marks the start, a star the goal. path:
     (P, 2), drawn too [m].
     """
-    lattice = _laid(extent(task), columns, lines)
+    lattice = _fit_lattice(extent(task), columns, lines)
     layers = [(_dots(task.world, lattice), "")]
     if path is not None:
         layers.append((_dots(World(segments=np.hstack([path[:-1], path[1:]])), lattice), BLUE))
     if task.world.movers:
         layers.append((_dots(_outlines(task.world.movers), lattice), VERMILION))
-    characters, styles = _painted(layers, lattice)
+    characters, styles = _colour_characters(layers, lattice)
     for glyph, colour, place in ((heading(task), GREEN, task.start[:2]), (GOAL, VERMILION, task.goal)):
         line, column = _character(np.array(place), lattice)
         characters[line][column], styles[line][column] = glyph, colour
@@ -64,7 +64,7 @@ def _outlines(movers: Sequence[Mover]) -> World:
     return World(segments=np.vstack([np.hstack([each, np.roll(each, -1, axis=0)]) for each in corners]))
 
 
-def _laid(box: Box, columns: int, lines: int) -> _Lattice:
+def _fit_lattice(box: Box, columns: int, lines: int) -> _Lattice:
     """The finest lattice that holds the box; the box's edges run through the middles of dots."""
     size = np.array([box.x1 - box.x0, box.y1 - box.y0])
     most = np.array([columns * _ACROSS, lines * _DOWN])
@@ -89,7 +89,7 @@ def _dots(world: World, lattice: _Lattice) -> Bools:
     return np.asarray(shares[::-1] >= _FILLED)
 
 
-def _painted(
+def _colour_characters(
     layers: Sequence[tuple[Bools, str]], lattice: _Lattice
 ) -> tuple[list[list[str]], list[list[str]]]:
     """Characters and their colours, line by line; the last layer that has a dot in a character colours it."""

@@ -1,4 +1,4 @@
-"""Map sets and worlds in a terminal: a picture with text beside it."""
+"""Map sets and worlds in a terminal: a picture with text next to it."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from rich.text import Text
 from lme.errors import InputError
 from lme.worlds.world import Task
 from runners.config.map_sets import Chosen, choose, known_path
-from runners.figures.parts.extent import about_set, extent, metres
+from runners.figures.parts.extent import describe_set, extent, metres
 from runners.figures.parts.style import BLUE, GREEN, VERMILION
 from runners.figures.terminal.braille import GOAL, heading, picture
 
@@ -28,7 +28,7 @@ def set_entry(name: str, title: str) -> RenderableType:
         chosen = choose([name])
         task = chosen.maps.task(chosen.maps.numbers[0])
         small = _thumbnail(task)
-        text.append(about_set(chosen, task).replace("\n", " · "), "dim")
+        text.append(describe_set(chosen, task).replace("\n", " · "), "dim")
     except InputError as error:
         text.append(f"no picture: {error}", "dim")
     row = Table.grid(padding=(0, 2, 0, 0))
@@ -48,7 +48,7 @@ def several_worlds(tasks: Sequence[Task]) -> RenderableType:
 
 
 def one_world(chosen: Chosen, task: Task, console: Console) -> RenderableType:
-    """A world as large as the terminal allows, with facts beside it if they fit, else below."""
+    """A world as large as the terminal allows, with facts next to it if they fit, else below."""
     way = known_path(chosen.maps, task)
     drawn = picture(task, console.width, max(LARGE_LINES, console.height - 4), way)
     facts = Group(

@@ -53,7 +53,7 @@ def test_cancel_stops_the_robot(ros, robot, client):
     assert_stands(robot, 0.5)
 
 
-def test_a_goal_of_another_takes_its_place(ros, robot, client):
+def test_a_goal_of_another_client_replaces_the_current_one(ros, robot, client):
     driving = client(50.0, 0.0)
     robot.until(moves, timeout=60.0)
     robot.set(goal=[0.0, 50.0])

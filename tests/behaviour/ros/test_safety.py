@@ -1,4 +1,4 @@
-"""What goes wrong on a real robot, over real topics: it must stand in time, and go on when all is well again."""
+"""What goes wrong on a real robot, over real topics: it must stand in time, and continue when all is well again."""
 
 import signal
 import time
@@ -40,7 +40,7 @@ def stands(said):
 
 
 def assert_stands(robot, within=STALE + LATE):
-    """It is told to stand within this time, and stays."""
+    """It is stopped within this time, and stays stopped."""
     time.sleep(within)
     assert not any(abs(v) + abs(omega) for _, v, omega in robot.commands(0.5))
 
@@ -58,7 +58,7 @@ def _await_node(robot):
 
 
 @pytest.mark.parametrize("sensor", ["scan", "odometry"])
-def test_it_stands_when_a_publisher_is_gone_and_goes_on_when_it_is_back(driving, sensor):
+def test_the_robot_stands_while_a_publisher_is_gone_and_then_drives_again(driving, sensor):
     driving.set(**{sensor: None})
     gone = time.monotonic()
     assert driving.until(stands)["time"] - gone < STALE + LATE
@@ -72,19 +72,19 @@ def test_it_stands_when_a_publisher_is_gone_and_goes_on_when_it_is_back(driving,
     [{"scan": "empty"}, {"scan": "nan"}, {"odometry": "nan"}],
     ids=lambda one: "-".join(*one.items()),
 )
-def test_it_stands_on_garbage(driving, garbage):
+def test_the_robot_stands_on_garbage_messages(driving, garbage):
     driving.set(**garbage)
     assert_stands(driving)
     driving.set(scan="good", odometry="good")
     driving.until(moves)
 
 
-def test_it_says_why_it_stands(driving):
+def test_the_node_says_why_the_robot_stands(driving):
     driving.set(scan=None)
     assert "scan" in driving.until(lambda said: "stopped" in said.get("reason", ""))["reason"]
 
 
-def test_rviz_and_diagnostics_are_told(driving):
+def test_rviz_and_diagnostics_get_messages(driving):
     driving.set(watch=True)
     seen = driving.until(lambda said: "groups" in said)
     assert {"candidates", "sectors", "subgoal", "target"} <= set(seen["groups"])
@@ -106,7 +106,7 @@ def test_a_goal_that_is_not_finite_changes_nothing(driving):
     driving.until(moves)
 
 
-def test_it_stands_after_cancel_until_the_next_goal(driving):
+def test_the_robot_stands_after_cancel_until_the_next_goal(driving):
     driving.set(cancel=True)
     assert_stands(driving, LATE)
     driving.set(goal=GOAL)
@@ -118,7 +118,7 @@ def test_a_goal_in_a_frame_that_nobody_knows_is_not_driven_to(driving):
     assert_stands(driving)
 
 
-def test_it_stands_when_it_ends_and_when_the_clock_is_frozen_for_a_new_one(ros, node, driving):
+def test_the_robot_stands_when_the_node_ends_and_while_the_clock_is_frozen(ros, node, driving):
     node.send_signal(signal.SIGTERM)
     asked = time.monotonic()
     assert driving.until(stands)["time"] - asked < LATE

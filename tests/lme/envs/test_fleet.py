@@ -90,7 +90,7 @@ def assert_sees(views, i, seen, box):
         (NEAR, any_robot, FastConfig()),
     ],
 )
-def test_every_robot_does_what_it_would_alone(map_set, robot, config):
+def test_every_robot_of_a_fleet_does_what_it_would_alone(map_set, robot, config):
     n, reward = 6, Reward(progress=2.0, success=10.0, collision=-10.0, timeout=-0.5, step=-0.01)
     fleet = Fleet(map_set, robot, n, config, reward)
     alone = [Alone(map_set, robot, 100 + i, config, reward) for i in range(n)]
@@ -153,7 +153,7 @@ def test_the_same_seeds_give_the_same_episodes_and_no_array_is_shared():
             np.testing.assert_array_equal(part, old)
 
 
-def test_without_seeds_the_streams_go_on_and_a_world_can_be_chosen():
+def test_without_seeds_the_random_streams_continue_and_a_world_can_be_chosen():
     fleet = Fleet(HARD, load_robot("jackal"), 2)
     first = fleet.reset([1, 2])
     assert (first.ranges != fleet.reset().ranges).any()
@@ -221,7 +221,7 @@ def test_robots_that_are_drawn_have_the_same_lidar():
         robot.lidar.num_beams = 540 if rng.random() < 0.5 else 360
         return robot
 
-    with pytest.raises(InputError, match=r"robot\.lidar of a drawn robot is Lidar\(num_beams"):
+    with pytest.raises(InputError, match=r"robot\.lidar of a randomly drawn robot is Lidar\(num_beams"):
         Fleet(ROOM, draw, 30).reset(range(30))
 
 

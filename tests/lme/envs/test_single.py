@@ -133,7 +133,7 @@ def test_robots_may_be_drawn():
     seen = {float(env.reset(seed=seed)[0]["limits"][0]) for seed in (0, 1, 2)}
     assert len(seen) == 3
     assert min(seen) >= 0.5
-    with pytest.raises(InputError, match=r"map\.radius is null: must be given if robots are drawn"):
+    with pytest.raises(InputError, match=r"map\.radius is null: must be given if robots are drawn at random"):
         NavigationEnv("env1", draw)
 
 

@@ -59,7 +59,7 @@ def test_a_vector_environment_is_a_row_of_single_ones_bit_by_bit(env_id, keyword
     np.testing.assert_equal(many.reset(seed=1, options=world), row.reset(seed=1, options=world))
 
 
-def test_what_it_gives_is_the_users_to_keep():
+def test_observations_are_not_overwritten_by_later_steps():
     many = NavigationVectorEnv(3, map_config=SHORT)
     kept = [many.reset(seed=0)[0]]
     copies = [{name: part.copy() for name, part in kept[0].items()}]
@@ -79,7 +79,7 @@ def test_what_it_gives_is_the_users_to_keep():
         ({"render_mode": "rgb_array"}, "render_mode is 'rgb_array': cannot render many robots"),
     ],
 )
-def test_what_it_does_not_cover_it_refuses_and_says_what_does(keywords, said):
+def test_the_vector_env_refuses_what_it_does_not_cover_and_says_what_does(keywords, said):
     with pytest.raises(InputError) as caught:
         NavigationVectorEnv(2, **keywords).reset()
     assert said in str(caught.value)

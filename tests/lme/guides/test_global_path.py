@@ -127,7 +127,7 @@ def test_a_robot_that_stands_in_the_padding_gets_out():
     assert clearance(guidance.path[20:], [(0.23, y) for y in np.linspace(-2, 0.5, 100)]) > 0.25
 
 
-def test_without_a_way_the_path_is_the_straight_line_and_the_robot_is_to_wait():
+def test_without_a_way_the_path_is_the_straight_line_and_the_robot_waits():
     guidance = global_path(costmap=CostmapConfig(obstacle_range=10.0)).guide(first_view(SEALED))
     assert guidance.blocked
     assert guidance.path[-1] == pytest.approx([4.0, 0.0])
@@ -142,7 +142,7 @@ def test_a_sealed_box_ends_in_a_timeout():
 # Maps
 
 
-def test_what_no_scan_has_shown_is_on_the_true_map_only():
+def test_obstacles_that_no_scan_has_shown_are_on_the_true_map_only():
     hidden = boxes((1.5, -0.5, 1.5, 0.5), (3.0, -0.5, 3.0, 3.0))
     deepest = {}
     for global_map in ("observed", "known"):
@@ -210,7 +210,7 @@ def test_plans_at_once_when_something_stands_on_the_path(monkeypatch):
     assert np.abs(after[0].path[:, 1]).max() > 1.5
 
 
-def test_without_a_way_it_plans_no_more_often(monkeypatch):
+def test_without_a_way_the_guide_plans_no_more_often(monkeypatch):
     calls = planned(monkeypatch)
     guide = global_path(replan_rate=1.0, costmap=CostmapConfig(obstacle_range=10.0))
     for _ in range(20):

@@ -64,7 +64,7 @@ def looks(world, robot=None, steps=8):
 
 
 @pytest.mark.parametrize("target", [(4.0, 0.0), (3.0, 2.0), (1.0, 2.0)])
-def test_in_the_open_it_picks_the_target(target):
+def test_lme_plus_picks_the_target_in_the_open(target):
     chosen = guide().guide(observation(target))
     assert chosen.subgoal == pytest.approx(target, abs=0.35)  # the turn may favour a near one
     assert not chosen.blocked
@@ -78,12 +78,12 @@ def test_a_far_target_is_approached_on_a_straight_line():
 
 
 @pytest.mark.parametrize("world", [DEAD_END, ZIGZAG], ids=["dead end", "zigzag"])
-def test_it_leaves_traps(world):
+def test_lme_plus_leaves_traps(world):
     episode, _ = drive(world)
     assert episode.outcome is Outcome.SUCCESS
 
 
-def test_enclosed_it_finds_places_that_it_can_reach():
+def test_lme_plus_finds_reachable_places_when_enclosed():
     robot = stage()
     seen = FastSimulator(FastConfig(), robot).reset(
         task(room(3.0), goal=(6.0, 0.0)), np.random.default_rng(0)
@@ -95,7 +95,7 @@ def test_enclosed_it_finds_places_that_it_can_reach():
     assert np.isfinite(made.explanation().features).all()
 
 
-def test_without_memory_it_knows_the_present_scan_alone():
+def test_without_memory_lme_plus_knows_only_the_current_scan():
     robot = without_errors(shipped("jackal"))
     kept, forgetful = guide(robot), guide(robot, memory=MemoryConfig(kept=False))
     for view in looks(CLUTTER, robot):

@@ -125,7 +125,7 @@ def spiral():
     ],
 )
 @pytest.mark.parametrize("turned", [1.0, -1.0])
-def test_it_gets_out(world, start, turned):
+def test_tangent_bug_leaves_traps(world, start, turned):
     mirror = np.array([1.0, turned, 1.0, turned])
     world = World(world.circles * [1.0, turned, 1.0], world.segments * mirror)
     start = Pose(start.x, turned * start.y, turned * start.yaw)
@@ -168,14 +168,14 @@ def test_a_sealed_box_ends_in_timeout(half):
     assert episode.min_clearance > 0.05
 
 
-def test_where_it_is_closed_in_it_says_so_and_stands():
+def test_a_robot_that_is_closed_in_says_so_and_stands():
     guide, seen = look(room(0.9))
     guidance = guide.guide(seen)
     assert guidance.blocked
     assert guidance.subgoal.tolist() == [0.0, 0.0]
 
 
-def test_what_a_blind_arc_hides_is_remembered():
+def test_a_wall_in_the_blind_arc_is_remembered():
     """Turned away from the wall, a robot that sees 270° still knows that the target behind it is hidden."""
     robot = shipped("jackal")
     world, goal = walls([2.0, -2.0, 2.0, 2.0]), (4.0, 0.0)
@@ -205,7 +205,7 @@ def test_a_mirrored_world_is_driven_through_mirrored():
     assert other * [1, -1, -1] == pytest.approx(poses, abs=MIRROR)
 
 
-def test_a_reset_guide_begins_anew():
+def test_a_reset_guide_starts_from_scratch():
     guide, seen = look(walls(*U), start=Pose(2.0, 0.3, 0.0))
     first = guide.guide(seen).subgoal
     guide.guide(seen._replace(target=np.array([0.1, 0.0])))

@@ -156,7 +156,7 @@ def test_clearances_of_a_rectangle_and_a_disc():
 
 
 @given(st.lists(twists(), min_size=1, max_size=5), st.lists(POINTS, max_size=12), BOXES)
-def test_without_a_slack_the_shipped_one_is_kept(some_twists, points, box):
+def test_without_a_slack_first_contacts_keeps_the_shipped_one(some_twists, points, box):
     given_ = np.array(some_twists), np.array(points, dtype=float).reshape(-1, 2)
     leasts, horizons, margins = (np.full(len(some_twists), value) for value in (0.0, 8.0, 0.3))
     found = first_contacts(*given_, box, margins, leasts, horizons)

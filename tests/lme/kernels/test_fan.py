@@ -84,7 +84,7 @@ def test_nothing_blocks_where_there_are_no_points():
     assert not fan_blocked(ORIGIN, np.ones((20, 2)), np.empty((0, 2)), 0.5).any()
 
 
-def test_without_ends_the_answer_is_empty():
+def test_a_fan_without_ends_is_empty():
     assert fan_blocked(ORIGIN, np.empty((0, 2)), np.ones((20, 2)), 0.5).shape == (0,)
 
 
@@ -96,7 +96,7 @@ def test_a_point_within_the_radius_of_the_apex_blocks_all_round(bearing):
     assert not fan_blocked(ORIGIN, ends, points, 0.19).all()
 
 
-def test_all_ends_at_the_apex():
+def test_a_fan_with_all_ends_at_the_apex():
     points = np.tile([0.5, 0.0], (20, 1))
     assert fan_blocked(ORIGIN, np.zeros((20, 2)), points, 0.6).all()
     assert not fan_blocked(ORIGIN, np.zeros((20, 2)), points, 0.5).any()

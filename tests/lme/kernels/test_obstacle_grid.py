@@ -52,7 +52,7 @@ def test_the_cell_that_a_beam_hits_is_marked():
 
 
 @pytest.mark.parametrize("nothing", [0.0, 0.09, -1.0, math.nan, -math.inf, 10.0, math.inf, 2.6])
-def test_what_is_no_hit_or_too_far_is_not_marked(nothing):
+def test_beams_without_a_hit_or_with_one_too_far_mark_no_cell(nothing):
     assert cells(beams([nothing])) == set()
 
 

@@ -31,14 +31,14 @@ def listed(outline, pose, shape=SHAPE):
 
 @settings(max_examples=100)
 @given(SEEDS)
-def test_the_outline_is_its_slow_twin(seed):
+def test_outline_cells_agree_with_their_slow_twin(seed):
     _, outline, pose = drawn(seed)
     assert listed(outline, pose) == oracles.outline_cells(outline, pose, GRID)
 
 
 @settings(max_examples=50)
 @given(SEEDS)
-def test_what_is_covered_is_the_slow_twin_and_all_within_the_outline(seed):
+def test_covered_cells_agree_with_the_slow_twin_and_hold_the_whole_outline(seed):
     rng, outline, pose = drawn(seed)
     covered = covered_cells(outline, pose, GRID, SHAPE)
     np.testing.assert_array_equal(covered, oracles.covered_cells(outline, pose, GRID, SHAPE))
@@ -60,7 +60,7 @@ def test_the_cost_is_the_highest_under_the_outline(seed):
 
 
 @pytest.mark.parametrize("centre", [(-1.4, 0.0), (0.0, 1.4), (5.0, 5.0), (-1.4, -1.4)])
-def test_a_footprint_that_leaves_the_map_is_no_footprint(centre):
+def test_a_footprint_that_leaves_the_map_is_invalid(centre):
     cells = np.empty(outline_capacity(BOX, GRID[2]), np.int64)
     assert outline_cells(BOX, (*centre, 0.3), GRID, SHAPE, cells) == -1
     assert outline_cost(np.zeros(SHAPE, np.uint8), BOX, (*centre, 0.3), GRID, cells) == -1

@@ -29,14 +29,14 @@ def test_equals_moving_and_sorting_with_numpy(seed):
     assert points == pytest.approx(oracles.scan_points(ranges, directions, 0.1, 10.0, mount), abs=KERNEL)
 
 
-def test_only_returns_become_points():
+def test_only_beams_with_a_return_become_points():
     ranges = np.array([np.nan, np.inf, -np.inf, 0.0, 0.0999, 0.1, 3.0, 9.999, 10.0, 11.0], dtype=np.float32)
     points = scan_points(ranges, np.tile([1.0, 0.0], (10, 1)), 0.1, 10.0, AT_BASE)
     assert points[:, 0] == pytest.approx(ranges[[5, 6, 7]])
 
 
 @pytest.mark.parametrize("range_max", [15.1, 5.6, 0.3])  # not float32 numbers
-def test_beams_of_the_simulator_that_hit_nothing_are_no_points(range_max):
+def test_beams_of_the_simulator_that_hit_nothing_make_no_points(range_max):
     angles = (-math.pi, 2 * math.pi / 90, 90)
     ranges = cast(AT_BASE, angles, range_max, np.empty((0, 3)), np.empty((0, 4)))
     assert len(scan_points(ranges, beam_directions(*angles), 0.0, range_max, AT_BASE)) == 0

@@ -111,7 +111,7 @@ def test_turning_limits_are_those_of_every_cell(points, turn, radius):
     assert kernels.turning_limits(points, turn, radius) == pytest.approx((right, left), abs=1e-6)
 
 
-def test_a_fast_robot_cannot_turn_behind_a_post_beside_it():
+def test_a_fast_robot_cannot_turn_behind_a_post_at_its_side():
     # Post 0.6 m to the left, a little ahead. On the spot it is out of reach; with a turn of 0.5 m it is hit.
     post = np.array([[0.1, 0.6]])
     assert kernels.turning_limits(post, 0.0, 0.3) == (-math.pi, math.pi)

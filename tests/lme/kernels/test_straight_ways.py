@@ -87,7 +87,7 @@ def test_a_turn_needs_room_for_the_corners():
     ]  # a disc only meets it
 
 
-def test_what_is_nearer_than_the_margin_must_come_no_nearer():
+def test_a_point_within_the_margin_must_come_no_nearer():
     point = [(-0.02, 0.2)]  # 4.5 cm off the side
     assert free([(1.0, 0.0)], point).tolist() == [True]
     assert free([(1.0, 0.0)], [(0.02, 0.2)]).tolist() == [True]

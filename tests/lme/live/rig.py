@@ -1,4 +1,4 @@
-"""A live driver with its clock, a robot that stands at the origin, and a guide and planner that do as they are told."""
+"""A live driver with its clock, a robot that stands at the origin, and a guide and planner that obey."""
 
 import math
 
@@ -22,7 +22,7 @@ FAR = (10.0, 0.0)
 
 
 class Puppet:
-    """Guide and planner in one. Its command is given; it notes what it sees and how often it starts anew."""
+    """Guide and planner in one. Its command is given; it notes what it sees and how often it is reset."""
 
     def __init__(self):
         self.command, self.seen, self.resets = CRUISE, [], 0

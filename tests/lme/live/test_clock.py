@@ -13,12 +13,12 @@ def read(*seconds):
     return [clock.read(round(100 * SECOND + one * SECOND)) for one in seconds]
 
 
-def test_time_that_passes_is_no_jump():
+def test_time_that_passes_is_not_a_jump():
     assert read(0.0, 0.2, 0.2, 1.2, 1.15, 2.1) == [""] * 6
 
 
 @pytest.mark.parametrize("by", [1.1, -0.2, 1e6, -99.0])
-def test_a_jump_is_said_once(by):
+def test_a_jump_of_the_clock_is_reported_once(by):
     said = read(0.0, by, by + 0.2)
     assert said[0] == said[2] == ""
     assert said[1] == f"the clock jumped {'forwards' if by > 0 else 'backwards'} by {abs(by):.3g} s"

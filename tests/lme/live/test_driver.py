@@ -22,7 +22,7 @@ def test_the_driver_drives_to_its_goal(rig):
 
 
 @pytest.mark.parametrize("command", ["new goal", "cancel", "stop"])
-def test_what_happens_during_a_decision_stops_it(rig, command):
+def test_an_event_during_a_decision_stops_the_driver(rig, command):
     rig.drive()
 
     def meanwhile():
@@ -49,7 +49,7 @@ def test_what_happens_during_a_decision_stops_it(rig, command):
         (ZeroDivisionError("no"), "ZeroDivisionError: no"),
     ],
 )
-def test_a_planner_that_fails_stops_it(rig, command, reason):
+def test_a_planner_that_fails_stops_the_driver(rig, command, reason):
     rig.drive()
     rig.puppet.command = command
     assert stands(rig.period(), reason)
@@ -68,14 +68,14 @@ def test_a_decision_that_takes_too_long_does_not_count(rig):
     assert stands(rig.period(), "the decision took 0.60 s")
 
 
-def test_a_navigator_that_cannot_be_built_is_said():
+def test_a_navigator_that_cannot_be_built_is_reported():
     rig = Rig()
     rig.driver._make_navigator = lambda robot: builders.Simple(None, None)
     rig.sense()
     assert stands(rig.tick(), "AttributeError")
 
 
-def test_after_shutdown_it_stands_for_good(rig):
+def test_after_shutdown_the_driver_stands_for_good(rig):
     rig.drive()
     assert stands(rig.driver.stop("shutdown"), "shutdown")
     rig.driver.set_goal(FAR, "odom", rig.now)
@@ -92,7 +92,7 @@ def test_commands_are_within_the_limits(rig):
     assert steps[0].wanted == (9.0, -9.0)
 
 
-def test_after_a_stop_it_starts_from_rest(rig):
+def test_after_a_stop_the_driver_starts_from_rest(rig):
     rig.puppet.command = Twist(0.5, 0.0)
     rig.drive()
     assert rig.period().command.v == 0.5

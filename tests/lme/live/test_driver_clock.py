@@ -63,7 +63,7 @@ def test_moving_transforms_must_come_again_after_a_jump(rig):
     assert rig.driver.mounted_by == "tf"
 
 
-def test_a_clock_that_stands_still_stops_it_by_wall_time(rig):
+def test_a_stopped_clock_stops_the_driver_by_wall_time(rig):
     last = rig.drive()
     for _ in range(2):
         rig.wall += PERIOD

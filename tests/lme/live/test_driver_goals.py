@@ -23,13 +23,13 @@ def test_the_goal_of_the_barn_challenge_lies_ahead(rig):
     np.testing.assert_allclose(step.observation.target, (10.0, 0.0), atol=1e-12)
 
 
-def test_without_a_goal_it_stands(rig):
+def test_without_a_goal_the_driver_stands(rig):
     assert stands(rig.tick(), "no goal", LiveState.IDLE)
     assert "prepared" in rig.period().reason
     assert stands(rig.period(), "no goal", LiveState.IDLE)
 
 
-def test_at_the_goal_it_stands_until_there_is_another(rig):
+def test_at_the_goal_the_driver_stands_until_the_next_goal(rig):
     rig.drive()
     rig.pass_time()
     rig.scan()
@@ -60,7 +60,7 @@ def test_a_new_goal_takes_the_place_of_the_old_one(rig):
 
 
 @pytest.mark.parametrize("goal", [(math.nan, 0.0), (1.0,), (1.0, math.inf)])
-def test_a_goal_that_is_no_position(rig, goal):
+def test_a_goal_must_be_a_position(rig, goal):
     with pytest.raises(InputError, match="must be two finite numbers") as error:
         rig.driver.set_goal(goal, "odom", rig.now)
     assert "\n" not in str(error.value)

@@ -31,7 +31,7 @@ def test_garbage_is_as_if_nothing_came(rig):
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_no_message_makes_it_raise_or_drive_blindly(seed):
+def test_no_message_makes_the_driver_raise_or_drive_blindly(seed):
     """Random messages, times and goals: a step always comes, and motion needs a scan and a pose of the last 0.5 s."""
     rig, random_ = Rig(), random.Random(seed)
     scans, poses, drove = [], [], 0

@@ -1,4 +1,4 @@
-"""The live driver on other robots: the same drive, told by other lidars and other sources of poses."""
+"""The live driver on other robots: the same drive, seen by other lidars and other sources of poses."""
 
 import math
 from collections import Counter
@@ -89,7 +89,7 @@ def plain():
 
 
 @pytest.mark.parametrize("other", OTHERS.values(), ids=OTHERS)
-def test_another_robot_on_the_same_way_sees_the_same(plain, other):
+def test_two_lidars_on_the_same_way_see_the_same_obstacles(plain, other):
     driver, steps = feed(drive(**other))
     assert driver.mounted_by == "tf"
     assert_alike(seen(driver, steps), plain)

@@ -11,14 +11,14 @@ from tests.lme.live.rig import FAR, Rig, drives, stands
 from tests.made_bags import SECOND
 
 
-def test_without_odometry_it_stands(rig):
+def test_without_odometry_the_driver_stands(rig):
     rig.driver.set_goal(FAR, "odom", rig.now)
     rig.scan()
     rig.tick()
     assert stands(rig.tick(), "no odometry")
 
 
-def test_stale_odometry_stops_it(rig):
+def test_stale_odometry_stops_the_driver(rig):
     rig.drive()
     for _ in range(3):
         rig.pass_time()
@@ -66,7 +66,7 @@ def test_poses_by_tf_and_their_twist(rig):
     assert stands(step, "the odometry is older than 0.5 s")
 
 
-def test_a_transform_of_the_robot_that_is_not_a_number_is_said(rig):
+def test_a_transform_of_the_robot_that_is_not_a_number_is_reported(rig):
     rig.driver.set_goal(FAR, "odom", rig.now)
     rig.transform("odom", "base_link", Pose(math.nan, 0.0, 0.0))
     rig.scan()
@@ -74,7 +74,7 @@ def test_a_transform_of_the_robot_that_is_not_a_number_is_said(rig):
     assert stands(rig.tick(), "no odometry (the transform of base_link is not finite)")
 
 
-def test_once_odometry_has_come_tf_is_no_substitute(rig):
+def test_once_odometry_has_come_tf_does_not_replace_it(rig):
     rig.drive()
     for _ in range(3):
         rig.pass_time()

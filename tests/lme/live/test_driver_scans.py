@@ -9,13 +9,13 @@ from tests.lme.live.rig import FAR, drives, stands
 from tests.made_bags import SECOND
 
 
-def test_without_a_scan_it_stands(rig):
+def test_without_a_scan_the_driver_stands(rig):
     rig.driver.set_goal(FAR, "odom", rig.now)
     rig.odometry()
     assert stands(rig.tick(), "no scan")
 
 
-def test_a_stale_scan_stops_it_until_there_is_a_fresh_one(rig):
+def test_a_stale_scan_stops_the_driver_until_a_fresh_one_comes(rig):
     rig.drive()
     for _ in range(2):
         rig.pass_time()
@@ -30,7 +30,7 @@ def test_a_stale_scan_stops_it_until_there_is_a_fresh_one(rig):
 @pytest.mark.parametrize(
     "ranges", [[math.nan] * 540, [0.0] * 540, [0.01] * 540], ids=["NaN", "0", "too near"]
 )
-def test_an_empty_scan_stops_it(rig, ranges):
+def test_an_empty_scan_stops_the_driver(rig, ranges):
     rig.drive()
     rig.pass_time()
     rig.odometry()
@@ -42,7 +42,7 @@ def test_an_empty_scan_stops_it(rig, ranges):
 @pytest.mark.parametrize(
     "points", [np.empty((0, 3)), np.full((50, 3), math.nan), np.zeros((50, 3))], ids=["none", "NaN", "0"]
 )
-def test_an_empty_cloud_stops_it(rig, points):
+def test_an_empty_cloud_stops_the_driver(rig, points):
     def see(points):
         rig.pass_time()
         rig.odometry()
@@ -58,7 +58,7 @@ def test_an_empty_cloud_stops_it(rig, points):
     assert drives(see(floor))  # all that is seen is below the heights that count
 
 
-def test_in_the_open_it_drives(rig):
+def test_with_fresh_scans_in_the_open_the_driver_drives(rig):
     """A beam that meets nothing within range measures something: that nothing is there."""
     rig.drive()
     rig.pass_time()
@@ -98,7 +98,7 @@ def test_a_first_scan_that_is_not_whole_does_not_blind_the_robot(rig, first):
     assert stands(rig.tick(), "soft stop")
 
 
-def test_it_stands_before_guide_and_planner_are_prepared_for_another_lidar(rig):
+def test_the_driver_stands_until_guide_and_planner_are_prepared_for_another_lidar(rig):
     rig.odometry()
     rig.scan(ranges=np.full(180, 3.0))
     rig.tick()

@@ -34,7 +34,7 @@ def ahead(distance):
     return np.array([[distance, 0.0]])
 
 
-def test_it_stops_in_time_but_not_before():
+def test_touches_foresees_contact_within_the_braking_distance_only():
     """0.5 m/s, 2 m/s²: 0.1 m in the period of 0.2 s, and 0.0625 m to brake, beside the radius of 0.2 m."""
     robot, moving = builders.stage(), Twist(0.5, 0.0)
     assert touches(ahead(0.36), HERE, moving, moving, robot)

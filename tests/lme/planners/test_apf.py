@@ -58,7 +58,7 @@ def test_repulsion_is_that_of_every_pair(points):
     assert force_of(points) == pytest.approx(slow, abs=1e-9 * (1 + np.abs(slow).max()), rel=1e-7)
 
 
-def test_one_point_pushes_with_firas():
+def test_one_point_repels_with_the_force_of_firas():
     # Clearance 0.25 m: (1/0.25 − 1/0.5) / 0.25² = 32.
     assert force_of([[0.45, 0.0]]) == pytest.approx([-32.0, 0.0], abs=KERNEL)
     assert force_of([[0.0, -0.45]]) == pytest.approx([0.0, 32.0], abs=KERNEL)
@@ -138,7 +138,7 @@ def drive(robot, world=None, **changes):
 
 
 @pytest.mark.parametrize("name", SHIPPED)
-def test_in_an_empty_world_it_drives_straight_and_comes_to_rest(name):
+def test_apf_drives_straight_and_comes_to_rest_in_an_empty_world(name):
     episode = drive(
         shipped(name), goal=(10.0, 0.0), start=Pose(0, 0, 0.3), goal_tolerance=0.0, time_limit=45.0
     )
@@ -158,7 +158,7 @@ def test_a_sealed_box_ends_in_a_timeout(name, pad):
     assert episode.min_clearance > 0.0
 
 
-def test_it_goes_round_a_post_off_its_line():
+def test_apf_goes_round_a_post_off_its_line():
     episode = drive(stage(), World(circles=np.array([[2.0, 0.15, 0.2]])))
     assert episode.outcome == Outcome.SUCCESS
 
@@ -179,7 +179,7 @@ def test_a_wall_across_the_way_is_a_local_minimum():
     assert episode.outcome == Outcome.TIMEOUT
 
 
-def test_it_wavers_in_a_narrow_passage():
+def test_apf_wavers_in_a_narrow_passage():
     # The other limit that Koren & Borenstein 1991 name (DOI 10.1109/ROBOT.1991.131810): between walls 0.7 m
     # apart it swings from side to side, 2.5 m apart it does not.
     def swings(width):
@@ -192,7 +192,7 @@ def test_it_wavers_in_a_narrow_passage():
     assert swings(2.5) <= 3
 
 
-def test_the_same_episode_is_driven_the_same_twice():
+def test_apf_drives_an_episode_the_same_way_twice():
     np.testing.assert_array_equal(
         drive(stage(), room(6.0), goal=(2.0, 1.0)).trajectory,
         drive(stage(), room(6.0), goal=(2.0, 1.0)).trajectory,

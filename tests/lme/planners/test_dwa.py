@@ -80,7 +80,7 @@ def test_commands_keep_to_the_limits(seed, v, omega, x, y):
 @pytest.mark.parametrize("value", [0.0, math.nan, math.inf, 0.05, 0.3, 100.0])
 @pytest.mark.parametrize("target", [(4.0, 1.0), (-3.0, 0.0), (0.0, 0.0)])
 @pytest.mark.parametrize("twist", [STILL, Twist(0.5, 1.5)])
-def test_no_scan_and_no_target_is_too_strange(value, target, twist):
+def test_dwa_survives_strange_scans_and_targets(value, target, twist):
     command = plan(target, np.full(540, value, np.float32), twist)
     assert math.isfinite(command.v)
     assert math.isfinite(command.omega)
@@ -105,7 +105,7 @@ def test_an_empty_world_is_crossed_straight_and_the_goal_is_where_it_rests(name,
 
 
 @pytest.mark.parametrize("name", SHIPPED)
-def test_it_brakes_before_a_wall_at_full_speed(name):
+def test_dwa_brakes_before_a_wall_at_full_speed(name):
     # From 5 m and at rest, towards a target behind it; noise and blind arcs included.
     wall = World(segments=np.array([[5.0, -30.0, 5.0, 30.0]]))
     episode = drive(wall, shipped(name), goal=(9.0, 0.0), time_limit=20.0, velocity=10.0, clearance=0.0)
@@ -159,14 +159,14 @@ def test_a_dead_end_holds_it(config):
 
 @pytest.mark.parametrize("name", SHIPPED)
 @pytest.mark.parametrize("config", [{}, EAGER])
-def test_a_sealed_box_is_no_reason_to_crash(name, config):
+def test_a_sealed_box_does_not_crash_the_planner(name, config):
     robot = shipped(name)
     episode = drive(room(4.0 * robot.footprint.r_max), robot, goal=(6.0, 0.3), **config)
     assert episode.outcome is Outcome.TIMEOUT
 
 
-def test_where_no_arc_is_free_it_turns_away_from_what_is_nearest():
-    # A half ring 1 cm before a disc: no way ahead. The nearer part is on its right, so it turns left; and goes on.
+def test_dwa_turns_away_from_the_nearest_obstacle_where_no_arc_is_free():
+    # A half ring 1 cm before a disc: no way ahead. The nearer part is on its right, so it turns left; and drives on.
     robot = stage()
     ranges = np.full(540, 0.215, np.float32)
     ranges[: 540 // 2] = 0.212  # bearings below 0 are on the right
@@ -176,7 +176,7 @@ def test_where_no_arc_is_free_it_turns_away_from_what_is_nearest():
     assert plan((4.0, 0.0), ranges, robot=robot).v == 0.0
 
 
-def test_hemmed_in_by_its_corners_it_stands_still():
+def test_dwa_stands_still_when_its_corners_are_hemmed_in():
     robot = shipped("jackal")
     ranges = np.full(720, 0.16, np.float32)  # within the corners' 0.26 m wherever it turns, outside its sides
     command = plan((4.0, 0.0), ranges, robot=robot)
@@ -195,7 +195,7 @@ def test_the_subgoal_is_followed_not_the_target():
     assert planner.plan(view, Guidance(np.array([0.0, -2.0]))).omega < 0.0
 
 
-def test_heading_looks_as_far_ahead_as_it_is_told():
+def test_heading_looks_as_far_ahead_as_configured():
     # A target 0.5 rad to the left: after one period at most a full turn rate is right, after a second half of it.
     robot = shipped("jackal")
     target = (4.0 * math.cos(0.5), 4.0 * math.sin(0.5))
@@ -205,7 +205,7 @@ def test_heading_looks_as_far_ahead_as_it_is_told():
 
 
 @pytest.mark.parametrize("number", [1000, 1002])
-def test_it_drives_through_a_world_of_barn(number):
+def test_dwa_drives_through_a_barn_world(number):
     robot = shipped("jackal")
     job = Barn(BarnConfig(subset="fresh", count=10)).task(number)
     navigator = Navigator(Target(TargetConfig(), robot), Dwa(DwaConfig(**EAGER), robot))
@@ -213,7 +213,7 @@ def test_it_drives_through_a_world_of_barn(number):
     assert episode.outcome is Outcome.SUCCESS
 
 
-def test_what_ships_is_the_default():
+def test_the_shipped_dwa_config_is_the_default():
     shipped_config = yaml.safe_load((resource_dir("conf") / "planner" / "dwa.yaml").read_text("utf-8"))
     shipped_config.pop("_target_")
     assert DwaConfig(**shipped_config) == DwaConfig()
@@ -239,6 +239,6 @@ def test_lengths_and_times_of_nothing_are_named(key):
         ("omega_samples", 20, "must be odd"),
     ],
 )
-def test_too_few_or_lopsided_samples_are_named(key, value, say):
+def test_too_few_or_lopsided_samples_are_refused(key, value, say):
     with pytest.raises(InputError, match=rf"planner\.{key} is {value}: .*{say}"):
         DwaConfig(**{key: value})

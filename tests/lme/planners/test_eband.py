@@ -38,7 +38,7 @@ def drive(job, robot, navigator=None):
 
 
 @pytest.mark.parametrize("name", SHIPPED)
-def test_it_keeps_to_the_line_and_stops_at_the_goal(name):
+def test_eband_keeps_to_the_line_and_stops_at_the_goal(name):
     robot = shipped(name)
     simulator, made = FastSimulator(FastConfig(), robot), planner(robot)
     view = simulator.reset(task(goal=(10.0, 0.0), goal_tolerance=1e-9), np.random.default_rng(0))
@@ -59,14 +59,14 @@ def test_it_keeps_to_the_line_and_stops_at_the_goal(name):
     assert view.twist == pytest.approx((0.0, 0.0), abs=1e-3)
 
 
-def test_it_turns_in_place_first_when_the_way_leads_back():
+def test_eband_first_turns_in_place_when_the_way_leads_back():
     command = planner().plan(observation(target=(-3.0, 1.0)), Guidance(np.array([-3.0, 1.0])))
     assert command.v == 0.0
     assert command.omega > 0.0
 
 
-def test_small_bubbles_slow_it_down():
-    # Walls 0.5 m to either side: a bubble of 0.3 m, 0.6 m/s at most; here the acceleration is no limit.
+def test_small_bubbles_slow_the_robot_down():
+    # Walls 0.5 m to either side: a bubble of 0.3 m, 0.6 m/s at most; here the acceleration does not limit it.
     robot = stage(v_max=2.0, alpha_v=50.0, num_beams=2000)
     world = World(segments=np.array([[-20.0, 0.5, 20.0, 0.5], [-20.0, -0.5, 20.0, -0.5]]))
     simulator = FastSimulator(FastConfig(), robot)
@@ -83,7 +83,7 @@ def test_a_sealed_box_ends_in_a_timeout(name):
     assert drive(job, robot).outcome == Outcome.TIMEOUT
 
 
-def test_it_follows_a_path_through_a_door_that_the_straight_line_misses():
+def test_eband_follows_a_path_through_a_door_that_the_straight_line_misses():
     robot = shipped("jackal")
     wall = World(segments=np.array([[2.0, -4.0, 2.0, 0.6], [2.0, 1.4, 2.0, 4.0]]))
     corners = np.array([[0.0, 0.0], [1.2, 1.0], [2.8, 1.0], [4.0, 0.0]])
@@ -102,7 +102,7 @@ def test_it_follows_a_path_through_a_door_that_the_straight_line_misses():
     assert done.min_clearance > 0.1
 
 
-def test_it_remembers_what_has_gone_out_of_sight():
+def test_eband_remembers_obstacles_that_are_out_of_sight():
     # A pole ahead, then half a turn: behind the robot, in the blind arc.
     robot = shipped("jackal")
     made = planner(robot)
@@ -119,7 +119,7 @@ def test_it_remembers_what_has_gone_out_of_sight():
     assert len(made._known) == 0  # seen through: no longer there
 
 
-def test_what_it_remembers_does_not_grow_without_end():
+def test_the_memory_of_eband_is_bounded():
     # Creeping along a corridor, 4 mm a step, every scan sees other points of what goes out of sight behind.
     robot = shipped("jackal")
     made, simulator = planner(robot), FastSimulator(FastConfig(), robot)
@@ -170,7 +170,7 @@ def test_a_mirrored_drive_mirrors(seed):
         view = simulator.step(command)
 
 
-def test_the_same_episode_is_driven_the_same_twice():
+def test_eband_drives_an_episode_the_same_way_twice():
     robot = shipped("jackal")
     world = World(circles=np.array([[1.5, 0.3, 0.2], [2.5, -0.5, 0.3]]))
     one, two = drive(task(world), robot), drive(task(world), robot)
@@ -202,7 +202,7 @@ def test_any_scan_and_target_give_a_finite_command(name, fill, target):
             assert math.isfinite(command.omega)
 
 
-def test_at_the_target_it_stands_still():
+def test_eband_stands_still_at_the_target():
     assert planner().plan(observation(target=(0.0, 0.0)), Guidance(np.zeros(2))) == Twist(0.0, 0.0)
 
 

@@ -69,7 +69,7 @@ def follow(planner, robot, subgoal, points=NOTHING, steps=40, delay=0, blocked=F
 @pytest.mark.parametrize("robot", ROBOTS, ids=lambda robot: robot.name)
 @settings(max_examples=15)
 @given(st.integers(0, 10**6))
-def test_it_touches_nothing_and_could_always_stop(robot, seed):
+def test_min_time_touches_nothing_and_can_always_stop(robot, seed):
     rng = np.random.default_rng(seed)
     points = rng.uniform(-3.0, 3.0, (25, 2))
     points = points[np.hypot(*points.T) > robot.footprint.r_max + 0.1]
@@ -88,7 +88,7 @@ def test_it_touches_nothing_and_could_always_stop(robot, seed):
 
 
 @pytest.mark.parametrize("robot", ROBOTS, ids=lambda robot: robot.name)
-def test_in_the_open_it_drives_straight_at_full_speed(robot):
+def test_min_time_drives_straight_at_full_speed_in_the_open(robot):
     commands, _, ways = follow(made(robot), robot, (50.0, 0.0))
     assert commands[-1] == pytest.approx([robot.v_max, 0.0], abs=KERNEL)
     assert np.abs(ways[-1][:, 1]).max() <= KERNEL
@@ -96,12 +96,12 @@ def test_in_the_open_it_drives_straight_at_full_speed(robot):
     assert commands[speeding - 1 :, 0].min() == pytest.approx(robot.v_max, abs=KERNEL)
 
 
-def test_it_turns_to_a_subgoal_behind():
+def test_min_time_turns_to_a_subgoal_behind():
     _, _, ways = follow(made(), JACKAL, (-3.0, 0.5), steps=60)
     assert np.hypot(*(np.concatenate(ways)[:, :2] - (-3.0, 0.5)).T).min() < 0.2
 
 
-def test_enclosed_it_stands():
+def test_min_time_stands_when_enclosed():
     points = ring(JACKAL.footprint.r_max + 0.005)
     commands, _, ways = follow(made(), JACKAL, (3.0, 0.0), points, 5)
     assert np.abs(commands[:, 0]).max() == 0.0
@@ -117,7 +117,7 @@ def wedge():
     return np.concatenate((*sides, front))
 
 
-def test_where_it_is_stuck_it_backs_up_as_far_as_asked():
+def test_min_time_backs_up_as_far_as_configured_when_stuck():
     _, _, ways = follow(made(back=0.3), JACKAL, (3.0, 0.0), wedge(), 4, blocked=True)
     track = np.concatenate(ways)
     assert track[-1, 0] < -0.1
@@ -127,12 +127,12 @@ def test_where_it_is_stuck_it_backs_up_as_far_as_asked():
     assert commands[:, 0].min() >= 0.0
 
 
-def test_with_back_of_zero_it_never_backs_up():
+def test_min_time_never_backs_up_with_back_of_zero():
     commands, _, _ = follow(made(back=0.0), JACKAL, (3.0, 0.0), wedge(), 20, blocked=True)
     assert commands[:, 0].min() >= 0.0
 
 
-def test_it_does_not_back_up_into_what_it_knows_or_into_the_unknown():
+def test_min_time_backs_up_neither_into_obstacles_nor_into_the_unknown():
     behind = np.array([[-JACKAL.footprint.box[0] - 0.02, 0.0]])
     points = np.concatenate((wedge(), behind))
     commands, _, _ = follow(made(), JACKAL, (3.0, 0.0), points, 4, blocked=True)
@@ -145,7 +145,7 @@ def test_it_does_not_back_up_into_what_it_knows_or_into_the_unknown():
 
 
 @pytest.mark.parametrize("delay", [1, 3])
-def test_with_a_known_latency_it_commands_what_it_would_where_it_will_be(delay):
+def test_a_known_latency_gives_the_command_of_the_predicted_pose(delay):
     # The robot stands for `delay` periods; from then on everything is as without latency, `delay` periods later.
     points = np.array([[1.5, 0.4], [2.5, -0.5]])
     late, _, late_ways = follow(
@@ -177,18 +177,18 @@ def crossing(planner, late, speed=1.0):
 
 
 @pytest.mark.parametrize("late", [-0.5, 0.0, 0.25, 0.5])
-def test_it_comes_past_a_crossing_person_and_stays_in_motion(late):
+def test_min_time_passes_a_crossing_person_and_stays_in_motion(late):
     episode, _ = crossing(MinTime, late)
     assert episode.outcome is Outcome.SUCCESS
     assert episode.trajectory[3:, 4].min() > 0.4
 
 
-def test_it_passes_before_or_behind_a_person():
+def test_min_time_passes_before_or_behind_a_person():
     hurries, waits = crossing(MinTime, 0.75)[1], crossing(MinTime, -0.25)[1]
     assert waits < -0.4 < 0.4 < hurries
 
 
-def test_without_a_tracker_the_person_walks_into_it():
+def test_without_a_tracker_a_person_walks_into_the_robot():
     assert crossing(Untracked, 0.5)[0].outcome is Outcome.COLLISION
     assert crossing(MinTime, 0.5)[0].outcome is Outcome.SUCCESS
 
@@ -209,7 +209,7 @@ def stand(planner, side):
 
 
 @pytest.mark.parametrize("side", [1, -1])
-def test_at_rest_it_leaves_before_somebody_and_comes_back(side):
+def test_min_time_at_rest_moves_out_of_a_persons_way_and_comes_back(side):
     away, touched = stand(MinTime, side)
     assert not touched
     assert max(away) > 0.5 > 0.1 > away[-1]

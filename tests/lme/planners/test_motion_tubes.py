@@ -66,7 +66,7 @@ def drive(robot, job, steps, guide=None, **config):
 
 
 @pytest.mark.parametrize("name", SHIPPED)
-def test_in_the_open_it_drives_straight_and_rests_at_the_goal(name):
+def test_motion_tubes_drive_straight_in_the_open_and_rest_at_the_goal(name):
     robot = shipped(name)
     poses, twists, _ = drive(robot, task(goal=(10.0, 0.0), goal_tolerance=1e-9), round(45 / robot.dt))
     assert np.abs(poses[:, 1]).max() < 1e-6
@@ -80,7 +80,7 @@ def test_in_the_open_it_drives_straight_and_rests_at_the_goal(name):
 
 @pytest.mark.parametrize("goal", [(2.0, 1.0), (0.1, 0.8), (-3.0, 0.5)])
 @pytest.mark.parametrize("name", SHIPPED)
-def test_it_gets_to_goals_on_all_sides_without_circling_them(name, goal):
+def test_motion_tubes_reach_goals_on_all_sides_without_circling_them(name, goal):
     robot = shipped(name)
     poses, _, _ = drive(robot, task(goal=goal, goal_tolerance=1e-9), round(40 / robot.dt))
     away = np.hypot(*(poses[:, :2] - goal).T)
@@ -121,7 +121,7 @@ def test_a_robot_slower_than_its_tubes_keeps_to_their_arcs(name):
 
 
 @given(st.integers(0, 10**6), st.floats(-0.5, 1.0), st.floats(-1.5, 1.5))
-def test_no_command_from_which_it_could_not_stop(seed, v, omega):
+def test_motion_tubes_can_stop_after_every_command(seed, v, omega):
     robot = stage()  # sees all around
     circles = scattered(seed, 8, low=-0.1, high=1.0)
     lidar = robot.lidar
@@ -167,7 +167,7 @@ def test_a_mirrored_world_is_driven_mirrored(name):
     np.testing.assert_allclose(reflected, poses * (1.0, -1.0, -1.0), atol=MIRROR)
 
 
-def test_the_same_seed_drives_the_same_way():
+def test_motion_tubes_drive_the_same_way_with_the_same_seed():
     once, again = (drive(JACKAL, task(slalom(), goal=(8.0, 0.3)), 150)[0] for _ in range(2))
     np.testing.assert_array_equal(once, again)
 
@@ -195,7 +195,7 @@ def test_any_scan_gets_a_command(name):
             assert np.isfinite(planner.plan(view, Guidance(view.target, path))).all()
 
 
-def test_it_follows_the_path_and_not_the_subgoal():
+def test_motion_tubes_follow_the_path_and_not_the_subgoal():
     points = [(0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0)]
     poses, _, end = drive(JACKAL, task(goal=(0.0, 2.0), goal_tolerance=0.3), 300, ByPath(points))
     assert end.state.arrived
@@ -203,7 +203,7 @@ def test_it_follows_the_path_and_not_the_subgoal():
     assert poses[:, 0].max() > 1.2
 
 
-def test_it_turns_on_the_spot_towards_a_path_that_leads_back():
+def test_motion_tubes_turn_on_the_spot_towards_a_path_that_leads_back():
     poses, twists, end = drive(JACKAL, task(goal=(-3.0, 0.5), goal_tolerance=0.2), 200)
     assert end.state.arrived
     turning = np.abs(twists[:, 1]) > 0.5
@@ -211,7 +211,7 @@ def test_it_turns_on_the_spot_towards_a_path_that_leads_back():
     assert np.abs(twists[turning][:, 1]).max() <= 1.0 + KERNEL
 
 
-def test_it_backs_out_where_it_cannot_turn():
+def test_motion_tubes_back_out_where_the_robot_cannot_turn():
     # A dead end too narrow to turn in, which takes 0.26 m each way, and the goal outside.
     half = 0.23
     corridor = World(
@@ -237,7 +237,7 @@ def test_it_backs_out_where_it_cannot_turn():
     assert end.state.arrived
 
 
-def test_it_does_not_back_into_what_it_never_saw():
+def test_motion_tubes_do_not_back_into_unseen_space():
     # A wall behind, in the blind arc, and one ahead; sides too near to turn.
     walls = np.array([[0.35, -0.3, 0.35, 0.3], [-0.3, -0.3, -0.3, 0.3], [-0.3, 0.3, 0.35, 0.3]])
     walls = np.vstack((walls, walls[2] * (1.0, -1.0, 1.0, -1.0)))
@@ -246,7 +246,7 @@ def test_it_does_not_back_into_what_it_never_saw():
     assert np.abs(poses[:, :2]).max() < 0.02
 
 
-def test_it_remembers_what_stands_beside_it_out_of_sight():
+def test_motion_tubes_remember_obstacles_out_of_sight():
     # A post beside the rear: seen in passing, hidden when the goal asks for a turn on the spot.
     post = World(circles=np.array([[1.6, 0.27, 0.05], [1.6, -0.27, 0.05], [2.5, 0.0, 0.1]]))
     _, _, end = drive(

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lme.planners.polyline import leaves, project, stretch
+from lme.planners.polyline import exit_point, project, stretch
 from tests.tolerances import KERNEL
 
 SEEDS = st.integers(0, 2**32 - 1)
@@ -37,7 +37,7 @@ def test_places_on_a_line_equal_dense_sampling(seed):
     evenly = begin + (min(end, ticks[-1]) - begin) * np.arange(1, count + 1) / max(count, 1)
     assert places == pytest.approx(at(evenly), abs=KERNEL)
     radius = rng.uniform(0.1, 3)
-    *out, length = leaves(line, radius)
+    *out, length = exit_point(line, radius)
     outside = np.flatnonzero(np.hypot(*(at(dense) - line[0]).T) > radius)
     expected = at(dense[outside[:1]])[0] if len(outside) else line[-1]
     assert length == pytest.approx(ticks[-1], abs=KERNEL)

@@ -100,7 +100,7 @@ def test_an_empty_world_is_crossed_straight():
     assert abs(track[-1, 4]) < 1e-3
 
 
-def test_it_never_drives_faster_than_configured():
+def test_ros_dwa_never_drives_faster_than_configured():
     episode = drive(planner(max_vel_x=0.3), JACKAL, goal=(3.0, 0.0), goal_tolerance=0.3, time_limit=15.0)
     assert episode.outcome is Outcome.SUCCESS
     assert episode.trajectory[:, 4].max() <= 0.3 + KERNEL
@@ -108,7 +108,7 @@ def test_it_never_drives_faster_than_configured():
 
 @settings(max_examples=10, deadline=None)
 @given(SEEDS)
-def test_it_drives_around_posts_on_a_free_path(seed):
+def test_ros_dwa_drives_around_posts_on_a_free_path(seed):
     rng = np.random.default_rng(seed)
     world = World(
         circles=np.array([[rng.uniform(1.5, 3.0), rng.choice([-1, 1]) * rng.uniform(0.7, 1.0), 0.1]])
@@ -131,7 +131,7 @@ def test_a_robot_that_cannot_turn_or_drive_ahead_backs_up_and_then_not_ahead_at_
     assert plan(made, far).v > 0.0
 
 
-def test_two_turns_on_the_spot_to_one_side_forbid_the_other_until_it_drives():
+def test_two_turns_on_the_spot_to_one_side_forbid_the_other_until_the_robot_drives():
     made = planner()
     for _ in range(3):
         assert plan(made, seen(target=(-1.0, 2.0))).omega > 0.0
@@ -149,7 +149,7 @@ def recoveries(made, seconds):
     return np.array(omegas)
 
 
-def test_without_a_plan_it_waits_turns_around_twice_and_gives_up():
+def test_without_a_plan_ros_dwa_waits_turns_around_twice_and_gives_up():
     made = planner()
     omegas = recoveries(made, 40.0)
     turning = omegas > 0.0
@@ -170,7 +170,7 @@ def test_a_plan_ends_the_wait_and_an_old_plan_serves_while_there_is_no_new_one()
     assert made.plan(seen(), LOST).v > 0.0
 
 
-def test_no_turn_of_recovery_where_the_robot_would_touch_something():
+def test_a_recovery_turn_touches_nothing():
     made = planner()
     beside = World(circles=np.array([[0.0, 0.38, 0.03]]))
     for _ in range(round(12.0 * JACKAL.control_rate)):

@@ -333,7 +333,7 @@ def test_full_speed_only_where_all_is_clear_and_the_goal_lies_ahead():
     assert plan(jackal, ranges=full, block_distance=0.5).v == pytest.approx(0.35, abs=0.02)
 
 
-def test_it_turns_towards_the_goal_as_the_rules_say():
+def test_s3_fisvfh_turns_towards_the_goal_as_the_rules_say():
     jackal = shipped("jackal")
     for degrees, wanted in ((0.0, 0.0), (67.5, math.pi / 2), (-67.5, -math.pi / 2)):
         bearing = math.radians(degrees)
@@ -408,7 +408,7 @@ def test_any_scan_gives_a_finite_command_within_the_limits(name, fill):
 
 @pytest.mark.parametrize("name", SHIPPED)
 @pytest.mark.parametrize("goal", [(10.0, 0.0), (-4.0, 0.0), (0.0, -0.5), (-0.2, 0.05)])
-def test_it_comes_to_rest_at_the_goal(name, goal):
+def test_s3_fisvfh_comes_to_rest_at_the_goal(name, goal):
     trajectory = drive(shipped(name), goal, goal_tolerance=1e-9, time_limit=40.0).trajectory
     distance = np.hypot(trajectory[:, 1] - goal[0], trajectory[:, 2] - goal[1])
     arrived = int(np.argmax(distance < 0.2))
@@ -425,7 +425,7 @@ def test_a_sealed_room_ends_in_a_timeout(name, side):
         assert drive(shipped(name), goal, room(side), time_limit=20.0).outcome == Outcome.TIMEOUT
 
 
-def test_it_goes_round_an_obstacle_in_its_way():
+def test_s3_fisvfh_goes_round_an_obstacle():
     episode = drive(shipped("jackal"), (6.0, 0.0), World(circles=np.array([[3.0, 0.1, 0.4]])))
     assert episode.outcome == Outcome.SUCCESS
     assert episode.min_clearance > 0.1

@@ -32,7 +32,7 @@ def at_bearing(degrees, distance=3.0):
 
 
 @pytest.mark.parametrize("side", [1, -1])
-def test_it_drives_only_within_nine_degrees(side):
+def test_simple_drives_only_within_nine_degrees_of_the_subgoal(side):
     # From rest, 2 m/s² for 0.2 s: 0.4 m/s. At 0.3 m/s out of the cone it brakes, to 0 in one period.
     assert plan(at_bearing(8.9 * side)).v == pytest.approx(0.4, abs=KERNEL)
     assert plan(at_bearing(9.1 * side)).v == 0.0
@@ -47,7 +47,7 @@ def test_the_cone_is_a_setting():
 
 
 @pytest.mark.parametrize("degrees", [1.0, 8.0, 20.0, 90.0, 179.0])
-def test_it_turns_towards_the_subgoal(degrees):
+def test_simple_turns_towards_the_subgoal(degrees):
     assert plan(at_bearing(degrees)).omega > 0.0
     assert plan(at_bearing(-degrees)).omega == -plan(at_bearing(degrees)).omega
 
@@ -80,7 +80,7 @@ def test_commands_keep_to_the_limits_observed(draws, v, omega, x, y):
     assert abs(command.omega - twist.omega) <= limits.alpha_omega * 0.2 + KERNEL
 
 
-def test_its_own_accelerations_replace_the_robots():
+def test_accelerations_of_the_planner_replace_the_robots():
     # From rest, 0.5 m/s² and 0.8 rad/s² for 0.2 s: 0.1 m/s and 0.16 rad/s, where the robot's own 2 and 2 give 0.4.
     ahead, aside = at_bearing(0.0), at_bearing(90.0)
     assert plan(ahead, alpha_v=0.5).v == pytest.approx(0.1, abs=KERNEL)
@@ -89,12 +89,12 @@ def test_its_own_accelerations_replace_the_robots():
     assert plan(aside, alpha_v=0.5).omega == pytest.approx(0.4, abs=KERNEL)
 
 
-def test_its_own_accelerations_are_at_most_the_robots():
+def test_accelerations_of_the_planner_are_at_most_the_robots():
     for degrees in (5.0, 90.0):
         assert plan(at_bearing(degrees), alpha_v=7.0, alpha_omega=7.0) == plan(at_bearing(degrees))
 
 
-def test_out_of_the_cone_it_brakes_as_hard_as_the_robot_can():
+def test_simple_brakes_as_hard_as_the_robot_can_outside_the_cone():
     # Algorithm 3: the command is 0 there. At 0.5 m/s the robot's 2 m/s² allow 0.1 after 0.2 s.
     assert plan(at_bearing(9.1), Twist(0.5, 0.0), alpha_v=0.5).v == pytest.approx(0.1, abs=KERNEL)
 
@@ -129,7 +129,7 @@ PERIODS = st.sampled_from([0.05, 0.1, 0.125, 0.2])
 
 @settings(max_examples=300)
 @given(SIGNED, SIGNED, st.floats(0.2, 4.0), st.floats(0.2, 25.0), PERIODS)
-def test_where_it_can_stop_it_stays_able_to_and_where_not_it_brakes(error, share, rate_max, alpha, dt):
+def test_simple_stays_able_to_stop_or_brakes(error, share, rate_max, alpha, dt):
     error, rate = 4.0 * error, share * rate_max
     sign = math.copysign(1.0, error)
     command = approach(error, rate, rate_max, alpha, dt)

@@ -23,14 +23,14 @@ def guarded(robot, wanted, points, twist=Twist(0.0, 0.0)):  # noqa: B008
     return guard.guard(wanted, observation(twist=twist, robot=robot), np.array(points, float).reshape(-1, 2))
 
 
-def test_what_is_free_goes_through():
+def test_a_command_on_a_free_arc_passes_unchanged():
     robot, wanted = stage(), Twist(0.3, 0.2)
     expected = limited(*wanted, observation(robot=robot), robot.dt)
     assert guarded(robot, wanted, []) == expected
     assert guarded(robot, wanted, [[-1.0, 0.5], [3.0, 0.0]]) == expected
 
 
-def test_it_drives_no_faster_than_it_can_stop():
+def test_a_guarded_robot_drives_no_faster_than_it_can_stop():
     # From 0.5 m/s, 0.1 m in the period and 0.0625 m of braking at 2 m/s²; 0.2 m is the robot's radius.
     robot, now = stage(), Twist(0.5, 0.0)
     enough, short = 0.2 + MARGIN + 0.1625 + 0.001, 0.2 + MARGIN + 0.1625 - 0.001
@@ -44,7 +44,7 @@ def test_a_slowed_command_stays_on_its_arc():
     assert command.omega == pytest.approx(0.5 * command.v, abs=KERNEL)
 
 
-def test_it_turns_where_it_cannot_drive():
+def test_a_guarded_robot_turns_where_it_cannot_drive():
     assert guarded(stage(), Twist(0.5, 0.4), [[0.222, 0.0]]) == pytest.approx((0.0, 0.4), abs=KERNEL)
 
 

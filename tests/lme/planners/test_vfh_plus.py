@@ -46,7 +46,7 @@ def wall_with_gap(bearing, half_width=0.6, distance=0.9):
 
 
 @pytest.mark.parametrize("bearing", [1.2, -1.2, 2.5])
-def test_it_turns_towards_the_only_gap(bearing):
+def test_vfh_plus_turns_towards_the_only_gap(bearing):
     robot = stage()
     view = observation(ranges=ranges_of(robot, wall_with_gap(bearing)), robot=robot)
     made = planner()
@@ -72,7 +72,7 @@ def test_a_sector_between_the_thresholds_keeps_its_state():
     assert not made._blocked.any()
 
 
-def test_what_lies_behind_the_subgoal_blocks_nothing():
+def test_obstacles_behind_the_subgoal_block_nothing():
     robot = stage()
     ranges = ranges_of(robot, lambda b: 1.2 / math.cos(b) if abs(b) < 1.2 else math.inf)
     near = plan(planner(), observation(target=(0.7, 0.0), ranges=ranges, robot=robot))
@@ -82,7 +82,7 @@ def test_what_lies_behind_the_subgoal_blocks_nothing():
     assert far.omega != 0.0
 
 
-def test_boxed_in_it_stands_still():
+def test_vfh_plus_stands_still_when_boxed_in():
     robot = stage()
     view = observation(ranges=ranges_of(robot, lambda b: 0.4), robot=robot)
     assert plan(planner(), view) == (0.0, 0.0)
@@ -124,7 +124,7 @@ def drive(robot, world=None, **changes):
 
 
 @pytest.mark.parametrize("name", SHIPPED)
-def test_in_an_empty_world_it_drives_straight_and_comes_to_rest(name):
+def test_vfh_plus_drives_straight_and_comes_to_rest_in_an_empty_world(name):
     episode = drive(
         shipped(name), goal=(10.0, 0.0), start=Pose(0, 0, 0.3), goal_tolerance=0.0, time_limit=35.0
     )
@@ -147,19 +147,19 @@ def test_a_sealed_box_ends_in_a_timeout(name, pad):
     assert episode.min_clearance > 0.0
 
 
-def test_it_goes_round_a_post():
+def test_vfh_plus_goes_round_a_post():
     posts = World(circles=np.array([[2.0, 0.05, 0.3]]))
     assert drive(stage(), posts).outcome == Outcome.SUCCESS
 
 
-def test_it_does_not_get_out_of_a_u():
+def test_vfh_plus_does_not_get_out_of_a_u():
     # The method's known limit: a pocket 2 m deep and wide, open towards the start, deeper than the window.
     u = World(segments=np.array([[3.0, -1.0, 3.0, 1.0], [1.0, 1.0, 3.0, 1.0], [1.0, -1.0, 3.0, -1.0]]))
     episode = drive(stage(), u, goal=(6.0, 0.0), time_limit=90.0)
     assert episode.outcome == Outcome.TIMEOUT
 
 
-def test_the_same_episode_is_driven_the_same_twice():
+def test_vfh_plus_drives_an_episode_the_same_way_twice():
     posts = World(circles=np.array([[2.0, 0.05, 0.3], [3.0, -0.8, 0.2]]))
     np.testing.assert_array_equal(drive(stage(), posts).trajectory, drive(stage(), posts).trajectory)
 

@@ -37,14 +37,14 @@ def test_a_post_that_passes_behind_is_remembered_where_it_stands(side):
     assert behind.mean(axis=0) == pytest.approx(expected, abs=0.02)
 
 
-def test_what_the_scan_can_see_is_taken_from_the_scan():
+def test_points_in_view_come_from_the_scan_alone():
     arc = BlindArc(ROBOT.lidar.mount, 2.0)
     arc.points(view(Pose(0, 0, 0), (1.0, 0.3)))
     assert len(arc.points(view(Pose(0, 0, 0)))) == 0  # gone
     assert len(arc.points(view(Pose(2.5, 0, 0)))) == 0  # and forgotten
 
 
-def test_what_is_far_is_forgotten():
+def test_far_points_of_the_blind_arc_are_forgotten():
     arc = BlindArc(ROBOT.lidar.mount, 1.0)
     arc.points(view(Pose(0, 0, 0), (0.5, 0.5)))
     assert len(arc.points(view(Pose(0.9, 0, -0.6)))) > 0

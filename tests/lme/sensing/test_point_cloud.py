@@ -72,7 +72,7 @@ def test_data_may_be_any_kind_of_bytes(kind):
     np.testing.assert_array_equal(cloud_points(cloud), points[0])
 
 
-def test_other_fields_are_passed_over_and_their_order_does_not_matter():
+def test_extra_fields_of_a_cloud_are_ignored_in_any_order():
     points = np.arange(9.0).reshape(1, 3, 3)
     cloud = message(points, point_step=20)
     cloud.fields = [field("ring", 12, INT16), *reversed(cloud.fields), field("rgb", 16, 6, 4)]

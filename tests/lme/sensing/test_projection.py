@@ -102,7 +102,7 @@ def test_by_default_everything_above_the_frame_counts_and_nothing_below(height, 
 
 
 @pytest.mark.parametrize(("height", "counts"), [(0.09, False), (0.1, True), (0.5, True), (0.51, False)])
-def test_both_heights_count_themselves(height, counts):
+def test_min_height_and_max_height_are_inclusive(height, counts):
     scan = to_scan([[2.0, 0.0, height]], Projection(min_height=0.1, max_height=0.5))
     assert np.isfinite(scan.ranges).any() == counts
 
@@ -203,7 +203,7 @@ def test_a_matrix_and_its_six_numbers_say_the_same(seed):
     "mount",
     [(0, 0, 0), (0, 0, math.nan, 0, 0, 0), np.eye(3), 2 * np.eye(4), np.diag([1, 1, -1, 1]), np.ones((4, 4))],
 )
-def test_a_mount_that_is_no_rigid_transform_is_refused(mount):
+def test_a_mount_that_is_not_a_rigid_transform_is_refused(mount):
     with pytest.raises(InputError, match=r"mount is .*: must be six finite numbers .* or a 4 × 4 matrix"):
         rigid_transform(mount)
 

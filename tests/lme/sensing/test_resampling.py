@@ -68,7 +68,7 @@ def test_every_way_to_say_no_return(nothing):
     assert list(np.isfinite(ranges)) == [True, False, True]
 
 
-def test_a_range_of_zero_is_no_return_even_where_range_min_is_zero():
+def test_a_range_of_zero_is_not_a_return_even_where_range_min_is_zero():
     assert np.isinf(tidied(scan([0, 1], limits=(0.0, 10.0))).ranges[0])
 
 
@@ -93,7 +93,7 @@ def test_the_given_scan_is_not_touched():
         (scan([1, 2], limits=(5.0, 1.0)), "set scan.range_min and scan.range_max"),
     ],
 )
-def test_what_is_no_scan(bad, message):
+def test_invalid_scans_are_refused(bad, message):
     with pytest.raises(InputError, match=message):
         tidied(bad)
 
@@ -193,7 +193,7 @@ def test_resampling_is_its_slow_twin(data):
     np.testing.assert_allclose(after[finite], expected[finite], rtol=1e-5)
 
 
-def test_onto_its_own_beams_nothing_changes():
+def test_resampling_onto_the_same_beams_changes_nothing():
     rng = np.random.default_rng(1)
     ranges = rng.uniform(0.5, 9.0, 270).astype(np.float32)
     ranges[::7] = np.inf
@@ -227,7 +227,7 @@ def test_beams_are_not_interpolated_across_a_depth_edge():
     assert np.isinf(ranges[45:55]).any()
 
 
-def test_what_was_not_seen_stays_unknown():
+def test_unseen_directions_stay_unknown():
     half = scan(np.full(91, 2.0), -math.pi / 2, math.radians(2))
     circle = Lidar(360, math.tau, 0.1, 10.0)
     ranges = resampled(half, HERE, circle).ranges

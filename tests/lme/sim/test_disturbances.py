@@ -46,7 +46,7 @@ def test_the_keys_are_all_tried():
 
 @BOTH
 @pytest.mark.parametrize("key", KEYS)
-def test_each_disturbs_and_a_seed_gives_it_again(kind, key):
+def test_every_disturbance_acts_and_repeats_with_the_seed(kind, key):
     sim = {key: KEYS[key], **({"goal_noise": 0.1} if key == "goal_rate" else {})}
     calm, one, again = (seen_on_the_way(kind, **s) for s in ({}, sim, sim))
     for a, b in zip(one, again, strict=True):

@@ -148,7 +148,7 @@ def test_velocity_keeps_to_the_limits_whatever_is_commanded(commands, even_ramp)
 
 @settings(max_examples=40)
 @given(SIGNED, SIGNED, SIGNED, SIGNED, st.booleans())
-def test_it_goes_where_the_velocities_lead(v0, omega0, v1, omega1, even_ramp):
+def test_the_pose_is_the_integral_of_the_velocities(v0, omega0, v1, omega1, even_ramp):
     simulator, _ = started(even_ramp=even_ramp, goal=(1e3, 0.0), max_step=1e-3)
     simulator.state = simulator.state._replace(twist=Twist(0.5 * v0, 1.5 * omega0))
     command = Twist(0.5 * v1, 1.5 * omega1)
@@ -180,7 +180,7 @@ def test_time_passes_by_the_control_period():
     assert simulator.state.time == pytest.approx(0.6, abs=KERNEL)
 
 
-def test_reset_puts_it_back_at_rest():
+def test_reset_puts_the_robot_back_at_rest():
     simulator, first = started(room())
     simulator.step(Twist(0.5, 1.0))
     again = simulator.reset(task(room()), np.random.default_rng(0))
@@ -216,7 +216,7 @@ def test_a_start_in_contact_is_seen_at_once():
 @given(
     st.floats(-0.2745, 0.2745), st.floats(0, 0.4), st.floats(-math.pi, math.pi), st.sampled_from([5.0, 10.0])
 )
-def test_at_2_m_s_it_cannot_jump_a_thin_cylinder(offset, head_start, yaw, rate):
+def test_at_2_m_s_the_robot_cannot_jump_a_thin_cylinder(offset, head_start, yaw, rate):
     # r = 0.2 m past a cylinder of 0.075 m. 0.5 mm within reach, the chord is 33 mm, longer than a check step.
     cos, sin = math.cos(yaw), math.sin(yaw)
     x, y = 1.0 + head_start, offset
@@ -230,7 +230,7 @@ def test_at_2_m_s_it_cannot_jump_a_thin_cylinder(offset, head_start, yaw, rate):
 
 
 @pytest.mark.parametrize("offset", [0.2755, -0.2755, 0.5])
-def test_it_passes_what_it_does_not_touch(offset):
+def test_the_robot_passes_a_post_that_it_does_not_touch(offset):
     simulator, _ = started(World(circles=np.array([[1.0, offset, 0.075]])), fast_disc(), goal=(50.0, 0.0))
     least = math.inf
     for _ in range(15):

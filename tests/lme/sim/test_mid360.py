@@ -69,25 +69,25 @@ def returns(scan):
 
 
 @MOUNTS
-def test_ground_and_ceiling_are_seen_but_are_no_obstacles(mount):
+def test_ground_and_ceiling_are_seen_but_are_not_obstacles(mount):
     empty = ExtrudedWorld(World(), ceiling=2.5)
     assert len(sensor(mount).cloud(empty, ORIGIN, 0.1)) > 5000
     assert returns(scan_of(empty, mount=mount)) == 0
 
 
 @MOUNTS
-def test_ground_is_no_obstacle_under_noise_either(mount):
+def test_ground_is_not_an_obstacle_under_noise_either(mount):
     assert returns(scan_of(ExtrudedWorld(World(), ceiling=2.5), mount=mount, noise_std=0.02)) == 0
 
 
-def test_without_its_tilt_in_the_transform_the_ground_becomes_a_wall():
+def test_a_tilt_that_the_transform_omits_makes_the_ground_a_wall():
     cloud = sensor(NOSE_DOWN).cloud(ExtrudedWorld(World()), ORIGIN, 0.25)
     assert returns(to_scan(cloud, BODY, NOSE_DOWN)) == 0
     assert returns(to_scan(cloud, BODY, LEVEL)) > 30
 
 
 @MOUNTS
-def test_what_hangs_above_the_robot_is_no_obstacle(mount):
+def test_a_table_above_the_robot_is_not_an_obstacle(mount):
     table = ExtrudedWorld(World(polygons=(square(0.0, 0.0, 3.0),)), polygons=(0.7, 0.75))
     above = Projection(min_height=0.65, max_height=0.8, range_max=20.0)
     assert returns(scan_of(table, mount=mount, projection=above)) > 5
@@ -157,7 +157,7 @@ def test_the_transform_undoes_any_mount(seed):
 
 
 @pytest.mark.parametrize("std", [0.0, 0.02])
-def test_its_scan_is_the_projection_of_its_cloud(std):
+def test_the_mid360_scan_is_the_projection_of_its_cloud(std):
     lidar = replace(shipped("go2").lidar, noise_std=std, x=0.1, yaw=0.3)
     cloud = lidar.cloud
     world = World(circles=np.array([[1.5, 0.5, 0.2]]), polygons=(square(0.0, 0.0, 4.0),))
@@ -195,7 +195,7 @@ def test_the_pattern_is_the_sequence_of_the_plastic_number(seed):
     assert beams == pytest.approx(np.array(expected).T, abs=2e-8)
 
 
-def test_its_pattern_stays_in_the_field_of_view_and_covers_it():
+def test_the_mid360_pattern_stays_in_the_field_of_view_and_covers_it():
     shell = ExtrudedWorld(World(circles=np.empty((0, 3))), ground=-5.0, ceiling=5.0)
     points = sensor(range_max=1e4).cloud(shell, ORIGIN, 0.5).astype(float)
     elevation = np.degrees(np.arctan2(points[:, 2], np.hypot(points[:, 0], points[:, 1])))
@@ -206,7 +206,7 @@ def test_its_pattern_stays_in_the_field_of_view_and_covers_it():
     assert np.histogram(elevation, 59, (-7, 52))[0].min() > 1000
 
 
-def test_its_pattern_does_not_repeat_and_fills_in():
+def test_the_mid360_pattern_does_not_repeat_and_fills_in():
     ceiling, eyes = ExtrudedWorld(World(), ceiling=3.0), sensor()
     frames = [np.round(eyes.cloud(ceiling, ORIGIN, 0.1), 3) for _ in range(5)]
     assert len(np.unique(np.vstack(frames), axis=0)) > 0.99 * sum(map(len, frames))
@@ -219,7 +219,7 @@ def test_equal_seeds_make_equal_clouds_and_others_differ():
     assert first.shape != other.shape or not np.array_equal(first, other)
 
 
-def test_it_fires_at_its_rate_and_leaves_no_point_for_a_miss():
+def test_the_mid360_fires_at_its_rate_and_gives_no_point_for_a_miss():
     walls = ExtrudedWorld(World(circles=np.array([[0.0, 0.0, 3.0]])), circles=(-math.inf, math.inf))
     assert len(sensor().cloud(ExtrudedWorld(World(), ground=-math.inf), ORIGIN, 0.1)) == 0
     assert len(sensor().cloud(ExtrudedWorld(World(polygons=(square(0, 0, 3.0),))), ORIGIN, 0.1)) == 20_000
@@ -227,7 +227,7 @@ def test_it_fires_at_its_rate_and_leaves_no_point_for_a_miss():
 
 
 @pytest.mark.parametrize(("distance", "seen"), [(0.05, False), (0.2, True), (39.0, True), (41.0, False)])
-def test_it_is_blind_nearby_and_sees_no_farther_than_its_range(distance, seen):
+def test_the_mid360_is_blind_nearby_and_beyond_its_range(distance, seen):
     wall = World(segments=np.array([[distance, -distance, distance, distance]]))
     scene = ExtrudedWorld(wall, segments=(0.39, 0.41), ground=-math.inf)
     assert (len(sensor().cloud(scene, ORIGIN, 1.0)) > 0) == seen

@@ -74,7 +74,7 @@ def test_the_same_commands_lead_to_the_same_place_and_odometry(name):
 
 @settings(max_examples=40)
 @given(SEEDS)
-def test_both_end_at_the_same_thing_at_the_same_time(seed):
+def test_fast_and_physics_touch_the_same_obstacle_at_the_same_time(seed):
     rng = np.random.default_rng(seed)
     robot = stage(
         footprint=BOX if seed % 2 else DISC, v_max=2.0, alpha_v=20.0, omega_max=4.0, alpha_omega=25.0
@@ -119,7 +119,7 @@ def test_the_first_scan_is_the_same_to_the_bit():
 
 @pytest.mark.parametrize("footprint", [DISC, BOX])
 @pytest.mark.parametrize("gap", [0.003, -0.003])
-def test_it_hits_what_its_footprint_reaches_and_passes_the_rest(footprint, gap):
+def test_the_robot_hits_what_its_footprint_reaches_and_passes_the_rest(footprint, gap):
     half_width = sum(footprint.box[1:])
     robot = stage(footprint=footprint)
     low = half_width + gap

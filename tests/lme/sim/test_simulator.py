@@ -31,7 +31,7 @@ def test_a_scan_is_float32_of_the_lidars_beams_and_the_same_for_the_same_seed(na
 
 
 @pytest.mark.parametrize("name", ["go2", "turtlebot2"])
-def test_no_return_is_inf_and_no_number_is_beyond_the_range(name):
+def test_a_miss_is_inf_and_a_number_is_within_the_range(name):
     robot = shipped(name)
     for seen in observed(robot, scan_noise=0.05):
         ranges = seen.scan.ranges

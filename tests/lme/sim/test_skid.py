@@ -156,7 +156,7 @@ def test_a_scan_is_at_most_one_lidar_period_old():
     assert max(ages) - min(ages) > 0.02
 
 
-def test_without_a_scan_rate_the_scan_is_taken_at_the_present_pose():
+def test_without_a_scan_rate_the_scan_is_taken_at_the_current_pose():
     robot = dataclasses.replace(GAZEBO, lidar=dataclasses.replace(GAZEBO.lidar, noise_std=0.0))
     simulator, _ = skid(CLUTTER, robot, scan_rate=None)
     seen = driven(simulator, [(0.5, 0.3)] * 3)[-1]
@@ -208,7 +208,7 @@ def test_a_pedestrian_runs_into_a_robot_at_rest():
 # --- mistakes -------------------------------------------------------------------------------------------
 
 
-def test_a_robot_without_a_drivetrain_is_told_what_to_add():
+def test_a_robot_without_a_drivetrain_is_refused_with_what_to_add():
     with pytest.raises(
         InputError, match=r"robot\.drivetrain is null in robot stage: sim=skid needs mass.*jackal_gazebo"
     ):

@@ -38,7 +38,7 @@ def seen(*movers, start=Pose(0.0, 0.0, 0.0), steps=1, world=WALL, robot=None, si
     return found.pedestrians
 
 
-def test_without_movers_there_is_nobody():
+def test_without_movers_there_are_no_pedestrians():
     for pedestrians in (observation().pedestrians, seen(), seen(DOOR)):
         assert pedestrians.shape == (0, 4)
 
@@ -78,7 +78,7 @@ def test_a_wall_hides_people_and_so_do_others():
     assert found[:, :2] == pytest.approx(np.array([[0.0, 1.5], [1.5, 0.0], [2.0, 2.0]]))
 
 
-def test_only_the_field_of_view_and_the_range_are_seen():
+def test_only_pedestrians_in_view_and_range_are_seen():
     lidar = Lidar(num_beams=270, fov=math.radians(270.0), range_min=0.02, range_max=5.0, x=0.1)
     robot = stage(lidar=lidar)
     behind, right_behind, far, near_enough = (

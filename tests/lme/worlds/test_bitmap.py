@@ -140,7 +140,7 @@ def cells(plan):
     return len(plan.world.polygons)
 
 
-def test_unknown_cells_are_obstacles_unless_told(tmp_path):
+def test_unknown_cells_are_obstacles_only_if_asked(tmp_path):
     path = ros_map(tmp_path, [[254, 205, 254, 0, 254]])
     assert cells(read_ros_map(path, unknown_is_obstacle=True)) == 2
     assert cells(read_ros_map(path, unknown_is_obstacle=False)) == 1
@@ -225,7 +225,7 @@ def test_a_picture_with_damaged_bytes_is_read_or_refused(tmp_path_factory, data)
         read_bitmap(path, (1.0, 1.0))
 
 
-def test_the_kind_of_file_is_told_by_name_and_content(tmp_path):
+def test_the_kind_of_file_follows_from_name_and_content(tmp_path):
     image = picture(tmp_path / "map.png", [[255, 0]])
     assert len(read_floor_plan(image, (2.0, 1.0)).world.polygons) == 1
     with pytest.raises(InputError, match=r"map\.size is null: must be \[width, height\]"):

@@ -85,7 +85,7 @@ def test_doors_lie_between_two_rooms(kind, passage, least):
         for door in place.doors:
             assert sorted(door.size)[0] == WALL
             assert least <= sorted(door.size)[1] <= 22
-            assert sum(door.grown(1).meets(room) for room in place.rooms) == 2
+            assert sum(door.enlarged(1).meets(room) for room in place.rooms) == 2
 
 
 @furnished
@@ -96,7 +96,7 @@ def test_furniture_stands_in_rooms_and_leaves_ways_around_it(kind):
         floors = [piece.floor for piece in place.furniture]
         pieces += len(floors)
         for i, floor in enumerate(floors):
-            around = floor.grown(WIDE)
+            around = floor.enlarged(WIDE)
             assert not any(map(around.meets, [*floors[:i], *floors[i + 1 :], *place.doors]))
             (room,) = (room for room in place.rooms if room.meets(floor))
             gaps = np.abs(np.subtract(room, floor))
@@ -109,9 +109,9 @@ def test_furniture_stands_in_rooms_and_leaves_ways_around_it(kind):
 def test_every_office_has_a_door_to_the_corridor():
     for seed in SEEDS:
         corridor, *rooms = building("offices", seed).rooms
-        leading = [door for door in building("offices", seed).doors if door.grown(1).meets(corridor)]
+        leading = [door for door in building("offices", seed).doors if door.enlarged(1).meets(corridor)]
         assert sorted(corridor.size)[0] in range(24, 51)
-        assert all(any(door.grown(1).meets(room) for door in leading) for room in rooms)
+        assert all(any(door.enlarged(1).meets(room) for door in leading) for room in rooms)
 
 
 def test_corridors_turn_fork_and_end():

@@ -32,7 +32,7 @@ def chosen(path, **keys):
     return MapFile(MapFileConfig(**{"path": path, "configurations": 4, "radius": RADIUS, **keys}))
 
 
-def test_with_nothing_given_it_is_a_room(hall):
+def test_a_map_file_without_start_and_goal_is_a_room(hall):
     mine = chosen(hall)
     room = Room(RoomConfig(path=hall, configurations=4, radius=RADIUS))
     for number in range(4):
@@ -62,7 +62,7 @@ def test_a_start_without_a_yaw_faces_the_goal(hall):
 
 
 @pytest.mark.parametrize("given", [{"start": [1.0, 1.0, -1.0]}, {"goal": [9.0, 5.0]}])
-def test_what_is_not_given_is_drawn_in_reach_for_each_number(hall, given):
+def test_a_missing_start_or_goal_is_drawn_in_reach_for_each_number(hall, given):
     tasks = [chosen(hall, **given).task(number) for number in range(4)]
     starts, goals = {task.start for task in tasks}, {tuple(task.goal) for task in tasks}
     assert (len(starts), len(goals)) == ((1, 4) if "start" in given else (4, 1))

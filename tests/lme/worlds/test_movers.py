@@ -119,7 +119,7 @@ def test_a_mover_starts_after_its_time_whatever_the_step(dt):
     assert crowd.poses[0, 0] == pytest.approx(0.5 * (crowd._time - 0.35), abs=KERNEL)
 
 
-def test_a_mover_starts_once_the_robot_is_near_and_goes_on_when_it_leaves():
+def test_a_mover_starts_once_the_robot_is_near_and_continues_when_it_leaves():
     crowd = Crowd([walker(starts_within=1.0)])
     for robot, x in ((1.01, 0.0), (0.99, 0.1), (50.0, 0.2)):
         crowd.advance(Pose(0.0, robot, 0.0), 0.2)
@@ -175,7 +175,7 @@ def test_a_mover_on_its_way_back_waits_for_a_robot_on_the_other_side():
         ({"radius": None, "outline": LEAF[:2]}, r"mover\.outline is .* at least 3 rows"),
     ],
 )
-def test_what_makes_no_sense_is_named(changes, words):
+def test_invalid_mover_configs_are_refused(changes, words):
     with pytest.raises(InputError, match=words):
         walker(**changes)
 

@@ -15,7 +15,7 @@ from lme.worlds.check import check_task
 from lme.worlds.room import Room, RoomConfig, read_floor_plan
 from lme.worlds.sampling import clearance_field
 from runners.config import catalogue
-from runners.config.instantiate import build, filled
+from runners.config.instantiate import build, fill_dataclass
 from tests.places import SHARED
 
 ORIGINALS = SHARED / "maps"
@@ -33,7 +33,7 @@ def pairs(chosen):
 
 @pytest.mark.parametrize("name", ["env1", "env2"])
 def test_shipped_maps_offer_fifty_tasks_that_the_stage_robot_can_begin(name):
-    robot = filled(Robot, catalogue.shipped().values("robot/stage"), "robot")
+    robot = fill_dataclass(Robot, catalogue.shipped().values("robot/stage"), "robot")
     chosen = build(catalogue.shipped().values(f"map/{name}"), "map")
     assert chosen.numbers == tuple(range(50))
     for number in chosen.numbers:
@@ -65,7 +65,7 @@ def test_a_number_means_the_same_whatever_else_is_chosen():
     assert pairs(room(sample_seed=1))[3] != five[3]
 
 
-def test_another_process_draws_the_same():
+def test_another_process_draws_the_same_tasks():
     code = (
         "import json; from lme.worlds.room import Room, RoomConfig; "
         "r = Room(RoomConfig(name='env2', configurations=3)); "

@@ -131,7 +131,7 @@ def test_the_path_around_a_wall_is_as_long_as_geometry_says():
     assert space.path_length(start, goal) == pytest.approx(2 * tangent + 0.3 * turn, rel=0.015)
 
 
-def test_too_little_room_is_an_error_that_says_so():
+def test_too_little_room_to_sample_is_an_error():
     with pytest.raises(InputError, match=r"map\.min_distance is 20 m: must be a distance"):
         empty_room().draw(rng(), 20.0)
     with pytest.raises(InputError, match=r"\(0 points"):

@@ -301,9 +301,7 @@ def test_a_start_where_a_mover_stands_is_refused(tmp_path, shape, x, refused):
     if not refused:
         assert met.task(0).number == 0
         return
-    with pytest.raises(
-        InputError, match=r"map met, start 0: movers\[0\] stands in the disc around the robot"
-    ):
+    with pytest.raises(InputError, match=r"map met, start 0: movers\[0\] overlaps the disc around the robot"):
         met.task(0)
 
 

@@ -36,7 +36,7 @@ def agreement(rates, **columns):
     return {variant.ablation: variant.agrees for variant in study.variants if variant.agrees}
 
 
-def test_all_that_is_said_has_a_file_and_every_file_is_spoken_of():
+def test_every_claim_has_an_ablation_file_and_every_file_a_claim():
     titles = shipped().titles("ablation")
     of_lme_plus = {
         name for name, title in titles.items() if title.startswith("LME+ ")
@@ -139,7 +139,7 @@ def test_a_part_of_the_sweep_is_enough():
     assert ablation.studies(sweep({"none": 0.9})) == []
 
 
-def test_too_little_to_tell_is_said_so():
+def test_too_few_worlds_leave_the_claim_open():
     """Two worlds prove nothing; nor do forty whose interval has room for a noticeable loss."""
     (few,) = ablation.studies(sweep(AS_THE_PAPER_SAYS, worlds=2))
     assert {variant.agrees for variant in few.variants[1:]} == {"open"}
@@ -152,7 +152,7 @@ def test_too_little_to_tell_is_said_so():
     assert study.variants[1].words.endswith("Open: too noisy to tell.")
 
 
-def test_one_world_has_no_interval_and_says_so():
+def test_an_ablation_in_one_world_has_no_interval_and_says_so():
     (study,) = ablation.studies(sweep({"none": 0.9, "no_c_o": 0.1}, worlds=1))
     assert "| 0.000 | – | – | – |" in ablation.to_markdown([study])
     assert study.variants[1].words.endswith("; ours 0.000. Open: too noisy to tell.")
@@ -171,9 +171,9 @@ def test_a_variant_that_drove_other_worlds_is_shown_and_not_compared():
     assert found == {"none": (True, ""), "no_c_o": (True, ""), "no_c_t": (False, "no")}
 
 
-def test_two_ablations_at_once_are_shown_last_and_nothing_is_said_of_them():
+def test_two_ablations_at_once_are_shown_last_without_a_verdict():
     (study,) = ablation.studies(sweep({"no_c_o+no_c_t": 0.1, "none": 0.9, "no_c_h": 0.8}))
-    assert [ablation.in_text(variant.ablation) for variant in study.variants] == [
+    assert [ablation.variant_label(variant.ablation) for variant in study.variants] == [
         "Complete",
         "No c_h",
         "No c_o, c_t",

@@ -51,7 +51,7 @@ def test_rows_are_compared_in_their_own_setting():
     assert [study.place.split(" · ")[0] for study in seeds] == ["seed 0"]
 
 
-def test_other_weights_are_another_row():
+def test_other_weights_make_a_row_of_their_own():
     """A row is named after what is unusual in it."""
     own = OTHER.assign(weights="mine")
     (study,) = comparison.studies(frame(LME.assign(weights="published"), own))

@@ -77,7 +77,7 @@ def test_two_sweeps_with_the_same_unchanged_run_are_two_studies():
     ],
     ids=["two values", "words", "one value a system"],
 )
-def test_too_little_for_a_curve(jobs):
+def test_too_few_runs_make_no_curve(jobs):
     assert curves.studies(sweep(*jobs)) == []
 
 

@@ -104,7 +104,7 @@ def test_of_many_keys_that_tell_systems_apart_a_name_shows_the_first(board):
     assert [entry.system.traits[-1] for entry in again.values()] == ["1 more (no. 1)", "1 more (no. 2)"]
 
 
-def test_repeats_of_a_job_are_told_and_the_newest_finished_one_is_shown(board):
+def test_repeats_of_a_job_are_counted_and_the_newest_finished_one_is_shown(board):
     worlds = ["map.worlds=[200,201]", "runs=1"]
     found = board(old=(worlds, {}), new=(worlds, {}), cut=(worlds, {"worlds": (200,)}))
     assert [entry.repeats for entry in found.values()] == [3, 3, 3]
@@ -115,7 +115,7 @@ def test_repeats_of_a_job_are_told_and_the_newest_finished_one_is_shown(board):
     assert board(old=(worlds, {}), new=(worlds, {}))["new"].same
 
 
-def test_another_seed_is_no_repeat(board):
+def test_another_seed_is_not_a_repeat(board):
     found = board(one=([], {}), two=(["seed=1"], {"seed": 1}))
     assert {entry.repeats for entry in found.values()} == {1}
     assert len({(entry.setting, entry.system) for entry in found.values()}) == 1

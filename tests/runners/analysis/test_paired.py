@@ -88,7 +88,7 @@ def test_the_order_of_records_does_not_matter():
     assert paired.difference(*shuffled, SUCCESS) == paired.difference(one, other, SUCCESS)
 
 
-def test_only_what_both_have_is_compared():
+def test_only_episodes_of_both_systems_are_compared():
     one, other = episodes([1, 1, 0, 0], runs=2), episodes([0, 0, 0, 0], runs=2)
     found = paired.difference(one, other.iloc[:3], SUCCESS)
     assert (found.worlds, found.pairs, found.mean) == (2, 3, -1.0)
@@ -96,7 +96,7 @@ def test_only_what_both_have_is_compared():
     assert paired.difference(one.drop(columns="barn_metric"), other, METRIC) is None
 
 
-def test_one_world_says_nothing_of_the_noise():
+def test_one_world_gives_no_interval():
     found = paired.difference(episodes([1], runs=3), episodes([0], runs=3), SUCCESS)
     assert found.mean == -1.0
     assert math.isnan(found.p)

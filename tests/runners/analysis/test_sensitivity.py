@@ -71,7 +71,7 @@ def test_factors_rise_and_one_is_shared():
     assert (found["a_close"].value, found["d2"].value) == ("1.51", "200")
 
 
-def test_what_matters_is_beyond_the_noise_and_comes_first():
+def test_factors_beyond_the_noise_come_first():
     found = curves()
     assert found["a_close"].range == pytest.approx(0.7)
     assert [point.factor for point in found["a_close"].beyond("success")] == [0.0, 0.25]
@@ -88,7 +88,7 @@ def test_several_factors_at_once_belong_to_no_curve():
     assert found["d2"].range == pytest.approx(0.02)
 
 
-def test_without_what_is_compared_with_there_is_nothing():
+def test_without_the_unchanged_run_there_is_no_study():
     assert sensitivity.studies(sweep({"d2 × 2": 0.9, "d2 × 4": 0.8})) == []
     assert sensitivity.studies(sweep({"": 0.9})) == []
     assert sensitivity.studies(sweep({"": 0.9, "d2 × 2, a_close × 2": 0.9})) == []

@@ -108,7 +108,7 @@ def test_one_run_has_no_deviation():
         ({"system": "target+simple"}, False),
     ],
 )
-def test_published_figures_stand_beside_what_they_compare_with(columns, published):
+def test_published_figures_are_next_to_what_they_compare_with(columns, published):
     rows = summarise(records(**columns), systems=SYSTEMS)
     assert [row.published_map is not None for row in rows] == [False, True][: 1 + published]
     text = "\n".join(notes(rows))
@@ -123,7 +123,7 @@ def test_the_projects_own_published_figures():
     assert rows[1].stats["barn_metric"] == (0.419, 0.0084)
 
 
-def test_what_varies_becomes_a_column():
+def test_a_varied_key_becomes_a_column():
     ablations = ("none", "no_c_o", "no_c_t")
     frames = [
         records(ablation=name, run_dir=name, subset=subset)
@@ -149,7 +149,7 @@ def test_a_swept_key_that_no_record_holds_is_a_column():
     assert not any(row.changes for row in rows)  # the column says it
 
 
-def test_what_all_runs_have_changed_is_named_and_stands_beside_nothing_published():
+def test_a_key_changed_in_all_runs_is_named_and_hides_the_published_rows():
     frame = records(
         changes="robot.v_max=1.0, sim.latency=0.1", **{"robot.v_max": "1.0", "sim.latency": "0.1"}
     )
@@ -165,7 +165,7 @@ def test_what_all_runs_have_changed_is_named_and_stands_beside_nothing_published
     )
 
 
-def test_what_some_rows_have_changed_is_named_with_them():
+def test_a_key_changed_in_some_rows_is_named_with_them():
     frames = [
         records(run_dir="one", changes="", **{"planner.kp": "4.0"}),
         records(run_dir="two", system="Other", changes="planner.kp=8.0", **{"planner.kp": "8.0"}),
@@ -174,7 +174,7 @@ def test_what_some_rows_have_changed_is_named_with_them():
     assert "Changed in Other (ours): planner.kp=8.0." in lines
 
 
-def test_all_that_differs_between_two_runs_is_a_column():
+def test_every_key_that_differs_between_two_runs_is_a_column():
     frames = [
         records(run_dir="one", sim="fast", changes="", **{"robot.v_max": "2.0"}),
         records(
@@ -339,7 +339,7 @@ def swept(**columns):
     )
 
 
-def test_what_is_the_same_in_all_rows_is_left_out_first_and_said_below():
+def test_columns_that_are_the_same_in_all_rows_are_left_out_first():
     columns, below = on_a_terminal(swept(sim="skid"), 80)
     assert {"SPL", "Path", "Time", "sim.latency", "Success", "CI"} <= columns
     assert not {"Sim", "n", "Global"} & columns
@@ -350,7 +350,7 @@ def test_what_is_the_same_in_all_rows_is_left_out_first_and_said_below():
     assert "every row" not in below
 
 
-def test_what_does_not_fit_is_named_and_not_explained():
+def test_columns_that_do_not_fit_are_named_and_not_explained():
     frame = swept()
     later = frame["sim.latency"] == "0.1"
     for metric in ("time_s", "path_length_m", "spl", "barn_metric", "mean_abs_domega_radps"):

@@ -73,8 +73,8 @@ def test_options_of_ones_own_are_completed(tmp_path):
 
 def test_bash_breaks_words_at_equal_signs():
     line = "lme eval robot=tur"
-    assert completion.unbroken(["robot=turtlebot2"], line, " =:") == ["turtlebot2"]
-    assert completion.unbroken(["robot=turtlebot2"], line, " ") == ["robot=turtlebot2"]
+    assert completion.drop_broken_part(["robot=turtlebot2"], line, " =:") == ["turtlebot2"]
+    assert completion.drop_broken_part(["robot=turtlebot2"], line, " ") == ["robot=turtlebot2"]
 
 
 @pytest.fixture

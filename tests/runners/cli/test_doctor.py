@@ -79,7 +79,7 @@ def test_a_problem_is_marked_says_what_to_do_and_is_the_exit_status(installed, c
     assert shown.endswith("\n2 problems.\n")
 
 
-def test_an_extra_that_is_not_there_is_no_problem_but_an_old_one_is(installed):
+def test_a_missing_extra_is_not_a_problem_but_an_old_one_is(installed):
     del installed["torch"]
     assert line("extra gp") == ("extra gp", "no; pip install 'torch>=2.2'", "")
     installed["torch"] = "1.13.1"
@@ -88,12 +88,12 @@ def test_an_extra_that_is_not_there_is_no_problem_but_an_old_one_is(installed):
 
 def test_metadata_that_are_missing_or_of_another_version(installed):
     installed["lme-nav"] = "0.0.1"
-    assert "metadata are of 0.0.1; in a checkout: pip install" in line("lme").advice
+    assert "metadata is of 0.0.1; in a checkout: pip install" in line("lme").advice
     del installed["lme-nav"]
     assert "lme-nav is not installed" in line("lme").advice
 
 
-def test_another_python(installed, monkeypatch):
+def test_doctor_names_an_unsupported_python(installed, monkeypatch):
     monkeypatch.setattr(doctor.platform, "python_version", lambda: "3.14.1")
     assert line("Python").advice.startswith("must be >=3.11,<3.14")
 
@@ -110,7 +110,7 @@ def test_little_memory(installed, tmp_path, monkeypatch):
 def test_folders_that_cannot_be_written(installed, unwritable, tmp_path, monkeypatch):
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "kernels"))
     unwritable.add(str(tmp_path))
-    assert line("outputs").advice.startswith("call lme in a folder that is yours")
+    assert line("outputs").advice.startswith("call lme in a folder that you own")
     assert line("MLflow store").advice.startswith("set MLFLOW_TRACKING_URI")
     assert line("Numba cache").advice.startswith("set NUMBA_CACHE_DIR")
 
@@ -136,7 +136,9 @@ def test_a_file_in_the_place_of_a_folder_and_a_store_that_is_read_only(installed
         ("outputs", "outputs", False),
     ],
 )
-def test_other_stores_are_not_asked_and_no_password_is_shown(installed, monkeypatch, uri, found, is_right):
+def test_stores_on_a_server_are_not_contacted_and_no_password_is_shown(
+    installed, monkeypatch, uri, found, is_right
+):
     monkeypatch.setenv("MLFLOW_TRACKING_URI", uri)
     store = line("MLflow store")
     assert store.found == found
@@ -154,7 +156,7 @@ def test_whether_the_kernels_are_compiled(installed, monkeypatch, compiled):
     )
 
 
-def test_its_help_teaches(capsys):
+def test_the_help_of_doctor_explains_its_exit_status(capsys):
     with pytest.raises(SystemExit) as ended:
         main.main(["doctor", "--help"])
     shown = capsys.readouterr().out

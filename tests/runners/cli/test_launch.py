@@ -322,7 +322,7 @@ def test_resume_by_path_refuses_another_config_and_names_it(probe):
 
 
 @pytest.mark.parametrize("place", ["nowhere", "."])
-def test_resume_of_what_is_no_run(probe, place):
+def test_resuming_a_folder_without_a_run_is_refused(probe, place):
     with pytest.raises(InputError, match=f"resume={place}: "):
         probe.launch(f"resume={place}")
 
@@ -364,7 +364,7 @@ def test_resume_in_a_given_directory_checks_the_config(probe):
 
 
 def test_resume_in_an_empty_given_directory_starts_afresh(probe, capsys):
-    """Killed before the first record: the same command with resume=true goes on from nothing."""
+    """Killed before the first record: the same command with resume=true starts from nothing."""
     assert probe.launch("hydra.run.dir=here", "resume=true") == 0
     assert "nothing in here yet" in capsys.readouterr().err
 
@@ -405,7 +405,7 @@ def test_a_sweep_of_other_jobs_is_not_the_same(probe):
             probe.launch("-m", f"seed={seeds}", "hydra.sweep.dir=here", "resume=true")
 
 
-def test_a_folder_that_a_larger_sweep_left_behind_is_no_job(probe):
+def test_a_folder_left_by_a_larger_sweep_is_not_a_job(probe):
     probe.launch("-m", "seed=0,1,2", "hydra.sweep.dir=here")
     for path in [Path("here/launch.json"), *Path("here").rglob("episodes.jsonl")]:
         path.unlink()
@@ -505,7 +505,7 @@ def test_a_full_disk_is_one_line(probe, capsys):
     probe.failure = OSError(errno.ENOSPC, "No space left on device", "run/table.md")
     assert probe.launch() == 1
     assert capsys.readouterr().err == (
-        "lme eval: disk full while writing run/table.md: what is finished is kept; "
+        "lme eval: disk full while writing run/table.md: finished work is kept; "
         "free some space and add resume=true\n"
     )
 
@@ -515,7 +515,7 @@ def test_a_place_that_cannot_be_written_is_one_line(probe, capsys, number):
     probe.failure = OSError(number, "Not allowed", "run/table.md")
     assert probe.launch() == 1
     assert capsys.readouterr().err == (
-        "lme eval: run/table.md: cannot be used (Not allowed): what is finished is kept; use another place\n"
+        "lme eval: run/table.md: cannot be used (Not allowed): finished work is kept; use another folder\n"
     )
 
 
@@ -525,7 +525,7 @@ def test_a_bug_keeps_its_traceback(probe):
         probe.launch()
 
 
-def test_an_interrupt_is_130_and_says_how_to_go_on(probe, capsys):
+def test_an_interrupt_is_130_and_says_how_to_continue(probe, capsys):
     probe.failure = KeyboardInterrupt()
     assert probe.launch("-m", "seed=0,1") == 130
     assert f"resume={probe.directory.parent}" in capsys.readouterr().err
@@ -601,7 +601,7 @@ def test_a_run_of_listed_worlds_is_resumed_by_their_range(probe):
         (["-m", "map.subset=all,official50", "map.worlds=1"], "1, which map.subset=official50 does not hold"),
     ],
 )
-def test_two_words_that_contradict_each_other(probe, words, said):
+def test_contradicting_arguments_are_refused(probe, words, said):
     with pytest.raises(InputError) as caught:
         probe.launch(*words)
     assert said in str(caught.value)

@@ -111,7 +111,7 @@ def _never(job):
         ("map.worlds=[range(5)]", ["several values within a list or a mapping; must be single values"]),
         ("map={worlds: range(5)}", ["several values within a list or a mapping"]),
         ("map.worlds=9-0", ["map.worlds has 9-0: the range runs backwards; must be 0-9"]),
-        ("map.worlds=[0-9,3]", ["map.worlds is [0-9,3]: names a world twice"]),
+        ("map.worlds=[0-9,3]", ["map.worlds is [0-9,3]: lists a world twice"]),
         (
             "map.worlds=first",
             ["map.worlds has 'first': must be numbers and ranges", "such as 0-49 or [0-9,20"],
@@ -208,7 +208,7 @@ def test_broken_yaml_names_file_and_line(launch, own):
         (ROBOT.replace("name: jackal", 'name: "\\uD800"'), "not valid YAML"),
     ],
 )
-def test_a_file_that_is_no_mapping_or_that_only_one_parser_reads(launch, own, text, said):
+def test_a_file_that_is_not_a_mapping_or_that_only_one_parser_reads(launch, own, text, said):
     words, _ = own("v_max: 2.0", "v_max: 1.0")
     Path(words[1], "robot", "mine.yaml").write_text(text)
     assert said in launch(*words)

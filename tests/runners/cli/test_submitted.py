@@ -49,32 +49,32 @@ def job(number, status, *overrides):
     return SimpleNamespace(return_value=status, hydra_cfg=config, overrides=overrides)
 
 
-def test_a_failed_job_is_told_with_the_file_that_says_why(capsys):
+def test_a_failed_job_is_reported_with_its_log_file(capsys):
     LOCAL.announce(2)
-    LOCAL.tell_failed([job(0, 0), job(1, 2, "seed=1", "runs=1")])
+    LOCAL.report_failures([job(0, 0), job(1, 2, "seed=1", "runs=1")])
     assert capsys.readouterr().err.splitlines() == [
-        "lme eval: 2 jobs are submitted; their output: out/.submitit",
+        "lme eval: 2 jobs submitted; their output: out/.submitit",
         "lme eval: job 1 failed (seed=1 runs=1): see out/.submitit/7_1/7_1_0_log.err",
     ]
 
 
-def test_nothing_is_said_of_jobs_of_another_launcher(capsys):
+def test_jobs_of_another_launcher_are_not_announced(capsys):
     other = Submitted.of(OmegaConf.create({"hydra": {"launcher": {"_target_": "BasicLauncher"}}}), "eval")
     other.announce(2)
-    other.tell_failed([job(0, 2)])
+    other.report_failures([job(0, 2)])
     assert capsys.readouterr().err == ""
 
 
-def test_only_errors_of_submitit_are_put_in_words():
+def test_only_errors_of_submitit_are_explained():
     utils = pytest.importorskip("submitit").core.utils
     with (
         pytest.raises(
             LauncherError, match=r"^bash: command not found.*; output of the jobs: out/\.submitit$"
         ),
-        LOCAL.errors_in_words(),
+        LOCAL.explain_errors(),
     ):
         utils.CommandFunction(["bash", "-c", "echo bash: command not found >&2; exit 1"], verbose=False)()
-    with pytest.raises(RuntimeError, match="ours"), LOCAL.errors_in_words():
+    with pytest.raises(RuntimeError, match="ours"), LOCAL.explain_errors():
         raise RuntimeError("ours")
 
 
@@ -95,7 +95,7 @@ def check_a_sweep(folder, launcher, environment=None):
     sweep = ["eval", "-m", *WORDS, "ablation=none,no_c_t"]
     done = lme(folder, *sweep, *launcher, "hydra.sweep.dir=far", environment=environment)
     assert done.returncode == 0, done.stderr
-    assert "lme eval: 2 jobs are submitted; their output: far/.submitit" in done.stderr
+    assert "lme eval: 2 jobs submitted; their output: far/.submitit" in done.stderr
     assert "no_c_t" in done.stdout
     assert lme(folder, *sweep, "hydra.sweep.dir=near").returncode == 0
     for number in "01":
@@ -103,7 +103,7 @@ def check_a_sweep(folder, launcher, environment=None):
 
 
 def check_failures(folder, launcher, environment=None):
-    """A job that cannot go on is told at the end, and the other is done. Once mended, the sweep goes on."""
+    """A job that cannot continue is reported at the end, and the other is done. Once mended, the sweep continues."""
     (folder / "my_module.py").write_text(PLANNER)
     ends = ["planner._target_=my_module.Planner", "+planner.ends=well,wrong"]
     failed = lme(
@@ -126,7 +126,7 @@ def test_processes_of_this_machine(tmp_path):
 
 
 @pytest.mark.slow
-def test_a_killed_job_is_one_line_and_the_sweep_can_go_on(tmp_path):
+def test_a_killed_job_is_one_line_and_the_sweep_can_continue(tmp_path):
     pytest.importorskip("hydra_plugins.hydra_submitit_launcher")
     (tmp_path / "my_module.py").write_text(PLANNER)
     words = [*WORDS, "planner._target_=my_module.Planner", "+planner.ends=killed,well", "hydra.sweep.dir=cut"]

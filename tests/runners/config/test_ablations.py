@@ -4,7 +4,7 @@ import pytest
 
 from lme.errors import InputError
 from runners.analysis.summary import summarise
-from runners.cli.launch import _as_now
+from runners.cli.launch import _update_override
 from runners.config import ablations
 from runners.config.catalogue import shipped
 from runners.config.space import read_space
@@ -66,8 +66,10 @@ def test_labels_are_what_the_files_say(own):
     assert known["whole"] == "with ten candidates"
     assert known["inherited"] == "without c_h"
     assert not {"none", "flat"} & set(known)
-    assert ablations.in_words("no_c_o+no_c_t", known) == "without c_o and without c_t"
-    assert ablations.in_words("no_c_o+flat", known) == ablations.in_words("none", known) == ""
+    assert ablations.describe_ablation("no_c_o+no_c_t", known) == "without c_o and without c_t"
+    assert (
+        ablations.describe_ablation("no_c_o+flat", known) == ablations.describe_ablation("none", known) == ""
+    )
 
 
 def test_a_label_must_be_text(own):
@@ -130,6 +132,6 @@ def test_a_resumed_run_keeps_the_names_of_its_records(tmp_path):
 
 
 def test_a_resumed_run_has_its_system_and_ablation_in_todays_words():
-    assert _as_now("system=lme_plus_no_c_o", shipped()) == ["system=lme_plus", "ablation=no_c_o"]
+    assert _update_override("system=lme_plus_no_c_o", shipped()) == ["system=lme_plus", "ablation=no_c_o"]
     for word in ("system=lme_no_c_t", "system=lme,lme_plus", "map=lme_plus_no_c_o", "seed=3"):
-        assert _as_now(word, shipped()) == [word]
+        assert _update_override(word, shipped()) == [word]

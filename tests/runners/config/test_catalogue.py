@@ -49,12 +49,12 @@ def test_a_key_keeps_the_inherited_comment_unless_it_has_its_own(own):
     ]
 
 
-def test_what_comes_before_self_is_overridden_and_what_comes_after_overrides(own, tmp_path):
+def test_defaults_before_self_are_overridden_and_those_after_override(own, tmp_path):
     (tmp_path / "robot" / "back.yaml").write_text("# Back\ndefaults: [_self_, long]\nname: back\n")
     assert own.values("robot/back")["name"] == "long"
 
 
-def test_a_base_file_is_no_option(own):
+def test_a_base_file_is_not_an_option(own):
     assert own.options("robot") == ["long", "wide"]
     assert own.title("robot/long") == "Long"
 

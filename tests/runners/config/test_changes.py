@@ -12,7 +12,7 @@ from tests.composing import jobs_of
 QUICK = ["map.worlds=[0]", "map.time_limit=0.3", "runs=1", "executor=serial", "tracking=none"]
 OWN_SYSTEM = """\
 # @package _global_
-# A pair of one's own
+# A custom pair
 defaults:
   - override /guide: target
   - override /planner: simple

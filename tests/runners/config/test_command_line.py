@@ -6,7 +6,7 @@ from lme.errors import InputError
 from runners.config.command_line import compose
 
 
-def test_one_job_of_the_words_of_a_command_line(tmp_path, monkeypatch):
+def test_a_command_line_composes_to_one_job(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (job,) = compose("eval", ["map=env1", "+robot=stage", "map.worlds=0-2", "runs=7"])
     assert (job.config.runs, job.config.map["worlds"], job.choices["robot"]) == (7, [0, 1, 2], "stage")

@@ -9,7 +9,7 @@ from omegaconf import MISSING, OmegaConf
 
 from lme.errors import InputError
 from lme.robots import Footprint, Robot
-from runners.config.instantiate import build, configured, filled
+from runners.config.instantiate import build, configured, fill_dataclass
 
 
 class Colour(enum.Enum):
@@ -94,7 +94,7 @@ def test_a_node_of_a_larger_config_is_resolved_in_it():
         ({}, "planner.needed has no value"),
     ],
 )
-def test_what_does_not_fit(given, message):
+def test_arguments_that_do_not_fit_the_target_are_refused(given, message):
     needed = {"needed": 1} if given else {}
     with pytest.raises(InputError) as caught:
         build({"_target_": TARGET, **needed, **given}, "planner")
@@ -114,7 +114,7 @@ def test_what_does_not_fit(given, message):
         (3, "planner is 3: must be a mapping"),
     ],
 )
-def test_what_is_no_target(node, message):
+def test_an_invalid_target_is_refused(node, message):
     with pytest.raises(InputError) as caught:
         build(node, "planner")
     assert message in str(caught.value)
@@ -123,8 +123,10 @@ def test_what_is_no_target(node, message):
 def test_a_dataclass_with_a_required_inner_one():
     lidar = {"num_beams": 9, "fov": math.pi, "range_min": 0.1, "range_max": 9}
     limits = dict.fromkeys(("v_max", "omega_max", "alpha_v", "alpha_omega", "control_rate"), 1)
-    robot = filled(Robot, {"name": "r", "footprint": {"radius": 1}, "lidar": lidar, **limits}, "robot")
+    robot = fill_dataclass(
+        Robot, {"name": "r", "footprint": {"radius": 1}, "lidar": lidar, **limits}, "robot"
+    )
     assert robot.footprint == Footprint(radius=1.0)
     del lidar["range_max"]
     with pytest.raises(InputError, match=r"robot\.lidar\.range_max has no value"):
-        filled(Robot, {"name": "r", "footprint": {"radius": 1}, "lidar": lidar, **limits}, "robot")
+        fill_dataclass(Robot, {"name": "r", "footprint": {"radius": 1}, "lidar": lidar, **limits}, "robot")

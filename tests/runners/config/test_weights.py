@@ -30,7 +30,7 @@ def test_the_weight_set_that_is_used(words, used):
         assert job(*words).weights == used
 
 
-def test_what_is_used_leaves_the_fingerprint_as_it_was():
+def test_resolved_weights_do_not_change_the_fingerprint():
     with jobs_of("eval", "system=lme_plus") as job:
         launch = launch_of("eval", [job()], [], False, None)
     assert launch.weights == ["lme_plus"]

@@ -5,7 +5,7 @@ import pytest
 from lme.errors import InputError
 from runners.config.build import map_set
 from runners.config.catalogue import shipped
-from runners.config.worlds import expanded
+from runners.config.worlds import parse_worlds
 from runners.records.launch_record import fingerprint, identity
 from tests.composing import jobs_of
 
@@ -26,13 +26,13 @@ from tests.composing import jobs_of
     ],
 )
 def test_ranges_are_written_out(given, numbers):
-    assert expanded(given, "map.worlds") == numbers
+    assert parse_worlds(given, "map.worlds") == numbers
 
 
 @pytest.mark.parametrize("given", ["3-1", "a", "1-", "-1-4", ["0-4", 2], ["0-4", "x"], "0-1000000", ""])
-def test_what_is_not_a_range(given):
+def test_invalid_ranges_of_worlds_are_refused(given):
     with pytest.raises(InputError, match=r"^held_out\.env1\.worlds (has|is) "):
-        expanded(given, "held_out.env1.worlds")
+        parse_worlds(given, "held_out.env1.worlds")
 
 
 def test_a_range_is_the_same_config_as_its_numbers():

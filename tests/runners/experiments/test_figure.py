@@ -1,4 +1,4 @@
-"""`lme figure`: the word for the kind, what may stand beside run=, and episodes where none are given."""
+"""`lme figure`: the name of the kind, what may be given with run=, and episodes where none are given."""
 
 import shutil
 from pathlib import Path
@@ -83,7 +83,7 @@ def test_an_own_map_set_need_not_name_its_worlds(tmp_path, monkeypatch):
         (["experiment=table2"], ["experiment=table2: no such option"]),
     ],
 )
-def test_mistakes_are_told_in_one_line(words, parts, tmp_path, monkeypatch, capsys):
+def test_mistakes_are_reported_in_one_line(words, parts, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     assert main(["figure", *words]) == 2
     error = capsys.readouterr().err
@@ -125,7 +125,7 @@ def test_records_without_a_config_cannot_be_drawn(sweep, tmp_path, monkeypatch, 
     assert "run is bare: there is no launch.json with its config" in capsys.readouterr().err
 
 
-def test_help_tells_the_keys_of_the_kind(capsys):
+def test_help_lists_the_keys_of_the_kind(capsys):
     assert main(["figure", "features", "--help"]) == 0
     told = capsys.readouterr().out
     assert "lme figure [KIND]" in told

@@ -130,7 +130,7 @@ def test_the_network_drives_by_name_and_by_run(learned, monkeypatch):
     )
 
 
-def test_what_is_collected_is_what_the_expert_does(learned):
+def test_round_zero_collects_what_the_expert_does(learned):
     """In round 0 the expert drives, so that its commands are the robot's next speeds, limits aside."""
     with np.load(learned / "data" / "round_000.npz") as data:
         state, actions, ends = data["feature_1"], data["actions"], data["outcomes"]
@@ -179,7 +179,7 @@ def test_a_finished_run_resumed_adds_nothing(learned, monkeypatch):
     assert (learned / "checkpoint.pt").read_bytes() == before
 
 
-def test_it_goes_on_from_a_network_with_robots_that_differ():
+def test_learning_continues_from_a_network_with_robots_that_differ():
     network_file(Path("mine.npz"))
     words = [
         "learner.rounds=1",
@@ -230,7 +230,7 @@ def test_reinforcement_from_a_network(words, points, losses):
     assert Path("run/curves.png").stat().st_size > 10_000
 
 
-@pytest.mark.slow  # cloning, killed above, goes on from the same kind of checkpoint
+@pytest.mark.slow  # cloning, killed above, continues from the same kind of checkpoint
 def test_reinforcement_killed_and_resumed_ends_with_its_steps():
     def ready():
         file = Path("killed/curves.csv")
@@ -276,7 +276,7 @@ def test_reinforcement_killed_and_resumed_ends_with_its_steps():
         (["resume=nowhere"], "resume=nowhere: no such directory"),
     ],
 )  # fmt: skip
-def test_one_mistake_is_one_line_and_nothing_is_written(words, said, capsys):
+def test_a_mistake_in_learn_is_one_line_and_writes_nothing(words, said, capsys):
     Path("outputs/weights").mkdir(parents=True)
     network_file(Path("outputs/weights/taken.npz"))
     before = sorted(Path().rglob("*"))
@@ -288,7 +288,7 @@ def test_one_mistake_is_one_line_and_nothing_is_written(words, said, capsys):
     assert sorted(Path().rglob("*")) == before
 
 
-def test_without_torch_it_says_what_to_install(monkeypatch, capsys):
+def test_without_torch_learn_says_what_to_install(monkeypatch, capsys):
     from runners.experiments import learn
 
     monkeypatch.setattr(learn, "find_spec", lambda package: None)

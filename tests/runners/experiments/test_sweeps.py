@@ -15,7 +15,7 @@ from runners.figures.parts.driven_runs import runs_of
 from runners.figures.parts.places import places
 from runners.records.records import find_runs, read_episodes, read_trajectories
 from runners.tracking.store import RUN_ID_FILE
-from tests.runners.tracking.test_mlflow import booked
+from tests.runners.tracking.test_mlflow import logged
 
 WORDS = ["map.worlds=[0,6]", "map.subset=all", "runs=1", "executor=serial"]
 
@@ -36,7 +36,7 @@ def test_rows_in_the_order_of_the_config(sweep):
     assert [line.split(",")[0] for line in lines] == ["label", "LME (ours)", "Simple (ours)"]
 
 
-def test_the_chart_is_there_and_table_draws_it_anew(sweep, capsys):
+def test_the_chart_is_there_and_table_redraws_it(sweep, capsys):
     chart = sweep[0] / "comparison.png"
     assert chart.read_bytes().startswith(b"\x89PNG")
     assert (sweep[0] / "comparison.pdf").read_bytes().startswith(b"%PDF")
@@ -82,9 +82,9 @@ def test_smoothness_is_that_of_the_executed_turn_rates(sweep):
     assert len(rates) == episode["steps"] + 1
 
 
-def test_one_run_above_those_of_the_jobs_holds_it_all(sweep):
+def test_the_parent_run_of_a_sweep_holds_all_results(sweep):
     out, uri = sweep
-    parent = booked(uri, out)
+    parent = logged(uri, out)
     assert parent.data.metrics["LME/success"] == 1.0
     assert "Simple/success" in parent.data.metrics
     assert parent.data.params["robot.name"] == "jackal"
@@ -97,7 +97,7 @@ def test_one_run_above_those_of_the_jobs_holds_it_all(sweep):
         assert tags["mlflow.parentRunId"] == parent.info.run_id
 
 
-def test_a_row_that_is_no_system_is_named(capsys):
+def test_a_row_that_is_not_a_system_is_refused(capsys):
     assert main(["eval", "table=[drl_v]"]) == 2
     assert "table: drl_v: did you mean drl_vo?" in capsys.readouterr().err
 

@@ -106,7 +106,7 @@ def test_the_reward_is_the_papers(trained):
         assert float(row["reward"]) == pytest.approx(np.mean(rewards), abs=1e-12)
 
 
-def test_what_was_evaluated_was_never_trained_on(trained):
+def test_held_out_worlds_are_never_trained_on(trained):
     run_dir, _ = trained
     episodes = pd.read_parquet(run_dir / "env1" / "episodes.parquet")
     weights = yaml.safe_load((run_dir / "weights.yaml").read_text())
@@ -250,7 +250,7 @@ def test_a_planner_is_tuned_by_its_own_space(capsys):
         (["sead=1"], "sead: no such key; did you mean seed?"),
     ],
 )
-def test_one_mistake_is_one_line_and_nothing_is_written(words, said, capsys):
+def test_a_mistake_in_train_is_one_line_and_writes_nothing(words, said, capsys):
     Path("outputs/weights").mkdir(parents=True)
     Path("outputs/weights/taken.yaml").write_text("study: another\n")
     Path("broken.yaml").write_text("parameters: {a_close: 1}")
@@ -276,7 +276,7 @@ def test_a_search_without_its_package_says_what_to_install(search, package, monk
     assert f"search={search} needs {package}: pip install '{package}" in capsys.readouterr().err
 
 
-def test_another_robot_map_or_space_is_no_resumption(trained, monkeypatch, capsys):
+def test_another_robot_map_or_space_cannot_be_resumed(trained, monkeypatch, capsys):
     run_dir, _ = trained
     monkeypatch.chdir(run_dir.parent)
     for word, said in (

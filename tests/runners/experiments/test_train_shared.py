@@ -186,7 +186,7 @@ def test_mariadb_keeps_what_postgresql_keeps(mysql, monkeypatch, capsys):
 
 
 @pytest.mark.slow
-def test_redis_ends_with_exactly_the_trials_and_a_killed_run_goes_on(redis):
+def test_redis_ends_with_exactly_the_trials_and_a_killed_run_continues(redis):
     found, weights = train_together(redis, [1, 0], trials=8)
     states = Counter(trial.state.name for trial in found)
     assert len(weights) == 1

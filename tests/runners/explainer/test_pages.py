@@ -93,7 +93,7 @@ def test_the_closest_approach_is_that_of_the_path(driven):
     assert f"| {closest:.2f} |" in (driven / "table.md").read_text()
 
 
-def test_the_page_is_of_the_episode_and_needs_nothing_beside_it(driven):
+def test_the_page_is_of_the_episode_and_needs_no_other_file(driven):
     page = (driven / "explain" / "207-0.html").read_text(encoding="utf-8")
     assert "<title>" in page
     assert not re.search(r'(src|href)="(https?:)?//', page)
@@ -113,7 +113,7 @@ def test_names_in_the_index_are_text_and_nothing_else(run, drawn):
     assert not re.search("<script|<img", text)
 
 
-def test_explaining_more_goes_on_with_the_same_run_and_keeps_what_is_there(run, drawn):
+def test_explaining_more_continues_the_same_run_and_keeps_its_pages(run, drawn):
     before = (run / "explain" / "207-0.html").read_bytes()
     assert main([*WORDS, FEW, SHORT, "explain=all", f"hydra.run.dir={run}", "resume=true"]) == 0
     assert drawn == [ARRIVED]
@@ -125,16 +125,16 @@ def test_explaining_more_goes_on_with_the_same_run_and_keeps_what_is_there(run, 
 @pytest.mark.parametrize(
     "spoil_page", [lambda page: page[:-30], lambda page: page.replace(b"<!-- ", b"<!-- not ")]
 )
-def test_a_page_that_is_torn_or_of_another_episode_is_made_anew(run, drawn, spoil_page):
+def test_a_page_that_is_torn_or_of_another_episode_is_replaced(run, drawn, spoil_page):
     page = run / "explain" / "207-0.html"
     page.write_bytes(spoil_page(page.read_bytes()))
-    pages.as_asked(Explain.failures, run, SerialExecutor(SerialConfig()))
+    pages.make_requested_pages(Explain.failures, run, SerialExecutor(SerialConfig()))
     assert drawn == [FAILED]
 
 
 def test_explain_none_makes_no_page(run, drawn):
     shutil.rmtree(run / "explain")
-    pages.as_asked(Explain.none, run, SerialExecutor(SerialConfig()))
+    pages.make_requested_pages(Explain.none, run, SerialExecutor(SerialConfig()))
     assert drawn == []
     assert folder(run) == []
 
@@ -158,7 +158,7 @@ def test_pages_that_cannot_be_made_are_one_warning_of_a_finished_run(run, drawn)
     shutil.rmtree(run / "explain")
     spoil(run)
     with pytest.warns(UserWarning, match="1 of 2 pages were not made: .* takes another path") as caught:
-        pages.as_asked(Explain.all, run, SerialExecutor(SerialConfig()))
+        pages.make_requested_pages(Explain.all, run, SerialExecutor(SerialConfig()))
     assert len(caught) == 1
     assert files(run) == ["230-0.html", "index.html"]
 
@@ -242,13 +242,13 @@ def test_a_page_elsewhere(run, drawn, tmp_path, output, page, capsys):
     assert files(run) == ["207-0.html", "index.html"]
 
 
-def test_two_pages_are_made_by_processes(run, tmp_path, capsys):
+def test_two_pages_are_written_by_two_processes(run, tmp_path, capsys):
     assert main(["explain", str(run), "230", "207", "--output", str(tmp_path)]) == 0
     assert capsys.readouterr().out.split() == [str(tmp_path / f"{world}-0.html") for world in (207, 230)]
     assert (tmp_path / "207-0.html").read_bytes() == (run / "explain" / "207-0.html").read_bytes()
 
 
-def test_text_tells_every_decision(driven, capsys):
+def test_text_explains_every_decision(driven, capsys):
     assert main(["explain", str(driven), "207", "--text"]) == 0
     title, header, *lines = capsys.readouterr().out.splitlines()
     steps = int(read_episodes([driven]).set_index("world").loc[207, "steps"])
@@ -265,7 +265,7 @@ def test_text_tells_every_decision(driven, capsys):
     [
         (["206"], "world 206 was not driven in this run: those nearest to it are 207, 230"),
         (["207/3"], "world 207 has no run 3: it has 0"),
-        (["207.0"], "'207.0' is no episode: give WORLD, WORLD/RUN or failures, such as 207/0"),
+        (["207.0"], "'207.0' is not an episode: give WORLD, WORLD/RUN or failures, such as 207/0"),
         (["207", "230", "--output", "one.html"], "one file cannot hold 2 pages; give a folder"),
     ],
 )
@@ -279,7 +279,7 @@ def test_mistakes_are_named(driven, words, message, capsys):
 def test_a_run_without_failures_says_so(driven):
     episodes = read_episodes([driven])
     with pytest.raises(InputError, match="no episode of this run failed"):
-        pages.chosen(episodes[episodes["outcome"] == "success"], ["failures"])
+        pages.select_episodes(episodes[episodes["outcome"] == "success"], ["failures"])
 
 
 def test_a_directory_of_several_runs_names_them(driven, capsys):
@@ -319,7 +319,7 @@ def test_a_guide_without_reasons_has_pages_but_no_sentences(tmp_path, capsys):
     assert main(["explain", str(tmp_path), world, "--text"]) == 2
     out, error = capsys.readouterr()
     assert out == ""
-    assert "only guide=lme and guide=lme_plus have reasons to tell" in error
+    assert "only guide=lme and guide=lme_plus give reasons" in error
 
 
 # --- the sentences of real drives ------------------------------------------------------------------------
@@ -338,7 +338,7 @@ def test_every_decision_of_a_real_drive_has_its_own_reason(driven, world):
     assert sum(text.startswith("switched") for text in texts) == trace.episode.switches
 
 
-def test_episodes_of_a_figure_are_explained_though_nothing_is_booked(run, drawn):
+def test_episodes_of_a_figure_are_explained_though_nothing_is_logged(run, drawn):
     note = run / ".hydra" / "config.yaml"
     note.write_text("seed: 0\n")
     assert main(["explain", str(run), "230"]) == 0

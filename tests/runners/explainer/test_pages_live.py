@@ -37,13 +37,13 @@ def page(open_page, live):
     assert opened.watch.said == []
 
 
-def test_there_is_no_box_for_a_map_that_is_not_there(page):
+def test_without_a_map_the_page_has_no_box_for_it(page):
     assert page.locator("#truth").is_hidden()
     press(page, "m")
     assert not page.locator("#truth").is_checked()
 
 
-def test_clearance_is_in_words_where_it_is_no_number(page):
+def test_clearance_is_text_where_it_is_not_a_number(page):
     assert "clearancenothing in sight" in page.locator("#facts").inner_text().replace("\n", "")
     press(page, "End")
     assert "clearancenot known" in page.locator("#facts").inner_text().replace("\n", "")

@@ -24,7 +24,7 @@ OWN = "tests.runners.explainer.test_write.a_left"
 
 
 def a_left(candidates, view):
-    """A criterion of one's own: how far to the left."""
+    """A custom criterion: how far to the left."""
     return candidates[:, 1]
 
 
@@ -50,7 +50,7 @@ def test_numbers_come_through_to_the_last_bit():
         [rng.normal(size=50) * 10.0 ** rng.integers(-300, 300, 50), [np.inf, -0.0, np.nan]]
     )
     made = Packer()
-    made.exact("values", values)
+    made.add_doubles("values", values)
     assert array(made.text({}), "values").tobytes() == values.tobytes()
 
 
@@ -59,7 +59,7 @@ def test_numbers_come_through_to_the_last_bit():
 def test_whole_numbers_come_through_whatever_their_size(differences, limit):
     values = np.random.default_rng(1).integers(-limit, limit, 200)
     made = Packer()
-    made.whole("values", values, differences)
+    made.add_integers("values", values, differences)
     np.testing.assert_array_equal(array(made.text({}), "values"), values)
 
 
@@ -139,7 +139,7 @@ def test_a_criterion_of_ones_own_comes_with_the_others(trace):
 
 def test_bytes_are_the_same_at_any_time(monkeypatch):
     made = Packer()
-    made.whole("values", [1, 2, 3])
+    made.add_integers("values", [1, 2, 3])
     first = made.text({})
     monkeypatch.setattr("time.time", lambda: 2e9)
     assert made.text({}) == first

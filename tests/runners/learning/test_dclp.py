@@ -59,7 +59,7 @@ def test_the_file_says_what_the_network_was_trained_for(network):
     assert spans["half_width"] == pytest.approx([0.1, 0.2])
 
 
-def test_it_answers_as_the_planner_does(network):
+def test_the_torch_network_answers_as_the_planner_does(network):
     directions, state = inputs(5)
     with torch.no_grad():
         output = network(*tensors((directions, state)))

@@ -61,7 +61,7 @@ def test_a_new_one_is_small_and_says_what_it_was_trained_for(tmp_path):
     assert weights[TRAINED].tolist() == [1.5, 0.75]
 
 
-def test_it_answers_as_the_planner_does(network):
+def test_the_torch_network_answers_as_the_planner_does(network):
     sweeps, people, goals = inputs(5)
     with torch.no_grad():
         answer = network(*tensors((sweeps, people, goals)))
@@ -71,7 +71,7 @@ def test_it_answers_as_the_planner_does(network):
         assert answer.mu[i, 0].tanh().numpy() == pytest.approx(np.clip(means, -1.0, 1.0), abs=2e-3)
 
 
-def test_it_answers_as_the_planner_does_with_norms_that_were_fitted(network):
+def test_the_torch_network_with_fitted_norms_answers_as_the_planner_does(network):
     sweeps, people, goals = inputs(16)
     network.train()
     for _ in range(3):
@@ -104,7 +104,7 @@ def test_an_answer_that_is_cut_off_can_still_be_trained(network):
     assert (gradient > 0.0).all()
 
 
-def test_what_a_mirror_shows(network):
+def test_mirrored_features_are_those_of_the_mirrored_scene(network):
     ranges = np.random.default_rng(3).uniform(0.5, 4.0, 540).astype(np.float32)
     people = np.array([[3.0, 1.0, 0.5, -0.2], [6.0, -4.0, 0.0, 1.0]])
     interface = DrlVoInterface(DrlVoConfig(pedestrians=True), ROBOT)

@@ -62,14 +62,14 @@ def test_the_policy_learns_what_was_better():
     )
     inputs = features(64)
     with torch.no_grad():
-        answer = policy(*inputs).at_least(0.1)
+        answer = policy(*inputs).with_min_sigma(0.1)
         raw = mixture.draw(answer, parts.generator)
         before = mixture.log_density(answer, raw)
     left = (raw[:, 1] > 0).float()
     batch = Batch(inputs, raw, before, left, torch.full((64,), 7.0))
     learner._update(policy, parts, batch, learn_policy=True)
     with torch.no_grad():
-        change = mixture.log_density(policy(*inputs).at_least(0.1), raw) - before
+        change = mixture.log_density(policy(*inputs).with_min_sigma(0.1), raw) - before
         values = critic(*inputs)
     assert change[left > 0].mean() > 0.1 > -0.1 > change[left == 0].mean()
     assert abs(values.mean() - 7.0) < 2.0
@@ -91,7 +91,7 @@ def test_replay_keeps_the_newest_steps():
     torch.testing.assert_close(drawn.terminated, drawn.rewards > 4)
 
 
-def test_what_follows_an_end_is_what_was_seen_there():
+def test_the_features_after_an_end_are_those_seen_there():
     seen, last = features(3, 1), features(1, 2)
     flags = torch.zeros(3, dtype=torch.bool)
     found = next_features(Experience(seen, torch.zeros(3), flags, flags, torch.tensor([1]), last))
@@ -122,7 +122,7 @@ def test_the_worth_of_a_step_by_hand():
     parts = Parts({"targets": targets}, {}, torch.Generator().manual_seed(3))
     wanted = learner._target_values(policy, parts, batch)
     with torch.no_grad():
-        answer = policy(*inputs).at_least(0.1)
+        answer = policy(*inputs).with_min_sigma(0.1)
         raw = mixture.draw(answer, torch.Generator().manual_seed(3))
         follows = lower_value(targets, inputs, raw.tanh()) - 0.5 * mixture.log_density_of_actions(answer, raw)
     assert wanted.numpy() == pytest.approx([1.0 + 0.9 * follows[0].item(), -10.0], abs=FLOAT32_LAYER)
@@ -181,7 +181,7 @@ def test_an_easy_stage_is_won_at_a_distance_and_left(config):
     assert made._fleet.tasks[0].goal_tolerance == 1.0
 
 
-def test_another_part_has_other_episodes(config):
+def test_another_part_drives_other_episodes(config):
     one, other, again = (driving(config, robots=20, part=part) for part in (0, 1, 0))
     speeds = [made.start(0)[1][:, 4] for made in (one, other, again)]
     torch.testing.assert_close(speeds[0], speeds[2])

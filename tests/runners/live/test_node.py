@@ -78,13 +78,13 @@ FAREWELL = [0.0] * 3
 
 
 @pytest.mark.parametrize("state", [LiveState.CANCELLED, LiveState.ARRIVED])
-def test_it_sends_zero_velocity_however_late_it_hears_that_the_goal_is_gone(state):
+def test_the_node_sends_zero_velocity_however_late_it_hears_that_the_goal_is_gone(state):
     end = LiveStep(20 * SECOND, state, str(state), STILL, 1)
     rested = end._replace(stamp=22 * SECOND)
     assert sent(DRIVES, end, rested) == [0.3, 0.0, *FAREWELL]
 
 
-def test_it_sends_zero_velocity_while_a_decision_does_not_come_to_an_end():
+def test_the_node_sends_zero_velocity_while_a_decision_does_not_end():
     def slow():
         time.sleep(0.5)
         return DRIVES
@@ -92,7 +92,7 @@ def test_it_sends_zero_velocity_while_a_decision_does_not_come_to_an_end():
     assert sent(DRIVES, slow, stale=0.1)[:3] == [0.3, 0.0, 0.0]
 
 
-def test_it_sends_nothing_while_it_has_no_goal():
+def test_the_node_sends_nothing_while_it_has_no_goal():
     def slow():
         time.sleep(0.3)
         return idle

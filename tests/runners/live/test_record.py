@@ -137,7 +137,7 @@ def test_explain_shows_the_drive(driven, place, capsys):
     assert np.isnan(trace.episode.trajectory[-1, 9])  # nothing is seen at the end
 
 
-def test_explain_tells_the_reasons_that_were_recorded(by_lme, place, capsys):
+def test_explain_prints_the_recorded_reasons(by_lme, place, capsys):
     assert main(["explain", str(by_lme.path), "--text"]) == 0
     told = capsys.readouterr().out
     assert re.match(rf"Live, goal 1, run 0: arrived after [\d.]+ s, {len(by_lme.steps)} decisions", told)
@@ -161,7 +161,7 @@ def test_explain_opens_a_recording_of_eval(place, capsys):
     assert path.with_suffix(".html").is_file()
 
 
-def test_what_was_sent_and_what_was_said(by_lme):
+def test_the_recording_holds_commands_states_and_odometry(by_lme):
     found = messages(by_lme.path)
     sent = [(message.linear.x, message.angular.z) for message in found["/cmd_vel"]]
     assert sent == [*(tuple(step.command) for step in by_lme.steps), (0.0, 0.0)]
@@ -170,7 +170,7 @@ def test_what_was_sent_and_what_was_said(by_lme):
 
 
 def test_stops_on_the_way_and_jumps_of_the_clock_stay_readable(tmp_path, place):
-    """Stops hold no decision; after a jump back, stamps go on from the last."""
+    """Stops hold no decision; after a jump back, stamps continue from the last."""
     count = iter(range(10_000))
 
     def disturb(step):

@@ -6,13 +6,13 @@ import time
 from runners.live.watchdog import Watchdog
 
 
-def test_it_halts_again_and_again_until_it_is_fed():
+def test_the_watchdog_halts_the_robot_repeatedly_until_it_is_fed():
     halted = threading.Semaphore(0)
     with Watchdog(0.02, halted.release):
         assert all(halted.acquire(timeout=10.0) for _ in range(3))
 
 
-def test_it_lets_a_loop_alone_that_goes_on():
+def test_the_watchdog_does_not_disturb_a_running_loop():
     halts = []
     with Watchdog(5.0, lambda: halts.append(1)) as watchdog:
         for _ in range(20):

@@ -61,7 +61,7 @@ def contents(run_dir):
 
 
 @pytest.mark.parametrize("merge", [False, True])
-def test_what_goes_in_comes_out_exactly(tmp_path, merge):
+def test_records_are_read_back_exactly(tmp_path, merge):
     write(tmp_path, KEYS, merge)
     frame, steps = read_episodes([tmp_path]), read_trajectories([tmp_path])
     assert list(map(EpisodeKey.of, frame.to_dict("records"))) == sorted(KEYS)
@@ -402,7 +402,7 @@ def test_a_line_with_a_value_of_another_kind_is_named(tmp_path, damage):
         read_episodes([tmp_path])
 
 
-def test_records_that_disagree_are_told_in_one_line(tmp_path):
+def test_records_that_disagree_are_reported_in_one_line(tmp_path):
     write(tmp_path, KEYS[:2], merge=False)
     log = tmp_path / "parts" / "episodes.jsonl"
     lines = log.read_text().splitlines(keepends=True)

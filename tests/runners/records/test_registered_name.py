@@ -9,7 +9,7 @@ from runners.records.registered_name import check_name
 
 
 @pytest.mark.parametrize("there", ["", "outputs", "outputs/weights"])
-def test_a_folder_that_cannot_be_written_is_told_before_anything_runs(tmp_path, monkeypatch, there):
+def test_a_folder_that_cannot_be_written_is_reported_before_anything_runs(tmp_path, monkeypatch, there):
     monkeypatch.chdir(tmp_path)
     (tmp_path / there).mkdir(parents=True, exist_ok=True)
     check_name("mine", ".yaml", "a weight set", ())

@@ -45,7 +45,7 @@ def test_jobs_beyond_those_named_need_records(tmp_path):
         ({"overrides": ["seed=x"], "multirun": True}, "holds one run, not a sweep: resume it with"),
     ],
 )
-def test_another_config_is_refused_with_advice_that_helps(tmp_path, now, said):
+def test_a_run_directory_of_another_config_is_refused_with_advice(tmp_path, now, said):
     launch(overrides=["seed=x"], configs=[{"seed": 1}]).write(tmp_path)
     with pytest.raises(InputError, match=said):
         check_same(launch(fingerprint="1", configs=[{"seed": 2}], **now), tmp_path)

@@ -107,7 +107,7 @@ def test_an_index_that_names_another_topic(tmp_path, monkeypatch):
     ("content", "message"),
     [(b"", "is empty"), (b"no recording at all" * 9, "is not a .*file, or is damaged")],
 )
-def test_what_is_no_recording(tmp_path, suffix, content, message):
+def test_invalid_recordings_are_refused(tmp_path, suffix, content, message):
     path = tmp_path / f"drive{suffix}"
     path.write_bytes(content)
     with pytest.raises(InputError, match=message) as error:
@@ -115,7 +115,7 @@ def test_what_is_no_recording(tmp_path, suffix, content, message):
     one_line(error)
 
 
-def test_other_paths_that_are_no_recording(tmp_path):
+def test_paths_that_are_not_recordings_are_refused(tmp_path):
     for path, message in (
         (tmp_path / "absent.bag", "no such file"),
         (tmp_path, "metadata.yaml"),
@@ -159,14 +159,14 @@ def test_topics_are_found_by_type(tmp_path):
     assert topics.tf == ("/tf_static",)
 
 
-def test_a_second_scanner_needs_no_choice_beside_one_called_scan(tmp_path):
+def test_a_second_scanner_needs_no_choice_next_to_one_called_scan(tmp_path):
     maker = drive(steps=2)
     maker.add("/rear_scan", "sensor_msgs/msg/LaserScan", BEGAN, maker.scan(BEGAN, [1.0, 1.0], 0.0, 0.1))
     assert chosen(maker, tmp_path).scan.name == "/scan"
     assert chosen(maker, tmp_path / "other", scan="rear_scan").scan.name == "/rear_scan"
 
 
-def test_two_scanners_of_other_names_ask_for_a_choice(tmp_path):
+def test_two_scanners_of_unknown_names_require_a_choice(tmp_path):
     maker = drive(steps=2, scans="none")
     for name in ("/front", "/rear"):
         maker.add(name, "sensor_msgs/msg/LaserScan", BEGAN, maker.scan(BEGAN, [1.0, 1.0], 0.0, 0.1))
@@ -249,7 +249,7 @@ def test_a_message_that_is_defined_otherwise_is_refused(tmp_path):
     assert "geometry_msgs/msg/Pose differently from ROS, or is damaged" in one_line(error)
 
 
-def test_a_message_whose_time_is_no_number_is_damage(tmp_path):
+def test_a_message_whose_time_is_not_a_number_is_damage(tmp_path):
     path = drive(".db3", steps=6).write(tmp_path)
     with sqlite3.connect(path) as database:
         database.execute("UPDATE messages SET timestamp = 'x' WHERE id = 4")

@@ -13,7 +13,7 @@ from runners.replay.report import headings_ahead
 SECOND = 1_000_000_000
 
 
-def test_time_that_goes_backwards_is_said():
+def test_time_that_goes_backwards_is_reported():
     order = Order("/odom")
     assert order.accepts(5 * SECOND)
     assert not order.accepts(5 * SECOND - SECOND // 20)  # overtaken by a few milliseconds
@@ -39,7 +39,7 @@ def test_of_faster_scans_the_one_nearest_to_the_due_time_is_taken():
     assert all(abs(stamp - 0.2 * k) < 0.6 / 9.9 for k, stamp in enumerate(taken))
 
 
-def test_after_a_gap_ticks_go_on_from_the_next_scan():
+def test_after_a_gap_ticks_continue_from_the_next_scan():
     assert due(0.2, 10.0, [0.0, 0.1, 0.2, 5.03, 5.13, 5.23, 5.43]) == [0.0, 0.2, 5.03, 5.23, 5.43]
 
 

@@ -29,7 +29,7 @@ def test_a_running_trial_gives_signs_until_it_ends_though_the_storage_fails_mean
     heartbeat = Heartbeat(storage)
     heartbeat.begin(5)
     assert storage.beats == [5], "the first at once"
-    with heartbeat.beating():
+    with heartbeat.send_heartbeats():
         assert storage.thrice.wait(PATIENCE_S)
         heartbeat.end(5)
         heartbeat.begin(6)
@@ -43,5 +43,5 @@ def test_a_journal_takes_none():
     heartbeat = Heartbeat(None)
     heartbeat.begin(5)
     heartbeat.requeue_killed(None)
-    with heartbeat.beating():
+    with heartbeat.send_heartbeats():
         assert not heartbeat.finds_killed

@@ -1,4 +1,4 @@
-"""A study: killed at any byte it ends as if nothing had happened, and damage is told in one line."""
+"""A study: killed at any byte it ends as if nothing had happened, and damage is reported in one line."""
 
 import json
 import math
@@ -112,7 +112,7 @@ def test_killed_at_any_byte_it_ends_as_the_uninterrupted_one(whole, share):
 
 @pytest.mark.parametrize("search", ["cmaes", "random"])
 @pytest.mark.parametrize("share", [0.1, 0.35, 0.62, 0.9])
-def test_another_search_killed_at_any_byte_ends_as_the_uninterrupted_one(whole, search, share, tmp_path):
+def test_a_search_killed_at_any_byte_ends_as_an_uninterrupted_one(whole, search, share, tmp_path):
     trials, journal = whole(search)
     (tmp_path / JOURNAL).write_bytes(journal[: round(share * len(journal))])
     assert run(opened(tmp_path, search), search) == trials
@@ -122,7 +122,7 @@ def test_another_search_killed_at_any_byte_ends_as_the_uninterrupted_one(whole, 
 @pytest.mark.parametrize("share", [0.1, 0.35, 0.62, 0.9])
 def test_a_gaussian_process_killed_at_any_byte_ends_as_the_uninterrupted_one(whole, share, tmp_path):
     pytest.importorskip("torch")
-    test_another_search_killed_at_any_byte_ends_as_the_uninterrupted_one(whole, "gp", share, tmp_path)
+    test_a_search_killed_at_any_byte_ends_as_an_uninterrupted_one(whole, "gp", share, tmp_path)
 
 
 def test_a_trial_that_was_run_is_not_run_again(whole, tmp_path):
@@ -146,7 +146,7 @@ def test_the_order_in_which_episodes_end_changes_nothing(whole, tmp_path):
     assert run(opened(tmp_path), order=reversed) == whole("tpe")[0]
 
 
-def test_another_seed_is_another_search(whole, tmp_path):
+def test_another_seed_makes_another_search(whole, tmp_path):
     assert run(opened(tmp_path, seed=1))[0][2] != whole("tpe")[0][0][2]
     assert len({trial_seed(seed, number) for seed in range(20) for number in range(20)}) == 400
 
@@ -264,7 +264,7 @@ def test_a_database_holds_the_same_study(whole, tmp_path):
 
 
 def test_a_trial_of_a_killed_process_goes_to_another(tmp_path, monkeypatch):
-    """With its values; and the killed process, if it was only away, is not told a second time."""
+    """With its values; and the killed process, if it was only away, is not reported a second time."""
     monkeypatch.setattr(storage, "HEARTBEAT_S", 1)
     monkeypatch.setattr(storage, "GRACE_S", 1)
     url, here, there = f"sqlite:///{tmp_path}/shared.db", tmp_path / "here", tmp_path / "there"
@@ -309,7 +309,7 @@ def test_trials_beyond_the_total_are_withdrawn(tmp_path, monkeypatch):
     assert second.claim(5, 3) != []
 
 
-def test_a_file_that_is_no_journal_is_left_as_it_is(tmp_path):
+def test_a_file_that_is_not_a_journal_is_not_changed(tmp_path):
     path = tmp_path / JOURNAL
     path.write_bytes(b"somebody's notes")
     with pytest.raises(InputError, match="line 1: is not an entry of an Optuna journal"):

@@ -1,4 +1,4 @@
-"""Tracking books what it is given, goes on after a resumption, and never stops a run."""
+"""Tracking logs what it is given, continues after a resumption, and never stops a run."""
 
 import errno
 import json
@@ -49,31 +49,31 @@ def book(uri, run_dir, config=CONFIG, metrics=None, artifacts=(), sweep_dir=None
     return returned_s
 
 
-def test_a_series_is_booked_step_by_step_and_continued(store, tmp_path):
+def test_a_series_is_logged_step_by_step_and_continued(store, tmp_path):
     for values in ([0.1, 0.2], [0.1, 0.2, float("nan"), 0.4]):
         tracking = MlflowTracking(MlflowConfig(uri=store))
         tracking.start(CONFIG, tmp_path / "series", {})
         tracking.finish({"success": 1.0}, [], {"reward": values})
     from mlflow import MlflowClient
 
-    run = booked(store, tmp_path / "series").info.run_id
+    run = logged(store, tmp_path / "series").info.run_id
     history = MlflowClient(tracking_uri=store).get_metric_history(run, "reward")
     assert sorted((metric.step, metric.value) for metric in history) == [(0, 0.1), (1, 0.2), (3, 0.4)]
 
 
-def booked(uri, run_dir):
+def logged(uri, run_dir):
     from mlflow import MlflowClient
 
     client = MlflowClient(tracking_uri=uri)
     return client.get_run(json.loads((run_dir / RUN_ID_FILE).read_text())["run"])
 
 
-def test_a_run_is_booked_with_everything(store, tmp_path, capfd, monkeypatch):
+def test_a_run_is_logged_with_everything(store, tmp_path, capfd, monkeypatch):
     monkeypatch.chdir(tmp_path)
     run_dir, table = tmp_path / "day" / "run", tmp_path / "table.md"
     table.write_text("| a |")
     assert book(store, run_dir, metrics={"success": 0.9, "time_s": float("nan")}, artifacts=[table]) < 1.0
-    run = booked(store, run_dir)
+    run = logged(store, run_dir)
     assert run.data.params == {
         "seed": "3",
         "robot.name": "jackal",
@@ -90,22 +90,22 @@ def test_a_run_is_booked_with_everything(store, tmp_path, capfd, monkeypatch):
     assert capfd.readouterr() == ("", "")
 
 
-def test_a_folder_is_booked_as_a_folder_and_more_can_be_added_later(store, tmp_path):
+def test_a_folder_is_logged_as_a_folder_and_more_can_be_added_later(store, tmp_path):
     pages = tmp_path / "explain"
     pages.mkdir()
     (pages / "200-0.html").write_text("one")
     book(store, tmp_path, artifacts=[pages])
-    before = booked(store, tmp_path)
+    before = logged(store, tmp_path)
     (pages / "201-0.html").write_text("two")
     add_files(tmp_path, [pages / "201-0.html"], "explain")
     from mlflow import MlflowClient
 
     found = MlflowClient(tracking_uri=store).list_artifacts(before.info.run_id, "explain")
     assert [file.path for file in found] == ["explain/200-0.html", "explain/201-0.html"]
-    assert booked(store, tmp_path).info.end_time == before.info.end_time
+    assert logged(store, tmp_path).info.end_time == before.info.end_time
 
 
-def test_nothing_is_added_to_what_was_never_booked_or_lies_elsewhere(store, tmp_path):
+def test_nothing_is_added_to_what_was_never_logged_or_lies_elsewhere(store, tmp_path):
     page = tmp_path / "page.html"
     page.write_text("one")
     with warnings.catch_warnings():
@@ -114,12 +114,12 @@ def test_nothing_is_added_to_what_was_never_booked_or_lies_elsewhere(store, tmp_
     elsewhere = f"sqlite:///{tmp_path}/none.db"
     (tmp_path / RUN_ID_FILE).write_text(json.dumps({"uri": elsewhere, "experiment": "1", "run": "0" * 32}))
     with pytest.warns(
-        UserWarning, match=r"not logged in MLflow at sqlite:///\S+/none\.db.*there is no database at"
+        UserWarning, match=r"not logged to MLflow at sqlite:///\S+/none\.db.*there is no database at"
     ):
         add_files(tmp_path, [page], "explain")
     assert not (tmp_path / "none.db").exists()
     (tmp_path / RUN_ID_FILE).write_text(json.dumps({"uri": store, "experiment": "1", "run": "0" * 32}))
-    with pytest.warns(UserWarning, match="not logged in MLflow"):
+    with pytest.warns(UserWarning, match="not logged to MLflow"):
         add_files(tmp_path, [page], "explain")  # no such run
 
 
@@ -152,7 +152,7 @@ def test_a_store_that_cannot_be_written_is_one_line_before_the_first_episode(tmp
         tracking.start(CONFIG, tmp_path / "sweep" / "0", {}, tmp_path / "sweep")
     (said,) = [str(warning.message) for warning in caught]
     assert said == (
-        f"not logged in MLflow at sqlite:///{store}: {place} cannot be written; all results go to "
+        f"not logged to MLflow at sqlite:///{store}: {place} cannot be written; all results go to "
         f"{tmp_path}/sweep. Set MLFLOW_TRACKING_URI to another store, or choose tracking=none"
     )
     with warnings.catch_warnings():
@@ -173,7 +173,7 @@ def test_a_store_that_cannot_be_made_after_all_is_not_tried_a_hundred_seconds_by
 
     monkeypatch.setattr(Path, "touch", fail)
     with pytest.warns(
-        UserWarning, match="not logged in MLflow at .*; the results are on disk .*No space left"
+        UserWarning, match="not logged to MLflow at .*; the results are on disk .*No space left"
     ):
         book(f"sqlite:///{tmp_path}/outputs/mlflow.db", tmp_path / "run")
     assert list((tmp_path / "outputs").iterdir()) == []
@@ -186,38 +186,38 @@ def test_nothing_is_added_to_a_store_that_cannot_be_written(tmp_path, monkeypatc
     known = {"uri": f"sqlite:///{store}", "experiment": "1", "run": "0" * 32}
     (tmp_path / RUN_ID_FILE).write_text(json.dumps(known))
     monkeypatch.setattr("runners.tracking.store.obstacle", lambda path: path.parent)
-    with pytest.warns(UserWarning, match=rf"not logged in MLflow .* \({tmp_path} cannot be written\)"):
+    with pytest.warns(UserWarning, match=rf"not logged to MLflow .* \({tmp_path} cannot be written\)"):
         add_files(tmp_path, [page], "explain")
 
 
 def test_a_resumed_run_is_the_same_run(store, tmp_path):
     book(store, tmp_path, metrics={"success": 0.1})
-    first = booked(store, tmp_path)
+    first = logged(store, tmp_path)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         book(store, tmp_path, config={**CONFIG, "resume": True, "seed": 4}, metrics={"success": 0.8})
-    second = booked(store, tmp_path)
+    second = logged(store, tmp_path)
     assert first.info.run_id == second.info.run_id
     assert second.data.metrics == {"success": 0.8}
     assert second.data.params["seed"] == "3"
 
 
-def test_a_run_that_the_store_does_not_know_is_booked_anew(store, tmp_path):
+def test_a_run_that_the_store_does_not_know_is_logged_again(store, tmp_path):
     (tmp_path / RUN_ID_FILE).write_text(json.dumps({"experiment": "1", "run": "0" * 32}))
     book(store, tmp_path)
-    assert booked(store, tmp_path).info.run_id != "0" * 32
+    assert logged(store, tmp_path).info.run_id != "0" * 32
 
 
 def test_runs_of_a_sweep_lie_below_one(store, tmp_path):
     for number in ("0", "1"):
         book(store, tmp_path / number, sweep_dir=tmp_path)
-    parent = booked(store, tmp_path)
-    children = [booked(store, tmp_path / number) for number in ("0", "1")]
+    parent = logged(store, tmp_path)
+    children = [logged(store, tmp_path / number) for number in ("0", "1")]
     assert {child.data.tags["mlflow.parentRunId"] for child in children} == {parent.info.run_id}
     assert parent.info.status == "FINISHED"
 
 
-def test_a_run_that_a_repeated_request_created_twice_is_booked_once(store, tmp_path, monkeypatch):
+def test_a_run_that_a_repeated_request_created_twice_is_logged_once(store, tmp_path, monkeypatch):
     from mlflow import MlflowClient
 
     create = MlflowClient.create_run
@@ -230,7 +230,7 @@ def test_a_run_that_a_repeated_request_created_twice_is_booked_once(store, tmp_p
     book(store, tmp_path / "0", sweep_dir=tmp_path)
     book(store, tmp_path)
     for place in (tmp_path, tmp_path / "0"):
-        run = booked(store, place)
+        run = logged(store, place)
         assert run.info.lifecycle_stage == "active"
         like = f"tags.run_dir = '{place}'"
         assert len(MlflowClient(tracking_uri=store).search_runs([run.info.experiment_id], like)) == 1
@@ -254,8 +254,8 @@ def test_jobs_of_a_sweep_that_start_together_have_one_parent(store, tmp_path, mo
         job.start()
     for job in jobs:
         job.join()
-    parents = {booked(store, tmp_path / name).data.tags["mlflow.parentRunId"] for name in "012"}
-    assert parents == {booked(store, tmp_path).info.run_id}
+    parents = {logged(store, tmp_path / name).data.tags["mlflow.parentRunId"] for name in "012"}
+    assert parents == {logged(store, tmp_path).info.run_id}
 
 
 def test_an_experiment_that_another_process_creates_meanwhile_is_used(store, monkeypatch):
@@ -283,7 +283,7 @@ def test_a_store_that_cannot_be_used_is_one_warning_that_names_it(tmp_path, brok
         (tmp_path / "mlflow.db").write_text("no database " * 500)
         uri = f"sqlite:///{tmp_path}/mlflow.db"
     began = time.monotonic()
-    with pytest.warns(UserWarning, match="not logged in MLflow") as caught:
+    with pytest.warns(UserWarning, match="not logged to MLflow") as caught:
         book(uri, tmp_path / "run")
     assert len(caught) == 1
     message = str(caught[0].message)
@@ -316,7 +316,7 @@ def test_a_store_whose_making_was_interrupted_is_made_again(tmp_path):
     with warnings.catch_warnings():
         warnings.simplefilter("error", UserWarning)
         book(uri, tmp_path / "run")
-    assert booked(uri, tmp_path / "run").info.status == "FINISHED"
+    assert logged(uri, tmp_path / "run").info.status == "FINISHED"
 
 
 @pytest.mark.parametrize("uri", ["file:outputs/mlruns", "outputs/mlflow.db", ""])
@@ -325,7 +325,7 @@ def test_a_uri_that_mlflow_cannot_use_is_refused(uri):
         MlflowConfig(uri=uri)
 
 
-def test_no_tracking_does_nothing(tmp_path):
+def test_tracking_none_does_nothing(tmp_path):
     tracking = NoTracking(NoTrackingConfig())
     threads = threading.active_count()
     tracking.start(CONFIG, tmp_path, {})

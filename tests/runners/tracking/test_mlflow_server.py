@@ -20,7 +20,7 @@ from runners.records.records import read_episodes
 from runners.tracking.store import DEFAULTS, RUN_ID_FILE
 from tests import postgres
 from tests.places import ROOT
-from tests.runners.tracking.test_mlflow import booked
+from tests.runners.tracking.test_mlflow import logged
 
 pytestmark = [
     pytest.mark.slow,
@@ -137,7 +137,7 @@ def test_four_sweeps_at_once_lose_and_double_no_run(server, tmp_path):
     for parent in parents:
         assert found[parent].info.status == "FINISHED"
         assert found[parent].data.metrics
-        assert found[parent].info.run_id == booked(server.uri, parent).info.run_id
+        assert found[parent].info.run_id == logged(server.uri, parent).info.run_id
         for job in "01":
             run = found[parent / job]
             assert run.data.tags["mlflow.parentRunId"] == found[parent].info.run_id
@@ -153,7 +153,7 @@ def test_a_server_that_is_killed_costs_no_record_and_a_resumed_run_is_tracked(se
     server.kill()
     output, _ = process.communicate()
     assert process.returncode == 0, output
-    assert f"not logged in MLflow at {server.uri}; the results are on disk" in output
+    assert f"not logged to MLflow at {server.uri}; the results are on disk" in output
     jobs = [tmp_path / "a" / "sweep" / job for job in "01"]
     assert [len(read_episodes([job])) for job in jobs] == [2, 2]
     server.start()

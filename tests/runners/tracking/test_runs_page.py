@@ -76,7 +76,7 @@ def test_a_store_that_cannot_be_written_still_has_its_tables(server, monkeypatch
     assert addresses(server.address) == [RunsPage("lme", f"{server.address}/#/experiments/1/runs")]
 
 
-def test_without_runs_there_is_no_table(server, monkeypatch):
+def test_without_runs_the_page_has_no_table(server, monkeypatch):
     monkeypatch.setattr(Mlflow, "experiments", (("0", "Default"),))
     assert addresses(server.address) == []
 

@@ -101,7 +101,7 @@ def test_errors_of_a_worker_arrive_as_with_the_process_executor(executor, initia
         list(executor.map(initialise, payload, ONE_RUN))
 
 
-def test_what_was_finished_before_an_error_in_the_same_batch_is_out(executor):
+def test_results_before_an_error_in_the_same_batch_are_delivered(executor):
     found = []
     with (
         executor.open(fail_in_world_3, InputError("no")) as run_all,
@@ -193,7 +193,7 @@ def test_an_address_where_nobody_answers(monkeypatch):
         list(nobody.map(multiply, {"factor": 1}, ITEMS))
 
 
-def test_a_connection_that_ends_while_a_result_comes_is_told():
+def test_a_connection_that_ends_during_a_result_is_reported():
     class Cut:
         def result(self):
             raise CommClosedError("in <TCP (closed)>: ConnectionResetError")
@@ -246,7 +246,7 @@ def _kill_at_first_record(process, run_dir: Path):
     process.kill()
 
 
-def test_a_run_whose_scheduler_is_killed_goes_on_under_another_executor(
+def test_a_run_whose_scheduler_is_killed_continues_with_another_executor(
     own_cluster, tmp_path, monkeypatch, capsys
 ):
     process, scheduler = own_cluster

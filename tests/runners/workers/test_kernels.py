@@ -48,7 +48,7 @@ def test_kernels_are_compiled_once(installed, elsewhere):
 
 
 @pytest.mark.parametrize("later_s", [3600, -3600])  # than the index; an update may bring an older file
-def test_what_is_said_is_what_numba_does_with_a_source_that_was_touched_or_changed(installed, later_s):
+def test_the_report_agrees_with_numba_on_touched_and_changed_sources(installed, later_s):
     source = installed / "lme" / "kernels" / "motion.py"
     drive(installed)
     now = time.time()

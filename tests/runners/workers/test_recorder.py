@@ -47,7 +47,7 @@ PAIRS = {
 
 
 class ListObserver:
-    """Keeps what an observer is told."""
+    """Keeps what an observer is given."""
 
     def __init__(self):
         self.ticks, self.last = [], None
@@ -331,7 +331,7 @@ def test_nothing_is_recorded_unless_asked_for(place):
     assert not Path("out/recordings").exists()
 
 
-def test_without_rosbags_it_says_what_to_install_before_anything_runs(place, monkeypatch, capsys):
+def test_without_rosbags_the_recorder_says_what_to_install_before_a_run(place, monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, "rosbags", None)
     monkeypatch.setitem(sys.modules, "rosbags.rosbag2", None)
     assert evaluated("record=mcap") == 2
@@ -343,7 +343,7 @@ def test_without_rosbags_it_says_what_to_install_before_anything_runs(place, mon
 
 
 @pytest.mark.parametrize("word", ["record=mcp", "record=null"])
-def test_what_cannot_be_recorded_is_refused(place, capsys, word):
+def test_an_unknown_recording_format_is_refused(place, capsys, word):
     assert evaluated(word) == 2
     assert "must be none or mcap" in capsys.readouterr().err
     assert list(Record) == ["none", "mcap"]

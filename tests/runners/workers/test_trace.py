@@ -34,7 +34,7 @@ class Mapped(Lme):
 
 
 class Own:
-    """A guide of one's own that is no LME, but can explain itself."""
+    """A custom guide that is not LME, but can explain itself."""
 
     Config = Lme.Config
 
@@ -96,7 +96,7 @@ def test_a_guide_of_ones_own_is_explained_where_it_can_be(composed):
         np.testing.assert_array_equal(step.explanation.decision.subgoal, step.guidance.subgoal)
 
 
-def test_another_guide_has_no_reasons(composed):
+def test_a_trace_of_another_guide_has_no_reasons(composed):
     trace = rerun(composed("guide=target"), 0, 0)
     assert all(step.explanation is None for step in trace.steps)
 

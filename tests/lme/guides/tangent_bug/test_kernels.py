@@ -70,7 +70,7 @@ def test_a_point_thinner_than_a_step_is_not_overlooked(bearing):
 
 @settings(max_examples=80)
 @given(points, shares, st.tuples(coordinate, coordinate))
-def test_what_is_first_on_the_way_is_found_by_walking_it(scan, share, end):
+def test_first_on_way_is_what_walking_the_way_meets_first(scan, share, end):
     scan, end = away(scan), np.array(end)
     radii = radii_of(scan, share)
     found = tangents.first_on_way(scan, radii, end)
@@ -158,7 +158,7 @@ def test_a_wall_ends_at_its_end():
     assert least == pytest.approx(math.hypot(2 + math.sqrt(0.0375), 0.05), abs=2e-3)
 
 
-def test_what_stands_before_a_wall_hides_the_rest_of_it():
+def test_a_post_before_a_wall_hides_the_rest_of_the_wall():
     # A post at (1, 0.5) of radius 0.2, seen from 26.6° − 10.3° on.
     scan, seen, k, longer, _ = sweep_ahead(np.vstack((wall(2.0, -1.0, 3.0), [[1.0, 0.5]])), 1)
     assert not longer
@@ -174,7 +174,7 @@ def test_a_ring_has_no_end():
     assert len(tangents.all_ends(*seen)) == 0
 
 
-def test_all_ends_are_those_that_sweeps_meet():
+def test_all_ends_holds_the_ends_that_sweeps_meet():
     _, units, seen = profile(np.vstack((wall(2.0, -1.0, 1.0), wall(-3.0, 0.5, 1.5))))
     ends = tangents.all_ends(*seen).tolist()
     assert len(ends) == 4

@@ -1,4 +1,4 @@
-"""Import of a TensorFlow checkpoint: what it reads, and what it refuses. The authors' own is no part of the tests."""
+"""Import of a TensorFlow checkpoint: what it reads, and what it refuses. The authors' own is not part of the tests."""
 
 import os
 import tracemalloc

@@ -1,4 +1,4 @@
-"""DRL-DCLP with random weights: what the network is told, what is done with its answer, and what is refused."""
+"""DRL-DCLP with random weights: what the network is given, what is done with its answer, and what is refused."""
 
 import warnings
 
@@ -25,7 +25,7 @@ def file(tmp_path_factory):
 
 
 class Recorder:
-    """A network that keeps what it is told and always answers the same."""
+    """A network that keeps what it is given and always answers the same."""
 
     def __init__(self, means):
         self.means = np.full((4, 2), means)
@@ -77,7 +77,7 @@ def test_components_are_drawn_by_their_probability():
     assert np.bincount(drawn.astype(int)) / 4000 == pytest.approx(odds, abs=0.03)
 
 
-def test_what_the_network_is_told(file):
+def test_the_network_gets_the_goal_twist_limits_and_footprint(file):
     robot = stage(footprint=Footprint(length=0.4, width=0.3))
     planner, network = made(file, robot)
     planner.plan(observation(twist=Twist(0.3, -0.1), robot=robot), Guidance(np.array([0.0, 2.0])))
@@ -85,7 +85,7 @@ def test_what_the_network_is_told(file):
     assert network.directions[7, 3:] == pytest.approx([0.2, 0.2, 0.15])
 
 
-def test_a_disc_is_told_as_a_square_and_settings_win(file):
+def test_a_disc_is_given_to_the_network_as_a_square_and_settings_win(file):
     robot = stage()
     planner, network = made(file, robot, told=Told(v_max=0.4, rear=0.3, **TOLD))
     planner.plan(observation(robot=robot), Guidance(np.array([1.0, 0.0])))
@@ -93,7 +93,7 @@ def test_a_disc_is_told_as_a_square_and_settings_win(file):
     assert network.state[4:] == pytest.approx([0.4, robot.omega_max, 3.0, 2.5])
 
 
-def test_the_answer_is_scaled_by_what_is_told_and_limited_to_what_the_robot_can(file):
+def test_the_output_is_scaled_by_the_limits_given_and_limited_to_the_robots(file):
     robot = stage()  # 0.4 m/s and 0.4 rad/s in a period
     planner, _ = made(file, robot, told=Told(v_max=0.4))
     command = planner.plan(observation(robot=robot), Guidance(np.array([1.0, 0.0])))
@@ -103,7 +103,7 @@ def test_the_answer_is_scaled_by_what_is_told_and_limited_to_what_the_robot_can(
     assert command == pytest.approx((-0.4, 0.4), abs=KERNEL)
 
 
-def test_a_full_answer_may_mean_less_than_what_is_told(file):
+def test_a_full_output_may_mean_less_than_the_limits_given(file):
     planner, network = made(file, stage(), full_v=0.3, full_omega=1.0)
     seen = observation(robot=stage(), twist=Twist(0.1, -0.2))
     command = planner.plan(seen, Guidance(np.array([2.0, 0.0])))

@@ -1,4 +1,4 @@
-"""Import of an archive of Stable-Baselines3: what it reads, and what it refuses. The authors' own is no part of it."""
+"""Import of an archive of Stable-Baselines3: what it reads, and what it refuses. The authors' own is not part of it."""
 
 import os
 import tracemalloc

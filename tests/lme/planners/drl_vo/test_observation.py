@@ -34,7 +34,7 @@ def seen(*scans, rates=(20.0, 20.0), mount_yaw=0.0, **settings):
 
 
 def numbered(number):
-    """A scan that can be told from others."""
+    """A scan that is recognisable."""
     return scan(np.full(720, float(number)))
 
 

@@ -1,4 +1,4 @@
-"""DRL-VO with random weights: what the network is told, what is done with its answer, and what is refused."""
+"""DRL-VO with random weights: what the network is given, what is done with its answer, and what is refused."""
 
 import warnings
 
@@ -10,7 +10,7 @@ from lme.planners.drl_vo import DrlVo
 from lme.planners.drl_vo.config import DrlVoConfig
 from lme.types import Guidance, Twist
 from runners.config.catalogue import shipped as catalogue
-from runners.config.instantiate import filled
+from runners.config.instantiate import fill_dataclass
 from tests.builders import observation, shipped, stage
 from tests.networks import drl_vo_file, network_file
 from tests.tolerances import KERNEL
@@ -25,7 +25,7 @@ def file(tmp_path_factory):
 
 
 class Recorder:
-    """A network that keeps what it is told and always answers the same."""
+    """A network that keeps what it is given and always answers the same."""
 
     def __init__(self, means):
         self._means = np.array(means)
@@ -39,7 +39,7 @@ class Recorder:
 
 def config(name, file, **settings):
     values = {key: value for key, value in catalogue().values(f"planner/{name}").items() if key != "_target_"}
-    return filled(DrlVoConfig, {**values, "weights": file, **settings}, "planner")
+    return fill_dataclass(DrlVoConfig, {**values, "weights": file, **settings}, "planner")
 
 
 def made(file, name="drl_vo_barn", means=(0.5, -0.25), robot=ROBOT, **settings):
@@ -67,14 +67,14 @@ def test_the_original_answers_up_to_half_a_metre_and_two_radians(file):
 
 
 @pytest.mark.parametrize(("ahead", "v_max"), [(2.3, 2.0), (2.1, 0.5)])
-def test_the_barn_entry_is_fast_where_it_is_free_ahead(file, ahead, v_max):
+def test_the_barn_entry_drives_fast_where_the_way_ahead_is_free(file, ahead, v_max):
     planner, _ = made(file)
     command = planner.plan(seen((40.0, ahead), (60.0, 0.5)), STRAIGHT)
     assert command == pytest.approx((0.75 * v_max, -0.25 * 0.7), abs=KERNEL)
 
 
 @pytest.mark.parametrize(("name", "margin"), [("drl_vo", 0.4), ("drl_vo_barn", 0.45)])
-def test_before_an_obstacle_ahead_it_turns_left_in_place(file, name, margin):
+def test_drl_vo_turns_left_in_place_before_an_obstacle_ahead(file, name, margin):
     planner, network = made(file, name)
     assert planner.plan(seen((-30.0, margin - 0.01)), STRAIGHT) == pytest.approx((0.0, 0.7))
     assert network.goal is None
@@ -105,7 +105,7 @@ def test_the_original_draws_its_action(file):
 @pytest.mark.parametrize(
     ("name", "lookahead", "pedestrians"), [("drl_vo", 2.0, True), ("drl_vo_barn", 1.0, False)]
 )
-def test_what_the_network_is_told(file, name, lookahead, pedestrians):
+def test_the_network_gets_the_people_and_the_goal(file, name, lookahead, pedestrians):
     planner, network = made(file, name)
     people = np.array([[5.0, 0.0, 1.0, -1.0]])
     planner.plan(seen((10.0, 3.0))._replace(pedestrians=people), Guidance(np.array([0.0, 9.0])))
@@ -138,7 +138,7 @@ def test_while_no_path_is_found_the_sub_goal_stays(file):
     assert planner.plan(seen(), lost) == pytest.approx((0.0, 0.0))
 
 
-def test_it_stops_near_the_end_of_the_path_or_near_the_target(file):
+def test_drl_vo_stops_near_the_end_of_the_path_or_near_the_target(file):
     planner, _ = made(file)
     for end, stops in ((0.89, True), (0.91, False)):
         point = np.array([end, 0.0])
@@ -161,7 +161,7 @@ def test_a_real_network_answers_and_a_seed_decides(file):
     assert len(set(commands[0])) == 3
 
 
-def test_both_norms_run_and_differ(file):
+def test_sample_and_running_norms_differ(file):
     answers = []
     for batch_norm in ("sample", "running"):
         planner = DrlVo(config("drl_vo_barn", file, batch_norm=batch_norm), ROBOT)
@@ -186,7 +186,7 @@ def test_settings_that_cannot_be(settings, says):
     assert says in str(caught.value)
 
 
-def test_without_weights_or_with_those_of_another_network(tmp_path):
+def test_missing_weights_and_those_of_another_network_are_refused(tmp_path):
     with pytest.raises(InputError, match=r"planner\.weights is null: .*lme weights import drl_vo PATH NAME"):
         DrlVo(DrlVoConfig(), ROBOT)
     other = network_file(tmp_path / "dclp.npz")

@@ -147,7 +147,7 @@ def test_the_disc_can_move_along_the_joined_part_of_a_band(seed):
             assert slow_radius(*(part * centres[i] + (1 - part) * centres[i + 1]), points) > 0
 
 
-def test_no_more_bubbles_than_there_is_room_for():
+def test_there_are_no_more_bubbles_than_there_is_room_for():
     wall = np.column_stack([np.ones(50), np.linspace(-1, 1, 50)])
     ends = np.array([[0.0, 0.0], [2.0, 0.0]])
     xs, ys = wall.T.copy()

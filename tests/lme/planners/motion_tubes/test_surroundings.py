@@ -9,7 +9,7 @@ from tests.lme.planners.motion_tubes.scenes import JACKAL, NONE, spec_of, view_o
 from tests.tolerances import RANGE
 
 
-def test_behind_is_free_only_where_it_was_seen():
+def test_space_behind_the_robot_is_free_only_where_it_was_seen():
     around = Surroundings(JACKAL.footprint, 5, 0.1, 0.3)
     view, seen = view_of(JACKAL, np.empty((0, 3)))
     samples = backward_tubes(spec_of(JACKAL, length=0.25)).samples
@@ -35,7 +35,7 @@ def test_the_oldest_scans_give_way_and_a_resting_robot_adds_none():
     assert not around.known_free(behind - (0.8, 0.0))[0]
 
 
-def test_what_was_hit_is_remembered_where_the_lidar_cannot_see_it_now():
+def test_a_hit_is_remembered_where_the_lidar_cannot_see_it_now():
     post = np.array([[0.5, 0.4, 0.075]])
     around = Surroundings(JACKAL.footprint, 5, 0.1, 0.3)
     for x in (0.0, 0.4, 1.0):

@@ -54,7 +54,7 @@ def test_all_tubes_are_free_in_the_open_and_one_obstacle_closes_those_through_it
         assert free.any()
 
 
-def test_what_hides_behind_an_obstacle_is_not_free():
+def test_tubes_behind_an_obstacle_are_not_free():
     # Beside the straight tube, but in front of the end of the most curved one, seen from the lidar.
     spec = spec_of(JACKAL, heading_step=math.pi / 2)
     tubes, free = tubes_free(JACKAL, np.array([[0.55, 0.5, 0.075]]), spec)

@@ -85,7 +85,7 @@ def test_scores_are_the_slow_twin(seed):
 
 @settings(max_examples=30, deadline=None)
 @given(SEEDS, st.floats(0.0, 150.0))
-def test_what_is_left_out_is_worse(seed, least):
+def test_twists_that_are_not_scored_are_worse(seed, least):
     wanted, view = scene(seed)
     whole, _ = score(wanted, *view, np.inf, False)
     valid = np.where(whole >= 0.0, whole, np.inf)

@@ -93,7 +93,7 @@ def test_the_distribution_reaches_the_escaper():
     assert distance.mean() == pytest.approx(10 / 3, abs=0.1)
 
 
-def test_the_same_seed_draws_the_same_and_each_step_anew():
+def test_the_same_seed_draws_the_same_candidates_and_each_step_new_ones():
     config = CandidateConfig(number=20)
     rng, twin = np.random.default_rng(3), np.random.default_rng(3)
     first = sample(rng, config, 5.0, -1.0, 2.0)
@@ -124,7 +124,7 @@ def test_the_target_is_a_candidate_where_the_lidar_sees_it(yaw, target, candidat
     assert (seen.candidates[-1].tolist() == list(target)) is candidate
 
 
-def test_a_target_that_is_not_free_is_no_candidate():
+def test_a_target_that_is_not_free_is_not_a_candidate():
     ranges = np.full(180, 15.0, dtype=np.float32)
     ranges[90] = 2.0
     assert len(explain(with_lidar(), (3.0, 0.0), ranges).candidates) == 300

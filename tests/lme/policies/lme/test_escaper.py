@@ -52,7 +52,7 @@ def test_scan_points_are_where_the_mounted_lidar_hits():
 @pytest.mark.parametrize(("off_m", "blocks"), [(0.19, True), (0.21, False)])
 @pytest.mark.parametrize("rule", ["corridor", "line_of_sight"])
 @pytest.mark.parametrize("side", [1, -1])
-def test_what_is_within_r_of_the_way_to_the_target_blocks_it(off_m, blocks, rule, side):
+def test_obstacles_within_r_of_the_way_to_the_target_block_it(off_m, blocks, rule, side):
     # Beam 300 of 540 points to (300 − 270)·2/3° = 20°. A return there at 2 m lies 2 sin δ off the target's ray.
     robot = stage()
     bearing = math.radians(20.0) + side * math.asin(off_m / 2.0)
@@ -172,7 +172,7 @@ def test_there_is_nothing_to_explain_before_the_first_decision():
     assert made.explanation() is None
 
 
-def test_what_is_returned_may_be_written_to():
+def test_a_returned_decision_may_be_written_to():
     untouched, scribbled = escaper(history_min_distance=0.0), escaper(history_min_distance=0.0)
     for view in escape():
         decision = scribbled.decide(view)

@@ -128,7 +128,7 @@ def test_the_first_decision_after_a_reset_is_a_first():
 
 
 class Recorder:
-    """A guide and a planner that write down what they are told and draw."""
+    """A guide and a planner that write down what they are given and draw."""
 
     def __init__(self, draws=1):
         self.draws = draws

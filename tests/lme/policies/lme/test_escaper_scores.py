@@ -122,7 +122,7 @@ def test_bad_settings_are_named(settings, message):
 
 
 def leftness(candidates, view):
-    """A criterion of one's own."""
+    """A custom criterion."""
     return candidates[:, 1]
 
 

@@ -64,7 +64,7 @@ def test_pairs_across_plus_minus_pi(seed, full_circle):
 
 @settings(max_examples=200)
 @given(SEEDS)
-def test_all_within_reach_of_the_robot(seed):
+def test_cluster_agrees_with_the_oracle_near_the_robot(seed):
     # Around the origin itself arcs are long, and points on opposite sides are near each other.
     rng = np.random.default_rng(seed)
     bearings = np.sort(rng.uniform(-math.pi, math.pi, rng.integers(2, 30)))
@@ -96,7 +96,7 @@ def test_mirroring_the_scan_mirrors_the_sectors(seed, full_circle):
         assert sorted(mirrored.tolist()) == sorted((59 - sectors[:, ::-1]).tolist())
 
 
-def test_no_points():
+def test_no_points_make_no_sector():
     sectors, closed = cluster(np.empty((0, 2)), 0.5, True)
     assert sectors.shape == (0, 2)
     assert not closed
@@ -114,7 +114,7 @@ def test_a_gap_of_exactly_the_limit_stays_open():
     assert cluster(points, 0.5 + 1e-12, True)[0].tolist() == [[0, 1]]
 
 
-def test_what_lies_between_belongs_to_it():
+def test_a_far_point_seen_through_a_gap_belongs_to_the_sector():
     # A far point seen through the gap between two near ones.
     points = np.array([[1.0, -0.2], [3.0, 0.0], [1.0, 0.2]])
     assert cluster(points, 0.5, True)[0].tolist() == [[0, 2]]

@@ -59,12 +59,12 @@ def test_better_names_the_term_and_what_befell_the_old_one():
     )
 
 
-def test_what_was_reachable_with_a_smaller_margin_and_is_no_more_stopped_being_reachable():
+def test_losing_c_o_from_a_small_margin_reads_as_stopped_being_reachable():
     now = explained([{}], old={"c_o": 0.0})
     assert reason(now, explained([{"c_o": 0.5}])).endswith("c_o +999.8; the old one stopped being reachable")
 
 
-def test_what_the_old_one_never_had_is_no_change():
+def test_a_criterion_that_the_old_subgoal_never_met_is_not_a_change():
     before = explained([{"c_t": 0.0}])
     now = explained([{}], old={"c_t": 0.0})
     assert reason(now, before) == "switched: new subgoal scores 206 higher (d2 200), mainly c_t +205.8"
@@ -86,11 +86,11 @@ def test_what_the_old_one_never_had_is_no_change():
         ),
     ],
 )
-def test_every_fall_has_its_words(old, change):
+def test_every_fall_of_a_criterion_has_a_text(old, change):
     assert reason(explained([{}], old=old), explained([{}])).endswith(change)
 
 
-def test_what_the_old_one_lost_in_a_mount_depends_on_its_reading():
+def test_the_reason_for_a_loss_in_a_mount_depends_on_the_surmount_reading():
     """As printed, the sector hides the target from it: that it lost its line to the target goes without saying."""
     before, old = explained([{}]), {"a_mount": -3.0, "c_t": 0.0}
     hidden = reason(explained([{}], old=old, surmount="hidden"), before)
@@ -100,7 +100,7 @@ def test_what_the_old_one_lost_in_a_mount_depends_on_its_reading():
 
 
 def test_the_features_of_a_kept_subgoal_are_those_of_the_old_one():
-    """Kept at the step before: what fell since is told from the old one there, not from that step's best."""
+    """Kept at the step before: what fell since is measured from the old one there, not from that step's best."""
     kept = explained([{"c_h": 0.0}], old={"c_t": 0.0})
     assert kept.decision.choice is Choice.KEPT
     now = explained([{}], old={"c_t": 0.0})
@@ -133,7 +133,7 @@ def test_reached_states_the_distance_and_d1():
     )
 
 
-def test_no_maintenance_is_said():
+def test_the_reason_says_that_nothing_is_maintained():
     text = reason(explained([{"a_close": -5.0}], old={}, d1=math.inf), None)
     assert text.startswith("switched: d1 is infinite, so no subgoal is maintained; the best new one")
     assert "scores 1.5 lower" in text
@@ -266,7 +266,7 @@ def test_every_decision_of_a_drive_has_its_reason(seed):
 
 
 def test_criteria_of_ones_own_from_the_escaper():
-    """Weights stand in the order of the names, whatever that is."""
+    """Weights are in the order of the names, whatever that is."""
     criteria = {"ahead": lambda candidates, view: candidates[:, 0], **PAPER_CRITERIA}
     made = LocalMinimumEscaper(stage(), {**only(c_o=1.0), "ahead": 50.0}, EscaperConfig(), criteria)
     made.decide(escape()[0])

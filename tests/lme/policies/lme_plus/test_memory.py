@@ -32,7 +32,7 @@ def test_points_of_the_scan_are_known_from_the_first_look_on():
     assert memory.seen.shape[1] == 2
 
 
-def test_what_is_not_kept_is_of_the_last_scan():
+def test_without_kept_the_memory_holds_the_last_scan_alone():
     memory = Memory(MemoryConfig(kept=False), stage())
     seen = escape(steps=5)
     for view in seen:

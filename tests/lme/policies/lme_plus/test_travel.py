@@ -29,14 +29,14 @@ def test_in_the_open_the_rest_is_the_straight_way(target):
     assert found.rest(HERE[None])[0] == pytest.approx(straight, abs=near(straight))
 
 
-def test_where_the_search_did_not_come_the_rest_is_the_least_that_it_allows():
+def test_where_the_search_did_not_reach_the_rest_is_its_lower_bound():
     found = field()
     far = HERE + np.array([[-6.0, 0.0], [0.0, 6.0], [100.0, 0.0]])
     assert found.rest(far[:2]) == pytest.approx(max(found.robot_time + BEYOND - 12.0, 0.0))
     assert np.isfinite(found.rest(far)).all()
 
 
-def test_without_a_way_the_rest_is_the_straight_line():
+def test_without_a_way_the_rest_is_the_time_of_the_straight_line():
     turn = np.linspace(0.0, 2 * math.pi, 200)
     found = field(HERE + np.column_stack((np.cos(turn), np.sin(turn))))
     assert math.isinf(found.robot_time)

@@ -122,7 +122,7 @@ def test_steady_turn_rate_per_commanded_one(axes, least, most, omega):
 @pytest.mark.parametrize(
     ("roll", "ode"), [(0.2, 0.994), (0.25, 1.201), (0.35, 1.313), (0.4, 1.074), (0.45, 0.893)]
 )
-def test_it_turns_faster_where_left_and_right_wheels_mirror_each_other(roll, ode):
+def test_the_robot_turns_faster_where_left_and_right_wheels_mirror_each_other(roll, ode):
     """Roll ahead at 0.5 m/s for a while, stop, turn at 1 rad/s: benchmarks/ode_jackal.cpp gave these means."""
     state = at_rest()
     drive([(0.5, 0)], state=state, period=roll)
@@ -132,13 +132,13 @@ def test_it_turns_faster_where_left_and_right_wheels_mirror_each_other(roll, ode
 
 
 @pytest.mark.parametrize(("axes", "measured"), [("wheel", (0.0, 0.20, 0.83)), ("world", (0.0, 0.55, 1.18))])
-def test_while_the_wheels_spin_it_hardly_turns(axes, measured):
+def test_while_the_wheels_spin_the_robot_hardly_turns(axes, measured):
     rate = mean([(1, 1)] * 5, axes, 5)[[0, 2, 4]]
     np.testing.assert_allclose(rate, measured, atol=tolerances.GAZEBO_TURN_RATE)
 
 
 @pytest.mark.parametrize(("axes", "measured"), [("wheel", 1.1), ("world", 0.5)])
-def test_at_full_speed_and_2_radps_it_slides_sideways(axes, measured):
+def test_at_full_speed_and_2_radps_the_robot_slides_sideways(axes, measured):
     """Within 1.2 s; later still faster with friction on the wheel, here as in Open Dynamics Engine."""
     sideways = np.abs(mean([(2, 2)] * 12, axes, 4))
     assert sideways.max() == pytest.approx(measured, abs=tolerances.GAZEBO_SIDESLIP)
@@ -154,7 +154,7 @@ def test_a_robot_at_rest_stays_there(axes):
 
 @pytest.mark.parametrize("axes", ["world", "body"])
 @pytest.mark.parametrize("friction", [0.3, 0.5, 0.8])
-def test_it_accelerates_and_brakes_at_what_friction_bears(axes, friction):
+def test_the_robot_accelerates_and_brakes_as_friction_allows(axes, friction):
     chassis = JACKAL._replace(friction=friction, com_height=0.0)
     state = at_rest()
     speed = drive([(2, 0)] * 2, axes, state, chassis)[-1, 3]
@@ -163,7 +163,7 @@ def test_it_accelerates_and_brakes_at_what_friction_bears(axes, friction):
     assert speeds[-3] - speeds[-1] == pytest.approx(friction * GRAVITY * 0.2, rel=0.01)
 
 
-def test_with_much_friction_it_follows_its_wheels():
+def test_with_much_friction_the_robot_follows_its_wheels():
     chassis = JACKAL._replace(friction=50.0, com_height=0.0)
     speeds = drive([(1, 0)] * 3, "body", chassis=chassis)[-1]
     assert speeds[3:] == pytest.approx((1.0, 0.0, 0.0), abs=1e-3)

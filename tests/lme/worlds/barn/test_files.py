@@ -176,7 +176,7 @@ class _Evil:
     ],
     ids=lambda array: f"{array.dtype}{array.shape}",
 )
-def test_arrays_that_are_no_path(tmp_path, array):
+def test_invalid_path_arrays_are_refused(tmp_path, array):
     file = tmp_path / "path_0.npy"
     np.save(file, array, allow_pickle=True)
     with pytest.raises(InputError, match=r"path_0\.npy"):
@@ -197,7 +197,7 @@ def test_headers_that_promise_another_array(tmp_path, shape):
     assert "\n" not in str(error.value)
 
 
-def test_an_archive_is_no_path(tmp_path):
+def test_an_archive_is_not_a_path(tmp_path):
     np.savez(tmp_path / "path_0.npz", np.zeros((10, 2), dtype=np.int64))
     with pytest.raises(InputError, match=r"path_0\.npz is not a readable \.npy"):
         read_path(tmp_path / "path_0.npz")

@@ -42,10 +42,10 @@ COLUMNS = {
 LAST_DIGIT = 0.51e-4  # the reference figures have four decimals
 
 needs_published = pytest.mark.skipif(
-    not PUBLISHED.is_dir(), reason="published BARN files are not beside the checkout"
+    not PUBLISHED.is_dir(), reason="published BARN files are not next to the checkout"
 )
 needs_figures = pytest.mark.skipif(
-    not FIGURES.is_file(), reason="reference figures are not beside the checkout"
+    not FIGURES.is_file(), reason="reference figures are not next to the checkout"
 )
 
 
@@ -152,7 +152,7 @@ def test_paths_keep_to_the_rules(seed, fill, smoothings):
         assert not (dr and dc and blocked[r + dr, c] and blocked[r, c + dc])
 
 
-def test_no_way_through_is_no_world():
+def test_a_grid_without_a_way_through_has_no_path():
     blocked = np.zeros((GRID_CELLS, GRID_CELLS), dtype=bool)
     blocked[:, 15] = True
     assert middle_path(blocked) is None

@@ -24,7 +24,7 @@ def test_the_labs_hundred():
     assert Barn(BarnConfig()).numbers == Barn(BarnConfig(subset="lab100")).numbers == numbers
 
 
-@pytest.mark.skipif(not FACTS.is_file(), reason="the list of the lab's worlds is not beside the checkout")
+@pytest.mark.skipif(not FACTS.is_file(), reason="the list of the lab's worlds is not next to the checkout")
 def test_the_labs_hundred_is_the_list():
     with FACTS.open(newline="") as file:
         assert sorted(int(row["world"]) for row in csv.DictReader(file)) == list(lab100())

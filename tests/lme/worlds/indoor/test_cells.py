@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from lme.worlds.indoor.cells import Rectangle, drawn
+from lme.worlds.indoor.cells import Rectangle, random_size
 
 BOX = Rectangle(2, 4, 6, 5)
 
 
 def test_a_rectangle_is_moved_grown_and_transposed():
     assert BOX.size == (4, 1)
-    assert BOX.grown(2) == (0, 2, 8, 7)
+    assert BOX.enlarged(2) == (0, 2, 8, 7)
     assert BOX.shifted(-2, 1) == (0, 5, 4, 6)
     assert BOX.transposed() == (4, 2, 5, 6)
 
@@ -28,6 +28,6 @@ def test_a_rectangle_holds_places_in_metres():
     assert not BOX.holds(np.array([0.2, 0.26]))
 
 
-def test_a_drawn_number_may_be_either_bound():
+def test_a_random_size_may_be_either_bound():
     rng = np.random.default_rng(0)
-    assert {drawn(rng, (3, 5)) for _ in range(50)} == {3, 4, 5}
+    assert {random_size(rng, (3, 5)) for _ in range(50)} == {3, 4, 5}

@@ -36,5 +36,5 @@ def test_with_all_loops_a_network_is_every_pair_of_joined_nodes():
     assert some == [pair for pair in SQUARE if set(pair) <= set(itertools.chain(*some))]
 
 
-def test_what_cannot_be_joined_stays_out():
+def test_nodes_that_cannot_be_joined_stay_out_of_the_network():
     assert chosen(pairs=[(0, 1), (1, 2)], size=9) == [(0, 1), (1, 2)]

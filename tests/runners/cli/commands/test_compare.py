@@ -141,7 +141,7 @@ def test_worlds_of_one_number_that_are_not_the_same_are_left_out(tmp_path, job, 
         (["runs=9"], {}, "Not finished:"),
     ],
 )
-def test_what_was_not_driven_alike_is_said(tmp_path, job, capsys, words, columns, note):
+def test_compare_says_which_conditions_differ(tmp_path, job, capsys, words, columns, note):
     one = write(tmp_path / "a", job("map.worlds=[1,2]", "runs=2"), worlds=(1, 2))
     other = write(tmp_path / "b", job("map.worlds=[1,2]", "runs=2", *words), worlds=(1, 2), **columns)
     text = said(capsys, one, other, "--into", tmp_path / "into")
@@ -187,7 +187,7 @@ def test_markdown_on_standard_output_is_alone_there(tmp_path, job, capsys):
     assert shown.err.startswith("Tables and pictures: ")
 
 
-def test_without_a_place_it_goes_below_outputs(tmp_path, job, capsys, monkeypatch):
+def test_without_into_compare_writes_below_outputs(tmp_path, job, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     write(tmp_path / "a", job())
     write(tmp_path / "b", job(), 0.5)

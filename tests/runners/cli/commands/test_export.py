@@ -173,7 +173,7 @@ def test_mistakes_are_one_line(run, capsys, words, said):
     assert (shown.err.count("\n"), shown.out) == (1, "")
 
 
-def test_no_failure(tmp_path, capsys):
+def test_exporting_failures_of_a_run_without_any_is_an_error(tmp_path, capsys):
     write_run(tmp_path, worlds=(200,))
     assert main.main(["export", str(tmp_path), "--steps", "failures"]) == 2
     assert capsys.readouterr().err == "lme export: --steps failures: no episode failed\n"

@@ -16,7 +16,7 @@ def here(tmp_path, monkeypatch):
     return tmp_path
 
 
-def test_without_words_it_takes_outputs(here, capsys):
+def test_without_arguments_leaderboard_reads_outputs(here, capsys):
     assert main(["leaderboard"]) == 0
     assert capsys.readouterr().out == "Leaderboard of 2 runs: outputs/leaderboard.html\n"
     text = (here / "outputs" / "leaderboard.html").read_text(encoding="utf-8")
@@ -24,7 +24,7 @@ def test_without_words_it_takes_outputs(here, capsys):
     assert "2 of 100 worlds" in text
 
 
-def test_a_run_that_cannot_be_read_is_told_here_and_on_the_page(here, capsys):
+def test_a_run_that_cannot_be_read_is_reported_here_and_on_the_page(here, capsys):
     (here / "outputs" / "eval" / "two" / "episodes.parquet").write_text("junk")
     with pytest.warns(UserWarning, match=r"left out: outputs/eval/two/episodes.parquet is not a readable"):
         assert main(["leaderboard", "outputs", "--into", "board.html"]) == 0
@@ -32,7 +32,7 @@ def test_a_run_that_cannot_be_read_is_told_here_and_on_the_page(here, capsys):
     assert "<h2>Left out</h2>" in (here / "board.html").read_text(encoding="utf-8")
 
 
-def test_what_cannot_be_done_is_one_line(here, capsys):
+def test_an_error_of_leaderboard_is_one_line(here, capsys):
     assert main(["leaderboard", "nowhere"]) == 2
     assert "nowhere: no such directory" in capsys.readouterr().err
     assert main(["leaderboard", "--into", "outputs"]) == 2

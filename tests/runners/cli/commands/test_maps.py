@@ -95,7 +95,7 @@ sys.exit(", ".join({"matplotlib", "pandas", "mlflow", "torch", "optuna", "hydra"
     assert result.returncode == 0, result.stderr
 
 
-def test_a_world_beside_the_subset_has_its_line_and_its_picture(capsys):
+def test_a_world_outside_the_subset_has_its_line_and_its_picture(capsys):
     maps.main(["show", "barn", "42"])
     out, err = capsys.readouterr()
     header, row = out.splitlines()
@@ -106,7 +106,7 @@ def test_a_world_beside_the_subset_has_its_line_and_its_picture(capsys):
     assert picture.height > picture.width > 500
 
 
-def test_in_a_terminal_a_world_stands_beside_its_measures(capsys, terminal):
+def test_in_a_terminal_a_world_is_next_to_its_measures(capsys, terminal):
     terminal("show", "barn", "42")
     out = capsys.readouterr().out
     assert max(cell_len(line) for line in out.splitlines()) <= 80

@@ -13,7 +13,7 @@ from tests.composing import jobs_of
 from tests.made_runs import write_run
 
 
-def test_one_run_is_printed_and_its_files_written_anew(tmp_path, capsys):
+def test_table_prints_one_run_and_rewrites_its_files(tmp_path, capsys):
     with jobs_of() as job:
         write_run(tmp_path, job=job())
     assert table.main([str(tmp_path), "--format", "md"]) == 0
@@ -48,7 +48,7 @@ def test_a_sweep_gives_one_table(tmp_path, capsys):
     assert (tmp_path / "table.md").exists()
 
 
-def test_a_sweeps_own_files_are_written_anew_and_not_its_jobs(tmp_path, capsys):
+def test_a_sweeps_own_files_are_rewritten_but_not_its_jobs(tmp_path, capsys):
     """One of a single job too; the job's own when it is named."""
     with jobs_of() as job:
         write_run(tmp_path / "0", job=job("table=[drl_vo]", "map.worlds=[200,201]"))
@@ -62,7 +62,7 @@ def test_a_sweeps_own_files_are_written_anew_and_not_its_jobs(tmp_path, capsys):
     assert {"table.md", "trajectories.png"} <= {path.name for path in (tmp_path / "0").iterdir()}
 
 
-def test_a_sweep_of_ablations_is_compared_in_words_and_in_a_picture(tmp_path, capsys):
+def test_a_sweep_of_ablations_is_compared_in_text_and_in_a_picture(tmp_path, capsys):
     for number, ablation in enumerate(("none", "no_c_o")):
         write_run(tmp_path / str(number), ablation=ablation)
     table.main([str(tmp_path)])

@@ -45,7 +45,7 @@ def fetch(port, limit_s=60.0):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("ending", [signal.SIGINT, signal.SIGTERM])
-def test_it_serves_on_loopback_until_it_is_ended(tmp_path, port, ending):
+def test_ui_serves_on_loopback_until_it_is_ended(tmp_path, port, ending):
     uri = f"sqlite:///{tmp_path}/mlflow.db"
     open_client(uri)
     process = subprocess.Popen(
@@ -104,7 +104,7 @@ def test_the_printed_address_shows_a_table_of_runs_with_their_metrics(tmp_path, 
     assert process.returncode == 0
 
 
-def test_without_a_store(tmp_path, monkeypatch):
+def test_ui_without_a_store_is_an_error(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     with pytest.raises(InputError, match=r"no store at outputs/mlflow\.db: run `lme eval` here first"):
         ui.main([])
@@ -120,7 +120,7 @@ def test_without_a_store(tmp_path, monkeypatch):
         (["--uri", "outputs"], "--uri is outputs: must be a database or a server"),
     ],
 )
-def test_what_cannot_be_served_is_said_in_one_line(tmp_path, arguments, message):
+def test_an_error_of_ui_is_one_line(tmp_path, arguments, message):
     (tmp_path / "mlflow.db").touch()
     with pytest.raises(InputError, match=message) as caught:
         ui.main(["--uri", f"sqlite:///{tmp_path}/mlflow.db", *arguments])

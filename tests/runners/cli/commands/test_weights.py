@@ -48,7 +48,7 @@ def test_the_default_name_and_a_second_import(source):
 
 
 @pytest.mark.parametrize("name", ["a/b", "..", ".hidden", ""])
-def test_a_name_that_is_no_file_name(source, name):
+def test_a_name_must_be_a_file_name(source, name):
     with pytest.raises(InputError, match=r"NAME is '"):
         weights.main(["import", "dclp", str(source), name or "/"])
 

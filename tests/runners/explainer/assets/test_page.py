@@ -27,7 +27,7 @@ def go(page, step):
     settle(page)
 
 
-def test_it_opens_from_the_disk_and_asks_for_nothing(page, trace):
+def test_the_page_opens_from_the_disk_and_requests_nothing(page, trace):
     assert page.inner_text("h1") == "trap_u 1, run 0"
     assert "turtlebot2 · success after" in page.inner_text("#subtitle")
     assert step_of(page) == 0
@@ -36,7 +36,7 @@ def test_it_opens_from_the_disk_and_asks_for_nothing(page, trace):
     assert page.watch.said == []
 
 
-def test_it_cannot_connect_to_anywhere(open_page, page_file):
+def test_the_page_cannot_connect_to_anywhere(open_page, page_file):
     other = open_page(page_file)
     assert other.evaluate("fetch('https://example.org').then(() => 'answered', () => 'refused')") == "refused"
     assert any("Content Security Policy" in text for text in other.watch.said)
@@ -93,7 +93,7 @@ def test_n_and_p_go_from_switch_to_switch(page, trace):
     assert step_of(page) == switches[1]
 
 
-def test_it_plays_and_pauses_and_tells_a_screen_reader_when_it_rests(page, trace):
+def test_the_page_plays_and_pauses_and_announces_the_pause(page, trace):
     spoken = page.locator("#spoken")
     go(page, 2)
     until(page, "document.getElementById('spoken').textContent.startsWith('Step 2')")
@@ -224,7 +224,7 @@ def test_help_opens_by_key_and_closes(page):
     assert step_of(page) == 0
 
 
-def test_it_takes_the_colours_of_the_system_and_those_asked_for(page):
+def test_the_page_takes_the_colours_of_the_system_or_those_chosen(page):
     def ground():
         return page.evaluate("getComputedStyle(document.querySelector('section')).backgroundColor")
 

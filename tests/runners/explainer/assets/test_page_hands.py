@@ -67,7 +67,7 @@ def test_a_button_of_no_more_use_leaves_the_focus_on_the_page(page, button):
     )
 
 
-def test_one_voice_alone_speaks_and_tells_what_a_slider_did(page):
+def test_one_live_region_announces_what_a_slider_did(page):
     live = "[aria-live]:not([aria-live=off]), [role=status], [role=alert], [role=log], output"
     assert page.eval_on_selector_all(live, "(them) => them.map((one) => one.id)") == ["spoken"]
     page.focus("#p-d2")

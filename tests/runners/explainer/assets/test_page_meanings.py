@@ -64,7 +64,7 @@ def test_the_keyboard_reaches_the_meaning_of_every_name(away, place):
     assert shown(away) is None
 
 
-def test_what_has_the_meaning_shown_or_not_tells_it_to_a_screen_reader(page):
+def test_every_name_with_a_meaning_describes_it_to_a_screen_reader(page):
     described = page.evaluate(
         """() => Array.from(document.querySelectorAll("[data-name]"), (element) =>
             [element.dataset.name, document.getElementById(element.getAttribute("aria-describedby")).textContent])"""

@@ -41,7 +41,7 @@ def test_a_tap_shows_a_candidates_terms(open_page, page_file):
     assert phone.watch.said == []
 
 
-def test_it_works_in_a_sandboxed_frame(browser, page_file, tmp_path):
+def test_the_page_works_in_a_sandboxed_frame(browser, page_file, tmp_path):
     frame = page_file.read_text("utf-8").replace("&", "&amp;").replace('"', "&quot;")
     outer = tmp_path / "outer.html"
     outer.write_text(f'<iframe sandbox="allow-scripts" width="900" height="600" srcdoc="{frame}"></iframe>')
@@ -74,7 +74,7 @@ def test_a_guide_without_reasons_has_its_drive_shown(open_page, tmp_path):
     assert page.watch.said == []
 
 
-def test_a_planned_path_is_drawn_and_the_end_tells_the_tasks_clock(open_page, tmp_path):
+def test_a_planned_path_is_drawn_and_the_end_shows_the_tasks_clock(open_page, tmp_path):
     path = tmp_path / "planned.html"
     planned = traced(230, "map.worlds=[230]", "guide=global_path", "planner=eband", "map.time_limit=4")
     write_page(planned, path, "E-Band")
@@ -100,7 +100,7 @@ def test_a_planned_path_is_drawn_and_the_end_tells_the_tasks_clock(open_page, tm
     assert page.watch.said == []
 
 
-def test_without_a_plan_there_is_no_key_to_one(page):
+def test_without_a_plan_the_legend_has_no_entry_for_one(page):
     assert page.get_by_text("planned", exact=True).is_hidden()
 
 
@@ -110,7 +110,7 @@ def test_a_long_name_breaks(open_page, trace, tmp_path):
     assert open_page(tmp_path / "long.html", "", 360, 740).evaluate(FIT)
 
 
-def test_a_browser_that_is_too_old_is_told_so(browser, page_file):
+def test_a_browser_that_is_too_old_gets_a_note(browser, page_file):
     page = browser.new_page()
     page.add_init_script("CSS.supports = () => false")
     page.goto(page_file.as_uri())
@@ -119,7 +119,7 @@ def test_a_browser_that_is_too_old_is_told_so(browser, page_file):
     page.close()
 
 
-def test_what_moves_is_drawn_where_it_is(open_page, tmp_path):
+def test_moving_obstacles_are_drawn_where_they_are(open_page, tmp_path):
     path = tmp_path / "moving.html"
     moving = traced(
         0,

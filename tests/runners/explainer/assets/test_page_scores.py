@@ -74,7 +74,7 @@ def test_scores_candidates_and_choices_are_pythons_at_every_step(page, trace, va
         assert verdict["changed"] is not same
 
 
-def test_with_its_own_parameters_nothing_changes(page, trace):
+def test_with_the_episodes_own_parameters_nothing_changes(page, trace):
     assert not any(page.evaluate("explainer.app.changed"))
     choices = [str(step.explanation.decision.choice) for step in trace.steps]
     assert page.evaluate("explainer.app.verdicts.map((verdict) => verdict.choice)") == choices
@@ -163,7 +163,7 @@ def test_the_bars_show_pythons_terms(page, trace):
         assert shown[-1] == pytest.approx(weights @ features, rel=RELATIVE)
 
 
-def test_what_is_typed_counts_and_nonsense_is_refused(page):
+def test_typed_values_count_and_invalid_ones_are_refused(page):
     for text, shown, value in (("inf", "∞", math.inf), ("0,25", "0.25", 0.25)):
         page.fill("#n-d1", text)
         page.press("#n-d1", "Enter")

@@ -51,7 +51,7 @@ def test_every_world_is_whole_on_its_panel(every_panel):
         assert (panel.task.goal + panel.task.goal_tolerance < (x1, y1)).all()
 
 
-def test_sets_are_told_with_their_size_and_their_worlds(every_panel):
+def test_map_sets_are_described_with_their_size_and_worlds(every_panel):
     details = {panel.name: panel.detail for panel in every_panel}
     assert details["env1"] == "10 × 10 m\n50 worlds"
     assert details["real1"] == "8 × 6 m\n20 worlds"
@@ -116,7 +116,7 @@ def test_the_kind_draws_the_sets_and_worlds_that_are_named(monkeypatch, tmp_path
     assert panels[-1].task.map_name == "trap_door"
 
 
-def test_worlds_asked_for_may_lie_beside_the_subset_and_the_path_can_be_left_out(monkeypatch, tmp_path):
+def test_worlds_asked_for_may_be_outside_the_subset_and_the_path_can_be_left_out(monkeypatch, tmp_path):
     panels = drawn_names(monkeypatch, tmp_path, worlds=[42], maps=["barn", "barn 7"], way=False)
     assert [panel.name for panel in panels] == ["barn 42", "barn 7"]
     assert all(panel.way is None for panel in panels)
@@ -136,7 +136,7 @@ def test_null_is_every_set_but_that_of_a_users_own_file(monkeypatch, tmp_path):
         ({"columns": 0}, "figure.columns is 0"),
     ],
 )
-def test_mistakes_are_told_before_anything_is_drawn(settings, said):
+def test_mistakes_are_reported_before_anything_is_drawn(settings, said):
     with pytest.raises(InputError, match=said):
         Maps(MapsConfig(**settings))
 

@@ -46,7 +46,7 @@ def test_the_angles_are_those_of_the_ends_to_the_target(shot):
 
 
 @pytest.mark.parametrize("step", [0, 7, 13])
-def test_the_robot_is_named_beside_it(trace, step):
+def test_the_letter_of_the_robot_is_next_to_it(trace, step):
     figure = method_figure(shot_of(trace, step))
     figure.draw_without_rendering()
     (letter,) = [text for text in figure.findobj(Text) if text.get_text() == "$O$"]

@@ -1,4 +1,4 @@
-"""The figure of several systems' paths: which panels it has, what stands in them, that nothing overlaps."""
+"""The figure of several systems' paths: which panels it has, what they show, that nothing overlaps."""
 
 import math
 from itertools import combinations
@@ -96,13 +96,15 @@ def test_one_column_per_system_and_one_row_per_world(tmp_path, drawn):
     assert [row[0].get_ylabel() for row in rows] == ["corridor, world 3", "corridor, world 8"]
 
 
-def test_a_row_that_is_too_long_goes_on_below(tmp_path, drawn):
+def test_a_row_that_is_too_long_continues_below(tmp_path, drawn):
     draw(several(12), [3], tmp_path)
     assert [len(row) for row in rows_of(drawn[0])] == [6, 6]
 
 
-def test_what_does_not_fit_on_a_page_is_refused(tmp_path):
-    with pytest.raises(InputError, match="12 systems in 4 worlds make 8 rows of panels, and 6 can be read"):
+def test_more_panels_than_fit_on_a_page_are_refused(tmp_path):
+    with pytest.raises(
+        InputError, match="12 systems in 4 worlds make 8 rows of panels; at most 6 are readable"
+    ):
         draw(several(12, [1, 2, 3, 4]), [1, 2, 3, 4], tmp_path)
 
 
@@ -173,7 +175,7 @@ def test_overlaid_systems_differ_in_colour_and_in_line(tmp_path, drawn):
 
 
 def test_more_systems_than_can_be_told_apart_are_refused(tmp_path):
-    with pytest.raises(InputError, match=r"figure\.layout is overlaid: 7 systems cannot be told apart"):
+    with pytest.raises(InputError, match=r"figure\.layout is overlaid: 7 systems cannot be distinguished"):
         draw(several(7), [3], tmp_path, layout="overlaid")
 
 
@@ -186,7 +188,7 @@ def test_a_moment_is_a_step_or_a_time(value, meant):
 
 
 @pytest.mark.parametrize("value", [-1, 12.5, "12.5", True, "soon", "-3 s", [3]])
-def test_what_is_neither_a_step_nor_a_time_is_no_moment(value):
+def test_a_moment_must_be_a_step_or_a_time(value):
     with pytest.raises(
         InputError, match=r"figure\.moment is .*: must be null, the number of a step, or a time"
     ):
@@ -208,7 +210,7 @@ def test_a_setting_that_makes_no_sense_is_named(key, value):
         build(node, "figure")
 
 
-def test_subgoals_are_those_chosen_anew_and_not_the_goal():
+def test_subgoals_are_the_newly_chosen_ones_and_not_the_goal():
     steps = pd.DataFrame(
         {
             "step": [0, 1, 2, 3, 4],

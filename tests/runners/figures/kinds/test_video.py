@@ -86,7 +86,7 @@ def test_a_film_is_the_same_twice(sweep, tmp_path):
     assert (tmp_path / "one.gif").read_bytes() == (tmp_path / "two.gif").read_bytes()
 
 
-def test_what_moves_is_drawn_anew_and_what_stands_is_not_touched(traces):
+def test_only_moving_parts_are_redrawn(traces):
     screen = Screen(traces, ["LME", "DWA"], 400)
     first, later = screen.at(0.0), screen.at(5.0)
     changed = (first != later).any(axis=2)
@@ -151,7 +151,7 @@ def test_a_still_picture_of_a_moment_comes_from_the_same_run(sweep, tmp_path, mo
 
 def test_more_panels_than_can_be_seen_are_refused(sweep, tmp_path):
     jobs = read_runs([sweep])
-    with pytest.raises(InputError, match="8 runs make 8 panels, and 6 can be seen at once"):
+    with pytest.raises(InputError, match="8 runs make 8 panels; at most 6 fit at once"):
         Video(VideoConfig()).draw(jobs * 4, [0], tmp_path / "v", [])
 
 

@@ -1,4 +1,4 @@
-"""What the robot sees, on the page: which way is up, and what can be told apart."""
+"""What the robot sees, on the page: which way is up, and what can be distinguished."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""Figures can be made while another thread imports IPython, as MLflow does; a full disk is told as one."""
+"""Figures can be made while another thread imports IPython, as MLflow does; a full disk is reported as one."""
 
 import errno
 import os
@@ -35,7 +35,7 @@ def test_a_figure_waits_for_an_import_of_ipython_in_another_thread(tmp_path):
 
 
 @pytest.mark.parametrize("ending", FORMATS)
-def test_a_full_disk_is_told_as_one_and_leaves_the_old_picture(tmp_path, monkeypatch, ending):
+def test_a_full_disk_is_reported_as_one_and_leaves_the_old_picture(tmp_path, monkeypatch, ending):
     path = tmp_path / f"chart.{ending}"
     path.write_text("before")
 

@@ -32,7 +32,7 @@ def test_of_a_long_table_the_best_and_the_worst_are_drawn_in_its_order():
     assert [int(one.keys["seed"]) for one in drawn] == sorted(int(one.keys["seed"]) for one in drawn)
 
 
-def test_without_a_metric_success_counts_and_an_empty_row_is_worst():
+def test_rows_without_a_metric_rank_by_success_and_empty_rows_last():
     rows = [row(number, number / 100) for number in range(MOST)] + [Row("none", {}, {})]
     drawn = best_and_worst(rows)
     assert len(drawn) == MOST

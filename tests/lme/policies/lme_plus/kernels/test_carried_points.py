@@ -38,7 +38,7 @@ def kept(
 
 @settings(max_examples=100)
 @given(st.integers(0, 10**6), st.booleans(), st.booleans())
-def test_it_remembers_what_the_twin_does(seed, full_circle, clockwise):
+def test_carried_points_agree_with_the_slow_twin(seed, full_circle, clockwise):
     rng = np.random.default_rng(seed)
     count = int(rng.integers(1, 90))
     fov = 2 * math.pi if full_circle else rng.uniform(0.5, 5.5)
@@ -90,7 +90,7 @@ def test_points_in_the_blind_arc_stay(sense):
 
 
 @pytest.mark.parametrize("unseen", [np.nan, 0.0])
-def test_no_measurement_sees_nothing_but_no_return_sees_far(unseen):
+def test_an_invalid_beam_clears_no_point_but_one_without_a_return_does(unseen):
     assert len(kept([[2.0, 0.0]], np.full(360, unseen))) == 1
     assert len(kept([[2.0, 0.0]], np.full(360, np.inf))) == 0
 
@@ -101,7 +101,7 @@ def test_far_points_are_forgotten_and_those_of_the_scan_left_out():
     assert kept(memory, blind, scan).tolist() == [[0.0, 7.9], [7.9, 0.0]]
 
 
-def test_one_point_stays_per_square_and_the_scans_is_the_newer_one():
+def test_one_point_stays_per_square_and_the_scan_wins():
     memory, scan = [[1.01, 0.01], [1.02, 0.02], [1.06, 0.01]], [[1.03, 0.03], [1.04, 0.04]]
     assert kept(memory, np.zeros(8), scan).tolist() == [[1.03, 0.03], [1.06, 0.01]]
 

@@ -64,7 +64,7 @@ def test_times_are_those_of_shortest_ways(seed, leave):
 
 @settings(max_examples=25)
 @given(SEEDS, st.sampled_from([0.0, 0.3, 1.0]))
-def test_what_is_not_searched_is_on_no_good_way(seed, beyond):
+def test_cells_that_are_not_searched_are_on_no_good_way(seed, beyond):
     points, target, robot = scene(seed)
     (whole, best), (part, robot_time) = (times(points, target, robot, beyond=b) for b in (ALL, beyond))
     if math.isinf(best):
@@ -96,7 +96,7 @@ def test_the_way_past_the_end_of_a_wall_is_two_tangents_and_an_arc(end):
     assert times(wall, target, robot, pace=EVEN)[1] == pytest.approx(exact, abs=near(exact))
 
 
-def test_without_passage_there_is_no_time():
+def test_without_a_passage_the_travel_time_is_infinite():
     wall = np.column_stack((np.full(100, 0.5), np.linspace(-2.5, 2.5, 100)))
     field, robot_time = times(wall, (2.0, 0.0))
     assert math.isinf(robot_time)
@@ -129,7 +129,7 @@ def test_a_robot_too_near_to_a_point_has_a_way_out_but_no_other_place_does():
     assert math.isinf(inside(field)[26, 26])
 
 
-def test_near_obstacles_it_takes_longer_by_up_to_the_slowdown():
+def test_near_obstacles_travel_takes_longer_by_up_to_the_slowdown():
     # Between two walls 0.5 m apart the nearest point is nowhere farther than `inner`: three times as long.
     along = np.linspace(-2.5, 2.5, 200)
     walls = np.concatenate([np.column_stack((along, np.full(200, y))) for y in (-0.3, 0.2)])
@@ -166,7 +166,7 @@ def test_one_more_obstacle_never_shortens_a_time(seed):
     (before, before_time), (after, after_time) = (times(each, target, robot) for each in (points, more))
     found = np.isfinite(before) & np.isfinite(
         after
-    )  # the search goes on longer where the robot's way is longer
+    )  # the search lasts longer where the robot's way is longer
     assert (after[found] >= before[found] - near(before[found])).all()
     assert after_time >= before_time - near(before_time) or math.isinf(before_time)
 
@@ -204,6 +204,6 @@ def test_the_way_down_falls_at_every_place_and_ends_at_the_target(seed):
     np.testing.assert_array_equal(short, way[:7])
 
 
-def test_there_is_no_way_down_from_where_no_time_is():
+def test_descending_from_an_infinite_time_gives_no_way():
     field = np.full((SIZE + 2, SIZE + 2), np.inf)
     assert descend(field, np.zeros(2), GRID, 5.0, 3).shape == (0, 2)

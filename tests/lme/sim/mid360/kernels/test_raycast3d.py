@@ -113,7 +113,7 @@ def test_rays_along_the_axes(direction, distance):
 
 
 @given(SEEDS)
-def test_what_stands_from_the_ground_to_the_sky_is_where_the_planar_kernel_sees_it(seed):
+def test_infinitely_high_obstacles_are_where_the_planar_kernel_sees_them(seed):
     scene, (x, y, _), rng = furnished(seed)
     endless = ExtrudedWorld(scene.world, *[(-math.inf, math.inf)] * 3, ground=-math.inf)
     bearings, elevations = rng.uniform(-4, 4, 60), rng.uniform(-1.4, 1.4, 60)

@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from runners.cli.left_out import PACKAGES, left_out
+from runners.cli.missing_packages import PACKAGES, explain_missing
 from tests.lme.test_requirements import EXPERIMENTS
 from tests.places import ROOT
 
@@ -29,7 +29,7 @@ def lme(*words, without):
     )  # fmt: skip
 
 
-def test_they_are_what_the_installation_for_robots_leaves_out():
+def test_the_named_packages_are_those_that_the_robot_installation_omits():
     assert set(PACKAGES.values()) == EXPERIMENTS
 
 
@@ -57,6 +57,6 @@ def test_lme_live_needs_hydra_alone():
     assert done.stderr.startswith("lme live: ROS 2 is not installed: pip install ros-rclpy ")
 
 
-def test_a_module_that_is_no_requirement_keeps_its_traceback():
-    assert left_out(ModuleNotFoundError("No module named 'nope'", name="nope"), "eval") == ""
-    assert left_out(ModuleNotFoundError("no name"), "eval") == ""
+def test_a_missing_module_that_is_not_a_requirement_keeps_its_traceback():
+    assert explain_missing(ModuleNotFoundError("No module named 'nope'", name="nope"), "eval") == ""
+    assert explain_missing(ModuleNotFoundError("no name"), "eval") == ""

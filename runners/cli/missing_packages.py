@@ -17,7 +17,7 @@ PACKAGES = {  # by the module that is imported
 }
 
 
-def left_out(error: ModuleNotFoundError, command: str) -> str:
+def explain_missing(error: ModuleNotFoundError, command: str) -> str:
     """What is missing and how to install it; empty for a module that every installation has, or none."""
     package = PACKAGES.get((error.name or "").partition(".")[0])
     if package is None:

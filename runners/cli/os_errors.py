@@ -1,4 +1,4 @@
-"""Reasons outside the program why a file cannot be written or read, each told in one line."""
+"""Reasons outside the program why a file cannot be written or read, each explained in one line."""
 
 from __future__ import annotations
 
@@ -9,13 +9,15 @@ from runners.records.whole_file import DISK_FULL
 _FORBIDDEN = (errno.EROFS, errno.EACCES, errno.EPERM)
 
 
-def outside(error: Exception) -> str:
+def explain_os_error(error: Exception) -> str:
     """What to say of a full disk, and of a place that may not be used; empty for any other error."""
     if not isinstance(error, OSError):
         return ""
     if error.errno in DISK_FULL:
         place = f" while writing {error.filename}" if error.filename else ""
-        return f"disk full{place}: what is finished is kept; free some space and add resume=true"
+        return f"disk full{place}: finished work is kept; free some space and add resume=true"
     if error.errno in _FORBIDDEN and error.filename:
-        return f"{error.filename}: cannot be used ({error.strerror}): what is finished is kept; use another place"
+        return (
+            f"{error.filename}: cannot be used ({error.strerror}): finished work is kept; use another folder"
+        )
     return ""
