@@ -17,7 +17,7 @@ from runners.config.schema import EvalConfig
 from runners.experiments.evaluate import drive, produce, start_tracking, validate
 from runners.experiments.labels import run_labels
 from runners.records import launch_record, run_directories
-from runners.records.parquet import EPISODES
+from runners.records.records import episode_tables
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -125,7 +125,7 @@ def _evaluate_into(
 
 
 def _records(run_dir: Path) -> pd.DataFrame:
-    """The episodes of a run, as its file holds them."""
-    import pandas as pd
-
-    return pd.read_parquet(run_dir / EPISODES)
+    """The episodes of a finished run, with the columns of its file."""
+    ((table, _),) = episode_tables([run_dir])
+    frame: pd.DataFrame = table.to_pandas()
+    return frame
