@@ -15,6 +15,7 @@ from runners.analysis import paired, run_names
 from runners.analysis.paired import METRIC, SUCCESS, TIE, Block, Difference
 from runners.analysis.shared_worlds import ComparedRun, Group, groups
 from runners.analysis.summary import METRICS, SMOOTHNESS
+from runners.config.wording import counted
 from runners.records.launch_record import Launch, read_launch
 
 if TYPE_CHECKING:
@@ -66,7 +67,7 @@ class Compared:
     def counts(self) -> str:
         """ "20 worlds, 60 pairs"."""
         pairs = self.changes[SUCCESS].difference.pairs
-        return f"{_number(len(self.worlds), 'world')}, {_number(pairs, 'pair')}"
+        return f"{counted(len(self.worlds), 'world')}, {counted(pairs, 'pair')}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -202,16 +203,16 @@ def _left_out(reference: ComparedRun, run: ComparedRun, shared: frozenset[int], 
     """What two runs do not share; empty if every episode has a partner."""
     both, number = reference.worlds & run.worlds, len(shared)
     parts = [
-        f"{_number(len(worlds - both), 'world')} that only {whose} drove"
+        f"{counted(len(worlds - both), 'world')} that only {whose} drove"
         for worlds, whose in ((reference.worlds, "the reference"), (run.worlds, "it"))
         if worlds - both
     ]
     if number < len(both):
-        parts.append(f"{_number(len(both) - number, 'world')} with another start, goal or layout")
+        parts.append(f"{counted(len(both) - number, 'world')} with another start, goal or layout")
     single = sum(world in shared for world, _ in reference.episodes ^ run.episodes)
     if single:
-        parts.append(f"{_number(single, 'episode')} that only one of the two drove in shared worlds")
-    return f"{name}: {_number(number, 'shared world')}; left out: {', '.join(parts)}." if parts else ""
+        parts.append(f"{counted(single, 'episode')} that only one of the two drove in shared worlds")
+    return f"{name}: {counted(number, 'shared world')}; left out: {', '.join(parts)}." if parts else ""
 
 
 def _drove(run: ComparedRun) -> str:
@@ -219,9 +220,5 @@ def _drove(run: ComparedRun) -> str:
     numbers, runs = run.worlds, sorted({number for _, number in run.episodes})
     times = f"run {runs[0]}" if len(runs) == 1 else f"runs {runs[0]} to {runs[-1]}"
     return (
-        f"{run.text('map')}, {_number(len(numbers), 'world')} from {min(numbers)} to {max(numbers)}, {times}"
+        f"{run.text('map')}, {counted(len(numbers), 'world')} from {min(numbers)} to {max(numbers)}, {times}"
     )
-
-
-def _number(count: int, noun: str) -> str:
-    return f"{count:,} {noun}{'s' * (count != 1)}"

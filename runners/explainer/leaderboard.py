@@ -8,7 +8,8 @@ from pathlib import Path
 
 from runners.analysis.leaderboard import UNKNOWN, BoardEntry, Setting
 from runners.analysis.summary import INTERVAL_NOTE, TIMES
-from runners.explainer.leaderboard_cells import COLUMNS, breakable, cells, chips, counted, escaped, orders
+from runners.config.wording import counted
+from runners.explainer.leaderboard_cells import COLUMNS, breakable, cells, chips, escaped, orders
 from runners.explainer.leaderboard_details import details, settings_data
 from runners.explainer.write import asset, fill, policy, write_html
 

@@ -13,7 +13,7 @@ import numpy as np
 from lme.geometry.frames import to_world
 from lme.policies.lme.criteria import View
 from lme.policies.lme.surmount import Blockage, sector_points
-from lme.types import Floats
+from lme.types import Floats, Pose
 from runners.figures.parts import robot_view as view
 from runners.figures.parts.driven_runs import DrivenRun
 from runners.figures.parts.moment import (
@@ -145,7 +145,7 @@ def _letters(blockage: Blockage, target: Floats) -> list[view.Letter]:
     """E1, E2, A and B, the name of B turned away from the target: it must not look like the target's name."""
     *ends, beyond = view.letters(blockage)
     turn = -math.copysign(TURN_RAD, _between(blockage.A, target))
-    return [*ends, beyond._replace(away=to_world(beyond.away, (0.0, 0.0, turn)))]
+    return [*ends, beyond._replace(away=to_world(beyond.away, Pose(0.0, 0.0, turn)))]
 
 
 def _free_side(points: Sequence[Floats]) -> Floats:

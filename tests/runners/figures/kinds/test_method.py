@@ -8,6 +8,7 @@ from matplotlib.text import Text
 
 from lme.geometry.frames import to_world
 from lme.policies.lme.maintenance import Choice
+from lme.types import Pose
 from runners.cli.main import main
 from runners.figures.kinds.method import _free_side, _letters, method_figure
 from runners.figures.parts import robot_view as view
@@ -74,7 +75,7 @@ def test_a_name_stands_in_the_widest_gap(points, side):
 @pytest.mark.parametrize("bearing", [-0.3, 0.3])
 def test_the_name_of_b_keeps_away_from_the_target(shot, bearing):
     blockage = shot.why.view.blockage
-    target = to_world(blockage.B, (0.0, 0.0, bearing))
+    target = to_world(blockage.B, Pose(0.0, 0.0, bearing))
     (own,), (usual,) = (names[-1:] for names in (_letters(blockage, target), view.letters(blockage)))
     to_target = view.upwards(target - blockage.B)
     assert own.text == usual.text == "$B$"
