@@ -112,7 +112,7 @@ def test_agreement_with_itself_and_without_spread():
 
 
 def test_worlds_in_common_are_needed():
-    with pytest.raises(InputError, match="none in common"):
+    with pytest.raises(InputError, match="no world in common"):
         agreement(episodes((0, "success", 1.0)), episodes((1, "success", 1.0)))
 
 

@@ -220,7 +220,7 @@ def test_a_row_says_how_much_of_an_unfinished_run_was_driven(kept, planned, name
     frame = records(**planned).iloc[:kept]
     rows = summarise(frame, systems={})
     assert [row.name for row in rows] == [name]
-    assert any("Not finished" in note for note in notes(rows)) == ("of" in name)
+    assert any("is not finished" in note for note in notes(rows)) == ("of" in name)
     for text in (to_markdown(rows), tables.to_csv(rows), to_latex(rows), to_html(rows)):
         assert name in text
 

@@ -164,7 +164,7 @@ def test_a_run_without_steps_is_driven_once_more(tmp_path, capfd):
         (["--columns", "worlt"], "--columns worlt: no such column; did you mean world?"),
         (["--format", "parquet"], "is not text, so it needs --output FILE"),
         (["--steps", "9"], "world 9 was not driven in this run"),
-        (["--steps", "9x"], "'9x' is no episode: give WORLD, WORLD/RUN or failures"),
+        (["--steps", "9x"], "episode: give WORLD, WORLD/RUN or failures"),
         (["--columns", "world,run,world"], "--columns world,run,world: names world twice"),
         (
             ["-o", "some.xlsx"],
@@ -179,6 +179,20 @@ def test_mistakes_are_one_line(run, capsys, words, said):
     shown = capsys.readouterr()
     assert said in shown.err
     assert (shown.err.count("\n"), shown.out) == (1, "")
+
+
+def test_no_failure(tmp_path, capsys):
+    write_run(tmp_path, worlds=(200,))
+    assert main.main(["export", str(tmp_path), "--steps", "failures"]) == 2
+    assert capsys.readouterr().err == "lme export: --steps failures: no episode failed\n"
+
+
+def test_a_reader_that_closes_the_pipe(run):
+    words = [sys.executable, "-m", "runners.cli.main", "export", str(run), "--steps"]
+    with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        process.stdout.close()
+        assert process.stderr.read() == b""
+    assert process.returncode == 0
 
 
 def test_the_format_may_differ_from_an_ending_that_is_none(run, tmp_path):
@@ -212,17 +226,3 @@ def test_records_name_the_weights_that_were_used(tmp_path, capsys):
     assert rows == {"lme_plus,lme_plus", "lme,published", "mine,published"}
     assert set(read_episodes([tmp_path / "plus"])["weights"]) == {"lme_plus"}
     assert set(_records(tmp_path / "plus")["weights"]) == {"lme_plus"}  # as `lme.evaluate` returns them
-
-
-def test_no_failure(tmp_path, capsys):
-    write_run(tmp_path, worlds=(200,))
-    assert main.main(["export", str(tmp_path), "--steps", "failures"]) == 2
-    assert capsys.readouterr().err == "lme export: --steps failures: no episode failed\n"
-
-
-def test_a_reader_that_closes_the_pipe(run):
-    words = [sys.executable, "-m", "runners.cli.main", "export", str(run), "--steps"]
-    with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
-        process.stdout.close()
-        assert process.stderr.read() == b""
-    assert process.returncode == 0
