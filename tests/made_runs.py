@@ -9,7 +9,7 @@ from runners.records.records import RecordWriter
 from tests.builders import episode_record
 
 
-def write_run(run_dir, subset="lab100", worlds=(200, 201), job=None, **columns):
+def write_run(run_dir, subset="lab100", worlds=(200, 201), job=None, command="eval", **columns):
     """Records of a run whose world 201 was a collision."""
     trajectory = np.random.default_rng(0).normal(size=(20, len(TRAJECTORY_COLUMNS)))
     with RecordWriter(run_dir) as writer:
@@ -19,4 +19,4 @@ def write_run(run_dir, subset="lab100", worlds=(200, 201), job=None, **columns):
             writer.append(EpisodeResult(record, trajectory))
         writer.merge()
     if job is not None:
-        launch_of("eval", [job], [], False, None).write(run_dir)
+        launch_of(command, [job], [], False, None).write(run_dir)

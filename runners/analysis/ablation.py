@@ -15,6 +15,8 @@ from typing import TYPE_CHECKING, NamedTuple
 from runners.analysis import paired
 from runners.analysis.paired import METRIC, SUCCESS, Block, Difference, interval, signed
 from runners.analysis.summary import DASH, Row, title
+from runners.config.ablations import SEVERAL
+from runners.config.wording import markdown_table
 from runners.records.whole_file import write_atomically
 
 if TYPE_CHECKING:
@@ -22,7 +24,6 @@ if TYPE_CHECKING:
 
 COLUMN, COMPLETE = "ablation", "none"
 NAME = "ablation"
-JOIN = "+"  # between the names of combined ablations
 SOURCE = "the LME paper, §IV, Ablation Studies (words without numbers)"
 SYSTEMS = ("LME", "LME as printed")  # the paper's statements are about either reading of its method
 ABOUT = {"map": "barn", "robot": "jackal", "scale": ""}  # and its benchmark
@@ -98,7 +99,7 @@ def variant_label(ablation: str) -> str:
     """ "No a_close" for no_a_close, "No c_o, c_t" for two at once."""
     if ablation == COMPLETE:
         return "Complete"
-    return f"No {', '.join(part.removeprefix('no_') for part in ablation.split(JOIN))}"
+    return f"No {', '.join(part.removeprefix('no_') for part in ablation.split(SEVERAL))}"
 
 
 def sentences(found: list[AblationStudy]) -> list[str]:
@@ -223,7 +224,7 @@ def _table(study: AblationStudy) -> str:
     header = ["Variant", "Success", *change, "BARN metric", *change, "The paper says", "Agrees", "Pairs"]
     lines = [_cells(variant) for variant in study.variants]
     rule = ["---", *["---:"] * (len(header) - 4), "---", "---", "---:"]
-    table = "\n".join(f"| {' | '.join(line)} |" for line in [header, rule, *lines])
+    table = markdown_table([header, rule, *lines])
     return f"**{study.heading} · {study.place}**\n\n{table}"
 
 

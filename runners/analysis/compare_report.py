@@ -12,6 +12,7 @@ from runners.analysis.columns import aligned
 from runners.analysis.compare_runs import MEASURES, Change, Compared, RunComparison
 from runners.analysis.paired import METRIC, SUCCESS, interval, p_value, signed
 from runners.analysis.summary import DASH
+from runners.config.wording import markdown_table
 from runners.records.whole_file import write_atomically
 
 NAME = "compare"
@@ -106,7 +107,7 @@ def _table(study: RunComparison) -> str:
             lines.append(
                 [each.name, MEASURES[measure].header, mean, other, difference, *rest, pairs, by_world]
             )
-    return _as_table(lines)
+    return markdown_table(lines)
 
 
 def _keys(study: RunComparison) -> str:
@@ -115,18 +116,13 @@ def _keys(study: RunComparison) -> str:
     more = len(study.keys) - _MAX_KEYS
     return (
         "What differs between the configs:\n\n"
-        + _as_table(lines)
+        + markdown_table(lines)
         + (f"\n\nAnd {more} more keys." if more > 0 else "")
     )
 
 
 def _shown(value: object) -> str:
     return DASH if value is None else str(value)
-
-
-def _as_table(lines: Sequence[Sequence[str]]) -> str:
-    escaped = ([cell.replace("|", r"\|") for cell in line] for line in lines)
-    return "\n".join(f"| {' | '.join(line)} |" for line in escaped)
 
 
 def _numbers(study: RunComparison) -> Iterator[dict[str, object]]:

@@ -15,6 +15,7 @@ from runners.analysis import paired, run_names
 from runners.analysis.paired import METRIC, SUCCESS, TIE, Block, Difference
 from runners.analysis.shared_worlds import ComparedRun, Group, groups
 from runners.analysis.summary import METRICS, SMOOTHNESS
+from runners.config.wording import counted
 from runners.records.launch_record import Launch, read_launch
 
 if TYPE_CHECKING:
@@ -66,7 +67,7 @@ class Compared:
     def counts(self) -> str:
         """ "20 worlds, 60 pairs"."""
         pairs = self.changes[SUCCESS].difference.pairs
-        return f"{_number(len(self.worlds), 'world')}, {_number(pairs, 'pair')}"
+        return f"{counted(len(self.worlds), 'world')}, {counted(pairs, 'pair')}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,7 +94,7 @@ class RunComparison:
 def compare_runs(frame: pd.DataFrame) -> list[RunComparison]:
     """Compare the runs of records from `read_episodes`; returns a comparison for each group that shares worlds.
 
-    Raises InputError if there are not two runs, or no two share a world.
+    Raises InputError if there are not two runs, or no two share an episode.
     """
     runs = [
         ComparedRun(Path(str(run_dir)), part.dropna(axis=1, how="all"))
@@ -105,9 +106,9 @@ def compare_runs(frame: pd.DataFrame) -> list[RunComparison]:
     together = [group for group in found if group.others]
     if not together:
         drove = "; ".join(f"{run.run_dir} drove {_describe_worlds(run)}" for run in runs[:3])
-        raise InputError(f"no two of these runs share a world: {drove}")
+        raise InputError(f"no two of these runs share an episode: {drove}")
     alone = [
-        f"Left out: {group.reference.run_dir} shares no world with another run; "
+        f"Left out: {group.reference.run_dir} shares no episode with another run; "
         f"it drove {_describe_worlds(group.reference)}."
         for group in found
         if not group.others
@@ -127,7 +128,6 @@ def _comparison(group: Group, notes: Sequence[str]) -> RunComparison:
     compared = [
         Compared(name, run, changes[name], _by_world(group.reference.frame, parts[name], drawn))
         for name, (run, _) in zip(names, group.others, strict=True)
-        if name in changes
     ]
     launches = [launch for run in runs if (launch := read_launch(run.run_dir)) is not None]
     keys = run_names.differing_keys(launches) if len(launches) == len(runs) else {}
@@ -143,7 +143,7 @@ def _comparison(group: Group, notes: Sequence[str]) -> RunComparison:
 
 
 def _changes(baseline: pd.DataFrame, parts: Mapping[str, pd.DataFrame]) -> dict[str, dict[str, Change]]:
-    """The changes of each run by name and measure; those without pairs are left out."""
+    """The changes of each run by name and measure; measures without pairs are left out."""
     found: dict[str, dict[str, Change]] = {}
     for measure, metric in MEASURES.items():
         one, others = baseline, dict(parts)
@@ -204,24 +204,22 @@ def _describe_unshared(reference: ComparedRun, run: ComparedRun, shared: frozens
     """What two runs do not share; empty if every episode has a partner."""
     both, number = reference.worlds & run.worlds, len(shared)
     parts = [
-        f"{_number(len(worlds - both), 'world')} that only {whose} drove"
+        f"{counted(len(worlds - both), 'world')} that only {whose} drove"
         for worlds, whose in ((reference.worlds, "the reference"), (run.worlds, "it"))
         if worlds - both
     ]
     if number < len(both):
-        parts.append(f"{_number(len(both) - number, 'world')} with another start, goal or layout")
-    keys, others = (set(zip(one.frame["world"], one.frame["run"], strict=True)) for one in (reference, run))
-    single = sum(world in shared for world, _ in keys ^ others)
+        parts.append(f"{counted(len(both) - number, 'world')} with another start, goal or layout")
+    single = sum(world in shared for world, _ in reference.episodes ^ run.episodes)
     if single:
-        parts.append(f"{_number(single, 'episode')} that only one of the two drove in shared worlds")
-    return f"{name}: {_number(number, 'shared world')}; left out: {', '.join(parts)}." if parts else ""
+        parts.append(f"{counted(single, 'episode')} that only one of the two drove in shared worlds")
+    return f"{name}: {counted(number, 'shared world')}; left out: {', '.join(parts)}." if parts else ""
 
 
 def _describe_worlds(run: ComparedRun) -> str:
-    """ "barn, 20 worlds from 0 to 285"."""
-    numbers = run.worlds
-    return f"{run.text('map')}, {_number(len(numbers), 'world')} from {min(numbers)} to {max(numbers)}"
-
-
-def _number(count: int, noun: str) -> str:
-    return f"{count:,} {noun}{'s' * (count != 1)}"
+    """ "barn, 20 worlds from 0 to 285, run 0"; "runs 0 to 2" for several."""
+    numbers, runs = run.worlds, sorted({number for _, number in run.episodes})
+    times = f"run {runs[0]}" if len(runs) == 1 else f"runs {runs[0]} to {runs[-1]}"
+    return (
+        f"{run.text('map')}, {counted(len(numbers), 'world')} from {min(numbers)} to {max(numbers)}, {times}"
+    )

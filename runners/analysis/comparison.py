@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 from runners.analysis import paired
 from runners.analysis.paired import Block, Difference, interval, signed
 from runners.analysis.summary import DASH, METRICS, SETTING, SMOOTHNESS, USUAL, Row, as_text, row_keys, title
+from runners.config.wording import markdown_table
 from runners.records.whole_file import write_atomically
 
 if TYPE_CHECKING:
@@ -114,14 +115,14 @@ def _describe_change(measure: str, change: Difference) -> str:
 def _table(study: Comparison) -> str:
     header = [f"Difference from {study.reference}"]
     for measure in MEASURES:
-        header += [HEADERS[measure].replace("|", r"\|"), "95 %", "p (Holm)"]
+        header += [HEADERS[measure], "95 %", "p (Holm)"]
     rule = ["---", *["---:"] * len(header)]
     lines = [[*header, "Pairs"], rule, *(_cells(name, changes) for name, changes in study.changes.items())]
-    return f"**{study.place}**\n\n" + "\n".join(f"| {' | '.join(line)} |" for line in lines)
+    return f"**{study.place}**\n\n" + markdown_table(lines)
 
 
 def _cells(name: str, changes: Mapping[str, Difference]) -> list[str]:
-    cells = [name.replace("|", r"\|")]
+    cells = [name]
     for measure in MEASURES:
         cells += _change(changes.get(measure))
     return [*cells, str(max((change.pairs for change in changes.values()), default=0))]

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from runners.analysis import paired
 from runners.analysis.paired import METRIC, SUCCESS
 from runners.analysis.summary import DASH, Row, as_text, changed_columns, row_keys, title
+from runners.config.wording import markdown_table
 from runners.records.whole_file import write_atomically
 
 if TYPE_CHECKING:
@@ -125,7 +126,7 @@ def _tables(study: CurveStudy) -> Iterator[str]:
             rows = dict(curve.points)
             cells = (f"{rows[v].stats[measure][0]:.3f}" if v in rows else DASH for v in study.values)
             lines.append([curve.label, *cells])
-        yield "\n".join(f"| {' | '.join(line)} |" for line in lines)
+        yield markdown_table(lines)
 
 
 def _rate(row: Row) -> str:

@@ -12,6 +12,7 @@ import numpy as np
 
 from lme.types import Outcome
 from runners.analysis.summary import DASH
+from runners.config.wording import markdown_table
 from runners.records import launch_record
 from runners.records.episode_record import KEY_COLUMNS, EpisodeKey
 from runners.records.records import read_trajectories
@@ -56,7 +57,7 @@ def failed_section(frame: pd.DataFrame, place: Path) -> str:
     ]
     header = [*(["Job"] if len(jobs) > 1 else []), *HEADER, "Page"]
     rule = ["---" if name in _TEXT else "---:" for name in header]
-    table = "\n".join(f"| {' | '.join(line)} |" for line in [header, rule, *lines]) if lines else "None."
+    table = markdown_table([header, rule, *lines]) if lines else "None."
     indexes = ", ".join(_link(run_dir / FOLDER / INDEX, place) for run_dir in explained)
     return f"\n## Failed episodes\n\n{table}\n\nAll pages: {indexes}\n"
 
@@ -118,4 +119,4 @@ def _job_names(frame: pd.DataFrame) -> dict[Path, str]:
         run: [one for one in given if not all(one in others for others in settings.values())]
         for run, given in settings.items()
     }
-    return {run: " ".join([run.name, *own[run][:_MAX_SETTINGS]]).replace("|", r"\|") for run in runs}
+    return {run: " ".join([run.name, *own[run][:_MAX_SETTINGS]]) for run in runs}

@@ -1,7 +1,7 @@
 """The leaderboard: many runs as systems × settings. Runs under different conditions never share a cell silently.
 
-A setting is a map set, a robot and a simulator with all their keys. A system is the rest of the config, without the
-seed and the number of runs.
+A setting is a map set, a robot and a simulator with all their keys. A system is a guide and a planner with all theirs,
+and what changes them: ablation, weights, scale.
 """
 
 from __future__ import annotations
@@ -14,11 +14,13 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
+from lme.worlds.barn.subsets import FRESH, OFFICIAL
 from runners.analysis.paired import METRIC, interval_of_mean
 from runners.analysis.summary import USUAL, Row, as_text, measure, numbers
 from runners.config.changes import describe_changes
 from runners.config.flatten import flatten
 from runners.records.append_log import APPEND_LOG
+from runners.records.episode_record import CUSTOM_SUBSET
 from runners.records.launch_record import Launch, read_launch
 from runners.records.parquet import EPISODES
 
@@ -27,7 +29,7 @@ if TYPE_CHECKING:
 
 PLACES = ("map", "robot", "sim")  # parts of the config that make a setting
 UNKNOWN = "unknown"  # the simulator of a run without a launch record
-_NEITHER = ("seed", "runs", "table")  # keys that belong neither to a setting nor to a system
+SYSTEM = ("guide", "planner", "ablation", "weights", "scale")  # parts of the config that make a system
 _NAMED = ("ablation", "weights", "scale")  # columns that are part of a system's name
 _MAX_KEYS = 4  # that a name shows to tell it from others
 _DIGITS = 9  # figures that agree to these digits count as equal
@@ -129,18 +131,34 @@ def _read(run_dir: Path, frame: pd.DataFrame) -> _ReadRun:
     own = [f"{key} {value}" for key, value in named.items() if value not in USUAL]
     config = launch.configs[0] if launch else {}
     of_setting = {key: config[key] for key in PLACES if key in config}
-    of_system = {key: value for key, value in config.items() if key not in (*PLACES, *_NEITHER)}
+    if subset == CUSTOM_SUBSET and isinstance(of_setting.get("map"), dict):
+        subset, of_setting["map"] = _by_worlds(subset, of_setting["map"], frame)
+    setting_keys = dict(flatten(of_setting))
+    system_keys = dict(flatten({key: config[key] for key in SYSTEM if key in config}))
     sim = _text(frame, "sim") if launch else UNKNOWN
-    traits = _changed(changes, of_setting) if launch else (f"no launch record: {run_dir}",)
+    traits = _changed(changes, setting_keys) if launch else (f"no launch record: {run_dir}",)
     return _ReadRun(
         run_dir,
         frame,
         launch,
         Setting(map_set, subset, robot, sim, traits),
-        BoardSystem(_text(frame, "system"), (*own, *_changed(changes, of_system))),
-        dict(flatten(of_setting)),
-        dict(flatten(of_system)),
+        BoardSystem(_text(frame, "system"), (*own, *_changed(changes, system_keys))),
+        setting_keys,
+        system_keys,
     )
+
+
+def _by_worlds(subset: str, map_set: Mapping[str, Any], frame: pd.DataFrame) -> tuple[str, dict[str, Any]]:
+    """The subset and the keys of a map set of which a run drove chosen worlds, with these worlds.
+
+    `lme figure` drives the worlds that it draws and does not name them here. The number of an official world says
+    which world it is, whatever subset is named beside it; that of a fresh world does not.
+    """
+    named = map_set.get("subset")
+    needless = ("subset", "count") if named in OFFICIAL else ()
+    worlds = map_set.get("worlds") or sorted(map(int, set(frame["world"])))
+    kept = {key: value for key, value in map_set.items() if key not in needless}
+    return named if named in FRESH else subset, kept | {"worlds": worlds}
 
 
 def _text(frame: pd.DataFrame, column: str) -> str:
@@ -148,8 +166,8 @@ def _text(frame: pd.DataFrame, column: str) -> str:
 
 
 def _changed(changes: Mapping[str, Any], part: Mapping[str, Any]) -> tuple[str, ...]:
-    """The changed keys of some groups of the config, each as text."""
-    return _each_as_text({key: value for key, value in changes.items() if key.partition(".")[0] in part})
+    """The changed keys of a part of the config, each as text."""
+    return _each_as_text({key: value for key, value in changes.items() if key in part})
 
 
 def _each_as_text(values: Mapping[str, Any]) -> tuple[str, ...]:

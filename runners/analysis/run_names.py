@@ -25,7 +25,7 @@ _WHICH_WORLDS = (
 
 def names(runs: Sequence[ComparedRun]) -> list[str]:
     """A name for each run, made of what differs between them; runs that do not differ are named by their folders."""
-    differing = [column for column in _columns(runs) if len({run.text(column) for run in runs}) > 1]
+    differing = _telling(runs)
     found = [", ".join(_shorten([_part(run, column) for column in differing])) for run in runs]
     times = Counter(found)
     last = Counter(run.run_dir.name for run in runs)
@@ -70,8 +70,21 @@ def differing_conditions(keys: Mapping[str, Sequence[Any]], runs: Sequence[Compa
     return found
 
 
+def _telling(runs: Sequence[ComparedRun]) -> list[str]:
+    """The columns that differ, without what others say already: the usual weights of a system, and equal keys of two
+    groups with the same values, such as robot.v_max and planner.v_max.
+    """
+    values = {column: tuple(run.text(column) for run in runs) for column in _columns(runs)}
+    differing = {column: each for column, each in values.items() if len(set(each)) > 1}
+    if "system" in differing and set(differing.get("weights", ())) <= USUAL:
+        differing.pop("weights", None)
+    told = {(column.rpartition(".")[2], each): column for column, each in reversed(differing.items())}
+    return [column for column in differing if column in told.values()]
+
+
 def _columns(runs: Sequence[ComparedRun]) -> list[str]:
-    return [*_COLUMNS, *dict.fromkeys(column for run in runs for column in changed_columns(run.frame))]
+    changed = dict.fromkeys(column for run in runs for column in changed_columns(run.frame))
+    return [*_COLUMNS, *(column for column in changed if column not in _WHICH_WORLDS)]
 
 
 def _part(run: ComparedRun, column: str) -> str:

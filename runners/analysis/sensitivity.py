@@ -11,6 +11,7 @@ from runners.analysis import paired
 from runners.analysis.paired import METRIC, SUCCESS, Block, Difference, signed
 from runners.analysis.summary import DASH, INTERVAL_NOTE, TIMES, Row, title
 from runners.config.weights import scale_from_words
+from runners.config.wording import markdown_table
 from runners.records.launch_record import read_launch
 from runners.records.whole_file import write_atomically
 
@@ -176,7 +177,7 @@ def _table(study: SensitivityStudy, measure: str) -> str:
     for curve in study.curves:
         cells = {point.factor: _cell(point, measure) for point in curve.points}
         lines.append([curve.parameter, curve.value or DASH, *(cells.get(factor, DASH) for factor in columns)])
-    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+    return markdown_table(lines)
 
 
 def _cell(point: Point, measure: str) -> str:

@@ -29,6 +29,11 @@ class ComparedRun:
         """The numbers of the worlds that it drove."""
         return set(self.frame["world"])
 
+    @property
+    def episodes(self) -> set[tuple[int, int]]:
+        """World and number of the run of each of its episodes."""
+        return set(zip(self.frame["world"], self.frame["run"], strict=True))
+
     def text(self, column: str) -> str:
         """The value that all its episodes have in a column; empty without the column."""
         return str(self.frame[column].iloc[0]) if column in self.frame else ""
@@ -43,15 +48,23 @@ class Group:
 
 
 def groups(runs: Sequence[ComparedRun]) -> list[Group]:
-    """The runs grouped by shared worlds, in their order. A run that shares none is a group without others."""
+    """The runs grouped by shared worlds, in their order. A run that shares none is a group without others.
+
+    Runs share worlds if they have an episode in common, the same world and number of the run, to compare.
+    """
     found = []
     left = list(runs)
     while left:
         reference, *rest = left
-        shared = [(run, same_worlds(reference, run)) for run in rest]
+        shared = [(run, _with_pairs(same_worlds(reference, run), reference, run)) for run in rest]
         found.append(Group(reference, tuple((run, worlds) for run, worlds in shared if worlds)))
         left = [run for run, worlds in shared if not worlds]
     return found
+
+
+def _with_pairs(worlds: frozenset[int], one: ComparedRun, other: ComparedRun) -> frozenset[int]:
+    """The worlds, if the runs have an episode in common there; otherwise none."""
+    return worlds if any(world in worlds for world, _ in one.episodes & other.episodes) else frozenset()
 
 
 def same_worlds(one: ComparedRun, other: ComparedRun) -> frozenset[int]:

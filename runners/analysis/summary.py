@@ -268,7 +268,8 @@ def _published_row(found: published.Figures, setting: published.PublishedSetting
 def _ablated(group: pd.DataFrame, labels: Mapping[str, str]) -> str:
     first = group.iloc[0]
     label = ablations.describe_ablation(str(first.get("ablation", "")), labels)
-    return "" if str(first["system"]).endswith(label) else label  # the label of lme_no_c_t includes it
+    # The label of lme_no_c_t says it already, as do those of systems with an ablation in records made before.
+    return "" if str(first["system"]).endswith(label) else label
 
 
 def _unfinished(group: pd.DataFrame, worlds: int, runs: int) -> str:

@@ -24,6 +24,7 @@ from runners.analysis.summary import (
     numbers,
     title,
 )
+from runners.config.wording import markdown_table
 from runners.records.whole_file import write_atomically
 
 if TYPE_CHECKING:
@@ -41,7 +42,7 @@ def to_markdown(rows: Sequence[Row]) -> str:
     header, *lines = _cells(rows, " ± ")
     first = 1 + len(rows[0].keys)
     rule = ["---"] * first + ["---:"] * (len(header) - first)
-    table = "\n".join(f"| {' | '.join(_escape_pipe(line))} |" for line in [header, rule, *lines])
+    table = markdown_table([header, rule, *lines])
     return f"{table}\n\n" + "\n".join(f"{note}  " for note in notes(rows)) + "\n"
 
 
@@ -240,10 +241,6 @@ def _stat(row: Row, metric: Metric, plus_minus: str) -> str:
         return MISSING
     spread = metric.spread and not math.isnan(std)
     return f"{mean:.{metric.digits}f}" + (f"{plus_minus}{std:.{metric.digits}f}" if spread else "")
-
-
-def _escape_pipe(cells: Sequence[str]) -> list[str]:
-    return [cell.replace("|", r"\|") for cell in cells]
 
 
 def _escape_latex(cell: str) -> str:

@@ -9,13 +9,12 @@ from pathlib import Path
 from typing import Any
 
 from lme.errors import InputError
-from lme.resources import overlaid, resource_dir
+from lme.resources import overlaid
 from lme.yaml_entry import read_yaml
-from runners.config.catalogue import Catalogue
+from runners.config.catalogue import SHIPPED, Catalogue
 
 GROUP = "ablation"
 SEVERAL = "+"  # joins the names of ablations that are chosen together
-SHIPPED = (resource_dir("conf"),)
 _WHOLE = re.compile(r"^#\s*@package\s+_global_\s*$", re.MULTILINE)
 
 

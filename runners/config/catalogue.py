@@ -13,6 +13,7 @@ import yaml
 from lme.errors import InputError
 from lme.resources import overlaid, resource_dir
 
+SHIPPED = (resource_dir("conf"),)  # the config folders without those of a user
 _Loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
@@ -123,7 +124,7 @@ class Catalogue:
 
 def shipped(*more: Path) -> Catalogue:
     """The catalogue of `conf/` and of the user's own folders."""
-    return Catalogue((resource_dir("conf"), *more))
+    return Catalogue((*SHIPPED, *more))
 
 
 def _plain(file: Path) -> dict[str, Any]:

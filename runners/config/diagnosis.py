@@ -95,8 +95,8 @@ def _unknown(key: str, known: set[str], config: DictConfig, composer: Composer) 
     except OmegaConfBaseException as error:  # an interpolation that another override has put there
         return translate_error(error)
     if parent and holder is None:
-        names = ", ".join(keys_beside(OmegaConf.get_type(config), key))
-        return InputError(f"{key}: {parent} is null: set all of it, {parent}={{…}}; it has the keys {names}")
+        keys = ", ".join(keys_beside(OmegaConf.get_type(config), key))
+        return InputError(f"{key}: {parent} is null: set all of it, {parent}={{…}}; it has the keys {keys}")
     if parent and not OmegaConf.is_dict(holder):
         return InputError(f"{key}: no such key; {parent} is a single value")
     names = sorted(str(name) for name in holder if name != "hydra")

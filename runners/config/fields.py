@@ -8,6 +8,9 @@ import re
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
+from runners.config.wording import without_markup
+
+MARKS = "*|_"  # of reStructuredText that a comment does not mean
 HEADER = ("Name", "Type", "Default", "Meaning")
 
 
@@ -28,7 +31,10 @@ def fields(schema: type) -> list[ConfigField]:
 def as_rst(found: list[ConfigField]) -> list[str]:
     """Lines of a table in reStructuredText."""
     lines = [".. list-table::", "   :header-rows: 1", "   :class: fields", ""]
-    rows = [(_code(name), _code(kind), _code(default), _plain(text)) for name, kind, default, text in found]
+    rows = [
+        (_code(name), _code(kind), _code(default), without_markup(text, MARKS))
+        for name, kind, default, text in found
+    ]
     for row in (HEADER, *rows):
         lines += [f"   {'  -' if at else '* -'} {cell}" for at, cell in enumerate(row)]
     return [*lines, ""]
@@ -60,9 +66,3 @@ def _comments(schema: type) -> dict[str, str]:
 
 def _code(text: str) -> str:
     return f"``{text}``" if text else ""
-
-
-def _plain(text: str) -> str:
-    """A comment with its backticks, and without what reStructuredText would read in it."""
-    parts = re.split(r"(`[^`]*`)", text)
-    return "".join(part if part.startswith("`") else re.sub(r"([*|_])", r"\\\1", part) for part in parts)

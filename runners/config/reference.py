@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Sequence
 from typing import Any
 
@@ -10,6 +9,7 @@ from lme.robots import Robot
 from runners.config import instantiate, schema
 from runners.config.catalogue import Catalogue, Key, shipped
 from runners.config.hydra_errors import describe_expected
+from runners.config.wording import markdown_table, without_markup
 
 _SCHEMAS = {"robot": Robot}  # groups that are a dataclass themselves; the others name a class in `_target_`
 _NO_KEYS = {"experiment", "system"}  # their keys are those of other groups, or figures of the paper
@@ -101,15 +101,13 @@ def _code(text: str | None) -> str:
     return f"`{text}`" if text else ""
 
 
-def _plain(text: str) -> str:
-    """A comment with its own backticks, but without emphasis, links and tags: the `_target_` of a key is none."""
-    parts = re.split(r"(`[^`]*`)", text)
-    return "".join(part if part.startswith("`") else re.sub(r"([_*<\[])", r"\\\1", part) for part in parts)
+def _plain(comment: str) -> str:
+    """A comment without emphasis, links and tags: the `_target_` of a key is none."""
+    return without_markup(comment, "_*<[")
 
 
 def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    lines = [head, ["---"] * len(head), *rows]
-    return "\n".join("| " + " | ".join(cell.replace("|", r"\|") for cell in line) + " |" for line in lines)
+    return markdown_table([head, ["---"] * len(head), *rows])
 
 
 def _joined(sections: Iterable[str]) -> str:

@@ -9,11 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from lme.errors import InputError, nearest
-from lme.resources import resource_dir
-from runners.config.catalogue import Catalogue
+from runners.config.catalogue import SHIPPED, Catalogue
 from runners.config.instantiate import fill_dataclass
-
-SHIPPED = (resource_dir("conf"),)
 
 
 @dataclass(slots=True)

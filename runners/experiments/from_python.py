@@ -11,13 +11,14 @@ from typing import TYPE_CHECKING, Any
 
 from lme.errors import InputError
 from runners.config import build, command_line
+from runners.config.arguments import check_config_dir
 from runners.config.composer import Composer, quoted
 from runners.config.job import Job
 from runners.config.schema import EvalConfig
 from runners.experiments.evaluate import drive, run_and_report, start_tracking, validate
 from runners.experiments.labels import run_labels
 from runners.records import launch_record, run_directories
-from runners.records.parquet import EPISODES
+from runners.records.records import episode_tables
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -85,8 +86,8 @@ def _overrides(words: list[str]) -> list[str]:
 def _job(words: Sequence[str], config_dir: str | Path | None) -> Job[EvalConfig]:
     """The job, composed and checked as on the command line. Raises InputError, also for a sweep."""
     own = None if config_dir is None else Path(config_dir).expanduser().resolve()
-    if own is not None and not own.is_dir():
-        raise InputError(f"config_dir {own}: no such directory")
+    if own is not None:
+        check_config_dir(own, "config_dir")
     with Composer("eval", own) as composer:
         plan = command_line.plan(composer, words, multirun=False, typed=words)
         if plan.multirun:
@@ -125,7 +126,7 @@ def _evaluate_into(
 
 
 def _records(run_dir: Path) -> pd.DataFrame:
-    """The episodes of a run, as its file holds them."""
-    import pandas as pd
-
-    return pd.read_parquet(run_dir / EPISODES)
+    """The episodes of a finished run, with the columns of its file."""
+    ((table, _),) = episode_tables([run_dir])
+    frame: pd.DataFrame = table.to_pandas()
+    return frame

@@ -8,7 +8,7 @@ from runners.config.ablations import SEVERAL
 from runners.config.job import Job
 from runners.config.overrides import CUSTOM
 from runners.config.schema import DriveConfig
-from runners.records.episode_record import RunLabels
+from runners.records.episode_record import CUSTOM_SUBSET, RunLabels
 
 
 def run_labels(job: Job[DriveConfig], maps: MapSet) -> RunLabels:
@@ -24,7 +24,7 @@ def run_labels(job: Job[DriveConfig], maps: MapSet) -> RunLabels:
         weights=job.weights,
         robot=config.robot.name,
         map=maps.name if isinstance(maps, Named) else job.choices["map"],
-        subset="custom" if config.map.get("worlds") else str(config.map.get("subset", "")),
+        subset=CUSTOM_SUBSET if config.map.get("worlds") else str(config.map.get("subset", "")),
     )
 
 

@@ -8,7 +8,8 @@ from pathlib import Path
 
 from runners.analysis.leaderboard import UNKNOWN, BoardEntry, Setting
 from runners.analysis.summary import INTERVAL_NOTE, TIMES
-from runners.explainer.leaderboard_cells import COLUMNS, breakable, cells, chips, counted, escaped, sort_keys
+from runners.config.wording import counted
+from runners.explainer.leaderboard_cells import COLUMNS, breakable, cells, chips, escaped, sort_keys
 from runners.explainer.leaderboard_details import details, settings_data
 from runners.explainer.write import asset, content_security_policy, fill, write_html
 

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 from runners.analysis.leaderboard import BoardEntry
 from runners.analysis.summary import DASH, TIMES
+from runners.config.wording import counted
 
 SUCCESS, METRIC = "success", "barn_metric"  # the figures with an interval
 _MOST_CHIPS = 2  # of what is unusual, that a line shows
@@ -96,10 +97,6 @@ def interval(bounds: tuple[float, float] | None) -> str:
 
 def plain(value: float) -> str:
     return "" if math.isnan(value) else f"{value:.6f}"
-
-
-def counted(amount: int, what: str) -> str:
-    return f"{amount} {what}{'s' * (amount != 1)}"
 
 
 def breakable(text: str) -> str:

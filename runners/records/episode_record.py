@@ -8,6 +8,8 @@ from typing import Any, Self
 
 from lme.types import Floats
 
+CUSTOM_SUBSET = "custom"  # instead of the name of a subset, where the config names the worlds
+
 
 @dataclass(frozen=True, slots=True, order=True)
 class EpisodeKey:
@@ -27,7 +29,10 @@ class EpisodeKey:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunLabels:
-    """The columns that name what was run; the same in all episodes of a run."""
+    """The columns that name what was run; the same in all episodes of a run.
+
+    subset: of the map's worlds; CUSTOM_SUBSET if the config names the worlds, empty for a map without subsets.
+    """
 
     system: str
     guide: str

@@ -26,13 +26,11 @@ def episodes(run_dirs: Sequence[Path]) -> Iterator[pa.Table]:
     """The records of a run as its file holds them; those of several runs with the columns that tell them apart."""
     found = episode_tables(run_dirs)
     if len(found) == 1:
-        yield found[0][1]
+        yield found[0][0]
         return
-    names = dict.fromkeys(name for _, table, _ in found for name in table.column_names)
-    own = dict.fromkeys(
-        key for _, _, columns in found for key in columns if key in _RUN_COLUMNS or "." in key
-    )
-    for _, table, columns in found:
+    names = dict.fromkeys(name for table, _ in found for name in table.column_names)
+    own = dict.fromkeys(key for _, columns in found for key in columns if key in _RUN_COLUMNS or "." in key)
+    for table, columns in found:
         whole = _with_columns(table, {name: None for name in names if name not in table.column_names})
         whole = _with_columns(whole.select(list(names)), {key: columns.get(key, "") for key in own})
         yield whole.select(["run_dir", *names, *(key for key in own if key != "run_dir")])
@@ -47,7 +45,8 @@ def with_run_dir(tables: Iterable[pa.Table], run_dir: Path) -> Iterator[pa.Table
 def select(tables: Iterable[pa.Table], columns: Sequence[str]) -> Iterator[pa.Table]:
     """The tables with these columns, in this order; with all columns if none are named.
 
-    Raises InputError for a column that does not exist, and for tables whose columns differ from those of the first.
+    Raises InputError for a column that does not exist or is named twice, and for tables whose columns differ from
+    those of the first.
     """
     names: list[str] = []
     for table in tables:
@@ -100,7 +99,9 @@ BINARY = ("parquet",)
 
 
 def _checked(columns: Sequence[str], known: Sequence[str]) -> list[str]:
-    for name in columns:
+    for number, name in enumerate(columns):
+        if name in columns[:number]:
+            raise InputError(f"--columns {','.join(columns)}: names {name} twice; name each column once")
         if name not in known:
             raise InputError(
                 f"--columns {name}: no such column; {nearest(name, known)}there are: {', '.join(known)}"

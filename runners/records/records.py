@@ -179,16 +179,16 @@ def read_episodes(run_dirs: Sequence[Path]) -> pd.DataFrame:
     import pandas as pd
 
     frames = []
-    for launch, table, columns in episode_tables(run_dirs):
-        frame = _with_own_weights(table.to_pandas(), launch)
+    for table, columns in episode_tables(run_dirs):
+        frame = table.to_pandas()
         frames.append(frame.assign(**{key: columns[key] for key in columns if key not in frame}))
     return pd.concat(frames, ignore_index=True)
 
 
-def episode_tables(run_dirs: Sequence[Path]) -> list[tuple[Launch | None, pa.Table, dict[str, object]]]:
-    """Of each run: its launch record, the records as its files hold them, and the columns that `read_episodes` adds.
+def episode_tables(run_dirs: Sequence[Path]) -> list[tuple[pa.Table, dict[str, object]]]:
+    """Of each run: the records as its files hold them, and the columns that `read_episodes` adds.
 
-    Raises as `read_episodes` does.
+    Old records of LME+ name the weights that were used. Raises as `read_episodes` does.
     """
     found = []
     run_dirs = [Path(run_dir) for run_dir in run_dirs]
@@ -202,7 +202,7 @@ def episode_tables(run_dirs: Sequence[Path]) -> list[tuple[Launch | None, pa.Tab
         missing = ", ".join(sorted(REQUIRED - set(table.column_names)))
         if missing:
             raise InputError(f"records in {run_dir} lack the columns {missing}: not written by lme eval")
-        found.append((launch, table, {"run_dir": str(run_dir), **columns}))
+        found.append((_with_own_weights(table, launch), {"run_dir": str(run_dir), **columns}))
     if not found:
         raise InputError(f"no finished episode yet in {', '.join(map(str, run_dirs))}")
     return found
@@ -241,16 +241,22 @@ def log_of(run_dir: Path) -> contextlib.AbstractContextManager[AppendLog]:
     return read_log(run_dir / APPEND_LOG)
 
 
-def _with_own_weights(frame: pd.DataFrame, launch: Launch | None) -> pd.DataFrame:
+def _with_own_weights(table: pa.Table, launch: Launch | None) -> pa.Table:
     """Records with the weight sets that were used: old ones say `published` even if a guide took its own set."""
-    if not {"guide", "weights"} <= set(frame):
-        return frame
+    import pyarrow as pa
+
+    if not {"guide", "weights"} <= set(table.column_names):
+        return table
     folders = launch.folders if launch else shipped().folders
-    for guide in frame["guide"].unique():
-        own = own_weights_of(str(guide), folders)
-        if own:
-            frame.loc[(frame["guide"] == guide) & (frame["weights"] == PUBLISHED), "weights"] = own
-    return frame
+    guides, weights = table["guide"].to_pylist(), table["weights"].to_pylist()
+    own = {guide: own_weights_of(str(guide), folders) for guide in set(guides)}
+    used = [
+        own[guide] or name if name == PUBLISHED else name for guide, name in zip(guides, weights, strict=True)
+    ]
+    if used == weights:
+        return table
+    place = table.column_names.index("weights")
+    return table.set_column(place, table.schema.field(place), pa.array(used, table["weights"].type))
 
 
 def _run_columns(launches: Sequence[Launch | None]) -> list[dict[str, object]]:

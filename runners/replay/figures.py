@@ -111,8 +111,12 @@ def _draw_path(axes: Axes, frame: pd.DataFrame, log: Log) -> None:
     low, high = everything.min(axis=0), everything.max(axis=0)
     (x0, y0), (x1, y1) = low - EDGE * (high - low).max() - EDGE_M, high + EDGE * (high - low).max() + EDGE_M
     axes.set(xlim=(x0, x1), ylim=(y0, y1))
-    axes.set(aspect="equal", xlabel="x in the odometry frame [m]", ylabel="y [m]")
-    axes.legend(fontsize=8, frameon=False, loc="upper left", bbox_to_anchor=(0.0, 1.08), ncols=4)
+    # In the corner, a flat map is still near the heading, and beside a narrow one there is room for the legend.
+    axes.set(aspect="equal", anchor="NW")
+    axes.set_xlabel("x in the odometry frame [m]", fontsize=8)
+    axes.set_ylabel("y [m]", fontsize=8)
+    axes.tick_params(labelsize=7)
+    axes.legend(fontsize=8, frameon=False, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=4)
 
 
 def _beam_shares(points: np.ndarray, scan_source: ScanSource) -> np.ndarray:

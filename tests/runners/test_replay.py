@@ -119,6 +119,20 @@ def test_the_map_shows_the_path_the_start_and_a_goal_beyond_all_scans_whole(repl
     assert math.atan2(tip[1], tip[0]) == pytest.approx(table["yaw_rad"].iloc[0])
 
 
+@pytest.mark.parametrize("goal", [(-60.0, 0.0), (0.0, 60.0)])  # a flat map, and a narrow one
+def test_the_legend_is_between_the_map_and_the_heading(replay, plain, monkeypatch, goal):
+    drawn = []
+    monkeypatch.setattr(figures, "save", lambda figure, *_: drawn.append(figure))
+    replay(plain, f"goal=[{goal[0]},{goal[1]}]", drawn=True)
+    drawn[0].canvas.draw()
+    axes = drawn[0].axes[0]
+    legend, heading = axes.get_legend().get_window_extent(), drawn[0]._suptitle.get_window_extent()
+    assert axes.get_window_extent().y1 <= legend.y0
+    assert legend.y1 < heading.y0
+    assert not legend.overlaps(drawn[0].axes[1].get_tightbbox())
+    assert axes.get_tightbbox().x0 > 0  # the names of the axes are on the page
+
+
 def test_a_goal_in_the_odometry_frame(replay, plain):
     table = replay(plain, "goal=[6.0,-1.5]")
     x, y, yaw = table[["x_m", "y_m", "yaw_rad"]].to_numpy().T

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import re
 import sys
 from collections.abc import Iterator, Sequence
 from itertools import chain
@@ -25,6 +26,7 @@ EXAMPLES = (
     "lme export outputs/eval/SWEEP --output sweep.parquet",
 )
 _FORMATS = ("csv", "jsonl", "parquet")
+_EPISODE = re.compile(r"\d+(/\d+)?|failures")
 
 
 def main(argv: list[str]) -> int:
@@ -32,7 +34,7 @@ def main(argv: list[str]) -> int:
     from runners.records import export
     from runners.records.records import find_runs
 
-    arguments = _parser().parse_args(argv)
+    arguments = _parsed(argv)
     style = _format(arguments.format, arguments.output)
     runs = find_runs(arguments.runs)
     tables = export.episodes(runs) if arguments.steps is None else _steps(runs, arguments.steps)
@@ -53,7 +55,7 @@ def _parser() -> argparse.ArgumentParser:
         "A run without trajectories.parquet has its episodes driven once more, and they must repeat what was recorded."
     )
     parser = argparse.ArgumentParser(prog="lme export", **texts(__doc__, EXAMPLES, notes))
-    parser.add_argument("runs", nargs="+", type=Path, metavar="RUN", help="a run's directory, or a sweep's")
+    parser.add_argument("runs", nargs="*", type=Path, metavar="RUN", help="a run's directory, or a sweep's")
     parser.add_argument(
         "--steps",
         nargs="*",
@@ -68,12 +70,36 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _format(given: str | None, output: Path | None) -> str:
-    """The format. Raises InputError for Parquet without a file."""
+def _parsed(argv: list[str]) -> argparse.Namespace:
+    """The arguments. --steps takes every word behind it; what is a run among them goes back to the runs.
+
+    Raises InputError without a run.
+    """
     from lme.errors import InputError
 
+    arguments = _parser().parse_args(argv)
+    runs = [word for word in arguments.steps or [] if not _EPISODE.fullmatch(word) and Path(word).is_dir()]
+    arguments.runs += map(Path, runs)
+    if runs:
+        arguments.steps = [word for word in arguments.steps if word not in runs]
+    if not arguments.runs:
+        raise InputError("RUN is missing: give the directory of a run or of a sweep, before --steps")
+    return arguments
+
+
+def _format(given: str | None, output: Path | None) -> str:
+    """The format. Raises InputError for Parquet without a file, and for a file that ends otherwise."""
+    from lme.errors import InputError
+
+    known = ", ".join(_FORMATS)
     ending = "" if output is None else output.suffix.lower().removeprefix(".")
-    style = given or (ending if ending in _FORMATS else "csv")
+    if ending and ending not in _FORMATS and not given:
+        raise InputError(
+            f"--output {output}: .{ending} is not a format; end it in one of {known}, or add --format"
+        )
+    if given and ending in _FORMATS and ending != given:
+        raise InputError(f"--output {output} --format {given}: ask for two formats; give one of them")
+    style = given or ending or "csv"
     if style == "parquet" and (output is None or str(output) == "-"):
         raise InputError("--format parquet: is not text, so it needs --output FILE")
     return style

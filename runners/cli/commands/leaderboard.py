@@ -8,6 +8,7 @@ from pathlib import Path
 
 from lme.errors import InputError
 from runners.cli.parsers import texts
+from runners.config.wording import counted
 
 EXAMPLES = (
     "lme leaderboard",
@@ -30,7 +31,7 @@ def main(argv: list[str]) -> int:
         raise InputError(f"no run in {', '.join(map(str, arguments.folders))} can be read: see above")
     page = arguments.into or arguments.folders[0] / NAME
     write_leaderboard(entries(frames), problems, page)
-    print(f"Leaderboard of {len(frames)} run{'s' * (len(frames) != 1)}: {page}")
+    print(f"Leaderboard of {counted(len(frames), 'run')}: {page}")
     return 0
 
 

@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from lme.geometry.frames import to_world
 from lme.policies.lme.criteria import View
 from lme.policies.lme.surmount import Blockage, sector_points
-from lme.types import Floats
+from lme.types import Floats, Pose
 from runners.figures.parts import robot_view as view
 from runners.figures.parts.driven_runs import DrivenRun
 from runners.figures.parts.moment import (
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
 PAGE_IN, EDGE_IN, GAP_IN = 7.0, 0.08, 0.14
 CAPTION_LINE_IN, CAPTION_LETTERS, CAPTION_LINES = 0.13, 44, 6  # below a panel
 NEAREST_M = 1.0  # shown around the robot at least
+TURN_RAD = math.radians(30)  # of the name of B
 ARCS = (0.62, 0.45)  # of the panel's half width: radii of the arcs of the smaller and the larger angle
 
 
@@ -130,13 +132,20 @@ def _draw_sectors(axes: Axes, shot: Shot) -> str:
     if seen.blockage is not None:
         view.draw_contour(axes, seen.blockage.points, seen.radius, BLUE, 1.8)
         _draw_angles(axes, seen.blockage, seen.target)
-        view.draw_letters(axes, view.letters(seen.blockage), 4.0, written=True)
+        view.draw_letters(axes, _letters(seen.blockage, seen.target), 4.0, written=True)
     view.draw_target(axes, seen.target, VERMILION, written=True)
     view.draw_robot(axes, shot.trace.robot.footprint)
     ends = [] if seen.blockage is None else [seen.blockage.E1, seen.blockage.E2]
     radius_pt = _in_points(axes, shot.trace.robot.footprint.r_max)
     view.write(axes, view.Letter("$O$", np.zeros(2), _free_side([seen.target, *ends])), radius_pt + 5)
     return f"Points nearer to each other than 2r join, {len(why.sectors)} sectors in all. {_describe_blockage(seen)}"
+
+
+def _letters(blockage: Blockage, target: Floats) -> list[view.Letter]:
+    """E1, E2, A and B, the name of B turned away from the target: it must not look like the target's name."""
+    *ends, beyond = view.letters(blockage)
+    turn = -math.copysign(TURN_RAD, _between(blockage.A, target))
+    return [*ends, beyond._replace(away=to_world(beyond.away, Pose(0.0, 0.0, turn)))]
 
 
 def _free_side(points: Sequence[Floats]) -> Floats:

@@ -7,9 +7,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from runners.analysis.ablation import COMPLETE, JOIN, NAME, AblationStudy, Variant
+from runners.analysis.ablation import COMPLETE, NAME, AblationStudy, Variant
 from runners.analysis.paired import SUCCESS, Difference, signed
 from runners.analysis.summary import INTERVAL_HEADER, INTERVAL_NOTE
+from runners.config.ablations import SEVERAL
 from runners.figures.parts.style import GRID, INK, STYLES, new_figure, save, symbol
 from runners.figures.reports.comparison import HATCHES, OUTCOMES
 
@@ -125,7 +126,7 @@ def _label(ablation: str) -> str:
     """The name in lines, with features as in the paper."""
     if ablation == COMPLETE:
         return "Complete"
-    parts = [part.removeprefix("no_") for part in ablation.split(JOIN)]
+    parts = [part.removeprefix("no_") for part in ablation.split(SEVERAL)]
     return "\n".join(["No", *(symbol(part) for part in parts)])
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import textwrap
 from collections import Counter
 from collections.abc import Sequence
@@ -15,6 +16,7 @@ from runners.analysis import paired
 from runners.analysis.compare_report import NAME
 from runners.analysis.compare_runs import MEASURES, Compared, RunComparison
 from runners.analysis.paired import METRIC, TIE
+from runners.figures.parts.robot_view import halo
 from runners.figures.parts.style import FRAME, GREEN, GRID, INK, VERMILION, new_figure, save
 
 if TYPE_CHECKING:
@@ -23,22 +25,29 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 TOP = {METRIC: 0.5}  # highest value of a measure, where it is not 1
+FORMATS = ("png", "pdf")
 PAIR_IN = (9.0, 4.6)
 FEWEST_BARS, MOST_BARS = 16, 40  # places for worlds next to the scatter
 BAND, CELL_IN, LINE_IN = 75, 0.125, 0.24  # worlds in a band of the heat map, and sizes
 MOST_WORLDS = 300  # in a heat map: more cannot be read on a page
 LABEL = 34  # letters in a line of a name
-PALE = "#F5EFD9"  # between the colours of failure and success
+LETTERS_PER_IN = 18  # of the note below a picture
 
 
 def compare_figures(found: Sequence[RunComparison], place: Path) -> list[Path]:
-    """Draw each comparison, save it in `place` as PNG and PDF, and return the paths of the PNGs."""
-    drawn = []
+    """Draw each comparison, save it in `place` as PNG and PDF, and return the paths of the PNGs.
+
+    Pictures of an earlier comparison that these do not replace are removed.
+    """
+    drawn: list[Path] = []
     for number, study in enumerate(found, start=1):
         figure = _pair(study, study.compared[0]) if len(study.compared) == 1 else _heat_map(study)
         stem = place / (NAME if len(found) == 1 else f"{NAME}_{number}")
-        drawn.append(save(figure, stem, ("png", "pdf"))[0])
-    return drawn
+        drawn += save(figure, stem, FORMATS)
+    for path in set(place.glob(f"{NAME}*.*")) - set(drawn):
+        if re.fullmatch(rf"{NAME}(_\d+)?\.({'|'.join(FORMATS)})", path.name):
+            path.unlink()
+    return [path for path in drawn if path.suffix == ".png"]
 
 
 def _pair(study: RunComparison, other: Compared) -> Figure:
@@ -54,11 +63,11 @@ def _pair(study: RunComparison, other: Compared) -> Figure:
     right.set_ylabel(f"difference in {header}", fontsize=8.5, color=INK)
     same = len(worlds) - len(other.better) - len(other.worse)
     figure.suptitle(study.place, fontsize=10.5, color=INK, x=0.01, ha="left")
-    figure.supxlabel(
+    note = (
         f"{other.name} against {study.reference}, means of the runs in each world: better in {len(other.better)} "
-        f"worlds, worse in {len(other.worse)}, the same in {same}.",
-        fontsize=7, color=INK, x=0.01, ha="left",
-    )  # fmt: skip
+        f"worlds, worse in {len(other.worse)}, the same in {same}."
+    )
+    figure.supxlabel(_wrapped(note, _letters(PAIR_IN[0])), fontsize=7, color=INK, x=0.01, ha="left")
     return figure
 
 
@@ -72,11 +81,22 @@ def _scatter(axes: Axes, worlds: pd.DataFrame, top: float) -> None:
             x, y, s=22 * (1 + 2.5 * math.log10(count)), color=colour, alpha=0.75, linewidths=0, zorder=3
         )
         if count > 1:
-            place: dict[str, Any] = {"xytext": (-4, -13), "textcoords": "offset points", "ha": "right"}
-            axes.annotate(f"{count} worlds", (x, y), fontsize=7, color=INK, **place)
+            axes.annotate(f"{count} worlds", (x, y), fontsize=7, color=INK, zorder=4, **_inwards(x, y, top))
     pad = 0.06 * top
     axes.set(xlim=(-pad, top + pad), ylim=(-pad, top + pad), aspect="equal")
     _plain(axes, "both")
+
+
+def _inwards(x: float, y: float, top: float) -> dict[str, Any]:
+    """Where a label stands beside its point: towards the middle of the axes, so that it stays within them."""
+    right, above = 2 * x < top, 2 * y < top
+    return {
+        "xytext": (5 if right else -5, 8 if above else -8),
+        "textcoords": "offset points",
+        "ha": "left" if right else "right",
+        "va": "bottom" if above else "top",
+        "path_effects": halo(),
+    }
 
 
 def _bars(axes: Axes, gain: pd.Series) -> None:
@@ -101,17 +121,16 @@ def _bars(axes: Axes, gain: pd.Series) -> None:
 
 def _heat_map(study: RunComparison) -> Figure:
     """Runs × worlds, the worlds from the worst to the best of all runs, in bands."""
-    from matplotlib.colors import LinearSegmentedColormap
+    from matplotlib import colormaps
 
     means, note = _means(study)
     bands = [means.iloc[:, first : first + BAND] for first in range(0, means.shape[1], BAND)]
     longest = max(len(line) for name in means.index for line in _wrapped(name).split("\n"))
     width = 1.1 + 0.075 * longest + CELL_IN * max(len(bands[0].columns), 28)
     band_in = 0.55 + LINE_IN * len(means) * (1 + 0.35 * any("\n" in _wrapped(name) for name in means.index))
-    figure = new_figure(width, 0.95 + band_in * len(bands))
-    colours = LinearSegmentedColormap.from_list("outcome", [VERMILION, PALE, GREEN]).with_extremes(
-        bad="white"
-    )
+    note = _wrapped(note, _letters(width))
+    figure = new_figure(width, 0.85 + 0.12 * len(note.split("\n")) + band_in * len(bands))
+    colours = colormaps["viridis"].with_extremes(bad="white")
     top = TOP.get(study.measure, 1.0)
     for axes, band in zip(figure.subplots(len(bands), 1, squeeze=False)[:, 0], bands, strict=True):
         padded = np.full((len(band), len(bands[0].columns)), np.nan)
@@ -127,6 +146,7 @@ def _heat_map(study: RunComparison) -> Figure:
     bar = figure.colorbar(
         picture, ax=figure.axes, shrink=min(1.0, 1.6 / (band_in * len(bands))), pad=0.01, aspect=12
     )
+    bar.set_label(MEASURES[study.measure].header, fontsize=7.5, color=INK)
     bar.ax.tick_params(labelsize=7, colors=INK)
     bar.outline.set_visible(False)
     figure.suptitle(study.place, fontsize=10.5, color=INK, x=0.01, ha="left")
@@ -164,8 +184,13 @@ def _note(study: RunComparison, differing: int, same: int) -> str:
     return " ".join([*parts, "White: not driven."])
 
 
-def _wrapped(name: str) -> str:
-    return "\n".join(textwrap.wrap(name, LABEL)) or name
+def _wrapped(text: str, letters: int = LABEL) -> str:
+    return "\n".join(textwrap.wrap(text, letters)) or text
+
+
+def _letters(width_in: float) -> int:
+    """How many letters of a note fit into a line of a picture."""
+    return int(LETTERS_PER_IN * width_in)
 
 
 def _plain(axes: Axes, grid: str) -> None:

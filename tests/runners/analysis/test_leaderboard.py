@@ -65,6 +65,32 @@ def test_worlds_tell_settings_of_one_name_apart(board):
     assert found["two"].setting.traits == ("map.worlds=[2]",)
 
 
+def test_one_world_named_within_two_subsets_is_one_setting(board):
+    custom = {"subset": "custom", "worlds": (7,)}
+    found = board(
+        one=(["map.worlds=[7]", "map.subset=all"], custom),
+        two=(["map.worlds=[7]", "map.subset=hard100", "map.count=5"], custom),
+        fresh=(["map.worlds=[1000]", "map.subset=fresh"], {**custom, "worlds": (1000,)}),
+        hard=(["map.worlds=[1000]", "map.subset=fresh_hard"], {**custom, "worlds": (1000,)}),
+    )
+    assert found["one"].setting == found["two"].setting
+    assert found["one"].repeats == 2
+    assert found["fresh"].setting != found["hard"].setting  # other worlds of the same number
+
+
+def test_a_figure_beside_the_runs_is_one_more_of_them(board):
+    """It drives what it draws: the keys of the picture are no part of its system."""
+    found = board(run=(["map.worlds=[7]", "runs=1"], {"subset": "custom", "worlds": (7,)}), other=([], {}))
+    figure = found["run"].run_dir.parent / "figure"
+    with jobs_of("figure") as job:
+        made = job("figure=trajectories", "world=7", "runs=1")
+        write_run(figure, subset="custom", worlds=(7,), job=made, command="figure")
+    again = {entry.run_dir.name: entry for entry in entries(collect([figure.parent]).frames)}
+    assert {entry.system for entry in again.values()} == {("LME", ())}
+    assert again["figure"].setting == again["run"].setting
+    assert again["figure"].repeats == 2
+
+
 def test_changed_keys_of_the_system_are_in_its_name_and_not_in_the_settings(board):
     found = board(
         usual=([], {}),
@@ -101,7 +127,8 @@ def test_of_many_keys_that_tell_systems_apart_a_name_shows_the_first(board):
     launch.write_text(json.dumps(values))
     again = {entry.run_dir.name: entry for entry in entries(collect([launch.parents[1]]).frames)}
     assert len(again["two"].system.traits) == 5
-    assert [entry.system.traits[-1] for entry in again.values()] == ["1 more (no. 1)", "1 more (no. 2)"]
+    last = {name: entry.system.traits[-1] for name, entry in again.items()}
+    assert last == {"one": "1 more (no. 1)", "two": "1 more (no. 2)"}
 
 
 def test_repeats_of_a_job_are_counted_and_the_newest_finished_one_is_shown(board):

@@ -288,7 +288,11 @@ def test_a_directory_of_several_runs_names_them(driven, capsys):
     assert main(["explain", str(driven.parent / "sweep"), "207"]) == 2
     said = capsys.readouterr()
     assert said.err == f"lme explain: {driven.parent / 'sweep'} holds 2 runs: give one of them\n"
-    assert f"{driven.parent / 'sweep' / '1'} (map.worlds=[207,230]" in said.out
+    lines = said.out.splitlines()
+    assert [line.partition(" ")[0] for line in lines] == [
+        str(driven.parent / "sweep" / name) for name in "01"
+    ]
+    assert all(FEW in line and SHORT in line for line in lines)  # what each was started with
 
 
 def test_a_run_of_another_version_is_refused_by_the_command(run, drawn, capsys):

@@ -2,12 +2,16 @@
 
 import csv
 import re
+from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from lme.episode import TRAJECTORY_COLUMNS
 from runners.analysis import paired
+from runners.analysis.run_names import names
+from runners.analysis.shared_worlds import ComparedRun
 from runners.cli import main
 from runners.cli.commands import compare
 from runners.records.episode_record import EpisodeResult
@@ -158,8 +162,43 @@ def test_runs_of_several_maps_are_compared_map_by_map(tmp_path, job, capsys):
     alone = write(tmp_path / "alone", job(), map="env2", worlds=(3,))
     text = said(capsys, *runs, alone, "--into", tmp_path / "into")
     assert text.count("Differences from: LME") == 2
-    assert "shares no world with another run; it drove env2, 1 world from 3 to 3." in text
+    assert "shares no episode with another run; it drove env2, 1 world from 3 to 3, runs 0 to 1." in text
     assert {"compare_1.png", "compare_2.png"} <= {path.name for path in (tmp_path / "into").iterdir()}
+
+
+def test_a_run_without_a_pair_is_left_out_and_said(tmp_path, job, capsys):
+    """It drove the same worlds, but no run of the same number."""
+    runs = [
+        write(tmp_path / system, job(f"seed={seed}"), rate, system=system, runs=numbers, seed=seed)
+        for seed, (system, numbers, rate) in enumerate((("A", (0,), 0.9), ("B", (1,), 0.2), ("C", (0,), 0.5)))
+    ]
+    text = said(capsys, *runs, "--into", tmp_path / "into")
+    assert "B shares no episode with another run; it drove barn, 60 worlds from 0 to 59, run 1." in text
+    lines_of_keys = (tmp_path / "into" / "compare.md").read_text(encoding="utf-8").splitlines()
+    assert "| Key | A, seed 0 | C, seed 2 |" in lines_of_keys
+    assert "| `seed` | 0 | 2 |" in lines_of_keys
+    assert main.main(["compare", runs[0], runs[1]]) == 2
+    assert "A drove barn, 60 worlds from 0 to 59, run 0; " in capsys.readouterr().err
+
+
+def test_names_say_nothing_of_which_worlds_and_no_usual_weights(tmp_path, job, capsys):
+    runs = [write(tmp_path / str(n), job(f"map.count={n}", f"robot.v_max={n}")) for n in (1, 3)]
+    assert "Differences from: robot.v_max 1 Measure" in said(capsys, *runs, "--into", tmp_path / "into")
+    pairs = {"LME": "lme", "LME+": "lme_plus"}
+    runs = [
+        write(tmp_path / label, job(f"system={name}"), system=label, guide=name, weights="published")
+        for label, name in pairs.items()
+    ]
+    assert "LME+ (60 worlds" in said(capsys, *runs, "--into", tmp_path / "into")
+
+
+def test_names_do_not_repeat_a_value():
+    keys = {"robot.v_max": [1, 2], "robot.omega_max": [1, 2], "planner.v_max": [1, 2]}
+    runs = [
+        ComparedRun(Path(f"run{at}"), pd.DataFrame({key: [values[at]] for key, values in keys.items()}))
+        for at in range(2)
+    ]
+    assert names(runs) == ["robot.v_max 1, robot.omega_max 1", "robot.v_max 2, robot.omega_max 2"]
 
 
 def test_equal_runs_are_named_by_their_folders(tmp_path, job, capsys):
@@ -205,7 +244,7 @@ def test_mistakes_are_one_line(tmp_path, job, capsys):
         ([one, one], "a: is a single run"),
         (
             [one, other],
-            "no two of these runs share a world: .*a drove barn, 2 worlds from 1 to 2; .*b drove barn, 1",
+            "no two of these runs share an episode: .*a drove barn, 2 worlds from 1 to 2, runs 0 to 1; .*b drove",
         ),
         ([one, tmp_path / "nowhere"], "nowhere is not a directory"),
     ):

@@ -14,8 +14,9 @@ import lme
 from lme.episode import TRAJECTORY_COLUMNS
 from runners.cli import main
 from runners.cli.commands import export
+from runners.experiments.from_python import _records
 from runners.records.episode_record import EpisodeResult
-from runners.records.records import RecordWriter
+from runners.records.records import RecordWriter, read_episodes
 from tests.builders import episode_record
 from tests.composing import jobs_of
 from tests.made_runs import write_run
@@ -81,7 +82,7 @@ def test_json_lines_have_null_for_what_json_lacks(run, capsys):
     assert lines[6] == {"world": 6, "path_length_m": None, "barn_metric": None}
 
 
-@pytest.mark.parametrize("name", ["some.csv", "some.jsonl", "some.parquet", "some.txt"])
+@pytest.mark.parametrize("name", ["some.csv", "some.jsonl", "some.parquet", "SOME.CSV", "some"])
 def test_the_ending_of_the_file_is_its_format(run, tmp_path, capsys, name):
     path = tmp_path / name
     export.main([str(run), "--columns", "run,world", "-o", str(path)])
@@ -163,6 +164,13 @@ def test_a_run_without_steps_is_driven_once_more(tmp_path, capfd):
         (["--columns", "worlt"], "--columns worlt: no such column; did you mean world?"),
         (["--format", "parquet"], "is not text, so it needs --output FILE"),
         (["--steps", "9"], "world 9 was not driven in this run"),
+        (["--steps", "9x"], "episode: give WORLD, WORLD/RUN or failures"),
+        (["--columns", "world,run,world"], "--columns world,run,world: names world twice"),
+        (
+            ["-o", "some.xlsx"],
+            "--output some.xlsx: .xlsx is not a format; end it in one of csv, jsonl, parquet",
+        ),
+        (["-o", "some.csv", "--format", "jsonl"], "--output some.csv --format jsonl: ask for two formats"),
         (["-o", "/nowhere/some.csv"], "cannot be written (No such file or directory)"),
     ],
 )
@@ -185,3 +193,36 @@ def test_a_reader_that_closes_the_pipe(run):
         process.stdout.close()
         assert process.stderr.read() == b""
     assert process.returncode == 0
+
+
+def test_the_format_may_differ_from_an_ending_that_is_none(run, tmp_path):
+    export.main([str(run), "-o", str(tmp_path / "some.txt"), "--format", "jsonl"])
+    assert json.loads((tmp_path / "some.txt").read_text().splitlines()[3])["world"] == 3
+
+
+@pytest.mark.parametrize(
+    "words", [["--steps", "3/0", "RUN"], ["--steps", "RUN", "3"], ["RUN", "--steps", "3"]]
+)
+def test_a_run_may_stand_behind_the_steps(run, capsys, words):
+    assert (
+        main.main(["export", "--columns", "world,step", *(str(run) if w == "RUN" else w for w in words)]) == 0
+    )
+    assert capsys.readouterr().out.splitlines() == ["world,step", "3,0", "3,1"]
+
+
+def test_steps_of_no_run(capsys):
+    assert main.main(["export", "--steps", "3/0"]) == 2
+    assert capsys.readouterr().err == (
+        "lme export: RUN is missing: give the directory of a run or of a sweep, before --steps\n"
+    )
+
+
+def test_records_name_the_weights_that_were_used(tmp_path, capsys):
+    """Old records of LME+ say `published`."""
+    for name, guide in (("plus", "lme_plus"), ("lme", "lme"), ("own", "mine")):
+        write_run(tmp_path / name, guide=guide, weights="published")
+    export.main([str(tmp_path), "--columns", "guide,weights"])
+    rows = set(capsys.readouterr().out.split()[1:])
+    assert rows == {"lme_plus,lme_plus", "lme,published", "mine,published"}
+    assert set(read_episodes([tmp_path / "plus"])["weights"]) == {"lme_plus"}
+    assert set(_records(tmp_path / "plus")["weights"]) == {"lme_plus"}  # as `lme.evaluate` returns them

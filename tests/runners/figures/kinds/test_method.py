@@ -6,9 +6,12 @@ import numpy as np
 import pytest
 from matplotlib.text import Text
 
+from lme.geometry.frames import to_world
 from lme.policies.lme.maintenance import Choice
+from lme.types import Pose
 from runners.cli.main import main
-from runners.figures.kinds.method import _free_side, method_figure
+from runners.figures.kinds.method import _free_side, _letters, method_figure
+from runners.figures.parts import robot_view as view
 from runners.figures.parts.moment import telling_step
 from tests.runners.figures.conftest import shot_of
 
@@ -67,6 +70,16 @@ def test_the_letter_of_the_robot_is_next_to_it(trace, step):
 )
 def test_a_name_stands_in_the_widest_gap(points, side):
     assert _free_side([np.array(point) for point in points]) == pytest.approx(side)
+
+
+@pytest.mark.parametrize("bearing", [-0.3, 0.3])
+def test_the_name_of_b_keeps_away_from_the_target(shot, bearing):
+    blockage = shot.why.view.blockage
+    target = to_world(blockage.B, Pose(0.0, 0.0, bearing))
+    (own,), (usual,) = (names[-1:] for names in (_letters(blockage, target), view.letters(blockage)))
+    to_target = view.upwards(target - blockage.B)
+    assert own.text == usual.text == "$B$"
+    assert own.away @ to_target < usual.away @ to_target
 
 
 def test_a_decision_without_history_or_sector_in_the_way_says_so(trace):

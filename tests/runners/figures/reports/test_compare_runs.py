@@ -47,6 +47,35 @@ def test_two_runs_are_a_dot_per_world_and_a_bar_per_difference(drawn):
     assert [bar.get_height() for bar in bars.patches] == pytest.approx([-0.2, 0.5])
 
 
+@pytest.mark.parametrize("here", [0.0, 0.5])
+@pytest.mark.parametrize("there", [0.0, 0.5])
+def test_labels_of_dots_stay_within_the_axes(drawn, here, there):
+    scatter, _ = drawn(study([here] * 9, [there] * 9)).axes
+    (label,) = scatter.texts
+    box, axes = label.get_window_extent(), scatter.get_window_extent()
+    assert (axes.x0, axes.y0) < (box.x0, box.y0)
+    assert box.x1 < axes.x1
+    assert box.y1 < axes.y1
+
+
+def test_the_note_stays_on_the_page(drawn):
+    heat = drawn(study([0.5, 0.4, 0.3], [0.5, 0.0, 0.3], [0.5, 0.1, 0.3]))
+    pair = drawn(study([0.5], [0.4]))
+    for figure in (heat, pair):
+        assert figure._supxlabel.get_window_extent().x1 < figure.bbox.x1
+
+
+def test_pictures_of_an_earlier_comparison_are_removed(tmp_path):
+    own = tmp_path / "compare_of_mine.png"
+    own.touch()
+    found = study([0.5], [0.4])
+    assert [path.name for path in figures.compare_figures([found, found], tmp_path)] == [
+        "compare_1.png", "compare_2.png",
+    ]  # fmt: skip
+    assert figures.compare_figures([found], tmp_path) == [tmp_path / "compare.png"]
+    assert {path.name for path in tmp_path.iterdir()} == {"compare.png", "compare.pdf", own.name}
+
+
 def test_equal_runs_have_no_bars(drawn):
     _, bars = drawn(study([0.5, 0.4], [0.5, 0.4])).axes
     assert not bars.patches
@@ -61,7 +90,8 @@ def test_only_the_ends_of_many_bars_are_drawn(drawn):
 
 def test_a_heat_map_has_the_worlds_that_differ_from_worst_to_best(drawn):
     figure = drawn(study([0.5, 0.5, 0.4, 0.3], [0.5, 0.0, 0.5, 0.3], [0.5, 0.1, 0.2, 0.3]))
-    heat, _ = figure.axes
+    heat, bar = figure.axes
+    assert (heat.collections[0].get_cmap().name, bar.get_ylabel()) == ("viridis", "BARN metric")
     assert ticks(heat) == ["1", "2"]
     assert [label.get_text() for label in heat.get_yticklabels()] == ["S0", "S1", "S2"]
     shown = heat.collections[0].get_array().reshape(3, 2)
