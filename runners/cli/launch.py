@@ -20,9 +20,10 @@ from runners.cli.outside import outside
 from runners.cli.submitted import LauncherError
 from runners.config import ablations, arguments, catalogue, command_line, schema
 from runners.config.catalogue import Catalogue
-from runners.config.composer import Composer, resume_command, unquoted
+from runners.config.composer import Composer
 from runners.config.hydra_errors import translated
 from runners.config.job import Job
+from runners.config.quoting import resume_command, unquoted
 from runners.records import launch_record, run_directories
 from runners.workers import server
 

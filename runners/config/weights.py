@@ -15,8 +15,8 @@ from lme.policies.lme.score import CRITERIA, THRESHOLDS
 from lme.resources import resource_dir
 from lme.yaml_entry import read_yaml
 from runners.config.catalogue import Catalogue
-from runners.config.composer import resume_command
 from runners.config.hydra_errors import unknown_key
+from runners.config.quoting import resume_command
 
 PUBLISHED = "published"  # the paper's weight set
 WEIGHTS = "weights.yaml"  # in the directory of a training run

@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Any
 
 from lme.errors import InputError
 from runners.config import build, command_line
-from runners.config.composer import Composer, quoted
+from runners.config.composer import Composer
 from runners.config.job import Job
+from runners.config.quoting import quoted
 from runners.config.schema import EvalConfig
 from runners.experiments.evaluate import drive, produce, start_tracking, validate
 from runners.experiments.labels import run_labels

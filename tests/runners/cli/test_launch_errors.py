@@ -11,7 +11,8 @@ from lme.resources import resource_dir
 from runners.cli.launch import Command
 from runners.cli.launch import launch as run_launch
 from runners.config import schema
-from runners.config.composer import Composer, quoted
+from runners.config.composer import Composer
+from runners.config.quoting import quoted
 
 ROBOT = (resource_dir("conf") / "robot" / "jackal.yaml").read_text()
 
