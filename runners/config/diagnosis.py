@@ -13,11 +13,23 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from lme.errors import InputError, nearest
+from lme.requirements import install
 from lme.resources import resource_dir
 from runners.config.composer import COMPOSING, Composer
 from runners.config.flatten import dotted_keys
 from runners.config.hydra_errors import expected, full_key, keys_beside, one_line, translated
 from runners.config.overrides import places, text_of
+
+_PLUGINS = {  # the packages of Hydra's own plugins
+    "hydra/launcher/joblib": "hydra-joblib-launcher",
+    "hydra/launcher/ray": "hydra-ray-launcher",
+    "hydra/launcher/rq": "hydra-rq-launcher",
+    "hydra/launcher/submitit_local": "hydra-submitit-launcher",
+    "hydra/launcher/submitit_slurm": "hydra-submitit-launcher",
+    "hydra/sweeper/ax": "hydra-ax-sweeper",
+    "hydra/sweeper/nevergrad": "hydra-nevergrad-sweeper",
+    "hydra/sweeper/optuna": "hydra-optuna-sweeper",
+}
 
 
 def diagnosed(error: Exception, composer: Composer, job: Sequence[str]) -> InputError:
@@ -27,6 +39,9 @@ def diagnosed(error: Exception, composer: Composer, job: Sequence[str]) -> Input
     missing = error.missing_cfg_file if isinstance(error, MissingConfigException) else None
     if missing and not missing.startswith("hydra/"):
         return _no_file(missing, composer)
+    if missing in _PLUGINS:
+        group, _, option = missing.rpartition("/")
+        return InputError(f"{group}={option}: is not installed; {install(_PLUGINS[missing])} installs it")
     file_error = re.match(r"In '([^']+)': \w+ raised while composing config:", str(error))
     if file_error:
         return _in_file(error, file_error.group(1), composer)
