@@ -62,7 +62,7 @@ def plan(composer: Composer, overrides: Sequence[str], multirun: bool, typed: Se
     Raises InputError where Hydra could not compose.
     """
     made = _plan(composer, overrides, multirun)
-    contradictions.refuse(composer.parse(typed), made.configs.values())
+    contradictions.refuse(composer.parse(typed), made.configs.values(), composer.catalogue)
     return made
 
 

@@ -18,6 +18,8 @@ from lme.resources import resource_dir
 from runners.config.composer import COMPOSING, Composer
 from runners.config.flatten import dotted_keys
 from runners.config.hydra_errors import expected, full_key, keys_beside, one_line, translated
+from runners.config.job import chosen
+from runners.config.misfits import explained
 from runners.config.overrides import places, text_of
 
 _PLUGINS = {  # the packages of Hydra's own plugins
@@ -137,7 +139,10 @@ def _in_file(error: Exception, name: str, composer: Composer) -> InputError:
 
 
 def located(error: InputError, config: DictConfig, job: Sequence[str], composer: Composer) -> InputError:
-    """Add the user's file to a message, if that file sets the key that the message begins with."""
+    """Add the user's file to a message, if that file sets the key that the message begins with; or the ablation."""
+    ablated = explained(error, chosen(config.hydra), composer.catalogue)
+    if ablated is not error:
+        return ablated
     key = (re.match(r"[\w.]+", str(error)) or [""])[0].rstrip(".")
     group = key.partition(".")[0]
     option = config.hydra.runtime.choices.get(group)
