@@ -8,7 +8,7 @@ from pathlib import Path
 from hydra.core.override_parser.types import Override
 
 from lme.errors import InputError, nearest
-from runners.config import ablations, schema
+from runners.config import ablations, former, schema
 from runners.config.catalogue import Catalogue
 from runners.config.composer import Composer
 
@@ -111,7 +111,7 @@ def _check_options(override: Override, composer: Composer) -> None:
             raise _takes_one(group, [str(name) for name in option])
         for name in option if isinstance(option, list) else [option]:
             if str(name) not in known and not _in_subfolder(group, str(name), composer):
-                _refuse_ablated(group, str(name), composer.catalogue)
+                _refuse_former(group, str(name), composer.catalogue)
                 raise InputError(
                     f"{group}={name}: no such option; {nearest(str(name), _likely(group, known))}"
                     f"{places(group, composer.catalogue)}: {', '.join(known) or 'nothing yet'}"
@@ -134,11 +134,11 @@ def _likely(group: str, known: Iterable[str]) -> Iterable[str]:
     return (name for name in known if (group, name) != (ablations.GROUP, "none"))
 
 
-def _refuse_ablated(group: str, name: str, catalogue: Catalogue) -> None:
-    """Raise InputError for a system with an ablation in its name, as some were once called."""
-    pair = ablations.of_system(name, catalogue) if group == "system" else None
-    if pair:
-        raise InputError(f"system={name}: no such option; write system={pair[0]} ablation={pair[1]}")
+def _refuse_former(group: str, name: str, catalogue: Catalogue) -> None:
+    """Raise InputError for an option with an ablation in its name, as some were once called."""
+    today = former.today(group, name, catalogue)
+    if today:
+        raise InputError(f"{group}={name}: no such option; write {today}")
 
 
 def _listed(names: Sequence[str]) -> str:
