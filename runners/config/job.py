@@ -71,7 +71,10 @@ class Job(Generic[C]):
 
 def chosen(hydra: Any) -> dict[str, str]:
     """The option of every config group, from Hydra's own part of a config; several are joined by +."""
-    return {**_several(tuple(hydra.overrides.task)), **_single(hydra.runtime.choices)}
+    words: Any = OmegaConf.to_container(
+        hydra.overrides.task, resolve=False
+    )  # one may interpolate what is not there
+    return {**_several(words), **_single(hydra.runtime.choices)}
 
 
 def _single(choices: Mapping[Any, Any]) -> dict[str, str]:
