@@ -2,6 +2,7 @@
 
 import ast
 from collections import defaultdict
+from graphlib import TopologicalSorter
 from itertools import takewhile
 from pathlib import Path
 
@@ -42,6 +43,27 @@ def imported(tree):
             yield from (name.name for name in node.names)
 
 
+def run_time_imports(tree):
+    """The modules whose code a module needs, also those that one of its functions imports; not those of types alone."""
+    typing_only = {
+        id(inner)
+        for node in ast.walk(tree)
+        if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"
+        for inner in ast.walk(node)
+    }
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom) and id(node) not in typing_only:
+            names = {f"{node.module}.{name.name}" for name in node.names}
+            yield from names & MODULES or {node.module}
+        elif isinstance(node, ast.Import) and id(node) not in typing_only:
+            yield from (name.name for name in node.names)
+
+
+def module_of(path):
+    return ".".join(path.with_suffix("").parts).removesuffix(".__init__")
+
+
+MODULES = {module_of(path) for path in SOURCES}
 CLIENTS = defaultdict(list)  # of each module: the modules of lme that import it
 for _path, _tree in SOURCES.items():
     if _path.parts[0] == "lme":
@@ -81,6 +103,12 @@ def test_a_public_class_name_stands_for_one_thing():
             if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
                 places[node.name].append(str(path))
     assert not {name: paths for name, paths in places.items() if len(paths) > 1}
+
+
+def test_no_module_imports_itself_by_way_of_others():
+    """Nor within functions: what two modules need from each other belongs in a third."""
+    graph = {module_of(path): {*run_time_imports(tree)} & MODULES for path, tree in SOURCES.items()}
+    TopologicalSorter(graph).prepare()  # raises for a circle, and names it
 
 
 @pytest.mark.parametrize(

@@ -18,11 +18,12 @@ from runners.cli import hydra_jobs, show
 from runners.cli.interrupts import status_of
 from runners.cli.os_errors import explain_os_error
 from runners.cli.submitted import LauncherError
-from runners.config import ablations, arguments, catalogue, command_line, schema
+from runners.config import arguments, catalogue, command_line, former, schema
 from runners.config.catalogue import Catalogue
-from runners.config.composer import Composer, resume_command, unquoted
+from runners.config.composer import Composer
 from runners.config.hydra_errors import translate_error
 from runners.config.job import Job
+from runners.config.quoting import resume_command, unquoted
 from runners.records import launch_record, run_directories
 from runners.workers import server
 
@@ -96,7 +97,7 @@ def _with_resumed(command: str, given: arguments.Arguments) -> tuple[arguments.A
     if config_dir is not None:
         arguments.check_config_dir(config_dir)
     configs = catalogue.shipped(*([config_dir] if config_dir else []))
-    kept = [now for word in kept for now in _update_override(word, configs)]
+    kept = _in_todays_words(kept, saved, directory, configs)
     return replace(
         given,
         overrides=kept + given.overrides,
@@ -106,11 +107,22 @@ def _with_resumed(command: str, given: arguments.Arguments) -> tuple[arguments.A
     ), directory
 
 
-def _update_override(word: str, configs: Catalogue) -> list[str]:
-    """The override of an earlier run, in today's words where it chooses a system that has become an ablation."""
-    key, _, value = word.partition("=")
-    pair = ablations.of_system(value, configs) if key == "system" else None
-    return [f"system={pair[0]}", f"ablation={pair[1]}"] if pair else [word]
+def _in_todays_words(
+    words: list[str], saved: launch_record.Launch, directory: Path, configs: Catalogue
+) -> list[str]:
+    """The overrides of an earlier run, also where they choose what has become an ablation.
+
+    Raises InputError for a sweep that today's words cannot make.
+    """
+    now = former.in_todays_words(words, configs)
+    for word in now:
+        name = former.named(word, configs)
+        if name:
+            raise InputError(
+                f"resume={directory}: {word} is no longer one sweep, because {name} is now "
+                f"{former.today(_key(word), name, configs)}; {run_directories.one_by_one(saved.command, directory)}"
+            )
+    return now
 
 
 def _explain_missing_run(directory: Path) -> str:

@@ -48,15 +48,6 @@ def describe_ablation(choice: str, known: Mapping[str, str]) -> str:
     return " and ".join(known[name] for name in names) if known.keys() >= set(names) else ""
 
 
-def of_system(name: str, catalogue: Catalogue) -> tuple[str, str] | None:
-    """("lme_plus", "no_memory") for "lme_plus_no_memory", as a system with an ablation was once called."""
-    if catalogue.has(f"system/{name}"):
-        return None
-    systems = (system for system in catalogue.options("system") if name.startswith(f"{system}_"))
-    pairs = ((system, name.removeprefix(f"{system}_")) for system in systems)
-    return next((pair for pair in pairs if pair[1] in catalogue.options(GROUP)), None)
-
-
 def _of_file(file: Path) -> dict[str, Any]:
     content = read_yaml(file)
     own = (

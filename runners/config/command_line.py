@@ -17,7 +17,7 @@ from runners.config import arguments, contradictions, diagnosis, worlds
 from runners.config.composer import COMPOSING, Composer, without_hydra
 from runners.config.hydra_errors import keys_beside, translate_error, unknown_key
 from runners.config.job import Job
-from runners.config.overrides import normalised, text_of
+from runners.config.overrides import SEVERAL_OPTIONS, normalised, text_of
 
 MAX_JOBS_CHECKED = 64  # of a sweep; of larger ones every value is checked once
 
@@ -62,7 +62,7 @@ def plan(composer: Composer, overrides: Sequence[str], multirun: bool, typed: Se
     Raises InputError where Hydra could not compose.
     """
     made = _plan(composer, overrides, multirun)
-    contradictions.refuse_contradictions(composer.parse(typed), made.configs.values())
+    contradictions.refuse_contradictions(composer.parse(typed), made.configs.values(), composer.catalogue)
     return made
 
 
@@ -73,7 +73,7 @@ def _plan(composer: Composer, overrides: Sequence[str], multirun: bool) -> Plan:
     job = next(_jobs(parsed))
     first = _composed(composer, job)
     if not (multirun or str(first.hydra.mode or "").endswith("MULTIRUN")):
-        _refuse_sweep(parsed)
+        _refuse_sweep(parsed, composer)
         return Plan(words, False, 1, {job: first})
     swept = composer.parse(_sweeper_params(first)) + parsed
     configs = {each: first if each == job else _composed(composer, each) for each in _checked_jobs(swept)}
@@ -115,11 +115,12 @@ def _refuse_swept_hydra(parsed: Sequence[Override]) -> None:
             )
 
 
-def _refuse_sweep(parsed: Sequence[Override]) -> None:
+def _refuse_sweep(parsed: Sequence[Override], composer: Composer) -> None:
     for override in parsed:
         if override.is_sweep_override():
             key, _, value = text_of(override).partition("=")
-            is_list = override.value_type is ValueType.SIMPLE_CHOICE_SWEEP
+            takes_list = key in SEVERAL_OPTIONS or key not in composer.slots
+            is_list = takes_list and override.value_type is ValueType.SIMPLE_CHOICE_SWEEP
             better = f", or write {key}=[{value}] for a list" if is_list else _suggest_range(key, override)
             raise InputError(f"{text_of(override)}: several values; add -m to run each of them{better}")
 

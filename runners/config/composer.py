@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import shlex
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Self
@@ -13,7 +12,7 @@ from hydra import initialize_config_dir
 from hydra.core.config_loader import ConfigLoader
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.override_parser.overrides_parser import OverridesParser
-from hydra.core.override_parser.types import Override, Quote, QuotedString, Sweep
+from hydra.core.override_parser.types import Override, Sweep
 from hydra.errors import HydraException, OverrideParseException
 from hydra.types import RunMode
 from omegaconf import DictConfig, open_dict, read_write
@@ -22,6 +21,7 @@ from omegaconf.errors import OmegaConfBaseException
 from lme.errors import InputError
 from lme.resources import resource_dir
 from runners.config import catalogue, schema
+from runners.config.quoting import quoted
 
 # What Hydra and OmegaConf raise for what cannot be composed.
 COMPOSING = (
@@ -84,31 +84,6 @@ class Composer(initialize_config_dir):
         more = [str(place) for places in lists if isinstance(places, list) for place in places]
         places = ",".join(quoted(place) for place in (f"file://{self._config_dir}", *more))
         return [f"hydra.searchpath=[{places}]", *others]
-
-
-def quoted(text: str) -> str:
-    """`text` as a string in Hydra's override grammar, with any characters."""
-    return QuotedString(text, Quote.single).with_quotes()
-
-
-def unquoted(value: str) -> str:
-    """The value of an override without its quotes, if it has any."""
-    try:
-        read = OverridesParser.create().parse_override(f"key={value}").value()
-    except HydraException:
-        return value.strip("'\"")
-    return read if isinstance(read, str) and value[:1] in ("'", '"') else value
-
-
-def resume_command(command: str, directory: Path) -> str:
-    """The words that resume the run in `directory`, quoted for Hydra and for the shell where they need it."""
-    text = str(directory)
-    try:
-        read = OverridesParser.create().parse_override(f"resume={text}")
-        plain = not read.is_sweep_override() and str(read.value()) == text
-    except HydraException:
-        plain = False
-    return f"lme {command} {shlex.quote(f'resume={text if plain else quoted(text)}')}"
 
 
 def without_hydra(config: DictConfig) -> DictConfig:

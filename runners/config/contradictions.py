@@ -1,4 +1,4 @@
-"""What a command line says twice, and differently. A file's values and those of a resumed run may be overridden."""
+"""What a command line says twice and differently, or in vain. A file's values and a resumed run's may be overridden."""
 
 from __future__ import annotations
 
@@ -10,15 +10,19 @@ from omegaconf import DictConfig
 
 from lme.errors import InputError
 from lme.worlds.barn.subsets import OFFICIAL
+from runners.config.catalogue import Catalogue
 from runners.config.overrides import text_of
+from runners.config.unused_weights import check_weights
 
 _BARN = "lme.worlds.barn.Barn"
 
 
-def refuse_contradictions(given: Sequence[Override], configs: Collection[DictConfig]) -> None:
-    """Raise InputError for a key with two values, and for worlds outside the subset given with them.
+def refuse_contradictions(
+    given: Sequence[Override], configs: Collection[DictConfig], catalogue: Catalogue
+) -> None:
+    """Raise InputError for a key with two values, worlds outside the subset given with them, and unused weights.
 
-    given: the overrides as they were typed. configs: of the jobs that they make.
+    given: the overrides as they were typed. configs: of the jobs that they make. catalogue: of the options.
     """
     texts: dict[str, str] = {}
     for override in given:
@@ -28,6 +32,8 @@ def refuse_contradictions(given: Sequence[Override], configs: Collection[DictCon
     if {"map.subset", "map.worlds"} <= set(texts):
         for config in configs:
             _check_worlds(config.map)
+    if "weights" in texts:
+        check_weights(texts["weights"], configs, catalogue)
 
 
 def _check_worlds(barn: Mapping[str, Any]) -> None:

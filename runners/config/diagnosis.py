@@ -13,11 +13,25 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from lme.errors import InputError, nearest
+from lme.requirements import install
 from lme.resources import resource_dir
 from runners.config.composer import COMPOSING, Composer
 from runners.config.flatten import dotted_keys
 from runners.config.hydra_errors import describe_expected, full_key, keys_beside, one_line, translate_error
+from runners.config.job import chosen
+from runners.config.misfits import explained
 from runners.config.overrides import places, text_of
+
+_PLUGINS = {  # the packages of Hydra's own plugins
+    "hydra/launcher/joblib": "hydra-joblib-launcher",
+    "hydra/launcher/ray": "hydra-ray-launcher",
+    "hydra/launcher/rq": "hydra-rq-launcher",
+    "hydra/launcher/submitit_local": "hydra-submitit-launcher",
+    "hydra/launcher/submitit_slurm": "hydra-submitit-launcher",
+    "hydra/sweeper/ax": "hydra-ax-sweeper",
+    "hydra/sweeper/nevergrad": "hydra-nevergrad-sweeper",
+    "hydra/sweeper/optuna": "hydra-optuna-sweeper",
+}
 
 
 def diagnose(error: Exception, composer: Composer, job: Sequence[str]) -> InputError:
@@ -27,6 +41,9 @@ def diagnose(error: Exception, composer: Composer, job: Sequence[str]) -> InputE
     missing = error.missing_cfg_file if isinstance(error, MissingConfigException) else None
     if missing and not missing.startswith("hydra/"):
         return _no_file(missing, composer)
+    if missing in _PLUGINS:
+        group, _, option = missing.rpartition("/")
+        return InputError(f"{group}={option}: is not installed; {install(_PLUGINS[missing])} installs it")
     file_error = re.match(r"In '([^']+)': \w+ raised while composing config:", str(error))
     if file_error:
         return _in_file(error, file_error.group(1), composer)
@@ -122,7 +139,10 @@ def _in_file(error: Exception, name: str, composer: Composer) -> InputError:
 
 
 def add_location(error: InputError, config: DictConfig, job: Sequence[str], composer: Composer) -> InputError:
-    """Add the user's file to a message, if that file sets the key that the message begins with."""
+    """Add the user's file to a message, if that file sets the key that the message begins with; or the ablation."""
+    ablated = explained(error, chosen(config.hydra), composer.catalogue)
+    if ablated is not error:
+        return ablated
     key = (re.match(r"[\w.]+", str(error)) or [""])[0].rstrip(".")
     group = key.partition(".")[0]
     option = config.hydra.runtime.choices.get(group)

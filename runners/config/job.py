@@ -58,7 +58,7 @@ class Job(Generic[C]):
         typed = cast(C, OmegaConf.to_object(config))  # first: its errors name the key
         check_parts(typed)
         overrides = tuple(hydra.overrides.task)
-        choices = {**_several(overrides), **_single(hydra.runtime.choices)}
+        choices = chosen(hydra)
         return cls(
             config=typed,
             choices=choices,
@@ -67,6 +67,14 @@ class Job(Generic[C]):
             folders=catalogue.folders,
             own_weights=own_weights(cast(dict[str, Any], OmegaConf.to_container(config.guide))),
         )
+
+
+def chosen(hydra: Any) -> dict[str, str]:
+    """The option of every config group, from Hydra's own part of a config; several are joined by +."""
+    words: Any = OmegaConf.to_container(
+        hydra.overrides.task, resolve=False
+    )  # one may interpolate what is not there
+    return {**_several(words), **_single(hydra.runtime.choices)}
 
 
 def _single(choices: Mapping[Any, Any]) -> dict[str, str]:

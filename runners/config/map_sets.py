@@ -68,7 +68,7 @@ def _numbers(word: str) -> list[int]:
         return [int(word)]  # the map set says what is right
     if not re.fullmatch(r"[0-9]{1,9}(-[0-9]{1,9})?", word):
         raise InputError(f"{word!r} is neither a world number nor key=value")
-    return list(parse_worlds(word, "the world number"))
+    return list(parse_worlds(word, "map.worlds"))
 
 
 def _node(name: str, settings: Sequence[str]) -> Any:
@@ -80,6 +80,6 @@ def _node(name: str, settings: Sequence[str]) -> Any:
     try:
         given = OmegaConf.from_dotlist(list(settings))
         merged: Any = OmegaConf.merge(catalogue.shipped().values(f"map/{name}"), given)
-        return {**merged, "worlds": parse_worlds(merged.get("worlds"), "worlds")}
+        return {**merged, "worlds": parse_worlds(merged.get("worlds"), "map.worlds")}
     except (OmegaConfBaseException, YAMLError, ValueError) as error:
         raise InputError(f"{' '.join(settings)}: must be key=value, as in YAML") from error

@@ -8,12 +8,13 @@ from pathlib import Path
 from hydra.core.override_parser.types import Override
 
 from lme.errors import InputError, nearest
-from runners.config import ablations, schema
+from runners.config import ablations, former, schema
 from runners.config.catalogue import Catalogue
 from runners.config.composer import Composer
 
 _LONGEST = 255  # [letters] of a key: a group is a folder, and none has a longer name
 CUSTOM = "custom"  # the option of a group that takes a class of the user's own
+SEVERAL_OPTIONS = (ablations.GROUP,)  # groups of which a list of options may be chosen
 OPEN_MAPPINGS = (  # may be given new keys
     "ablation", "scale", "guide.criteria", "space", "held_out", "training", "guides", "learner.expert.settings",
 )  # fmt: skip
@@ -90,7 +91,7 @@ def _check_own_group(text: str, group: str, composer: Composer) -> None:
     shipped = Catalogue(composer.catalogue.folders[:1])
     if shipped.options(group):
         others = [f"lme {name}" for name in schema.COMMANDS if group in shipped.groups(name)]
-        theirs = f"{group} is a group of {' and '.join(others)}; " if others else ""
+        theirs = f"{group} is a group of {_listed(others)}; " if others else ""
         raise InputError(f"{text}: no such group; {theirs}there are: {', '.join(composer.slots)}")
     if not text.startswith("+"):
         raise InputError(
@@ -106,21 +107,43 @@ def _check_options(override: Override, composer: Composer) -> None:
     for option in _values(override):
         if isinstance(option, dict):
             continue
+        if isinstance(option, list) and group not in SEVERAL_OPTIONS:
+            raise _takes_one(group, [str(name) for name in option])
         for name in option if isinstance(option, list) else [option]:
             if str(name) not in known and not _in_subfolder(group, str(name), composer):
-                _refuse_ablated(group, str(name), composer.catalogue)
+                _refuse_former(group, str(name), composer.catalogue)
                 raise InputError(
-                    f"{group}={name}: no such option; {nearest(str(name), known)}"
+                    f"{group}={name}: no such option; {nearest(str(name), _likely(group, known))}"
                     f"{places(group, composer.catalogue)}: {', '.join(known) or 'nothing yet'}"
                     f"{_how_to_add(group, str(name), known)}"
                 )
 
 
-def _refuse_ablated(group: str, name: str, catalogue: Catalogue) -> None:
-    """Raise InputError for a system with an ablation in its name, as some were once called."""
-    pair = ablations.of_system(name, catalogue) if group == "system" else None
-    if pair:
-        raise InputError(f"system={name}: no such option; write system={pair[0]} ablation={pair[1]}")
+def _takes_one(group: str, names: Sequence[str]) -> InputError:
+    """Hydra would merge the files of several options, and keep what the last of them does not set."""
+    text = f"{group}=[{','.join(names)}]: {group} takes one option"
+    if len(names) < 2:
+        return InputError(f"{text}; must be {group}={''.join(names) or 'NAME'}")
+    return InputError(
+        f"{text}, such as {group}={names[0]}; several are a sweep: -m {group}={','.join(names)}"
+    )
+
+
+def _likely(group: str, known: Iterable[str]) -> Iterable[str]:
+    """The options that a mistyped one may stand for: whoever names an ablation does not mean none."""
+    return (name for name in known if (group, name) != (ablations.GROUP, "none"))
+
+
+def _refuse_former(group: str, name: str, catalogue: Catalogue) -> None:
+    """Raise InputError for an option with an ablation in its name, as some were once called."""
+    today = former.today(group, name, catalogue)
+    if today:
+        raise InputError(f"{group}={name}: no such option; write {today}")
+
+
+def _listed(names: Sequence[str]) -> str:
+    """ "a", "a and b", "a, b and c"."""
+    return " and ".join(filter(None, [", ".join(names[:-1]), *names[-1:]]))
 
 
 def _values(override: Override) -> Iterator[object]:

@@ -15,8 +15,9 @@ from lme.policies.lme.score import CRITERIA, THRESHOLDS
 from lme.resources import resource_dir
 from lme.yaml_entry import read_yaml
 from runners.config.catalogue import Catalogue
-from runners.config.composer import resume_command
+from runners.config.flatten import flatten
 from runners.config.hydra_errors import unknown_key
+from runners.config.quoting import resume_command
 
 PUBLISHED = "published"  # the paper's weight set
 WEIGHTS = "weights.yaml"  # in the directory of a training run
@@ -24,6 +25,7 @@ NETWORK = "weights.npz"  # in the directory of a run of lme learn
 REGISTERED = Path("outputs") / "weights"
 IMPORT_NETWORK = "lme weights import NETWORK PATH NAME"
 _OWN = re.compile(r"\$\{parameters:.*,\s*([\w./-]+)\s*\}")  # the fifth argument of the resolver
+_TAKEN = re.compile(r"\$\{.*(?<!\w\.)\bweights\b")  # of the whole config; not ${planner.weights}
 TIMES = "\u00d7"  # a typographic sign that is easily taken for a letter
 
 
@@ -64,6 +66,19 @@ def own_weights_of(guide: str, folders: tuple[Path, ...]) -> str | None:
         return own_weights(Catalogue(folders).values(f"guide/{guide}"))
     except (FileNotFoundError, InputError):
         return None
+
+
+def parameter_names(guide: Mapping[str, Any]) -> list[str]:
+    """The parameters that a guide's config, not resolved, takes from a weight set; none where it takes none."""
+    own = own_weights(guide)
+    if own is not None:
+        return _own_names(own)
+    return [*CRITERIA, *THRESHOLDS, *(guide.get("criteria") or {})] if takes_weights(guide) else []
+
+
+def takes_weights(node: Mapping[str, Any]) -> bool:
+    """Whether a config, not resolved, interpolates the key `weights`."""
+    return any(isinstance(value, str) and _TAKEN.search(value) for _, value in flatten(node))
 
 
 def _own_names(own: str) -> list[str]:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import re
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,8 +13,9 @@ from typing import TYPE_CHECKING, Any
 from lme.errors import InputError
 from runners.config import build, command_line
 from runners.config.arguments import check_config_dir
-from runners.config.composer import Composer, quoted
+from runners.config.composer import Composer
 from runners.config.job import Job
+from runners.config.quoting import quoted
 from runners.config.schema import EvalConfig
 from runners.experiments.evaluate import drive, run_and_report, start_tracking, validate
 from runners.experiments.labels import run_labels
@@ -25,6 +27,18 @@ if TYPE_CHECKING:
 
 _NAME = re.compile(r"[A-Za-z_][\w./-]*")
 _NOT_TEXT = ("true", "false", "null", "inf", "nan")  # to Hydra
+_IN_PYTHON = (  # what messages say of the command line, and the same in Python
+    (r"add -m to run each of them", "call lme.evaluate for each of them"),
+    (r"several are a sweep: -m \S+", "call lme.evaluate for each of several"),
+    (r"--config-dir DIR", "config_dir=DIR"),
+    (
+        r"^executor\.workers: no such key.*",
+        "workers: executor=serial has none; omit it, or choose executor=process",
+    ),
+    (r"add resume=true", "give resume=True"),
+    (r"resume it with resume=PATH alone", "resume it with resume=True and what it was started with"),
+    (r"hydra\.run\.dir=PATH", "into=DIR"),
+)
 _KEYWORDS = {"resume": "resume=True", "hydra.run.dir": "into=DIR", "hydra.sweep.dir": "into=DIR"}
 
 
@@ -39,18 +53,24 @@ def evaluate(
     progress: bool,
 ) -> pd.DataFrame:
     """The records of one run; see `lme.evaluate`."""
-    if resume and into is None:
+    run_dir, folder = _path("into", into), _path("config_dir", config_dir)
+    if resume and run_dir is None:
         raise InputError("resume=True: there is nothing to resume without into=DIR")
-    more = {**keys, **({} if workers is None else {"executor.workers": workers})}
-    words = _overrides([*overrides, *(f"{key}={to_hydra(value)}" for key, value in more.items())])
-    job = _job(words, config_dir)
-    if into is not None:
-        return _evaluate_into(job, words, Path(into).expanduser(), resume, progress)
+    with _in_pythons_words():
+        return _evaluate(_overrides(_words(overrides, keys, workers)), folder, run_dir, resume, progress)
+
+
+def _evaluate(
+    words: Sequence[str], folder: Path | None, run_dir: Path | None, resume: bool, progress: bool
+) -> pd.DataFrame:
+    job = _job(words, folder)
+    if run_dir is not None:
+        return _evaluate_into(job, words, run_dir, resume, progress)
     _check_needs_no_directory(job)
-    with tempfile.TemporaryDirectory(prefix="lme-") as folder:
+    with tempfile.TemporaryDirectory(prefix="lme-") as name:
         maps = build.map_set(job.config)
-        drive(job.config, run_labels(job, maps), maps, Path(folder), progress)
-        return _records(Path(folder))
+        drive(job.config, run_labels(job, maps), maps, Path(name), progress)
+        return _records(Path(name))
 
 
 def to_hydra(value: Any) -> str:
@@ -74,6 +94,33 @@ def to_hydra(value: Any) -> str:
     )
 
 
+@contextlib.contextmanager
+def _in_pythons_words() -> Iterator[None]:
+    """Say in messages what the caller writes, where they say what the command line takes."""
+    try:
+        yield
+    except InputError as error:
+        message = str(error)
+        for pattern, words in _IN_PYTHON:
+            message = re.sub(pattern, words, message)
+        raise InputError(message) from error
+
+
+def _path(keyword: str, given: str | Path | None) -> Path | None:
+    if given is not None and not isinstance(given, str | Path):
+        raise InputError(f"{keyword}={given!r}: must be a path or None")
+    return None if given is None else Path(given).expanduser()
+
+
+def _words(overrides: Sequence[str], keys: Mapping[str, Any], workers: int | None) -> list[str]:
+    """Everything that the caller gave, as overrides. Raises InputError."""
+    for word in overrides:
+        if not isinstance(word, str):
+            raise InputError(f'{word!r}: must be text, key=value, such as "map=barn"')
+    more = {**keys, **({} if workers is None else {"executor.workers": workers})}
+    return [*overrides, *(f"{key}={to_hydra(value)}" for key, value in more.items())]
+
+
 def _overrides(words: list[str]) -> list[str]:
     """The overrides, without tracking unless they choose one. Raises InputError for a key that is a keyword here."""
     given = [word.partition("=")[0].lstrip("+") for word in words]
@@ -83,12 +130,11 @@ def _overrides(words: list[str]) -> list[str]:
     return words if "tracking" in given else ["tracking=none", *words]
 
 
-def _job(words: Sequence[str], config_dir: str | Path | None) -> Job[EvalConfig]:
+def _job(words: Sequence[str], folder: Path | None) -> Job[EvalConfig]:
     """The job, composed and checked as on the command line. Raises InputError, also for a sweep."""
-    own = None if config_dir is None else Path(config_dir).expanduser().resolve()
-    if own is not None:
-        check_config_dir(own, "config_dir")
-    with Composer("eval", own) as composer:
+    if folder is not None:
+        check_config_dir(folder, "config_dir")
+    with Composer("eval", folder and folder.resolve()) as composer:
         plan = command_line.plan(composer, words, multirun=False, typed=words)
         if plan.multirun:
             raise InputError(

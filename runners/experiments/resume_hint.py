@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from runners.config.composer import resume_command
+from runners.config.quoting import resume_command
 
 
 @contextmanager

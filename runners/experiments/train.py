@@ -14,9 +14,9 @@ from lme.worlds.world import MapSet
 from runners.analysis import failures
 from runners.config import ablations, build, instantiate
 from runners.config.catalogue import Catalogue
-from runners.config.composer import resume_command
 from runners.config.flatten import flatten
 from runners.config.job import Job
+from runners.config.quoting import resume_command
 from runners.config.schema import TrainConfig
 from runners.config.space import PARAMETERS, Space, own_values, read_space, with_values
 from runners.experiments import evaluate

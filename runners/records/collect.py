@@ -33,7 +33,7 @@ def collect(folders: Iterable[Path]) -> Collected:
         runs = _runs_below(folder)
         if not runs:
             problem = "no run below it" if folder.is_dir() else "no such directory"
-            raise InputError(f"{folder}: {problem}; give folders of runs, such as outputs")
+            raise InputError(f"{folder}: {problem}; run lme eval first, or give folders that hold runs")
         for run_dir in runs:
             _add(run_dir, found)
     return found

@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 import contextlib
+import shlex
 from collections.abc import Iterator
 from datetime import datetime
 from itertools import count
 from pathlib import Path
 
 from lme.errors import InputError
+from runners.config import former
+from runners.config.catalogue import Catalogue
+from runners.config.quoting import resume_command
 from runners.records.append_log import APPEND_LOG, lock
 from runners.records.launch_record import LAUNCH, Launch, differences, directory_error, read_launch, shortened
 
 ROOT = Path("outputs")
 _RESULTS = ("episodes.parquet", "study.journal", "checkpoint.pt")
 _ADVICE = "resume it with resume=PATH alone, or choose another directory"
-_OUTDATED = "the options that it was started with have changed since; start again in another directory"
+_OUTDATED = "the options that it was started with have changed since"
 
 
 def resumable(launch: Launch, root: Path = ROOT) -> Path:
@@ -41,6 +45,8 @@ def check_same(launch: Launch, directory: Path) -> None:
         )
     if saved.fingerprint == launch.fingerprint:
         return
+    if _same_command_line(saved, launch):
+        raise _outdated(saved, launch, directory)
     if (saved.command, len(saved.configs)) != (launch.command, len(launch.configs)):
         raise InputError(
             f"{directory}: holds {saved.command} with {len(saved.configs)} jobs, "
@@ -49,25 +55,43 @@ def check_same(launch: Launch, directory: Path) -> None:
     if saved.multirun != launch.multirun:
         held, now = ("a sweep", "one run") if saved.multirun else ("one run", "a sweep")
         raise InputError(f"{directory}: holds {held}, not {now}: {_ADVICE}")
+    raise InputError(f"{directory}: holds a run with another config ({_changes(saved, launch)}): {_ADVICE}")
+
+
+def _outdated(saved: Launch, launch: Launch, directory: Path) -> InputError:
+    """The options in the files have changed. Some jobs of a sweep may still be the same."""
+    if len(saved.configs) == len(launch.configs):
+        held = f"a run with another config ({_changes(saved, launch)})"
+    else:
+        held = f"a sweep of {len(saved.configs)} jobs, which today has {len(launch.configs)}"
+    same = any(config in launch.configs for config in saved.configs)
+    advice = one_by_one(launch.command, directory) if same else "start again in another directory"
+    return InputError(f"{directory}: holds {held}: {_OUTDATED}; {advice}")
+
+
+def _changes(saved: Launch, launch: Launch) -> str:
     pairs = zip(saved.configs, launch.configs, strict=True)
-    found = list(dict.fromkeys(change for old, new in pairs for change in differences(old, new)))
-    raise InputError(
-        f"{directory}: holds a run with another config ({shortened(found)}): "
-        f"{_OUTDATED if _same_command_line(saved, launch) else _ADVICE}"
+    return shortened(list(dict.fromkeys(change for old, new in pairs for change in differences(old, new))))
+
+
+def one_by_one(command: str, sweep_dir: Path) -> str:
+    """What to do with a sweep that cannot be resumed as one."""
+    return (
+        f"resume its jobs one by one, {resume_command(command, sweep_dir / '0')} and so on "
+        f"(lme table {shlex.quote(str(sweep_dir))} tabulates all), or start again in another directory"
     )
 
 
 def _same_command_line(saved: Launch, launch: Launch) -> bool:
-    """Whether both were started with the same overrides and config, apart from Hydra's own part."""
-    before, now = (
-        (
-            [word for word in each.overrides if not word.startswith("hydra.")],
-            each.config_dir,
-            each.config_name,
-        )
-        for each in (saved, launch)
-    )
+    """Whether both were started by the same command line in today's words, apart from Hydra's own part."""
+    before, now = map(_command_line, (saved, launch))
     return before == now
+
+
+def _command_line(launch: Launch) -> tuple[object, ...]:
+    words = former.in_todays_words(launch.overrides, Catalogue(launch.folders))
+    own = [word for word in words if not word.startswith("hydra.")]
+    return launch.command, launch.multirun, own, launch.config_dir, launch.config_name
 
 
 def holds_run(directory: Path) -> bool:

@@ -68,11 +68,13 @@ def test_a_directory_has_what_the_command_writes(folder):
 
 def test_a_run_is_resumed(folder):
     first = driven(WORLDS, into="kept", resume=True)  # nothing there yet
-    with pytest.raises(lme.InputError, match="kept: already holds a run"):
+    with pytest.raises(
+        lme.InputError, match="kept: already holds a run: give resume=True or choose another directory"
+    ):
         driven(WORLDS, into="kept")
     again = driven(WORLDS, into="kept", resume=True)
     pd.testing.assert_frame_equal(first, again)  # the measured times too: nothing was driven
-    with pytest.raises(lme.InputError, match="holds a run with another config"):
+    with pytest.raises(lme.InputError, match=r"another config .*: resume it with resume=True and what it"):
         driven(WORLDS, into="kept", resume=True, seed=1)
 
 
@@ -89,7 +91,24 @@ def test_values_of_python(folder):
     ("words", "keys", "said"),
     [
         (["sytem=lme"], {}, "did you mean system"),
-        (["system=lme,dwa"], {}, "several values"),
+        ([5], {}, r'^5: must be text, key=value, such as "map=barn"$'),
+        ([], {"into": 5}, r"^into=5: must be a path or None$"),
+        ([], {"config_dir": ["x"]}, r"^config_dir=\['x'\]: must be a path or None$"),
+        (["system=lme,dwa"], {}, r"^system=lme,dwa: several values; call lme\.evaluate for each of them$"),
+        (
+            [],
+            {"map": ["barn", "env1"]},
+            r"map takes one option, such as map=barn; call lme\.evaluate for each of sev",
+        ),
+        (
+            [],
+            {"robot": "mine"},
+            r"an option of your own needs config_dir=DIR, with the file DIR/robot/mine\.yaml$",
+        ),
+        ([], {"into": "/dev/null/x"}, r"cannot be written \(.*\): choose another with into=DIR$"),
+        ([], {"workers": 2}, "^workers: executor=serial has none; omit it, or choose executor=process$"),
+        ([], {"workers": 2.5, "executor": "process"}, "executor.workers is 2.5: must be a whole number"),
+        ([], {"system": "dwa", "weights": "skid"}, "^weights=skid: neither the guide nor the planner takes"),
         (["experiment=traps"], {}, "a sweep of .* jobs: lme.evaluate drives one"),
         ([], {"seed": object()}, "must be a string, a number"),
         (["resume=true"], {}, "must be given as the keyword resume=True"),
@@ -99,7 +118,7 @@ def test_values_of_python(folder):
         ([], {"explain": "all"}, "explain=all: needs into=DIR"),
         (["tracking=mlflow"], {}, "tracking=mlflow: needs into=DIR"),
         ([], {"workers": 0, "executor": "process"}, "executor.workers is 0"),
-        ([], {"config_dir": "nowhere"}, "config_dir .*nowhere: no such directory"),
+        ([], {"config_dir": "nowhere"}, "^config_dir=nowhere: no such directory$"),
     ],
 )
 def test_mistakes(folder, words, keys, said):

@@ -50,7 +50,6 @@ def _to_overrides(words: list[str]) -> list[str]:
     if kind == _SIMULATOR and len(flags) == 1:
         return [f"live={kind}", f"ros={_FLAGS[flags[0]]}", *rest]
     named = [] if "=" in kind else [kind]
-    given = " ".join(filter(None, ["lme live", *named, *flags]))
-    raise InputError(
-        f"{given}: must be lme live ros1, lme live ros2, or lme live simulator with --ros1 or --ros2"
-    )
+    given = " ".join(filter(None, [*named, *flags]))
+    right = "must be lme live ros1, lme live ros2, or lme live simulator with --ros1 or --ros2"
+    raise InputError(f"{given}: {right}" if given else right)

@@ -17,7 +17,7 @@ def main(argv: list[str]) -> int:
     A first word without "=" is the recording: `lme replay drive.bag` stands for `bag=drive.bag`.
     """
     from runners.cli.launch import Command, launch
-    from runners.config.composer import quoted
+    from runners.config.quoting import quoted
     from runners.replay.run import replay, validate
 
     words = list(argv)

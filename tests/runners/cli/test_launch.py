@@ -20,7 +20,7 @@ from omegaconf import DictConfig
 from lme.errors import InputError
 from runners.cli.launch import Command, launch
 from runners.config import command_line
-from runners.config.composer import quoted, resume_command
+from runners.config.quoting import quoted, resume_command
 from runners.records import launch_record
 from tests.hearing import hear_signals
 from tests.places import ROOT

@@ -1,8 +1,10 @@
 """Bad command lines and bad YAMLs: one line with key, value and what would be right; nothing written."""
 
+import copy
 from pathlib import Path
 
 import pytest
+from hydra.core.config_store import ConfigStore
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -11,7 +13,8 @@ from lme.resources import resource_dir
 from runners.cli.launch import Command
 from runners.cli.launch import launch as run_launch
 from runners.config import schema
-from runners.config.composer import Composer, quoted
+from runners.config.composer import Composer
+from runners.config.quoting import quoted
 
 ROBOT = (resource_dir("conf") / "robot" / "jackal.yaml").read_text()
 
@@ -46,6 +49,25 @@ def _never(job):
         ("robot=", ["robot=: no such option", "turtlebot2"]),
         ("robot=null", ["robot=null: must be one of go2, "]),
         ("ablation=[none,no_co]", ["ablation=no_co", "did you mean no_c_o?"]),
+        ("ablation=nope", ["ablation=nope: no such option; conf/ablation/ holds: no_a_close, "]),
+        ("ablation=no_memori", ["did you mean no_memory?"]),
+        ("tracking=non", ["did you mean none?"]),
+        (
+            "map=[barn,env1]",
+            [
+                "map=[barn,env1]: map takes one option, such as map=barn; ",
+                "several are a sweep: -m map=barn,env1",
+            ],
+        ),
+        ("+robot=[go2]", ["robot=[go2]: robot takes one option; must be robot=go2"]),
+        ("guide=[]", ["guide=[]: guide takes one option; must be guide=NAME"]),
+        ("experiment=[traps,table2]", ["experiment takes one option, such as experiment=traps; "]),
+        ("system=lme,dwa", ["system=lme,dwa: several values; add -m to run each of them"]),
+        ("ablation=no_c_o,no_c_t", ["or write ablation=[no_c_o,no_c_t] for a list"]),
+        ("hydra/launcher=ray", ["hydra/launcher=ray: is not installed; pip install 'hydra-ray-launcher' "]),
+        ("hydra/sweeper=optuna", ["is not installed; pip install 'hydra-optuna-sweeper' installs it"]),
+        ("search=tpe", ["search is a group of lme train; "]),
+        ("figure=maps", ["figure is a group of lme figure; "]),
         ("system=lme_plus_no_back", ["no such option; write system=lme_plus ablation=no_back"]),
         ("experiment=x", ["experiment=x: no such option; conf/experiment/ holds:"]),
         (
@@ -147,6 +169,23 @@ def test_a_planner_that_nothing_says_how_to_search(launch, words):
 def test_a_key_within_an_interpolation_that_another_override_puts_there(launch):
     message = launch("robot.footprint=${x.y}", "robot.footprint.width={}")
     assert message == "robot.footprint: Interpolation key 'x.y' not found"
+
+
+def test_a_group_of_several_commands_names_them_as_a_sentence_does(launch):
+    message = launch("executor=serial", command="replay")
+    assert "executor is a group of lme eval, lme train, lme learn and lme figure; " in message
+
+
+def test_a_missing_launcher_is_named_with_the_bounds_of_its_package(launch, monkeypatch):
+    monkeypatch.setattr(ConfigStore.instance(), "repo", copy.deepcopy(ConfigStore.instance().repo))
+    for name in ("joblib.yaml", "submitit_slurm.yaml"):
+        del ConfigStore.instance().repo["hydra"]["launcher"][name]
+    assert "pip install 'hydra-joblib-launcher" in launch("hydra/launcher=joblib")
+    assert "pip install 'hydra-submitit-launcher>=1.2'" in launch("hydra/launcher=submitit_slurm")
+
+
+def test_several_options_in_a_sweep(launch):
+    assert "map takes one option, such as map=env1; " in launch("-m", "map=barn,[env1,env2]")
 
 
 def test_a_mistake_in_one_job_of_a_sweep(launch):

@@ -4,7 +4,6 @@ import pytest
 
 from lme.errors import InputError
 from runners.analysis.summary import summarise
-from runners.cli.launch import _update_override
 from runners.config import ablations
 from runners.config.catalogue import shipped
 from runners.config.space import read_space
@@ -78,20 +77,6 @@ def test_a_label_must_be_text(own):
         ablations.labels(shipped(own).folders)
 
 
-@pytest.mark.parametrize(
-    ("system", "pair"),
-    [
-        ("lme_plus_no_memory", ("lme_plus", "no_memory")),
-        ("lme_plus_no_c_o", ("lme_plus", "no_c_o")),
-        ("lme_no_c_t", None),  # still a system
-        ("lme_plus_no_such", None),
-        ("lme_plus", None),
-    ],
-)
-def test_systems_that_became_ablations_are_known(system, pair):
-    assert ablations.of_system(system, shipped()) == pair
-
-
 def test_a_key_that_an_ablation_sets_is_not_searched():
     words = ("guide=lme_plus", "planner=min_time")
     with jobs_of("train") as job:
@@ -129,9 +114,3 @@ def test_a_resumed_run_keeps_the_names_of_its_records(tmp_path):
     now = RunLabels(system="LME+", ablation="no_memory", weights="published", **dict.fromkeys(columns, ""))
     kept = _recorded(now, tmp_path)
     assert (kept.system, kept.ablation, kept.weights) == ("LME+ without memory", "none", "mine")
-
-
-def test_a_resumed_run_has_its_system_and_ablation_in_todays_words():
-    assert _update_override("system=lme_plus_no_c_o", shipped()) == ["system=lme_plus", "ablation=no_c_o"]
-    for word in ("system=lme_no_c_t", "system=lme,lme_plus", "map=lme_plus_no_c_o", "seed=3"):
-        assert _update_override(word, shipped()) == [word]

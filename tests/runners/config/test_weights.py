@@ -44,7 +44,7 @@ def test_a_guide_that_a_file_no_longer_describes(tmp_path):
 
 def test_records_say_which_set_was_used_those_of_earlier_versions_too(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    words = ["system=lme_plus", "weights=published", "map.worlds=0", "map.time_limit=0.3", "runs=1"]
+    words = ["system=lme_plus", "map.worlds=0", "map.time_limit=0.3", "runs=1"]
     assert main(["eval", *words, "executor=serial", "tracking=none", "hydra.run.dir=run"]) == 0
     file = Path("run/episodes.parquet")
     records = pd.read_parquet(file)

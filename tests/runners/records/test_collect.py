@@ -72,7 +72,7 @@ def test_a_launch_record_with_a_damaged_scale_is_none(outputs, scale):
 
 
 def test_a_folder_without_runs_is_named(tmp_path):
-    with pytest.raises(InputError, match="no run below it; give folders of runs"):
+    with pytest.raises(InputError, match="no run below it; run lme eval first, or give folders"):
         collect([tmp_path])
     with pytest.raises(InputError, match=r"gone: no such directory"):
         collect([tmp_path / "gone"])

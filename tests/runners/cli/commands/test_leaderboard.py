@@ -34,7 +34,7 @@ def test_a_run_that_cannot_be_read_is_reported_here_and_on_the_page(here, capsys
 
 def test_an_error_of_leaderboard_is_one_line(here, capsys):
     assert main(["leaderboard", "nowhere"]) == 2
-    assert "nowhere: no such directory" in capsys.readouterr().err
+    assert "nowhere: no such directory; run lme eval first, or give" in capsys.readouterr().err
     assert main(["leaderboard", "--into", "outputs"]) == 2
     assert "outputs: cannot be written" in capsys.readouterr().err
     for name in ("one", "two"):

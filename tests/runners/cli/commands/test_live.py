@@ -18,10 +18,10 @@ def installed(monkeypatch):
     [
         ([], "lme live: must be lme live ros1, lme live ros2, or lme live simulator with --ros1 or --ros2"),
         (["robot=go2"], "must be lme live ros1"),
-        (["ros3"], "lme live ros3: must be"),
-        (["simulator"], "lme live simulator: must be"),
-        (["simulator", "--ros1", "--ros2"], "lme live simulator --ros1 --ros2: must be"),
-        (["ros1", "--ros2"], "lme live ros1 --ros2: must be"),
+        (["ros3"], "lme live: ros3: must be lme live ros1, "),
+        (["simulator"], "lme live: simulator: must be"),
+        (["simulator", "--ros1", "--ros2"], "lme live: simulator --ros1 --ros2: must be"),
+        (["ros1", "--ros2"], "lme live: ros1 --ros2: must be"),
         (["ros1", "map=env1"], "map=env1: only the simulator reads this"),
         (["simulator", "--ros2", "planner.v_gain=1"], "planner.v_gain"),
         (["simulator", "--ros2", "planner=dwa"], "planner=dwa: only the nodes read this"),
@@ -40,7 +40,7 @@ def installed(monkeypatch):
             ["simulator", "--ros1", "live.goal=radio"],
             "live.goal is radio: must be one of topic, action, none",
         ),
-        (["ros2", "ros=3"], "ros is 3: must be 1 or 2"),
+        (["ros2", "ros=3"], "ros=2 and ros=3: ros has two values; give one of them"),
     ],
 )
 def test_a_mistake_is_one_line(installed, capsys, words, said):

@@ -176,6 +176,7 @@ def test_more_worlds_than_a_sheet_holds_are_still_a_table(capsys):
         (["barn", "3", "subset=fresh"], "from 1000 on"),
         (["env1", "-1"], "from 0 on"),
         (["barn", "4a"], "'4a' is neither a world number nor key=value"),
+        (["barn", "5-2"], "^map.worlds has 5-2: the range runs backwards; must be 2-5"),
         (["bran"], "did you mean barn"),
         (["barn", "subst=all"], "did you mean subset"),
         (["barn", "subset=["], "subset=.: must be key=value"),
