@@ -7,9 +7,12 @@ import shlex
 from pathlib import Path
 
 import pytest
+import yaml
 
 from runners.cli import main
 from runners.config import catalogue
+from runners.config.weights import REGISTERED, WEIGHTS, shipped_weights
+from tests.builders import PUBLISHED
 from tests.places import ROOT
 
 ASSUMED = sorted(
@@ -118,7 +121,7 @@ def test_a_python_block_runs_as_it_stands(page, code, tmp_path, monkeypatch, cap
 
 @pytest.fixture
 def users_files(tmp_path, monkeypatch):
-    """A folder with the files that the pages tell the reader to write, each named by the first comment of its block."""
+    """A folder with what the pages tell the reader to write, named by its first comment, and with trained weights."""
     for page in PAGES:
         text = (ROOT / page).read_text(encoding="utf-8")
         for block in re.findall(r"^```(?:python|yaml)\n(.*?)^```$", text, re.DOTALL | re.MULTILINE):
@@ -126,6 +129,12 @@ def users_files(tmp_path, monkeypatch):
             if named:
                 (tmp_path / named[1]).parent.mkdir(parents=True, exist_ok=True)
                 (tmp_path / named[1]).write_text(block, encoding="utf-8")
+    for word in {word for command in COMMANDS for word in command if word.startswith("weights=")}:
+        for name in word.removeprefix("weights=").split(","):
+            trained = Path(name, WEIGHTS) if "/" in name else REGISTERED / f"{name}.yaml"
+            if name not in shipped_weights():
+                (tmp_path / trained).parent.mkdir(parents=True, exist_ok=True)
+                (tmp_path / trained).write_text(yaml.safe_dump({"parameters": PUBLISHED}))
     monkeypatch.chdir(tmp_path)
 
 

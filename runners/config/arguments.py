@@ -44,10 +44,10 @@ def parse(argv: Sequence[str]) -> Arguments:
     return given
 
 
-def check_config_dir(folder: Path, given: str = "--config-dir") -> None:
-    """Raise InputError unless a folder of the user's own options exists. given: what names it."""
+def check_config_dir(folder: Path, given: str = "--config-dir ") -> None:
+    """Raise InputError unless a folder of the user's own options exists. given: the text before it in the message."""
     if not os.path.isdir(folder):  # noqa: PTH112 - Path.is_dir raises for a name that is too long
-        raise InputError(f"{given} {folder}: no such directory")
+        raise InputError(f"{given}{folder}: no such directory")
 
 
 def _from_home(word: str) -> str:

@@ -133,7 +133,7 @@ def _overrides(words: list[str]) -> list[str]:
 def _job(words: Sequence[str], folder: Path | None) -> Job[EvalConfig]:
     """The job, composed and checked as on the command line. Raises InputError, also for a sweep."""
     if folder is not None:
-        check_config_dir(folder, "config_dir")
+        check_config_dir(folder, "config_dir=")
     with Composer("eval", folder and folder.resolve()) as composer:
         plan = command_line.plan(composer, words, multirun=False, typed=words)
         if plan.multirun:
