@@ -108,10 +108,10 @@ class Ros1:
         import actionlib
         from move_base_msgs.msg import MoveBaseAction
 
-        goals: dict[str, _Goal] = {}
+        goals: dict[str, _Ros1ActionGoal] = {}
 
         def begin(handle: Any) -> None:
-            goals[handle.get_goal_id().id] = goal = _Goal(handle)
+            goals[handle.get_goal_id().id] = goal = _Ros1ActionGoal(handle)
             accept(goal)
 
         def stop(handle: Any) -> None:
@@ -129,7 +129,7 @@ class Ros1:
     def client(self, action: str) -> Publisher:
         """Sends PoseStamped as goals of the action move_base_msgs/MoveBase."""
         self.type("move_base_msgs/MoveBaseAction")
-        return _Client(action)
+        return _Ros1ActionClient(action)
 
     def handle(self, timeout: float) -> None:
         """Wait at most `timeout` [s] for messages, then deliver all that arrived, for at most `HANDLING`."""
@@ -159,7 +159,7 @@ def _interrupt() -> None:
     raise KeyboardInterrupt
 
 
-class _Client:
+class _Ros1ActionClient:
     def __init__(self, action: str) -> None:
         import actionlib
         from move_base_msgs.msg import MoveBaseAction
@@ -176,7 +176,7 @@ class _Client:
         self._client.send_goal(MoveBaseGoal(target_pose=message))
 
 
-class _Goal:
+class _Ros1ActionGoal:
     """A goal of move_base_msgs/MoveBase. Its states are those of actionlib."""
 
     def __init__(self, handle: Any) -> None:

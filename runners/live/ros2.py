@@ -110,10 +110,10 @@ class Ros2:
         from nav2_msgs.action import NavigateToPose
         from rclpy.action import ActionServer, CancelResponse
 
-        goals: dict[bytes, _Goal] = {}
+        goals: dict[bytes, _Ros2ActionGoal] = {}
 
         def begin(handle: Any) -> None:
-            goals[bytes(handle.goal_id.uuid)] = goal = _Goal(handle, NavigateToPose)
+            goals[bytes(handle.goal_id.uuid)] = goal = _Ros2ActionGoal(handle, NavigateToPose)
             handle.execute()
             self._later.append(partial(accept, goal))
 
@@ -145,7 +145,7 @@ class Ros2:
             raise InputError(
                 "live.goal=action needs the package nav2_msgs: source the setup.bash of a ROS 2 workspace"
             )
-        return _Client(self._node, action)
+        return _Ros2ActionClient(self._node, action)
 
     def handle(self, timeout: float) -> None:
         """Wait at most `timeout` [s] for messages, then deliver all that arrived, for at most `HANDLING`."""
@@ -166,7 +166,7 @@ class Ros2:
         self._rclpy.try_shutdown()
 
 
-class _Client:
+class _Ros2ActionClient:
     def __init__(self, node: Any, action: str) -> None:
         from nav2_msgs.action import NavigateToPose
         from rclpy.action import ActionClient
@@ -182,7 +182,7 @@ class _Client:
         self._client.send_goal_async(self._action.Goal(pose=message))
 
 
-class _Goal:
+class _Ros2ActionGoal:
     """A goal of nav2_msgs/NavigateToPose."""
 
     def __init__(self, handle: Any, action: Any) -> None:
