@@ -92,6 +92,10 @@ def _keys(configs: catalogue.Catalogue, name: str, prefix: str = "") -> list[str
 def _groups(configs: catalogue.Catalogue, command_name: str) -> list[str]:
     lines = []
     for group, default in configs.groups(command_name).items():
+        kind, at, _ = group.partition("@")
+        if at:  # one more choice of a group, at another place of the config
+            lines.append(f"  {group}: an option of {kind}; * {default}")
+            continue
         options = configs.choices(group, command_name)
         lines.append(f"  {group}" if options else f"  {group}: none yet; add DIR/{group}/NAME.yaml")
         rows = (

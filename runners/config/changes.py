@@ -14,7 +14,9 @@ from runners.config.flatten import flatten
 
 GROUPS = ("robot", "map", "guide", "planner", "ablation", "sim")  # the groups that an episode depends on
 HAVE_COLUMNS = ("map.subset", "map.worlds")  # records hold these in columns of their own
+_WHICH_WORLDS = ("subset", "worlds", "count")
 HELD_OUT = "held_out."  # the maps of `lme train` that are held out
+TRAINING, TRAINING_ROBOTS = "training.", "training_robots."  # the maps of its families, and their robots
 
 
 def changed_keys(config: DictConfig, choices: Mapping[str, str], catalogue: Catalogue) -> dict[str, Any]:
@@ -22,7 +24,7 @@ def changed_keys(config: DictConfig, choices: Mapping[str, str], catalogue: Cata
 
     A value that a file interpolates, such as the guide's parameters, is changed only if it does not stand there as
     the file writes it: what it follows is recorded. A key that an ablation's file sets is not changed, whichever
-    group it belongs to. The key of a held-out map is "held_out.NAME.KEY".
+    group it belongs to. The key of a held-out map is "held_out.NAME.KEY", that of a family "training.NAME.KEY".
     """
     changes = {}
     ablated = ablations.settings(choices.get(ablations.GROUP, ""), catalogue)
@@ -32,9 +34,14 @@ def changed_keys(config: DictConfig, choices: Mapping[str, str], catalogue: Cata
         resolved = dict(flatten(_plain(given, resolve=True), f"{node}."))
         for key, value in flatten(_plain(given, resolve=False)):
             dotted = f"{node}.{key}"
-            if dotted not in HAVE_COLUMNS and not (key in written and _equal(written[key], value)):
+            if not _is_shown(node, key) and not (key in written and _equal(written[key], value)):
                 changes[dotted] = resolved.get(dotted, value)
     return changes
+
+
+def _is_shown(node: str, key: str) -> bool:
+    """Whether records show a key in another way: which worlds were driven, and how many."""
+    return f"{node}.{key}" in HAVE_COLUMNS or (node.startswith(TRAINING) and key in _WHICH_WORLDS)
 
 
 def describe_changes(changes: Mapping[str, Any]) -> str:
@@ -52,7 +59,8 @@ def _chosen(config: DictConfig, choices: Mapping[str, str]) -> Iterator[tuple[st
             )
     for choice, option in choices.items():
         group, _, node = choice.partition("@")
-        if node.startswith(HELD_OUT):
+        named = node.startswith((HELD_OUT, TRAINING, TRAINING_ROBOTS))
+        if named and OmegaConf.select(config, node) is not None:
             yield node, [f"{group}/{option}"]
 
 

@@ -62,7 +62,8 @@ def keys_beside(schema: Any, key: str) -> list[str]:
 
 def dataclass_of(annotation: Any) -> Any:
     """The dataclass of `Part` or of `Part | None`; None for any other type."""
-    return next((a for a in (annotation, *typing.get_args(annotation)) if dataclasses.is_dataclass(a)), None)
+    members = () if typing.get_origin(annotation) is dict else typing.get_args(annotation)
+    return next((each for each in (annotation, *members) if dataclasses.is_dataclass(each)), None)
 
 
 def check_parts(config: Any, key: str = "") -> None:

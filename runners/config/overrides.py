@@ -16,7 +16,8 @@ _LONGEST = 255  # [letters] of a key: a group is a folder, and none has a longer
 CUSTOM = "custom"  # the option of a group that takes a class of the user's own
 SEVERAL_OPTIONS = (ablations.GROUP,)  # groups of which a list of options may be chosen
 OPEN_MAPPINGS = (  # may be given new keys
-    "ablation", "scale", "guide.criteria", "space", "held_out", "training", "guides", "learner.expert.settings",
+    "ablation", "scale", "guide.criteria", "space", "held_out", "training", "training_robots", "training_radius",
+    "guides", "learner.expert.settings",
 )  # fmt: skip
 
 
@@ -74,6 +75,8 @@ def _normalised(override: Override, composer: Composer, open_mappings: Sequence[
         if composer.slots[key] is None:
             return ""
         raise InputError(f"{text}: must be one of {', '.join(composer.catalogue.options(key))}")
+    if override.package and f"{key}@{override.package}" not in composer.slots:
+        return f"+{text.lstrip('+')}"  # one more map set, say, with a name
     if key not in composer.slots and composer.catalogue.options(key):
         if not isinstance(override.value(), dict):  # a key may have the name of a group
             _check_own_group(text, key, composer)

@@ -100,10 +100,43 @@ class HeldOutConfig(ReportConfig):
     held_out: dict[str, Any] = field(default_factory=dict)
 
 
+@dataclass(slots=True)
+class RaceConfig:
+    """Rungs of the race. candidates: how many enter each rung. worlds: how many more of each family they drive."""
+
+    candidates: list[int]
+    worlds: list[int]
+
+
+@dataclass(slots=True)
+class DisturbanceRanges:
+    """Ranges [lowest, highest] that are drawn for each training world; None: the simulator's own value."""
+
+    latency: list[float] | None = None  # [s]
+    slip: list[float] | None = None  # [-]
+    scan_noise: list[float] | None = None  # [m]
+
+    @property
+    def any(self) -> bool:
+        """Whether something is drawn."""
+        return not (self.latency is None and self.slip is None and self.scan_noise is None)
+
+
 @dataclass(slots=True, kw_only=True)
 class TrainConfig(HeldOutConfig):
-    """`lme train`. space: nested as the config that it searches."""
+    """`lme train`. space: nested as the config that it searches.
 
+    map: the only one to train on; empty: the families of `training`. training_robots: of families with their own.
+    training_radius: [m] greatest outer radius of a robot, of families that are narrow.
+    race: None: the best trial of the search is the result.
+    """
+
+    map: dict[str, Any] = field(default_factory=dict)
+    training: dict[str, Any]
+    training_robots: dict[str, Robot]
+    training_radius: dict[str, float]
+    race: RaceConfig | None
+    disturbances: DisturbanceRanges
     trials: int
     configurations: int
     training_numbers: list[int]

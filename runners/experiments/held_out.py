@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import fields, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from runners.config import ablations, build, instantiate
-from runners.config.changes import HELD_OUT
+from runners.config.changes import HELD_OUT, TRAINING, TRAINING_ROBOTS
 from runners.config.job import Job
 from runners.config.schema import EvalConfig, HeldOutConfig
 from runners.config.space import PARAMETERS, with_values
@@ -20,62 +21,113 @@ from runners.records.launch_record import launch_of
 if TYPE_CHECKING:
     import pandas as pd
 
+    from runners.analysis.summary import Row
 
-def evaluate_held_out(job: Job[HeldOutConfig], values: Mapping[str, Any], weights: str) -> pd.DataFrame:
-    """Evaluate the result on every held-out map, print the tables, and return the records.
+Places = Mapping[str, HeldOutConfig]
 
-    values: those found, by dotted config key. weights: the name that the records have as `weights`. Every map has its
-    own directory below that of the training.
+
+def held_out_places(job: Job[HeldOutConfig]) -> Places:
+    """The maps of `held_out`, or else `map`."""
+    config = job.config
+    places = config.held_out or {job.choices["map"]: config.map}
+    return {name: replace(config, map=node) for name, node in places.items()}
+
+
+def evaluate_held_out(
+    job: Job[HeldOutConfig], places: Places, values: Mapping[str, Any], weights: str, below: str = ""
+) -> pd.DataFrame:
+    """Evaluate values on every held-out map, and return the records.
+
+    places: configs by name, each with its map and robot. values: by dotted config key. weights: the name that the
+    records have as `weights`. Every map has its own directory in `below`, in that of the training.
     """
-    from runners.analysis.summary import summarise
-    from runners.analysis.tables import print_table, write_tables
     from runners.records.records import read_episodes
 
-    places = job.config.held_out or {job.choices["map"]: job.config.map}
-    for place, node in places.items():
-        _evaluate_on(place, _evaluation(job, values, place, node, weights), values)
-    frame = read_episodes([job.run_dir / place for place in places])
-    rows = summarise(frame, systems=systems(job.folders), labels=ablations.labels(job.folders))
+    for place, config in places.items():
+        _evaluate_on(place, _evaluation(job, config, values, place, weights, below), values)
+    return read_episodes([job.run_dir / below / place for place in places])
+
+
+def report_held_out(job: Job[HeldOutConfig], frame: pd.DataFrame) -> None:
+    """Write and print the table of held-out records."""
+    from runners.analysis.tables import print_table, write_tables
+
+    rows = _rows(job, frame)
     write_tables(frame, rows, job.run_dir)
     print_table(frame, rows)
     print(f"Weights, pictures, records and tables: {job.run_dir}")
-    return frame
+
+
+def write_table(job: Job[HeldOutConfig], run_dir: Path) -> None:
+    """Write the tables of one held-out map again."""
+    from runners.analysis.tables import write_tables
+    from runners.records.records import read_episodes
+
+    frame = read_episodes([run_dir])
+    write_tables(frame, _rows(job, frame), run_dir)
+
+
+def _rows(job: Job[HeldOutConfig], frame: pd.DataFrame) -> list[Row]:
+    from runners.analysis.summary import summarise
+
+    return summarise(frame, systems=systems(job.folders), labels=ablations.labels(job.folders))
 
 
 def _evaluation(
-    job: Job[HeldOutConfig], values: Mapping[str, Any], place: str, node: dict[str, Any], weights: str
+    job: Job[HeldOutConfig],
+    place_config: HeldOutConfig,
+    values: Mapping[str, Any],
+    place: str,
+    weights: str,
+    below: str,
 ) -> Job[EvalConfig]:
-    """The job that evaluates the result on one map."""
-    trained = with_values(job.config, values)
-    names = {field.name for field in fields(EvalConfig)} & {field.name for field in fields(job.config)}
-    shared = {each: getattr(trained, each) for each in names}
-    config = EvalConfig(**{**shared, "map": node, "weights": weights, "resume": False})
+    """The job that evaluates the values on one map."""
+    found = with_values(place_config, values)
+    own_robot = place_config.robot is not job.config.robot
+    names = {field.name for field in fields(EvalConfig)} & {field.name for field in fields(found)}
+    shared = {each: getattr(found, each) for each in names}
+    config = EvalConfig(**{**shared, "weights": weights, "resume": False})
     return Job(
         config=config,
-        choices={**job.choices, "map": job.choices.get(f"map@{HELD_OUT}{place}", place)},
+        choices=_choices(job, place, own_robot),
         overrides=job.overrides,
-        changes=_changes(job, place) | _settings(values),
+        changes=_changes(job, place, own_robot) | _settings(values),
         folders=job.folders,
-        run_dir=job.run_dir / place,
+        run_dir=job.run_dir / below / place,
     )
 
 
-def _changes(job: Job[HeldOutConfig], place: str) -> dict[str, Any]:
-    """The changed keys of the evaluation on one map: those of the training map say nothing about a held-out one."""
-    if not job.config.held_out:
-        return dict(job.changes)
-    of_map = f"{HELD_OUT}{place}."
-    return {
-        key.replace(of_map, "map.", 1): value
-        for key, value in job.changes.items()
-        if key.startswith(of_map) or not key.startswith((HELD_OUT, "map."))
-    }
+def _choices(job: Job[HeldOutConfig], place: str, own_robot: bool) -> dict[str, str]:
+    """The options of the evaluation: the place has a map of its own, and perhaps a robot."""
+    chosen = dict(job.choices)
+    here = [f"map@{HELD_OUT}{place}", f"map@{TRAINING}{place}"]
+    chosen["map"] = next((job.choices[key] for key in here if key in job.choices), place)
+    if own_robot:
+        chosen["robot"] = job.choices[f"robot@{TRAINING_ROBOTS}{place}"]
+    return chosen
+
+
+def _changes(job: Job[HeldOutConfig], place: str, own_robot: bool) -> dict[str, Any]:
+    """The changed keys of the evaluation on one map: those of other maps say nothing about it."""
+    own = {f"{HELD_OUT}{place}.": "map.", f"{TRAINING}{place}.": "map."}
+    own |= {f"{TRAINING_ROBOTS}{place}.": "robot."} if own_robot else {}
+    foreign = [HELD_OUT, TRAINING, TRAINING_ROBOTS]
+    foreign += ["map."] if job.config.held_out else []
+    foreign += ["robot."] if own_robot else []
+    found = {key: value for key, value in job.changes.items() if not key.startswith(tuple(foreign))}
+    for prefix, group in own.items():
+        found |= {
+            key.replace(prefix, group, 1): value
+            for key, value in job.changes.items()
+            if key.startswith(prefix)
+        }
+    return found
 
 
 def _evaluate_on(place: str, job: Job[EvalConfig], values: Mapping[str, Any]) -> None:
     config, maps = job.config, build.map_set(job.config)
     print(f"Now {len(maps.numbers)} worlds of {place} that training never saw, {config.runs} runs each")
-    job.run_dir.mkdir(exist_ok=True)
+    job.run_dir.mkdir(parents=True, exist_ok=True)
     launch_of("eval", [job], [], False, None).write(job.run_dir)
     labels = replace(run_labels(job, maps), map=place)
     if _settings(values):  # its planner is no longer that of the named pair

@@ -18,7 +18,7 @@ from runners.config.options import named_option
 from runners.config.schema import LearnConfig
 from runners.config.weights import NETWORK, find_network, with_network
 from runners.experiments import evaluate
-from runners.experiments.held_out import evaluate_held_out
+from runners.experiments.held_out import evaluate_held_out, held_out_places, report_held_out
 from runners.experiments.labels import run_labels
 from runners.experiments.resume_hint import resume_hint
 from runners.learning.learnable import check_learnable, planner_config
@@ -64,7 +64,9 @@ def learn(job: Job[LearnConfig]) -> None:
     with resume_hint("learn", run_dir), locked(run_dir):
         run = _run_learner(job)
         files = [*_register(job, run, {}), _picture(run)]
-        frame = evaluate_held_out(job, {"planner.weights": str(run_dir / NETWORK)}, config.weights)
+        network = {"planner.weights": str(run_dir / NETWORK)}
+        frame = evaluate_held_out(job, held_out_places(job), network, config.weights)
+        report_held_out(job, frame)
         _register(job, run, _rates_by_map(frame))
     pages = [page for place in frame["run_dir"].unique() for page in failures.folder(Path(place))]
     tracking.finish(_numbers(frame, run.rows[-1]), [*files, *pages], _series(run.rows))

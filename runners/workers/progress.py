@@ -96,6 +96,21 @@ class TrialProgress(_Bar):
         self._bar.update(self._task, completed=done, best=_reward_text(best), rate=f"{rate:.1f} trials/s")
 
 
+class RaceProgress(_Bar):
+    """Finished episodes of a rung, and the candidates in it."""
+
+    def __init__(self) -> None:
+        super().__init__("race", 0, "{task.fields[field]}", field="")
+
+    def begin(self, episodes: int, candidates: int) -> None:
+        """Start a rung, or the missing episodes of the search's worlds."""
+        self._bar.reset(self._task, total=episodes, field=f"{candidates} candidates")
+
+    def add(self) -> None:
+        """Count one more episode."""
+        self._bar.update(self._task, advance=1)
+
+
 class LearnProgress(_Bar):
     """Finished rounds or steps of a learner, what it is doing, and the best success in validation."""
 

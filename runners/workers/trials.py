@@ -1,9 +1,9 @@
-"""Runs the episodes of a trial and scores them. Worker processes call this module during a search."""
+"""Runs the episodes of a candidate and scores them. Worker processes call this module during a training."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import lru_cache
+from collections.abc import Callable, Mapping
+from functools import cache, lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -11,62 +11,87 @@ import numpy as np
 from lme import metrics
 from lme.episode import run_episode
 from lme.navigator import Navigator
+from lme.sim.simulator import Simulator
 from lme.worlds.check import check_task
 from lme.worlds.world import Task
 from runners.config import build
 from runners.config.schema import TrainConfig
 from runners.config.space import with_values
+from runners.workers.disturbances import disturbed
+
+Values = tuple[tuple[str, float], ...]
+Place = tuple[str, int]  # a family and the number of a world
 
 
 class Attempt(NamedTuple):
-    """One episode of a trial. world: number of the configuration. values: by dotted config key."""
+    """One episode of a candidate. trial: its number. world: of its family. values: by dotted config key."""
 
     trial: int
+    family: str
     world: int
-    values: tuple[tuple[str, float], ...]
+    values: Values
 
     def __str__(self) -> str:
-        return f"trial {self.trial}, configuration {self.world}"
+        return f"trial {self.trial}, world {self.world} of {self.family}"
 
 
 class Score(NamedTuple):
-    """The result of an attempt. reward: paper eq. 1."""
+    """The result of an attempt. reward: paper eq. 1. Studies made before there were families have no `family`."""
 
     trial: int
     world: int
     outcome: str
     steps: int
     reward: float
+    family: str = ""
+
+    @property
+    def place(self) -> Place:
+        """Where it was driven."""
+        return self.family, self.world
 
 
-def initialise(config: TrainConfig) -> Callable[[Attempt], Score]:
-    """Build everything once per process; return the function that runs one attempt.
+def initialise(families: Mapping[str, TrainConfig]) -> Callable[[Attempt], Score]:
+    """Return the function that runs one attempt. Raises InputError.
 
-    config: its `map` holds the training configurations. Raises InputError.
+    families: configs by name; the `map` of each holds the training worlds.
     """
-    maps = build.map_set(config)
-    simulator = build.simulator(config)
-    tasks = {number: maps.task(number) for number in maps.numbers}
-    for task in tasks.values():
-        check_task(task, config.robot)
 
-    @lru_cache(maxsize=2)  # the episodes of a trial come one after the other
-    def navigator(values: tuple[tuple[str, float], ...]) -> Navigator:
-        return build.navigator(with_values(config, dict(values)))
+    @cache  # a training drives each world many times
+    def task(family: str, world: int) -> Task:
+        found = build.map_set(families[family], [world]).task(world)
+        check_task(found, families[family].robot)
+        return found
+
+    @lru_cache(maxsize=64)
+    def simulator(family: str, world: int | None) -> Simulator:
+        config = families[family]
+        return build.simulator(config if world is None else disturbed(config, world))
+
+    @lru_cache(maxsize=2 * len(families))  # the episodes of a candidate come one after the other
+    def navigator(family: str, values: Values) -> Navigator:
+        return build.navigator(with_values(families[family], dict(values)))
 
     def run(attempt: Attempt) -> Score:
-        task = tasks[attempt.world]
-        # Every trial gets the same random numbers, so two rewards differ by the parameters alone.
-        rng = np.random.default_rng(np.random.SeedSequence([config.seed, attempt.world, 0]))
-        episode = run_episode(task, navigator(attempt.values), simulator, rng)
-        reward = episode_reward(config, task, str(episode.outcome), episode.steps)
-        return Score(attempt.trial, attempt.world, str(episode.outcome), episode.steps, reward)
+        family, world = attempt.family, attempt.world
+        config, here = families[family], task(family, world)
+        # Every candidate gets the same random numbers, so two rewards differ by the parameters alone.
+        rng = np.random.default_rng(np.random.SeedSequence([config.seed, world, 0]))
+        drive = simulator(family, world if config.disturbances.any else None)
+        episode = run_episode(here, navigator(family, attempt.values), drive, rng)
+        reward = episode_reward(config, here, str(episode.outcome), episode.steps)
+        return Score(attempt.trial, world, str(episode.outcome), episode.steps, reward, family)
 
     return run
 
 
 def episode_reward(config: TrainConfig, task: Task, outcome: str, steps: int) -> float:
     """Reward of an episode that took `steps` control periods."""
+    return reward_of(config, task.time_limit, outcome, steps)
+
+
+def reward_of(config: TrainConfig, time_limit: float, outcome: str, steps: int) -> float:
+    """Reward of an episode with this time limit [s]."""
     terms = config.reward
-    max_steps = terms.max_steps or round(task.time_limit * config.robot.control_rate)
+    max_steps = terms.max_steps or round(time_limit * config.robot.control_rate)
     return metrics.reward(outcome, steps, max_steps, terms.crash, terms.timeout)

@@ -37,9 +37,10 @@ def test_a_search_has_the_keys_of_its_config_class(composer, option):
     assert given == {"_target_": given["_target_"], **dataclasses.asdict(cls.Config())}
 
 
-def test_the_defaults_are_the_papers(composer):
-    config = composer.compose([])
+def test_the_papers_experiment_is_its_training(composer):
+    config = composer.compose(["experiment=train/paper"])
     assert (config.trials, config.configurations) == (150, 4)
+    assert (config.race, config.start_from_config) == (None, False)
     assert (config.robot.name, config.map.name) == ("stage", "env1")
     assert (config.reward.crash, config.reward.timeout) == (-0.2, -0.2)
     assert config.map.time_limit * config.robot.control_rate == 200

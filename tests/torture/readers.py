@@ -30,7 +30,7 @@ from tests.torture.mutations import Rng, spoil
 DRIVE = ["eval", "map.worlds=[0]", "runs=2", "executor=serial", "tracking=none", "hydra.run.dir=run"]
 TRAIN = [
     "train", "map=barn", "training_numbers=[0,20]", "trials=2", "configurations=1", "search=random", "runs=1",
-    "held_out={}", "map.worlds=[30]", "executor=serial", "tracking=none", "hydra.run.dir=run",
+    "race=null", "held_out={}", "map.worlds=[30]", "executor=serial", "tracking=none", "hydra.run.dir=run",
 ]  # fmt: skip
 SIZE_M = (10.0, 8.0)
 
@@ -332,16 +332,19 @@ def _study(folder: Path) -> None:
 def _read_study(folder: Path) -> None:
     from runners.config.instantiate import build as build_target
     from runners.config.space import read_space
-    from runners.experiments.train import _settled_worlds
+    from runners.experiments.families import families
+    from runners.experiments.search_and_race import check_configurations, world_numbers
     from runners.records.launch_record import identity
     from runners.search.opening import open_study
     from tests.composing import jobs_of
 
     with jobs_of("train") as job_of:
-        config = job_of(*TRAIN[1:]).config
+        job = job_of(*TRAIN[1:])
+    config = job.config
     search = build_target(config.search, "search")
     study = open_study(None, None, folder, identity(config), read_space(config), search, {})
-    _settled_worlds(study, config, folder)
+    trained = families(config, job.choices)
+    check_configurations(study, trained, world_numbers(job, trained)[0], folder)
     _ = study.told, study.num_told, study.best
     study.importances()
 

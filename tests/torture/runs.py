@@ -112,7 +112,8 @@ KINDS = {
     "train": Kind(
         (
             "train", "trials=4", "search=random", "configurations=2", "training_numbers=[1,20]", "map=barn", "runs=2",
-            "held_out={}", "map.worlds=[0,6]", f"hydra.run.dir={PLACE}", *_COMMON,
+            "race.candidates=[2]", "race.worlds=[2]", "held_out={}", "map.worlds=[0,6]",
+            f"hydra.run.dir={PLACE}", *_COMMON,
         ),
         _of_train,
     ),

@@ -1,10 +1,12 @@
-"""Find the parameters of a system, then try them on configurations never trained on."""
+"""Find the parameters of a system, and say on worlds never trained on whether they are better than the start."""
 
 from __future__ import annotations
 
 EXAMPLES = (
     "lme train",
-    "lme train robot=stage map=env1 search=gp seed=3",
+    "lme train +robot=go2",
+    "lme train map=file map.path=hall.yaml",
+    "lme train training.indoor=null race=null seed=3",
     "lme train experiment=table1",
 )
 

@@ -14,6 +14,7 @@ from lme.types import Floats
 from runners.config.space import Space
 from runners.figures.parts.style import INK, new_figure, save
 from runners.records.whole_file import replacing
+from runners.search.race import START, Race
 from runners.search.study import Trial
 
 if TYPE_CHECKING:
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.collections import LineCollection
     from matplotlib.figure import Figure
 
-TRIALS = "trials.csv"
+TRIALS, RACE = "trials.csv", "race.csv"
 POINT, LINE, BEST = "#9A9A9A", "#0072B2", "#D55E00"  # Okabe and Ito's, as in runners.figures
 COLOURS = "cividis"  # lightness rises evenly: readable with any colour vision
 WIDTH_IN = 7.0
@@ -35,12 +36,28 @@ def write_trials(trials: Sequence[Trial], run_dir: Path) -> Path:
     path = run_dir / TRIALS
     with replacing(path) as draft, draft.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
-        worlds = [score.world for score in trials[0].scores]
-        ends = [f"{name}_{world}" for world in worlds for name in ("outcome", "steps", "reward")]
+        several = len({score.family for score in trials[0].scores}) > 1
+        places = [
+            f"{score.family}_{score.world}" if several else str(score.world) for score in trials[0].scores
+        ]
+        ends = [f"{name}_{place}" for place in places for name in ("outcome", "steps", "reward")]
         writer.writerow(["trial", "reward", *trials[0].values, *ends])
         for trial in trials:
             row = [value for score in trial.scores for value in (score.outcome, score.steps, score.reward)]
             writer.writerow([trial.number, trial.reward, *trial.values.values(), *row])
+    return path
+
+
+def write_race(race: Race, run_dir: Path) -> Path:
+    """Write `race.csv` and return its path: one row per candidate of each rung, the best first."""
+    path = run_dir / RACE
+    with replacing(path) as draft, draft.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(["rung", "trial", "worlds", "reward", "worse_beyond_noise"])
+        for number, rung in enumerate(race.rungs):
+            for trial, reward in rung.values.items():
+                name = "start" if trial == START else trial
+                writer.writerow([number, name, len(rung.places), reward, trial in rung.worse])
     return path
 
 

@@ -184,3 +184,18 @@ def test_a_reader_that_closes_the_pipe_ends_it_quietly():
         process.stdout.close()
         assert process.stderr.read() == b""
     assert process.returncode == 0
+
+
+@pytest.mark.parametrize(
+    ("command", "line"),
+    [
+        ("train", "  map@training.fresh: an option of map; * barn"),
+        ("train", "  robot@training_robots.fresh: an option of robot; * jackal"),
+        ("learn", "  map@training.fresh_hard: an option of map; * barn"),
+    ],
+)
+def test_help_lists_the_options_of_a_group_once(command, line, capsys):
+    assert main.main([command, "--help"]) == 0
+    said = capsys.readouterr().out
+    assert line in said.splitlines()
+    assert "none yet" not in said

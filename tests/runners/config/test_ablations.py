@@ -8,7 +8,7 @@ from runners.config import ablations
 from runners.config.catalogue import shipped
 from runners.config.space import read_space
 from runners.experiments.evaluate import _recorded
-from runners.experiments.train import _space
+from runners.experiments.search_and_race import search_space
 from runners.records.episode_record import RunLabels
 from runners.records.records import read_episodes
 from tests.composing import jobs_of
@@ -80,7 +80,7 @@ def test_a_label_must_be_text(own):
 def test_a_key_that_an_ablation_sets_is_not_searched():
     words = ("guide=lme_plus", "planner=min_time")
     with jobs_of("train") as job:
-        whole, without = _space(job(*words)), _space(job(*words, "ablation=no_grip"))
+        whole, without = search_space(job(*words)), search_space(job(*words, "ablation=no_grip"))
         assert whole == read_space(job(*words).config)
     assert whole.keys() - without.keys() == {"planner.grip"}
 

@@ -4,7 +4,8 @@ import pytest
 
 from runners.analysis.summary import title
 from runners.cli.main import main
-from runners.experiments.held_out import _evaluation
+from runners.experiments.families import families
+from runners.experiments.held_out import _evaluation, held_out_places
 from runners.records.launch_record import read_launch
 from runners.records.records import read_episodes
 from tests.composing import jobs_of
@@ -80,11 +81,25 @@ def test_changed_keys_of_a_held_out_map_are_those_of_its_evaluation_alone():
     }
     assert training.changes == {"map.time_limit": 5.0, "held_out.env2.goal_tolerance": 3, **limits}
     first, second = (
-        _evaluation(training, {}, place, training.config.held_out[place], "mine")
+        _evaluation(training, held_out_places(training)[place], {}, place, "mine", "")
         for place in ("env1", "env2")
     )
     assert (first.changes, first.choices["map"]) == ({}, "env1")
     assert (second.changes, second.choices["map"]) == ({"map.goal_tolerance": 3}, "env2")
+
+
+def test_changed_keys_of_a_family_are_those_of_its_evaluation_alone():
+    with jobs_of("train") as job:
+        training = job("training.fresh.time_limit=50", "training_robots.fresh.v_max=1", "robot.v_max=0.4")
+    trained = families(training.config, training.choices)
+    found = {
+        name: _evaluation(training, family, {}, name, "mine", "start") for name, family in trained.items()
+    }
+    assert found["fresh"].changes == {"map.time_limit": 50, "robot.v_max": 1.0}
+    assert found["env1"].changes == {"robot.v_max": 0.4}
+    assert (found["fresh"].choices["map"], found["fresh"].choices["robot"]) == ("barn", "jackal")
+    assert (found["env1"].choices["map"], found["env1"].choices["robot"]) == ("env1", "stage")
+    assert found["fresh"].run_dir.parts[-2:] == ("start", "fresh")
 
 
 def test_values_that_a_file_inherits_are_its_own():

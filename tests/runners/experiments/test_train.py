@@ -25,6 +25,8 @@ from tests.composing import last_of_each
 from tests.places import ROOT
 
 SMALL = (
+    "map=env1",
+    "race=null",
     "trials=7",
     "configurations=2",
     "runs=1",
@@ -264,7 +266,7 @@ def test_a_mistake_in_train_is_one_line_and_writes_nothing(words, said, capsys):
 
 def test_training_numbers_that_the_map_has_not(capsys):
     assert main(["train", "robot=jackal", "map=barn", "executor=serial", "tracking=none"]) == 2
-    assert "must be worlds that the map has, such as [0,299]" in capsys.readouterr().err
+    assert "must be worlds that barn has, such as [0,299]" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(("search", "package"), [("gp", "torch"), ("cmaes", "cmaes")])
@@ -272,7 +274,7 @@ def test_a_search_without_its_package_says_what_to_install(search, package, monk
     from runners.search import samplers
 
     monkeypatch.setattr(samplers, "find_spec", lambda package: None)
-    assert main(["train", *SMALL[:4], f"search={search}"]) == 2
+    assert main(["train", *SMALL[:6], f"search={search}"]) == 2
     assert f"search={search} needs {package}: pip install '{package}" in capsys.readouterr().err
 
 
@@ -322,6 +324,68 @@ def test_two_processes_do_not_share_a_run(trained, monkeypatch, capsys):
 def test_go2_trains_where_it_fits():
     run_dir = train("+robot=go2", "trials=1")
     assert yaml.safe_load((run_dir / "weights.yaml").read_text())["robot"] == "go2"
+
+
+RACE = (
+    "trials=5", "search.startup=2", "configurations=1", "race.candidates=[3,2]", "race.worlds=[1,2]", "runs=1",
+    "training.env1.configurations=2", "training.fresh.count=2", "training.indoor=null", "tracking=none",
+)  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def raced(tmp_path_factory):
+    """A finished training on two families, and what it said."""
+    folder = tmp_path_factory.mktemp("raced")
+    done = subprocess.run(
+        [sys.executable, "-m", "runners.cli.main", "train", *RACE, "executor.workers=2", "hydra.run.dir=run"],
+        cwd=folder, env={**os.environ, "PYTHONPATH": str(ROOT)}, capture_output=True, text=True, timeout=300,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    return folder / "run", done.stdout
+
+
+def test_families_a_race_and_a_verdict(raced):
+    run_dir, said = raced
+    assert "Training on env1 (stage), fresh (jackal)" in said
+    race = pd.read_csv(run_dir / "race.csv")
+    assert race.groupby("rung")["worlds"].first().tolist() == [2, 4, 8]
+    assert race.groupby("rung").size().le([6, 4, 3]).all()
+    assert (race[race["trial"] == "start"].groupby("rung").size() == 1).all()
+    weights = yaml.safe_load((run_dir / "weights.yaml").read_text())
+    winner = race[race["rung"] == 2].iloc[0]
+    assert (str(weights["trial"]), weights["reward"]) == (str(winner["trial"]), winner["reward"])
+    assert weights["map"] == "env1+fresh"
+    columns = (run_dir / "trials.csv").read_text().splitlines()[0].split(",")
+    assert len(set(columns)) == len(columns)
+    assert sum(column.startswith("outcome_fresh_") for column in columns) == 1
+    assert weights["held_out"]["verdict"] in ("better", "level", "worse")
+    start = pd.read_parquet(run_dir / "start" / "fresh" / "episodes.parquet")
+    assert set(start["robot"]) == {"jackal"}
+    assert set(start["weights"]) == {"published"}
+    assert set(start["world"]) == {1000, 1001}
+    driven = {json.loads(line)[1] for line in (run_dir / "race.jsonl").read_text().splitlines()}
+    assert not driven & {0, 1, 1000, 1001}, "held-out worlds are not raced on"
+
+
+def test_a_race_on_any_number_of_workers_or_killed_and_resumed_ends_the_same(raced, tmp_path):
+    run_dir, _ = raced
+    again = tmp_path / "again"
+    assert main(["train", *RACE, "executor=serial", f"hydra.run.dir={again}"]) == 0
+    names = ("race.csv", "trials.csv", "weights.yaml")
+    for name in names:
+        assert (again / name).read_bytes() == (run_dir / name).read_bytes()
+    lines = (again / "race.jsonl").read_bytes().splitlines(keepends=True)
+    (again / "race.jsonl").write_bytes(b"".join(lines[: len(lines) // 2]) + b'[1,2,"suc')
+    for name in names:
+        (again / name).unlink()
+    assert main(["train", f"resume={again}", "executor=serial"]) == 0
+    for name in names:
+        assert (again / name).read_bytes() == (run_dir / name).read_bytes()
+
+
+def test_a_robot_that_is_too_large_for_a_family_is_told_so(capsys):
+    assert main(["train", "+robot=go2", *last_of_each(*RACE, "trials=1", "executor=serial")]) == 0
+    assert "Not on fresh: too narrow for go2" in capsys.readouterr().out
 
 
 # Weight files

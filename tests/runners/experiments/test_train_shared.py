@@ -18,6 +18,8 @@ from tests import mariadb, postgres, redis_server
 from tests.places import ROOT
 
 SMALL = (
+    "map=env1",
+    "race=null",
     "study=shared", "search=random", "search.batch=3", "configurations=1", "runs=1", "map.configurations=1",
     "tracking=none", "executor=serial",
 )  # fmt: skip

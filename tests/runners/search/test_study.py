@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 
 from lme.errors import InputError
 from runners.config.space import Range, own_values
-from runners.experiments.train import run_trials
 from runners.search import storage
 from runners.search.journal import Journal
+from runners.search.loop import run_trials
 from runners.search.opening import JOURNAL, open_study
 from runners.search.samplers import (
     Cmaes,
@@ -38,7 +38,7 @@ SPACE = {
     "planner.b": Range(0.0, 1.0),
     "planner.c": Range(1.0, 9.0),
 }
-WORLDS = [7, 3]
+PLACES = [("open", 7), ("narrow", 3)]
 TRIALS = 22  # three generations and the beginning of another, for the evolution strategy
 SEARCHES = {
     "tpe": lambda: Tpe(TpeConfig(startup=5)),
@@ -60,13 +60,13 @@ def score(attempt):
     """A smooth reward with its peak inside the space."""
     a, b, c = (value for _, value in attempt.values)
     reward = 1 - (math.log(a) - 0.3) ** 2 / 20 - (b - 0.4) ** 2 - abs(c - 5) / 10 - attempt.world / 100
-    return Score(attempt.trial, attempt.world, "success", 1, reward)
+    return Score(attempt.trial, attempt.world, "success", 1, reward, attempt.family)
 
 
 def run(study, search="tpe", total=TRIALS, order=iter):
     batch = SEARCHES[search]().batch
     run_trials(
-        study, total, batch, WORLDS, lambda attempts: map(score, order(list(attempts))), lambda *_: None
+        study, total, batch, PLACES, lambda attempts: map(score, order(list(attempts))), lambda *_: None
     )
     return [(trial.number, trial.reward, trial.values, trial.scores) for trial in study.told]
 
@@ -95,7 +95,7 @@ def test_a_study_has_its_trials_and_no_more(whole, tmp_path):
 
 def test_the_reward_of_a_trial_is_the_mean_of_its_configurations(whole):
     for _, reward, values, scores in whole("tpe")[0]:
-        assert [found.world for found in scores] == WORLDS
+        assert [found.place for found in scores] == PLACES
         assert reward == (scores[0].reward + scores[1].reward) / 2
         assert set(values) == set(SPACE)
         assert all(SPACE[key].low <= value <= SPACE[key].high for key, value in values.items())
@@ -129,7 +129,7 @@ def test_a_trial_that_was_run_is_not_run_again(whole, tmp_path):
     """Killed when the first trial of a batch was over and the others were not."""
     study = opened(tmp_path)
     proposals = study.claim(4, 4)
-    study.store_scores(1, [Score(1, world, "success", 1, 0.5) for world in WORLDS])
+    study.store_scores(1, [Score(1, world, "success", 1, 0.5, family) for family, world in PLACES])
     again, seen = opened(tmp_path), []
     assert again.claim(4, 4) == proposals
 
@@ -137,7 +137,7 @@ def test_a_trial_that_was_run_is_not_run_again(whole, tmp_path):
         seen.extend(attempt.trial for attempt in attempts)
         return map(score, attempts)
 
-    run_trials(again, 4, 4, WORLDS, note, lambda *_: None)
+    run_trials(again, 4, 4, PLACES, note, lambda *_: None)
     assert set(seen) == {0, 2, 3}
     assert again.told[1].reward == 0.5
 
@@ -278,7 +278,7 @@ def test_a_trial_of_a_killed_process_goes_to_another(tmp_path, monkeypatch):
     assert len(told) == 10
     values = [found for _, _, found, _ in told]
     assert all(proposal.values in values for proposal in left)
-    away.store_scores(0, [Score(0, world, "success", 1, 9.0) for world in WORLDS])
+    away.store_scores(0, [Score(0, world, "success", 1, 9.0, family) for family, world in PLACES])
     away.tell(0)
     assert away.num_told == 10
     assert away.best == second.best < 9.0
@@ -295,7 +295,7 @@ def test_the_trial_of_a_killed_process_is_taken_up_at_once_in_its_own_directory(
 
 
 def attempts_of(proposal):
-    return [Attempt(proposal.number, world, tuple(proposal.values.items())) for world in WORLDS]
+    return [Attempt(proposal.number, *place, tuple(proposal.values.items())) for place in PLACES]
 
 
 def test_trials_beyond_the_total_are_withdrawn(tmp_path, monkeypatch):

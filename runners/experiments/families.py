@@ -1,0 +1,92 @@
+"""The families of worlds that a training drives, and the worlds drawn from each."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from lme.errors import InputError
+from lme.robots import Robot
+from runners.config import build
+from runners.config.schema import DriveConfig, TrainConfig
+
+Families = dict[str, TrainConfig]  # by name: the config with the family's map and robot
+_TRAINING = 0x7472  # seeds the draw of worlds separately from the episodes
+
+
+def families(config: TrainConfig, choices: Mapping[str, str]) -> Families:
+    """The map that was chosen, or the families of `training` that are wide enough for the robot.
+
+    A family's own robot drives it if it is larger than the one trained for. Raises InputError if none is left.
+    """
+    if config.map:
+        return {choices["map"]: config}
+    for key in ("training_robots", "training_radius"):
+        unknown = sorted(getattr(config, key).keys() - config.training.keys())
+        if unknown:
+            raise InputError(
+                f"{key}.{unknown[0]}: no such family; must be one of {', '.join(config.training)}"
+            )
+    found = {
+        name: replace(config, map=node, robot=_driver(config, name))
+        for name, node in config.training.items()
+        if node is not None and name not in too_narrow(config)
+    }
+    if not found:
+        raise InputError("training has no family of worlds for this robot: give at least one, or choose map=")
+    return found
+
+
+def too_narrow(config: TrainConfig) -> list[str]:
+    """The families whose worlds are too narrow for the robot."""
+    if config.map:
+        return []
+    return [name for name, radius in config.training_radius.items() if config.robot.hull.r_max > radius]
+
+
+def _driver(config: TrainConfig, name: str) -> Robot:
+    own = config.training_robots.get(name, config.robot)
+    return own if own.hull.r_max > config.robot.hull.r_max else config.robot
+
+
+def training_worlds(config: TrainConfig, held_out: Iterable[DriveConfig], count: int) -> list[int]:
+    """The numbers of the worlds to train on, the same in every family: drawn once per seed, without those held out.
+
+    held_out: configs whose maps have the worlds of the evaluation. The first numbers are the same for every `count`.
+    Raises InputError if there are too few to draw from.
+    """
+    numbers = config.training_numbers
+    if len(numbers) != 2 or not 0 <= numbers[0] <= numbers[1]:
+        raise InputError(f"training_numbers is {numbers}: must be [first, last], from 0 on")
+    first, last = numbers
+    kept = {number for place in held_out for number in build.map_set(place).numbers}
+    left = last - first + 1 - sum(first <= number <= last for number in kept)
+    if left < count:
+        raise InputError(
+            f"training_numbers is {numbers}: must leave {count} worlds besides those held out, but leaves {left}"
+        )
+    rng = np.random.default_rng(np.random.SeedSequence([config.seed, _TRAINING]))
+    drawn: dict[int, None] = {}
+    while len(drawn) < count:
+        number = int(rng.integers(first, last + 1))
+        if number not in kept:
+            drawn[number] = None
+    return list(drawn)
+
+
+def with_worlds(trained: Families, worlds: Sequence[int]) -> Families:
+    """The families with these worlds. Raises InputError if one does not have them."""
+    found = {
+        name: replace(family, map={**family.map, "worlds": list(worlds)}) for name, family in trained.items()
+    }
+    for name, family in found.items():
+        try:
+            build.map_set(family)
+        except InputError as error:
+            raise InputError(
+                f"training_numbers is {family.training_numbers}: must be worlds that {name} has, such as [0,299] "
+                f"with map=barn and its lab100 held out ({error})"
+            ) from error
+    return found

@@ -1,0 +1,157 @@
+"""A race over worlds: the best candidates of a search drive more and more worlds, until the best one is known.
+
+Every candidate drives the same worlds with the same random numbers, so differences are paired. A rung keeps the best
+candidates, without those that are worse than the best one beyond the noise of these differences, as in F-Race
+(Birattari et al. 2002). The starting weights stay until the end, so that nothing worse than them can win unnoticed.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from statistics import fmean
+from typing import NamedTuple
+
+import numpy as np
+
+from lme.errors import InputError, require
+from lme.types import Floats
+from runners.config.schema import RaceConfig
+from runners.workers.trials import Attempt, Place, Score
+
+START = -1  # the number of the starting weights, which are not a trial
+_FEWEST = 8  # worlds on which a difference can be beyond the noise
+_NOISE = 2.0  # standard errors
+
+Drive = Callable[[Sequence[Attempt]], Iterable[Score]]
+
+
+class Candidate(NamedTuple):
+    """Values by dotted config key, and the number of their trial, or START."""
+
+    number: int
+    values: dict[str, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Rung:
+    """One round of the race. values: mean rewards over `places` by number, the best first; places: all so far.
+
+    worse: numbers of those that are worse than the best one beyond the noise.
+    """
+
+    places: tuple[Place, ...]
+    values: dict[int, float]
+    worse: frozenset[int]
+
+
+@dataclass(frozen=True, slots=True)
+class Race:
+    """A finished race. rungs: the first one is the search. rewards: by candidate and place."""
+
+    rungs: tuple[Rung, ...]
+    rewards: Mapping[int, Mapping[Place, float]]
+
+    @property
+    def winner(self) -> int:
+        """The number of the best candidate of the last rung."""
+        return next(iter(self.rungs[-1].values))
+
+    @property
+    def best_trial(self) -> int:
+        """The number of the best candidate that is not the starting weights; START if there is no other."""
+        trials = (number for rung in reversed(self.rungs) for number in rung.values if number != START)
+        return next(trials, START)
+
+
+def check_race(config: RaceConfig) -> None:
+    """Raise InputError for rungs that are none."""
+    if len(config.candidates) != len(config.worlds) or not config.worlds:
+        raise InputError(
+            f"race.candidates is {config.candidates} and race.worlds {config.worlds}: must have one number per rung; "
+            "race=null for no race"
+        )
+    for key, counts in (("candidates", config.candidates), ("worlds", config.worlds)):
+        for count in counts:
+            require(f"race.{key}", count, at_least=1)
+    if sorted(config.candidates, reverse=True) != config.candidates:
+        raise InputError(f"race.candidates is {config.candidates}: must not grow from rung to rung")
+
+
+def run_race(
+    candidates: Sequence[Candidate],
+    scores: Iterable[Score],
+    places: Sequence[Sequence[Place]],
+    config: RaceConfig,
+    drive: Drive,
+) -> Race:
+    """Race to the end.
+
+    candidates: those of the search, and perhaps the start. scores: of the search. places: of the search, and of each
+    rung. drive: runs attempts.
+    """
+    rewards: dict[int, dict[Place, float]] = {each.number: {} for each in candidates}
+    for score in scores:
+        rewards[score.trial][score.place] = score.reward
+    field, driven = list(candidates), tuple(places[0])
+    _complete(field, driven, rewards, drive)
+    rungs = [_rung(field, driven, rewards)]
+    for count, more in zip(config.candidates, places[1:], strict=True):
+        kept = _survivors(rungs[-1], count)
+        field = [each for each in field if each.number in kept]
+        driven += tuple(more)
+        _complete(field, driven, rewards, drive)
+        rungs.append(_rung(field, driven, rewards))
+    return Race(tuple(rungs), rewards)
+
+
+def mean_reward(rewards: Mapping[Place, float], places: Iterable[Place]) -> float:
+    """Mean of the families' mean rewards."""
+    by_family: dict[str, list[float]] = {}
+    for place in places:
+        by_family.setdefault(place[0], []).append(rewards[place])
+    return fmean(map(fmean, by_family.values()))
+
+
+def _complete(
+    field: Sequence[Candidate], places: Sequence[Place], rewards: dict[int, dict[Place, float]], drive: Drive
+) -> None:
+    """Drive what the candidates have not driven yet."""
+    attempts = [
+        Attempt(each.number, *place, tuple(each.values.items()))
+        for place in places
+        for each in field
+        if place not in rewards[each.number]
+    ]
+    for score in drive(attempts) if attempts else ():
+        rewards[score.trial][score.place] = score.reward
+
+
+def _rung(
+    field: Sequence[Candidate], places: tuple[Place, ...], rewards: Mapping[int, Mapping[Place, float]]
+) -> Rung:
+    values = {each.number: mean_reward(rewards[each.number], places) for each in field}
+    ranked = dict(sorted(values.items(), key=lambda item: (-item[1], item[0])))
+    best = _vector(rewards[next(iter(ranked))], places)
+    worse = {number for number in ranked if _is_worse(_vector(rewards[number], places) - best)}
+    return Rung(places, ranked, frozenset(worse))
+
+
+def _survivors(rung: Rung, count: int) -> set[int]:
+    """The best trials that are not worse than the best, at most `count`, and the start."""
+    trials = [number for number in rung.values if number != START and number not in rung.worse]
+    return {*trials[:count], *({START} & rung.values.keys())}
+
+
+def _is_worse(differences: Floats) -> bool:
+    """Whether paired differences from the best candidate (P,) lie below zero beyond their noise."""
+    count = len(differences)
+    if count < _FEWEST:
+        return False
+    error = float(differences.std(ddof=1)) / math.sqrt(count)
+    return float(differences.mean()) < -_NOISE * error
+
+
+def _vector(rewards: Mapping[Place, float], places: Sequence[Place]) -> Floats:
+    return np.array([rewards[place] for place in places])

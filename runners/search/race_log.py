@@ -1,0 +1,64 @@
+"""The scores of a race, on disk: one line of JSON per episode, appended when it ends."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TextIO
+
+from lme.errors import InputError
+from runners.records.append_log import cut_torn_line
+from runners.workers.trials import Attempt, Score
+
+RACE_LOG = "race.jsonl"
+
+
+class RaceLog:
+    """The scores by candidate and place. Lines of a killed run are read first; use it as a context manager."""
+
+    def __init__(self, path: Path) -> None:
+        """Raises InputError for a line that does not hold a score."""
+        self._path = path
+        self._scores: dict[tuple[int, str, int], Score] = {}
+        self._file: TextIO | None = None
+        if path.is_file():
+            cut_torn_line(path)
+            for number, line in enumerate(path.read_bytes().splitlines(), start=1):
+                self._keep(_decode(line, path, number))
+
+    def __enter__(self) -> RaceLog:
+        self._file = self._path.open("a", encoding="utf-8")
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        if self._file is not None:
+            self._file.close()
+
+    def get(self, attempt: Attempt) -> Score | None:
+        """The score of an attempt, if it was driven."""
+        return self._scores.get((attempt.trial, attempt.family, attempt.world))
+
+    def add(self, score: Score) -> None:
+        """Append a score."""
+        assert self._file is not None
+        self._file.write(json.dumps(score, separators=(",", ":")) + "\n")
+        self._file.flush()
+        self._keep(score)
+
+    def __iter__(self) -> Iterator[Score]:
+        """All scores, in the order in which they were driven."""
+        return iter(self._scores.values())
+
+    def _keep(self, score: Score) -> None:
+        self._scores[score.trial, score.family, score.world] = score
+
+
+def _decode(line: bytes, path: Path, number: int) -> Score:
+    try:
+        trial, world, outcome, steps, reward, family = json.loads(line)
+        return Score(int(trial), int(world), str(outcome), int(steps), float(reward), str(family))
+    except (ValueError, TypeError, OverflowError, RecursionError):
+        raise InputError(
+            f"{path} line {number} does not hold the score of an episode: remove that line"
+        ) from None

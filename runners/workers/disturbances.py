@@ -1,0 +1,37 @@
+"""Delay, slip and noise that a training draws for each of its worlds."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lme.errors import InputError, require
+
+if TYPE_CHECKING:
+    from runners.config.schema import TrainConfig
+
+_DISTURBANCES = 0x6469  # seeds the draw separately from the episode
+
+
+def disturbed(config: TrainConfig, world: int) -> TrainConfig:
+    """The config with the simulator's values drawn for a world; the same for every candidate."""
+    rng = np.random.default_rng(np.random.SeedSequence([config.seed, world, _DISTURBANCES]))
+    drawn = {
+        key: float(rng.uniform(*bounds)) for key, bounds in asdict(config.disturbances).items() if bounds
+    }
+    return replace(config, sim={**config.sim, **drawn})
+
+
+def check_disturbances(config: TrainConfig) -> None:
+    """Raise InputError for a range that is not one, or a disturbance that the simulator does not have."""
+    for key, bounds in asdict(config.disturbances).items():
+        if bounds is None:
+            continue
+        if len(bounds) != 2:
+            raise InputError(f"disturbances.{key} is {bounds}: must be [lowest, highest] or null")
+        if key not in config.sim:
+            raise InputError(f"disturbances.{key}: this simulator has no {key}; choose sim=fast, or null")
+        require(f"disturbances.{key}[0]", bounds[0], at_least=0.0)
+        require(f"disturbances.{key}[1]", bounds[1], at_least=bounds[0])
