@@ -1,0 +1,102 @@
+"""Measures what `lme train` finds, over several seeds, in many worlds that no training has seen.
+
+    python -m benchmarks.weights DIR [--record] [--seeds 10] [--worlds 1000] [--maps env1,env2,fresh] [-- KEY=VALUE ...]
+
+It judges the best proposal of each training: the starting weights may win the race, but not here. DIR keeps trainings
+and evaluations, so that a second call continues. KEY=VALUE: further words for `lme train`. --record also writes
+benchmarks/results/weights.md.
+"""
+
+import subprocess
+import sys
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import pandas as pd
+import yaml
+
+from benchmarks.recording import parser, show
+from benchmarks.speed import machine
+from runners.analysis.paired import interval_of_mean
+from runners.config.space import PARAMETERS
+from runners.figures.reports.training import RACE, TRIALS
+from runners.records.records import read_episodes
+
+MAPS = {  # name: robot and map; the number of worlds follows
+    "env1": ("robot=stage", "map=env1", "map.configurations="),
+    "env2": ("robot=stage", "map=env2", "map.configurations="),
+    "fresh": ("robot=jackal", "map=barn", "map.subset=fresh", "map.fresh_seed=1", "map.count="),
+    "fresh_hard": ("robot=jackal", "map=barn", "map.subset=fresh_hard", "map.fresh_seed=1", "map.count="),
+    "indoor": ("robot=stage", "map=indoor", "map.building_seed=1", "map.count="),
+    "env1_go2": ("+robot=go2", "map=env1", "map.configurations="),
+    "indoor_go2": ("+robot=go2", "map=indoor", "map.building_seed=1", "map.count="),
+}
+
+
+def main() -> None:
+    """Print the report, and write it with --record."""
+    words = parser(__doc__, "weights")
+    words.add_argument("folder", type=Path, metavar="DIR")
+    words.add_argument("--seeds", type=int, default=10)
+    words.add_argument("--worlds", type=int, default=1000)
+    words.add_argument("--maps", default="env1,env2,fresh")
+    words.add_argument("words", nargs="*", metavar="KEY=VALUE")
+    given = words.parse_args()
+    lines = report(given.folder, range(given.seeds), given.maps.split(","), given.worlds, given.words)
+    show(lines, "weights", given.record)
+
+
+def report(
+    folder: Path, seeds: Sequence[int], maps: Sequence[str], worlds: int, words: Sequence[str]
+) -> Iterator[str]:
+    """Yield the lines of the report in Markdown."""
+    yield "# Weights\n"
+    yield f"`python -m benchmarks.weights {' '.join(['DIR', *sys.argv[2:]])}`, {machine()}\n"
+    yield f"Success with its interval, collision and BARN metric in {worlds:,} worlds, each driven once, of the best"
+    yield "proposal of each seed.\n"
+    yield f"| weights | winner | verdict | {' | '.join(maps)} |"
+    yield f"|---|---|---|{'---|' * len(maps)}"
+    start = [measured(folder / "start" / name, name, worlds, "published") for name in maps]
+    yield f"| published | | | {' | '.join(start)} |"
+    for seed in seeds:
+        run_dir = folder / str(seed)
+        winner, verdict, proposal = trained(run_dir, seed, words)
+        found = [measured(run_dir / f"many_{name}", name, worlds, proposal) for name in maps]
+        yield f"| seed {seed} | {winner} | {verdict} | {' | '.join(found)} |"
+
+
+def trained(run_dir: Path, seed: int, words: Sequence[str]) -> tuple[str, str, str]:
+    """Who won the race, the verdict, and the path of the best proposal's weights."""
+    weights = run_dir / "weights.yaml"
+    if not weights.is_file() or "held_out" not in yaml.safe_load(weights.read_text()):
+        lme("train", "tracking=none", f"seed={seed}", f"hydra.run.dir={run_dir}", "resume=true", *words)
+    content = yaml.safe_load(weights.read_text())
+    race = pd.read_csv(run_dir / RACE)
+    proposals = race[race["trial"] != "start"]
+    best = int(proposals[proposals["rung"] == proposals["rung"].max()].iloc[0]["trial"])
+    values = pd.read_csv(run_dir / TRIALS).set_index("trial").loc[best].filter(like=PARAMETERS)
+    parameters = {key.removeprefix(PARAMETERS): float(value) for key, value in values.items()}
+    proposal = run_dir / "proposal.yaml"
+    proposal.write_text(yaml.safe_dump({"parameters": {**content["parameters"], **parameters}}))
+    return str(content["trial"]), content["held_out"]["verdict"], str(proposal)
+
+
+def measured(run_dir: Path, name: str, worlds: int, weights: str) -> str:
+    """ "0.980 / 0.013 / 0.4831", of a run that is driven unless it was before."""
+    *words, count = MAPS[name]
+    if not (run_dir / "table.md").is_file():
+        common = ("runs=1", "tracking=none", f"weights={weights}", f"hydra.run.dir={run_dir}", "resume=true")
+        lme("eval", *words, f"{count}{worlds}", *common)
+    frame = read_episodes([run_dir])
+    low, high = interval_of_mean(frame, "success")
+    success, collision = ((frame["outcome"] == outcome).mean() for outcome in ("success", "collision"))
+    return f"{success:.3f} ({low:.3f}–{high:.3f}) / {collision:.3f} / {frame['barn_metric'].mean():.4f}"
+
+
+def lme(*words: str) -> None:
+    """Run a command, quietly."""
+    subprocess.run([sys.executable, "-m", "runners.cli.main", *words], check=True, stdout=subprocess.DEVNULL)
+
+
+if __name__ == "__main__":
+    main()
