@@ -1,6 +1,6 @@
 """Measures what `lme train` finds, over several seeds, in many worlds that no training has seen.
 
-    python -m benchmarks.weights DIR [--record] [--seeds 10] [--worlds 1000] [--maps env1,env2,fresh] [-- KEY=VALUE ...]
+    python -m benchmarks.weights DIR [--record] [--seeds 10] [--worlds 1000] [--maps env1,env2,fresh] [KEY=VALUE ...]
 
 It judges the best proposal of each training: the starting weights may win the race, but not here. DIR keeps trainings
 and evaluations, so that a second call continues. KEY=VALUE: further words for `lme train`. --record also writes
@@ -41,7 +41,7 @@ def main() -> None:
     words.add_argument("--worlds", type=int, default=1000)
     words.add_argument("--maps", default="env1,env2,fresh")
     words.add_argument("words", nargs="*", metavar="KEY=VALUE")
-    given = words.parse_args()
+    given = words.parse_intermixed_args()
     lines = report(given.folder, range(given.seeds), given.maps.split(","), given.worlds, given.words)
     show(lines, "weights", given.record)
 

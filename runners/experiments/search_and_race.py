@@ -137,6 +137,11 @@ def check_configurations(study: Study, trained: Families, worlds: list[int], run
         )
 
 
+def start_name(job: Job[TrainConfig]) -> str:
+    """What the training starts from: the weight set, if the guide has one."""
+    return job.weights if job.config.guide.get("parameters") else "the config's own values"
+
+
 def search_space(job: Job[TrainConfig]) -> Space:
     """The search space: the ranges of the config, without the keys that the ablation fixes."""
     ablated = ablations.settings(job.choices.get(ablations.GROUP, ""), Catalogue(job.folders))

@@ -27,6 +27,7 @@ from runners.experiments.search_and_race import (
     evaluation_places,
     search_and_race,
     search_space,
+    start_name,
     world_numbers,
 )
 from runners.experiments.training_report import write_training_report
@@ -144,13 +145,13 @@ def _usage(job: Job[TrainConfig], found: Found) -> str:
 def _advise(job: Job[TrainConfig], found: Found, verdict: Verdict) -> None:
     """Print the result and what to do with it."""
     whose = "the start" if found.number == START else f"trial {found.number}"
-    worlds = f"{found.worlds} worlds of each family"
+    worlds = f"{found.worlds} worlds" + ("" if job.config.map else " of each family")
     print(f"Best of {len(found.told)} trials: reward {found.reward:.3f} ({whose}), {worlds}")
     for key, value in found.values.items():
         print(f"  {key.removeprefix(PARAMETERS)} = {value:.4g}")
     if found.num_elsewhere:
         print(f"{found.num_elsewhere} trials are still running on other machines and do not count")
-    for line in verdict.lines(job.weights):
+    for line in verdict.lines(start_name(job)):
         print(line)
     use = f"{'not recommended' if verdict.is_worse else 'use them with'}: {_usage(job, found)}"
     print(f"Weights: {job.run_dir / WEIGHTS}; {'those started from' if found.number == START else use}")

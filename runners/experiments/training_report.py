@@ -19,6 +19,7 @@ from runners.config.schema import TrainConfig
 from runners.config.space import Space
 from runners.experiments.families import families
 from runners.experiments.held_out import Places, write_table
+from runners.experiments.search_and_race import Found, start_name
 from runners.experiments.verdict import HeldOutComparison, Verdict
 from runners.explainer import pages
 from runners.explainer.training_report import TrainingReport, write_report
@@ -29,7 +30,6 @@ from runners.workers.trials import reward_of
 if TYPE_CHECKING:
     import pandas as pd
 
-    from runners.experiments.search_and_race import Found
 
 REPORT = "report.html"
 _WORST = 6  # worlds that get an explainer page
@@ -72,9 +72,9 @@ def write_training_report(
     report = TrainingReport(
         title=f"Training of {start['system'].iloc[0]} on {job.config.robot.name}",
         facts=_facts(job, len(found.told)),
-        sentence=verdict.lines(job.weights)[-1],
+        sentence=verdict.lines(start_name(job))[-1],
         sign=verdict.sign,
-        start=job.weights,
+        start=start_name(job),
         winner=found.number,
         best=best,
         training_reward=found.reward,
@@ -128,7 +128,7 @@ def _pictures(
     draw_parameters(found.told, space, best, known, _raced(race), paths[0])
     if race is not None:
         paths.append(job.run_dir / "race.png")
-        draw_race(race, job.weights, paths[1])
+        draw_race(race, start_name(job), paths[1])
     return paths
 
 
@@ -159,7 +159,7 @@ def _facts(job: Job[TrainConfig], trials: int) -> str:
     config = job.config
     trained = families(config, job.choices)
     where = ", ".join(f"{name} ({family.robot.name})" for name, family in trained.items())
-    start = f"start: {job.weights}{'' if config.start_from_config else ', not a candidate'}"
+    start = f"start: {start_name(job)}{'' if config.start_from_config else ', not a candidate'}"
     return f"{trials} trials ({job.choices['search']}, seed {config.seed}) · {where} · {start}"
 
 
