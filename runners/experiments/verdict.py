@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 _REWARD = "reward"
+_FEWEST = 10  # worlds: the bootstrap of fewer is too narrow
 _WORDS = {1: "better", 0: "level", -1: "worse"}
 
 
@@ -41,6 +42,8 @@ class Verdict:
     @property
     def sign(self) -> int:
         """−1 if success on a map or the reward on all is worse beyond the noise, 1 if the reward is better, else 0."""
+        if self.overall.success_difference.worlds < _FEWEST:
+            return 0
         if any(each.success_difference.high < 0.0 for each in (*self.by_place.values(), self.overall)):
             return -1
         change = self.overall.reward_difference

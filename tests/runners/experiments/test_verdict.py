@@ -61,6 +61,13 @@ def test_success_on_one_map_counts_even_if_the_reward_on_all_is_better(places):
     assert verdict.is_worse
 
 
+def test_a_few_worlds_prove_nothing(places):
+    few, better = (frame[frame["world"] < 4] for frame in (START, both(STEPS - 50, {1, 2})))
+    verdict = judge(places, few, better, 0.9)
+    assert verdict.overall.reward_difference.low > 0
+    assert verdict.content()["verdict"] == "level"
+
+
 def test_figures_are_those_of_the_records(places):
     verdict = judge(places, START, both(STEPS - 10, {1, 2}), 0.9)
     env1 = verdict.by_place["env1"]
