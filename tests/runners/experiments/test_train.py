@@ -54,16 +54,19 @@ def trials(run_dir):
     return (run_dir / "trials.csv").read_text()
 
 
-@pytest.fixture(scope="module")
-def trained(tmp_path_factory):
-    """A finished run, with what it said."""
-    folder = tmp_path_factory.mktemp("trained")
+def finished(folder, *words):
+    """The directory of a run in a process of its own, with two workers, and what it said."""
     done = subprocess.run(
-        [sys.executable, "-m", "runners.cli.main", "train", *SMALL, "executor.workers=2", "hydra.run.dir=run"],
+        [sys.executable, "-m", "runners.cli.main", "train", *words, "executor.workers=2", "hydra.run.dir=run"],
         cwd=folder, env={**os.environ, "PYTHONPATH": str(ROOT)}, capture_output=True, text=True, timeout=300,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     return folder / "run", done.stdout
+
+
+@pytest.fixture(scope="module")
+def trained(tmp_path_factory):
+    return finished(tmp_path_factory.mktemp("trained"), *SMALL)
 
 
 def test_a_run_leaves_its_study_weights_pictures_and_evaluation(trained):
@@ -334,14 +337,7 @@ RACE = (
 
 @pytest.fixture(scope="module")
 def raced(tmp_path_factory):
-    """A finished training on two families, and what it said."""
-    folder = tmp_path_factory.mktemp("raced")
-    done = subprocess.run(
-        [sys.executable, "-m", "runners.cli.main", "train", *RACE, "executor.workers=2", "hydra.run.dir=run"],
-        cwd=folder, env={**os.environ, "PYTHONPATH": str(ROOT)}, capture_output=True, text=True, timeout=300,
-    )  # fmt: skip
-    assert done.returncode == 0, done.stderr
-    return folder / "run", done.stdout
+    return finished(tmp_path_factory.mktemp("raced"), *RACE)
 
 
 def test_families_a_race_and_a_verdict(raced):
