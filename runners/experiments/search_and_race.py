@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from itertools import accumulate, pairwise
@@ -34,10 +34,12 @@ from runners.workers.trials import Attempt, Place, Score
 class Found:
     """What a training has found. number: of the best trial, or START. values: by dotted config key; {} for START.
 
-    told: the finished trials. num_elsewhere: trials that other machines still run. reward: its mean over the worlds
-    that it drove. worlds: how many of each family.
+    configurations: the worlds of the search. told: the finished trials. num_elsewhere: trials that other machines
+    still run. reward: its mean over the worlds that it drove. worlds: how many of each family.
     """
 
+    space: Space
+    configurations: list[int]
     told: list[Trial]
     importances: dict[str, float]
     num_elsewhere: int
@@ -53,8 +55,8 @@ def search_and_race(job: Job[TrainConfig], trained: Families) -> Found:
     config, run_dir = job.config, job.run_dir
     search = instantiate.build(config.search, "search")
     space = search_space(job)
-    first = own_values(config, space) if config.start_from_config else {}
-    study = open_study(config.storage, config.study, run_dir, identity(config), space, search, first)
+    start = own_values(config, space) if config.start_from_config else None
+    study = open_study(config.storage, config.study, run_dir, identity(config), space, search, start or {})
     rungs = world_numbers(job, trained)
     check_configurations(study, trained, rungs[0], run_dir)
     places = [[(name, world) for world in worlds for name in trained] for worlds in rungs]
@@ -65,8 +67,8 @@ def search_and_race(job: Job[TrainConfig], trained: Families) -> Found:
             progress.skip(len(study.told), study.best)
             if study.num_told < config.trials:
                 run_trials(study, config.trials, search.batch, places[0], run_all, progress.set_done)
-        race = _race(job, study, places, run_all) if config.race else None
-    return _found(study, race, [len(worlds) for worlds in rungs])
+        race = _race(job, study, places, start, run_all) if config.race else None
+    return _found(study, space, race, rungs)
 
 
 def _started_when_needed(config: TrainConfig, training: Families, workers: ExitStack) -> Map:
@@ -82,16 +84,20 @@ def _started_when_needed(config: TrainConfig, training: Families, workers: ExitS
     return run_all
 
 
-def _race(job: Job[TrainConfig], study: Study, places: Sequence[Sequence[Place]], run_all: Map) -> Race:
-    """Race the trials of the study and, if they begin from the config, the config's own values."""
+def _race(
+    job: Job[TrainConfig],
+    study: Study,
+    places: Sequence[Sequence[Place]],
+    start: Mapping[str, float] | None,
+    run_all: Map,
+) -> Race:
+    """Race the trials of the study and, if they begin from the config, its own values: `start`."""
     config = job.config
     assert config.race is not None
-    told = study.told
-    own = own_values(config, search_space(job))
-    start = [Candidate(START, {})] if config.start_from_config else []
-    candidates = [Candidate(trial.number, trial.values) for trial in told if not start or trial.values != own]
-    numbers = {candidate.number for candidate in candidates}
-    scores = [score for trial in told if trial.number in numbers for score in trial.scores]
+    told = [trial for trial in study.told if trial.values != start]
+    candidates = [Candidate(trial.number, trial.values) for trial in told]
+    candidates += [Candidate(START, {})] if start is not None else []
+    scores = [score for trial in told for score in trial.scores]
     with RaceLog(job.run_dir / RACE_LOG) as log, RaceProgress() as progress:
 
         def drive(attempts: Sequence[Attempt]) -> Iterator[Score]:
@@ -105,18 +111,19 @@ def _race(job: Job[TrainConfig], study: Study, places: Sequence[Sequence[Place]]
                 progress.add()
                 yield score
 
-        return run_race([*start, *candidates], scores, places, config.race, drive)
+        return run_race(candidates, scores, places, config.race, drive)
 
 
-def _found(study: Study, race: Race | None, worlds: Sequence[int]) -> Found:
+def _found(study: Study, space: Space, race: Race | None, rungs: Sequence[list[int]]) -> Found:
     told = study.told
     best = max(told, key=lambda trial: (trial.reward, -trial.number))
     number, reward = best.number, best.reward
     if race is not None:
         number, reward = race.winner, race.rungs[-1].values[race.winner]
     values = {trial.number: trial.values for trial in told}.get(number, {})
-    driven = sum(worlds) if race else worlds[0]
-    return Found(told, study.importances(), study.num_elsewhere, race, number, values, reward, driven)
+    driven = sum(map(len, rungs))
+    elsewhere = study.num_elsewhere
+    return Found(space, rungs[0], told, study.importances(), elsewhere, race, number, values, reward, driven)
 
 
 def check_configurations(study: Study, trained: Families, worlds: list[int], run_dir: Path) -> None:

@@ -15,7 +15,7 @@ from runners.config import build, instantiate
 from runners.config.job import Job
 from runners.config.quoting import resume_command
 from runners.config.schema import TrainConfig
-from runners.config.space import PARAMETERS, Space
+from runners.config.space import PARAMETERS
 from runners.config.weights import WEIGHTS
 from runners.experiments import evaluate
 from runners.experiments.families import Families, families, too_narrow
@@ -31,7 +31,7 @@ from runners.experiments.search_and_race import (
     world_numbers,
 )
 from runners.experiments.training_report import write_training_report
-from runners.experiments.verdict import Verdict, judge
+from runners.experiments.verdict import Verdict, judge, with_rewards
 from runners.records import weight_file
 from runners.records.episode_record import RunLabels
 from runners.records.launch_record import fingerprint, identity
@@ -84,13 +84,14 @@ def train(job: Job[TrainConfig]) -> None:
         ):
             found = search_and_race(job, trained)
             weights = _write_weights(job, trained, found)
-            pictures = _pictures(found, search_space(job), run_dir)
+            pictures = _pictures(found, run_dir)
         places = evaluation_places(job, trained)
-        frame, verdict = _evaluate(job, places, found)
+        start, frame = _evaluate(job, places, found)
+        verdict = judge(places, start, frame, found.reward)
         _write_weights(job, trained, found, verdict)
         _advise(job, found, verdict)
-        use, start = _usage(job, found), run_dir / _START
-        pictures += write_training_report(job, search_space(job), places, found, verdict, use, start)
+        use = _usage(job, found)
+        pictures += write_training_report(job, places, found, start, frame, verdict, use, run_dir / _START)
     pages = [page for place in frame["run_dir"].unique() for page in failures.folder(Path(place))]
     _track(tracking, found, frame, [weights, *pictures, *pages])
 
@@ -105,17 +106,20 @@ def _announce(job: Job[TrainConfig], trained: Families) -> None:
         )
 
 
-def _evaluate(job: Job[TrainConfig], places: Places, found: Found) -> tuple[pd.DataFrame, Verdict]:
-    """Evaluate the start and the result on held-out worlds, print the table, and judge."""
+def _evaluate(job: Job[TrainConfig], places: Places, found: Found) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Evaluate the start and the result on held-out worlds, and print the table; returns the records with rewards.
+
+    If the start is the result, both are the same object.
+    """
     import pandas as pd
 
-    start = evaluate_held_out(job, places, {}, job.weights, below=_START)
+    start = with_rewards(places, evaluate_held_out(job, places, {}, job.weights, below=_START))
     if found.number == START:
         report_held_out(job, start)
-        return start, judge(places, start, start, found.reward)
-    frame = evaluate_held_out(job, places, found.values, weights_name(job))
+        return start, start
+    frame = with_rewards(places, evaluate_held_out(job, places, found.values, weights_name(job)))
     report_held_out(job, pd.concat([start, frame], ignore_index=True))
-    return frame, judge(places, start, frame, found.reward)
+    return start, frame
 
 
 def _write_weights(
@@ -124,7 +128,7 @@ def _write_weights(
     config, name = job.config, weights_name(job)
     about: dict[str, Any] = {
         "map": "+".join(trained),
-        "configurations": world_numbers(job, trained)[0],
+        "configurations": found.configurations,
         "search": job.choices["search"],
         "trials": len(found.told),
         "trial": _START if found.number == START else found.number,
@@ -157,12 +161,12 @@ def _advise(job: Job[TrainConfig], found: Found, verdict: Verdict) -> None:
     print(f"Weights: {job.run_dir / WEIGHTS}; {'those started from' if found.number == START else use}")
 
 
-def _pictures(found: Found, space: Space, run_dir: Path) -> list[Path]:
+def _pictures(found: Found, run_dir: Path) -> list[Path]:
     from runners.figures.reports.training import training_figures, write_race, write_trials
 
     told = found.told
     tables = [write_trials(told, run_dir), *([write_race(found.race, run_dir)] if found.race else [])]
-    return [*tables, *training_figures(told, space, found.importances, run_dir)]
+    return [*tables, *training_figures(told, found.space, found.importances, run_dir)]
 
 
 def _track(tracking: Any, found: Found, frame: pd.DataFrame, files: list[Path]) -> None:

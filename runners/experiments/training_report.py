@@ -7,7 +7,7 @@ import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 from runners.analysis.failures import is_failure, page_path
 from runners.analysis.worst_worlds import WorstWorld, regressions, worst_worlds
@@ -25,7 +25,6 @@ from runners.explainer import pages
 from runners.explainer.training_report import TrainingReport, write_report
 from runners.explainer.training_tables import HeldOut
 from runners.search.race import START, Race
-from runners.workers.trials import reward_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -47,26 +46,25 @@ _FILES = (
 
 def write_training_report(
     job: Job[TrainConfig],
-    space: Space,
     places: Places,
     found: Found,
+    start: pd.DataFrame,
+    frame: pd.DataFrame,
     verdict: Verdict,
     use: str,
     start_dir: Path,
 ) -> list[Path]:
     """Write everything, and return the paths of the pictures and of the page; prints the latter.
 
-    places: the held-out configs by map. use: the command that drives with the weights. start_dir: of the evaluation of
-    the start.
+    places: the held-out configs by map. start, frame: the records of the start and of the result, with rewards; the
+    same if the start won. use: the command that drives with the weights. start_dir: of the evaluation of the start.
     """
     run_dir, is_start = job.run_dir, found.number == START
-    start = _records(places, start_dir)
-    frame = start if is_start else _records(places, run_dir)
-    start_values = _start_values(job.config, space)
+    start_values = _start_values(job.config, found.space)
     best = found.race.best_trial if found.race is not None else found.number
     if best == START:  # the first trial has the values of the start, and there is no other
         best = found.told[0].number
-    pictures = _pictures(job, space, found, start_values, best)
+    pictures = _pictures(job, found, start_values, best)
     worst = worst_worlds(frame, None if is_start else start, _WORST)
     _explain(job, frame, worst)
     report = TrainingReport(
@@ -83,7 +81,7 @@ def write_training_report(
         held_out=_held_out(verdict),
         race=found.race,
         trials=found.told,
-        space=space,
+        space=found.space,
         start_values=start_values,
         importances=found.importances,
         worst=worst,
@@ -98,34 +96,19 @@ def write_training_report(
     return [*pictures, path]
 
 
-def _records(places: Places, folder: Path) -> pd.DataFrame:
-    """The held-out records of every map, each with its reward."""
-    import pandas as pd
-
-    from runners.records.records import read_episodes
-
-    parts = []
-    for place, config in places.items():
-        train, part = cast(TrainConfig, config), read_episodes([folder / place])
-        ends = zip(part["outcome"], part["steps"], strict=True)
-        limit = float(config.map["time_limit"])
-        parts.append(part.assign(reward=[reward_of(train, limit, outcome, steps) for outcome, steps in ends]))
-    return pd.concat(parts, ignore_index=True)
-
-
 def _start_values(config: TrainConfig, space: Space) -> dict[str, float | None]:
     known: dict[str, Any] = dict(flatten(asdict(config)))
     return {key: None if known[key] is None else float(known[key]) for key in space}
 
 
 def _pictures(
-    job: Job[TrainConfig], space: Space, found: Found, start: Mapping[str, float | None], best: int
+    job: Job[TrainConfig], found: Found, start: Mapping[str, float | None], best: int
 ) -> list[Path]:
     from runners.figures.reports.search_pictures import draw_parameters, draw_race
 
     race, paths = found.race, [job.run_dir / "parameters.png"]
     known = {key: value for key, value in start.items() if value is not None}
-    draw_parameters(found.told, space, best, known, _raced(race), paths[0])
+    draw_parameters(found.told, found.space, best, known, _raced(race), paths[0])
     if race is not None:
         paths.append(job.run_dir / "race.png")
         draw_race(race, start_name(job), paths[1])

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, cast
 from runners.analysis.paired import SUCCESS, Difference, difference, signed
 from runners.config.schema import TrainConfig
 from runners.experiments.held_out import Places
-from runners.workers.trials import reward_of
+from runners.workers.trials import episode_reward
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -98,7 +98,7 @@ class Verdict:
 
 
 def judge(places: Places, start: pd.DataFrame, found: pd.DataFrame, training_reward: float) -> Verdict:
-    """Compare the records of the result with those of the start.
+    """Compare the records of the result with those of the start, both with rewards.
 
     places: the configs by held-out map. training_reward: of the result, on the training worlds.
     """
@@ -110,20 +110,22 @@ def judge(places: Places, start: pd.DataFrame, found: pd.DataFrame, training_rew
     return Verdict(by_place, overall, training_reward, start is found)
 
 
+def with_rewards(places: Places, frame: pd.DataFrame) -> pd.DataFrame:
+    """The held-out records with a column `reward`."""
+    driven = [cast(TrainConfig, places[Path(folder).name]) for folder in frame["run_dir"]]
+    ends = zip(driven, frame["outcome"], frame["steps"], strict=True)
+    rewards = [
+        episode_reward(config, float(config.map["time_limit"]), outcome, steps)
+        for config, outcome, steps in ends
+    ]
+    return frame.assign(**{_REWARD: rewards})
+
+
 def _by_place(places: Places, frame: pd.DataFrame) -> dict[str, pd.DataFrame]:
-    """The records of each map, with rewards, and with worlds that have the map's name."""
-    found = {}
-    for place, config in places.items():
-        train = cast(TrainConfig, config)
-        part = frame[[Path(folder).name == place for folder in frame["run_dir"]]]
-        rewards = [
-            reward_of(train, float(config.map["time_limit"]), outcome, steps)
-            for outcome, steps in zip(part["outcome"], part["steps"], strict=True)
-        ]
-        found[place] = part.assign(
-            **{_REWARD: rewards, "world": [f"{place} {number}" for number in part["world"]]}
-        )
-    return found
+    """The records of each map, with worlds that have its name: maps have worlds of the same number."""
+    names = frame["run_dir"].map(lambda folder: Path(folder).name)
+    named = frame.assign(world=names + " " + frame["world"].astype(str))
+    return {place: named[names == place] for place in places}
 
 
 def _comparison(start: pd.DataFrame, found: pd.DataFrame) -> HeldOutComparison:

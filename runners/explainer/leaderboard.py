@@ -11,7 +11,7 @@ from runners.analysis.summary import INTERVAL_NOTE, TIMES
 from runners.config.wording import counted
 from runners.explainer.leaderboard_cells import COLUMNS, breakable, cells, chips, escaped, sort_keys
 from runners.explainer.leaderboard_details import details, settings_data
-from runners.explainer.write import asset, content_security_policy, fill, write_html
+from runners.explainer.write import document_parts, fill, write_html
 
 FILTERS = {"map": "Map set", "robot": "Robot", "sim": "Simulator"}
 _SCRIPTS = ("theme.js", "leaderboard.js")
@@ -28,12 +28,8 @@ _NOTES = (
 
 def write_leaderboard(entries: Sequence[BoardEntry], problems: Sequence[str], path: Path) -> None:
     """Write the page. problems: a line for each run that was left out. Raises InputError if it cannot be written."""
-    style = "\n".join(map(asset, _STYLES))
-    script = '(() => {{\n"use strict";\n{}\n}})();'.format("\n".join(map(asset, _SCRIPTS)))
     parts = {
-        "POLICY": content_security_policy(style, script),
-        "STYLE": style,
-        "SCRIPT": script,
+        **document_parts("Leaderboard", _STYLES, _SCRIPTS),
         "COUNT": _count(entries),
         "FILTERS": "\n".join(_filters(entries)),
         "ORDERS": "".join(

@@ -19,7 +19,7 @@ from runners.explainer.training_tables import (
     rung_table,
     worst_table,
 )
-from runners.explainer.write import asset, content_security_policy, fill, write_html
+from runners.explainer.write import document_parts, fill, write_html
 from runners.search.race import START, Race
 from runners.search.racers import racers
 from runners.search.study import Trial
@@ -81,12 +81,8 @@ class TrainingReport:
 
 def write_report(report: TrainingReport, path: Path) -> None:
     """Write the page. Links are relative to it. Raises InputError if it cannot be written."""
-    style = "\n".join(map(asset, _STYLES))
-    script = '(() => {{\n"use strict";\n{}\n}})();'.format("\n".join(map(asset, _SCRIPTS)))
     parts = {
-        "POLICY": content_security_policy(style, script),
-        "STYLE": style,
-        "SCRIPT": script,
+        **document_parts(report.title, _STYLES, _SCRIPTS),
         "TITLE": escaped(report.title),
         "FACTS": breakable(report.facts),
         "VERDICT": _verdict(report),

@@ -84,6 +84,15 @@ def fill(name: str, parts: Mapping[str, str]) -> str:
     return re.sub(r"{{([A-Z]+)}}", lambda found: parts[found[1]], asset(name))
 
 
+def document_parts(title: str, styles: Sequence[str], scripts: Sequence[str]) -> dict[str, str]:
+    """HEAD and SCRIPT of a page that is not an episode's. title: text. styles, scripts: names of assets."""
+    style = "\n".join(map(asset, styles))
+    script = '(() => {{\n"use strict";\n{}\n}})();'.format("\n".join(map(asset, scripts)))
+    policy = content_security_policy(style, script)
+    head = fill("head.html", {"POLICY": policy, "TITLE": html.escape(title), "STYLE": style})
+    return {"HEAD": head, "SCRIPT": script}
+
+
 def content_security_policy(style: str, script: str) -> str:
     """Content security policy: this style, this script, and no connections."""
     return (

@@ -120,8 +120,8 @@ def _complete(
     """Drive what the candidates have not driven yet."""
     attempts = [
         Attempt(each.number, *place, tuple(each.values.items()))
-        for place in places
         for each in field
+        for place in places
         if place not in rewards[each.number]
     ]
     for score in drive(attempts) if attempts else ():

@@ -13,7 +13,7 @@ from lme.episode import run_episode
 from lme.navigator import Navigator
 from lme.sim.simulator import Simulator
 from lme.worlds.check import check_task
-from lme.worlds.world import Task
+from lme.worlds.world import MapSet, Task
 from runners.config import build
 from runners.config.schema import TrainConfig
 from runners.config.space import with_values
@@ -57,9 +57,13 @@ def initialise(families: Mapping[str, TrainConfig]) -> Callable[[Attempt], Score
     families: configs by name; the `map` of each holds the training worlds.
     """
 
+    @cache
+    def maps(family: str) -> MapSet:
+        return build.map_set(families[family])
+
     @cache  # a training drives each world many times
     def task(family: str, world: int) -> Task:
-        found = build.map_set(families[family], [world]).task(world)
+        found = maps(family).task(world)
         check_task(found, families[family].robot)
         return found
 
@@ -79,19 +83,14 @@ def initialise(families: Mapping[str, TrainConfig]) -> Callable[[Attempt], Score
         rng = np.random.default_rng(np.random.SeedSequence([config.seed, world, 0]))
         drive = simulator(family, world if config.disturbances.any else None)
         episode = run_episode(here, navigator(family, attempt.values), drive, rng)
-        reward = episode_reward(config, here, str(episode.outcome), episode.steps)
+        reward = episode_reward(config, here.time_limit, str(episode.outcome), episode.steps)
         return Score(attempt.trial, world, str(episode.outcome), episode.steps, reward, family)
 
     return run
 
 
-def episode_reward(config: TrainConfig, task: Task, outcome: str, steps: int) -> float:
-    """Reward of an episode that took `steps` control periods."""
-    return reward_of(config, task.time_limit, outcome, steps)
-
-
-def reward_of(config: TrainConfig, time_limit: float, outcome: str, steps: int) -> float:
-    """Reward of an episode with this time limit [s]."""
+def episode_reward(config: TrainConfig, time_limit: float, outcome: str, steps: int) -> float:
+    """Reward of an episode that took `steps` control periods. time_limit: of its task [s]."""
     terms = config.reward
     max_steps = terms.max_steps or round(time_limit * config.robot.control_rate)
     return metrics.reward(outcome, steps, max_steps, terms.crash, terms.timeout)

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from runners.experiments.verdict import judge
+from runners.experiments.verdict import judge, with_rewards
 from tests.composing import jobs_of
 
 WORLDS, STEPS = 40, 100
@@ -35,6 +35,12 @@ def both(steps, failures=()):
     return pd.concat([records(steps, failures), records(steps, place="other")], ignore_index=True)
 
 
+def judged(places, start, found, training_reward):
+    """The verdict on records without rewards."""
+    scored = with_rewards(places, start)
+    return judge(places, scored, scored if found is start else with_rewards(places, found), training_reward)
+
+
 START = both(STEPS, {1, 2})
 
 
@@ -48,14 +54,14 @@ START = both(STEPS, {1, 2})
     ],
 )
 def test_the_verdict_and_its_sentence(places, found, word, said):
-    verdict = judge(places, START, found, 0.7)
+    verdict = judged(places, START, found, 0.7)
     assert verdict.content()["verdict"] == word
     assert verdict.is_worse == (word == "worse")
     assert verdict.lines("published")[-1].startswith(said)
 
 
 def test_success_on_one_map_counts_even_if_the_reward_on_all_is_better(places):
-    verdict = judge(places, START, both(STEPS - 90, set(range(3, 15))), 0.9)
+    verdict = judged(places, START, both(STEPS - 90, set(range(3, 15))), 0.9)
     assert verdict.overall.reward_difference.mean > 0
     assert verdict.by_place["env1"].success_difference.high < 0
     assert verdict.is_worse
@@ -63,13 +69,13 @@ def test_success_on_one_map_counts_even_if_the_reward_on_all_is_better(places):
 
 def test_a_few_worlds_prove_nothing(places):
     few, better = (frame[frame["world"] < 4] for frame in (START, both(STEPS - 50, {1, 2})))
-    verdict = judge(places, few, better, 0.9)
+    verdict = judged(places, few, better, 0.9)
     assert verdict.overall.reward_difference.low > 0
     assert verdict.content()["verdict"] == "level"
 
 
 def test_figures_are_those_of_the_records(places):
-    verdict = judge(places, START, both(STEPS - 10, {1, 2}), 0.9)
+    verdict = judged(places, START, both(STEPS - 10, {1, 2}), 0.9)
     env1 = verdict.by_place["env1"]
     assert env1.success == pytest.approx(38 / 40)
     rewards = 1 - records(STEPS - 10)["steps"].drop([1, 2]) / 200
@@ -82,7 +88,7 @@ def test_figures_are_those_of_the_records(places):
 
 
 def test_if_the_start_wins_the_weights_are_kept(places):
-    verdict = judge(places, START, START, 0.7)
+    verdict = judged(places, START, START, 0.7)
     assert verdict.content()["verdict"] == "level"
     assert (
         "no trial was better than the weights started from (published); keep them"
