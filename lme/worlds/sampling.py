@@ -4,30 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage
-from scipy.sparse import coo_array, csr_array
-from scipy.sparse.csgraph import dijkstra
 
 from lme.errors import InputError
 from lme.types import Bools, Floats, Ints, Pose
 from lme.worlds.floor_plan import FloorPlan
+from lme.worlds.lattice import shortest_path
 
-MAX_POINTS = 1_000_000  # of the lattice; the graph of shortest paths takes about 0.5 KB for each
+MAX_POINTS = 1_000_000  # of the lattice
 STARTS_TRIED = 100  # before the plan counts as too small for the least distance
-
-_MOVES = {  # (columns, rows) of a move: the points on both sides of it, all of which must be free
-    (1, 0): (),
-    (1, 1): ((1, 0), (0, 1)),
-    (2, 1): ((1, 0), (1, 1)),
-    (3, 1): ((1, 0), (1, 1), (2, 0), (2, 1)),
-    (3, 2): ((1, 0), (1, 1), (2, 1), (2, 2)),
-}  # with their mirror images 32 directions, so that a path is at most 1.3 % longer than the straight line
-_REACH = 3  # columns or rows of the longest move
 
 
 class Configuration(NamedTuple):
@@ -55,7 +43,7 @@ class FreeSpace:
         self._passable = self.clearance >= radius
         self._regions, _ = ndimage.label(self._passable)
         self._roomy = np.argwhere(self.clearance >= radius + margin)
-        self._lengths: dict[tuple[int, int], float] = {}
+        self._lengths: dict[tuple[tuple[int, int], tuple[int, int]], float] = {}
 
     def draw(self, rng: np.random.Generator, min_distance: float) -> Configuration:
         """Draw a start of any yaw and a goal that can be reached from it, at least `min_distance` [m] apart.
@@ -91,7 +79,7 @@ class FreeSpace:
                 f"{what} is ({x:g}, {y:g}), outside the map: must lie in x {low[0]:g} to {high[0]:g} m, "
                 f"y {low[1]:g} to {high[1]:g} m"
             )
-        if self._node(place) < 0:
+        if not self._passable[*self._cell(place)]:
             raise InputError(
                 f"{what} is ({x:g}, {y:g}), in an obstacle or too near one: must be at least {self._radius:.3g} m "
                 "from every obstacle (map.radius)"
@@ -114,12 +102,12 @@ class FreeSpace:
 
     def path_length(self, start: Pose, goal: Floats) -> float:
         """Length of the shortest path on the lattice [m]; inf if there is none. Computed once for each pair."""
-        pair = self._node(start[:2]), self._node(goal)
-        if min(pair) < 0:
+        ends = self._cell(start[:2]), self._cell(goal)
+        if not all(self._passable[*cell] for cell in ends):
             return math.inf
+        pair = (tuple(ends[0].tolist()), tuple(ends[1].tolist()))
         if pair not in self._lengths:
-            lengths = dijkstra(self._graph, directed=False, indices=np.array([pair[0]]))
-            self._lengths[pair] = float(lengths[0, pair[1]])
+            self._lengths[pair] = shortest_path(self._passable, self._step, *ends)
         return self._lengths[pair]
 
     def _too_small(self, min_distance: float) -> InputError:
@@ -139,11 +127,6 @@ class FreeSpace:
     def _place(self, point: Ints) -> Floats:
         return np.array([self._x[point[1]], self._y[point[0]]])
 
-    def _node(self, place: Floats | Sequence[float]) -> int:
-        """Number of the free point at a place, −1 if it is not free."""
-        row, column = self._cell(place)
-        return int(self._nodes[row, column])
-
     def _cell(self, place: Floats | Sequence[float]) -> Ints:
         """(2,) row and column of the point nearest to a place x, y [m]; if it is free, of a free point."""
         x, y = place[0], place[1]
@@ -159,23 +142,6 @@ class FreeSpace:
         around += np.maximum(cell - 1, 0)
         away = np.hypot(self._x[around[:, 1]] - x, self._y[around[:, 0]] - y)
         return np.asarray(around[away.argmin()])
-
-    @cached_property
-    def _nodes(self) -> NDArray[np.int32]:
-        """(rows, columns) number of each free point, −1 elsewhere."""
-        nodes = np.full(self._passable.shape, -1, dtype=np.int32)
-        nodes[self._passable] = np.arange(self._passable.sum())
-        return nodes
-
-    @cached_property
-    def _graph(self) -> csr_array:
-        """Each pair of free points that one move joins, once, with the length of the move [m]."""
-        nodes = np.pad(self._nodes, _REACH, constant_values=-1)
-        joined = [_joined(nodes, move, between) for move, between in _all_moves().items()]
-        pairs = np.hstack([pair for pair, _ in joined])
-        lengths = np.concatenate([np.full(pair.shape[1], length * self._step) for pair, length in joined])
-        count = int(self._passable.sum())
-        return coo_array((lengths, (pairs[0], pairs[1])), shape=(count, count)).tocsr()
 
 
 def _points_along(low: list[float], high: list[float], step: float) -> tuple[int, int]:
@@ -235,40 +201,3 @@ def _inside(polygon: Floats, x: Floats, y: Floats) -> Bools:
             at = x0 + (y[rows] - y0) * ((x1 - x0) / (y1 - y0))
             flips[rows, np.searchsorted(x, at, side="left")] += 1
     return np.asarray(np.cumsum(flips[:, :-1], axis=1) % 2 == 1)
-
-
-def _all_moves() -> dict[tuple[int, int], list[tuple[int, int]]]:
-    """The moves in 32 directions, one of each opposite pair, with the points on both sides of it."""
-    moves = {}
-    for move, between in _MOVES.items():
-        for swap in (False, True):
-            for sign in (1, -1):
-                turned = [_turned(point, swap, sign) for point in (move, *between)]
-                moves[turned[0]] = turned[1:]
-    return {
-        move: passed for move, passed in moves.items() if (-move[0], -move[1]) not in moves or move > (0, 0)
-    }
-
-
-def _turned(point: tuple[int, int], swap: bool, sign: int) -> tuple[int, int]:
-    column, row = point[::-1] if swap else point
-    return column, sign * row
-
-
-def _joined(
-    nodes: NDArray[np.int32], move: tuple[int, int], between: list[tuple[int, int]]
-) -> tuple[NDArray[np.int32], float]:
-    """(2, J) free points that a move joins, and its length in steps."""
-    origin = _shifted(nodes, (0, 0))
-    target = _shifted(nodes, move)
-    free = (origin >= 0) & (target >= 0)
-    for point in between:
-        free &= _shifted(nodes, point) >= 0
-    return np.array([origin[free], target[free]]), math.hypot(*move)
-
-
-def _shifted(nodes: NDArray[np.int32], move: tuple[int, int]) -> NDArray[np.int32]:
-    """(rows, columns) the node one move away from each point; `nodes` has a border of _REACH."""
-    column, row = move
-    rows, columns = nodes.shape
-    return nodes[_REACH + row : rows - _REACH + row, _REACH + column : columns - _REACH + column]

@@ -10,6 +10,7 @@ import math
 import numpy as np
 from numba import njit
 
+from lme.kernels.heap import pop, push
 from lme.kernels.obstacle_grid import Costs
 from lme.types import Floats, Ints
 
@@ -37,7 +38,7 @@ def search(costs: Costs, table: Floats, start: Cell, goal: Cell, heuristic_weigh
     keys[0], cells[0], size = _octile(start[0] - goal[0], start[1] - goal[1]) * scale, first, 1
     while size > 0:
         key, cell = keys[0], cells[0]
-        size = _pop(keys, cells, size)
+        size = pop(keys, cells, size)
         i, j = cell // columns, cell % columns
         if key > _key(g[cell], scale, i, j, start, goal) * (1.0 + _SAME):
             continue  # outdated: a cheaper path was found later
@@ -50,7 +51,7 @@ def search(costs: Costs, table: Floats, start: Cell, goal: Cell, heuristic_weigh
                 if step < np.inf and g[cell] + step < g[neighbour] * (1.0 - _SAME):
                     g[neighbour] = g[cell] + step
                     key = _key(g[neighbour], scale, i + di, j + dj, start, goal)
-                    size = _push(keys, cells, size, key, neighbour)
+                    size = push(keys, cells, size, key, neighbour)
     return g.reshape(rows, columns)
 
 
@@ -194,31 +195,3 @@ def _octile(di, dj):
     """Octile distance: length of the shortest path with eight neighbours [cells]."""
     a, b = abs(di), abs(dj)
     return max(a, b) + (_SQRT2 - 1.0) * min(a, b)
-
-
-@njit(cache=True, error_model="numpy")
-def _push(keys, cells, size, key, cell):
-    """Push onto a binary heap; return its new size."""
-    k = size
-    while k > 0 and key < keys[(k - 1) // 2]:
-        keys[k], cells[k] = keys[(k - 1) // 2], cells[(k - 1) // 2]
-        k = (k - 1) // 2
-    keys[k], cells[k] = key, cell
-    return size + 1
-
-
-@njit(cache=True, error_model="numpy")
-def _pop(keys, cells, size):
-    """Remove the first element of a binary heap; return its new size."""
-    size -= 1
-    key, cell = keys[size], cells[size]
-    k, child = 0, 1
-    while child < size:
-        if child + 1 < size and keys[child + 1] < keys[child]:
-            child += 1
-        if key <= keys[child]:
-            break
-        keys[k], cells[k] = keys[child], cells[child]
-        k, child = child, 2 * child + 1
-    keys[k], cells[k] = key, cell
-    return size

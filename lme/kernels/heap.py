@@ -1,0 +1,33 @@
+"""A binary heap in two arrays, of keys and of items, with the least key first. The caller keeps its size."""
+
+from numba import njit
+
+from lme.types import Floats, Ints
+
+
+@njit(cache=True, error_model="numpy")
+def push(keys: Floats, items: Ints, size: int, key: float, item: int) -> int:
+    """Push an item; returns the new size, which must fit the arrays."""
+    k = size
+    while k > 0 and key < keys[(k - 1) // 2]:
+        keys[k], items[k] = keys[(k - 1) // 2], items[(k - 1) // 2]
+        k = (k - 1) // 2
+    keys[k], items[k] = key, item
+    return size + 1
+
+
+@njit(cache=True, error_model="numpy")
+def pop(keys: Floats, items: Ints, size: int) -> int:
+    """Remove the first item; returns the new size."""
+    size -= 1
+    key, item = keys[size], items[size]
+    k, child = 0, 1
+    while child < size:
+        if child + 1 < size and keys[child + 1] < keys[child]:
+            child += 1
+        if key <= keys[child]:
+            break
+        keys[k], items[k] = keys[child], items[child]
+        k, child = child, 2 * child + 1
+    keys[k], items[k] = key, item
+    return size

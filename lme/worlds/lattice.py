@@ -1,0 +1,88 @@
+"""Shortest paths on a lattice, with moves in 32 directions."""
+
+import math
+
+import numpy as np
+from numba import njit
+
+from lme.kernels.heap import pop, push
+from lme.types import Bools, Floats, Ints
+
+_BETWEEN = {  # (rows, columns) of a move: the points on both sides of it, all of which must be free
+    (0, 1): (),
+    (1, 1): ((0, 1), (1, 0)),
+    (1, 2): ((0, 1), (1, 1)),
+    (1, 3): ((0, 1), (1, 1), (0, 2), (1, 2)),
+    (2, 3): ((0, 1), (1, 1), (1, 2), (2, 2)),
+}  # with their mirror images 32 directions, so that a path is at most 1.3 % longer than the straight line
+_REACH = 3  # rows or columns of the longest move
+_ROUNDING = 1e-9  # above the relative rounding error of a path's length
+
+
+def shortest_path(free: Bools, step: float, start: Ints, goal: Ints) -> float:
+    """Length of the shortest path from one free point [row, column] to another; inf if there is none.
+
+    free: (R, C), whether the robot can be at a point. step: distance between neighbouring points [m], the unit of the
+    result.
+    """
+    bordered = np.pad(free, _REACH)
+    width = bordered.shape[1]
+    ends = [(int(row) + _REACH) * width + int(column) + _REACH for row, column in (start, goal)]
+    offsets, lengths = _moves(width)
+    return float(_search(bordered.ravel(), width, step, offsets, lengths * step, ends[0], ends[1]))
+
+
+def _moves(width: int) -> tuple[Ints, Floats]:
+    """Steps through the flat lattice (32, 5) to the end of each move and the points beside it; lengths (32,)."""
+    offsets, lengths = [], []
+    for end, beside in _BETWEEN.items():
+        points = [end, *beside, *[end] * (4 - len(beside))]
+        mirrored = {
+            tuple((a * row, b * column) if not swap else (a * column, b * row) for row, column in points)
+            for swap in (False, True)
+            for a in (1, -1)
+            for b in (1, -1)
+        }
+        for move in sorted(mirrored):
+            offsets.append([row * width + column for row, column in move])
+            lengths.append(math.hypot(*end))
+    return np.array(offsets), np.array(lengths)
+
+
+@njit(cache=True, error_model="numpy")
+def _search(
+    free: Bools, width: int, step: float, offsets: Ints, lengths: Floats, start: int, goal: int
+) -> float:
+    """A* (Hart, Nilsson & Raphael 1968, DOI 10.1109/TSSC.1968.300136) with the straight line as the heuristic.
+
+    It goes on until no path that is as long but for rounding is left, so that the result does not depend on the order.
+    """
+    g = np.full(free.size, np.inf)
+    keys, points = np.empty(len(lengths) * free.size), np.empty(len(lengths) * free.size, np.int64)
+    g[start] = 0.0
+    keys[0], points[0], size = 0.0, start, 1
+    while size > 0 and not keys[0] > g[goal] * (1.0 + _ROUNDING):
+        key, here = keys[0], points[0]
+        size = pop(keys, points, size)
+        if key > g[here] + _straight(here, goal, width) * step:
+            continue  # outdated: a shorter path was found later
+        for k in range(len(lengths)):
+            there = here + offsets[k, 0]
+            length = g[here] + lengths[k]
+            if length < g[there] and _all_free(free, here, offsets[k]):
+                g[there] = length
+                size = push(keys, points, size, length + _straight(there, goal, width) * step, there)
+    return float(g[goal])
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _straight(here: int, goal: int, width: int) -> float:
+    return math.hypot(here // width - goal // width, here % width - goal % width)
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _all_free(free: Bools, here: int, offsets: Ints) -> bool:
+    for k in range(len(offsets)):  # noqa: SIM110
+        if not free[here + offsets[k]]:
+            return False
+    return True
