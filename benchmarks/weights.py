@@ -2,11 +2,13 @@
 
     python -m benchmarks.weights DIR [--record] [--seeds 10] [--worlds 1000] [--maps env1,env2,fresh] [KEY=VALUE ...]
 
-It judges the best proposal of each training: the starting weights may win the race, but not here. DIR keeps trainings
-and evaluations, so that a second call continues. KEY=VALUE: further words for `lme train`. --record also writes
+It judges the best proposal of each training: the starting weights may win the race, but not here. Without a race it is
+the best trial. DIR keeps trainings and evaluations, so that a second call continues. KEY=VALUE: further words for
+`lme train`; those about the system and the simulator are also words of the evaluations. --record also writes
 benchmarks/results/weights.md.
 """
 
+import re
 import subprocess
 import sys
 from collections.abc import Iterator, Sequence
@@ -28,9 +30,11 @@ MAPS = {  # name: robot and map; the number of worlds follows
     "fresh": ("robot=jackal", "map=barn", "map.subset=fresh", "map.fresh_seed=1", "map.count="),
     "fresh_hard": ("robot=jackal", "map=barn", "map.subset=fresh_hard", "map.fresh_seed=1", "map.count="),
     "indoor": ("robot=stage", "map=indoor", "map.building_seed=1", "map.count="),
+    "lab100": ("robot=jackal_gazebo", "map=barn"),
     "env1_go2": ("+robot=go2", "map=env1", "map.configurations="),
     "indoor_go2": ("+robot=go2", "map=indoor", "map.building_seed=1", "map.count="),
 }
+DRIVEN_WITH = ("system", "guide", "planner", "sim")  # keys of the words that are for training and evaluation
 
 
 def main() -> None:
@@ -56,12 +60,13 @@ def report(
     yield "proposal of each seed.\n"
     yield f"| weights | winner | verdict | {' | '.join(maps)} |"
     yield f"|---|---|---|{'---|' * len(maps)}"
-    start = [measured(folder / "start" / name, name, worlds, "published") for name in maps]
+    driven = [word for word in words if re.split(r"[.=]", word)[0] in DRIVEN_WITH]
+    start = [measured(folder / "start" / name, name, worlds, "published", driven) for name in maps]
     yield f"| published | | | {' | '.join(start)} |"
     for seed in seeds:
         run_dir = folder / str(seed)
         winner, verdict, proposal = trained(run_dir, seed, words)
-        found = [measured(run_dir / f"many_{name}", name, worlds, proposal) for name in maps]
+        found = [measured(run_dir / f"many_{name}", name, worlds, proposal, driven) for name in maps]
         yield f"| seed {seed} | {winner} | {verdict} | {' | '.join(found)} |"
 
 
@@ -71,22 +76,26 @@ def trained(run_dir: Path, seed: int, words: Sequence[str]) -> tuple[str, str, s
     if not weights.is_file() or "held_out" not in yaml.safe_load(weights.read_text()):
         lme("train", "tracking=none", f"seed={seed}", f"hydra.run.dir={run_dir}", "resume=true", *words)
     content = yaml.safe_load(weights.read_text())
-    race = pd.read_csv(run_dir / RACE)
-    proposals = race[race["trial"] != "start"]
-    best = int(proposals[proposals["rung"] == proposals["rung"].max()].iloc[0]["trial"])
-    values = pd.read_csv(run_dir / TRIALS).set_index("trial").loc[best].filter(like=PARAMETERS)
+    trials = pd.read_csv(run_dir / TRIALS).set_index("trial")
+    best = trials["reward"].idxmax()
+    if (run_dir / RACE).is_file():
+        race = pd.read_csv(run_dir / RACE)
+        proposals = race[race["trial"] != "start"]
+        best = int(proposals[proposals["rung"] == proposals["rung"].max()].iloc[0]["trial"])
+    values = trials.loc[best].filter(like=PARAMETERS)
     parameters = {key.removeprefix(PARAMETERS): float(value) for key, value in values.items()}
     proposal = run_dir / "proposal.yaml"
     proposal.write_text(yaml.safe_dump({"parameters": {**content["parameters"], **parameters}}))
     return str(content["trial"]), content["held_out"]["verdict"], str(proposal)
 
 
-def measured(run_dir: Path, name: str, worlds: int, weights: str) -> str:
-    """ "0.980 / 0.013 / 0.4831", of a run that is driven unless it was before."""
-    *words, count = MAPS[name]
+def measured(run_dir: Path, name: str, worlds: int, weights: str, driven: Sequence[str]) -> str:
+    """ "0.980 / 0.013 / 0.4831", of a run that is driven unless it was before. `lab100` is driven three times."""
+    words = [f"{word}{worlds}" if word.endswith("=") else word for word in MAPS[name]]
+    runs = 3 if name == "lab100" else 1
     if not (run_dir / "table.md").is_file():
-        common = ("runs=1", "tracking=none", f"weights={weights}", f"hydra.run.dir={run_dir}", "resume=true")
-        lme("eval", *words, f"{count}{worlds}", *common)
+        common = ("tracking=none", f"weights={weights}", f"hydra.run.dir={run_dir}", "resume=true")
+        lme("eval", *words, *driven, f"runs={runs}", *common)
     frame = read_episodes([run_dir])
     low, high = interval_of_mean(frame, "success")
     success, collision = ((frame["outcome"] == outcome).mean() for outcome in ("success", "collision"))

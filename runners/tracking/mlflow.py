@@ -113,6 +113,7 @@ class MlflowTracking:
         self._opening: threading.Thread | None = None
         self._client: MlflowClient | None = None
         self._run_id = ""
+        self._run_dir = Path()
         self._error: Exception | None = None
 
     def start(
@@ -157,7 +158,7 @@ class MlflowTracking:
         tags: Mapping[str, Any],
         sweep_dir: Path | None,
     ) -> None:
-        uri = self._config.uri
+        uri, self._run_dir = self._config.uri, run_dir
         client = open_client(uri)
         experiment = experiment_id(client, uri, self._config.experiment)
         tags = {**environment_tags(), **tags, "run_dir": run_dir.resolve()}
@@ -177,9 +178,15 @@ class MlflowTracking:
                 self._client.log_metric(self._run_id, name[:KEY_LENGTH], float(value))
         log_series(self._client, self._run_id, series)
         for path in artifacts:
-            self._client.log_artifact(self._run_id, str(path))
+            self._client.log_artifact(self._run_id, str(path), _folder(path, self._run_dir))
         remove_duplicates(self._client, self._run_id)
         self._client.set_terminated(self._run_id)
+
+
+def _folder(path: Path, run_dir: Path) -> str | None:
+    """The folder of a file or folder within the run's directory; None at its top or elsewhere."""
+    place = path.parent.relative_to(run_dir) if path.is_relative_to(run_dir) else Path()
+    return place.as_posix() if place.parts else None
 
 
 def add_files(run_dir: Path, files: Sequence[Path], folder: str) -> None:

@@ -105,6 +105,20 @@ def test_a_folder_is_logged_as_a_folder_and_more_can_be_added_later(store, tmp_p
     assert logged(store, tmp_path).info.end_time == before.info.end_time
 
 
+def test_folders_of_the_same_name_stay_apart(store, tmp_path):
+    pages = [tmp_path / "run" / place / "explain" for place in ("env1", "fresh")]
+    for folder in pages:
+        folder.mkdir(parents=True)
+        (folder / "3-0.html").write_text(folder.parent.name)
+    book(store, tmp_path / "run", artifacts=pages)
+    from mlflow import MlflowClient
+
+    client, run = MlflowClient(tracking_uri=store), logged(store, tmp_path / "run").info.run_id
+    for folder in pages:
+        found = client.download_artifacts(run, f"{folder.parent.name}/explain/3-0.html", str(tmp_path))
+        assert Path(found).read_text() == folder.parent.name
+
+
 def test_nothing_is_added_to_what_was_never_logged_or_lies_elsewhere(store, tmp_path):
     page = tmp_path / "page.html"
     page.write_text("one")
