@@ -7,6 +7,11 @@ is the paper's policy alone, for your own robot or stack; `Lme` is the same poli
     escaper = lme.LocalMinimumEscaper(robot, lme.load_parameters("published"))
     decision = escaper.decide(observation)  # an lme.Observation; decision.subgoal in the robot frame [m]
 
+Any system of `lme eval` as one object, for another simulator or a robot:
+
+    navigator = lme.load_system("lme_plus", robot)
+    command = navigator.act(observation)  # an lme.Twist
+
 To drive in simulation: a task of `Barn`, a `Navigator`, a `FastSimulator` and `run_episode`; or `evaluate`, which is
 `lme eval` as a function. docs/python.md describes every name, `examples/` uses them. Frames follow REP-103: x ahead,
 y left, angles counter-clockwise. Units are metres, seconds and radians. Invalid input raises `InputError`.
@@ -26,20 +31,32 @@ if TYPE_CHECKING:
     from lme.episode import run_episode as run_episode
     from lme.errors import InputError as InputError
     from lme.evaluation import evaluate as evaluate
+    from lme.guides.global_path.guide import GlobalPath as GlobalPath
     from lme.guides.lme import Lme as Lme
+    from lme.guides.lme_plus import LmePlus as LmePlus
+    from lme.guides.tangent_bug.guide import TangentBug as TangentBug
+    from lme.guides.target import Target as Target
     from lme.navigator import Navigator as Navigator
+    from lme.planners.dwa import Dwa as Dwa
+    from lme.planners.eband.planner import EBand as EBand
+    from lme.planners.min_time.planner import MinTime as MinTime
     from lme.planners.simple import Simple as Simple
     from lme.policies.lme.escaper import EscaperConfig as EscaperConfig
     from lme.policies.lme.escaper import LocalMinimumEscaper as LocalMinimumEscaper
     from lme.policies.lme.reasons import reason as reason
+    from lme.presets import load_map_set as load_map_set
     from lme.presets import load_parameters as load_parameters
     from lme.presets import load_robot as load_robot
+    from lme.presets import load_simulator as load_simulator
     from lme.robots import Footprint as Footprint
     from lme.robots import Lidar as Lidar
     from lme.robots import Robot as Robot
+    from lme.sensing.ray_casting import cast as cast
     from lme.sim.fast import FastSimulator as FastSimulator
+    from lme.systems import load_system as load_system
     from lme.types import Guidance as Guidance
     from lme.types import LaserScan as LaserScan
+    from lme.types import Limits as Limits
     from lme.types import Observation as Observation
     from lme.types import Pose as Pose
     from lme.types import Twist as Twist
@@ -49,24 +66,36 @@ __version__ = "0.2.0"
 
 _MODULES = {
     "Barn": "lme.worlds.barn",
+    "Dwa": "lme.planners.dwa",
+    "EBand": "lme.planners.eband.planner",
     "EscaperConfig": "lme.policies.lme.escaper",
     "FastSimulator": "lme.sim.fast",
     "Footprint": "lme.robots",
+    "GlobalPath": "lme.guides.global_path.guide",
     "Guidance": "lme.types",
     "InputError": "lme.errors",
     "LaserScan": "lme.types",
     "Lidar": "lme.robots",
+    "Limits": "lme.types",
     "Lme": "lme.guides.lme",
+    "LmePlus": "lme.guides.lme_plus",
     "LocalMinimumEscaper": "lme.policies.lme.escaper",
+    "MinTime": "lme.planners.min_time.planner",
     "Navigator": "lme.navigator",
     "Observation": "lme.types",
     "Pose": "lme.types",
     "Robot": "lme.robots",
     "Simple": "lme.planners.simple",
+    "TangentBug": "lme.guides.tangent_bug.guide",
+    "Target": "lme.guides.target",
     "Twist": "lme.types",
+    "cast": "lme.sensing.ray_casting",
     "evaluate": "lme.evaluation",
+    "load_map_set": "lme.presets",
     "load_parameters": "lme.presets",
     "load_robot": "lme.presets",
+    "load_simulator": "lme.presets",
+    "load_system": "lme.systems",
     "reason": "lme.policies.lme.reasons",
     "run_episode": "lme.episode",
 }

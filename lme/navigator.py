@@ -7,7 +7,7 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from lme.errors import InputError
+from lme.errors import InputError, require
 from lme.policies.lme.explanation import Decision, Explanation
 from lme.types import Guidance, Guide, Observation, Planner, Pose, Twist
 from lme.worlds.world import World
@@ -46,11 +46,16 @@ class Explanations:
 
 
 class Navigator:
-    """Asks the guide where to go and the planner how to get there."""
+    """Asks the guide where to go and the planner how to get there.
 
-    def __init__(self, guide: Guide, planner: Planner) -> None:
+    goal_tolerance: nearer to the target than this [m] it commands a stop. 0: whoever drives it decides when to stop.
+    """
+
+    def __init__(self, guide: Guide, planner: Planner, goal_tolerance: float = 0.0) -> None:
+        require("goal_tolerance", goal_tolerance, at_least=0.0)
         self.guide = guide
         self.planner = planner
+        self.goal_tolerance = goal_tolerance
         self.guidance: Guidance | None = None  # of the last step
 
     def reset(self, rng: np.random.Generator) -> None:
@@ -71,6 +76,8 @@ class Navigator:
 
     def act(self, observation: Observation) -> Twist:
         """Velocity command for one control period. Raises InputError unless it is a pair of finite numbers."""
+        if math.hypot(*observation.target) < self.goal_tolerance:
+            return Twist(0.0, 0.0)
         self.guidance = self.guide.guide(observation)
         command = self.planner.plan(observation, self.guidance)
         try:

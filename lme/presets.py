@@ -3,32 +3,34 @@
 from __future__ import annotations
 
 import importlib
+import re
 from collections.abc import Callable, Mapping
-from dataclasses import MISSING, Field, fields
+from dataclasses import MISSING, fields, is_dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from types import NoneType
+from typing import TYPE_CHECKING, Any, TypeVar, get_args, get_type_hints
 
-from lme.drivetrain import Controller, Drivetrain, Response
+import yaml
+
 from lme.errors import InputError, nearest
-from lme.policies.lme.parameter_file import read_parameters
-from lme.policies.lme.score import CRITERIA
 from lme.resources import overlaid, resource_dir
-from lme.robots import Cloud, Contact, Footprint, Lidar, Robot
+from lme.robots import Robot
+from lme.weight_files import PUBLISHED, find_weights, learned_parameters, own_names, shipped_weights
 from lme.yaml_entry import Entry, read_yaml
 
 if TYPE_CHECKING:
     from lme.worlds.world import MapSet
 
 _Part = TypeVar("_Part")
-_PARTS = {
-    part.__name__: part for part in (Cloud, Contact, Controller, Drivetrain, Footprint, Lidar, Response)
-}
+_DEFAULT = re.compile(r"\$\{oc\.select:[\w.]+,(.*)\}")  # of a key that takes another's value if there is one
 
-_KINDS: dict[str, tuple[Callable[[Any], bool], str]] = {
-    "int": (lambda given: type(given) is int, "a whole number"),
-    "bool": (lambda given: isinstance(given, bool), "true or false"),
-    "list[int]": (lambda given: _is_list_of(given, (int,)), "a list of whole numbers"),
-    "list[float]": (lambda given: _is_list_of(given, (int, float)), "a list of numbers"),
+_KINDS: dict[Any, tuple[Callable[[Any], bool], str]] = {
+    int: (lambda given: type(given) is int, "a whole number"),
+    bool: (lambda given: isinstance(given, bool), "true or false"),
+    list[int]: (lambda given: _is_list_of(given, (int,)), "a list of whole numbers"),
+    list[float]: (lambda given: _is_list_of(given, (int, float)), "a list of numbers"),
+    dict[str, float]: (lambda given: _is_mapping_to(given, (int, float)), "a mapping of names to numbers"),
+    dict[str, str]: (lambda given: _is_mapping_to(given, (str,)), "a mapping of names to text"),
 }
 
 
@@ -37,8 +39,8 @@ def load_robot(robot: str | Path) -> Robot:
 
     Raises InputError if there is no such robot, or if a value in the file is missing or wrong.
     """
-    path = _find("robot", robot)
-    return _build(Robot, str(path), _with_base(path))
+    path = find_option("robot", robot)
+    return _build(Robot, str(path), _with_base(path, "robot"))
 
 
 def load_map_set(name: str, settings: Mapping[str, Any] | None = None, robot: Robot | None = None) -> MapSet:
@@ -46,14 +48,15 @@ def load_map_set(name: str, settings: Mapping[str, Any] | None = None, robot: Ro
 
     A `radius` of null becomes that of the robot. Raises InputError for an unknown name or key, or a wrong value.
     """
-    target, values, place = _described("map", name, settings)
+    values, place = option("map", name, settings)
     if "radius" in values and values["radius"] is None:
         if robot is None:
             raise InputError(
                 "map.radius is null: must be given if robots are drawn at random, at least that of the largest"
             )
         values["radius"] = robot.hull.r_max
-    made: MapSet = target(_build(target.Config, place, values))
+    target, config = configured(values, place)
+    made: MapSet = target(config)
     return made
 
 
@@ -62,20 +65,53 @@ def load_simulator(name: str, settings: Mapping[str, Any] | None = None) -> tupl
 
     Raises InputError for an unknown name or key, or a wrong value.
     """
-    target, values, place = _described("sim", name, settings)
-    return target, _build(target.Config, place, values)
+    return configured(*option("sim", name, settings))
 
 
 def load_parameters(weights: str | Path = "published") -> dict[str, float]:
-    """The eight parameters of `conf/weight_set/NAME.yaml` by its name, or of a weight file by its path.
+    """The parameters of a weight set: a weight for each criterion, d1 [m] and d2.
 
-    Six weights, d1 [m] and d2. Raises InputError if there is no such file, or if a parameter in it is
-    missing or wrong.
+    weights: a name in `conf/weight_set/` or `outputs/weights/`, the directory of a training run, or the path of a file.
+    The criteria are LME+'s if the file has just these, else the paper's six. Raises
+    InputError if there is no such file, or if a parameter in it is missing or wrong.
     """
-    return read_parameters(_find("weight_set", weights), CRITERIA)
+    content = read_yaml(find_weights(str(weights)))
+    given = content.get("parameters") if isinstance(content, dict) else None
+    names = set(given) if isinstance(given, dict) else set()
+    papers = set(own_names(PUBLISHED))
+    own = next((own for own in shipped_weights() if names == set(own_names(own)) != papers), None)
+    return learned_parameters(str(weights), own=own)
 
 
-def _find(group: str, given: str | Path) -> Path:
+def option(
+    group: str, name: str | Path, settings: Mapping[str, Any] | None = None
+) -> tuple[dict[str, Any], str]:
+    """The values of the keys of `conf/GROUP/NAME.yaml`, with `settings` in place of some, and a name for messages.
+
+    A key that would take the value of another key of the whole config has its default. Raises InputError.
+    """
+    path = find_option(group, name)
+    values = _with_base(path, group)
+    if not isinstance(values, dict):
+        raise InputError(f"{path}: must be a mapping")
+    place = f"{group} {name}" if settings else str(path)
+    return {key: _without_reference(value) for key, value in overlaid(values, settings or {}).items()}, place
+
+
+def configured(values: Mapping[str, Any], place: str) -> tuple[Any, Any]:
+    """The class that `_target_` names, and its Config with the other values. place: for messages.
+
+    Raises InputError for an unknown key or a wrong value.
+    """
+    module, _, target = str(values["_target_"]).rpartition(".")
+    made = getattr(importlib.import_module(module), target)
+    return made, _build(
+        made.Config, place, {key: value for key, value in values.items() if key != "_target_"}
+    )
+
+
+def find_option(group: str, given: str | Path) -> Path:
+    """The file of an option by its name, or by its path. Raises InputError."""
     shipped = {path.stem: path for path in sorted((resource_dir("conf") / group).glob("*.yaml"))}
     if given in shipped:
         return shipped[str(given)]
@@ -87,50 +123,46 @@ def _find(group: str, given: str | Path) -> Path:
     raise InputError(f"{what} is {str(given)!r}: {hint}must be one of {names}, or the path of a YAML file")
 
 
-def _described(group: str, name: str, settings: Mapping[str, Any] | None) -> tuple[Any, dict[str, Any], str]:
-    """The class that an option's `_target_` names, the values of its keys, and the place that messages name."""
-    path = _find(group, name)
-    values = _with_base(path, group)
-    assert isinstance(values, dict)
-    module, _, target = values.pop("_target_").rpartition(".")
-    place = f"{group} {name}" if settings else str(path)
-    return getattr(importlib.import_module(module), target), {**values, **(settings or {})}, place
-
-
-def _with_base(path: Path, group: str = "robot") -> object:
+def _with_base(path: Path, group: str) -> object:
     """An option's mapping, over those of the options in its `defaults`, as Hydra composes `[jackal, _self_]`."""
     own = read_yaml(path)
     if not isinstance(own, dict) or "defaults" not in own:
         return own
     merged: dict[str, Any] = {}
-    bases = [_with_base(_find(group, name), group) for name in own.pop("defaults") if name != "_self_"]
+    bases = [_with_base(find_option(group, name), group) for name in own.pop("defaults") if name != "_self_"]
     for layer in (*bases, own):
         merged = overlaid(merged, layer) if isinstance(layer, dict) else merged
     return merged
 
 
+def _without_reference(value: object) -> object:
+    found = _DEFAULT.fullmatch(value) if isinstance(value, str) else None
+    return value if found is None else yaml.safe_load(found[1])
+
+
 def _build(part: type[_Part], place: str, value: object) -> _Part:
-    """A dataclass from a mapping with a key for each of its fields."""
+    """A dataclass from a mapping with a key for each of its fields that has no default, and perhaps the others."""
     known = fields(part)  # type: ignore[arg-type]
-    required = [field.name for field in known if field.default is MISSING]
-    optional = [field.name for field in known if field.default is not MISSING]
-    entry = Entry(place, value, required, optional)
-    return part(**{field.name: _value(entry, field) for field in known})
+    required = [each.name for each in known if each.default is each.default_factory is MISSING]
+    optional = [each.name for each in known if each.name not in required]
+    entry, kinds = Entry(place, value, required, optional), get_type_hints(part)
+    return part(**{key: _value(entry, key, kinds[key]) for key in entry.keys})
 
 
-def _value(entry: Entry, field: Field[Any]) -> Any:
-    key, default = field.name, field.default
-    given = entry.value(key, default)
-    if given is None and str(field.type).endswith("| None"):
-        return None
-    part = _PARTS.get(str(field.type).removesuffix(" | None"))
-    if part is not None:
-        return _build(part, f"{entry.place}, {key}", given)
-    kind = str(field.type).removesuffix(" | None")
-    if kind == "str":
+def _value(entry: Entry, key: str, kind: Any) -> Any:
+    given, kinds = entry.value(key), get_args(kind)
+    if NoneType in kinds:
+        if given is None:
+            return None
+        kind = next(each for each in kinds if each is not NoneType)
+    if isinstance(kind, type) and is_dataclass(kind):
+        return _build(kind, f"{entry.place}, {key}", given)
+    if kind is str:
         return str(given)
+    if kind is float:
+        return entry.number(key)
     if kind not in _KINDS:
-        return entry.number(key, given)
+        return given
     fits, right = _KINDS[kind]
     if not fits(given):
         raise entry.mistake(key, right)
@@ -140,3 +172,7 @@ def _value(entry: Entry, field: Field[Any]) -> Any:
 def _is_list_of(given: object, types: tuple[type, ...]) -> bool:
     """Whether `given` is a list of values of exactly these types."""
     return isinstance(given, list) and all(type(item) in types for item in given)
+
+
+def _is_mapping_to(given: object, types: tuple[type, ...]) -> bool:
+    return isinstance(given, Mapping) and all(type(item) in types for item in given.values())

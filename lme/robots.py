@@ -169,10 +169,13 @@ class Robot:
     contact: Contact | None = None  # what collides; None: the footprint
     drivetrain: Drivetrain | None = None  # for sim=skid
     response: Response | None = None  # for sim=skid, in place of a drivetrain
+    v_min: float | None = None  # [m/s], at most 0: it backs up no faster; None: −v_max
 
     def __post_init__(self) -> None:
         for key in ("v_max", "omega_max", "alpha_v", "alpha_omega", "control_rate"):
             require(f"robot.{key}", getattr(self, key), above=0.0)
+        if self.v_min is not None:
+            require("robot.v_min", self.v_min, at_most=0.0)
         if self.collision_radius is not None:
             self._check_collision_radius(self.collision_radius)
         if self.drivetrain is not None and self.response is not None:
@@ -187,7 +190,8 @@ class Robot:
 
     @property
     def limits(self) -> Limits:
-        return Limits(self.v_max, self.omega_max, self.alpha_v, self.alpha_omega)
+        v_min = -math.inf if self.v_min is None else self.v_min
+        return Limits(self.v_max, self.omega_max, self.alpha_v, self.alpha_omega, v_min)
 
     @property
     def dt(self) -> float:

@@ -6,6 +6,7 @@ frame of the robot at the moment of the observation.
 
 from __future__ import annotations
 
+import math
 from enum import StrEnum
 from typing import NamedTuple, Protocol
 
@@ -33,12 +34,16 @@ class Twist(NamedTuple):
 
 
 class Limits(NamedTuple):
-    """The robot's limits: v_max [m/s], omega_max [rad/s], alpha_v [m/s²], alpha_omega [rad/s²]."""
+    """The robot's limits: v_max [m/s], omega_max [rad/s], alpha_v [m/s²], alpha_omega [rad/s²], v_min [m/s].
+
+    The robot backs up at −v_max at most, and at v_min if that is less. v_min=0: it cannot back up.
+    """
 
     v_max: float
     omega_max: float
     alpha_v: float
     alpha_omega: float
+    v_min: float = -math.inf
 
 
 _NOBODY: Floats = np.empty((0, 4))
@@ -63,8 +68,9 @@ class Observation(NamedTuple):
 
     target: (2,) position of the goal in the robot frame [m]. odometry: pose of the base in the odometry frame,
     the base frame at the start of the episode, for guides and planners that keep a map or a band; LME does not
-    read it. pedestrians: (P, 4) of x, y [m], vx, vy [m/s] over ground, all in the robot frame, as a tracker of
-    people would give them; empty without a tracker. LME does not read it.
+    read it. pedestrians: (P, 4) of x, y [m], vx, vy [m/s] over ground, all in the robot frame, of those in sight, as a
+    tracker of people would give them; empty without a tracker. Their returns are in the scan, too: planners take the
+    radius of a person from these. LME does not read it.
     """
 
     scan: LaserScan

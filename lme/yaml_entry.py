@@ -51,6 +51,11 @@ class Entry:
             raise InputError(f"{place}: {missing[0]} is missing: must hold {', '.join(required)}")
         self._value = value
 
+    @property
+    def keys(self) -> list[str]:
+        """The keys that are given."""
+        return list(self._value)
+
     def value(self, key: str, default: object = None) -> Any:
         """The value of a key, unchecked."""
         return self._value.get(key, default)

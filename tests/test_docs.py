@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 import yaml
 
+from lme.weight_files import REGISTERED, WEIGHTS, shipped_weights
 from runners.cli import main
 from runners.config import catalogue
-from runners.config.weights import REGISTERED, WEIGHTS, shipped_weights
 from tests.builders import PUBLISHED
 from tests.places import ROOT
 

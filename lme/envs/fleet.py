@@ -96,6 +96,7 @@ class Fleet:
         self._rngs: list[np.random.Generator] = [np.random.default_rng() for _ in range(num_envs)]
         self._places, self._bodies, self._states = _places(num_envs), _bodies(num_envs), _states(num_envs)
         self._steps, self._distances = np.zeros(num_envs, dtype=np.int64), np.zeros(num_envs)
+        self._slowest = np.full(num_envs, -np.inf)  # v_min of each robot [m/s]
 
     def reset(self, seeds: Sequence[int | None] | None = None, world: int | None = None) -> Views:
         """Start an episode with every robot, in this world or in worlds drawn at random.
@@ -138,7 +139,8 @@ class Fleet:
         task, robot = self._episodes.draw(self._rngs[i], world)
         self._place(i, task)
         hull, bodies, states = robot.hull, self._bodies, self._states
-        bodies.limits[i], bodies.boxes[i], bodies.reaches[i] = robot.limits, hull.box, hull.r_max
+        bodies.limits[i], bodies.boxes[i], bodies.reaches[i] = robot.limits[:4], hull.box, hull.r_max
+        self._slowest[i] = robot.limits.v_min
         states.poses[i], states.twists[i] = task.start, 0.0
         states.times[i] = states.lengths[i] = 0.0
         states.clocks[i] = np.nan if task.clock_distance > 0.0 else 0.0
@@ -196,7 +198,7 @@ class Fleet:
             raise InputError(
                 f"the command of robot {wrong[0]} is {commands[wrong[0]].tolist()}: must be finite"
             )
-        return commands
+        return np.column_stack((np.maximum(commands[:, 0], self._slowest), commands[:, 1]))
 
     def _check(self) -> None:
         """Raise InputError for what needs substeps, or for a sensor other than a planar lidar with its own noise."""

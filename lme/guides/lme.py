@@ -14,11 +14,15 @@ from lme.policies.lme.escaper import PAPER_CRITERIA, EscaperConfig, LocalMinimum
 from lme.policies.lme.explanation import Explanation
 from lme.robots import Robot
 from lme.types import Guidance, Observation
+from lme.weight_files import PUBLISHED, learned_parameters
 
 
 @dataclass(slots=True)
 class LmeConfig(EscaperConfig):
-    """An escaper's settings, its parameters by name, and further criteria as {name: dotted path}."""
+    """An escaper's settings, its parameters by name, and further criteria as {name: dotted path}.
+
+    parameters: {}: the published ones.
+    """
 
     parameters: dict[str, float] = field(default_factory=dict)
     criteria: dict[str, str] = field(default_factory=dict)
@@ -30,9 +34,9 @@ class Lme:
     Config = LmeConfig
 
     def __init__(self, config: LmeConfig, robot: Robot) -> None:
-        self.escaper = LocalMinimumEscaper(
-            robot, config.parameters, config, {**PAPER_CRITERIA, **_load(config.criteria)}
-        )
+        parameters = config.parameters or learned_parameters(PUBLISHED)
+        criteria = {**PAPER_CRITERIA, **_load(config.criteria)}
+        self.escaper = LocalMinimumEscaper(robot, parameters, config, criteria)
 
     def reset(self, rng: np.random.Generator) -> None:
         """Start a new episode; `rng` draws the candidates."""

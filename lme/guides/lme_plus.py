@@ -10,11 +10,14 @@ from lme.policies.lme.explanation import Explanation
 from lme.policies.lme_plus.escaper import EscaperPlusConfig, LocalMinimumEscaperPlus
 from lme.robots import Robot
 from lme.types import Guidance, Observation
+from lme.weight_files import learned_parameters
+
+OWN_SET = "lme_plus"  # of the weights that ship
 
 
 @dataclass(slots=True)
 class LmePlusConfig(EscaperPlusConfig):
-    """An escaper's settings and its parameters by name."""
+    """An escaper's settings and its parameters by name; {}: those that ship."""
 
     parameters: dict[str, float] = field(default_factory=dict)
 
@@ -25,7 +28,8 @@ class LmePlus:
     Config = LmePlusConfig
 
     def __init__(self, config: LmePlusConfig, robot: Robot) -> None:
-        self.escaper = LocalMinimumEscaperPlus(robot, config.parameters, config)
+        parameters = config.parameters or learned_parameters(OWN_SET, own=OWN_SET)
+        self.escaper = LocalMinimumEscaperPlus(robot, parameters, config)
 
     def reset(self, rng: np.random.Generator) -> None:
         """Start a new episode; `rng` draws the candidates."""

@@ -13,7 +13,7 @@ from lme.types import Floats, Observation, Twist
 def limited(v: float, omega: float, observation: Observation, dt: float) -> Twist:
     """The command nearest to (v, ω) that the limits allow within one period of `dt` [s]."""
     limits, now = observation.limits, observation.twist
-    v = min(max(v, -limits.v_max), limits.v_max)
+    v = min(max(v, -limits.v_max, limits.v_min), limits.v_max)
     omega = min(max(omega, -limits.omega_max), limits.omega_max)
     return Twist(
         towards(v, now.v, limits.alpha_v, dt),

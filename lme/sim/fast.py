@@ -14,7 +14,7 @@ from lme.robots import Robot
 from lme.sim.crowd import Crowd
 from lme.sim.disturbances import Disturbances
 from lme.sim.events import until_event
-from lme.sim.simulator import Sensors, State
+from lme.sim.simulator import Sensors, State, forward_enough
 from lme.sim.substeps import Substepper, rolled
 from lme.types import Floats, Limits, Observation, Pose, Twist
 from lme.worlds.world import Task
@@ -69,13 +69,14 @@ class FastSimulator:
 
     def step(self, command: Twist) -> Observation:
         """Drive for one control period, or until contact or arrival, whichever comes first."""
+        command = forward_enough(command, self._robot)
         if self._substepper:
             self.state = self._substepper.period(command, self._substeps, self._limits)
             return self._observe()
         state = self.state
         limits = self._limits(command, state.twist)
         # Plain tuples: Numba takes a named one for another type, and needs longer to recognise it.
-        motion = (*state.pose,), (*state.twist,), (*command,), (*limits,)
+        motion = (*state.pose,), (*state.twist,), (*command,), limits[:4]
         travel, twist = drive(*motion, self._dt, self._config.max_step, self._reach)
         self.state = self._end_at_event(travel, Twist(*twist), state.time, self._dt)
         return self._observe()
@@ -94,7 +95,7 @@ class FastSimulator:
         limits = self._robot.limits
         if not self._config.even_ramp:
             return limits
-        return Limits(*even_limits(twist, command, limits, self._robot.dt))
+        return Limits(*even_limits(twist, command, limits[:4], self._robot.dt))
 
     def _end_at_event(self, travel: Floats, twist: Twist, start_time: float, dt: float) -> State:
         """Cut the motion at contact or arrival."""

@@ -14,7 +14,7 @@ from lme.errors import require
 from lme.robots import Footprint, Robot
 from lme.sim.crowd import Crowd
 from lme.sim.disturbances import Disturbances
-from lme.sim.simulator import Sensors
+from lme.sim.simulator import Sensors, forward_enough
 from lme.sim.substeps import Substepper, track
 from lme.types import Floats, Limits, Observation, Pose, Twist
 from lme.worlds.movers import Mover
@@ -67,6 +67,7 @@ class PhysicsSimulator:
 
     def step(self, command: Twist) -> Observation:
         """Drive for one control period, or until contact or arrival, whichever comes first."""
+        command = forward_enough(command, self._robot)
         self.state = self._substepper.period(command, self._substeps, self._limits)
         return self._observe()
 

@@ -51,6 +51,11 @@ class Simulator(Protocol):
         """Drive for one control period, or until contact or arrival, whichever comes first."""
 
 
+def forward_enough(command: Twist, robot: Robot) -> Twist:
+    """The command, but for a robot that backs up no faster than v_min."""
+    return command if robot.v_min is None else Twist(max(command.v, robot.v_min), command.omega)
+
+
 class Sensors:
     """Lidar, wheel encoders and localisation of a robot, with the configured disturbances."""
 

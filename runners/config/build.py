@@ -9,11 +9,11 @@ from lme.errors import InputError, require
 from lme.navigator import Navigator
 from lme.robots import Robot
 from lme.sim.simulator import Simulator
+from lme.weight_files import with_network
 from lme.worlds.check import check_task
 from lme.worlds.world import MapSet
 from runners.config.instantiate import build, configured
 from runners.config.schema import DriveConfig, EpisodesConfig, SystemConfig
-from runners.config.weights import with_network
 
 _CHECKED_TASKS = (
     20  # before anything runs; the others when they are driven, since a task may be slow to build

@@ -9,12 +9,12 @@ from typing import Any, Generic, TypeVar, cast
 
 from omegaconf import DictConfig, OmegaConf
 
+from lme.weight_files import PUBLISHED, own_weights
 from runners.config.ablations import SEVERAL
 from runners.config.catalogue import Catalogue
 from runners.config.changes import changed_keys, describe_changes
 from runners.config.hydra_errors import check_parts
 from runners.config.schema import SystemConfig
-from runners.config.weights import PUBLISHED, own_weights
 
 C = TypeVar("C", bound=SystemConfig, covariant=True)
 

@@ -8,8 +8,9 @@ from typing import Any, cast
 from omegaconf import DictConfig, OmegaConf
 
 from lme.errors import InputError
+from lme.weight_files import PUBLISHED, find_weights, own_weights
 from runners.config.catalogue import Catalogue
-from runners.config.weights import PUBLISHED, find, own_weights, takes_weights
+from runners.config.weights import takes_weights
 
 
 def check_weights(text: str, configs: Collection[DictConfig], catalogue: Catalogue) -> None:
@@ -24,7 +25,7 @@ def check_weights(text: str, configs: Collection[DictConfig], catalogue: Catalog
         raise InputError(f"{text}: {_why(plain[0], catalogue)}")
     for name in dict.fromkeys(str(config["weights"]) for config in plain):
         if "${" not in name:
-            find(name)
+            find_weights(name)
 
 
 def _plain(config: DictConfig) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Find learned parameters by name, by training run, or by file; and networks by name or by file."""
+"""The parameters of a guide's config: a weight set, multiplied, and with those of an ablation in their place."""
 
 from __future__ import annotations
 
@@ -9,22 +9,13 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from lme.errors import InputError, nearest
-from lme.policies.lme.parameter_file import read_parameters
+from lme.errors import InputError
 from lme.policies.lme.score import CRITERIA, THRESHOLDS
-from lme.resources import resource_dir
-from lme.yaml_entry import read_yaml
+from lme.weight_files import learned_parameters, own_names, own_weights
 from runners.config.catalogue import Catalogue
 from runners.config.flatten import flatten
 from runners.config.hydra_errors import unknown_key
-from runners.config.quoting import resume_command
 
-PUBLISHED = "published"  # the paper's weight set
-WEIGHTS = "weights.yaml"  # in the directory of a training run
-NETWORK = "weights.npz"  # in the directory of a run of lme learn
-REGISTERED = Path("outputs") / "weights"
-IMPORT_NETWORK = "lme weights import NETWORK PATH NAME"
-_OWN = re.compile(r"\$\{parameters:.*,\s*([\w./-]+)\s*\}")  # the fifth argument of the resolver
 _TAKEN = re.compile(r"\$\{.*(?<!\w\.)\bweights\b")  # of the whole config; not ${planner.weights}
 TIMES = "\u00d7"  # a typographic sign that is easily taken for a letter
 
@@ -45,18 +36,8 @@ def parameters(
     Raises InputError naming the file where it is missing or malformed, and for a scale of no parameter or a
     factor that is negative or not finite.
     """
-    if own is None:
-        learned = read_parameters(find(weights), (*CRITERIA, *criteria))
-    else:
-        names = [name for name in _own_names(own) if name not in THRESHOLDS]
-        learned = read_parameters(find(own if weights == PUBLISHED else weights), names)
+    learned = learned_parameters(weights, criteria, own)
     return {**learned, **_scaled(learned, scale or {}), **ablation}
-
-
-def own_weights(guide: Mapping[str, Any]) -> str | None:
-    """The weight set that a guide's config, not resolved, names as its own; None where it has the paper's criteria."""
-    found = _OWN.fullmatch(str(guide.get("parameters")))
-    return found[1] if found and found[1] != "null" else None
 
 
 @cache
@@ -72,20 +53,13 @@ def parameter_names(guide: Mapping[str, Any]) -> list[str]:
     """The parameters that a guide's config, not resolved, takes from a weight set; none where it takes none."""
     own = own_weights(guide)
     if own is not None:
-        return _own_names(own)
+        return own_names(own)
     return [*CRITERIA, *THRESHOLDS, *(guide.get("criteria") or {})] if takes_weights(guide) else []
 
 
 def takes_weights(node: Mapping[str, Any]) -> bool:
     """Whether a config, not resolved, interpolates the key `weights`."""
     return any(isinstance(value, str) and _TAKEN.search(value) for _, value in flatten(node))
-
-
-def _own_names(own: str) -> list[str]:
-    """Names of the parameters in a weight set that ships."""
-    content = read_yaml(find(own))
-    assert isinstance(content, dict)
-    return list(content["parameters"])
 
 
 def check_scale(scale: Mapping[str, float], guide: Mapping[str, Any]) -> None:
@@ -107,64 +81,6 @@ def scale_from_words(text: str) -> dict[str, float]:
     return {name: float(factor) for name, factor in pairs}
 
 
-def find(weights: str) -> Path:
-    """The weight file that `weights` names. Raises InputError where there is none."""
-    shipped = shipped_weights()
-    if weights in shipped:
-        return shipped[weights]
-    path = Path(weights)
-    if path.is_file():
-        return path
-    if path.is_dir():
-        return _of_run(path)
-    registered = {path.stem: path for path in sorted(REGISTERED.glob("*.yaml"))}
-    if weights in registered:
-        return registered[weights]
-    known = [*shipped, *registered]
-    raise InputError(
-        f"weights is {weights!r}: {nearest(weights, known)}must be one of {', '.join(known)}, the directory of a "
-        "training run, or the path of a weight file"
-    )
-
-
-def with_network(planner: Mapping[str, Any]) -> Mapping[str, Any]:
-    """A planner's config in which `weights`, if it is given, is the path of the network that it names."""
-    given = planner.get("weights")
-    return {**planner, "weights": str(find_network(given))} if isinstance(given, str) else planner
-
-
-def find_network(weights: str, key: str = "planner.weights") -> Path:
-    """The network file that the value of `key` names: shipped or in `outputs/weights/`, of a run, or by path.
-
-    Raises InputError.
-    """
-    registered = {path.stem: path for path in sorted(REGISTERED.glob("*.npz"))}
-    known = {**registered, **shipped_networks()}
-    path = Path(weights).expanduser()
-    if path.is_dir():
-        path = path / NETWORK
-    if weights in known or path.is_file():
-        return known.get(weights, path)
-    raise InputError(
-        f"{key} is {weights!r}: {nearest(weights, known)}must be one of {', '.join(known)}, the directory of a run of "
-        f"lme learn, or the path of an .npz; `{IMPORT_NETWORK}` makes one"
-    )
-
-
-def shipped_weights() -> dict[str, Path]:
-    """The weight sets that ship with lme, by name."""
-    return _shipped("weight_set", "yaml")
-
-
-def shipped_networks() -> dict[str, Path]:
-    """The networks that ship with lme, by name."""
-    return _shipped("network", "npz")
-
-
-def _shipped(folder: str, ending: str) -> dict[str, Path]:
-    return {path.stem: path for path in sorted((resource_dir("conf") / folder).glob(f"*.{ending}"))}
-
-
 def _scaled(learned: Mapping[str, float], scale: Mapping[str, float]) -> dict[str, float]:
     """Those parameters that have a factor, times it."""
     for name, factor in scale.items():
@@ -173,12 +89,3 @@ def _scaled(learned: Mapping[str, float], scale: Mapping[str, float]) -> dict[st
         if not (math.isfinite(factor) and factor >= 0):
             raise InputError(f"scale.{name} is {factor:g}: must be a number, at least 0 and finite")
     return {name: learned[name] * factor for name, factor in scale.items()}
-
-
-def _of_run(directory: Path) -> Path:
-    if not (directory / WEIGHTS).is_file():
-        raise InputError(
-            f"weights is {directory}: holds no {WEIGHTS}; must be the directory of a finished lme train "
-            f"(finish it with {resume_command('train', directory)})"
-        )
-    return directory / WEIGHTS

@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, Any
 
 from lme.errors import InputError, require
 from lme.requirements import install
+from lme.weight_files import NETWORK, find_network, with_network
 from runners.analysis import failures
 from runners.config import build, instantiate
 from runners.config.job import Job
 from runners.config.options import named_option
 from runners.config.schema import LearnConfig
-from runners.config.weights import NETWORK, find_network, with_network
 from runners.experiments import evaluate
 from runners.experiments.held_out import evaluate_held_out, held_out_places, report_held_out
 from runners.experiments.labels import run_labels

@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from lme.errors import require
+from lme.weight_files import WEIGHTS
 from runners.analysis import failures
 from runners.config import build, instantiate
 from runners.config.job import Job
 from runners.config.quoting import resume_command
 from runners.config.schema import TrainConfig
 from runners.config.space import PARAMETERS
-from runners.config.weights import WEIGHTS
 from runners.experiments import evaluate
 from runners.experiments.families import Families, families, too_narrow
 from runners.experiments.held_out import Places, evaluate_held_out, report_held_out

@@ -192,7 +192,7 @@ def _simulator(config: LearnConfig) -> FastConfig:
 
 def _robot(config: LearnConfig, views: Views, row: int) -> Robot:
     """The robot of a row: the job's robot, with the limits and the footprint drawn for it."""
-    values = Limits(*views.limits[row].tolist())._asdict()
+    values = dict(zip(Limits._fields, views.limits[row].tolist(), strict=False))
     if config.robots.length is not None:
         half_length, half_width, _ = views.boxes[row].tolist()
         values |= {"length": 2 * half_length, "width": 2 * half_width}

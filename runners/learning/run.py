@@ -15,8 +15,8 @@ import torch
 from torch import Tensor, nn
 
 from lme.errors import InputError
+from lme.weight_files import NETWORK
 from runners.config.schema import LearnConfig
-from runners.config.weights import NETWORK
 from runners.learning.learnable import Learnable, network_class, planner_config
 from runners.records.whole_file import replacing
 from runners.workers.executor import Map

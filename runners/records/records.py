@@ -16,10 +16,11 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 from lme.errors import InputError
+from lme.weight_files import PUBLISHED
 from runners.config.catalogue import shipped
 from runners.config.changes import describe_changes
 from runners.config.flatten import flatten
-from runners.config.weights import PUBLISHED, own_weights_of, scale_in_words
+from runners.config.weights import own_weights_of, scale_in_words
 from runners.records.append_log import (
     APPEND_LOG,
     AppendLog,

@@ -11,7 +11,7 @@ from typing import Any
 import yaml
 
 from lme.errors import InputError
-from runners.config.weights import REGISTERED
+from lme.weight_files import REGISTERED
 
 
 def check_name(name: str, ending: str, what: str, shipped: Container[str], key: str = "name") -> None:

@@ -9,9 +9,9 @@ from typing import Any
 import yaml
 
 from lme.errors import InputError
+from lme.weight_files import REGISTERED, WEIGHTS, shipped_weights
 from runners.config.schema import TrainConfig
 from runners.config.space import PARAMETERS
-from runners.config.weights import REGISTERED, WEIGHTS, shipped_weights
 from runners.records import registered_name
 from runners.records.registered_name import read_key
 from runners.records.versions import versions

@@ -208,7 +208,9 @@ class Driver:
         box, robot = self._robot.footprint.box, self._robot
 
         def least(wanted: Twist) -> float:
-            poses, _ = drive(_HERE, twist, wanted, robot.limits, self._horizon, _STEP, robot.footprint.r_max)
+            poses, _ = drive(
+                _HERE, twist, wanted, robot.limits[:4], self._horizon, _STEP, robot.footprint.r_max
+            )
             return sweep(poses, box, circles, _NO_EDGES)[0]
 
         return {

@@ -17,11 +17,11 @@ from lme.episode import run_episode
 from lme.navigator import MapReader, Navigator
 from lme.robots import Robot
 from lme.types import Floats, Guide, Observation, Planner, Pose, Twist
+from lme.weight_files import with_network
 from lme.worlds.check import check_task
 from lme.worlds.world import World
 from runners.config import build, instantiate
 from runners.config.schema import LearnConfig
-from runners.config.weights import with_network
 from runners.workers.robots import draw_robot
 
 Arrays = tuple[NDArray[np.float32], ...]

@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 
 import lme.policies.lme.escaper
+from lme import weight_files
 from lme.episode import run_episode
 from lme.navigator import Navigator
 from lme.sim.fast import FastConfig, FastSimulator
 from lme.types import Outcome, Pose, Twist
 from lme.worlds.world import World
-from runners.config import build, catalogue, weights
+from runners.config import build, catalogue
 from runners.config.overrides import CUSTOM
 from tests.builders import CLUTTER, SHIPPED, observation, room, task, without_errors
 from tests.composing import jobs_of
@@ -76,7 +77,7 @@ def network(tmp_path_factory):
     """Where learned planners look for weights there is a random network; none ship."""
     with pytest.MonkeyPatch.context() as patch:
         folder = tmp_path_factory.mktemp("weights")
-        patch.setattr(weights, "REGISTERED", folder)
+        patch.setattr(weight_files, "REGISTERED", folder)
         for name, write in NETWORKS.items():
             write(folder / f"{name}.npz")
         yield

@@ -5,8 +5,8 @@ import pytest
 import yaml
 
 from lme.episode import run_episode
+from lme.weight_files import find_network, shipped_networks
 from runners.config.build import map_set, navigator, simulator
-from runners.config.weights import find_network, shipped_networks
 from tests.composing import jobs_of
 
 BYTES_MAX = 2**20

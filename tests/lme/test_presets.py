@@ -71,7 +71,7 @@ def test_the_published_parameters(tmp_path):
 def test_an_unknown_name_says_which_there_are():
     with pytest.raises(InputError, match=r"robot is 'jakal': did you mean jackal.*go2, jackal.*or the path"):
         load_robot("jakal")
-    with pytest.raises(InputError, match="weight set is 'mine': must be one of lme_plus, published"):
+    with pytest.raises(InputError, match="weights is 'mine': must be one of lme_plus, published"):
         load_parameters("mine")
 
 

@@ -24,7 +24,7 @@ class TravelConfig:
     """The grid on which times are found, and the speed near obstacles."""
 
     cell: float = 0.15  # [m] side of a cell
-    comfort: float = 0.5  # [m] from farther obstacles the robot is expected to drive at v_max
+    comfort: float = 0.345  # [m] from the outline; with obstacles farther away the robot drives at v_max
     slowdown: float = 2.0  # [-] in the narrowest passage it takes 1 + this times as long
 
     def __post_init__(self) -> None:
@@ -76,7 +76,7 @@ def expected_times(
     corner = np.floor((here - reach) / config.cell) * config.cell
     grid = Grid(float(corner[0]), float(corner[1]), config.cell, math.ceil(2.0 * reach / config.cell) + 1)
     inner = robot.footprint.r_min + margin
-    comfort = max(config.comfort, inner + _LEAST_BAND)
+    comfort = max(robot.footprint.r_min + config.comfort, inner + _LEAST_BAND)
     pace = Pace(robot.v_max, inner, comfort, config.slowdown, robot.footprint.r_max + config.cell)
     times, robot_time = travel_times(points, target, here, grid, pace, BEYOND, False)
     if not math.isfinite(robot_time):  # enclosed on the grid: perhaps there is a way around outside it

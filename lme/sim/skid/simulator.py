@@ -13,7 +13,7 @@ from lme.robots import Robot
 from lme.sim.crowd import Crowd
 from lme.sim.disturbances import Delay, Disturbances, slip_factors
 from lme.sim.events import until_event
-from lme.sim.simulator import Sensors, State
+from lme.sim.simulator import Sensors, State, forward_enough
 from lme.sim.skid.bases import Base, RespondingBase, SlidingBase
 from lme.sim.skid.kernels import AXES
 from lme.types import Floats, Observation, Pose, Twist
@@ -81,7 +81,7 @@ class SkidSimulator:
         """Drive for one control period, or until contact or arrival, whichever comes first."""
         factors = slip_factors(self._config.slip, self._slip_rng)
         begin, duration = self.state.time, self._robot.dt / self._pieces
-        self._delay.send(command, begin)
+        self._delay.send(forward_enough(command, self._robot), begin)
         states: list[State] = []
         for k in range(self._pieces):
             states.append(self._drive(begin + k * duration, duration, factors))

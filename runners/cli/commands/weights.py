@@ -74,8 +74,8 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _list(_: argparse.Namespace) -> None:
+    from lme.weight_files import REGISTERED, shipped_networks
     from runners.config import catalogue
-    from runners.config.weights import REGISTERED, shipped_networks
 
     for name in catalogue.shipped().options("weight_set"):
         print(f"{name:<24}  weights={name}, ships with lme")
@@ -88,7 +88,7 @@ def _list(_: argparse.Namespace) -> None:
 
 def _import(arguments: argparse.Namespace) -> None:
     from lme.planners.array_file import write_arrays
-    from runners.config.weights import REGISTERED, shipped_networks
+    from lme.weight_files import REGISTERED, shipped_networks
     from runners.records.registered_name import check_name
     from runners.records.whole_file import replacing
 

@@ -2,6 +2,7 @@
 
 import math
 from collections import deque
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -38,7 +39,7 @@ def ring(radius, count=90):
 
 def moved(robot, pose, twist, command):
     """Poses on the way, and pose and twist a period later."""
-    way, after = moved_by(pose, twist, command, robot.limits, robot.dt, STEP, robot.footprint.r_max)
+    way, after = moved_by(pose, twist, command, robot.limits[:4], robot.dt, STEP, robot.footprint.r_max)
     return way, Pose(*way[-1].tolist()), Twist(*after)
 
 
@@ -125,6 +126,13 @@ def test_min_time_backs_up_as_far_as_configured_when_stuck():
     assert not touches(JACKAL, track, wedge())
     commands, _, _ = follow(made(back=0.3), JACKAL, (3.0, 0.0), wedge(), 4, blocked=False)
     assert commands[:, 0].min() >= 0.0
+
+
+@pytest.mark.parametrize(("v_min", "slowest"), [(-0.2, -0.2), (0.0, 0.0)])
+def test_min_time_backs_up_only_as_the_robot_can(v_min, slowest):
+    robot = replace(JACKAL, v_min=v_min)
+    commands, _, _ = follow(made(robot, back=0.3), robot, (3.0, 0.0), wedge(), 4, blocked=True)
+    assert commands[:, 0].min() == slowest
 
 
 def test_min_time_never_backs_up_with_back_of_zero():

@@ -4,9 +4,9 @@ import pytest
 
 from lme.errors import InputError
 from lme.planners.dclp.weights import SHAPES, read_weights
+from lme.weight_files import REGISTERED
 from runners.cli.commands import weights
 from runners.config.build import navigator
-from runners.config.weights import REGISTERED
 from tests.composing import jobs_of
 from tests.networks import checkpoint, random_drl_vo, random_weights
 from tests.torch_archives import archive

@@ -1,0 +1,110 @@
+"""A system by name, as a navigator, without Hydra."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from lme.errors import InputError, nearest
+from lme.navigator import Navigator
+from lme.presets import configured, find_option, option
+from lme.resources import overlaid
+from lme.robots import Robot
+from lme.weight_files import PUBLISHED, learned_parameters, own_weights, with_network
+from lme.yaml_entry import read_yaml
+
+_PARTS = ("guide", "planner")
+_OVERRIDE = re.compile(r"override /(\w+)")
+_WHOLE = re.compile(r"^#\s*@package\s+_global_\s*$", re.MULTILINE)
+
+
+def load_system(
+    name: str,
+    robot: Robot,
+    *,
+    weights: str | Path | None = None,
+    goal_tolerance: float = 0.0,
+    **changes: Any,
+) -> Navigator:
+    """The navigator that `lme eval system=NAME` drives with.
+
+        navigator = lme.load_system("lme_plus", robot)
+        navigator = lme.load_system("lme", robot, planner="dwa_tuned", **{"guide.candidates.number": 500})
+
+    name: in `conf/system/`. robot: it drives this one. weights: as on the command line; None: the system's own.
+    goal_tolerance: the robot stops within this distance of the target [m]. changes: words of the command line, as
+    keywords: `guide` and `planner` by name or by the path of a YAML, `ablation` by name or several in a list, and any
+    key of guide or planner, such as "planner.latency".
+
+    Call `reset(rng)` before each episode, and `act(observation)` in each control period.
+
+    Raises InputError for an unknown name or key, and for a wrong value.
+    """
+    chosen, own = _composed(name)
+    chosen.update({group: changes.pop(group) for group in (*_PARTS, "ablation") if group in changes})
+    ablated: dict[str, Any] = {}
+    names = chosen.get("ablation", ())
+    for each in [names] if isinstance(names, str) else names:
+        ablated = overlaid(ablated, _ablation(each))
+    settings = overlaid(ablated, _nested(changes))
+    guide, where = option("guide", chosen["guide"], settings.get("guide"))
+    _fill_parameters(guide, weights, str(own.get("weights", PUBLISHED)), ablated.get("ablation", {}))
+    planner, place = option("planner", chosen["planner"], settings.get("planner"))
+    guide_class, guide_config = configured(guide, where)
+    planner_class, planner_config = configured(with_network(planner), place)
+    return Navigator(
+        guide_class(guide_config, robot), planner_class(planner_config, robot), goal_tolerance=goal_tolerance
+    )
+
+
+def _composed(name: str) -> tuple[dict[str, Any], dict[str, Any]]:
+    """The options that a system chooses, by group, and its own keys."""
+    content = read_yaml(find_option("system", name))
+    assert isinstance(content, dict)
+    chosen: dict[str, Any] = {}
+    for entry in content.pop("defaults", []):
+        for key, choice in entry.items() if isinstance(entry, dict) else ():
+            found = _OVERRIDE.fullmatch(key)
+            if found:
+                chosen[found[1]] = choice
+    return chosen, content
+
+
+def _ablation(name: str) -> dict[str, Any]:
+    """What an ablation sets in the whole config; a file without `@package _global_` sets parameters alone."""
+    path = find_option("ablation", name)
+    content = read_yaml(path)
+    own = content if isinstance(content, dict) else {}
+    return own if _WHOLE.search(path.read_text(encoding="utf-8")) else {"ablation": own}
+
+
+def _nested(changes: Mapping[str, Any]) -> dict[str, Any]:
+    """{"guide.memory.reach": 8.0} as {"guide": {"memory": {"reach": 8.0}}}."""
+    nested: dict[str, Any] = {}
+    for key, value in changes.items():
+        part, *rest = key.split(".")
+        if part not in _PARTS or not rest:
+            known = [*_PARTS, "ablation", "weights", "goal_tolerance"]
+            raise InputError(
+                f"{key} is unknown: {nearest(key, known)}must be one of {', '.join(known)}, or a key of guide or "
+                "planner, such as 'planner.latency'"
+            )
+        for name in reversed(rest):
+            value = {name: value}
+        nested = overlaid(nested, {part: value})
+    return nested
+
+
+def _fill_parameters(
+    guide: dict[str, Any], weights: str | Path | None, usual: str, ablated: Mapping[str, float]
+) -> None:
+    """Put the parameters in the place of the reference to them."""
+    given = guide.get("parameters")
+    if not isinstance(given, str):
+        if weights is not None:
+            raise InputError(f"weights is {str(weights)!r}: this guide has no parameters; omit it")
+        return
+    learned = learned_parameters(str(weights or usual), guide.get("criteria") or (), own_weights(guide))
+    guide["parameters"] = {**learned, **ablated}

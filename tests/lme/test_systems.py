@@ -1,0 +1,116 @@
+"""load_system: any system by name, the same as `lme eval system=NAME` to the last bit."""
+
+import math
+
+import numpy as np
+import pytest
+
+import lme
+from lme.errors import InputError
+from runners.config import build, catalogue
+from tests.builders import observation
+from tests.composing import jobs_of
+
+ROBOT = lme.load_robot("jackal")
+SYSTEMS = catalogue.shipped().options("system")
+TASK = lme.Barn(lme.Barn.Config(worlds=[282], time_limit=4.0)).task(282)
+
+
+@pytest.fixture(scope="module")
+def job_of():
+    with jobs_of("eval", "map=barn", "robot=jackal") as compose:
+        yield compose
+
+
+def driven(navigator):
+    simulator = lme.FastSimulator(lme.FastSimulator.Config(), ROBOT)
+    return lme.run_episode(TASK, navigator, simulator, np.random.default_rng(3))
+
+
+@pytest.mark.parametrize("name", SYSTEMS)
+def test_a_system_drives_as_on_the_command_line(name, job_of):
+    expected = driven(build.navigator(job_of(f"system={name}").config))
+    found = driven(lme.load_system(name, ROBOT))
+    np.testing.assert_array_equal(found.trajectory, expected.trajectory)
+    assert (found.outcome, found.path_length, found.switches, found.min_clearance) == (
+        expected.outcome,
+        expected.path_length,
+        expected.switches,
+        expected.min_clearance,
+    )
+
+
+@pytest.mark.parametrize(
+    ("words", "keywords"),
+    [
+        (["system=lme", "planner=dwa_tuned"], {"planner": "dwa_tuned"}),
+        (["system=lme", "ablation=[no_c_o,no_c_h]"], {"ablation": ["no_c_o", "no_c_h"]}),
+        (["system=lme", "weights=skid"], {"weights": "skid"}),
+        (
+            ["system=lme", "guide.candidates.number=40", "planner.kp=1.0"],
+            {"guide.candidates.number": 40, "planner.kp": 1.0},
+        ),
+    ],
+)
+def test_changes_are_those_of_the_command_line(words, keywords, job_of):
+    expected = driven(build.navigator(job_of(*words).config))
+    np.testing.assert_array_equal(
+        driven(lme.load_system("lme", ROBOT, **keywords)).trajectory, expected.trajectory
+    )
+    assert not np.array_equal(driven(lme.load_system("lme", ROBOT)).trajectory, expected.trajectory)
+
+
+@pytest.mark.parametrize(
+    ("name", "keywords", "message"),
+    [
+        ("lme_pluss", {}, "system is 'lme_pluss': did you mean lme_plus"),
+        ("lme", {"planner": "dwa_tune"}, "planner is 'dwa_tune': did you mean dwa_tuned"),
+        ("lme", {"weights": "publishd"}, "weights is 'publishd': did you mean published"),
+        ("lme", {"planner.kpp": 1.0}, "planner simple: unknown key 'kpp': did you mean kp"),
+        ("lme", {"planer.kp": 1.0}, "planer.kp is unknown"),
+        ("lme", {"guide.history_length": "eight"}, "guide lme: history_length is 'eight': must be a whole number"),
+        ("dwa", {"weights": "published"}, "this guide has no parameters"),
+        ("lme", {"ablation": "no_c_x"}, "ablation is 'no_c_x'"),
+        ("lme", {"goal_tolerance": -1.0}, "goal_tolerance is -1"),
+    ],
+)  # fmt: skip
+def test_mistakes_are_named(name, keywords, message):
+    with pytest.raises(InputError) as error:
+        lme.load_system(name, ROBOT, **keywords)
+    assert message in str(error.value)
+
+
+def test_explanation_and_reason_are_there():
+    navigator = lme.load_system("lme_plus", ROBOT)
+    assert navigator.explanation() is None
+    navigator.act(observation((5.0, 0.0), robot=ROBOT))
+    assert lme.reason(navigator.explanation())
+
+
+def test_it_stops_within_the_tolerance_of_the_goal():
+    navigator = lme.load_system("lme", ROBOT, goal_tolerance=0.5)
+    assert navigator.act(observation((0.4, 0.2), robot=ROBOT)) == lme.Twist(0.0, 0.0)
+    assert navigator.act(observation((0.6, 0.0), robot=ROBOT)) != lme.Twist(0.0, 0.0)
+
+
+def test_guides_without_parameters_take_those_that_ship():
+    for config, name in ((lme.Lme, "lme"), (lme.LmePlus, "lme_plus")):
+        guide = config(config.Config(), ROBOT)
+        found, expected = (
+            driven(lme.Navigator(each, lme.Simple(lme.Simple.Config(), ROBOT)))
+            for each in (guide, lme.load_system(name, ROBOT).guide)
+        )
+        np.testing.assert_array_equal(found.trajectory, expected.trajectory)
+
+
+def test_parameters_of_both_policies_are_read_by_name():
+    assert "a_rest" in lme.load_parameters("lme_plus")
+    assert lme.load_parameters()["c_o"] == 999.8
+    assert lme.load_parameters("skid")["c_o"] != 999.8
+
+
+def test_cast_sees_discs_and_walls_from_the_mount():
+    lidar = lme.Lidar(4, 2 * math.pi, 0.1, 10.0, x=0.5)
+    scan = lme.cast(lidar, lme.Pose(1.0, 0.0, math.pi / 2), [[1.0, 3.0, 0.5]], [[-1.0, -5.0, -1.0, 5.0]])
+    assert scan.angle_min == -math.pi
+    np.testing.assert_allclose(scan.ranges, [10.0, 10.0, 2.0, 2.0], atol=1e-6)
