@@ -139,6 +139,7 @@ class TrainConfig(HeldOutConfig):
     disturbances: DisturbanceRanges
     trials: int
     configurations: int
+    restarts: int
     training_numbers: list[int]
     start_from_config: bool
     reward: TrialReward

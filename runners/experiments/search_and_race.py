@@ -56,7 +56,8 @@ def search_and_race(job: Job[TrainConfig], trained: Families) -> Found:
     search = instantiate.build(config.search, "search")
     space = search_space(job)
     start = own_values(config, space) if config.start_from_config else None
-    study = open_study(config.storage, config.study, run_dir, identity(config), space, search, start or {})
+    where = config.storage, config.study, run_dir
+    study = open_study(*where, identity(config), space, search, start or {}, config.restarts)
     rungs = world_numbers(job, trained)
     check_configurations(study, trained, rungs[0], run_dir)
     places = [[(name, world) for world in worlds for name in trained] for worlds in rungs]
@@ -111,7 +112,7 @@ def _race(
                 progress.add()
                 yield score
 
-        return run_race(candidates, scores, places, config.race, drive)
+        return run_race(candidates, scores, places, config.race, drive, config.restarts)
 
 
 def _found(study: Study, space: Space, race: Race | None, rungs: Sequence[list[int]]) -> Found:

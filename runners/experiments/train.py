@@ -54,8 +54,8 @@ def validate(job: Job[TrainConfig]) -> None:
     for family in trained.values():
         check_disturbances(family)
         build.check_drive(family)
-    for key, count in (("trials", config.trials), ("configurations", config.configurations)):
-        require(key, count, at_least=1)
+    for key in ("trials", "restarts", "configurations"):
+        require(key, getattr(config, key), at_least=1)
     if config.race is not None:
         check_race(config.race)
     for key, penalty in (("crash", config.reward.crash), ("timeout", config.reward.timeout)):

@@ -35,19 +35,20 @@ def open_study(
     space: Space,
     search: Search,
     first: Mapping[str, float],
+    restarts: int = 1,
 ) -> Study:
     """Open the study of a run, or create it.
 
     storage, name: as in the config. identity: of the config. first: values for the first trial; the search chooses
-    the others. Raises InputError if the storage cannot be used, or has a study of this name with another robot, map,
-    search space or seed.
+    the others. restarts: number of searches that the trials belong to in turn. Raises InputError if the storage cannot
+    be used, or has a study of this name with another robot, map, search space or seed.
     """
     import optuna
 
     optuna.logging.set_verbosity(optuna.logging.ERROR)
     searched = {key: value for key, value in identity.items() if key not in _NOT_SEARCHED}
     name = name or f"lme-{launch_record.fingerprint([searched], multirun=False)[:8]}"
-    sampler = per_trial(search.sampler, identity["seed"], first)
+    sampler = per_trial(search.sampler, identity["seed"], first, restarts)
     with storage_errors(storage, "start again when it does"):
         study = _open(storage, name, run_dir, space, sampler)
         stored = study.get_or_set(_IDENTITY, searched)

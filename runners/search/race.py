@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from statistics import fmean
 from typing import NamedTuple
 
@@ -18,6 +18,7 @@ import numpy as np
 from lme.errors import InputError, require
 from lme.types import Floats
 from runners.config.schema import RaceConfig
+from runners.search.samplers import restart_of
 from runners.workers.trials import Attempt, Place, Score
 
 START = -1  # the number of the starting weights, which are not a trial
@@ -38,7 +39,8 @@ class Candidate(NamedTuple):
 class Rung:
     """One round of the race. values: mean rewards over `places` by number, the best first; places: all so far.
 
-    worse: numbers of those that are worse than the best one beyond the noise.
+    worse: numbers of those that are worse than the best one beyond the noise; none in the search, whose own worlds
+    favour those that it came to.
     """
 
     places: tuple[Place, ...]
@@ -85,20 +87,21 @@ def run_race(
     places: Sequence[Sequence[Place]],
     config: RaceConfig,
     drive: Drive,
+    restarts: int = 1,
 ) -> Race:
     """Race to the end.
 
     candidates: those of the search, and perhaps the start. scores: of the search. places: of the search, and of each
-    rung. drive: runs attempts.
+    rung. drive: runs attempts. restarts: of the search; the best of each enter the first rung.
     """
     rewards: dict[int, dict[Place, float]] = {each.number: {} for each in candidates}
     for score in scores:
         rewards[score.trial][score.place] = score.reward
     field, driven = list(candidates), tuple(places[0])
     _complete(field, driven, rewards, drive)
-    rungs = [_rung(field, driven, rewards)]
+    rungs = [replace(_rung(field, driven, rewards), worse=frozenset())]
     for count, more in zip(config.candidates, places[1:], strict=True):
-        kept = _survivors(rungs[-1], count)
+        kept = _survivors(rungs[-1], count, restarts if len(rungs) == 1 else 1)
         field = [each for each in field if each.number in kept]
         driven += tuple(more)
         _complete(field, driven, rewards, drive)
@@ -138,9 +141,18 @@ def _rung(
     return Rung(places, ranked, frozenset(worse))
 
 
-def _survivors(rung: Rung, count: int) -> set[int]:
-    """The best trials that are not worse than the best, at most `count`, and the start."""
+def _survivors(rung: Rung, count: int, restarts: int) -> set[int]:
+    """The best trials that are not worse than the best, at most `count`, and the start.
+
+    restarts: as many trials of each of these searches, as far as there are.
+    """
     trials = [number for number in rung.values if number != START and number not in rung.worse]
+    seen = [0] * restarts
+    rank = {}  # of each trial within its own search
+    for number in trials:
+        rank[number] = seen[restart_of(number, restarts)]
+        seen[restart_of(number, restarts)] += 1
+    trials.sort(key=rank.__getitem__)  # stable: the better one of equal ranks comes first
     return {*trials[:count], *({START} & rung.values.keys())}
 
 

@@ -16,6 +16,7 @@ import numpy as np
 
 from lme.errors import InputError, require
 from lme.requirements import install
+from runners.search.optuna_private import Part
 
 if TYPE_CHECKING:
     from optuna import Study
@@ -152,11 +153,15 @@ class Random:
 
 
 def per_trial(
-    make: Callable[[int], BaseSampler], seed: int, first: Mapping[str, float] | None = None
+    make: Callable[[int], BaseSampler],
+    seed: int,
+    first: Mapping[str, float] | None = None,
+    restarts: int = 1,
 ) -> BaseSampler:
     """A sampler that proposes trial n as a new sampler `make(trial_seed(seed, n))` would.
 
-    first: values of trial 0; the search chooses the others.
+    first: values of trial 0; the search chooses the others. restarts: number of searches, to which trials belong in
+    turn (`restart_of`); each knows its own trials alone.
     """
     from optuna.samplers import BaseSampler as Base
 
@@ -170,22 +175,32 @@ def per_trial(
                 self._number, self._sampler = number, _make_quietly(make, trial_seed(seed, number))
             return self._sampler
 
+        def _known(self, study: Study, trial: FrozenTrial) -> Any:
+            """The study as the search of this trial knows it."""
+            mine = restart_of(_origin(trial), restarts)
+            return (
+                Part(study, lambda other: restart_of(_origin(other), restarts) == mine)
+                if restarts > 1
+                else study
+            )
+
         def infer_relative_search_space(self, study: Study, trial: FrozenTrial) -> Distributions:
             if first and _origin(trial) == 0:
                 return {}
-            return self._sampler_for(trial).infer_relative_search_space(study, trial)
+            return self._sampler_for(trial).infer_relative_search_space(self._known(study, trial), trial)
 
         def sample_relative(
             self, study: Study, trial: FrozenTrial, search_space: Distributions
         ) -> dict[str, Any]:
-            return self._sampler_for(trial).sample_relative(study, trial, search_space)
+            return self._sampler_for(trial).sample_relative(self._known(study, trial), trial, search_space)
 
         def sample_independent(
             self, study: Study, trial: FrozenTrial, param_name: str, param_distribution: BaseDistribution
         ) -> Any:
             if first and param_name in first and _origin(trial) == 0:
                 return first[param_name]
-            return self._sampler_for(trial).sample_independent(study, trial, param_name, param_distribution)
+            known = self._known(study, trial)
+            return self._sampler_for(trial).sample_independent(known, trial, param_name, param_distribution)
 
     return PerTrial()
 
@@ -194,6 +209,11 @@ def _origin(trial: FrozenTrial) -> int:
     """Number of the trial, or of the original trial of a killed process that this one repeats."""
     # RetryHeartbeatStaleTrialCallback writes this name.
     return int(trial.system_attrs.get("failed_trial", trial.number))
+
+
+def restart_of(number: int, restarts: int) -> int:
+    """The search that trial `number` belongs to."""
+    return number % restarts
 
 
 def trial_seed(seed: int, number: int) -> int:

@@ -57,6 +57,16 @@ def test_the_best_wins_and_few_get_many_worlds():
     assert sorted(driven, reverse=True) == [60, 60, 20, 20] + [0] * 16
 
 
+def test_the_best_of_every_search_enter_the_first_rung():
+    values = {number: (number % 3 == 0) + number / 100 for number in range(30)}
+    candidates = [Candidate(number, {}) for number in values]
+    track = Track(values, noise=0.0)
+    first = [track.score(Attempt(number, *place, ())) for number in values for place in PLACES[0]]
+    race = run_race(candidates, first, PLACES, RaceConfig([7, 2], [10, 20]), track, restarts=3)
+    assert set(race.rungs[1].values) == {27, 24, 21, 29, 26, 28, 25}
+    assert race.winner == 27
+
+
 def test_luck_on_the_first_worlds_does_not_win():
     lucky = Track({0: 0.9, 1: 0.5, 2: 0.4, 3: 0.3}, noise=0.0)
     candidates = [Candidate(number, {}) for number in lucky.values]
