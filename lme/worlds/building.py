@@ -66,7 +66,7 @@ class Buildings:
                 f"map.worlds holds {max(self._numbers)}: must be at most {last}, for {len(self._paths)} buildings with "
                 f"{config.configurations} configurations each (map.configurations)"
             )
-        self._rooms: dict[int, _Storey] = {}
+        self._rooms: dict[int, _MeasuredRoom] = {}
 
     @property
     def name(self) -> str:
@@ -81,7 +81,7 @@ class Buildings:
     def task(self, number: int) -> Task:
         """Configuration `number`; its shortest path is computed once.
 
-        Raises InputError for a number that was not chosen, and what the building's file or size is wrong for.
+        Raises InputError for a number that was not chosen, and as `Room` does for the building's map.
         """
         check_chosen(number, self._numbers, "configuration", self._name)
         building, configuration = divmod(number, self.config.configurations)
@@ -89,18 +89,18 @@ class Buildings:
         measures = {"building": float(building), **task.measures}
         return replace(task, map_name=self._name, number=number, measures=measures)
 
-    def _room(self, building: int) -> _Storey:
+    def _room(self, building: int) -> _MeasuredRoom:
         if building not in self._rooms:
             count = self.config.configurations
             worlds = [number % count for number in self._numbers if number // count == building]
             shared = {key: getattr(self.config, key) for key in _SHARED}
-            self._rooms[building] = _Storey(
+            self._rooms[building] = _MeasuredRoom(
                 RoomConfig(path=str(self._paths[building]), worlds=worlds, **shared)
             )
         return self._rooms[building]
 
 
-class _Storey(Room):
+class _MeasuredRoom(Room):
     """A room whose tasks also measure how wide the way is."""
 
     def task(self, number: int) -> Task:
