@@ -29,6 +29,7 @@ _KINDS: dict[Any, tuple[Callable[[Any], bool], str]] = {
     bool: (lambda given: isinstance(given, bool), "true or false"),
     list[int]: (lambda given: _is_list_of(given, (int,)), "a list of whole numbers"),
     list[float]: (lambda given: _is_list_of(given, (int, float)), "a list of numbers"),
+    list[str]: (lambda given: _is_list_of(given, (str,)), "a list of texts"),
     dict[str, float]: (lambda given: _is_mapping_to(given, (int, float)), "a mapping of names to numbers"),
     dict[str, str]: (lambda given: _is_mapping_to(given, (str,)), "a mapping of names to text"),
 }

@@ -22,6 +22,7 @@ MAPS = {  # name in the id: map set, and the robot that drives there unless anot
     "Go2A": ("go2_a", "go2"),
     "Go2B": ("go2_b", "go2"),
     "File": ("file", "stage"),  # needs map_config={"path": …}
+    "Building": ("building", "turtlebot2"),  # needs map_config={"paths": […]}
 }
 
 

@@ -34,9 +34,18 @@ def message_pose(message: Any, kind: str) -> Sample:
     )
 
 
-def tf_pose(message: Any, tree: TransformTree, frames: Frames) -> Sample | None:
-    """The pose of the base by tf, if a transform of the TFMessage changes it. `tree` already holds the message."""
+def moving_links(tree: TransformTree, frames: Frames) -> set[str]:
+    """The child frames whose transforms say where the base is now.
+
+    The transform from the map to the odometry frame only corrects them. Its stamp may lie in the future: AMCL's does.
+    """
     chain = tree.chain(*frames)
-    moved = [one for one in message.transforms if frame(one.child_frame_id) in chain]
+    return {name for name in chain if name == frames.base or not name.endswith("odom")}
+
+
+def tf_pose(message: Any, tree: TransformTree, frames: Frames) -> Sample | None:
+    """The pose of the base by tf, if the TFMessage says where it is now. `tree` already holds the message."""
+    links = moving_links(tree, frames)
+    moved = [one for one in message.transforms if frame(one.child_frame_id) in links]
     matrix = tree.lookup(*frames) if moved else None
     return None if matrix is None else Sample(moved[-1].header, planar_matrix(matrix)[0], None)

@@ -80,6 +80,11 @@ class ScanSource:
         self._geometry: tuple[float, ...] = ()
         self._own = self._untouched = False
 
+    @property
+    def mount(self) -> Pose:
+        """The pose, in the base frame, of the frame of `raw` scans; of a point cloud's, the base itself."""
+        return self._pose
+
     def read(self, message: Any) -> LaserScan:
         """The scan of a LaserScan or PointCloud2 message, as a scan of the robot's lidar."""
         raw, lidar = self.raw(message), self.robot.lidar

@@ -175,7 +175,10 @@ def _check_path(path: Path) -> None:
             )
         return
     if path.suffix not in SUFFIXES:
-        raise InputError(f"bag {path}: must be a ROS recording, one of {', '.join(SUFFIXES)}, or its folder")
+        raise InputError(
+            f"bag {path}: must be a ROS recording, one of {', '.join(SUFFIXES)}, or its folder, "
+            "or a CARMEN log (.log, .log.gz)"
+        )
     try:
         with path.open("rb") as file:
             head = file.read(16)

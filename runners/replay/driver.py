@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from time import perf_counter_ns
@@ -16,7 +15,7 @@ from lme.kernels.collision import sweep
 from lme.kernels.motion import drive
 from lme.live.messages import SECOND, twist_of
 from lme.live.scan_source import ScanSource
-from lme.live.track import StampedMotion, Track
+from lme.live.track import StampedMotion
 from lme.navigator import Navigator
 from lme.policies.lme.explanation import Explanation
 from lme.policies.lme.maintenance import Choice
@@ -25,7 +24,7 @@ from lme.sensing.scan_points import obstacle_points
 from lme.types import Floats, Observation, Pose, Twist
 from runners.replay.bags import Message
 from runners.replay.goals import GoalSource
-from runners.replay.order import Order
+from runners.replay.posed_scans import PosedScans
 from runners.replay.recording import Recording
 
 _HERE = Pose(0.0, 0.0, 0.0)
@@ -84,13 +83,9 @@ class Driver:
         self._recording, self._scan_source = recording, scan_source
         self._navigator, self._goal = navigator, goal
         self._robot: Robot = scan_source.robot
-        self._horizon, self._stale = horizon, stale
-        self._tree = recording.tree.copy()
-        self._track = Track()
-        self._pose_order = Order(recording.topics.pose_name)
-        self._scan_order = Order(recording.topics.scan.name)
-        self._ticks = None if every_scan else _Ticks(self._robot.dt, recording.scan_rate)
-        self._waiting: deque[tuple[Message, int]] = deque()
+        self._horizon = horizon
+        ticks = None if every_scan else _Ticks(self._robot.dt, recording.scan_rate)
+        self._scans = PosedScans(recording, stale, None if ticks is None else ticks.due)
         self._listeners: list[Listener] = []
         self._sampler = _Sampler()
         self.log = Log()
@@ -103,21 +98,17 @@ class Driver:
         """Process the next message. Raises InputError if time goes backwards."""
         topics, name = self._recording.topics, message.topic
         self._decide(message)
-        sample = self._recording.pose(message, self._tree)
-        if sample is not None:
-            if self._pose_order.accepts(sample.stamp):
-                self._track.add(*sample)
-        elif name == topics.scan.name:
-            self._take_scan(message)
-        elif topics.command is not None and name == topics.command.name:
+        self._scans.take(message)
+        if topics.command is not None and name == topics.command.name:
             twist = twist_of(message.content, topics.command.type)
             self.log.commands.append((self._recording.stamp(message), *twist))
         if topics.goal is not None and name == topics.goal.name:
-            self._goal.take(message, self._track, self._tree)
+            self._goal.take(message, self._scans.track, self._scans.tree)
 
     def finish(self) -> Log:
         """Make the remaining decisions. Raises InputError if there was no decision at all."""
         self._decide(None)
+        self.log.scans = self._scans.scans
         if not self.log.rows:
             reasons = ", ".join(
                 f"{count} without a {key[3:]}" for key, count in self.log.skipped.items() if count
@@ -129,37 +120,16 @@ class Driver:
         self.log.sample = self._sampler.kept
         return self.log
 
-    def _take_scan(self, message: Message) -> None:
-        stamp = self._recording.stamp(message)
-        if not self._scan_order.accepts(stamp):
-            return
-        self.log.scans += 1
-        if self._ticks is None or self._ticks.due(stamp):
-            self._waiting.append((message, stamp))
-
     def _decide(self, coming: Message | None) -> None:
-        """Decide on the waiting scans that have a later pose, or that have waited for one longer than `stale`.
+        """Decide on the scans whose poses are known. coming: the next message, None at the end."""
+        for message, motion in self._scans.ready(coming):
+            if motion is None:
+                self.log.skipped["no pose"] += 1
+            else:
+                self._tick(message, motion)
 
-        coming: the next message, None at the end. It must be recorded after the scan, so that every message
-        recorded together with the scan has been processed.
-        """
-        while self._waiting:
-            scan, stamp = self._waiting[0]
-            if coming is not None:
-                newest = self._track.newest
-                known = newest is not None and newest >= stamp
-                late = coming.recorded > scan.recorded + self._stale
-                if coming.recorded <= scan.recorded or not (known or late):
-                    return
-            self._waiting.popleft()
-            self._tick(scan, stamp)
-
-    def _tick(self, message: Message, stamp: int) -> None:
-        motion = self._track.at(stamp, self._stale)
-        if motion is None:
-            self.log.skipped["no pose"] += 1
-            return
-        target = self._goal.target(motion, self._tree)
+    def _tick(self, message: Message, motion: StampedMotion) -> None:
+        target = self._goal.target(motion, self._scans.tree)
         if target is None:
             self.log.skipped["no goal"] += 1
             return

@@ -11,7 +11,7 @@ from typing import NamedTuple
 from lme.errors import InputError
 from lme.live.frames import Frames, FramesConfig, message_frames, tf_frames
 from lme.live.messages import SECOND, frame, stamp_of
-from lme.live.poses import is_sound, message_pose, tf_pose
+from lme.live.poses import is_sound, message_pose, moving_links, tf_pose
 from lme.live.transforms import TransformTree
 from lme.types import Floats, Pose, Twist
 from runners.replay.bags import Bag, Message
@@ -170,7 +170,8 @@ class _Beginning:
     def _poses_ahead(self, frames: Frames) -> list[int]:
         if self._topics.pose is not None:
             return [] if self._pose is None else [_ahead(self._pose)]
-        return [self._tf_ahead[name] for name in self.tree.chain(*frames) if self._tf_ahead.get(name)][:1]
+        links = sorted(moving_links(self.tree, frames))
+        return [self._tf_ahead[name] for name in links if self._tf_ahead.get(name)][:1]
 
 
 def _ahead(message: Message) -> int:

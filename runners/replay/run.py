@@ -23,6 +23,7 @@ from runners.replay import recorded, report
 from runners.replay.bags import Bag
 from runners.replay.driver import Driver
 from runners.replay.goals import goal_source, topic_of
+from runners.replay.opening import open_recording
 from runners.replay.recording import CLOCKS, Recording, inspect
 from runners.replay.topics import BagTopicsConfig, choose
 
@@ -56,7 +57,7 @@ def validate(job: Job[ReplayConfig]) -> None:
         check_installed()
     fill_dataclass(ScanConfig, config.scan, "scan")
     build.navigator(config)
-    with Bag(path) as bag:
+    with open_recording(path) as bag:
         choose(bag, fill_dataclass(BagTopicsConfig, config.topics, "topics"), topic_of(config.goal))
 
 
@@ -66,7 +67,7 @@ def replay(job: Job[ReplayConfig]) -> None:
     if (run_dir / report.TABLE).exists():
         raise InputError(f"{run_dir}: already holds a replay: choose another directory")
     with ExitStack() as stack:
-        bag = stack.enter_context(Bag(_path(job.config)))
+        bag = stack.enter_context(open_recording(_path(job.config)))
         episode = recorded.episode_of(bag) if job.config.as_recorded else None
         config = _as_recorded(job, episode)
         tracking = instantiate.build(config.tracking, "tracking")

@@ -127,5 +127,19 @@ class LearnProgress(_Bar):
         self._bar.update(self._task, doing=doing)
 
 
+class ScanProgress(_Bar):
+    """Scans of a log that have been read."""
+
+    def __enter__(self) -> Self:
+        # Without the note on compiling: the few kernels of a map take seconds.
+        self._bar.start()
+        self._bar.start_task(self._task)
+        return self
+
+    def add(self) -> None:
+        """Count one more scan."""
+        self._bar.update(self._task, advance=1)
+
+
 def _reward_text(best: float | None) -> str:
     return "–" if best is None else f"{best:.3f}"

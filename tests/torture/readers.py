@@ -22,7 +22,7 @@ from PIL import Image
 
 from lme.errors import InputError
 from lme.resources import resource_dir
-from tests import made_bags, networks, torch_archives
+from tests import made_bags, made_logs, networks, torch_archives
 from tests.lme.worlds.barn.test_files import write_world
 from tests.torture import command_lines
 from tests.torture.mutations import Rng, spoil
@@ -250,6 +250,19 @@ def _look_at_bag(folder: Path) -> None:
             recording.pose(message, recording.tree)
 
 
+def _carmen(folder: Path) -> None:
+    made_logs.write(folder / "a.log", made_logs.flaser_lines(made_logs.way()[:6], beams=31))
+    made_logs.write(folder / "b.log.gz", made_logs.robotlaser_lines(beams=31)[:6])
+
+
+def _map_logs(folder: Path) -> None:
+    """Maps of each log, as `lme maps build` makes them."""
+    from runners.mapping.build import BuildConfig, build_map
+
+    for path in sorted(folder.iterdir()):
+        build_map([path], BuildConfig(resolution=0.1, max_range=5.0), shown=False)
+
+
 def _driven(folder: Path) -> None:
     """A finished run and one that was stopped before the records were merged."""
     _in(folder, DRIVE)
@@ -442,6 +455,8 @@ READERS = (
     Reader("recordings .bag", _bag(".bag"), _look_at_bag, share=2.0),
     Reader("recordings .db3", _bag(".db3"), _look_at_bag, share=2.0),
     Reader("recordings .mcap", _bag(".mcap"), _look_at_bag, share=2.0),
+    Reader("CARMEN logs", _carmen, _map_logs),
+    Reader("maps from recordings", _bag(".mcap"), _map_logs, share=0.2),
     Reader("lme replay", _bag(".mcap"), _read_bag, share=0.02),
     Reader("records", _driven, _read_records),
     Reader("lme table", _driven, _tabulate, share=0.02),

@@ -9,7 +9,7 @@ INPUTS = 20  # of each reader
 LIGHT = {
     "BARN worlds and paths", "pictures", "ROS maps", "shape files", "scenes", "weight files", "robots", "networks",
     "TensorFlow checkpoints", "Stable-Baselines3 archives", "recordings .bag", "recordings .db3", "recordings .mcap",
-    "append logs", "scores of trials", "Gazebo logs",
+    "CARMEN logs", "append logs", "scores of trials", "Gazebo logs",
 }  # fmt: skip
 
 

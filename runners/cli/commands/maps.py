@@ -1,4 +1,4 @@
-"""List map sets, look at their worlds, or import published ones."""
+"""List map sets, look at their worlds, import published ones, or build a map from a log."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lme.errors import InputError
+from runners.cli import map_building
 from runners.cli.parsers import texts
 
 if TYPE_CHECKING:
@@ -24,12 +25,13 @@ EXAMPLES = (
     "lme maps show barn 42",
     "lme maps show traps 0 1 2 kind=door --output traps.pdf",
     "lme maps import ~/the-barn-challenge barn_worlds",
+    "lme maps build drive.bag",
 )
 NAMED = 6  # worlds that the file name of a picture lists at most
 
 
 def main(argv: list[str]) -> int:
-    """`lme maps`, `lme maps show MAP [NUMBER…] [key=value…]`, `lme maps import SOURCE DESTINATION`."""
+    """`lme maps`, or one of its verbs: show, import, build, buildings."""
     arguments = _parsed(argv)
     arguments.run(arguments)
     return 0
@@ -40,7 +42,7 @@ def _parsed(argv: list[str]) -> argparse.Namespace:
     parser = _parser()
     arguments, rest = parser.parse_known_args(argv)
     strange = [word for word in rest if word.startswith("-") and not re.fullmatch(r"-\d+", word)]
-    if strange or (rest and arguments.run is not _show):
+    if strange or (rest and not hasattr(arguments, "what")):
         parser.error(f"unrecognized arguments: {' '.join(strange or rest)}")
     if rest:
         arguments.what += rest
@@ -80,6 +82,7 @@ def _parser() -> argparse.ArgumentParser:
     bring.add_argument("source", type=Path, help="an official checkout, its worlds/ or its BARN/")
     bring.add_argument("destination", type=Path, help="a new folder, for map.source=")
     bring.set_defaults(run=_import)
+    map_building.add_verbs(verbs)
     return parser
 
 

@@ -31,12 +31,12 @@ def main(argv: list[str]) -> int:
 
 def _list(path: str) -> int:
     from lme.errors import InputError
-    from runners.replay.bags import Bag
+    from runners.replay.opening import open_recording
     from runners.replay.topics import table
 
     if not path:
         raise InputError("bag is null: give the recording, e.g. lme replay drive.mcap list=true")
-    with Bag(Path(path).expanduser()) as bag:
+    with open_recording(Path(path).expanduser()) as bag:
         print(f"{bag.path}: {bag.duration_s:.1f} s")
         print("\n".join(table(bag)))
     return 0

@@ -12,11 +12,15 @@ pytest.importorskip("rosbags")
 import pandas as pd
 
 from lme.errors import InputError
+from lme.geometry.frames import to_world
 from lme.live.step import LiveState, LiveStep
+from lme.mapping import FREE, OCCUPIED
 from lme.presets import load_map_set
+from lme.worlds.check import point_clearance
 from runners.cli.main import main
 from runners.config import build
 from runners.live.record import LIVE_TOPICS, LiveRecorder
+from runners.mapping.build import BuildConfig, build_map
 from runners.replay import figures
 from runners.replay.bags import Bag
 from runners.replay.retrace import retrace
@@ -248,3 +252,15 @@ def test_a_folder_that_cannot_be_written_is_one_line(tmp_path):
     (tmp_path / "live").write_bytes(b"")
     with pytest.raises(InputError, match=r"cannot be written.*hydra.run.dir=PATH"):
         Drive(tmp_path / "live", *PAIRS["lme"])
+
+
+def test_a_map_is_built_from_a_recording(by_lme):
+    """Its obstacles are those of the world that the robot drove through; odometry begins at the start."""
+    built = build_map([by_lme.path], BuildConfig(radius=0.25), shown=False)
+    rows, columns = np.indices(built.map.cells.shape)
+    points = (np.stack((columns, rows), axis=-1) + 0.5) * built.map.resolution + built.map.origin
+    task = load_map_set("barn", {"worlds": [WORLD]}).task(WORLD)
+    free, occupied = (to_world(points[built.map.cells == value], task.start) for value in (FREE, OCCUPIED))
+    assert all(point_clearance(task.world, point) > -0.1 for point in free[::20])
+    assert len(occupied) > 200
+    assert max(abs(point_clearance(task.world, point)) for point in occupied) < 0.1

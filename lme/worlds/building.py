@@ -1,0 +1,184 @@
+"""Maps of real buildings, such as `lme maps build` makes: several maps, each with starts and goals as in a room."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+from numba import njit
+from scipy import ndimage
+
+from lme.errors import InputError, require
+from lme.kernels.heap import pop, push
+from lme.types import Floats
+from lme.worlds.room import Room, RoomConfig
+from lme.worlds.rules import PacedRules, check_chosen
+from lme.worlds.sampling import FreeSpace
+from lme.worlds.world import Task
+
+_SHARED = (  # keys of a room
+    "configurations", "sample_seed", "min_distance", "radius", "margin", "grid",
+    "goal_tolerance", "time_limit", "clock_distance", "speed",
+)  # fmt: skip
+
+
+@dataclass(slots=True)
+class BuildingsConfig(PacedRules):
+    """Keys of `conf/map/building.yaml`."""
+
+    paths: list[str] | None = None  # ROS maps (.yaml), or folders of them
+    name: str | None = None  # in the records; None: the file's name, or "building" for several
+    configurations: int = 40  # pairs of start and goal in each building
+    sample_seed: int = 0  # seed of the configurations
+    min_distance: float = 8.0  # [m] from start to goal, in a straight line
+    radius: float | None = None  # [m] of the disc that must be able to reach the goal; None: STAGE_RADIUS
+    margin: float = 0.1  # [m] more than radius, kept free around start and goal
+    grid: float = 0.1  # [m] between the grid points of starts, goals and shortest paths
+    time_limit: float = 240.0  # [s]
+
+    def __post_init__(self) -> None:
+        PacedRules.__post_init__(self)  # super() fails in a dataclass with slots
+        require("map.configurations", self.configurations, at_least=1)
+
+
+class Buildings:
+    """Configurations by number: number b × configurations + k is configuration k of building b.
+
+    Buildings are in the order of `paths`, those of a folder in the order of their names. A building is read once one of
+    its numbers is needed.
+    """
+
+    Config = BuildingsConfig
+
+    def __init__(self, config: BuildingsConfig) -> None:
+        """Raises InputError if there are no paths or one does not exist, and for a number that no building has."""
+        self.config = config
+        self._paths = _maps(config.paths)
+        single = self._paths[0].stem if len(self._paths) == 1 else "building"
+        self._name = config.name or single
+        self._numbers = config.numbers(range(len(self._paths) * config.configurations))
+        last = len(self._paths) * config.configurations - 1
+        if max(self._numbers) > last:
+            raise InputError(
+                f"map.worlds holds {max(self._numbers)}: must be at most {last}, for {len(self._paths)} buildings with "
+                f"{config.configurations} configurations each (map.configurations)"
+            )
+        self._rooms: dict[int, _MeasuredRoom] = {}
+
+    @property
+    def name(self) -> str:
+        """What the records call this map."""
+        return self._name
+
+    @property
+    def numbers(self) -> tuple[int, ...]:
+        """The numbers of the chosen configurations."""
+        return self._numbers
+
+    def task(self, number: int) -> Task:
+        """Configuration `number`; its shortest path is computed once.
+
+        Raises InputError for a number that was not chosen, and as `Room` does for the building's map.
+        """
+        check_chosen(number, self._numbers, "configuration", self._name)
+        building, configuration = divmod(number, self.config.configurations)
+        task = self._room(building).task(configuration)
+        measures = {"building": float(building), **task.measures}
+        return replace(task, map_name=self._name, number=number, measures=measures)
+
+    def _room(self, building: int) -> _MeasuredRoom:
+        if building not in self._rooms:
+            count = self.config.configurations
+            worlds = [number % count for number in self._numbers if number // count == building]
+            shared = {key: getattr(self.config, key) for key in _SHARED}
+            self._rooms[building] = _MeasuredRoom(
+                RoomConfig(path=str(self._paths[building]), worlds=worlds, **shared)
+            )
+        return self._rooms[building]
+
+
+class _MeasuredRoom(Room):
+    """A room whose tasks also measure how wide the way is."""
+
+    def task(self, number: int) -> Task:
+        task = super().task(number)
+        low = self._plan.outline.min(axis=0)
+        start, goal = (_cell(np.array(place[:2]), low, self.config.grid) for place in (task.start, task.goal))
+        passage = _passage(self._space, self.config.grid, start, goal)
+        return replace(task, measures={**task.measures, "passage_m": passage})
+
+
+def _maps(paths: Sequence[str] | None) -> list[Path]:
+    """The map files, with those of a folder in its place. Raises InputError for a path that is not right."""
+    if not paths:
+        raise InputError(
+            f"map.paths is {'null' if paths is None else '[]'}: must be a list of ROS maps (.yaml) or folders of them, "
+            "e.g. [office.yaml]; lme maps build makes one from a log"
+        )
+    found: list[Path] = []
+    for given in paths:
+        folder = Path(given).expanduser()
+        inside = sorted(folder.glob("*.yaml")) if folder.is_dir() else []
+        if folder.is_dir() and not inside:
+            raise InputError(f"map.paths holds {given}: the folder has no maps (.yaml)")
+        if not inside and not folder.is_file():
+            raise InputError(
+                f"map.paths holds {given}: no such file; must be a ROS map (.yaml) or a folder of them"
+            )
+        found += inside or [folder]
+    return found
+
+
+def _cell(place: Floats, low: Floats, step: float) -> tuple[int, int]:
+    """Row and column of the lattice point nearest to a place (2,) [m]."""
+    column, row = np.floor((place - low) / step).astype(int).tolist()
+    return row, column
+
+
+@lru_cache(maxsize=4096)
+def _passage(space: FreeSpace, step: float, start: tuple[int, int], goal: tuple[int, int]) -> float:
+    """Width of the narrowest place on the widest way from start to goal, both included, to about `step` [m]."""
+    return 2.0 * float(_widest_way(_clearance(space, step), start, goal))
+
+
+@lru_cache(maxsize=4)
+def _clearance(space: FreeSpace, step: float) -> Floats:
+    """(Y, X) distance of each lattice point to the nearest obstacle [m], also where the space itself stops counting.
+
+    There it is that of the nearest point that counts and the way to it, which is a little too much.
+    """
+    known = space.clearance
+    limit = known.max()
+    away, (rows, columns) = ndimage.distance_transform_edt(known >= limit, return_indices=True)
+    return np.where(known < limit, known, np.maximum(known[rows, columns] + away * step, limit))
+
+
+@njit(cache=True, error_model="numpy")
+def _widest_way(clearance: Floats, start: tuple[int, int], goal: tuple[int, int]) -> float:
+    """The greatest clearance that a way between two lattice points can keep everywhere; ways go in eight directions.
+
+    The points are taken up in the order of their clearance from those next to the ones taken before, as in Prim's
+    algorithm.
+    """
+    rows, columns = clearance.shape
+    keys, items = np.empty(clearance.size), np.empty(clearance.size, np.int64)
+    seen = np.zeros(clearance.shape, np.bool_)
+    seen[start] = True
+    size = push(keys, items, 0, -clearance[start], start[0] * columns + start[1])
+    least = np.inf
+    while size > 0:
+        least = min(least, -keys[0])
+        row, column = items[0] // columns, items[0] % columns
+        if row == goal[0] and column == goal[1]:
+            return float(least)
+        size = pop(keys, items, size)
+        for down in range(-1, 2):
+            for right in range(-1, 2):
+                r, c = row + down, column + right
+                if 0 <= r < rows and 0 <= c < columns and not seen[r, c]:
+                    seen[r, c] = True
+                    size = push(keys, items, size, -clearance[r, c], r * columns + c)
+    return 0.0
