@@ -1,5 +1,6 @@
 """A binary heap in two arrays, of keys and of items, with the least key first. The caller keeps its size."""
 
+import numpy as np
 from numba import njit
 
 from lme.types import Floats, Ints
@@ -31,3 +32,9 @@ def pop(keys: Floats, items: Ints, size: int) -> int:
         k, child = child, 2 * child + 1
     keys[k], items[k] = key, item
     return size
+
+
+@njit(cache=True, error_model="numpy")
+def enlarged(keys: Floats, items: Ints) -> tuple[Floats, Ints]:
+    """Both arrays with room for twice as many."""
+    return np.concatenate((keys, np.empty_like(keys))), np.concatenate((items, np.empty_like(items)))
