@@ -73,7 +73,7 @@ def _inside_any(polygons: Sequence[Floats], point: Floats) -> bool:
     firsts = np.cumsum([0, *map(len, polygons[:-1])])
     low, high = np.minimum.reduceat(corners, firsts), np.maximum.reduceat(corners, firsts)
     around = np.flatnonzero(((low <= point) & (point <= high)).all(axis=1))
-    return any(_inside_polygon(polygons[i], point) for i in around)
+    return any(_inside_polygon(polygons[i], point) for i in around.tolist())
 
 
 def _inside_polygon(polygon: Floats, point: Floats) -> bool:

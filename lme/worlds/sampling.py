@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 from scipy import ndimage
 
 from lme.errors import InputError
@@ -18,6 +19,9 @@ from lme.worlds.lattice import shortest_path
 
 MAX_POINTS = 10_000_000  # of the lattice
 STARTS_TRIED = 100  # before the plan counts as too small for the least distance
+
+
+Points = NDArray[np.int32]  # indices in the flat lattice
 
 
 class Configuration(NamedTuple):
@@ -43,7 +47,7 @@ class FreeSpace:
         self._plan, self._step, self._radius = plan, step, radius
         self.clearance = clearance_field(plan, self._x, self._y, radius + margin)
         self._passable = self.clearance >= radius
-        self._regions, _ = ndimage.label(self._passable)
+        self._regions: NDArray[np.int32] = ndimage.label(self._passable)[0]
         self._roomy = np.flatnonzero(self.clearance >= radius + margin).astype(
             np.int32
         )  # of the flat lattice
@@ -120,9 +124,9 @@ class FreeSpace:
             f"free space that map.radius and map.margin leave ({len(self._roomy)} points of this map)"
         )
 
-    def _goals(self, start: Ints, min_distance: float) -> Ints:
+    def _goals(self, start: Ints, min_distance: float) -> Points:
         """(G,) roomy points that can be reached from the start [row, column], far enough away."""
-        goals: Ints = _reachable(
+        goals: Points = _reachable(
             self._roomy, self._regions, int(start[0]), int(start[1]), self._step, min_distance - 1e-9
         )
         return goals
@@ -165,7 +169,9 @@ def _points_along(low: list[float], high: list[float], step: float) -> tuple[int
 
 
 @njit(cache=True, error_model="numpy")
-def _reachable(roomy: Ints, regions: Ints, row: int, column: int, step: float, least: float) -> Ints:
+def _reachable(
+    roomy: Points, regions: NDArray[np.int32], row: int, column: int, step: float, least: float
+) -> Points:
     """Those of the points `roomy` in the region of [row, column] that are `least` [m] or more away, and not there."""
     found, count = np.empty_like(roomy), 0
     sure = (least / step) ** 2 * (1.0 + 1e-9)  # spares most points the root

@@ -150,7 +150,7 @@ class Mid360:
             lidar.num_beams,
             circles,
             edges,
-            tuple(grid),
+            (grid.frame, grid.starts, grid.edges),
         )
         return ranges
 
