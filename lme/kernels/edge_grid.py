@@ -165,20 +165,24 @@ def first_hit(x, y, turn, beam, far, frame, starts, edges):
     per_column, per_row = side / max(abs(dx), 1e-300), side / max(abs(dy), 1e-300)
     at_column = (column + 1 - across if dx > 0.0 else across - column) * per_column
     at_row = (row + 1 - up if dy > 0.0 else up - row) * per_row
-    begins_outside = not (0 <= column < columns and 0 <= row < rows)
-    while begins_outside or (0 <= column < columns and 0 <= row < rows):
-        k = row * columns + column
-        first, last = (0, len(edges)) if begins_outside else (starts[k], starts[k + 1])
+    next_column, next_row = 1 if dx > 0.0 else -1, 1 if dy > 0.0 else -1
+    is_inside = 0 <= column < columns and 0 <= row < rows
+    k = row * columns + column
+    first, last = (starts[k], starts[k + 1]) if is_inside else (0, len(edges))
+    while True:
         far = _first_of(x, y, turn, beam, dx, dy, far, edges, first, last)
-        if begins_outside or far < min(at_column, at_row) - _SURE:
-            break
+        if not is_inside or far < min(at_column, at_row) - _SURE:
+            return far
         if at_column < at_row:
-            column += 1 if dx > 0.0 else -1
+            column += next_column
             at_column += per_column
         else:
-            row += 1 if dy > 0.0 else -1
+            row += next_row
             at_row += per_row
-    return far
+        if not (0 <= column < columns and 0 <= row < rows):
+            return far
+        k = row * columns + column
+        first, last = starts[k], starts[k + 1]
 
 
 @njit(cache=True, error_model="numpy", inline="always")

@@ -8,9 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lme.geometry.frames import compose
-from lme.kernels.grid_cast import cast_grid
 from lme.kernels.noise import add_noise
-from lme.kernels.raycast import cast
+from lme.kernels.raycast import cast, cast_grid
 from lme.robots import Robot
 from lme.sensing.resampling import resampled, tidied
 from lme.sim.crowd import Crowd

@@ -47,7 +47,8 @@ class FreeSpace:
         self._plan, self._step, self._radius = plan, step, radius
         self.clearance = clearance_field(plan, self._x, self._y, radius + margin)
         self._passable = self.clearance >= radius
-        self._regions: NDArray[np.int32] = ndimage.label(self._passable)[0]
+        self._regions = np.empty(self._passable.shape, dtype=np.int32)
+        ndimage.label(self._passable, output=self._regions)
         self._roomy = np.flatnonzero(self.clearance >= radius + margin).astype(
             np.int32
         )  # of the flat lattice

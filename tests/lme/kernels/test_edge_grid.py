@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 
 from lme.kernels.collision import sweep
 from lme.kernels.edge_grid import NO_EDGES, edge_grid, near_edges, nearest
-from lme.kernels.grid_cast import cast_grid
-from lme.kernels.raycast import cast
+from lme.kernels.raycast import cast, cast_grid
 from lme.presets import load_robot
 from lme.sim.fast import FastConfig, FastSimulator
 from lme.sim.skid.simulator import SkidConfig, SkidSimulator
