@@ -123,11 +123,10 @@ def nearest(x, y, frame, starts, edges):
         return np.inf
     low_x, low_y, side, rows, columns = frame
     reach, farthest = 2.0 * side, math.hypot(abs(x - low_x), abs(y - low_y)) + side * (rows + columns)
-    while True:
-        within = _within(x, y, reach, frame, starts, edges)
-        if len(within) > 0 or reach > farthest:
-            break
+    within = _within(x, y, reach, frame, starts, edges)
+    while len(within) == 0 and reach < farthest:  # ends for any number, also inf and NaN
         reach *= 2.0
+        within = _within(x, y, reach, frame, starts, edges)
     least = np.inf
     for i in within:
         least = min(least, point_to_segment(x, y, edges[i, 0], edges[i, 1], edges[i, 2], edges[i, 3]))

@@ -82,6 +82,13 @@ def test_the_nearest_edge_is_that_of_all(seed):
     assert nearest(*pose[:2], *grid) == pytest.approx(clearance, rel=1e-12, abs=1e-12)
 
 
+@pytest.mark.parametrize("place", [(math.nan, 0.0), (0.0, math.inf), (1e300, -1e300)])
+def test_it_ends_at_any_place(place):
+    grid = edge_grid(stairs(np.random.default_rng(0)))
+    assert len(near_edges(grid, np.array([[*place, 0.0]]), (0.1, 0.1, 0.0))) <= len(grid.edges)
+    assert len(cast_grid((*place, 0.0), (0.0, 0.1, 20), 5.0, grid)) == 20
+
+
 def test_a_grid_looks_at_few_edges():
     edges = stairs(np.random.default_rng(0))
     near = near_edges(edge_grid(edges), np.zeros((1, 3)), (0.1, 0.1, 0.0))
