@@ -95,7 +95,7 @@ def _edge_distances(x, y, edges):
     """Distance from (x, y) to each edge."""
     out = np.empty(len(edges))
     for i in range(len(edges)):
-        out[i] = math.sqrt(_point_to_segment(x, y, edges[i, 0], edges[i, 1], edges[i, 2], edges[i, 3]))
+        out[i] = math.sqrt(point_to_segment(x, y, edges[i, 0], edges[i, 1], edges[i, 2], edges[i, 3]))
     return out
 
 
@@ -147,7 +147,7 @@ def _rectangle_to_segment(segment, half_length, half_width):
     )
     for x in (-half_length, half_length):
         for y in (-half_width, half_width):
-            least = min(least, _point_to_segment(x, y, ax, ay, bx, by))
+            least = min(least, point_to_segment(x, y, ax, ay, bx, by))
     return least
 
 
@@ -159,7 +159,7 @@ def _point_to_box(x, y, half_length, half_width):
 
 
 @njit(cache=True, error_model="numpy")
-def _point_to_segment(x, y, x0, y0, x1, y1):
+def point_to_segment(x, y, x0, y0, x1, y1):
     """Squared distance from a point to a segment, which may have length 0."""
     ex, ey, qx, qy = x1 - x0, y1 - y0, x - x0, y - y0
     length = max(ex * ex + ey * ey, 1e-300)

@@ -1,12 +1,18 @@
 """A binary heap in two arrays, of keys and of items, with the least key first. The caller keeps its size."""
 
-from numba import njit
+from typing import Any
 
-from lme.types import Floats, Ints
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from lme.types import Floats
+
+Items = NDArray[np.signedinteger[Any]]
 
 
 @njit(cache=True, error_model="numpy")
-def push(keys: Floats, items: Ints, size: int, key: float, item: int) -> int:
+def push(keys: Floats, items: Items, size: int, key: float, item: int) -> int:
     """Push an item; returns the new size, which must fit the arrays."""
     k = size
     while k > 0 and key < keys[(k - 1) // 2]:
@@ -17,7 +23,7 @@ def push(keys: Floats, items: Ints, size: int, key: float, item: int) -> int:
 
 
 @njit(cache=True, error_model="numpy")
-def pop(keys: Floats, items: Ints, size: int) -> int:
+def pop(keys: Floats, items: Items, size: int) -> int:
     """Remove the first item; returns the new size."""
     size -= 1
     key, item = keys[size], items[size]
@@ -31,3 +37,9 @@ def pop(keys: Floats, items: Ints, size: int) -> int:
         k, child = child, 2 * child + 1
     keys[k], items[k] = key, item
     return size
+
+
+@njit(cache=True, error_model="numpy")
+def enlarged(keys: Floats, items: Items) -> tuple[Floats, Items]:
+    """Both arrays with room for twice as many."""
+    return np.concatenate((keys, np.empty_like(keys))), np.concatenate((items, np.empty_like(items)))

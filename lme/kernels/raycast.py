@@ -12,6 +12,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from lme.kernels.bearing import BEARING_ERROR, bearing
+from lme.kernels.edge_grid import EdgeGrid, first_hit
 from lme.kernels.points import beam_directions
 from lme.types import Floats, Pose
 
@@ -41,6 +42,22 @@ def cast(
     return ranges
 
 
+def cast_grid(
+    lidar_pose: Pose, angles: tuple[float, float, int], range_max: float, grid: EdgeGrid
+) -> NDArray[np.float32]:
+    """Distance along each beam to the first edge of a grid, or range_max if none is nearer: (B,) [m].
+
+    The result is that of `cast`, which describes the parameters, for all edges of the grid.
+    """
+    x, y, yaw = lidar_pose
+    angle_min, increment, num_beams = angles
+    table = beam_table(increment, num_beams)
+    ranges: NDArray[np.float32] = _cast_grid(
+        float(x), float(y), yaw + angle_min, float(range_max), table, *grid
+    )
+    return ranges
+
+
 @lru_cache(maxsize=16)
 def beam_table(angle_increment: float, num_beams: int) -> Floats:
     """Cosines and sines of the beams relative to the first one: (2, B)."""
@@ -60,6 +77,16 @@ def cast_beams(x, y, heading, increment, range_max, table, circles, edges):
     elif len(edges) > 0:
         _cast_edges(frame, increment, range_max, table, edges, ranges)
     return ranges.astype(np.float32)
+
+
+@njit(cache=True, error_model="numpy")
+def _cast_grid(x, y, heading, range_max, table, frame, starts, edges):
+    """heading: of the first beam in the world [rad]."""
+    ranges = np.empty(table.shape[1], np.float32)
+    turn = (math.cos(heading), math.sin(heading))
+    for i in range(len(ranges)):
+        ranges[i] = first_hit(x, y, turn, (table[0, i], table[1, i]), range_max, frame, starts, edges)
+    return ranges
 
 
 @njit(cache=True, error_model="numpy")

@@ -58,7 +58,7 @@ class FastSimulator:
         self._circles = np.ascontiguousarray(task.world.circles, dtype=np.float64)
         self._edges = task.world.edges
         self._task = task
-        self._sensors = Sensors(self._robot, self._config, np.asarray(task.goal, dtype=np.float64), rng)
+        self._sensors = Sensors(self._robot, self._config, task, rng)
         self._start = Pose(*map(float, task.start))
         self._substepper = self._make_substepper(task, rng)
         if self._substepper:

@@ -59,7 +59,7 @@ class PhysicsSimulator:
     def reset(self, task: Task, rng: np.random.Generator) -> Observation:
         """Put the robot at the task's start, at rest."""
         crowd = Crowd(task.world.movers)
-        self._sensors = Sensors(self._robot, self._config, np.asarray(task.goal, dtype=np.float64), rng)
+        self._sensors = Sensors(self._robot, self._config, task, rng)
         body = RigidBody(task.world, Pose(*map(float, task.start)), self._robot, crowd, self._config.grip)
         self._substepper = Substepper(task, self._robot, self._config, rng.spawn(1)[0], crowd, body)
         self.state = self._substepper.start()

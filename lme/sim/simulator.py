@@ -5,10 +5,11 @@ from __future__ import annotations
 from typing import NamedTuple, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lme.geometry.frames import compose
 from lme.kernels.noise import add_noise
-from lme.kernels.raycast import cast
+from lme.kernels.raycast import cast, cast_grid
 from lme.robots import Robot
 from lme.sensing.resampling import resampled, tidied
 from lme.sim.crowd import Crowd
@@ -59,14 +60,16 @@ def forward_enough(command: Twist, robot: Robot) -> Twist:
 class Sensors:
     """Lidar, wheel encoders and localisation of a robot, with the configured disturbances."""
 
-    def __init__(self, robot: Robot, config: Disturbances, goal: Floats, rng: np.random.Generator) -> None:
+    def __init__(self, robot: Robot, config: Disturbances, task: Task, rng: np.random.Generator) -> None:
         """`rng` gives the lidar's own noise; the disturbances draw from streams spawned from it."""
         self._robot = robot
         self._limits = robot.limits
         self._config = config
         self._rng = rng
         self._scan_rng, goal_rng = rng.spawn(2)
-        self._target = TargetEstimate(config, goal, goal_rng)
+        self._target = TargetEstimate(config, np.asarray(task.goal, dtype=np.float64), goal_rng)
+        self._grid = task.world.grid
+        self._in_grid = len(task.world.edges) if len(self._grid.edges) else 0
         self._fired, self._mount = robot.lidar.native, robot.lidar.mount
         self._mid360 = mid360_of(robot.lidar) if robot.lidar.cloud else None
         if self._mid360:
@@ -82,7 +85,8 @@ class Sensors:
         crowd: Crowd | None = None,
         scan_pose: Pose | None = None,
     ) -> Observation:
-        """The observation; twist, odometry: by the wheel encoders; circles (C, 3), edges (E, 4): the obstacles now.
+        """The observation; twist, odometry: by the wheel encoders; circles (C, 3), edges (E, 4): the obstacles now,
+        static ones first.
 
         crowd: the movers among them. scan_pose: where the newest scan was taken, if not at the current pose.
         """
@@ -98,11 +102,12 @@ class Sensors:
     def _scan(self, pose: Pose, circles: Floats, edges: Floats) -> LaserScan:
         """A planar scanner's beams, interpolated if it has `native_beams`, or the projection of a cloud."""
         lidar, fired, config = self._robot.lidar, self._fired, self._config
+        others = edges[self._in_grid :]
         if self._mid360:
-            ranges, own_noise = self._mid360.scan(lidar, pose, circles, edges), 0.0
+            ranges, own_noise = self._mid360.scan(lidar, pose, circles, others, self._grid), 0.0
         else:
             angles = (fired.angle_min, fired.angle_increment, fired.num_beams)
-            ranges = cast(compose(pose, self._mount), angles, lidar.range_max, circles, edges)
+            ranges = self._cast(compose(pose, self._mount), angles, circles, others)
             own_noise = lidar.noise_std
         for std, rng in ((own_noise, self._rng), (config.scan_noise, self._scan_rng)):
             if std > 0.0:
@@ -112,3 +117,10 @@ class Sensors:
             lose_beams(ranges, config.scan_dropout, lidar.range_max, self._scan_rng)
         scan = LaserScan(ranges, fired.angle_min, fired.angle_increment, lidar.range_min, lidar.range_max)
         return scan if fired is lidar else resampled(tidied(scan), self._mount, lidar)
+
+    def _cast(
+        self, lidar: Pose, angles: tuple[float, float, int], circles: Floats, edges: Floats
+    ) -> NDArray[np.float32]:
+        range_max, grid = self._robot.lidar.range_max, self._grid
+        ranges = cast(lidar, angles, range_max, circles, edges)
+        return np.minimum(ranges, cast_grid(lidar, angles, range_max, grid)) if self._in_grid else ranges

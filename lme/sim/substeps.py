@@ -13,6 +13,7 @@ from lme.kernels.collision import sweep
 from lme.robots import Footprint, Robot
 from lme.sim.crowd import Crowd
 from lme.sim.disturbances import Delay, Disturbances, slip_factors, slipped
+from lme.sim.events import nearby
 from lme.sim.simulator import State
 from lme.types import Floats, Limits, Pose, Twist
 from lme.worlds.world import Task
@@ -69,6 +70,7 @@ class Substepper:
         self._body = body
         self._robot = robot
         self._track = track(robot.footprint)
+        self._world = task.world
         self._static = (np.ascontiguousarray(task.world.circles, dtype=np.float64), task.world.edges)
         self._goal, self._tolerance = np.asarray(task.goal, dtype=np.float64), task.goal_tolerance
         self._delay = Delay(config.latency)
@@ -118,7 +120,8 @@ class Substepper:
         """Clearance [m], contact, arrival. Contact on arrival counts as contact only."""
         pose, box = self._body.pose, self._robot.hull.box
         here = np.array([pose])
-        clearance, _ = sweep(here, box, *self._static)
+        circles, edges = self._static
+        clearance, _ = sweep(here, box, circles, nearby(self._world, here, box, edges))
         if len(self.crowd):
             clearance = min(clearance, sweep(here, box, self.crowd.circles, self.crowd.edges)[0])
         if self._body.touches(clearance):

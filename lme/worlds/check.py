@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
 from lme.errors import InputError
+from lme.kernels.collision import sweep
 from lme.robots import Footprint, Robot
 from lme.types import Floats, Pose
 from lme.worlds.world import Task, World
@@ -36,7 +37,7 @@ def check_task(task: Task, robot: Robot) -> None:
 
 def point_clearance(world: World, point: Floats) -> float:
     """Distance from a point (2,) to the nearest static obstacle [m]; ≤ 0 inside one, inf if there is none."""
-    if any(_inside_polygon(polygon, point) for polygon in world.polygons):
+    if _inside_any(world.polygons, point):
         return 0.0
     to_circles = np.hypot(*(world.circles[:, :2] - point).T) - world.circles[:, 2]
     to_edges = _point_segments(point, world.edges)
@@ -44,54 +45,15 @@ def point_clearance(world: World, point: Floats) -> float:
 
 
 def footprint_clearance(world: World, footprint: Footprint, pose: Pose) -> float:
-    """Distance from a footprint at a pose to the nearest static obstacle [m]; ≤ 0 if they touch."""
-    half_length, half_width, rounding = footprint.box
-    half = np.array([half_length, half_width])
-    centre = np.array([pose.x, pose.y])
-    if any(_inside_polygon(polygon, centre) for polygon in world.polygons):
+    """Distance from a footprint at a pose to the nearest static obstacle [m]; 0 if they touch."""
+    if _inside_any(world.polygons, np.array([pose.x, pose.y])):
         return 0.0
-    circles = _to_frame(world.circles[:, :2], pose)
-    edges = _to_frame(world.edges.reshape(-1, 2), pose).reshape(-1, 4)
-    to_circles = _points_box(circles, half) - world.circles[:, 2]
-    to_edges = np.array([_segment_box(edge, half) for edge in edges])
-    return float(min(to_circles.min(initial=math.inf), to_edges.min(initial=math.inf))) - rounding
+    circles = np.ascontiguousarray(world.circles, dtype=np.float64)
+    return sweep(np.array([pose], dtype=np.float64), footprint.box, circles, world.edges)[0]
 
 
 def _place(numbers: Iterable[float]) -> str:
     return "(" + ", ".join(f"{number:g}" for number in numbers) + ")"
-
-
-def _to_frame(points: Floats, pose: Pose) -> Floats:
-    """The points (P, 2) in the frame of a pose."""
-    cos, sin = math.cos(pose.yaw), math.sin(pose.yaw)
-    return np.asarray((points - np.array([pose.x, pose.y])) @ np.array([[cos, -sin], [sin, cos]]))
-
-
-def _points_box(points: Floats, half: Floats) -> Floats:
-    """(P,) distances to the box |x| ≤ half[0], |y| ≤ half[1]."""
-    return np.asarray(np.hypot(*np.maximum(np.abs(points) - half, 0.0).T))
-
-
-def _segment_box(edge: Floats, half: Floats) -> float:
-    """Distance from a segment (4,) to the box: 0 if they meet, else that of an end or of a corner."""
-    if _meets_box(edge, half):
-        return 0.0
-    to_ends = _points_box(edge.reshape(2, 2), half).min()
-    corners = half * np.array([[1, 1], [1, -1], [-1, 1], [-1, -1]])
-    return float(min(to_ends, *(_point_segments(corner, edge[None])[0] for corner in corners)))
-
-
-def _meets_box(edge: Floats, half: Floats) -> bool:
-    """Whether a part of the segment is left after clipping it to the box's two slabs."""
-    first, last = 0.0, 1.0
-    for origin, step, bound in zip(edge[:2], edge[2:] - edge[:2], half, strict=True):
-        if step == 0.0:
-            if abs(origin) > bound:
-                return False
-            continue
-        enter, leave = sorted(((-bound - origin) / step, (bound - origin) / step))
-        first, last = max(first, enter), min(last, leave)
-    return first <= last
 
 
 def _point_segments(point: Floats, segments: Floats) -> Floats:
@@ -101,6 +63,17 @@ def _point_segments(point: Floats, segments: Floats) -> Floats:
     dot = ((point - start) * along).sum(axis=1)
     share = np.clip(np.divide(dot, length2, out=np.zeros_like(dot), where=length2 > 0), 0.0, 1.0)
     return np.asarray(np.hypot(*(start + share[:, None] * along - point).T))
+
+
+def _inside_any(polygons: Sequence[Floats], point: Floats) -> bool:
+    """Whether a point (2,) lies in a polygon; only those whose box contains it are looked at."""
+    if not polygons:
+        return False
+    corners = np.vstack(polygons)
+    firsts = np.cumsum([0, *map(len, polygons[:-1])])
+    low, high = np.minimum.reduceat(corners, firsts), np.maximum.reduceat(corners, firsts)
+    around = np.flatnonzero(((low <= point) & (point <= high)).all(axis=1))
+    return any(_inside_polygon(polygons[i], point) for i in around.tolist())
 
 
 def _inside_polygon(polygon: Floats, point: Floats) -> bool:

@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numba import njit
 
-from lme.kernels.heap import pop, push
+from lme.kernels.heap import enlarged, pop, push
 from lme.types import Bools, Floats, Ints
 
 _BETWEEN = {  # (rows, columns) of a move: the points on both sides of it, all of which must be free
@@ -16,6 +16,7 @@ _BETWEEN = {  # (rows, columns) of a move: the points on both sides of it, all o
     (2, 3): ((0, 1), (1, 1), (1, 2), (2, 2)),
 }  # with their mirror images 32 directions, so that a path is at most 1.3 % longer than the straight line
 _REACH = 3  # rows or columns of the longest move
+_ROOM = 4096  # of the heap at first
 _ROUNDING = 1e-9  # above the relative rounding error of a path's length
 
 
@@ -58,12 +59,14 @@ def _search(
     It goes on until no path that is as long but for rounding is left, so that the result does not depend on the order.
     """
     g = np.full(free.size, np.inf)
-    keys, points = np.empty(len(lengths) * free.size), np.empty(len(lengths) * free.size, np.int64)
+    keys, points = np.empty(_ROOM), np.empty(_ROOM, np.int32)
     g[start] = 0.0
     keys[0], points[0], size = 0.0, start, 1
     while size > 0 and not keys[0] > g[goal] * (1.0 + _ROUNDING):
         key, here = keys[0], points[0]
         size = pop(keys, points, size)
+        if size + len(lengths) > len(keys):
+            keys, points = enlarged(keys, points)
         if key > g[here] + _straight(here, goal, width) * step:
             continue  # outdated: a shorter path was found later
         for k in range(len(lengths)):

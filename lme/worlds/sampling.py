@@ -7,15 +7,21 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numba import njit
+from numpy.typing import NDArray
 from scipy import ndimage
 
 from lme.errors import InputError
-from lme.types import Bools, Floats, Ints, Pose
+from lme.types import Floats, Ints, Pose
+from lme.worlds.clearance import clearance_field, inside
 from lme.worlds.floor_plan import FloorPlan
 from lme.worlds.lattice import shortest_path
 
-MAX_POINTS = 1_000_000  # of the lattice
+MAX_POINTS = 10_000_000  # of the lattice
 STARTS_TRIED = 100  # before the plan counts as too small for the least distance
+
+
+Points = NDArray[np.int32]  # indices in the flat lattice
 
 
 class Configuration(NamedTuple):
@@ -41,8 +47,11 @@ class FreeSpace:
         self._plan, self._step, self._radius = plan, step, radius
         self.clearance = clearance_field(plan, self._x, self._y, radius + margin)
         self._passable = self.clearance >= radius
-        self._regions, _ = ndimage.label(self._passable)
-        self._roomy = np.argwhere(self.clearance >= radius + margin)
+        self._regions = np.empty(self._passable.shape, dtype=np.int32)
+        ndimage.label(self._passable, output=self._regions)
+        self._roomy = np.flatnonzero(self.clearance >= radius + margin).astype(
+            np.int32
+        )  # of the flat lattice
         self._lengths: dict[tuple[tuple[int, int], tuple[int, int]], float] = {}
 
     def draw(self, rng: np.random.Generator, min_distance: float) -> Configuration:
@@ -51,10 +60,10 @@ class FreeSpace:
         Raises InputError if there are none.
         """
         for _ in range(STARTS_TRIED if len(self._roomy) else 0):
-            start = self._roomy[rng.integers(len(self._roomy))]
+            start = self._point(self._roomy[rng.integers(len(self._roomy))])
             goals = self._goals(start, min_distance)
             if len(goals):
-                goal = goals[rng.integers(len(goals))]
+                goal = self._point(goals[rng.integers(len(goals))])
                 x, y = self._place(start).tolist()
                 return Configuration(Pose(x, y, rng.uniform(-math.pi, math.pi)), self._place(goal))
         raise self._too_small(min_distance)
@@ -67,13 +76,13 @@ class FreeSpace:
         partners = self._goals(self._cell(place), min_distance)
         if not len(partners):
             raise self._too_small(min_distance)
-        return self._place(partners[rng.integers(len(partners))])
+        return self._place(self._point(partners[rng.integers(len(partners))]))
 
     def check_free(self, what: str, place: Floats | Sequence[float]) -> None:
         """Raise InputError, which begins with `what`, unless the robot can be at `place`, x, y [m]."""
         x, y = place[0], place[1]
         outline = self._plan.outline
-        if not _inside(outline, np.array([x]), np.array([y])).any():
+        if not inside(outline, np.array([x], dtype=np.float64), np.array([y], dtype=np.float64)).any():
             low, high = outline.min(axis=0), outline.max(axis=0)
             raise InputError(
                 f"{what} is ({x:g}, {y:g}), outside the map: must lie in x {low[0]:g} to {high[0]:g} m, "
@@ -116,13 +125,16 @@ class FreeSpace:
             f"free space that map.radius and map.margin leave ({len(self._roomy)} points of this map)"
         )
 
-    def _goals(self, start: Ints, min_distance: float) -> Ints:
-        """(G, 2) roomy points [row, column] that can be reached from the start [row, column], far enough away."""
-        rows, columns = self._roomy.T
-        same = self._regions[rows, columns] == self._regions[*start]
-        away = np.hypot(rows - start[0], columns - start[1]) * self._step >= min_distance - 1e-9
-        apart = (self._roomy != start).any(axis=1)
-        return np.asarray(self._roomy[same & away & apart])
+    def _goals(self, start: Ints, min_distance: float) -> Points:
+        """(G,) roomy points that can be reached from the start [row, column], far enough away."""
+        goals: Points = _reachable(
+            self._roomy, self._regions, int(start[0]), int(start[1]), self._step, min_distance - 1e-9
+        )
+        return goals
+
+    def _point(self, flat: int) -> Ints:
+        """[row, column] of a point of the flat lattice."""
+        return np.array(divmod(int(flat), len(self._x)))
 
     def _place(self, point: Ints) -> Floats:
         return np.array([self._x[point[1]], self._y[point[0]]])
@@ -136,7 +148,8 @@ class FreeSpace:
         if self._passable[row, column]:
             return cell
         around = np.argwhere(self._passable[max(row - 1, 0) : row + 2, max(column - 1, 0) : column + 2])
-        clearance = clearance_field(self._plan, np.array([x]), np.array([y]), self._radius)
+        here = np.array([x], dtype=np.float64), np.array([y], dtype=np.float64)
+        clearance = clearance_field(self._plan, *here, self._radius)
         if clearance.item() < self._radius or not len(around):
             return cell
         around += np.maximum(cell - 1, 0)
@@ -156,48 +169,20 @@ def _points_along(low: list[float], high: list[float], step: float) -> tuple[int
     return math.ceil(width / step - 1e-9), math.ceil(height / step - 1e-9)
 
 
-def clearance_field(plan: FloorPlan, x: Floats, y: Floats, reach: float) -> Floats:
-    """(Y, X) distance of each lattice point to the nearest obstacle [m], at most `reach`.
-
-    Zero in solid obstacles and outside the plan's outline. x (X,) and y (Y,) rise evenly [m].
-    """
-    field = np.where(_inside(plan.outline, x, y), reach, 0.0)
-    for centre_x, centre_y, radius in plan.world.circles:
-        box = _window(x, y, [(centre_x, centre_y)], radius + reach)
-        away = np.hypot(x[box[1]] - centre_x, y[box[0]][:, None] - centre_y) - radius
-        field[box] = np.minimum(field[box], np.maximum(away, 0.0))
-    for edge in plan.world.edges:
-        box = _window(x, y, edge.reshape(2, 2), reach)
-        field[box] = np.minimum(field[box], _to_segment(edge, x[box[1]], y[box[0]][:, None]))
-    for polygon in plan.world.polygons:
-        box = _window(x, y, polygon, 0.0)
-        field[box][_inside(polygon, x[box[1]], y[box[0]])] = 0.0
-    return field
-
-
-def _window(x: Floats, y: Floats, points: object, reach: float) -> tuple[slice, slice]:
-    """Rows and columns of the lattice within `reach` of the box around points."""
-    low, high = np.min(points, axis=0) - reach, np.max(points, axis=0) + reach  # type: ignore[call-overload]
-    columns = np.searchsorted(x, [low[0], high[0]], side="left")
-    rows = np.searchsorted(y, [low[1], high[1]], side="left")
-    return slice(rows[0], rows[1]), slice(columns[0], columns[1])
-
-
-def _to_segment(edge: Floats, x: Floats, y: Floats) -> Floats:
-    """Distances of lattice points to one segment (4,)."""
-    ex, ey = edge[2] - edge[0], edge[3] - edge[1]
-    dx, dy = x - edge[0], y - edge[1]
-    square = ex * ex + ey * ey
-    share = np.clip((dx * ex + dy * ey) / square, 0.0, 1.0) if square > 0.0 else 0.0
-    return np.asarray(np.hypot(dx - share * ex, dy - share * ey))
-
-
-def _inside(polygon: Floats, x: Floats, y: Floats) -> Bools:
-    """(Y, X) whether each lattice point lies in a polygon: an odd number of sides lies to its left in its row."""
-    flips = np.zeros((len(y), len(x) + 1), dtype=np.int64)
-    for (x0, y0), (x1, y1) in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
-        rows = np.flatnonzero((y0 > y) != (y1 > y))
-        if len(rows):
-            at = x0 + (y[rows] - y0) * ((x1 - x0) / (y1 - y0))
-            flips[rows, np.searchsorted(x, at, side="left")] += 1
-    return np.asarray(np.cumsum(flips[:, :-1], axis=1) % 2 == 1)
+@njit(cache=True, error_model="numpy")
+def _reachable(
+    roomy: Points, regions: NDArray[np.int32], row: int, column: int, step: float, least: float
+) -> Points:
+    """Those of the points `roomy` in the region of [row, column] that are `least` [m] or more away, and not there."""
+    found, count = np.empty_like(roomy), 0
+    sure = (least / step) ** 2 * (1.0 + 1e-9)  # spares most points the root
+    for point in roomy:
+        there, across = point // regions.shape[1], point % regions.shape[1]
+        if regions[there, across] != regions[row, column]:
+            continue
+        up, side = there - row, across - column
+        square = up * up + side * side
+        if square > 0 and (square > sure or math.hypot(up, side) * step >= least):
+            found[count] = point
+            count += 1
+    return found[:count]

@@ -7,8 +7,11 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
+from lme.kernels.edge_grid import NO_EDGES, EdgeGrid, edge_grid
 from lme.types import Floats, Pose
 from lme.worlds.movers import Mover
+
+_MANY = 512  # edges from which a grid pays
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,10 +28,13 @@ class World:
     polygons: tuple[Floats, ...] = ()
     movers: tuple[Mover, ...] = ()
     edges: Floats = field(init=False, repr=False)  # (E, 4) segments and sides of polygons
+    grid: EdgeGrid = field(init=False, repr=False)  # of the edges; empty if they are few
 
     def __post_init__(self) -> None:
         sides = [np.hstack([polygon, np.roll(polygon, -1, axis=0)]) for polygon in self.polygons]
-        object.__setattr__(self, "edges", np.ascontiguousarray(np.vstack([self.segments, *sides])))
+        edges = np.ascontiguousarray(np.vstack([self.segments, *sides]), dtype=np.float64)
+        object.__setattr__(self, "edges", edges)
+        object.__setattr__(self, "grid", edge_grid(edges) if len(edges) >= _MANY else NO_EDGES)
 
 
 @dataclass(frozen=True, slots=True)

@@ -107,7 +107,7 @@ class Costmap:
         draw_discs(self._hits, self._grid, circles)
         draw_edges(self._hits, self._grid, ends.reshape(-1, 4))
         for polygon in world.polygons:
-            self._hits[_inside(self._centres(), to_robot(polygon, start))] = 1
+            self._fill(to_robot(polygon, start))
 
     def refresh(self) -> None:
         """Recompute the costs from the current obstacles."""
@@ -130,9 +130,12 @@ class Costmap:
         i, j = np.where(on_grid[:, None], index, 0).T
         return np.asarray((self.costs[i, j] >= INSCRIBED) & on_grid, dtype=np.bool_)
 
-    def _centres(self) -> Floats:
-        """Centres of all cells: (I, J, 2) [m]."""
-        return self.points(np.moveaxis(np.indices(self.costs.shape, dtype=np.int64), 0, -1))
+    def _fill(self, polygon: Floats) -> None:
+        """Mark the cells whose centres lie in a polygon (V, 2); only those around it are looked at."""
+        low = np.array(self.cell(polygon.min(axis=0)))
+        high = np.array(self.cell(polygon.max(axis=0))) + 1
+        centres = self.points(np.moveaxis(np.indices(high - low, dtype=np.int64), 0, -1) + low)
+        self._hits[low[0] : high[0], low[1] : high[1]][_inside(centres, polygon)] = 1
 
 
 def stamp(config: CostmapConfig, r_min: float) -> Ints:

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from lme.errors import InputError, require
 from lme.geometry.frames import compose
+from lme.kernels.edge_grid import NO_EDGES, EdgeGrid
 from lme.robots import Lidar
 from lme.sensing.point_cloud import rigid_transform
 from lme.sim.mid360.kernels.beam_pattern import beam_noise, beam_pattern
@@ -127,11 +128,14 @@ class Mid360:
         seen = (distances >= config.range_min) & (distances < math.inf)
         return (beams[seen] * distances[seen, None]).astype(np.float32)
 
-    def scan(self, lidar: Lidar, pose: Pose, circles: Floats, edges: Floats) -> NDArray[np.float32]:
+    def scan(
+        self, lidar: Lidar, pose: Pose, circles: Floats, edges: Floats, grid: EdgeGrid = NO_EDGES
+    ) -> NDArray[np.float32]:
         """The projection of the next cloud to the scan of `lidar`, which has a `cloud`: (num_beams,) [m].
 
         The result is that of `cloud`, of `lme.sensing.projection.to_scan` and of obstacles circles (C, 3) and
-        edges (E, 4) that reach from the ground beyond the highest points that count. Inf means no return.
+        edges (E, 4), and those of a grid, that reach from the ground beyond the highest points that count. Inf means
+        no return.
         """
         config, cloud = self._config, lidar.cloud
         assert cloud is not None
@@ -146,6 +150,7 @@ class Mid360:
             lidar.num_beams,
             circles,
             edges,
+            (grid.frame, grid.starts, grid.edges),
         )
         return ranges
 

@@ -91,20 +91,26 @@ def outline(footprint: Footprint) -> Floats:
     return np.vstack(parts)
 
 
-def draw_task(axes: Axes, task: Task) -> None:
-    """Draw obstacles, start (a pointer along its heading), goal and the circle of its tolerance."""
+def draw_obstacles(axes: Axes, world: World) -> None:
+    """Draw the static obstacles."""
     from matplotlib.collections import EllipseCollection, LineCollection, PolyCollection
-    from matplotlib.patches import Circle
 
-    centres, diameters = task.world.circles[:, :2], 2.0 * task.world.circles[:, 2]
+    centres, diameters = world.circles[:, :2], 2.0 * world.circles[:, 2]
     discs = EllipseCollection(
         diameters, diameters, np.zeros(len(diameters)), units="xy", offsets=centres,
         offset_transform=axes.transData, facecolors=OBSTACLE, edgecolors="none",
     )  # fmt: skip
     axes.add_collection(discs)
-    axes.add_collection(PolyCollection(task.world.polygons, facecolors=OBSTACLE, edgecolors="none"))
-    walls = list(task.world.segments.reshape(-1, 2, 2))
+    axes.add_collection(PolyCollection(world.polygons, facecolors=OBSTACLE, edgecolors="none"))
+    walls = list(world.segments.reshape(-1, 2, 2))
     axes.add_collection(LineCollection(walls, colors=OBSTACLE, linewidths=1.2))
+
+
+def draw_task(axes: Axes, task: Task) -> None:
+    """Draw obstacles, start (a pointer along its heading), goal and the circle of its tolerance."""
+    from matplotlib.patches import Circle
+
+    draw_obstacles(axes, task.world)
     gx, gy = task.goal
     reached = Circle((gx, gy), task.goal_tolerance, fill=False, linestyle=":", linewidth=0.8, edgecolor=INK)
     axes.add_patch(reached)

@@ -11,7 +11,17 @@ import numpy as np
 
 from lme.worlds.world import MapSet, Task
 from runners.figures.parts.layout import Around, aspect_of, best_columns, lay_out, panel_width, wrapped
-from runners.figures.parts.scene import Box, common_box, draw_paths, draw_task, legend_keys
+from runners.figures.parts.scene import (
+    BESIDE_PT,
+    Box,
+    common_box,
+    draw_obstacles,
+    draw_paths,
+    draw_task,
+    extremes,
+    legend_keys,
+    write,
+)
 from runners.figures.parts.style import INK, LEGEND_ORDER, STYLES, new_figure, save
 from runners.records.episode_record import EpisodeKey
 from runners.records.records import read_trajectories
@@ -23,6 +33,8 @@ if TYPE_CHECKING:
 
 PANELS = 12  # at most: more cannot be read on a page
 RUNS = 30  # paths in a panel at most, for the same reason
+FAILED = 40  # failures at most in the panel of a building
+BUILDING_M = 20.0  # longest side of a building, at least
 FAILURES = 2 / 3  # of a sample at most, if there are enough others
 PAGE_IN = (10.0, 8.0)  # at most
 LEGEND_IN = 6.6  # minimum width for the key
@@ -35,7 +47,10 @@ def draw_run(frame: pd.DataFrame, run_dir: Path, maps: MapSet, path: Path) -> No
     frame: from `read_episodes`. maps: holds at least the worlds of `sample_worlds`.
     """
     worlds = {number: maps.task(number) for number in sample_worlds(frame)}
-    trajectories_figure(frame, read_trajectories([run_dir], sample_episodes(frame)), worlds, path)
+    episodes = sample_episodes(frame)
+    if is_one_building(list(worlds.values())):
+        episodes = list(dict.fromkeys([*episodes, *failed_episodes(frame)]))
+    trajectories_figure(frame, read_trajectories([run_dir], episodes), worlds, path)
 
 
 def trajectories_figure(
@@ -43,15 +58,21 @@ def trajectories_figure(
 ) -> None:
     """Draw the paths of a run in a sample of its worlds, all at one scale, and save them as PNG.
 
+    In a building, the first panel shows all failures that `failed_episodes` names, in all of its worlds.
     frame: from `read_episodes`. trajectories: from `read_trajectories`, of the episodes to draw (`sample_episodes`).
     worlds: tasks by number, at least those of `sample_worlds`.
     """
     numbers = [number for number in sample_worlds(frame) if number in worlds]
-    shown = trajectories[trajectories["world"].isin(numbers)]
+    tasks = [worlds[number] for number in numbers]
+    failures = failed_episodes(frame) if is_one_building(tasks) else []
+    shown = trajectories if failures else trajectories[trajectories["world"].isin(numbers)]
     paths = dict(list(shown.groupby(["world", "run"])))
-    box = common_box([worlds[number] for number in numbers], shown[["x_m", "y_m"]].to_numpy(float))
+    box = common_box(tasks, shown[["x_m", "y_m"]].to_numpy(float))
     figure = new_figure(*PAGE_IN, layout=None)
-    for number, axes in zip(numbers, _panels(figure, len(numbers), box), strict=True):
+    panels = _panels(figure, len(numbers) + bool(failures), box)
+    if failures:
+        _draw_failures(panels.pop(0), frame, failures, tasks[0], paths)
+    for number, axes in zip(numbers, panels, strict=True):
         episodes = frame[frame["world"] == number]
         draw_task(axes, worlds[number])
         draw_paths(axes, episodes, paths)
@@ -74,6 +95,43 @@ def sample_episodes(frame: pd.DataFrame) -> list[EpisodeKey]:
         kinds = {kind: runs["run"][runs["outcome"] == kind].tolist() for kind in STYLES}
         episodes += [EpisodeKey(world, run) for run in _sample(kinds, RUNS)]
     return episodes
+
+
+def failed_episodes(frame: pd.DataFrame) -> list[EpisodeKey]:
+    """Failed episodes: the first run that failed in each world, in at most `FAILED` worlds, evenly spaced."""
+    failed = frame[frame["outcome"] != "success"].drop_duplicates("world").sort_values("world")
+    keys = [EpisodeKey(world, run) for world, run in zip(failed["world"], failed["run"], strict=True)]
+    return [keys[index] for index in _spread(range(len(keys)), FAILED)]
+
+
+def is_one_building(tasks: Sequence[Task]) -> bool:
+    """Whether the tasks are several, in one world that is as large as a building."""
+    world = tasks[0].world
+    if len(tasks) < 2 or any(task.world is not world for task in tasks):
+        return False
+    return bool(np.ptp(extremes(world), axis=0).max() > BUILDING_M)
+
+
+def _draw_failures(
+    axes: Axes,
+    frame: pd.DataFrame,
+    failures: Sequence[EpisodeKey],
+    task: Task,
+    paths: Mapping[tuple[int, int], pd.DataFrame],
+) -> None:
+    """Draw the paths of failed episodes in one panel, with the numbers of their worlds at their ends."""
+    draw_obstacles(axes, task.world)
+    chosen = frame.set_index(["world", "run"], drop=False).index.isin(
+        [(key.world, key.run) for key in failures]
+    )
+    draw_paths(axes, frame[chosen], paths)
+    for key in failures:
+        steps = paths.get((key.world, key.run))
+        if steps is not None and len(steps):
+            write(axes, str(key.world), steps[["x_m", "y_m"]].to_numpy()[-1].tolist(), (0.0, BESIDE_PT))
+    worlds = frame["world"][frame["outcome"] != "success"].nunique()
+    fewer = "" if worlds <= FAILED else f"{FAILED} of "
+    axes.set_title(f"failures in {fewer}{worlds} worlds", fontsize=8, color=INK, pad=3)
 
 
 def _sample(kinds: Mapping[str, Sequence[int]], limit: int) -> list[int]:

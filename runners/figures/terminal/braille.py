@@ -11,9 +11,9 @@ from rich.style import Style
 from rich.text import Text
 
 from lme.types import Bools, Floats
+from lme.worlds.clearance import clearance_field
 from lme.worlds.floor_plan import FloorPlan
 from lme.worlds.movers import Mover
-from lme.worlds.sampling import clearance_field
 from lme.worlds.world import Task, World
 from runners.figures.parts.extent import extent, mover_outline
 from runners.figures.parts.scene import Box

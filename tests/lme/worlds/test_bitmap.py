@@ -14,9 +14,9 @@ from scipy import ndimage
 from lme.errors import InputError
 from lme.types import Pose
 from lme.worlds.bitmap import _floor_plan, brightness, read_bitmap, read_ros_map
+from lme.worlds.clearance import clearance_field
 from lme.worlds.contours import outlines
 from lme.worlds.room import read_floor_plan
-from lme.worlds.sampling import clearance_field
 from tests.places import SHARED
 from tests.tolerances import KERNEL
 

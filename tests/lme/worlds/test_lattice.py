@@ -66,3 +66,12 @@ def test_a_path_does_not_squeeze_between_points_that_touch_diagonally():
     assert shortest_path(free, 1.0, *ends) == math.inf
     free[3, 2] = True
     assert shortest_path(free, 1.0, *ends) == pytest.approx(2 * math.hypot(2, 3))
+
+
+def test_a_search_may_go_all_over_a_large_lattice():
+    """A wall between start and goal, open at its end: the heap grows many times."""
+    free = np.ones((700, 900), dtype=bool)
+    free[:-4, 450] = False
+    length = shortest_path(free, 0.1, np.array([0, 440]), np.array([0, 460]))
+    straight = math.hypot(697, 10) + math.hypot(697, 10)
+    assert straight * 0.1 <= length <= straight * 0.1 * 1.014

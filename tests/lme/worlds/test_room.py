@@ -12,8 +12,8 @@ from lme.errors import InputError
 from lme.resources import resource_dir
 from lme.robots import Robot
 from lme.worlds.check import check_task
+from lme.worlds.clearance import clearance_field
 from lme.worlds.room import Room, RoomConfig, read_floor_plan
-from lme.worlds.sampling import clearance_field
 from runners.config import catalogue
 from runners.config.instantiate import build, fill_dataclass
 from tests.places import SHARED

@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from lme.errors import InputError
 from lme.types import Pose
 from lme.worlds.check import point_clearance
-from lme.worlds.sampling import FreeSpace, clearance_field
+from lme.worlds.clearance import clearance_field
+from lme.worlds.sampling import FreeSpace
 from lme.worlds.shapes import floor_plan
 from tests.tolerances import KERNEL
 
@@ -129,6 +130,32 @@ def test_the_path_around_a_wall_is_as_long_as_geometry_says():
     tangent = math.sqrt(away**2 - 0.3**2)
     turn = 2 * math.pi - 2 * math.acos(0.3 / away) - 2 * math.atan2(half_width, below)
     assert space.path_length(start, goal) == pytest.approx(2 * tangent + 0.3 * turn, rel=0.015)
+
+
+@given(st.integers(0, 2**32 - 1), st.floats(0.0, 9.0))
+def test_goals_are_all_reachable_points_far_enough_away(seed, min_distance):
+    """Twin: plain numpy, in the order of the flat lattice."""
+    space = FreeSpace(plan(walls=[{"points": [[5, 0], [5, 10]]}]), step=0.25, radius=0.3, margin=0.1)
+    start, _ = space.draw(rng(seed), min_distance=0.0)
+    middles = 0.125 + 0.25 * np.arange(40)
+    x, y = np.meshgrid(middles, middles)
+    roomy = space.clearance >= 0.4
+    away = np.hypot(*np.round([(x - start.x) / 0.25, (y - start.y) / 0.25])) * 0.25
+    goals = roomy & ((x < 5) == (start.x < 5)) & (away >= min_distance - 1e-9) & (away > 0.0)
+    if not goals.any():
+        with pytest.raises(InputError):
+            space.draw_partner(rng(seed), np.array(start[:2]), min_distance)
+        return
+    chosen = rng(seed).integers(goals.sum())
+    expected = [x[goals][chosen], y[goals][chosen]]
+    assert space.draw_partner(rng(seed), np.array(start[:2]), min_distance) == pytest.approx(expected)
+
+
+def test_a_hall_of_ten_million_points():
+    space = FreeSpace(floor_plan("hall", {"bounds": [0, 0, 158, 158]}), step=0.05, radius=0.2, margin=0.1)
+    start, goal = space.draw(rng(), 100.0)
+    straight = math.dist(start[:2], goal)
+    assert straight - 0.1 <= space.path_length(start, goal) <= LONGEST_DETOUR * straight + 0.1
 
 
 def test_too_little_room_to_sample_is_an_error():

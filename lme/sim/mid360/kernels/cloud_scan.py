@@ -11,9 +11,10 @@ from numba import njit
 from numpy.typing import NDArray
 
 from lme.kernels.bearing import direction
+from lme.kernels.edge_grid import first_hit, nearest
 from lme.sim.mid360.kernels.beam_pattern import MOST_NOISE, noise_of, rise_share, turn_share
 from lme.sim.mid360.kernels.raycast3d import BUCKETS, by_bearing, to_circle, to_edge
-from lme.types import Floats
+from lme.types import Floats, Ints
 
 
 @njit(cache=True, error_model="numpy")
@@ -27,20 +28,26 @@ def cloud_scan(
     num_bins: int,
     circles: Floats,
     edges: Floats,
+    grid: tuple[tuple[float, float, float, int, int], Ints, Floats],
 ) -> NDArray[np.float32]:
     """Least horizontal range of a cloud's points in each bin, inf for a bin without points: (num_bins,) [m].
 
     pose: of the sensor in the world; beams (first, number, phase in azimuth, phase in elevation) of the pattern
     (`beam_pattern.py`); noise (seed, σ [m]); sensor (height above the ground [m], lowest and highest
     elevation [rad], nearest and farthest distance [m]); heights (lowest, highest) and spans (nearest, farthest):
-    limits of the points that count [m]; circles (C, 3), edges (E, 4). The middle of bin i is at −π + i · 2π / bins.
+    limits of the points that count [m]; circles (C, 3), edges (E, 4) and those of an
+    `EdgeGrid`. The middle of bin i is at −π + i · 2π / bins.
     """
     ranges = np.full(num_bins, np.float32(np.inf))
     first, number, phase = beams[0], beams[1], (beams[2], beams[3])
     height, elevation_min, rise_span = sensor[0], sensor[1], sensor[2] - sensor[1]
     most = MOST_NOISE * noise[1]
+    frame, cells, in_cells = grid
     starts, items = by_bearing(pose, circles, edges, min(sensor[4], spans[1] + most))
-    low, high = _elevations(pose, starts, items, circles, edges, sensor, heights, most)
+    near = np.minimum(
+        _nearest(pose, starts, items, circles, edges), nearest(pose[0], pose[1], frame, cells, in_cells)
+    )
+    low, high = _elevations(near, sensor, heights, most)
     lowest, highest = (low.min() - elevation_min) / rise_span, (high.max() - elevation_min) / rise_span
     heading = pose[2] / (2.0 * math.pi)
     for beam in _between(first, number, phase[1], lowest, highest):
@@ -51,7 +58,9 @@ def cloud_scan(
         elevation = elevation_min + rise_span * rise
         if elevation < low[bucket] or elevation > high[bucket]:
             continue
-        reach = _first_hit(direction(place), pose, items, starts[bucket], starts[bucket + 1], circles, edges)
+        flat = direction(place)
+        reach = _first_hit(flat, pose, items, starts[bucket], starts[bucket + 1], circles, edges)
+        reach = first_hit(pose[0], pose[1], (1.0, 0.0), flat, reach, frame, cells, in_cells)
         cos, sin = direction(elevation / (2.0 * math.pi))
         if height * cos + reach * sin < 0.0:
             reach = -height * cos / sin  # the ground is nearer
@@ -79,24 +88,30 @@ def _between(first, number, phase, lowest, highest):
 
 
 @njit(cache=True, error_model="numpy")
-def _elevations(pose, starts, items, circles, edges, sensor, heights, most):
+def _nearest(pose, starts, items, circles, edges):
+    """Distance to the nearest obstacle of each bucket [m], inf if it has none: (BUCKETS,)."""
+    gaps, near = _gaps(pose, circles, edges), np.full(BUCKETS, np.inf)
+    for bucket in range(BUCKETS):
+        for j in range(starts[bucket], starts[bucket + 1]):
+            near[bucket] = min(near[bucket], gaps[items[j]])
+    return near
+
+
+@njit(cache=True, error_model="numpy")
+def _elevations(near, sensor, heights, most):
     """Lowest and highest elevation of the beams in each bucket that may give a point that counts: 2 × (BUCKETS,).
 
-    A beam hits nothing nearer than the nearest obstacle of its bucket, or the ground, and its noise is at most
-    `most` [m].
+    A beam hits nothing nearer than the nearest obstacle of its bucket, at near (BUCKETS,) [m], or the ground, and its
+    noise is at most `most` [m].
     """
     low, high = np.full(BUCKETS, -math.pi / 2.0), np.full(BUCKETS, math.pi / 2.0)
     below, above = max(sensor[0] - heights[0], 0.0), max(heights[1] - sensor[0], 0.0)
     ground_counts = heights[0] <= most
-    gaps = _gaps(pose, circles, edges)
     for bucket in range(BUCKETS):
-        near = np.inf
-        for j in range(starts[bucket], starts[bucket + 1]):
-            near = min(near, gaps[items[j]])
-        if near > most:
-            high[bucket] = math.atan(above / (near - most))
+        if near[bucket] > most:
+            high[bucket] = math.atan(above / (near[bucket] - most))
             if not ground_counts:
-                low[bucket] = -math.atan(below / (near - most))
+                low[bucket] = -math.atan(below / (near[bucket] - most))
     return low, high
 
 

@@ -1,5 +1,6 @@
 """The picture of trajectories: which worlds it shows, and that nothing in it overlaps."""
 
+import dataclasses
 import subprocess
 import sys
 from itertools import combinations
@@ -107,6 +108,36 @@ def test_no_text_panel_or_legend_overlaps_another(tmp_path, drawn, outcomes):
     width, height = figure.get_size_inches() * figure.dpi
     assert all(box.x0 >= 0 and box.y0 >= 0 and box.x1 <= width and box.y1 <= height for box in boxes)
     assert all(axes.get_aspect() == 1.0 for axes in figure.axes)
+
+
+@pytest.mark.parametrize(("side", "panels"), [(10.0, 4), (30.0, 5)])
+def test_in_a_building_the_first_panel_shows_all_failures(tmp_path, drawn, side, panels):
+    """A world larger than 20 m, the same in all tasks."""
+    frame, trajectories = run_of(["success", "timeout", "collision", "timeout"])
+    world = World(segments=np.array([[-2.0, -1.0, -2.0, side - 1.0], [2.0, -1.0, 2.0, side - 1.0]]))
+    worlds = {number: dataclasses.replace(task(number), world=world) for number in range(4)}
+    figures.trajectories_figure(frame, trajectories, worlds, tmp_path / "trajectories.png")
+    (figure,) = drawn
+    assert len(figure.axes) == panels
+    if panels == 5:
+        overview = figure.axes[0]
+        assert overview.get_title() == "failures in 3 worlds"
+        assert [text.get_text() for text in overview.texts] == ["1", "2", "3"]
+        assert len(overview.lines) == 2 * 3  # a path and its end each
+
+
+def test_failures_of_a_building_are_one_for_each_world():
+    frame = pd.DataFrame(
+        [
+            {"world": n, "run": run, "outcome": "success" if n % 2 or not run else "timeout"}
+            for n in range(200)
+            for run in range(3)
+        ]
+    )
+    keys = figures.failed_episodes(frame)
+    assert len(keys) == figures.FAILED
+    assert all(key.run == 1 and key.world % 2 == 0 for key in keys)
+    assert len({key.world for key in keys}) == len(keys)
 
 
 def test_the_picture_is_printable_and_in_the_colours_of_the_outcomes(tmp_path):

@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lme.kernels.bearing import direction
+from lme.kernels.edge_grid import NO_EDGES
 from lme.sim.mid360.kernels.beam_pattern import MOST_NOISE, beam_noise, beam_pattern
 from lme.sim.mid360.kernels.cloud_scan import cloud_scan
 from tests import oracles
@@ -42,7 +43,7 @@ def test_the_scan_is_that_of_the_whole_cloud(seed):
     spans, bins = (0.1, rng.uniform(4.0, 20.0)), int(rng.integers(4, 400))
     scan = cloud_scan(
         pose, (first, number, *phase), (key, float(std)), (height, *elevations, *limits), tuple(heights), spans,
-        bins, circles, edges,
+        bins, circles, edges, tuple(NO_EDGES),
     )  # fmt: skip
     beams, noise = beam_pattern(first, number, phase, elevations), std * beam_noise(first, number, key)
     expected = oracles.cloud_scan(pose, beams, noise, height, limits, heights, spans, bins, circles, edges)
@@ -54,7 +55,7 @@ def test_the_ground_counts_if_its_height_does():
     def returns(lowest):
         scan = cloud_scan(
             (0.0, 0.0, 0.0), (0, 5000, 0.1, 0.2), (1, 0.0), (0.4, -0.5, 0.1, 0.1, 40.0), (lowest, 0.5), (0.1, 20.0),
-            90, np.empty((0, 3)), np.empty((0, 4)),
+            90, np.empty((0, 3)), np.empty((0, 4)), tuple(NO_EDGES),
         )  # fmt: skip
         return np.isfinite(scan).sum()
 
