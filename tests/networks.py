@@ -1,4 +1,4 @@
-"""Random networks of DRL-DCLP, as weight files and as TensorFlow checkpoints, and of DRL-VO, for tests."""
+"""Random networks of DRL-DCLP, as weight files and as TensorFlow checkpoints, of DRL-VO, and in ONNX, for tests."""
 
 import numpy as np
 import pytest
@@ -34,6 +34,42 @@ def network_file(path, seed=0, trained=None):
         weights[TRAINED][TOLD.index(key)] = span
     with path.open("wb") as file:
         write_weights(weights, file)
+    return path
+
+
+def onnx_file(path, inputs=("scan", "target"), seed=0, hidden=8, outputs=2, dtype=1):
+    """An ONNX file of a random perceptron of one hidden layer.
+
+    inputs: names, or pairs of a name and the numbers that it takes. Without numbers it takes the mean of any number of
+    them. dtype: of `onnx.TensorProto`.
+    """
+    import onnx
+    from onnx import helper
+
+    sizes = [(each, None) if isinstance(each, str) else each for each in inputs]
+    rng, kind = np.random.default_rng(seed), helper.tensor_dtype_to_np_dtype(dtype)
+    nodes, seen = [], []
+    for name, size in sizes:
+        seen.append(name if size else f"{name}_mean")
+        if not size:
+            nodes.append(helper.make_node("ReduceMean", [name], [seen[-1]], axes=[1], keepdims=1))
+    width = sum(size or 1 for _, size in sizes)
+    layers = {"w1": (width, hidden), "w2": (hidden, outputs)}
+    tensors = [
+        onnx.numpy_helper.from_array((rng.normal(size=shape) / np.sqrt(shape[0])).astype(kind), name)
+        for name, shape in layers.items()
+    ]
+    nodes += [
+        helper.make_node("Concat", seen, ["x"], axis=1),
+        helper.make_node("MatMul", ["x", "w1"], ["h"]),
+        helper.make_node("Tanh", ["h"], ["t"]),
+        helper.make_node("MatMul", ["t", "w2"], ["action"]),
+    ]
+    given = [helper.make_tensor_value_info(name, dtype, (1, size)) for name, size in sizes]
+    answer = [helper.make_tensor_value_info("action", dtype, (1, outputs))]
+    graph = helper.make_graph(nodes, "policy", given, answer, tensors)
+    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
+    path.write_bytes(model.SerializeToString())
     return path
 
 

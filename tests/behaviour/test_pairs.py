@@ -19,7 +19,7 @@ from runners.config import build, catalogue
 from runners.config.overrides import CUSTOM
 from tests.builders import CLUTTER, SHIPPED, observation, room, task, without_errors
 from tests.composing import jobs_of
-from tests.networks import drl_vo_file, network_file
+from tests.networks import drl_vo_file, network_file, onnx_file
 from tests.tolerances import KERNEL, MIRROR, MIRROR_ON_CELLS
 
 CATALOGUE = catalogue.shipped()
@@ -29,9 +29,10 @@ GUIDES, PLANNERS = (
 LME = ("lme", "lme_printed")
 GOES_ON = (*LME, "lme_plus")  # after arrival
 LEARNED = {
-    name for name in PLANNERS if "weights" in CATALOGUE.values(f"planner/{name}")
+    name for name in PLANNERS if {"weights", "path"} & set(CATALOGUE.values(f"planner/{name}"))
 }  # random networks here
 NETWORKS = {"dclp": network_file, "drl_vo": drl_vo_file}  # by the first words of the planners' names
+ONNX = "onnx.onnx"
 TUNED_FOR = {
     "tuned": "jackal",
     "skid": "jackal_gazebo",
@@ -80,6 +81,7 @@ def network(tmp_path_factory):
         patch.setattr(weight_files, "REGISTERED", folder)
         for name, write in NETWORKS.items():
             write(folder / f"{name}.npz")
+        onnx_file(folder / ONNX)
         yield
 
 
@@ -94,6 +96,7 @@ def drives(planner):
 def configs(robot, guide, planner):
     with jobs_of("eval") as job:
         learned = [f"planner.weights={name}" for name in NETWORKS if planner.startswith(name)]
+        learned += [f"planner.path={weight_files.REGISTERED / ONNX}"] if planner == "onnx" else []
         return job(f"robot={robot}", f"guide={guide}", f"planner={planner}", *learned).config
 
 
