@@ -3,11 +3,13 @@
     pip install stable-baselines3
     python train_sb3.py [MINUTES]
 
-It trains 64 robots in fresh worlds, then drives the learned policy through fifty other fresh worlds.
+It trains 64 robots in fresh worlds, then drives the learned policy through fifty other fresh worlds. barn_ppo.onnx is
+the policy for planner=onnx (docs/envs.md).
 """
 
 import sys
 import time
+import warnings
 from collections import deque
 from typing import Any
 
@@ -117,10 +119,30 @@ def drive(model: PPO) -> dict[str, int]:
     return outcomes
 
 
+class Actor(torch.nn.Module):
+    """The mean of the actions, as `predict(observation, deterministic=True)` gives it before it cuts them off at ±1."""
+
+    def __init__(self, model: PPO) -> None:
+        super().__init__()
+        self.policy = model.policy
+
+    def forward(self, observation: torch.Tensor) -> torch.Tensor:
+        return self.policy(observation, deterministic=True)[0]
+
+
+def export(model: PPO, path: str) -> None:
+    """Write the policy as an ONNX file that maps (1, beams + 4) to (1, 2)."""
+    seen = torch.zeros(1, BEAMS + 4)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # the exporter that needs no further package is an old one
+        torch.onnx.export(Actor(model), (seen,), path, input_names=["observation"], dynamo=False)
+
+
 def main(minutes: float) -> None:
     torch.set_num_threads(1)
     model = learn(minutes)
     model.save("barn_ppo")
+    export(model, "barn_ppo.onnx")
     print(drive(model))
 
 

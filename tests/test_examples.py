@@ -23,14 +23,14 @@ RUNS = [
     for path in EXAMPLES
 ]
 ALLOWED = {"lme", "numpy", "matplotlib", "dataclasses", "sys"}
-LEARNING = {"collections", "gymnasium", "stable_baselines3", "time", "torch", "typing"}
+LEARNING = {"collections", "gymnasium", "stable_baselines3", "time", "torch", "typing", "warnings"}
 PRINTED = {
     "drive_one_world": r"success after \d+\.\d s and \d+\.\d m\n",
     "escaper_on_a_scan": r"subgoal: .* m ahead, .* m to the left\nreason: first subgoal: .*\n(  \w+: .*\n){6}",
     "train_sb3": r"( +\d+ steps: \d\.\d\d of the last \d+ episodes succeeded\n)*\{'.*\}\n",
     "own_planner": r"success after \d+\.\d s and \d+\.\d m\n",
 }
-WRITTEN = {"drive_one_world": ["world_218.png"], "train_sb3": ["barn_ppo.zip"]}
+WRITTEN = {"drive_one_world": ["world_218.png"], "train_sb3": ["barn_ppo.onnx", "barn_ppo.zip"]}
 
 
 @pytest.mark.parametrize("path", RUNS)
@@ -51,7 +51,7 @@ def test_an_example_runs_and_writes_where_it_is_called(path, tmp_path):
     written = sorted(file.name for file in tmp_path.iterdir())
     assert written == WRITTEN.get(path.stem, [])
     for name in written:
-        assert (tmp_path / name).read_bytes().startswith((b"\x89PNG", b"PK"))
+        assert (tmp_path / name).read_bytes().startswith((b"\x89PNG", b"PK", b"\x08"))  # the last: ONNX's version
 
 
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)

@@ -1,0 +1,235 @@
+"""Policies in ONNX files: what they see, what their outputs mean, and what is refused."""
+
+import numpy as np
+import pytest
+
+from lme.errors import InputError
+from lme.planners.onnx import OnnxPolicy
+from lme.planners.onnx.config import ActionConfig, OnnxConfig, ScanConfig, TargetConfig, TwistConfig
+from lme.types import Guidance, Twist
+from tests.builders import observation, stage
+from tests.networks import onnx_file
+from tests.tolerances import KERNEL
+
+pytest.importorskip("onnx")
+pytest.importorskip("onnxruntime")
+ROBOT = stage(v_max=2.0, omega_max=3.0, alpha_v=100.0, alpha_omega=100.0)  # reaches any command in a period
+LEFT = Guidance(np.array([3.0, 4.0]))
+BEAMS = ROBOT.lidar.num_beams
+SECTORS = np.full(BEAMS, np.inf, np.float32)
+SECTORS[:3], SECTORS[-1] = (4.0, 1.0, 2.0), 0.5
+
+
+class Recorder:
+    """A network that keeps what it is given and always answers the same."""
+
+    def __init__(self, answer):
+        self._answer, self.given = np.array(answer), []
+
+    def answer(self, parts):
+        self.given.append(parts)
+        return self._answer
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory):
+    return str(onnx_file(tmp_path_factory.mktemp("onnx") / "policy.onnx", ("scan", "target", "twist")))
+
+
+def made(file, answer=(0.5, -0.25), **settings):
+    """The planner with a network that answers `answer`, and that network."""
+    settings.setdefault("inputs", ["scan", "target", "twist", "limits", "action"])
+    planner = OnnxPolicy(OnnxConfig(path=file, **settings), ROBOT)
+    planner._network = network = Recorder(answer)
+    planner.reset(np.random.default_rng(0))
+    return planner, network
+
+
+def seen(ranges=SECTORS, twist=(0.3, -0.6)):
+    return observation(ranges=ranges, twist=Twist(*twist), robot=ROBOT)
+
+
+def parts(file, ranges=SECTORS, **settings):
+    planner, network = made(file, **settings)
+    planner.plan(seen(ranges), LEFT)
+    return network.given[0]
+
+
+def test_unscaled_the_parts_are_those_of_the_environments(file):
+    given = parts(file)
+    assert list(given) == ["scan", "target", "twist", "limits", "action"]
+    assert given["scan"] == pytest.approx(np.minimum(SECTORS, ROBOT.lidar.range_max))
+    assert given["target"] == pytest.approx([3.0, 4.0])
+    assert given["twist"] == pytest.approx([0.3, -0.6])
+    assert given["limits"] == pytest.approx([2.0, 3.0, 100.0, 100.0])
+    assert given["action"].tolist() == [0.0, 0.0]
+    assert {each.dtype for each in given.values()} == {np.dtype(np.float32)}
+
+
+def test_each_group_of_beams_has_its_nearest_return(file):
+    scan = parts(file, scan=ScanConfig(beams=BEAMS // 2))["scan"]
+    assert (scan[0], scan[1], scan[-1]) == (1.0, 2.0, 0.5)
+
+
+def test_ranges_are_cut_off_and_scaled(file):
+    scan = parts(file, scan=ScanConfig(clip=2.0, scaled=[-1.0, 1.0]))["scan"]
+    assert scan[:4] == pytest.approx([1.0, 0.0, 1.0, 1.0])
+    assert scan[-1] == pytest.approx(-0.5)
+
+
+@pytest.mark.parametrize("nothing", [np.full(BEAMS, np.nan, np.float32), np.empty(0, np.float32)])
+def test_nan_and_an_empty_scan_are_no_returns(file, nothing):
+    assert (parts(file, nothing)["scan"] == ROBOT.lidar.range_max).all()
+
+
+def test_a_clockwise_scan_is_turned_about(file):
+    planner, network = made(file)
+    usual = seen()
+    scan = usual.scan
+    last = scan.angle_min + (BEAMS - 1) * scan.angle_increment
+    turned = scan._replace(ranges=scan.ranges[::-1], angle_min=last, angle_increment=-scan.angle_increment)
+    for each in (scan, turned):
+        planner.plan(usual._replace(scan=each), LEFT)
+    np.testing.assert_array_equal(network.given[0]["scan"], network.given[1]["scan"])
+
+
+@pytest.mark.parametrize(
+    ("config", "expected"),
+    [
+        (TargetConfig(form="polar"), [5.0, np.arctan2(4.0, 3.0)]),
+        (TargetConfig(reach=10.0), [0.3, 0.4]),
+        (TargetConfig(reach=2.5), [0.6, 0.8]),
+        (TargetConfig(form="polar", reach=10.0), [0.5, np.arctan2(4.0, 3.0) / np.pi]),
+        (TargetConfig(form="polar", reach=2.5), [1.0, np.arctan2(4.0, 3.0) / np.pi]),
+    ],
+)
+def test_the_target_has_the_form_that_the_policy_knows(file, config, expected):
+    assert parts(file, target=config)["target"] == pytest.approx(expected)
+
+
+def test_the_twist_is_a_share_of_what_becomes_one(file):
+    assert parts(file, twist=TwistConfig(v=0.6, omega=3.0))["twist"] == pytest.approx([0.5, -0.2])
+
+
+def test_outputs_are_shares_of_the_robots_limits_and_seen_at_the_next_step(file):
+    planner, network = made(file)
+    assert planner.plan(seen(), LEFT) == pytest.approx((1.0, -0.75), abs=KERNEL)
+    planner.plan(seen(), LEFT)
+    assert network.given[1]["action"] == pytest.approx([0.5, -0.25])
+    planner.reset(np.random.default_rng(0))
+    planner.plan(seen(), LEFT)
+    assert network.given[2]["action"].tolist() == [0.0, 0.0]
+
+
+def test_outputs_beyond_one_are_cut_off(file):
+    assert made(file, (3.0, -4.0))[0].plan(seen(), LEFT) == pytest.approx((2.0, -3.0))
+    free = made(file, (0.6, -4.0), action=ActionConfig(v=[-2.0, 2.0], omega=[-0.5, 0.5], clip=False))[0]
+    assert free.plan(seen(), LEFT) == pytest.approx((1.2, -2.0))
+
+
+def test_outputs_may_mean_other_velocities(file):
+    planner, _ = made(file, (-1.0, 0.0), action=ActionConfig(v=[-1.0, 2.0], omega=[-2.0, 1.0]))
+    assert planner.plan(seen(), LEFT) == pytest.approx((-1.0, -0.5), abs=KERNEL)
+
+
+def test_a_command_stays_within_reach(file):
+    slow = stage(v_max=2.0, omega_max=3.0, alpha_v=1.0, alpha_omega=1.0)
+    planner = OnnxPolicy(OnnxConfig(path=file), slow)
+    planner._network = Recorder((1.0, 1.0))
+    command = planner.plan(observation(ranges=SECTORS, twist=Twist(0.0, 0.0), robot=slow), LEFT)
+    assert command == pytest.approx((slow.dt, slow.dt))
+
+
+def test_a_real_network_answers_the_same_joined_and_by_name(tmp_path):
+    """The random weights are the same; the joined input is in the order of `planner.inputs`."""
+    commands = []
+    for name, given in {"joined": [("x", 4)], "named": [("target", 2), ("twist", 2)]}.items():
+        path = onnx_file(tmp_path / f"{name}.onnx", given)
+        planner = OnnxPolicy(OnnxConfig(path=str(path), inputs=["target", "twist"]), ROBOT)
+        commands.append(planner.plan(seen(), LEFT))
+    assert commands[0] == commands[1] != (0.0, 0.0)
+
+
+def test_a_network_of_doubles_is_given_doubles(tmp_path):
+    import onnx
+
+    path = onnx_file(tmp_path / "double.onnx", [("x", 2)], dtype=onnx.TensorProto.DOUBLE)
+    assert all(np.isfinite(OnnxPolicy(OnnxConfig(path=str(path), inputs=["target"]), ROBOT).plan(seen(), LEFT)))
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"path": None}, "planner.path is null: must be the path of an .onnx file"),
+        ({"path": "missing.onnx"}, "planner.path is missing.onnx: must be the path of an .onnx file"),
+        ({"scan": {"beams": 7}}, f"planner.scan.beams is 7: must divide the lidar's {BEAMS}"),
+    ],
+)
+def test_a_mistake_is_named(file, settings, message):
+    scan = ScanConfig(**settings.get("scan", {}))
+    with pytest.raises(InputError, match=message):
+        OnnxPolicy(OnnxConfig(path=settings.get("path", file), scan=scan), ROBOT)
+
+
+@pytest.mark.parametrize(
+    ("config", "settings", "message"),
+    [
+        (OnnxConfig, {"inputs": ["scam"]}, "planner.inputs has 'scam': did you mean scan"),
+        (OnnxConfig, {"inputs": []}, r"planner.inputs is \[\]: must name at least one part"),
+        (OnnxConfig, {"inputs": ["scan", "scan"]}, "each once"),
+        (ScanConfig, {"clip": 0.0}, "planner.scan.clip is 0: must be greater than 0"),
+        (ScanConfig, {"scaled": [1.0]}, r"planner.scan.scaled is \[1.0\]: must be two different numbers"),
+        (TargetConfig, {"form": "round"}, "planner.target.form is 'round': must be one of xy, polar"),
+        (TwistConfig, {"v": -1.0}, "planner.twist.v is -1: must be greater than 0"),
+        (ActionConfig, {"v": [1.0, 1.0]}, r"planner.action.v is \[1.0, 1.0\]: must be two different numbers"),
+    ],
+)
+def test_a_wrong_value_is_named(config, settings, message):
+    with pytest.raises(InputError, match=message):
+        config(**settings)
+
+
+def refused(tmp_path, inputs, given, **network):
+    path = onnx_file(tmp_path / "policy.onnx", given, **network)
+    with pytest.raises(InputError) as caught:
+        OnnxPolicy(OnnxConfig(path=str(path), inputs=inputs), ROBOT)
+    return str(caught.value)
+
+
+def test_a_network_of_another_size_is_refused_with_both(tmp_path):
+    said = refused(tmp_path, ["scan", "target"], [("x", 76)])
+    assert f"input x takes 76 numbers, but planner.inputs and planner.scan make {BEAMS + 2}" in said
+    assert f"(scan {BEAMS} + target 2): must be equal" in said
+    assert "\n" not in said
+
+
+def test_a_network_with_another_input_or_output_is_refused(tmp_path):
+    said = refused(tmp_path, ["scan", "target"], ["scan", ("goal", 2)])
+    assert "planner.inputs is ['scan', 'target']: must name all inputs of" in said
+    assert "which are scan, goal" in said
+    said = refused(tmp_path, ["target"], [("target", 2)], outputs=5)
+    assert "its first output has the shape (1, 5); must be two numbers, for v and omega" in said
+
+
+def test_a_file_that_is_not_onnx_is_refused_in_one_line(tmp_path):
+    path = tmp_path / "policy.onnx"
+    path.write_bytes(b"not a network")
+    with pytest.raises(InputError, match="cannot be read as an ONNX file") as caught:
+        OnnxPolicy(OnnxConfig(path=str(path)), ROBOT)
+    assert "\n" not in str(caught.value)
+
+
+def test_an_answer_that_is_not_finite_is_refused(file):
+    with pytest.raises(InputError, match=r"the network answers \[nan, 0.0\]; must be finite numbers"):
+        made(file, (np.nan, 0.0))[0].plan(seen(), LEFT)
+
+
+def test_a_scan_with_other_beams_than_the_robots_is_refused(file):
+    with pytest.raises(InputError, match=f"the scan has 10 beams, but robot.lidar.num_beams is {BEAMS}"):
+        made(file)[0].plan(seen(np.ones(10, np.float32)), LEFT)
+
+
+def test_without_onnxruntime_a_line_says_how_to_install_it(file, monkeypatch):
+    monkeypatch.setitem(__import__("sys").modules, "onnxruntime", None)
+    with pytest.raises(InputError, match="the planner onnx needs onnxruntime: pip install"):
+        OnnxPolicy(OnnxConfig(path=file), ROBOT)
