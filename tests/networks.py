@@ -60,8 +60,8 @@ def onnx_file(path, inputs=("scan", "target"), seed=0, hidden=8, outputs=2, dtyp
         for name, shape in layers.items()
     ]
     nodes += [
-        helper.make_node("Concat", seen, ["x"], axis=1),
-        helper.make_node("MatMul", ["x", "w1"], ["h"]),
+        helper.make_node("Concat", seen, ["joined"], axis=1),
+        helper.make_node("MatMul", ["joined", "w1"], ["h"]),
         helper.make_node("Tanh", ["h"], ["t"]),
         helper.make_node("MatMul", ["t", "w2"], ["action"]),
     ]

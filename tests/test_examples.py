@@ -51,7 +51,9 @@ def test_an_example_runs_and_writes_where_it_is_called(path, tmp_path):
     written = sorted(file.name for file in tmp_path.iterdir())
     assert written == WRITTEN.get(path.stem, [])
     for name in written:
-        assert (tmp_path / name).read_bytes().startswith((b"\x89PNG", b"PK", b"\x08"))  # the last: ONNX's version
+        assert (
+            (tmp_path / name).read_bytes().startswith((b"\x89PNG", b"PK", b"\x08"))
+        )  # the last: ONNX's version
 
 
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)

@@ -25,9 +25,7 @@ def test_a_script_uses_public_names_alone_and_imports_nothing_under_the_gpl(path
     assert used <= set(lme.__all__)
 
 
-@pytest.mark.parametrize(
-    "folder", sorted({path.parent for path in SCRIPTS}), ids=lambda folder: folder.name
-)
+@pytest.mark.parametrize("folder", sorted({path.parent for path in SCRIPTS}), ids=lambda folder: folder.name)
 def test_a_readme_names_each_script(folder):
     said = (folder / "README.md").read_text(encoding="utf-8")
     assert [path.name for path in folder.glob("*.py") if path.name not in said] == []

@@ -93,9 +93,7 @@ def test_neighbours_are_in_the_agents_frame_and_their_velocity_is_over_ground():
 
 
 def test_without_that_sensor_nobody_is_known_to_move():
-    world = world_of(
-        agent(state_estimations=[table.LIDAR]), neighbour((3.0, 1.0), (0.0, -0.5))
-    )
+    world = world_of(agent(state_estimations=[table.LIDAR]), neighbour((3.0, 1.0), (0.0, -0.5)))
     world.update(table.DT)
     assert behavior.neighbours(world.agents[0].behavior._state).shape == (0, 4)
 

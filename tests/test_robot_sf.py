@@ -86,7 +86,11 @@ def test_the_robot_sees_walls_and_people_in_its_own_frame():
 
 
 def test_only_people_in_sight_are_tracked_and_none_with_the_scan_alone():
-    people = [(8.0, 10.0, -1.0, 0.0), (10.0, 10.0, -1.0, 0.0), (8.0, 15.0, 0.0, -1.0)]  # seen, hidden, behind a wall
+    people = [
+        (8.0, 10.0, -1.0, 0.0),
+        (10.0, 10.0, -1.0, 0.0),
+        (8.0, 15.0, 0.0, -1.0),
+    ]  # seen, hidden, behind a wall
     scene = arm.scene_of(request(people=people))
     robot = arm.robot_of(scene)
     assert arm.observe(scene, robot, tracked=True).pedestrians[:, :2] == pytest.approx(np.array([[4.0, 0.0]]))

@@ -1,7 +1,7 @@
 """Compare LME, LME+ and ir-sim's own behaviours in random worlds of world.yaml.
 
-    pip install ir-sim
-    python irsim_table.py [WORLDS]        # 24; world k is that of irsim.make(…, seed=k)
+pip install ir-sim
+python irsim_table.py [WORLDS]        # 48; world k is that of irsim.make(…, seed=k)
 """
 
 import os
@@ -64,4 +64,4 @@ def main(worlds: int) -> None:
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else 24)
+    main(int(sys.argv[1]) if len(sys.argv) > 1 else 48)

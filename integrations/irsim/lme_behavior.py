@@ -41,7 +41,9 @@ def robot_of(ego: Any) -> lme.Robot:
     """Outline, limits, control period and lidar of an ir-sim robot."""
     (v_max, omega_max), (v_min, _) = ego.vel_max[:, 0], ego.vel_min[:, 0]
     dt = ego.world_param.step_time
-    at_once = 2.0 * ego.vel_max[:, 0] / dt  # no limit: from full speed backwards to full speed ahead in one step
+    at_once = (
+        2.0 * ego.vel_max[:, 0] / dt
+    )  # no limit: from full speed backwards to full speed ahead in one step
     alpha_v, alpha_omega = np.minimum(ego.info.acce[:, 0], at_once)
     return lme.Robot(
         ego.name,

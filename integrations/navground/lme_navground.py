@@ -92,7 +92,11 @@ def target_of(behavior: core.Behavior) -> np.ndarray | None:
     if point is not None:
         return np.asarray(point, dtype=float)
     direction = behavior.get_target_direction(core.Frame.absolute)
-    return None if direction is None else np.asarray(behavior.position + FAR * np.asarray(direction), dtype=float)
+    return (
+        None
+        if direction is None
+        else np.asarray(behavior.position + FAR * np.asarray(direction), dtype=float)
+    )
 
 
 def robot_of(behavior: core.Behavior, scan: Any, time_step: float) -> lme.Robot:
@@ -101,7 +105,9 @@ def robot_of(behavior: core.Behavior, scan: Any, time_step: float) -> lme.Robot:
     v_max = min(kinematics.max_speed, behavior.optimal_speed)
     omega_max = kinematics.max_angular_speed
     at_once = 2.0 / time_step  # from full speed backwards to full speed ahead in one step
-    beams = len(scan.ranges) - (scan.fov >= 2 * math.pi - 1e-6)  # in a full circle the last is the first again
+    beams = len(scan.ranges) - (
+        scan.fov >= 2 * math.pi - 1e-6
+    )  # in a full circle the last is the first again
     middle = scan.start_angle + scan.fov / 2.0
     return lme.Robot(
         "navground",

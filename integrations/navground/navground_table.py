@@ -88,7 +88,11 @@ def drive(scenario: str, behavior: str, seed: int) -> Run:
 
 def main(seeds: int) -> None:
     print(f"{seeds} seeds, {AGENTS} agents, {DURATION:g} s\n")
-    print("| behaviour |", " | ".join(f"{name}: efficacy, collided, stuck" for name in SCENARIOS), "| wall [s] |")
+    print(
+        "| behaviour |",
+        " | ".join(f"{name}: efficacy, collided, stuck" for name in SCENARIOS),
+        "| wall [s] |",
+    )
     print("|---|", "|".join("---:" for _ in SCENARIOS), "|---:|", sep="")
     for behavior in BEHAVIORS:
         began, cells = time.monotonic(), []

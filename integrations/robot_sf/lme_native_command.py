@@ -119,10 +119,16 @@ def _first(value: Any, default: float = 0.0) -> float:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--system", default="lme_plus", help="a name of conf/system/")
-    parser.add_argument("--people", action="store_true", help="give it the people in sight, with their velocities")
-    parser.add_argument("--as-is", action="store_true", help="send velocities as they are, to see what that does")
+    parser.add_argument(
+        "--people", action="store_true", help="give it the people in sight, with their velocities"
+    )
+    parser.add_argument(
+        "--as-is", action="store_true", help="send velocities as they are, to see what that does"
+    )
     args = parser.parse_args()
     for reply in replies(sys.stdin, args.system, args.people, args.as_is):
         print(reply, flush=True)

@@ -14,7 +14,9 @@ FORMS = ("xy", "polar")
 class ScanConfig:
     """The scan: ranges, from right to left."""
 
-    beams: int | None = None  # each the nearest return of a group of neighbouring beams; None: all of the lidar's
+    beams: int | None = (
+        None  # each the nearest return of a group of neighbouring beams; None: all of the lidar's
+    )
     clip: float | None = None  # [m] longer ranges become this one; None: the lidar's range_max
     scaled: list[float] | None = None  # what ranges of 0 and `clip` become, such as [-1, 1]; None: metres
 
@@ -85,9 +87,7 @@ class OnnxConfig:
         for part in self.inputs:
             if part not in PARTS:
                 hint = nearest(str(part), PARTS)
-                raise InputError(
-                    f"planner.inputs has {part!r}: {hint}each must be one of {', '.join(PARTS)}"
-                )
+                raise InputError(f"planner.inputs has {part!r}: {hint}each must be one of {', '.join(PARTS)}")
         if not self.inputs or len(set(self.inputs)) < len(self.inputs):
             raise InputError(f"planner.inputs is {list(self.inputs)}: must name at least one part, each once")
 

@@ -154,7 +154,9 @@ def test_a_network_of_doubles_is_given_doubles(tmp_path):
     import onnx
 
     path = onnx_file(tmp_path / "double.onnx", [("x", 2)], dtype=onnx.TensorProto.DOUBLE)
-    assert all(np.isfinite(OnnxPolicy(OnnxConfig(path=str(path), inputs=["target"]), ROBOT).plan(seen(), LEFT)))
+    assert all(
+        np.isfinite(OnnxPolicy(OnnxConfig(path=str(path), inputs=["target"]), ROBOT).plan(seen(), LEFT))
+    )
 
 
 @pytest.mark.parametrize(

@@ -52,7 +52,7 @@ def policy():
 @pytest.fixture(scope="module")
 def file(policy, tmp_path_factory):
     path = tmp_path_factory.mktemp("policy") / "policy.onnx"
-    with pytest.warns(DeprecationWarning):  # the exporter that needs no further package
+    with pytest.warns(DeprecationWarning, match="legacy"):  # the exporter that needs no further package
         torch.onnx.export(policy, (torch.zeros(1, BEAMS + 4),), str(path), dynamo=False)
     return path
 
