@@ -116,7 +116,7 @@ def test_replies_stay_within_the_accelerations_of_robot_sf(people):
 
 def test_it_speeds_up_where_the_way_is_free_and_brakes_before_somebody():
     (free,) = answers([request()], tracked=True)
-    (blocked,) = answers([request(people=[(6.2, 10.0, 0.0, 0.0)])], tracked=False)  # 0.8 m ahead
+    (blocked,) = answers([request(people=[(5.7, 10.0, 0.0, 0.0)])], tracked=False)  # 0.3 m ahead
     assert free["linear_velocity"] == pytest.approx(2.0)  # 1 m/s and an acceleration of 1 m/s²
     assert blocked["linear_velocity"] < 1.0
 
