@@ -33,7 +33,7 @@ class LmeBehavior(core.Behavior, name="LME"):  # type: ignore[call-arg,misc,unus
         self._target = np.full(2, np.inf)  # in the world [m]
 
     @property
-    @core.register("lme_plus", "A system of conf/system/")
+    @core.register("lme_plus", "A system of conf/system/")  # type: ignore[untyped-decorator]
     def system(self) -> str:
         """The system, a name of conf/system/."""
         return self._system
@@ -43,7 +43,7 @@ class LmeBehavior(core.Behavior, name="LME"):  # type: ignore[call-arg,misc,unus
         self._system = value
 
     @property
-    @core.register(0, "Seed of its random numbers", schema.positive)
+    @core.register(0, "Seed of its random numbers", schema.positive)  # type: ignore[untyped-decorator]
     def seed(self) -> int:
         """Seed of the candidates' random numbers."""
         return self._seed
@@ -136,7 +136,7 @@ def neighbours(state: core.SensingState) -> np.ndarray:
         return np.empty((0, 4))
     valid = np.asarray(state.get_buffer("valid").data, dtype=bool).ravel()
     rows = np.hstack([np.asarray(position.data), np.asarray(velocity.data)]).reshape(-1, 4)[valid]
-    return rows[np.hypot(rows[:, 2], rows[:, 3]) > 0.0]
+    return np.asarray(rows[np.hypot(rows[:, 2], rows[:, 3]) > 0.0])
 
 
 def rotated(vector: np.ndarray, angle: float) -> np.ndarray:

@@ -15,7 +15,12 @@ import numpy as np
 
 import lme
 
-LIMITS = {"v_max": 2.0, "omega_max": 1.0, "alpha_v": 1.0, "alpha_omega": 1.0}  # Robot SF's defaults
+LIMITS: dict[str, Any] = {
+    "v_max": 2.0,
+    "omega_max": 1.0,
+    "alpha_v": 1.0,
+    "alpha_omega": 1.0,
+}  # Robot SF's defaults
 RADIUS, PERSON, DT = 1.0, 0.4, 0.1  # [m], [m], [s], where a request does not say
 LIDAR = lme.Lidar(num_beams=720, fov=2 * np.pi, range_min=0.0, range_max=20.0)
 IN_SIGHT = 0.1  # [m] a person is in sight if the beam to them returns at most this much before their outline
@@ -75,13 +80,13 @@ def in_sight(people: np.ndarray, scan: lme.LaserScan, radius: float) -> np.ndarr
     bearings = np.arctan2(people[:, 1], people[:, 0])
     beams = np.rint((bearings - scan.angle_min) / scan.angle_increment).astype(int) % len(scan.ranges)
     away = np.hypot(people[:, 0], people[:, 1])
-    return (scan.ranges[beams] >= away - radius - IN_SIGHT) & (away - radius < scan.range_max)
+    return np.asarray((scan.ranges[beams] >= away - radius - IN_SIGHT) & (away - radius < scan.range_max))
 
 
 def turned(vectors: np.ndarray, angle: float) -> np.ndarray:
     """Vectors (N, 2), turned by an angle [rad]."""
     cos, sin = np.cos(angle), np.sin(angle)
-    return vectors @ np.array([[cos, sin], [-sin, cos]])
+    return np.asarray(vectors @ np.array([[cos, sin], [-sin, cos]]))
 
 
 def reply_of(command: lme.Twist, now: lme.Twist, dt: float) -> lme.Twist:

@@ -11,7 +11,7 @@ FORMS = ("xy", "polar")
 
 
 @dataclass(slots=True)
-class ScanConfig:
+class OnnxScanConfig:
     """The scan: ranges, from right to left."""
 
     beams: int | None = (
@@ -29,7 +29,7 @@ class ScanConfig:
 
 
 @dataclass(slots=True)
-class TargetConfig:
+class OnnxTargetConfig:
     """The target, or the guide's subgoal."""
 
     form: str = "xy"  # xy: ahead and left | polar: distance and bearing [rad]
@@ -43,7 +43,7 @@ class TargetConfig:
 
 
 @dataclass(slots=True)
-class TwistConfig:
+class OnnxTwistConfig:
     """The current velocity."""
 
     v: float | None = None  # [m/s] that becomes 1; None: m/s
@@ -56,7 +56,7 @@ class TwistConfig:
 
 
 @dataclass(slots=True)
-class ActionConfig:
+class OnnxActionConfig:
     """The two outputs."""
 
     v: list[float] | None = None  # [m/s] of outputs −1 and 1; None: −v_max and v_max of the robot
@@ -78,10 +78,10 @@ class OnnxConfig:
 
     path: str | None = None  # of the .onnx file
     inputs: list[str] = field(default_factory=lambda: ["scan", "target", "twist", "limits"])
-    scan: ScanConfig = field(default_factory=ScanConfig)
-    target: TargetConfig = field(default_factory=TargetConfig)
-    twist: TwistConfig = field(default_factory=TwistConfig)
-    action: ActionConfig = field(default_factory=ActionConfig)
+    scan: OnnxScanConfig = field(default_factory=OnnxScanConfig)
+    target: OnnxTargetConfig = field(default_factory=OnnxTargetConfig)
+    twist: OnnxTwistConfig = field(default_factory=OnnxTwistConfig)
+    action: OnnxActionConfig = field(default_factory=OnnxActionConfig)
 
     def __post_init__(self) -> None:
         for part in self.inputs:

@@ -8,14 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lme.errors import InputError
-from lme.planners.onnx.config import OnnxConfig, ScanConfig, TargetConfig
+from lme.planners.onnx.config import OnnxConfig, OnnxScanConfig, OnnxTargetConfig
 from lme.robots import Robot
 from lme.types import Floats, LaserScan, Observation
 
 Part = NDArray[np.float32]
 
 
-class Features:
+class OnnxFeatures:
     """The parts that `planner.inputs` names, as float32 vectors.
 
     The arithmetic is that of `lme.envs`, in float32 and in the same order: an environment's observation and this one
@@ -34,11 +34,12 @@ class Features:
     def of(self, observation: Observation, subgoal: Floats, action: Floats) -> dict[str, Part]:
         """The parts at one step. subgoal: (2,) in the robot frame [m]; action: the last outputs (2,)."""
         config = self._config
-        twist = np.array(observation.twist, dtype=np.float32)
-        made = {
+        units = np.array([config.twist.v or 1.0, config.twist.omega or 1.0], dtype=np.float32)
+        twist: Part = np.array(observation.twist, dtype=np.float32) / units
+        made: dict[str, Part] = {
             "scan": self._scan(observation.scan),
             "target": target_part(subgoal, config.target),
-            "twist": twist / np.array([config.twist.v or 1.0, config.twist.omega or 1.0], dtype=np.float32),
+            "twist": twist,
             "limits": np.array(observation.limits[:4], dtype=np.float32),
             "action": action.astype(np.float32),
         }
@@ -54,7 +55,7 @@ class Features:
         return scan_part(scan, self._beams, self._config.scan)
 
 
-def scan_part(scan: LaserScan, beams: int, config: ScanConfig) -> Part:
+def scan_part(scan: LaserScan, beams: int, config: OnnxScanConfig) -> Part:
     """(beams,) ranges from right to left; a beam without a return has range_max."""
     ranges = np.where(np.isnan(scan.ranges), np.float32(np.inf), scan.ranges)
     if scan.angle_increment < 0.0:
@@ -68,7 +69,7 @@ def scan_part(scan: LaserScan, beams: int, config: ScanConfig) -> Part:
     return cut / clip * (high - low) + low
 
 
-def target_part(subgoal: Floats, config: TargetConfig) -> Part:
+def target_part(subgoal: Floats, config: OnnxTargetConfig) -> Part:
     """(2,) x and y, or distance and bearing; in shares of `reach`, and the bearing in shares of π, if it is given."""
     target: Part = subgoal.astype(np.float32)
     away = np.hypot(target[:1], target[1:])
@@ -77,4 +78,4 @@ def target_part(subgoal: Floats, config: TargetConfig) -> Part:
         if config.reach is None:
             return np.concatenate([away, bearing])
         return np.concatenate([np.minimum(away / config.reach, 1.0), bearing / math.pi]).astype(np.float32)
-    return target if config.reach is None else target / np.maximum(config.reach, away)
+    return target if config.reach is None else (target / np.maximum(config.reach, away)).astype(np.float32)

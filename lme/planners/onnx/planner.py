@@ -9,7 +9,7 @@ import numpy as np
 from lme.errors import InputError
 from lme.planners.commands import limited
 from lme.planners.onnx.config import OnnxConfig
-from lme.planners.onnx.features import Features
+from lme.planners.onnx.features import OnnxFeatures
 from lme.planners.onnx.network import Network
 from lme.robots import Robot
 from lme.types import Floats, Guidance, Limits, Observation, Twist
@@ -28,7 +28,7 @@ class OnnxPolicy:
         if config.path is None:
             raise InputError("planner.path is null: must be the path of an .onnx file (docs/envs.md)")
         self._config, self._robot = config, robot
-        self._features = Features(config, robot)
+        self._features = OnnxFeatures(config, robot)
         self._network = Network(Path(config.path).expanduser(), self._features.sizes)
         self._last: Floats = np.zeros(2)
 

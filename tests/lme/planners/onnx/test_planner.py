@@ -5,7 +5,13 @@ import pytest
 
 from lme.errors import InputError
 from lme.planners.onnx import OnnxPolicy
-from lme.planners.onnx.config import ActionConfig, OnnxConfig, ScanConfig, TargetConfig, TwistConfig
+from lme.planners.onnx.config import (
+    OnnxActionConfig,
+    OnnxConfig,
+    OnnxScanConfig,
+    OnnxTargetConfig,
+    OnnxTwistConfig,
+)
 from lme.types import Guidance, Twist
 from tests.builders import observation, stage
 from tests.networks import onnx_file
@@ -67,12 +73,12 @@ def test_unscaled_the_parts_are_those_of_the_environments(file):
 
 
 def test_each_group_of_beams_has_its_nearest_return(file):
-    scan = parts(file, scan=ScanConfig(beams=BEAMS // 2))["scan"]
+    scan = parts(file, scan=OnnxScanConfig(beams=BEAMS // 2))["scan"]
     assert (scan[0], scan[1], scan[-1]) == (1.0, 2.0, 0.5)
 
 
 def test_ranges_are_cut_off_and_scaled(file):
-    scan = parts(file, scan=ScanConfig(clip=2.0, scaled=[-1.0, 1.0]))["scan"]
+    scan = parts(file, scan=OnnxScanConfig(clip=2.0, scaled=[-1.0, 1.0]))["scan"]
     assert scan[:4] == pytest.approx([1.0, 0.0, 1.0, 1.0])
     assert scan[-1] == pytest.approx(-0.5)
 
@@ -96,11 +102,11 @@ def test_a_clockwise_scan_is_turned_about(file):
 @pytest.mark.parametrize(
     ("config", "expected"),
     [
-        (TargetConfig(form="polar"), [5.0, np.arctan2(4.0, 3.0)]),
-        (TargetConfig(reach=10.0), [0.3, 0.4]),
-        (TargetConfig(reach=2.5), [0.6, 0.8]),
-        (TargetConfig(form="polar", reach=10.0), [0.5, np.arctan2(4.0, 3.0) / np.pi]),
-        (TargetConfig(form="polar", reach=2.5), [1.0, np.arctan2(4.0, 3.0) / np.pi]),
+        (OnnxTargetConfig(form="polar"), [5.0, np.arctan2(4.0, 3.0)]),
+        (OnnxTargetConfig(reach=10.0), [0.3, 0.4]),
+        (OnnxTargetConfig(reach=2.5), [0.6, 0.8]),
+        (OnnxTargetConfig(form="polar", reach=10.0), [0.5, np.arctan2(4.0, 3.0) / np.pi]),
+        (OnnxTargetConfig(form="polar", reach=2.5), [1.0, np.arctan2(4.0, 3.0) / np.pi]),
     ],
 )
 def test_the_target_has_the_form_that_the_policy_knows(file, config, expected):
@@ -108,7 +114,7 @@ def test_the_target_has_the_form_that_the_policy_knows(file, config, expected):
 
 
 def test_the_twist_is_a_share_of_what_becomes_one(file):
-    assert parts(file, twist=TwistConfig(v=0.6, omega=3.0))["twist"] == pytest.approx([0.5, -0.2])
+    assert parts(file, twist=OnnxTwistConfig(v=0.6, omega=3.0))["twist"] == pytest.approx([0.5, -0.2])
 
 
 def test_outputs_are_shares_of_the_robots_limits_and_seen_at_the_next_step(file):
@@ -123,12 +129,12 @@ def test_outputs_are_shares_of_the_robots_limits_and_seen_at_the_next_step(file)
 
 def test_outputs_beyond_one_are_cut_off(file):
     assert made(file, (3.0, -4.0))[0].plan(seen(), LEFT) == pytest.approx((2.0, -3.0))
-    free = made(file, (0.6, -4.0), action=ActionConfig(v=[-2.0, 2.0], omega=[-0.5, 0.5], clip=False))[0]
+    free = made(file, (0.6, -4.0), action=OnnxActionConfig(v=[-2.0, 2.0], omega=[-0.5, 0.5], clip=False))[0]
     assert free.plan(seen(), LEFT) == pytest.approx((1.2, -2.0))
 
 
 def test_outputs_may_mean_other_velocities(file):
-    planner, _ = made(file, (-1.0, 0.0), action=ActionConfig(v=[-1.0, 2.0], omega=[-2.0, 1.0]))
+    planner, _ = made(file, (-1.0, 0.0), action=OnnxActionConfig(v=[-1.0, 2.0], omega=[-2.0, 1.0]))
     assert planner.plan(seen(), LEFT) == pytest.approx((-1.0, -0.5), abs=KERNEL)
 
 
@@ -168,7 +174,7 @@ def test_a_network_of_doubles_is_given_doubles(tmp_path):
     ],
 )
 def test_a_mistake_is_named(file, settings, message):
-    scan = ScanConfig(**settings.get("scan", {}))
+    scan = OnnxScanConfig(**settings.get("scan", {}))
     with pytest.raises(InputError, match=message):
         OnnxPolicy(OnnxConfig(path=settings.get("path", file), scan=scan), ROBOT)
 
@@ -179,11 +185,15 @@ def test_a_mistake_is_named(file, settings, message):
         (OnnxConfig, {"inputs": ["scam"]}, "planner.inputs has 'scam': did you mean scan"),
         (OnnxConfig, {"inputs": []}, r"planner.inputs is \[\]: must name at least one part"),
         (OnnxConfig, {"inputs": ["scan", "scan"]}, "each once"),
-        (ScanConfig, {"clip": 0.0}, "planner.scan.clip is 0: must be greater than 0"),
-        (ScanConfig, {"scaled": [1.0]}, r"planner.scan.scaled is \[1.0\]: must be two different numbers"),
-        (TargetConfig, {"form": "round"}, "planner.target.form is 'round': must be one of xy, polar"),
-        (TwistConfig, {"v": -1.0}, "planner.twist.v is -1: must be greater than 0"),
-        (ActionConfig, {"v": [1.0, 1.0]}, r"planner.action.v is \[1.0, 1.0\]: must be two different numbers"),
+        (OnnxScanConfig, {"clip": 0.0}, "planner.scan.clip is 0: must be greater than 0"),
+        (OnnxScanConfig, {"scaled": [1.0]}, r"planner.scan.scaled is \[1.0\]: must be two different numbers"),
+        (OnnxTargetConfig, {"form": "round"}, "planner.target.form is 'round': must be one of xy, polar"),
+        (OnnxTwistConfig, {"v": -1.0}, "planner.twist.v is -1: must be greater than 0"),
+        (
+            OnnxActionConfig,
+            {"v": [1.0, 1.0]},
+            r"planner.action.v is \[1.0, 1.0\]: must be two different numbers",
+        ),
     ],
 )
 def test_a_wrong_value_is_named(config, settings, message):
