@@ -42,6 +42,7 @@ def test_the_examples_on_the_page_are_right():
     names |= {"robot": lme.load_robot("jackal"), "parameters": lme.load_parameters("published")}
     names |= {"footprint": lme.Footprint(radius=0.2), "lidar": lme.Lidar(360, 6.28, 0.1, 10.0)}
     names |= {"pose": lme.Pose(0.0, 0.0, 0.0), "twist": lme.Twist(0.0, 0.0), "target": np.array([5.0, 0.0])}
+    names |= {"circles": [[1.5, 0.2, 0.3]], "segments": [[3.0, -1.0, 3.0, 1.0]]}
     names |= {"ranges": np.full(360, np.inf, dtype=np.float32), "rng": np.random.default_rng(0)}
     results = {
         "LaserScan": "scan",
