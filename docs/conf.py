@@ -75,7 +75,8 @@ def add_fields(app, what, name, member, options, lines):
     schema = getattr(member, "Config", member)
     if what == "class" and is_dataclass(schema) and lines[:1] == inspect.getdoc(member).splitlines()[:1]:
         heading = f"Keys of `{name.rpartition('.')[2]}.Config`:" if schema is not member else "Fields:"
-        lines += ["", heading, "", *fields.as_rst(fields.fields(schema))]
+        if rows := fields.fields(schema):
+            lines += ["", heading, "", *fields.as_rst(rows)]
 
 
 def skip_told_elsewhere(app, what, name, member, skip, options):
