@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 _Part = TypeVar("_Part")
 _DEFAULT = re.compile(r"\$\{oc\.select:[\w.]+,(.*)\}")  # of a key that takes another's value if there is one
+_WHOLE = re.compile(r"^#\s*@package\s+_global_\s*$", re.MULTILINE)
 
 _KINDS: dict[Any, tuple[Callable[[Any], bool], str]] = {
     int: (lambda given: type(given) is int, "a whole number"),
@@ -109,6 +110,17 @@ def configured(values: Mapping[str, Any], place: str) -> tuple[Any, Any]:
     return made, _build(
         made.Config, place, {key: value for key, value in values.items() if key != "_target_"}
     )
+
+
+def ablation_settings(path: Path) -> dict[str, Any]:
+    """What the file of an ablation sets in the whole config; without `# @package _global_`, parameters alone.
+
+    Raises InputError if it cannot be read.
+    """
+    content = read_yaml(path)
+    own = content if isinstance(content, dict) else {}
+    own = {key: value for key, value in own.items() if key != "defaults"}
+    return own if _WHOLE.search(path.read_text(encoding="utf-8")) else {"ablation": own}
 
 
 def find_option(group: str, given: str | Path) -> Path:

@@ -9,7 +9,7 @@ from typing import Any
 
 from lme.errors import InputError, nearest
 from lme.navigator import Navigator
-from lme.presets import configured, find_option, option
+from lme.presets import ablation_settings, configured, find_option, option
 from lme.resources import overlaid
 from lme.robots import Robot
 from lme.weight_files import PUBLISHED, learned_parameters, own_weights, with_network
@@ -17,7 +17,6 @@ from lme.yaml_entry import read_yaml
 
 _PARTS = ("guide", "planner")
 _OVERRIDE = re.compile(r"override /(\w+)")
-_WHOLE = re.compile(r"^#\s*@package\s+_global_\s*$", re.MULTILINE)
 
 
 def load_system(
@@ -28,7 +27,7 @@ def load_system(
     goal_tolerance: float = 0.0,
     **changes: Any,
 ) -> Navigator:
-    """The navigator that `lme eval system=NAME` drives with.
+    """The navigator that `lme eval system=NAME` drives with::
 
         navigator = lme.load_system("lme_plus", robot)
         navigator = lme.load_system("lme", robot, planner="dwa_tuned", **{"guide.candidates.number": 500})
@@ -47,7 +46,7 @@ def load_system(
     ablated: dict[str, Any] = {}
     names = chosen.get("ablation", ())
     for each in [names] if isinstance(names, str) else names:
-        ablated = overlaid(ablated, _ablation(each))
+        ablated = overlaid(ablated, ablation_settings(find_option("ablation", each)))
     settings = overlaid(ablated, _nested(changes))
     guide, where = option("guide", chosen["guide"], settings.get("guide"))
     _fill_parameters(guide, weights, str(own.get("weights", PUBLISHED)), ablated.get("ablation", {}))
@@ -70,14 +69,6 @@ def _composed(name: str) -> tuple[dict[str, Any], dict[str, Any]]:
             if found:
                 chosen[found[1]] = choice
     return chosen, content
-
-
-def _ablation(name: str) -> dict[str, Any]:
-    """What an ablation sets in the whole config; a file without `@package _global_` sets parameters alone."""
-    path = find_option("ablation", name)
-    content = read_yaml(path)
-    own = content if isinstance(content, dict) else {}
-    return own if _WHOLE.search(path.read_text(encoding="utf-8")) else {"ablation": own}
 
 
 def _nested(changes: Mapping[str, Any]) -> dict[str, Any]:

@@ -45,6 +45,16 @@ class Limits(NamedTuple):
     alpha_omega: float
     v_min: float = -math.inf
 
+    @property
+    def lowest(self) -> float:
+        """The fastest way back: −v_max, or v_min if that is nearer to 0 [m/s]."""
+        return max(-self.v_max, self.v_min)
+
+    @property
+    def bounds(self) -> tuple[float, float, float, float]:
+        """(v_max, omega_max, alpha_v, alpha_omega) as a plain tuple, for compiled functions and networks."""
+        return self[:4]
+
 
 _NOBODY: Floats = np.empty((0, 4))
 _NOBODY.flags.writeable = False

@@ -139,7 +139,7 @@ class Fleet:
         task, robot = self._episodes.draw(self._rngs[i], world)
         self._place(i, task)
         hull, bodies, states = robot.hull, self._bodies, self._states
-        bodies.limits[i], bodies.boxes[i], bodies.reaches[i] = robot.limits[:4], hull.box, hull.r_max
+        bodies.limits[i], bodies.boxes[i], bodies.reaches[i] = robot.limits.bounds, hull.box, hull.r_max
         self._slowest[i] = robot.limits.v_min
         states.poses[i], states.twists[i] = task.start, 0.0
         states.times[i] = states.lengths[i] = 0.0

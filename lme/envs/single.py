@@ -66,7 +66,7 @@ class NavigationEnv(gym.Env[Any, Any]):
         """Drive for one control period. Raises InputError for an action that is not two numbers."""
         if self._simulator is None:
             raise InputError("the robot has no episode yet: call reset before step")
-        v, omega = commands(action, np.array(self._robot.limits[:4])).tolist()
+        v, omega = commands(action, np.array(self._robot.limits.bounds)).tolist()
         before = self._simulator.state
         observation = self._simulator.step(Twist(v, omega))
         state = self._simulator.state
@@ -88,7 +88,7 @@ class NavigationEnv(gym.Env[Any, Any]):
     def _seen(self, observation: Observation) -> Arrays:
         self._scan = scan = observation.scan
         return arrays(
-            scan.ranges, observation.target, observation.twist, observation.limits[:4], scan.range_max
+            scan.ranges, observation.target, observation.twist, observation.limits.bounds, scan.range_max
         )
 
     def _reward(self, outcome: Outcome | None) -> float:

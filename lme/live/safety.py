@@ -6,7 +6,7 @@ import numpy as np
 
 from lme.kernels.collision import sweep
 from lme.kernels.motion import drive
-from lme.planners.commands import towards
+from lme.planners.commands import reachable
 from lme.robots import Robot
 from lme.types import Floats, Limits, Pose, Twist
 
@@ -16,14 +16,12 @@ _STEP = 0.02  # [m] no point of the outline moves further between two collision 
 
 def limited(command: Twist, last: Twist, limits: Limits, dt: float) -> Twist:
     """The command within the limits of velocity, and of acceleration from the last command, `dt` [s] ago."""
-    v = min(max(command.v, -limits.v_max, limits.v_min), limits.v_max)
-    omega = min(max(command.omega, -limits.omega_max), limits.omega_max)
-    return Twist(towards(v, last.v, limits.alpha_v, dt), towards(omega, last.omega, limits.alpha_omega, dt))
+    return reachable(*command, last, limits, dt)
 
 
 def predict(pose: Pose, twist: Twist, command: Twist, time: float, robot: Robot) -> tuple[Pose, Twist]:
     """Pose and twist of the robot after following a command for `time` [s]."""
-    poses, moving = drive(pose, twist, command, robot.limits[:4], time, _STEP, robot.hull.r_max)
+    poses, moving = drive(pose, twist, command, robot.limits.bounds, time, _STEP, robot.hull.r_max)
     return Pose(*poses[-1].tolist()), Twist(*moving)
 
 
@@ -40,10 +38,10 @@ def touches(points: Floats, pose: Pose, twist: Twist, command: Twist, robot: Rob
 def _stopping_poses(pose: Pose, twist: Twist, command: Twist, robot: Robot) -> Floats:
     """Poses (K, 3) over a control period with the command, and then until the robot stands."""
     limits, reach = robot.limits, robot.hull.r_max
-    period, moving = drive(pose, twist, command, limits[:4], robot.dt, _STEP, reach)
+    period, moving = drive(pose, twist, command, limits.bounds, robot.dt, _STEP, reach)
     braking_time = max(abs(moving[0]) / limits.alpha_v, abs(moving[1]) / limits.alpha_omega)
     if braking_time == 0.0:
         return period
     x, y, yaw = period[-1].tolist()
-    braking, _ = drive((x, y, yaw), moving, (0.0, 0.0), limits[:4], braking_time, _STEP, reach)
+    braking, _ = drive((x, y, yaw), moving, (0.0, 0.0), limits.bounds, braking_time, _STEP, reach)
     return np.concatenate((period, braking))

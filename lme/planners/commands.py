@@ -7,13 +7,17 @@ import math
 import numpy as np
 
 from lme.errors import InputError, require
-from lme.types import Floats, Observation, Twist
+from lme.types import Floats, Limits, Observation, Twist
 
 
 def limited(v: float, omega: float, observation: Observation, dt: float) -> Twist:
     """The command nearest to (v, ω) that the limits allow within one period of `dt` [s]."""
-    limits, now = observation.limits, observation.twist
-    v = min(max(v, -limits.v_max, limits.v_min), limits.v_max)
+    return reachable(v, omega, observation.twist, observation.limits, dt)
+
+
+def reachable(v: float, omega: float, now: Twist, limits: Limits, dt: float) -> Twist:
+    """The twist nearest to (v, ω) within the limits of velocity, and of acceleration `dt` [s] after `now`."""
+    v = min(max(v, limits.lowest), limits.v_max)
     omega = min(max(omega, -limits.omega_max), limits.omega_max)
     return Twist(
         towards(v, now.v, limits.alpha_v, dt),

@@ -67,9 +67,9 @@ def until_rest(command: Twist, observation: Observation, robot: Robot, max_step:
     No point of the outline moves further than `max_step` [m] between two poses.
     """
     limits, reach = observation.limits, robot.footprint.r_max
-    way, twist = drive(_HERE, observation.twist, command, limits[:4], robot.dt, max_step, reach)
+    way, twist = drive(_HERE, observation.twist, command, limits.bounds, robot.dt, max_step, reach)
     braking = max(abs(twist[0]) / limits.alpha_v, abs(twist[1]) / limits.alpha_omega, _SHORTEST_STOP)
-    stop, _ = drive(Pose(*way[-1].tolist()), twist, (0.0, 0.0), limits[:4], braking, max_step, reach)
+    stop, _ = drive(Pose(*way[-1].tolist()), twist, (0.0, 0.0), limits.bounds, braking, max_step, reach)
     return np.vstack((way, stop))
 
 

@@ -76,7 +76,7 @@ class FastSimulator:
         state = self.state
         limits = self._limits(command, state.twist)
         # Plain tuples: Numba takes a named one for another type, and needs longer to recognise it.
-        motion = (*state.pose,), (*state.twist,), (*command,), limits[:4]
+        motion = (*state.pose,), (*state.twist,), (*command,), limits.bounds
         travel, twist = drive(*motion, self._dt, self._config.max_step, self._reach)
         self.state = self._end_at_event(travel, Twist(*twist), state.time, self._dt)
         return self._observe()
@@ -95,7 +95,7 @@ class FastSimulator:
         limits = self._robot.limits
         if not self._config.even_ramp:
             return limits
-        return Limits(*even_limits(twist, command, limits[:4], self._robot.dt))
+        return Limits(*even_limits(twist, command, limits.bounds, self._robot.dt))
 
     def _end_at_event(self, travel: Floats, twist: Twist, start_time: float, dt: float) -> State:
         """Cut the motion at contact or arrival."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -11,37 +11,27 @@ import numpy as np
 from numba import njit
 from scipy import ndimage
 
-from lme.errors import InputError, require
+from lme.errors import InputError
 from lme.kernels.heap import pop, push
 from lme.types import Floats
 from lme.worlds.room import Room, RoomConfig
-from lme.worlds.rules import PacedRules, check_chosen
+from lme.worlds.rules import DrawnRules, check_chosen
 from lme.worlds.sampling import FreeSpace
 from lme.worlds.world import Task
 
-_SHARED = (  # keys of a room
-    "configurations", "sample_seed", "min_distance", "radius", "margin", "grid",
-    "goal_tolerance", "time_limit", "clock_distance", "speed",
-)  # fmt: skip
+_SHARED = [each.name for each in fields(DrawnRules) if each.name != "worlds"]  # keys of each building's room
 
 
 @dataclass(slots=True)
-class BuildingsConfig(PacedRules):
+class BuildingsConfig(DrawnRules):
     """Keys of `conf/map/building.yaml`."""
 
     paths: list[str] | None = None  # ROS maps (.yaml), or folders of them
     name: str | None = None  # in the records; None: the file's name, or "building" for several
     configurations: int = 40  # pairs of start and goal in each building
-    sample_seed: int = 0  # seed of the configurations
     min_distance: float = 8.0  # [m] from start to goal, in a straight line
-    radius: float | None = None  # [m] of the disc that must be able to reach the goal; None: STAGE_RADIUS
-    margin: float = 0.1  # [m] more than radius, kept free around start and goal
     grid: float = 0.1  # [m] between the grid points of starts, goals and shortest paths
     time_limit: float = 240.0  # [s]
-
-    def __post_init__(self) -> None:
-        PacedRules.__post_init__(self)  # super() fails in a dataclass with slots
-        require("map.configurations", self.configurations, at_least=1)
 
 
 class Buildings:

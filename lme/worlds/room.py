@@ -15,7 +15,7 @@ from lme.errors import InputError, require
 from lme.resources import resource_dir
 from lme.worlds.bitmap import is_picture, read_bitmap, read_ros_map
 from lme.worlds.floor_plan import FloorPlan
-from lme.worlds.rules import PacedRules, check_chosen, map_path
+from lme.worlds.rules import DrawnRules, check_chosen, map_path
 from lme.worlds.sampling import Configuration, FreeSpace
 from lme.worlds.shapes import floor_plan
 from lme.worlds.starts import STAGE_RADIUS
@@ -27,31 +27,19 @@ DRAWING = "shapes.yaml"  # a shipped map is drawn in this file of its folder in 
 
 
 @dataclass(slots=True)
-class RoomConfig(PacedRules):
+class RoomConfig(DrawnRules):
     """Keys of `conf/map/_room.yaml`."""
 
     name: str | None = None  # in the records; None: the file's name
     path: str | None = None  # shape file, ROS map or picture; None: the shape file that ships under `name`
     size: list[float] | None = None  # width, height [m] of a plain picture
     unknown: str = "obstacle"  # obstacle | free: unknown cells of a ROS map
-    configurations: int = 50  # pairs of start and goal, numbers 0, 1, …
-    sample_seed: int = 0  # seed of the configurations
-    min_distance: float = 3.0  # [m] from start to goal, in a straight line
-    radius: float | None = None  # [m] of the disc that must be able to reach the goal; None: STAGE_RADIUS
-    margin: float = 0.1  # [m] more than radius, kept free around start and goal
-    grid: float = 0.05  # [m] between the grid points of starts, goals and shortest paths
     time_limit: float = 40.0  # [s]
 
     def __post_init__(self) -> None:
-        PacedRules.__post_init__(self)  # super() fails in a dataclass with slots
+        DrawnRules.__post_init__(self)  # super() fails in a dataclass with slots
         if self.unknown not in UNKNOWN:
             raise InputError(f"map.unknown is {self.unknown!r}: must be {' or '.join(UNKNOWN)}")
-        require("map.configurations", self.configurations, at_least=1)
-        for key in ("sample_seed", "min_distance", "margin"):
-            require(f"map.{key}", getattr(self, key), at_least=0.0)
-        if self.radius is not None:
-            require("map.radius", self.radius, above=0.0)
-        require("map.grid", self.grid, above=0.0)
         self._check_size()
 
     def _check_size(self) -> None:

@@ -76,6 +76,27 @@ class PacedRules(TaskRules):
         require("map.speed", self.speed, above=0.0)
 
 
+@dataclass(slots=True)
+class DrawnRules(PacedRules):
+    """Rules of a map set that draws pairs of start and goal in the free space of a map."""
+
+    configurations: int = 50  # pairs of start and goal, numbers 0, 1, …
+    sample_seed: int = 0  # seed of the configurations
+    min_distance: float = 3.0  # [m] from start to goal, in a straight line
+    radius: float | None = None  # [m] of the disc that must be able to reach the goal; None: STAGE_RADIUS
+    margin: float = 0.1  # [m] more than radius, kept free around start and goal
+    grid: float = 0.05  # [m] between the grid points of starts, goals and shortest paths
+
+    def __post_init__(self) -> None:
+        PacedRules.__post_init__(self)  # super() fails in a dataclass with slots
+        require("map.configurations", self.configurations, at_least=1)
+        for key in ("sample_seed", "min_distance", "margin"):
+            require(f"map.{key}", getattr(self, key), at_least=0.0)
+        if self.radius is not None:
+            require("map.radius", self.radius, above=0.0)
+        require("map.grid", self.grid, above=0.0)
+
+
 def map_path(given: str, right: str) -> Path:
     """The file that `map.path` names. right: what it must be. Raises InputError if it is not a file."""
     path = Path(given).expanduser()

@@ -20,7 +20,6 @@ from lme.worlds.lattice import shortest_path
 MAX_POINTS = 10_000_000  # of the lattice
 STARTS_TRIED = 100  # before the plan counts as too small for the least distance
 
-
 Points = NDArray[np.int32]  # indices in the flat lattice
 
 
@@ -49,9 +48,7 @@ class FreeSpace:
         self._passable = self.clearance >= radius
         self._regions = np.empty(self._passable.shape, dtype=np.int32)
         ndimage.label(self._passable, output=self._regions)
-        self._roomy = np.flatnonzero(self.clearance >= radius + margin).astype(
-            np.int32
-        )  # of the flat lattice
+        self._roomy: Points = np.flatnonzero(self.clearance >= radius + margin).astype(np.int32)
         self._lengths: dict[tuple[tuple[int, int], tuple[int, int]], float] = {}
 
     def draw(self, rng: np.random.Generator, min_distance: float) -> Configuration:

@@ -2,32 +2,27 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 from lme.errors import InputError
+from lme.presets import ablation_settings
 from lme.resources import overlaid
-from lme.yaml_entry import read_yaml
 from runners.config.catalogue import SHIPPED, Catalogue
 
 GROUP = "ablation"
 SEVERAL = "+"  # joins the names of ablations that are chosen together
-_WHOLE = re.compile(r"^#\s*@package\s+_global_\s*$", re.MULTILINE)
 
 
 def settings(choice: str, catalogue: Catalogue) -> dict[str, Any]:
-    """What an ablation, or several joined by +, sets in the whole config.
-
-    A file without `# @package _global_` sets parameters alone. Names without a file set nothing.
-    """
+    """What an ablation, or several joined by +, sets in the whole config. Names without a file set nothing."""
     merged: dict[str, Any] = {}
     for name in choice.split(SEVERAL):
         if catalogue.has(f"{GROUP}/{name}"):
             for file in catalogue.files(f"{GROUP}/{name}"):
-                merged = overlaid(merged, _of_file(file))
+                merged = overlaid(merged, ablation_settings(file))
     return merged
 
 
@@ -46,16 +41,6 @@ def describe_ablation(choice: str, known: Mapping[str, str]) -> str:
     """ "without c_o and without c_t" for "no_c_o+no_c_t"; empty where one has no label. known: labels by name."""
     names = choice.split(SEVERAL)
     return " and ".join(known[name] for name in names) if known.keys() >= set(names) else ""
-
-
-def _of_file(file: Path) -> dict[str, Any]:
-    content = read_yaml(file)
-    own = (
-        {key: value for key, value in content.items() if key != "defaults"}
-        if isinstance(content, dict)
-        else {}
-    )
-    return own if _WHOLE.search(file.read_text(encoding="utf-8")) else {GROUP: own}
 
 
 def _label(name: str, catalogue: Catalogue) -> str:

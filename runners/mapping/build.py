@@ -31,9 +31,7 @@ class BuildConfig:
     max_range: float = 10.0  # [m] ASSUMED: farther returns smear, as an error of 1° moves them by 17 cm
     radius: float = 0.25  # [m] ASSUMED: of the robot that made the log, e.g. a Pioneer 2
     reach: float = 5.0  # [m] ASSUMED: farther from the robot's way too little was seen to drive there
-    no_returns: str = (
-        "clear"  # clear | ignore: what a beam without a return says about the cells that it passes
-    )
+    no_returns: str = "clear"  # clear | ignore: what a beam without a return says about its cells
     log: LogConfig = field(default_factory=LogConfig)
 
     def __post_init__(self) -> None:

@@ -179,7 +179,7 @@ class Driver:
 
         def least(wanted: Twist) -> float:
             poses, _ = drive(
-                _HERE, twist, wanted, robot.limits[:4], self._horizon, _STEP, robot.footprint.r_max
+                _HERE, twist, wanted, robot.limits.bounds, self._horizon, _STEP, robot.footprint.r_max
             )
             return sweep(poses, box, circles, _NO_EDGES)[0]
 

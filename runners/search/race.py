@@ -7,6 +7,7 @@ candidates, without those that are worse than the best one beyond the noise of t
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -147,11 +148,8 @@ def _survivors(rung: Rung, count: int, restarts: int) -> set[int]:
     restarts: as many trials of each of these searches, as far as there are.
     """
     trials = [number for number in rung.values if number != START and number not in rung.worse]
-    seen = [0] * restarts
-    rank = {}  # of each trial within its own search
-    for number in trials:
-        rank[number] = seen[restart_of(number, restarts)]
-        seen[restart_of(number, restarts)] += 1
+    ranks = [itertools.count() for _ in range(restarts)]
+    rank = {number: next(ranks[restart_of(number, restarts)]) for number in trials}  # within its own search
     trials.sort(key=rank.__getitem__)  # stable: the better one of equal ranks comes first
     return {*trials[:count], *({START} & rung.values.keys())}
 

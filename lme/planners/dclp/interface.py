@@ -44,7 +44,7 @@ class Told:
         """These values, with the robot's own where they are null."""
         half_length, half_width, rounding = robot.footprint.box
         length, width = half_length + rounding, half_width + rounding
-        own = Told(*robot.limits[:4], front=length, rear=length, half_width=width, lidar_x=robot.lidar.x)
+        own = Told(*robot.limits.bounds, front=length, rear=length, half_width=width, lidar_x=robot.lidar.x)
         given = {each.name: getattr(self, each.name) for each in fields(self)}
         return Told(**{name: getattr(own, name) if value is None else value for name, value in given.items()})
 
@@ -98,7 +98,7 @@ class DclpInterface:
         )
         x, y = subgoal
         limits = self._limits(observation.limits)
-        state = np.array([math.hypot(x, y), math.atan2(y, x), *observation.twist, *limits[:4]])
+        state = np.array([math.hypot(x, y), math.atan2(y, x), *observation.twist, *limits.bounds])
         return DclpFeatures(directions, state)
 
     def goal(self, guidance: Guidance) -> Floats:

@@ -128,7 +128,7 @@ class MinTime:
         rest = self._config.latency - (len(self._under_way) - 1) * dt  # of the oldest command
         for k, command in enumerate(self._under_way):
             duration = dt if k else rest
-            motion = (*pose,), (*now,), (*command,), limits[:4]  # plain tuples, as in `FastSimulator.step`
+            motion = (*pose,), (*now,), (*command,), limits.bounds  # plain tuples, as in `FastSimulator.step`
             way, twist = drive(*motion, duration, _STEP, self._robot.footprint.r_max)
             pose, now = Pose(*way[-1].tolist()), Twist(*twist)
         return pose, _without_tiny_rates(now)
@@ -154,7 +154,7 @@ class MinTime:
 
     def _back_up(self, points: Floats, limits: Limits) -> Twist | None:
         """Straight back for `back`, or as far as known points allow; None if they allow nothing."""
-        speed = min(_BACKWARD * limits.v_max, -limits.v_min)
+        speed = min(_BACKWARD * limits.v_max, -limits.lowest)
         if speed <= 0.0:
             return None
         horizon = np.array([self._robot.dt + speed / min(self._config.brake, limits.alpha_v)])

@@ -14,9 +14,7 @@ FORMS = ("xy", "polar")
 class OnnxScanConfig:
     """The scan: ranges, from right to left."""
 
-    beams: int | None = (
-        None  # each the nearest return of a group of neighbouring beams; None: all of the lidar's
-    )
+    beams: int | None = None  # each the nearest return of a group of neighbours; None: all of the lidar's
     clip: float | None = None  # [m] longer ranges become this one; None: the lidar's range_max
     scaled: list[float] | None = None  # what ranges of 0 and `clip` become, such as [-1, 1]; None: metres
 

@@ -40,7 +40,7 @@ class OnnxFeatures:
             "scan": self._scan(observation.scan),
             "target": target_part(subgoal, config.target),
             "twist": twist,
-            "limits": np.array(observation.limits[:4], dtype=np.float32),
+            "limits": np.array(observation.limits.bounds, dtype=np.float32),
             "action": action.astype(np.float32),
         }
         return {part: made[part] for part in self.sizes}

@@ -150,7 +150,7 @@ class TrajectorySearch:
         """The configured limits within those of the robot."""
         config = self._config
         ours = Limits(config.max_vel_x, config.max_vel_theta, config.acc_lim_x, config.acc_lim_theta)
-        within = zip(Limits._fields, map(min, ours[:4], robot[:4]), strict=False)
+        within = zip(Limits._fields, map(min, ours.bounds, robot.bounds), strict=False)
         return robot._replace(**dict(within))
 
     def _measure(self, pose: Pose, path: Floats) -> None:
@@ -231,7 +231,7 @@ class TrajectorySearch:
 
     def _back_up(self, observation: Observation, limits: Limits) -> Twist | None:
         """Back up, even into obstacles, as ROS does; None from a cell without a way to the goal."""
-        back = Twist(max(self._config.escape_vel, -limits.v_max, limits.v_min), 0.0)
+        back = Twist(max(self._config.escape_vel, limits.lowest), 0.0)
         scores, _ = self._score(np.array([back]), observation, math.inf, False)
         if scores[0] == LOST:
             return None
