@@ -13,6 +13,7 @@ from lme.errors import require
 from lme.weight_files import WEIGHTS
 from runners.analysis import failures
 from runners.config import build, instantiate
+from runners.config.changes import TRAINING
 from runners.config.job import Job
 from runners.config.quoting import resume_command
 from runners.config.schema import TrainConfig
@@ -159,6 +160,24 @@ def _advise(job: Job[TrainConfig], found: Found, verdict: Verdict) -> None:
         print(line)
     use = f"{'not recommended' if verdict.is_worse else 'use them with'}: {_usage(job, found)}"
     print(f"Weights: {job.run_dir / WEIGHTS}; {'those started from' if found.number == START else use}")
+    if found.number != START and (elsewhere := _elsewhere(job)):
+        print(f"Trained on {job.choices['map']} alone, they may be worse elsewhere: {elsewhere}")
+
+
+def _elsewhere(job: Job[TrainConfig]) -> str:
+    """The command that compares weights trained on one map with the start on the families that suit the robot."""
+    config = job.config
+    if not config.map or config.held_out or not config.guide.get("parameters"):
+        return ""
+    robot = config.robot
+    maps = [
+        job.choices[f"map@{TRAINING}{name}"]
+        for name, family in families(replace(config, map={}), job.choices).items()
+        if family.robot is robot
+    ]
+    others = [name for name in maps if name != job.choices["map"]]
+    weights = f"{job.weights},{weights_name(job)}"
+    return f"lme eval -m robot={job.choices['robot']} map={','.join(others)} weights={weights}" if others else ""
 
 
 def _pictures(found: Found, run_dir: Path) -> list[Path]:

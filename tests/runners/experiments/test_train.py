@@ -136,6 +136,12 @@ def test_the_weights_are_found_by_path_run_and_name(trained, monkeypatch):
     assert escaper._parameters.d2 == weights["parameters"]["d2"]
 
 
+def test_weights_of_one_map_come_with_the_command_that_tries_them_elsewhere(trained):
+    run_dir, said = trained
+    name = yaml.safe_load((run_dir / "weights.yaml").read_text())["name"]
+    assert f"lme eval -m robot=stage map=indoor weights=published,{name}" in said
+
+
 def test_an_evaluation_with_the_weights_repeats_the_one_that_training_ended_with(trained, monkeypatch):
     run_dir, _ = trained
     monkeypatch.chdir(run_dir.parent)
