@@ -176,8 +176,10 @@ def _elsewhere(job: Job[TrainConfig]) -> str:
         if family.robot is robot
     ]
     others = [name for name in maps if name != job.choices["map"]]
-    weights = f"{job.weights},{weights_name(job)}"
-    return f"lme eval -m robot={job.choices['robot']} map={','.join(others)} weights={weights}" if others else ""
+    if not others:
+        return ""
+    words = [f"robot={job.choices['robot']}", f"map={','.join(others)}"]
+    return " ".join(["lme eval -m", *words, f"weights={job.weights},{weights_name(job)}"])
 
 
 def _pictures(found: Found, run_dir: Path) -> list[Path]:
