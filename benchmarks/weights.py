@@ -58,6 +58,13 @@ def report(
     yield f"`python -m benchmarks.weights {' '.join(['DIR', *sys.argv[2:]])}`, {machine()}\n"
     yield f"Success with its interval, collision and BARN metric in {worlds:,} worlds, each driven once, of the best"
     yield "proposal of each seed.\n"
+    yield from table(folder, seeds, maps, worlds, words)
+
+
+def table(
+    folder: Path, seeds: Sequence[int], maps: Sequence[str], worlds: int, words: Sequence[str]
+) -> Iterator[str]:
+    """Yield the rows: the published weights, then the best proposal of each seed."""
     yield f"| weights | winner | verdict | {' | '.join(maps)} |"
     yield f"|---|---|---|{'---|' * len(maps)}"
     driven = [word for word in words if re.split(r"[.=]", word)[0] in DRIVEN_WITH]
