@@ -20,7 +20,7 @@ import yaml
 from PIL import Image, ImageDraw
 from scipy import ndimage
 
-from benchmarks.kernels import NO_EDGES, measure
+from benchmarks.kernels import measure
 from benchmarks.recording import parser, show
 from benchmarks.speed import machine
 from lme.kernels.collision import sweep
@@ -137,8 +137,7 @@ def kernel_rows(robot: str, building: MapSet, barn: MapSet, lidar: Lidar) -> Ite
         world = task.world
         if not in_grid:
             return cast(task.start, angles, lidar.range_max, world.circles, world.edges)
-        ranges = cast(task.start, angles, lidar.range_max, world.circles, NO_EDGES)
-        return np.minimum(ranges, cast_grid(task.start, angles, lidar.range_max, world.grid))
+        return cast_grid(task.start, angles, lidar.range_max, world.grid, world.lattice)
 
     def check(task: Task, in_grid: bool) -> object:
         poses = np.array(task.start) + np.linspace(0.025, 0.2, 8)[:, None] * [1.0, 0.0, 0.0]

@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 
 from lme.kernels.bearing import BEARING_ERROR, bearing
 from lme.kernels.edge_grid import EdgeGrid, first_hit
+from lme.kernels.lattice import NO_LATTICE, Lattice
+from lme.kernels.lattice_scan import cast_lattice
 from lme.kernels.points import beam_directions
 from lme.types import Floats, Pose
 
@@ -43,17 +45,22 @@ def cast(
 
 
 def cast_grid(
-    lidar_pose: Pose, angles: tuple[float, float, int], range_max: float, grid: EdgeGrid
+    lidar_pose: Pose,
+    angles: tuple[float, float, int],
+    range_max: float,
+    grid: EdgeGrid,
+    lattice: Lattice = NO_LATTICE,
 ) -> NDArray[np.float32]:
     """Distance along each beam to the first edge of a grid, or range_max if none is nearer: (B,) [m].
 
-    The result is that of `cast`, which describes the parameters, for all edges of the grid.
+    The result is that of `cast`, which describes the parameters, for all edges of the grid. A lattice of the same
+    edges makes it faster.
     """
     x, y, yaw = lidar_pose
     angle_min, increment, num_beams = angles
-    table = beam_table(increment, num_beams)
-    ranges: NDArray[np.float32] = _cast_grid(
-        float(x), float(y), yaw + angle_min, float(range_max), table, *grid
+    start = (float(x), float(y), yaw + angle_min, float(range_max), beam_table(increment, num_beams))
+    ranges: NDArray[np.float32] = (
+        cast_lattice(*start, *grid, *lattice) if len(lattice.edges) else _cast_grid(*start, *grid)
     )
     return ranges
 

@@ -68,7 +68,7 @@ class Sensors:
         self._rng = rng
         self._scan_rng, goal_rng = rng.spawn(2)
         self._target = TargetEstimate(config, np.asarray(task.goal, dtype=np.float64), goal_rng)
-        self._grid = task.world.grid
+        self._grid, self._lattice = task.world.grid, task.world.lattice
         self._in_grid = len(task.world.edges) if len(self._grid.edges) else 0
         self._fired, self._mount = robot.lidar.native, robot.lidar.mount
         self._mid360 = mid360_of(robot.lidar) if robot.lidar.cloud else None
@@ -121,6 +121,10 @@ class Sensors:
     def _cast(
         self, lidar: Pose, angles: tuple[float, float, int], circles: Floats, edges: Floats
     ) -> NDArray[np.float32]:
-        range_max, grid = self._robot.lidar.range_max, self._grid
-        ranges = cast(lidar, angles, range_max, circles, edges)
-        return np.minimum(ranges, cast_grid(lidar, angles, range_max, grid)) if self._in_grid else ranges
+        range_max = self._robot.lidar.range_max
+        if not self._in_grid:
+            return cast(lidar, angles, range_max, circles, edges)
+        ranges = cast_grid(lidar, angles, range_max, self._grid, self._lattice)
+        if len(circles) or len(edges):
+            ranges = np.minimum(ranges, cast(lidar, angles, range_max, circles, edges))
+        return ranges

@@ -8,6 +8,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 
 from lme.kernels.edge_grid import NO_EDGES, EdgeGrid, edge_grid
+from lme.kernels.lattice import NO_LATTICE, Lattice, lattice_of
 from lme.types import Floats, Pose
 from lme.worlds.movers import Mover
 
@@ -29,12 +30,17 @@ class World:
     movers: tuple[Mover, ...] = ()
     edges: Floats = field(init=False, repr=False)  # (E, 4) segments and sides of polygons
     grid: EdgeGrid = field(init=False, repr=False)  # of the edges; empty if they are few
+    lattice: Lattice = field(
+        init=False, repr=False
+    )  # of the edges; empty if they are few, or not on a lattice
 
     def __post_init__(self) -> None:
         sides = [np.hstack([polygon, np.roll(polygon, -1, axis=0)]) for polygon in self.polygons]
         edges = np.ascontiguousarray(np.vstack([self.segments, *sides]), dtype=np.float64)
         object.__setattr__(self, "edges", edges)
-        object.__setattr__(self, "grid", edge_grid(edges) if len(edges) >= _MANY else NO_EDGES)
+        are_many = len(edges) >= _MANY
+        object.__setattr__(self, "grid", edge_grid(edges) if are_many else NO_EDGES)
+        object.__setattr__(self, "lattice", lattice_of(edges) if are_many else NO_LATTICE)
 
 
 @dataclass(frozen=True, slots=True)
