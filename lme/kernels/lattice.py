@@ -16,9 +16,7 @@ from numpy.typing import NDArray
 from lme.types import Floats
 
 FREE, BORDER, SEVERAL = -1, -2, -3  # on a side of a cell: no edge; the end of the lattice; more than one edge
-SPAN_BITS = (
-    7  # of a rectangle's columns, then its rows, in `Lattice.rectangles`; two bits remain for the walls
-)
+SPAN_BITS = 7  # of a rectangle's columns, then its rows, in `Lattice.rectangles`; two bits are left for walls
 SPAN_MAX = (1 << SPAN_BITS) - 1
 
 _MOST_CELLS = 2**24  # 270 MB
@@ -81,10 +79,8 @@ def _lattice_of(buffer: bytes) -> Lattice:
 @njit(cache=True, error_model="numpy")
 def _sides(nodes, rows, columns):
     """`uprights` and `levels` of a `Lattice`, whose outermost cells are beyond its border."""
-    uprights, levels = (
-        np.full((rows, columns + 1), FREE, np.int32),
-        np.full((rows + 1, columns), FREE, np.int32),
-    )
+    uprights = np.full((rows, columns + 1), FREE, np.int32)
+    levels = np.full((rows + 1, columns), FREE, np.int32)
     for i in range(len(nodes)):
         x0, y0, x1, y1 = nodes[i]
         for row in range(min(y0, y1), max(y0, y1)):
@@ -118,13 +114,10 @@ def _grow(quadrant, uprights, levels, out):
     """
     rows, columns = len(uprights), levels.shape[1]
     left, down = quadrant & 1, quadrant >> 1
-    wide, high = (
-        np.zeros((2, columns + 1), np.int64),
-        np.zeros((2, columns + 1), np.int64),
-    )  # last row, this row
+    wide, high = np.zeros((2, 2, columns + 1), np.int64)  # in the last row and in this one
     open_rows = np.zeros(
         columns, np.int64
-    )  # from the cell on, without an edge between them or to the next column
+    )  # from the cell on, with no edge between them or to the next column
     for a in range(rows - 1, -1, -1):
         row = rows - 1 - a if down else a
         open_columns = 0

@@ -30,9 +30,7 @@ class World:
     movers: tuple[Mover, ...] = ()
     edges: Floats = field(init=False, repr=False)  # (E, 4) segments and sides of polygons
     grid: EdgeGrid = field(init=False, repr=False)  # of the edges; empty if they are few
-    lattice: Lattice = field(
-        init=False, repr=False
-    )  # of the edges; empty if they are few, or not on a lattice
+    lattice: Lattice = field(init=False, repr=False)  # the same; empty if they do not lie on one
 
     def __post_init__(self) -> None:
         sides = [np.hstack([polygon, np.roll(polygon, -1, axis=0)]) for polygon in self.polygons]
