@@ -20,6 +20,7 @@ except ModuleNotFoundError as error:
 import lme_navground  # noqa: F401 (registers the behaviour)
 
 DT, DURATION, AGENTS, SIGHT = 0.1, 40.0, 6, 5.0  # [s], [s], number, [m]
+MARGIN = 0.2  # [m] safety margin of navground's own behaviours; with 0.05 m they collide more
 SCENARIOS: dict[str, dict[str, Any]] = {
     "Antipodal": {"radius": 4.0, "position_noise": 0.3, "orientation_noise": 0.5},
     "Cross": {"side": 8.0, "target_margin": 1.0},
@@ -40,7 +41,7 @@ BEHAVIORS: dict[str, tuple[dict[str, Any], list[dict[str, Any]]]] = {
     "LME+, scan alone": ({"type": "LME", "system": "lme_plus"}, [LIDAR]),
     "LME, scan alone": ({"type": "LME", "system": "lme"}, [LIDAR]),
     **{
-        name: ({"type": name, "safety_margin": 0.05}, [TRUTH])
+        name: ({"type": name, "safety_margin": MARGIN}, [TRUTH])
         for name in ("HL", "ORCA", "HRVO", "SocialForce")
     },
 }
