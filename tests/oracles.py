@@ -461,3 +461,50 @@ def meeting(twist, movers, reach, step, foreseen):
 def _apart(one, other):
     """(N, M) distances between all places."""
     return np.hypot(*(one[:, None] - other[None]).transpose(2, 0, 1))
+
+
+def march(slownesses, target, robot, size, cell_time, beyond, enclosed, buckets, gain):
+    """The untidy fast marching in its order, cell by cell, with a list for each bucket and nothing stored between."""
+    times, tentative = np.full((2, size + 2, size + 2), np.inf)
+    rows = range(1, size + 1)
+    (x, y), (rx, ry) = target, robot
+    about = [(i, j) for i in (int(x), int(x) + 1) for j in (int(y), int(y) + 1)]
+    sources = [
+        at for at in about if 1.0 <= x <= size and 1.0 <= y <= size and at[0] in rows and at[1] in rows
+    ]
+    if not enclosed:
+        sources += [at for k in rows for at in ((1, k), (size, k), (k, 1), (k, size))]
+    queue = [[] for _ in range(buckets)]
+    first = np.floor(np.hypot(x - rx, y - ry)) - 2.0
+    for i, j in sources:
+        tentative[i, j] = np.hypot(i - x, j - y) * cell_time
+        key = np.hypot(i - x, j - y) + np.hypot(i - rx, j - ry) - first
+        queue[min(int(key), buckets - 1)].append((i, j))
+    here = tuple(min(max(int(at + 0.5), 1), size) for at in robot)
+    bucket, stop = 0, buckets
+    while bucket < stop:
+        if not queue[bucket]:
+            bucket += 1
+            continue
+        at = queue[bucket].pop()
+        if times[at] <= tentative[at]:
+            continue
+        times[at] = tentative[at]
+        if at == here:
+            stop = min(bucket + int(beyond / cell_time) + 1, buckets)
+        for i, j in ((at[0], at[1] + 1), (at[0], at[1] - 1), (at[0] + 1, at[1]), (at[0] - 1, at[1])):
+            if (
+                i not in rows
+                or j not in rows
+                or times[at] >= min(times[i, j], tentative[i, j] - gain * cell_time)
+            ):
+                continue
+            step = slownesses[i - 1, j - 1]
+            a, b = min(times[i - 1, j], times[i + 1, j]), min(times[i, j - 1], times[i, j + 1])
+            two = abs(a - b) < step < np.inf
+            time = 0.5 * (a + b + np.sqrt(2.0 * step * step - (a - b) ** 2)) if two else min(a, b) + step
+            if time < tentative[i, j] - gain * cell_time:
+                tentative[i, j] = time
+                key = time / cell_time + np.hypot(i - rx, j - ry) - first
+                queue[max(min(int(key), buckets - 1), bucket)].append((i, j))
+    return times, times[here]

@@ -66,21 +66,46 @@ def first_contacts(
 
     Points are sorted by distance, so that a contact ends the search early.
     """
-    r_max = math.hypot(box[0], box[1]) + box[2] + margins.max()
-    near, ranges = _nearest_first(points, _reach(twists, horizons) + r_max)
-    kept = slack * clearances(near, box)
+    near = within_reach(twists, points, box, margins, horizons, slack)
     times = np.empty(len(twists))
     for i in range(len(twists)):
-        v, omega = twists[i, 0], twists[i, 1]
-        if v == 0.0 and omega == 0.0:
-            times[i] = np.inf
-        elif abs(omega) < STRAIGHT * v:
-            ways = v * least[i], v * horizons[i]
-            times[i] = _straight(near, ranges, kept, box, margins[i], ways) / v
-        else:
-            turns = abs(omega) * least[i], abs(omega) * horizons[i]
-            times[i] = _turn(near, ranges, kept, box, margins[i], v / omega, turns) / abs(omega)
+        times[i] = first_contact(twists[i, 0], twists[i, 1], near, box, margins[i], least[i], horizons[i])
     return times
+
+
+@njit(cache=True, error_model="numpy")
+def within_reach(
+    twists: Floats,
+    points: Floats,
+    box: tuple[float, float, float],
+    margins: Floats,
+    horizons: Floats,
+    slack: float,
+) -> tuple[Floats, Floats, Floats]:
+    """What `first_contact` needs for any of the twists: near points, their distances, and what they must keep [m]."""
+    r_max = math.hypot(box[0], box[1]) + box[2] + margins.max()
+    near, ranges = _nearest_first(points, _reach(twists, horizons) + r_max)
+    return near, ranges, slack * clearances(near, box)
+
+
+@njit(cache=True, error_model="numpy")
+def first_contact(
+    v: float,
+    omega: float,
+    near: tuple[Floats, Floats, Floats],
+    box: tuple[float, float, float],
+    margin: float,
+    least: float,
+    horizon: float,
+) -> float:
+    """`first_contacts` for one twist, among the points `within_reach`."""
+    points, ranges, kept = near
+    if v == 0.0 and omega == 0.0:
+        return np.inf
+    if abs(omega) < STRAIGHT * v:
+        return _straight(points, ranges, kept, box, margin, (v * least, v * horizon)) / v
+    turns = abs(omega) * least, abs(omega) * horizon
+    return _turn(points, ranges, kept, box, margin, v / omega, turns) / abs(omega)
 
 
 @njit(cache=True, error_model="numpy")

@@ -10,6 +10,7 @@ from lme.kernels.fan import fan_blocked
 from lme.types import Bools, Floats
 
 KEPT = 0.98  # share of its distance that a point inside the margin keeps
+_ROUNDING = 1e-9  # share of a distance that no rounding error reaches
 
 
 @njit(cache=True, error_model="numpy")
@@ -47,7 +48,11 @@ def _blocked_ahead(places, points, away, box, margin):
         stretch = 1.0 + ahead / max(math.hypot(places[n, 0], places[n, 1]), 1e-3)
         ends[n, 0], ends[n, 1] = stretch * places[n, 0], stretch * places[n, 1]
     beside = away < width
-    blocked = fan_blocked(origin, ends, points[~beside], width)
+    farthest = 0.0
+    for n in range(len(ends)):
+        farthest = max(farthest, math.sqrt(ends[n, 0] ** 2 + ends[n, 1] ** 2))
+    beyond = away > (1.0 + _ROUNDING) * (farthest + width)  # too far for any of the ways
+    blocked = fan_blocked(origin, ends, points[~(beside | beyond)], width)
     if beside.any():
         blocked |= fan_blocked(origin, ends, points[beside], KEPT * away[beside].min())
     return blocked

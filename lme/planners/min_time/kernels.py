@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from lme.kernels.arcs import first_contacts
+from lme.kernels.arcs import first_contact, within_reach
 from lme.kernels.straight_ways import KEPT
 from lme.types import Floats
 
@@ -73,8 +73,8 @@ def best_twist(
     subgoal: Floats,
     points: Floats,
     box: tuple[float, float, float],
-    estimate: Estimate,
-    safety: Safety,
+    estimate: Estimate | tuple[float, ...],
+    safety: Safety | tuple[float, ...],
     movers: Floats,
 ) -> tuple[float, float, float]:
     """(v, ω) of the safe command with the least expected time to the subgoal, and that time [s]; inf: none is safe.
@@ -84,6 +84,11 @@ def best_twist(
     [m, m/s]. A command on whose arc one of them meets the robot's disc within `FORESEEN` [s] costs up to `_MEETING`
     [s] more: the sooner, the more.
     """
+    return _best(v, omega, subgoal, points, box, Estimate(*estimate), Safety(*safety), movers)
+
+
+@njit(cache=True, error_model="numpy")
+def _best(v, omega, subgoal, points, box, estimate, safety, movers):
     count, r_max = len(v) * len(omega), math.hypot(box[0], box[1])  # a turning disc stays in its place
     twists, margins, stops = np.empty((count, 2)), np.empty(count), np.empty(count)
     for n in range(count):
@@ -92,19 +97,56 @@ def best_twist(
         margins[n] = safety.margin + safety.margin_time * (speed + r_max * abs(rate))
         braking = max(speed / (2.0 * safety.brake), abs(rate) / (2.0 * safety.alpha_omega))
         stops[n] = estimate.period + braking
-    free = first_contacts(twists, points, box, margins, stops, stops + estimate.horizon, KEPT) - stops
+    near = within_reach(twists, points, box, margins, stops + estimate.horizon, KEPT)
+    holds, moves = _held(omega, estimate)
+    bounds = _least_times(v, omega, subgoal, holds, moves, estimate, safety)
     best, chosen = np.inf, 0
     reach = r_max + box[2] + safety.margin
-    for n in range(count):
+    while True:  # the most promising one first, so that few arcs are checked
+        n = int(np.argmin(bounds))
+        if not bounds[n] <= best or bounds[n] == np.inf:
+            return twists[chosen, 0], twists[chosen, 1], best
+        bounds[n] = np.inf
         speed, rate = twists[n, 0], twists[n, 1]
-        if not free[n] >= 0.0 or (speed * abs(rate) > safety.grip and speed > v[0]):
+        horizon = stops[n] + estimate.horizon
+        free = first_contact(speed, rate, near, box, margins[n], stops[n], horizon) - stops[n]
+        if not free >= 0.0:
             continue
-        time = _time_to(subgoal, speed, rate, free[n], estimate)
+        time = _time_to(subgoal, speed, rate, free, holds, moves[n % len(omega)], estimate)
         if len(movers):
             time += _MEETING * (1.0 - _meeting(speed, rate, movers, reach) / FORESEEN)
-        if time < best:
+        if time < best or (time == best and n < chosen):
             best, chosen = time, n
-    return twists[chosen, 0], twists[chosen, 1], best
+
+
+@njit(cache=True, error_model="numpy")
+def _held(omega, estimate):
+    """Times for which a command is held (K,) [s], and, for each turn rate, cosine, sine and chord of its arc (W, K, 3).
+
+    Half of the turn has this cosine and sine. The chord is that of an arc of length 1.
+    """
+    holds, moves = np.empty(_HOLDS), np.empty((len(omega), _HOLDS, 3))
+    for k in range(_HOLDS):
+        holds[k] = estimate.period + (estimate.horizon - estimate.period) * k / (_HOLDS - 1)
+        for w in range(len(omega)):
+            half = 0.5 * omega[w] * holds[k]
+            moves[w, k, 0], moves[w, k, 1] = math.cos(half), math.sin(half)
+            moves[w, k, 2] = moves[w, k, 1] / half if abs(half) > 1e-6 else 1.0
+    return holds, moves
+
+
+@njit(cache=True, error_model="numpy")
+def _least_times(v, omega, subgoal, holds, moves, estimate, safety):
+    """The time of each command if no obstacle ends it [s]; inf: no grip."""
+    times = np.full(len(v) * len(omega), np.inf)
+    for n in range(len(times)):
+        speed, rate = v[n // len(omega)], omega[n % len(omega)]
+        if speed * abs(rate) > safety.grip and speed > v[0]:
+            continue
+        time = _time_to(subgoal, speed, rate, np.inf, holds, moves[n % len(omega)], estimate)
+        if time == time:
+            times[n] = time
+    return times
 
 
 @njit(cache=True, error_model="numpy", inline="always")
@@ -136,17 +178,19 @@ def _meeting(v, omega, movers, reach):
 
 
 @njit(cache=True, error_model="numpy")
-def _time_to(subgoal, v, omega, free, estimate):
+def _time_to(subgoal, v, omega, free, holds, moves, estimate):
     """Least expected time to the subgoal [s], if the command is held for one period or longer, up to `free` [s]."""
     least = np.inf
     for k in range(_HOLDS):
-        held = estimate.period + (estimate.horizon - estimate.period) * k / (_HOLDS - 1)
+        held = holds[k]
         if k > 0 and held > free:
             break
-        x, y = _after(v, omega, held)
-        x, y = subgoal[0] - x, subgoal[1] - y
+        chord = v * held * moves[k, 2]
+        x, y = subgoal[0] - chord * moves[k, 0], subgoal[1] - chord * moves[k, 1]
+        straight = held + math.sqrt(x * x + y * y) / estimate.v_max
+        if straight >= least:
+            continue  # with the turn it is no less
         bearing = math.atan2(y, x) - omega * held
         bearing -= 2.0 * math.pi * math.floor(bearing / (2.0 * math.pi) + 0.5)
-        time = held + math.sqrt(x * x + y * y) / estimate.v_max + estimate.turn * abs(bearing)
-        least = min(least, time)
+        least = min(least, straight + estimate.turn * abs(bearing))
     return least + estimate.slow * (1.0 - v / estimate.v_max)

@@ -147,7 +147,9 @@ class MinTime:
         margin, brake = share * config.margin, min(config.brake, limits.alpha_v)
         safety = Safety(margin, config.margin_time, brake, limits.alpha_omega, config.grip)
         omega, box = self._turn_rates(now, limits), self._robot.footprint.box
-        best_v, best_omega, time = best_twist(v, omega, subgoal, points, box, estimate, safety, movers)
+        best_v, best_omega, time = best_twist(
+            v, omega, subgoal, points, box, (*estimate,), (*safety,), movers
+        )
         if math.isfinite(time):
             return Twist(best_v, best_omega)
         return Twist(0.0, now.omega * low / now.v if now.v > 0.0 else 0.0)

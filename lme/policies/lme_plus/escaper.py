@@ -17,7 +17,7 @@ from lme.policies.lme.maintenance import Choice, choose
 from lme.policies.lme.score import Parameters, rank
 from lme.policies.lme_plus.criteria import CRITERIA, Sight
 from lme.policies.lme_plus.memory import Memory, MemoryConfig
-from lme.policies.lme_plus.travel import TravelConfig, expected_times
+from lme.policies.lme_plus.travel import Travel, TravelConfig
 from lme.robots import Robot
 from lme.types import Floats, Observation
 
@@ -51,6 +51,7 @@ class LocalMinimumEscaperPlus:
         self._robot = robot
         self._config = config or EscaperPlusConfig()
         self._parameters = Parameters.from_mapping(parameters, tuple(CRITERIA))
+        self._travel = Travel(self._config.travel, robot, self._config.memory.reach, self._config.margin)
         self.reset(np.random.default_rng(0))
 
     def reset(self, rng: np.random.Generator) -> None:
@@ -103,10 +104,16 @@ class LocalMinimumEscaperPlus:
     def _look(self, observation: Observation) -> Sight:
         config, robot, pose = self._config, self._robot, self._memory.pose
         target = to_world(observation.target, pose)
-        here, reach = np.array(pose[:2]), config.memory.reach
-        times = expected_times(self._memory.points, target, here, reach, robot, config.margin, config.travel)
-        points = to_robot(self._memory.points, pose)
-        return Sight(points, pose, times, robot.footprint.box, config.margin, config.turn_margin, robot.v_max)
+        times = self._travel.field(self._memory.points, target, np.array(pose[:2]))
+        return Sight(
+            self._memory.known,
+            pose,
+            times,
+            robot.footprint.box,
+            config.margin,
+            config.turn_margin,
+            robot.v_max,
+        )
 
     def _generate(self, observation: Observation, sight: Sight) -> Floats:
         """Random candidates all around, places on the fastest way, and the target if it is in range."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lme.errors import require
-from lme.policies.lme_plus.kernels.carried_points import remember
+from lme.policies.lme_plus.kernels.carried_points import remember, squares_around
 from lme.robots import Robot
 from lme.sensing.scan_points import obstacle_points
 from lme.types import Floats, Observation, Pose, Twist
@@ -43,6 +43,8 @@ class Memory:
         self._mount = robot.lidar.mount
         self.pose = Pose(0.0, 0.0, 0.0)  # of the robot in the carried frame
         self.points: Floats = np.empty((0, 2))  # in the carried frame
+        self.known: Floats = np.empty((0, 2))  # the same in the robot frame
+        self._taken = squares_around(config.reach, config.square)
         self.seen: Floats = np.empty((0, 2))  # points of the last scan in the robot frame, sorted by bearing
         self._twist: Twist | None = None
 
@@ -53,13 +55,14 @@ class Memory:
             self.pose = _moved(self.pose, self._twist, now, self._dt)
         self._twist = now
         self.seen = obstacle_points(scan, self._mount)
-        self.points = remember(
+        self.points, self.known = remember(
+            self._taken,
             self.points if self._config.kept else self.points[:0],
             self.seen,
             scan.ranges,
             (scan.angle_min, scan.angle_increment),
-            self._mount,
-            self.pose,
+            (*self._mount,),
+            (*self.pose,),  # plain tuples, which Numba recognises faster
             self._config.square,
             self._config.reach,
             _SLACK,

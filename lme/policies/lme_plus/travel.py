@@ -6,11 +6,9 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
-import numpy as np
-
 from lme.errors import require
-from lme.policies.distance import distances_to
-from lme.policies.lme_plus.kernels.travel_time import Grid, Pace, descend, times_at, travel_times
+from lme.policies.lme_plus.kernels.travel_lookup import descend, rest_at
+from lme.policies.lme_plus.kernels.travel_time import Grid, travel_times, workspace
 from lme.robots import Robot
 from lme.types import Floats
 
@@ -48,37 +46,38 @@ class Field(NamedTuple):
 
         If the robot has no way to the target, such places have the time of the straight line to it.
         """
-        times = times_at(self.times, places, self.grid)
-        if math.isfinite(self.robot_time):
-            least = np.maximum(self.robot_time + BEYOND - distances_to(places, self.here) / self.v_max, 0.0)
-        else:
-            least = distances_to(places, self.target) / self.v_max
-        return np.where(np.isfinite(times), times, least)
+        found: Floats = rest_at(
+            self.times, places, (*self.grid,), self.robot_time, BEYOND, self.here, self.target, self.v_max
+        )
+        return found
 
     def descent(self, length: float) -> Floats:
         """Places on the robot's fastest way, for `length` [m]: (K, 2)."""
-        return descend(self.times, self.here, self.grid, length, _EVERY)
+        return descend(self.times, self.here, (*self.grid,), length, _EVERY)
 
 
-def expected_times(
-    points: Floats,
-    target: Floats,
-    here: Floats,
-    reach: float,
-    robot: Robot,
-    margin: float,
-    config: TravelConfig,
-) -> Field:
-    """The field within about `reach` [m] of a robot at `here` (2,), among `points` (M, 2), to its `target` (2,).
+class Travel:
+    """Finds expected times within about `reach` [m] of a robot, for one robot at a time."""
 
-    All are in one frame [m]. margin: distance that passages must leave on each side [m].
-    """
-    corner = np.floor((here - reach) / config.cell) * config.cell
-    grid = Grid(float(corner[0]), float(corner[1]), config.cell, math.ceil(2.0 * reach / config.cell) + 1)
-    inner = robot.footprint.r_min + margin
-    comfort = max(robot.footprint.r_min + config.comfort, inner + _LEAST_BAND)
-    pace = Pace(robot.v_max, inner, comfort, config.slowdown, robot.footprint.r_max + config.cell)
-    times, robot_time = travel_times(points, target, here, grid, pace, BEYOND, False)
-    if not math.isfinite(robot_time):  # enclosed on the grid: perhaps there is a way around outside it
-        times, robot_time = travel_times(points, target, here, grid, pace, BEYOND, True)
-    return Field(times, robot_time, grid, here, target, robot.v_max)
+    def __init__(self, config: TravelConfig, robot: Robot, reach: float, margin: float) -> None:
+        """margin: distance that passages must leave on each side [m]."""
+        inner = robot.footprint.r_min + margin
+        comfort = max(robot.footprint.r_min + config.comfort, inner + _LEAST_BAND)
+        room = robot.footprint.r_max + config.cell
+        self._cell, self._reach = config.cell, reach
+        self._pace = robot.v_max, inner, comfort, config.slowdown, room  # a `Pace`
+        self._size = math.ceil(2.0 * reach / config.cell) + 1
+        self._workspace = tuple(workspace(self._size, config.cell, comfort))
+
+    def field(self, points: Floats, target: Floats, here: Floats) -> Field:
+        """The field of a robot at `here` (2,), among `points` (M, 2), to its `target` (2,), valid until the next call.
+
+        All are in one frame [m].
+        """
+        x, y = (math.floor((at - self._reach) / self._cell) * self._cell for at in here.tolist())
+        grid = Grid(x, y, self._cell, self._size)
+        given = self._workspace, points, target, here, (*grid,), self._pace, BEYOND
+        time = travel_times(*given, False)
+        if not math.isfinite(time):  # enclosed on the grid: perhaps there is a way around outside it
+            time = travel_times(*given, True)
+        return Field(self._workspace[0], time, grid, here, target, self._pace[0])

@@ -6,11 +6,25 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from lme.types import Floats
+from lme.types import Bools, Floats
+
+
+@njit(cache=True, error_model="numpy")
+def squares_around(reach: float, square: float) -> Bools:
+    """Whether each square within `reach` [m] has a point, for `remember`: none has, before and after each call."""
+    side = 2 * _half(reach, square) + 1
+    return np.zeros((side, side), np.bool_)
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _half(reach, square):
+    """Squares on each side of the robot's own."""
+    return math.ceil(reach / square) + 1
 
 
 @njit(cache=True, error_model="numpy")
 def remember(
+    taken: Bools,
     memory: Floats,
     points: Floats,
     ranges: NDArray[np.float32],
@@ -20,18 +34,18 @@ def remember(
     square: float,
     reach: float,
     slack: float,
-) -> Floats:
-    """Points of a scan and the remembered ones that it cannot see, one per square: (K, 2).
+) -> tuple[Floats, Floats]:
+    """Points of a scan and the remembered ones that it cannot see, one per square: (K, 2), and in the robot frame.
 
-    memory (N, 2), and the result: in the carried frame [m]. points (M, 2): of the scan, in the robot frame. ranges
+    taken: `squares_around` the robot. memory (N, 2), and the first result: in the carried frame [m]. points (M, 2): of
+    the scan, in the robot frame. ranges
     (B,), and beams: first bearing and increment [rad] in the lidar's frame, which is at `mount`. pose: of the robot in
     the carried frame. square [m]: side of the squares. A remembered point is dropped if it is farther than
     `reach` [m] from the robot, or if its beam and both neighbours reach it, or nearly (`slack` [m]): then either a beam
     passed it, or the scan has a newer point of the same surface.
     """
-    half = math.ceil(reach / square) + 1
+    half = _half(reach, square)
     first_i, first_j = math.floor(pose[0] / square) - half, math.floor(pose[1] / square) - half
-    taken = np.zeros((2 * half + 1, 2 * half + 1), np.bool_)
     kept = np.empty((len(points) + len(memory), 2))
     count = 0
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
@@ -57,7 +71,13 @@ def remember(
         taken[i, j] = True
         kept[count, 0], kept[count, 1] = x, y
         count += 1
-    return kept[:count]
+    kept, around = kept[:count], np.empty((count, 2))
+    for n in range(count):
+        i, j = math.floor(kept[n, 0] / square) - first_i, math.floor(kept[n, 1] / square) - first_j
+        taken[i, j] = False
+        x, y = kept[n, 0] - pose[0], kept[n, 1] - pose[1]
+        around[n, 0], around[n, 1] = cos * x + sin * y, cos * y - sin * x
+    return kept, around
 
 
 @njit(cache=True, error_model="numpy")
@@ -70,4 +90,7 @@ def _in_sight(dx, dy, first, increment, ranges, slack):
     if middle >= len(ranges):
         return False
     away = math.sqrt(dx * dx + dy * dy) - slack
-    return bool(np.all(ranges[max(middle - 1, 0) : middle + 2] > away))
+    for beam in range(max(middle - 1, 0), min(middle + 2, len(ranges))):  # noqa: SIM110 (slow when compiled)
+        if not ranges[beam] > away:
+            return False
+    return True

@@ -8,12 +8,14 @@ visited. In this order a cell may come before one that it depends on; then its t
 """
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
-from lme.types import Floats
+from lme.policies.lme_plus.kernels.nearest_points import draw, erase, pad
+from lme.types import Bools, Floats
 
 BUCKETS = 4096  # each as wide as the time for one cell at v_max; later times share the last one
 _NEIGHBOURS = 4
@@ -28,6 +30,10 @@ class Grid(NamedTuple):
     y: float
     cell: float
     size: int
+
+
+GridNumbers = tuple[float, float, float, int]  # a Grid as a plain tuple
+PaceNumbers = tuple[float, float, float, float, float]  # a Pace as a plain tuple
 
 
 class Pace(NamedTuple):
@@ -45,27 +51,108 @@ class Pace(NamedTuple):
     room: float
 
 
+class Workspace(NamedTuple):
+    """Arrays that `solve` uses again, so that a call costs only as much as it visits. W = size + 2, C = W².
+
+    times (W, W): the result [s]. tentative (C,): the least times so far [s]; −inf where no way leads. steps (C,): time
+    across a cell [s], 0 if not known yet. away (C,): distance from the robot [cells], if the step is known. squares,
+    taken, marks: see `nearest_points.draw`. nodes (2, N): a cell that was put into a bucket, and the next node of that
+    bucket. walls (C,): cells that were seen to be no passage. used (2,): number of nodes and of walls.
+    """
+
+    times: Floats
+    tentative: Floats
+    steps: Floats
+    away: Floats
+    squares: Floats
+    taken: Bools
+    marks: NDArray[np.int32]
+    nodes: NDArray[np.int32]
+    walls: NDArray[np.int32]
+    used: NDArray[np.int64]
+
+
+def workspace(size: int, cell: float, comfort: float) -> Workspace:
+    """A workspace for grids of `size` × `size` cells of side `cell` [m], and one comfort [m]."""
+    wide, padded = size + 2, size + 2 * pad(comfort, cell)
+    return Workspace(
+        times=np.full((wide, wide), np.inf),
+        tentative=np.pad(np.full((size, size), np.inf), 1, constant_values=-np.inf).ravel(),
+        steps=np.zeros(wide * wide),
+        away=np.empty(wide * wide),
+        squares=np.full((padded, padded), np.inf),
+        taken=np.zeros((size, size), np.bool_),
+        marks=np.empty(padded * padded, np.int32),
+        nodes=np.empty((2, 5 * wide * wide), np.int32),
+        walls=np.empty(wide * wide, np.int32),
+        used=np.zeros(2, np.int64),
+    )
+
+
 @njit(cache=True, error_model="numpy")
 def travel_times(
-    points: Floats, target: Floats, robot: Floats, grid: Grid, pace: Pace, beyond: float, leave: bool
-) -> tuple[Floats, float]:
-    """T of every cell [s] (W, W), and of the robot's cell [s]; W = size + 2, since a frame of inf is around the cells.
+    work: Workspace | tuple[Any, ...],
+    points: Floats,
+    target: Floats,
+    robot: Floats,
+    grid: Grid | GridNumbers,
+    pace: Pace | PaceNumbers,
+    beyond: float,
+    leave: bool,
+) -> float:
+    """T of every cell [s], in `work.times` until the next call; returns that of the robot's cell.
 
     points (M, 2); target (2,), robot (2,), in the frame of the grid [m]. A way that leaves the grid is straight and
     free from there to the target; to a target on the grid, ways leave it only if `leave` is true. Only ways from the
     robot that take at most `beyond` [s] more than the best are searched; cells on no such way are inf, as are those
-    without passage.
+    without passage. Python passes plain tuples: Numba needs 5 µs more to recognise each named one.
     """
-    wide = grid.size + 2
-    squares, least = _squared_distances(points, robot, grid, pace)
-    cell_time = grid.cell / pace.v_max
+    return _solve(Workspace(*work), points, target, robot, Grid(*grid), Pace(*pace), beyond, leave)
+
+
+@njit(cache=True, error_model="numpy")
+def _solve(work, points, target, robot, grid, pace, beyond, leave):
     x, y = (target[0] - grid.x) / grid.cell + 0.5, (target[1] - grid.y) / grid.cell + 0.5
     rx, ry = (robot[0] - grid.x) / grid.cell + 0.5, (robot[1] - grid.y) / grid.cell + 0.5
-    here = min(max(int(rx + 0.5), 1), grid.size) * wide + min(max(int(ry + 0.5), 1), grid.size)
-    tentative = np.full(wide * wide, np.inf)
+    place = grid.x, grid.y, grid.cell, grid.size
+    marks, nearest = draw(work.squares, work.taken, work.marks, points, robot, place, pace.comfort)
+    least = min(nearest, pace.inner) - HALF_DIAGONAL * grid.cell
     inside = 1.0 <= x <= grid.size and 1.0 <= y <= grid.size
-    cells, count = _sources(x, y, grid.size, inside, leave)
-    follow, heads = np.empty(len(cells), np.int32), np.full(BUCKETS, -1, np.int32)
+    time = _march(work, (x, y), (rx, ry), grid, pace, least, beyond, inside and not leave)
+    erase(work.squares, work.taken, work.marks, marks, pace.comfort, grid.cell)
+    return time
+
+
+@njit(cache=True, error_model="numpy")
+def _clear(work):
+    """Forget the last result."""
+    times = work.times.ravel()
+    for n in range(work.used[0]):
+        at = work.nodes[0, n]
+        times[at] = work.tentative[at] = np.inf
+        work.steps[at] = 0.0
+    for n in range(work.used[1]):
+        at = work.walls[n]
+        work.tentative[at], work.steps[at] = np.inf, 0.0
+    work.used[:] = 0
+
+
+@njit(cache=True, error_model="numpy")
+def _march(work, target, robot, grid, pace, least, beyond, enclosed):
+    """Solve the equation from the target, or also from the edge of the grid unless the ways are `enclosed` in it.
+
+    target, robot: (row, column). least [m]: distance that a passage near the robot must have.
+    """
+    _clear(work)
+    wide, cell_time = grid.size + 2, grid.cell / pace.v_max
+    x, y = target
+    rx, ry = robot
+    here = min(max(int(rx + 0.5), 1), grid.size) * wide + min(max(int(ry + 0.5), 1), grid.size)
+    final, tentative, steps, far = work.times.ravel(), work.tentative, work.steps, work.away
+    cells, follow, walls, squares = work.nodes[0], work.nodes[1], work.walls, work.squares
+    border = pad(pace.comfort, grid.cell) - 1
+    count = _sources(cells, x, y, grid.size, enclosed)
+    heads = np.full(BUCKETS, -1, np.int32)
     first = math.floor(math.hypot(x - rx, y - ry)) - 2.0  # no key is less
     for n in range(count):
         i, j = cells[n] // wide, cells[n] % wide
@@ -73,58 +160,77 @@ def travel_times(
         tentative[cells[n]] = away * cell_time
         bucket = min(int(away + math.hypot(i - rx, j - ry) - first), BUCKETS - 1)
         follow[n], heads[bucket] = heads[bucket], n
-    final = np.full(wide * wide, np.inf)
-    bucket, stop, least_gain = 0, BUCKETS, _GAIN * cell_time
-    while bucket < stop:
-        node = heads[bucket]
+    bucket, stop, least_gain, blocked = 0, BUCKETS, _GAIN * cell_time, 0
+    node = heads[0]
+    aside, ahead = np.uint64(1), np.uint64(wide)  # indices without a sign are faster: none can be negative
+    while True:
         if node < 0:
             bucket += 1
+            if bucket >= stop:
+                break
+            node = heads[bucket]
             continue
-        heads[bucket] = follow[node]
-        at = cells[node]
-        if final[at] <= tentative[at]:
+        at = np.uint64(cells[node])
+        node = follow[node]
+        known = tentative[at]
+        if final[at] <= known:
             continue
-        final[at] = tentative[at]
-        if at == here:
+        final[at] = known
+        if at == np.uint64(here):
             stop = min(bucket + int(beyond / cell_time) + 1, BUCKETS)
-        row, column = at // wide, at % wide
         for k in range(_NEIGHBOURS):
-            i, j = row + (k == 2) - (k == 3), column + (k == 0) - (k == 1)
-            near = i * wide + j
-            if final[at] >= min(final[near], tentative[near] - least_gain):
+            near = at + aside if k == 0 else at - aside if k == 1 else at + ahead if k == 2 else at - ahead
+            enough = tentative[near] - least_gain
+            if known >= enough:
                 continue  # a time by way of this cell is longer than its own
-            away = math.sqrt((i - rx) ** 2 + (j - ry) ** 2)
-            step = grid.cell * _slowness(squares[near], away * grid.cell, least, pace)
+            step = steps[near]
+            if step == 0.0:
+                i, j = int(near) // wide, int(near) % wide
+                away = math.sqrt((i - rx) ** 2 + (j - ry) ** 2)
+                square = squares[i + border, j + border] * grid.cell * grid.cell
+                step = grid.cell * _slowness(square, away * grid.cell, least, pace)
+                steps[near], far[near] = step, away
+                if step == np.inf:
+                    walls[blocked] = near
+                    blocked += 1
+                    if tentative[near] == np.inf:
+                        tentative[near] = -np.inf  # not looked at again
             if step == np.inf:
                 continue
             time = _eikonal(
-                min(final[near - wide], final[near + wide]), min(final[near - 1], final[near + 1]), step
+                min(final[near - ahead], final[near + ahead]),
+                min(final[near - aside], final[near + aside]),
+                step,
             )
-            if time < tentative[near] - least_gain and count < len(cells):
+            if time < enough and count < len(cells):
                 tentative[near] = time
-                into = max(min(int(time / cell_time + away - first), BUCKETS - 1), bucket)
-                cells[count], follow[count], heads[into] = near, heads[into], count
+                into = min(int(time / cell_time + far[near] - first), BUCKETS - 1)
+                cells[count] = near
+                if into <= bucket:
+                    follow[count], node = node, count
+                else:
+                    follow[count], heads[into] = heads[into], count
                 count += 1
-    return final.reshape(wide, wide), final[here]
+    work.used[0], work.used[1] = count, blocked
+    return final[here]
 
 
 @njit(cache=True, error_model="numpy")
-def _sources(x, y, size, inside, leave):
-    """Cells whose time is known, about the target or at the edge, in an array with room for more; their number."""
+def _sources(cells, x, y, size, enclosed):
+    """Put the cells whose time is known, about the target and at the edge, into `cells`; their number."""
     wide = size + 2
-    cells = np.empty(5 * wide * wide, np.int32)
     count = 0
-    if inside:
-        for i in range(max(int(x), 1), min(int(x) + 2, size + 1)):
-            for j in range(max(int(y), 1), min(int(y) + 2, size + 1)):
+    if 1.0 <= x <= size and 1.0 <= y <= size:
+        for i in range(int(x), min(int(x) + 2, size + 1)):
+            for j in range(int(y), min(int(y) + 2, size + 1)):
                 cells[count] = i * wide + j
                 count += 1
-    if not inside or leave:
+    if not enclosed:
         for k in range(1, size + 1):
             for at in (wide + k, size * wide + k, k * wide + 1, k * wide + size):
                 cells[count] = at
                 count += 1
-    return cells, count
+    return count
 
 
 @njit(cache=True, error_model="numpy", inline="always")
@@ -141,8 +247,6 @@ def _slowness(square, away, least, pace):
     """Time per metre [s/m] by squared distance to the nearest point and distance to the robot; inf: no passage."""
     if square >= pace.comfort * pace.comfort:
         return 1.0 / pace.v_max
-    if square < 0.0:
-        return np.inf
     d = math.sqrt(square)
     if d < pace.inner:
         if d < least or away > pace.room:
@@ -150,85 +254,3 @@ def _slowness(square, away, least, pace):
         d = pace.inner
     share = (pace.comfort - d) / (pace.comfort - pace.inner)
     return (1.0 + pace.slowdown * share * share) / pace.v_max
-
-
-@njit(cache=True, error_model="numpy")
-def _squared_distances(points, robot, grid, pace):
-    """Squared distance of each cell's centre to the nearest point [m²], flat: inf beyond comfort, −1 in the frame.
-
-    One point per cell counts. Also the distance that a passage near the robot must have [m].
-    """
-    size, cell, wide = grid.size, grid.cell, grid.size + 2
-    squares = np.full(wide * wide, np.inf)
-    for k in range(wide):
-        squares[k] = squares[(wide - 1) * wide + k] = squares[k * wide] = squares[k * wide + wide - 1] = -1.0
-    taken = np.zeros((size, size), np.bool_)
-    span = int(pace.comfort / cell) + 1
-    nearest, reach = np.inf, pace.comfort * pace.comfort
-    for m in range(len(points)):
-        x, y = (points[m, 0] - grid.x) / cell, (points[m, 1] - grid.y) / cell
-        i, j = math.floor(x), math.floor(y)
-        if not (-span <= i < size + span and -span <= j < size + span):
-            continue
-        nearest = min(nearest, (points[m, 0] - robot[0]) ** 2 + (points[m, 1] - robot[1]) ** 2)
-        if 0 <= i < size and 0 <= j < size:
-            if taken[i, j]:
-                continue
-            taken[i, j] = True
-        for a in range(max(i - span, 0), min(i + span + 1, size)):
-            across = (a + 0.5 - x) ** 2
-            if across * cell * cell > reach:
-                continue
-            for b in range(max(j - span, 0), min(j + span + 1, size)):
-                at = (a + 1) * wide + b + 1
-                squares[at] = min(squares[at], (across + (b + 0.5 - y) ** 2) * cell * cell)
-    return squares, min(math.sqrt(nearest), pace.inner) - HALF_DIAGONAL * cell
-
-
-@njit(cache=True, error_model="numpy")
-def times_at(times: Floats, places: Floats, grid: Grid) -> Floats:
-    """T at the (N, 2) places by bilinear interpolation of the cells that have one [s]: (N,); inf if none has."""
-    out = np.full(len(places), np.inf)
-    for n in range(len(places)):
-        x = min(max((places[n, 0] - grid.x) / grid.cell + 0.5, 1.0), grid.size - 1e-9)
-        y = min(max((places[n, 1] - grid.y) / grid.cell + 0.5, 1.0), grid.size - 1e-9)
-        i, j = int(x), int(y)
-        total, weights = 0.0, 0.0
-        for a in range(2):
-            for b in range(2):
-                time = times[i + a, j + b]
-                if time < np.inf:
-                    weight = (x - i if a else i + 1 - x) * (y - j if b else j + 1 - y)
-                    total += weight * time
-                    weights += weight
-        if weights > 0.0:
-            out[n] = total / weights
-    return out
-
-
-@njit(cache=True, error_model="numpy")
-def descend(times: Floats, start: Floats, grid: Grid, length: float, every: int) -> Floats:
-    """Places on the way of steepest descent of T from (2,) `start`, one per `every` cells: (K, 2) [m].
-
-    The way goes from cell to cell, for at most `length` [m].
-    """
-    i = min(max(int((start[0] - grid.x) / grid.cell) + 1, 1), grid.size)
-    j = min(max(int((start[1] - grid.y) / grid.cell) + 1, 1), grid.size)
-    most = int(length / grid.cell)
-    places = np.empty((most // every + 1, 2))
-    count = 0
-    for k in range(1, most + 1):
-        steepest, di, dj = 0.0, 0, 0
-        for a in range(-1, 2):
-            for b in range(-1, 2):
-                fall = (times[i, j] - times[i + a, j + b]) / math.sqrt(max(a * a + b * b, 1))
-                if fall > steepest:
-                    steepest, di, dj = fall, a, b
-        if di == 0 and dj == 0:
-            break
-        i, j = i + di, j + dj
-        if k % every == 0:
-            places[count, 0] = grid.x + (i - 0.5) * grid.cell
-            places[count, 1] = grid.y + (j - 0.5) * grid.cell
-            count += 1
-    return places[:count]

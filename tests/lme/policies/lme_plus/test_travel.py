@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lme.errors import InputError
-from lme.policies.lme_plus.travel import BEYOND, TravelConfig, expected_times
+from lme.policies.lme_plus.travel import BEYOND, Travel, TravelConfig
 from tests.builders import stage
 from tests.tolerances import ARRIVAL_CELLS, ARRIVAL_SHARE
 
@@ -15,7 +15,7 @@ CONFIG = TravelConfig()
 
 
 def field(points=NOTHING, target=(5.0, -7.0), reach=8.0, margin=0.08):
-    return expected_times(points, np.array(target), HERE, reach, stage(), margin, CONFIG)
+    return Travel(CONFIG, stage(), reach, margin).field(points, np.array(target), HERE)
 
 
 def near(time):

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lme.geometry.frames import to_world
-from lme.policies.lme_plus.kernels.carried_points import remember
+from lme.geometry.frames import to_robot, to_world
+from lme.policies.lme_plus.kernels.carried_points import remember, squares_around
 from lme.types import Pose
 from tests import oracles
 from tests.tolerances import KERNEL
@@ -33,7 +33,8 @@ def kept(
     memory, points = (np.array(each, dtype=float).reshape(-1, 2) for each in (memory, points))
     beams = first, 2 * math.pi / len(ranges) if increment is None else increment
     ranges = np.asarray(ranges, dtype=np.float32)
-    return remember(memory, points, ranges, beams, mount, pose, square, reach, SLACK)
+    taken = squares_around(reach, square)
+    return remember(taken, memory, points, ranges, beams, mount, pose, square, reach, SLACK)[0]
 
 
 @settings(max_examples=100)
@@ -59,7 +60,11 @@ def test_carried_points_agree_with_the_slow_twin(seed, full_circle, clockwise):
         3.5,
         SLACK,
     )
-    np.testing.assert_allclose(remember(*given_), oracles.remember(*given_), rtol=0, atol=KERNEL)
+    taken = squares_around(*given_[-2:-4:-1])
+    kept_, around = remember(taken, *given_)
+    np.testing.assert_allclose(kept_, oracles.remember(*given_), rtol=0, atol=KERNEL)
+    np.testing.assert_allclose(around, to_robot(kept_, pose), rtol=0, atol=KERNEL)
+    assert not taken.any()
 
 
 def test_points_that_a_beam_passed_are_gone_and_those_behind_an_obstacle_stay():

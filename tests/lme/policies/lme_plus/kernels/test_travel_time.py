@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lme.policies.lme_plus.kernels.travel_time import Grid, Pace, descend, times_at, travel_times
+from lme.policies.lme_plus.kernels.travel_lookup import descend, times_at
+from lme.policies.lme_plus.kernels.travel_time import BUCKETS, Grid, Pace, travel_times, workspace
 from tests import oracles
 from tests.tolerances import ARRIVAL_CELLS, ARRIVAL_SHARE, KERNEL
 
@@ -24,7 +25,8 @@ SEEDS = st.integers(0, 10**6)
 def times(points, target, robot=(0.0, 0.0), grid=GRID, pace=PACE, beyond=ALL, leave=False):
     given = (np.array(each, dtype=float).reshape(-1, 2) for each in (points, target, robot))
     points, target, robot = given
-    return travel_times(points, target[0], robot[0], grid, pace, beyond, leave)
+    work = workspace(grid.size, grid.cell, pace.comfort)
+    return work.times, travel_times((*work,), points, target[0], robot[0], (*grid,), (*pace,), beyond, leave)
 
 
 def inside(field):
@@ -60,6 +62,36 @@ def test_times_are_those_of_shortest_ways(seed, leave):
     found = np.isfinite(slow)
     np.testing.assert_array_equal(np.isfinite(inside(field)), found)
     assert (np.abs(inside(field)[found] - slow[found]) <= near(slow[found])).all()
+
+
+@settings(max_examples=25)
+@given(SEEDS, st.booleans(), st.sampled_from([0.0, 0.5, ALL]))
+def test_times_are_exactly_those_of_the_plain_march_and_a_workspace_forgets(seed, leave, beyond):
+    grid, pace = Grid(-1.5, -1.5, CELL, 30), PACE._replace(room=0.4)
+    work = workspace(grid.size, grid.cell, pace.comfort)
+    rng = np.random.default_rng(seed)
+    for _ in range(2):  # the second time in the arrays of the first
+        robot, target = rng.uniform(-1.2, 1.2, 2), rng.uniform(-1.2, 1.2, 2) * rng.choice([1.0, 3.0])
+        points = np.concatenate((robot + rng.uniform(-0.4, 0.4, (1, 2)), rng.uniform(-1.6, 1.6, (9, 2))))
+        points = points[np.sort(np.unique(np.floor(points / CELL), axis=0, return_index=True)[1])]
+        best = travel_times((*work,), points, target, robot, (*grid,), (*pace,), beyond, leave)
+        steps = steps_across(points, robot, grid, pace)
+        at, here = ((place + 1.5) / CELL + 0.5 for place in (target, robot))
+        enclosed = not leave and ((at >= 1.0) & (at <= grid.size)).all()
+        stops = beyond, enclosed, BUCKETS, 0.1
+        field, slow = oracles.march(steps, at, here, grid.size, CELL / pace.v_max, *stops)
+        np.testing.assert_allclose(work.times, field, rtol=0.0, atol=KERNEL)
+        assert best == slow == math.inf or abs(best - slow) <= KERNEL
+
+
+def steps_across(points, robot, grid, pace):
+    """Time across each cell [s]; inf: no passage."""
+    d = np.hypot(*(centres(grid)[..., None] - points.T).transpose(2, 0, 1, 3)).min(axis=-1)
+    least = min(np.hypot(*(points - robot).T).min(), pace.inner) - math.sqrt(0.5) * grid.cell
+    far = np.hypot(*(centres(grid) - robot).transpose(2, 0, 1)) > pace.room
+    share = (pace.comfort - np.clip(d, pace.inner, pace.comfort)) / (pace.comfort - pace.inner)
+    steps = grid.cell * (1.0 + pace.slowdown * share**2) / pace.v_max
+    return np.where((d < pace.inner) & (far | (d < least)), np.inf, steps)
 
 
 @settings(max_examples=25)
