@@ -67,6 +67,30 @@ def split(points: Floats, seen: Floats, people: Floats, most: float) -> tuple[Fl
 
 
 @njit(cache=True, error_model="numpy")
+def reachable(
+    twist: tuple[float, float],
+    bounds: tuple[float, float, float, float],
+    period: float,
+    v_share: Floats,
+    omega_share: Floats,
+) -> tuple[Floats, Floats]:
+    """Speeds v ≥ 0 (V,) and turn rates (W,) within a period of the twist [m/s, rad/s].
+
+    bounds: (v_max, omega_max, alpha_v, alpha_omega). The turn rate nearest to 0 is set to 0 if 0 is among them.
+    v_share (V,) from 0 to 1, omega_share (W,) from −1 to 1.
+    """
+    v_max, omega_max, alpha_v, alpha_omega = bounds
+    slowest = max(twist[0] - alpha_v * period, 0.0)
+    v = slowest + (max(min(twist[0] + alpha_v * period, v_max), slowest) - slowest) * v_share
+    change = alpha_omega * period
+    low, high = max(twist[1] - change, -omega_max), min(twist[1] + change, omega_max)
+    omega = (low + high) / 2.0 + (high - low) / 2.0 * omega_share
+    if low <= 0.0 <= high:
+        omega[np.abs(omega).argmin()] = 0.0
+    return v, omega
+
+
+@njit(cache=True, error_model="numpy")
 def best_twist(
     v: Floats,
     omega: Floats,

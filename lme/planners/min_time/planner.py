@@ -15,7 +15,7 @@ from lme.kernels.arcs import first_contacts
 from lme.kernels.motion import drive
 from lme.kernels.straight_ways import KEPT
 from lme.planners.commands import check_turn_samples, limited, turn_shares
-from lme.planners.min_time.kernels import Estimate, Safety, best_twist, split
+from lme.planners.min_time.kernels import Estimate, Safety, best_twist, reachable, split
 from lme.robots import Robot
 from lme.sensing.scan_points import is_full_circle, obstacle_points
 from lme.types import Floats, Guidance, Limits, Observation, Pose, Twist
@@ -142,11 +142,11 @@ class MinTime:
         config, dt = self._config, self._robot.dt
         subgoal, points, movers, now = situation
         low = max(now.v - limits.alpha_v * dt, 0.0)
-        v = low + (max(min(now.v + limits.alpha_v * dt, limits.v_max), low) - low) * self._v_share
+        v, omega = reachable((*now,), limits.bounds, dt, self._v_share, self._omega_share)
         estimate = Estimate(limits.v_max, config.turn, dt, max(config.horizon, dt), _SLOW)
         margin, brake = share * config.margin, min(config.brake, limits.alpha_v)
         safety = Safety(margin, config.margin_time, brake, limits.alpha_omega, config.grip)
-        omega, box = self._turn_rates(now, limits), self._robot.footprint.box
+        box = self._robot.footprint.box
         best_v, best_omega, time = best_twist(
             v, omega, subgoal, points, box, (*estimate,), (*safety,), movers
         )
@@ -168,15 +168,6 @@ class MinTime:
         left = self._left_to_back_up if self._left_to_back_up > 0.0 else self._config.back
         self._left_to_back_up = left - speed * self._robot.dt
         return Twist(-speed, 0.0)
-
-    def _turn_rates(self, now: Twist, limits: Limits) -> Floats:
-        """Turn rates that are reachable in one period; the one nearest to 0 is set to 0 if 0 is among them."""
-        change = limits.alpha_omega * self._robot.dt
-        low, high = max(now.omega - change, -limits.omega_max), min(now.omega + change, limits.omega_max)
-        omega: Floats = (low + high) / 2.0 + (high - low) / 2.0 * self._omega_share
-        if low <= 0.0 <= high:
-            omega[np.abs(omega).argmin()] = 0.0
-        return omega
 
 
 def _without_tiny_rates(twist: Twist) -> Twist:

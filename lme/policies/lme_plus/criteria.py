@@ -11,7 +11,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lme.geometry.frames import to_world
 from lme.kernels.straight_ways import straight_ways
 from lme.policies.distance import distances_to, turns
 from lme.policies.lme_plus.travel import Field
@@ -55,7 +54,7 @@ def a_dev(candidates: Floats, sight: Sight) -> Floats:
 
 def a_rest(candidates: Floats, sight: Sight) -> Floats:
     """Rest of the way: minus the expected time from the candidate to the target, around all that is known [s]."""
-    return -sight.field.rest(to_world(candidates, sight.pose))
+    return -sight.field.rest(candidates, sight.pose)
 
 
 def c_o(candidates: Floats, sight: Sight) -> Floats:

@@ -10,9 +10,10 @@ from lme.errors import require
 from lme.policies.lme_plus.kernels.travel_lookup import descend, rest_at
 from lme.policies.lme_plus.kernels.travel_time import Grid, travel_times, workspace
 from lme.robots import Robot
-from lme.types import Floats
+from lme.types import Floats, Pose
 
 BEYOND = 0.5  # [s] ways that take longer than the best by more than this are not searched
+_ITSELF = Pose(0.0, 0.0, 0.0)  # of the field's frame
 _EVERY = 3  # cells between two places on the way of steepest descent
 _LEAST_BAND = 0.05  # [m] of slower driving near obstacles, however wide the robot
 
@@ -41,14 +42,14 @@ class Field(NamedTuple):
     target: Floats
     v_max: float
 
-    def rest(self, places: Floats) -> Floats:
-        """T at (N, 2) places [s]: (N,). Where the search did not go, the least time that it allows.
+    def rest(self, places: Floats, pose: Pose = _ITSELF) -> Floats:
+        """T at (N, 2) places in the frame at `pose` [s]: (N,). Where the search did not go, the least time it allows.
 
         If the robot has no way to the target, such places have the time of the straight line to it.
         """
-        found: Floats = rest_at(
-            self.times, places, (*self.grid,), self.robot_time, BEYOND, self.here, self.target, self.v_max
-        )
+        where = (*pose,), (*self.grid,)  # plain tuples, which Numba recognises faster
+        ends = self.here, self.target, self.v_max
+        found: Floats = rest_at(self.times, places, *where, self.robot_time, BEYOND, *ends)
         return found
 
     def descent(self, length: float) -> Floats:

@@ -13,6 +13,7 @@ from lme.types import Floats
 def rest_at(
     times: Floats,
     places: Floats,
+    pose: tuple[float, float, float],
     grid: Grid | GridNumbers,
     robot_time: float,
     beyond: float,
@@ -20,11 +21,13 @@ def rest_at(
     target: Floats,
     v_max: float,
 ) -> Floats:
-    """T at the (N, 2) places [s]: (N,). Where the search did not go, the least time that it allows.
+    """T at the (N, 2) places in the frame at `pose` [s]: (N,). Where the search did not go, the least time
+    that it allows.
 
     The search ended `beyond` [s] after the time of the robot, which is at `here` (2,). If that is inf, such places
     have the time of the straight line to the target (2,), at v_max [m/s].
     """
+    places = _placed(places, pose)
     out = times_at(times, places, grid)
     known = robot_time < np.inf
     for n in range(len(places)):
@@ -33,6 +36,17 @@ def rest_at(
             dx, dy = places[n, 0] - apart[0], places[n, 1] - apart[1]
             straight = math.sqrt(dx * dx + dy * dy) / v_max
             out[n] = max(robot_time + beyond - straight, 0.0) if known else straight
+    return out
+
+
+@njit(cache=True, error_model="numpy")
+def _placed(places, pose):
+    """The places in the frame of the pose."""
+    cos, sin = math.cos(pose[2]), math.sin(pose[2])
+    out = np.empty(places.shape)
+    for n in range(len(places)):
+        x, y = places[n, 0], places[n, 1]
+        out[n, 0], out[n, 1] = pose[0] + cos * x - sin * y, pose[1] + sin * x + cos * y
     return out
 
 
