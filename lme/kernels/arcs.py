@@ -103,9 +103,11 @@ def first_contact(
     if v == 0.0 and omega == 0.0:
         return np.inf
     if abs(omega) < STRAIGHT * v:
-        return _straight(points, ranges, kept, box, margin, (v * least, v * horizon)) / v
+        way: float = _straight(points, ranges, kept, box, margin, (v * least, v * horizon))
+        return way / v
     turns = abs(omega) * least, abs(omega) * horizon
-    return _turn(points, ranges, kept, box, margin, v / omega, turns) / abs(omega)
+    turn: float = _turn(points, ranges, kept, box, margin, v / omega, turns)
+    return turn / abs(omega)
 
 
 @njit(cache=True, error_model="numpy")

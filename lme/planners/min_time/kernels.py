@@ -108,7 +108,9 @@ def best_twist(
     [m, m/s]. A command on whose arc one of them meets the robot's disc within `FORESEEN` [s] costs up to `_MEETING`
     [s] more: the sooner, the more.
     """
-    return _best(v, omega, subgoal, points, box, Estimate(*estimate), Safety(*safety), movers)
+    named = Estimate(*estimate), Safety(*safety)
+    found: tuple[float, float, float] = _best(v, omega, subgoal, points, box, *named, movers)
+    return found
 
 
 @njit(cache=True, error_model="numpy")

@@ -15,7 +15,8 @@ _ROUNDING = 1e-6  # [cells] that a window is wider
 @njit(cache=True, error_model="numpy")
 def pad(comfort: float, cell: float) -> int:
     """Cells around the grid that `draw` may write to."""
-    return 2 * _span(comfort, cell) + _LANES
+    span: int = _span(comfort, cell)
+    return 2 * span + _LANES
 
 
 @njit(cache=True, error_model="numpy")

@@ -107,7 +107,9 @@ def travel_times(
     robot that take at most `beyond` [s] more than the best are searched; cells on no such way are inf, as are those
     without passage. Python passes plain tuples: Numba needs 5 µs more to recognise each named one.
     """
-    return _solve(Workspace(*work), points, target, robot, Grid(*grid), Pace(*pace), beyond, leave)
+    named = Workspace(*work), points, target, robot, Grid(*grid), Pace(*pace)
+    time: float = _solve(*named, beyond, leave)
+    return time
 
 
 @njit(cache=True, error_model="numpy")

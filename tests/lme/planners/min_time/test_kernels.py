@@ -86,3 +86,18 @@ def test_the_best_command_meets_nobody():
     coming = [2.0, 0.0, -1.0, 0.0, 0.3]
     chosen = best(v, omega, coming, subgoal=(3.0, 0.0))[:2]
     assert met(chosen, coming) > met((2.0, 0.0), coming)
+
+
+@settings(max_examples=50)
+@given(st.integers(0, 10**6), st.sampled_from([JACKAL, DISC]), st.integers(0, 2))
+def test_the_best_of_all_pairs_is_the_best_of_each_alone(seed, box, people):
+    rng = np.random.default_rng(seed)
+    v, omega = np.sort(rng.uniform(0.0, 2.0, 4)), rng.uniform(-2.0, 2.0, 5)
+    subgoal, points = rng.uniform(-3.0, 3.0, 2), rng.uniform(-2.0, 2.0, (rng.integers(0, 40), 2))
+    movers = np.column_stack((rng.uniform(-3.0, 3.0, (people, 4)), np.full(people, 0.3)))
+    given_ = subgoal, points, box, (*ESTIMATE,), (*SAFETY,), movers
+    alone = [best_twist(np.array([a]), np.array([b]), *given_) for a in v for b in omega]
+    best = min(alone, key=lambda found: found[2])  # the first of equal ones
+    found = best_twist(v, omega, *given_)
+    assert found[2] == best[2]
+    assert found[:2] == best[:2] or best[2] == math.inf
