@@ -68,7 +68,7 @@ class Travel:
         self._cell, self._reach = config.cell, reach
         self._pace = robot.v_max, inner, comfort, config.slowdown, room  # a `Pace`
         self._size = math.ceil(2.0 * reach / config.cell) + 1
-        self._workspace = tuple(workspace(self._size, config.cell, comfort))
+        self._workspace = workspace(self._size, config.cell, comfort)
 
     def field(self, points: Floats, target: Floats, here: Floats) -> Field:
         """The field of a robot at `here` (2,), among `points` (M, 2), to its `target` (2,), valid until the next call.
@@ -77,8 +77,8 @@ class Travel:
         """
         x, y = (math.floor((at - self._reach) / self._cell) * self._cell for at in here.tolist())
         grid = Grid(x, y, self._cell, self._size)
-        given = self._workspace, points, target, here, (*grid,), self._pace, BEYOND
+        given = (*self._workspace,), points, target, here, (*grid,), self._pace, BEYOND
         time = travel_times(*given, False)
         if not math.isfinite(time):  # enclosed on the grid: perhaps there is a way around outside it
             time = travel_times(*given, True)
-        return Field(self._workspace[0], time, grid, here, target, self._pace[0])
+        return Field(self._workspace.times, time, grid, here, target, self._pace[0])
