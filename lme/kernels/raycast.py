@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from lme.kernels.bearing import BEARING_ERROR, bearing
 from lme.kernels.edge_grid import EdgeGrid, first_hit
-from lme.kernels.lattice import NO_LATTICE, Lattice
-from lme.kernels.lattice_scan import cast_lattice
+from lme.kernels.lattice.rectangles import NO_LATTICE, Lattice
+from lme.kernels.lattice.scan import cast_lattice
 from lme.kernels.points import beam_directions
 from lme.types import Floats, Pose
 

@@ -8,7 +8,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 
 from lme.kernels.edge_grid import NO_EDGES, EdgeGrid, edge_grid
-from lme.kernels.lattice import NO_LATTICE, Lattice, lattice_of
+from lme.kernels.lattice.rectangles import NO_LATTICE, Lattice, lattice_of
 from lme.types import Floats, Pose
 from lme.worlds.movers import Mover
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 
 from lme.kernels.edge_grid import edge_grid
-from lme.kernels.lattice import NO_LATTICE, lattice_of
+from lme.kernels.lattice.rectangles import NO_LATTICE, lattice_of
 from lme.kernels.raycast import cast, cast_grid
 from lme.worlds.contours import outlines
 from lme.worlds.world import World

@@ -11,7 +11,7 @@ import numpy as np
 from numba import int64, njit, uint64
 
 from lme.kernels.edge_grid import first_hit
-from lme.kernels.lattice import BORDER, FREE, SPAN_BITS, SPAN_MAX
+from lme.kernels.lattice.rectangles import BORDER, FREE, SPAN_BITS, SPAN_MAX
 
 _NODE = 1e-5  # [cells] from a node, the cell that a beam enters is doubtful; far above rounding errors
 _ALONG = 1e-3  # least sine of a beam's angle to both axes with which it is sure where it crosses a line
