@@ -47,9 +47,9 @@ class Field(NamedTuple):
 
         If the robot has no way to the target, such places have the time of the straight line to it.
         """
-        where = (*pose,), (*self.grid,)  # plain tuples, which Numba recognises faster
-        ends = self.here, self.target, self.v_max
-        found: Floats = rest_at(self.times, places, *where, self.robot_time, BEYOND, *ends)
+        frame, grid = (*pose,), (*self.grid,)  # plain tuples, which Numba recognises faster
+        ends = self.robot_time, BEYOND, self.here, self.target, self.v_max
+        found: Floats = rest_at(self.times, places, frame, grid, *ends)
         return found
 
     def descent(self, length: float) -> Floats:
