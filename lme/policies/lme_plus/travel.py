@@ -52,6 +52,10 @@ class Field(NamedTuple):
         found: Floats = rest_at(self.times, places, frame, grid, *ends)
         return found
 
+    def kept(self) -> Field:
+        """The same with times of its own, which stay when the next field is found."""
+        return self._replace(times=self.times.copy())
+
     def descent(self, length: float) -> Floats:
         """Places on the robot's fastest way, for `length` [m]: (K, 2)."""
         return descend(self.times, self.here, (*self.grid,), length, _EVERY)
