@@ -48,9 +48,13 @@ class Field(NamedTuple):
         If the robot has no way to the target, such places have the time of the straight line to it.
         """
         frame, grid = (*pose,), (*self.grid,)  # plain tuples, which Numba recognises faster
-        times, robot_time, here, target = self.times, self.robot_time, self.here, self.target
-        found: Floats = rest_at(times, places, frame, grid, robot_time, BEYOND, here, target, self.v_max)
+        ends = self.robot_time, BEYOND, self.here, self.target, self.v_max
+        found: Floats = rest_at(self.times, places, frame, grid, *ends)
         return found
+
+    def kept(self) -> Field:
+        """The same with times of its own, which stay when the next field is found."""
+        return self._replace(times=self.times.copy())
 
     def descent(self, length: float) -> Floats:
         """Places on the robot's fastest way, for `length` [m]: (K, 2)."""

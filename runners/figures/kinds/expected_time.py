@@ -86,8 +86,9 @@ def sights(trace: Trace, last: int) -> list[Sight]:
     found = []
     for step in trace.steps[: last + 1]:
         guide.guide(step.observation)
-        assert guide.escaper.sight is not None
-        found.append(guide.escaper.sight)
+        sight = guide.escaper.sight
+        assert sight is not None
+        found.append(sight._replace(field=sight.field.kept()))
     return found
 
 

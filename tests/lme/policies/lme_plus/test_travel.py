@@ -50,6 +50,15 @@ def test_the_way_down_ends_at_the_target():
     assert np.abs(way[:, 1] + 7.0).max() <= 2 * CONFIG.cell
 
 
+def test_a_kept_field_stays_when_the_next_one_is_found():
+    travel = Travel(CONFIG, stage(), 8.0, 0.08)
+    found = travel.field(NOTHING, np.array([5.0, -7.0]), HERE)
+    kept, before = found.kept(), found.rest(HERE[None])
+    travel.field(NOTHING, np.array([3.0, -1.0]), HERE)
+    assert kept.rest(HERE[None]) == before
+    assert found.rest(HERE[None]) != before  # the arrays are used again
+
+
 @pytest.mark.parametrize(("key", "value"), [("cell", 0), ("comfort", 0), ("slowdown", -1)])
 def test_mistakes_are_named(key, value):
     with pytest.raises(InputError, match=f"guide.travel.{key} is {value}"):
