@@ -6,6 +6,7 @@ It takes and returns arrays, and does not need Gymnasium. To the last bit, each 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import fields
 from typing import NamedTuple
 
 import numpy as np
@@ -17,11 +18,12 @@ from lme.envs.reward import OUTCOMES, Result, Reward, distances
 from lme.errors import InputError
 from lme.kernels.raycast import beam_table
 from lme.robots import Robot
+from lme.sim.disturbances import Disturbances
 from lme.sim.fast import FastConfig
 from lme.types import Bools, Floats, Ints
 from lme.worlds.world import MapSet, Task
 
-_UNSUPPORTED = ("latency", "slip", "scan_noise", "scan_dropout", "goal_noise", "goal_noise_yaw")
+_UNSUPPORTED = tuple(field.name for field in fields(Disturbances) if field.name != "goal_rate")
 ONE_BY_ONE = 'use one environment per robot instead (gym.make_vec with vectorization_mode="sync")'
 
 

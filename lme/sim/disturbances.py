@@ -1,4 +1,4 @@
-"""Disturbances: command latency, wheel slip, scan noise, lost beams and localisation error of the goal."""
+"""Disturbances: command latency, wheel slip, odometry and scan errors, lost beams, localisation error of the goal."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lme.errors import require
-from lme.geometry.frames import to_robot, to_world
+from lme.geometry.frames import compose, relative, to_robot, to_world
 from lme.types import Floats, Pose, Twist
 
 Ranges = NDArray[np.float32]
@@ -22,6 +22,9 @@ class Disturbances:
 
     latency: float = 0.0  # [s] from a command to its effect
     slip: float = 0.0  # [-] standard deviation of each wheel's relative slip, drawn per control period
+    odometry_error: float = (
+        0.0  # [-] standard deviation of the relative errors of speed and turn rate, per episode
+    )
     scan_noise: float = 0.0  # [m] standard deviation, in addition to robot.lidar.noise_std
     scan_dropout: float = 0.0  # [-] share of beams that return nothing
     goal_noise: float = 0.0  # [m] standard deviation of the robot's estimated position, in x and in y
@@ -29,7 +32,7 @@ class Disturbances:
     goal_rate: float | None = None  # [Hz] rate of goal fixes; None: one with every scan; 0: one, at the start
 
     def __post_init__(self) -> None:
-        for key in ("latency", "slip", "scan_noise", "goal_noise", "goal_noise_yaw"):
+        for key in ("latency", "slip", "odometry_error", "scan_noise", "goal_noise", "goal_noise_yaw"):
             require(f"sim.{key}", getattr(self, key), at_least=0.0)
         require("sim.scan_dropout", self.scan_dropout, at_least=0.0, at_most=1.0)
         if self.goal_rate is not None:
@@ -53,6 +56,30 @@ class Delay:
         while self._pending and self._pending[0][0] <= time:
             _, self._arrived = self._pending.popleft()
         return self._arrived
+
+
+class Odometry:
+    """The robot's own measurement of its motion: speed and turn rate are off by constant factors.
+
+    So they are if the wheels' diameter and distance, or the gyro's scale, are not what the robot assumes: systematic
+    errors (Borenstein & Feng 1996, doi:10.1109/70.544770), which grow with the way instead of averaging out.
+    """
+
+    def __init__(self, error: float, rng: np.random.Generator) -> None:
+        """error: standard deviation of both factors' difference from 1; 0: the measurement is exact."""
+        self._exact = error == 0.0
+        self._scale_v, self._scale_omega = (1.0 + error * rng.standard_normal(2)).tolist()
+        self._last = self._pose = Pose(0.0, 0.0, 0.0)
+
+    def measured(self, twist: Twist, odometry: Pose) -> tuple[Twist, Pose]:
+        """Twist and pose since the start as the robot has them, from those of exact encoders. Once per period."""
+        if self._exact:
+            return twist, odometry
+        step, self._last = relative(odometry, self._last), odometry
+        turn = self._scale_omega * step.yaw
+        x, y = (self._scale_v * to_world(np.array(step[:2]), Pose(0.0, 0.0, (turn - step.yaw) / 2))).tolist()
+        self._pose = compose(self._pose, Pose(x, y, turn))
+        return Twist(self._scale_v * twist.v, self._scale_omega * twist.omega), self._pose
 
 
 class TargetEstimate:

@@ -13,7 +13,7 @@ from lme.kernels.raycast import cast, cast_grid
 from lme.robots import Robot
 from lme.sensing.resampling import resampled, tidied
 from lme.sim.crowd import Crowd
-from lme.sim.disturbances import Disturbances, TargetEstimate, lose_beams
+from lme.sim.disturbances import Disturbances, Odometry, TargetEstimate, lose_beams
 from lme.sim.mid360 import mid360_of
 from lme.sim.tracker import tracked
 from lme.types import Floats, LaserScan, Observation, Pose, Twist
@@ -67,6 +67,7 @@ class Sensors:
         self._config = config
         self._rng = rng
         self._scan_rng, goal_rng = rng.spawn(2)
+        self._odometry = Odometry(config.odometry_error, goal_rng.spawn(1)[0])
         self._target = TargetEstimate(config, np.asarray(task.goal, dtype=np.float64), goal_rng)
         self._grid, self._lattice = task.world.grid, task.world.lattice
         self._in_grid = len(task.world.edges) if len(self._grid.edges) else 0
@@ -85,13 +86,14 @@ class Sensors:
         crowd: Crowd | None = None,
         scan_pose: Pose | None = None,
     ) -> Observation:
-        """The observation; twist, odometry: by the wheel encoders; circles (C, 3), edges (E, 4): the obstacles now,
+        """The observation; twist, odometry: by exact encoders; circles (C, 3), edges (E, 4): the obstacles now,
         static ones first.
 
         crowd: the movers among them. scan_pose: where the newest scan was taken, if not at the current pose.
         """
         scan_pose = scan_pose or state.pose
         scan = self._scan(scan_pose, circles, edges)
+        twist, odometry = self._odometry.measured(twist, odometry)
         target = self._target.seen_from(state.pose, odometry, state.time)
         seen = Observation(scan, target, twist, self._limits, odometry)
         if crowd is None or not len(crowd):

@@ -185,6 +185,7 @@ def test_what_the_compiled_step_does_not_cover_is_refused():
     for config, key in (
         (FastConfig(latency=0.1), "sim.latency is 0.1"),
         (FastConfig(slip=0.1), "sim.slip is 0.1"),
+        (FastConfig(odometry_error=0.1), "sim.odometry_error is 0.1"),
         (FastConfig(scan_noise=0.1), "sim.scan_noise is 0.1"),
         (FastConfig(scan_dropout=0.1), "sim.scan_dropout is 0.1"),
         (FastConfig(goal_noise_yaw=0.1), "sim.goal_noise_yaw is 0.1"),

@@ -20,6 +20,7 @@ BOTH = pytest.mark.parametrize("kind", list(KINDS))
 KEYS = {
     "latency": 0.05,
     "slip": 0.1,
+    "odometry_error": 0.03,
     "scan_noise": 0.02,
     "scan_dropout": 0.2,
     "goal_noise": 0.1,
@@ -200,6 +201,7 @@ def test_arrival_is_judged_by_the_truth(kind):
     [
         ("latency", -0.1, "at least 0"),
         ("slip", math.nan, "at least 0"),
+        ("odometry_error", -0.1, "at least 0"),
         ("scan_noise", math.inf, "finite"),
         ("scan_dropout", 1.5, "at most 1"),
         ("goal_noise", -1.0, "at least 0"),
