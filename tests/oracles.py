@@ -144,6 +144,8 @@ def slide(state, chassis, command, limits, factors, axes, yaw_errors, duration, 
     for k in range(count * per_pose):
         goal = np.clip(command, np.negative(limits[:2]), limits[:2])
         most = np.array(limits[2:]) * dt
+        if chassis.lag:
+            goal = goal + (wheels[:2] - goal) * np.exp(-dt / chassis.lag)
         wheels[:2] += np.clip(goal - wheels[:2], -most, most)
         turn = wheels[1] * chassis.track / 2 * chassis.separation_multiplier
         treads = wheels[0] + turn * np.array([-1, 1])

@@ -1,4 +1,4 @@
-"""Disturbances: command latency, wheel slip, odometry and scan errors, lost beams, localisation error of the goal."""
+"""Disturbances: latency, lag, wheel slip, odometry and scan errors, lost beams, localisation error of the goal."""
 
 from __future__ import annotations
 
@@ -21,6 +21,7 @@ class Disturbances:
     """Settings of the disturbances, the same in every simulator. By default there are none."""
 
     latency: float = 0.0  # [s] from a command to its effect
+    lag: float = 0.0  # [s] time constant with which the velocity then approaches the command
     slip: float = 0.0  # [-] standard deviation of each wheel's relative slip, drawn per control period
     odometry_error: float = (
         0.0  # [-] standard deviation of the relative errors of speed and turn rate, per episode
@@ -32,7 +33,7 @@ class Disturbances:
     goal_rate: float | None = None  # [Hz] rate of goal fixes; None: one with every scan; 0: one, at the start
 
     def __post_init__(self) -> None:
-        for key in ("latency", "slip", "odometry_error", "scan_noise", "goal_noise", "goal_noise_yaw"):
+        for key in ("latency", "lag", "slip", "odometry_error", "scan_noise", "goal_noise", "goal_noise_yaw"):
             require(f"sim.{key}", getattr(self, key), at_least=0.0)
         require("sim.scan_dropout", self.scan_dropout, at_least=0.0, at_most=1.0)
         if self.goal_rate is not None:

@@ -19,7 +19,7 @@ from lme.sim.substeps import Substepper, rolled
 from lme.types import Floats, Limits, Observation, Pose, Twist
 from lme.worlds.world import Task
 
-MAX_SUBSTEP = 0.01  # [s] resolution of latency
+MAX_SUBSTEP = 0.01  # [s] resolution of latency and lag
 
 
 @dataclass(slots=True)
@@ -37,7 +37,7 @@ class FastConfig(Disturbances):
 class FastSimulator:
     """Differential drive with a footprint and a noisy lidar; any contact ends the episode.
 
-    Without movers, slip and latency, a whole control period is checked at once; otherwise in substeps
+    Without movers, slip, latency and lag, a whole control period is checked at once; otherwise in substeps
     (`Substepper`).
     """
 
@@ -84,7 +84,7 @@ class FastSimulator:
     def _make_substepper(self, task: Task, rng: np.random.Generator) -> Substepper | None:
         """A substepper if one is needed. `max_step` then bounds robot and movers at their top speeds together."""
         robot, config, crowd = self._robot, self._config, Crowd(task.world.movers)
-        if not (len(crowd) or config.latency or config.slip):
+        if not (len(crowd) or config.latency or config.lag or config.slip):
             return None
         fastest = robot.v_max + robot.hull.r_max * robot.omega_max + crowd.top_speed
         self._substeps = math.ceil(max(fastest * robot.dt / config.max_step, robot.dt / MAX_SUBSTEP) - 1e-9)

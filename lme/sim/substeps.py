@@ -1,4 +1,4 @@
-"""Motion in short substeps, as delay, slip, movers and rigid bodies need it."""
+"""Motion in short substeps, as delay, lag, slip, movers and rigid bodies need it."""
 
 from __future__ import annotations
 
@@ -38,7 +38,9 @@ class Wheels:
     twist: of the tread. odometry: pose of the base by the encoders, in the frame of the start.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, lag: float = 0.0) -> None:
+        """lag: time constant with which the velocities approach the command, within the limits [s]."""
+        self._lag = lag
         self.twist = Twist(0.0, 0.0)
         self.odometry = Pose(0.0, 0.0, 0.0)
 
@@ -46,6 +48,10 @@ class Wheels:
         """Distance [m] and turn [rad] of the tread in `dt` [s]. Each velocity ramps at its own limit."""
         v_goal = min(max(command.v, -limits.v_max), limits.v_max)
         omega_goal = min(max(command.omega, -limits.omega_max), limits.omega_max)
+        if self._lag:
+            left = math.exp(-dt / self._lag)
+            v_goal += left * (self.twist.v - v_goal)
+            omega_goal += left * (self.twist.omega - omega_goal)
         v, distance = _ramp(self.twist.v, v_goal, limits.alpha_v, dt)
         omega, angle = _ramp(self.twist.omega, omega_goal, limits.alpha_omega, dt)
         self.twist = Twist(v, omega)
@@ -66,7 +72,7 @@ class Substepper:
         body: Body,
     ) -> None:
         self.crowd = crowd
-        self.wheels = Wheels()
+        self.wheels = Wheels(config.lag)
         self._body = body
         self._robot = robot
         self._track = track(robot.footprint)

@@ -36,7 +36,7 @@ class Safety(NamedTuple):
 
     Along its arc the outline, grown by margin + margin_time · (v + r_max |ω|), touches no point for one period and the
     time to stop, at `brake` [m/s²] and alpha_omega [rad/s²]. v · |ω| is at most `grip` [m/s²], if a slower command is
-    in reach.
+    in reach. The drive answers with a time constant of `lag` [s], by which the robot stops later.
     """
 
     margin: float
@@ -44,6 +44,7 @@ class Safety(NamedTuple):
     brake: float
     alpha_omega: float
     grip: float
+    lag: float = 0.0
 
 
 @njit(cache=True, error_model="numpy")
@@ -69,21 +70,23 @@ def split(points: Floats, seen: Floats, people: Floats, most: float) -> tuple[Fl
 @njit(cache=True, error_model="numpy")
 def reachable(
     twist: tuple[float, float],
-    bounds: tuple[float, float, float, float],
+    least: tuple[float, float],
+    most: tuple[float, float],
+    alphas: tuple[float, float],
     period: float,
     v_share: Floats,
     omega_share: Floats,
 ) -> tuple[Floats, Floats]:
     """Speeds v ≥ 0 (V,) and turn rates (W,) within a period of the twist [m/s, rad/s].
 
-    bounds: (v_max, omega_max, alpha_v, alpha_omega). The turn rate nearest to 0 is set to 0 if 0 is among them.
+    least, most: v and ω that the drive can reach; alphas: (alpha_v, alpha_omega), which bound it further. The turn rate nearest to 0 is set to 0 if 0 is among them.
     v_share (V,) from 0 to 1, omega_share (W,) from −1 to 1.
     """
-    v_max, omega_max, alpha_v, alpha_omega = bounds
-    slowest = max(twist[0] - alpha_v * period, 0.0)
-    v = slowest + (max(min(twist[0] + alpha_v * period, v_max), slowest) - slowest) * v_share
+    alpha_v, alpha_omega = alphas
+    slowest = max(max(twist[0] - alpha_v * period, 0.0), least[0])
+    v = slowest + (max(min(twist[0] + alpha_v * period, most[0]), slowest) - slowest) * v_share
     change = alpha_omega * period
-    low, high = max(twist[1] - change, -omega_max), min(twist[1] + change, omega_max)
+    low, high = max(twist[1] - change, least[1]), min(twist[1] + change, most[1])
     omega = (low + high) / 2.0 + (high - low) / 2.0 * omega_share
     if low <= 0.0 <= high:
         omega[np.abs(omega).argmin()] = 0.0
@@ -122,7 +125,7 @@ def _best(v, omega, subgoal, points, box, estimate, safety, movers):
         twists[n, 0], twists[n, 1] = speed, rate
         margins[n] = safety.margin + safety.margin_time * (speed + r_max * abs(rate))
         braking = max(speed / (2.0 * safety.brake), abs(rate) / (2.0 * safety.alpha_omega))
-        stops[n] = estimate.period + braking
+        stops[n] = estimate.period + braking + safety.lag
     near = within_reach(twists, points, box, margins, stops + estimate.horizon, KEPT)
     holds, moves = _held(omega, estimate)
     bounds = _least_times(v, omega, subgoal, holds, moves, estimate, safety)

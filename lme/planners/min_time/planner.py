@@ -16,6 +16,7 @@ from lme.kernels.motion import drive
 from lme.kernels.straight_ways import KEPT
 from lme.planners.commands import check_turn_samples, limited, turn_shares
 from lme.planners.min_time.kernels import Estimate, Safety, best_twist, reachable, split
+from lme.planners.min_time.lag import Lag
 from lme.robots import Robot
 from lme.sensing.scan_points import is_full_circle, obstacle_points
 from lme.types import Floats, Guidance, Limits, Observation, Pose, Twist
@@ -41,11 +42,12 @@ class MinTimeConfig:
     grip: float = 1.0  # [m/s²] greatest v·|ω|, the lateral acceleration
     back: float = 0.3  # [m] distance that a stuck robot backs up; 0: never
     latency: float = 0.0  # [s] known delay from a command to its effect
+    lag: float = 0.0  # [s] known time constant with which the velocity then approaches the command
     v_samples: int = 7
     omega_samples: int = 15  # odd, so that one of them is in the middle
 
     def __post_init__(self) -> None:
-        for key in ("turn", "margin", "margin_time", "back", "latency"):
+        for key in ("turn", "margin", "margin_time", "back", "latency", "lag"):
             require(f"planner.{key}", getattr(self, key), at_least=0.0)
         for key in ("horizon", "brake", "grip"):
             require(f"planner.{key}", getattr(self, key), above=0.0)
@@ -77,6 +79,7 @@ class MinTime:
     def __init__(self, config: MinTimeConfig, robot: Robot) -> None:
         self._config = config
         self._robot = robot
+        self._lag = Lag(config.lag, robot.dt)
         self._omega_share = turn_shares(config.omega_samples)
         self._v_share = np.linspace(0.0, 1.0, config.v_samples) ** 2  # more of them at low speed
         self.reset(np.random.default_rng(0))
@@ -96,7 +99,8 @@ class MinTime:
         wanted = self._choose(now, observation.limits)
         if may_back and (self._left_to_back_up > 0.0 or (guidance.blocked and not any(wanted))):
             wanted = self._back_up(now.points, observation.limits) or wanted
-        command = limited(*wanted, observation._replace(twist=now.twist), self._robot.dt)
+        reached = limited(*wanted, observation._replace(twist=now.twist), self._robot.dt)
+        command = self._lag.command_for(reached, now.twist, observation.limits)
         self._under_way.append(command)
         return command
 
@@ -128,7 +132,8 @@ class MinTime:
         rest = self._config.latency - (len(self._under_way) - 1) * dt  # of the oldest command
         for k, command in enumerate(self._under_way):
             duration = dt if k else rest
-            motion = (*pose,), (*now,), (*command,), limits.bounds  # plain tuples, as in `FastSimulator.step`
+            reached = self._lag.after(now, command, duration)
+            motion = (*pose,), (*now,), (*reached,), limits.bounds  # plain tuples, as in `FastSimulator.step`
             way, twist = drive(*motion, duration, _STEP, self._robot.footprint.r_max)
             pose, now = Pose(*way[-1].tolist()), Twist(*twist)
         return pose, _without_tiny_rates(now)
@@ -141,25 +146,27 @@ class MinTime:
     def _best(self, situation: _Situation, limits: Limits, share: float) -> Twist:
         config, dt = self._config, self._robot.dt
         subgoal, points, movers, now = situation
-        low = max(now.v - limits.alpha_v * dt, 0.0)
-        v, omega = reachable((*now,), limits.bounds, dt, self._v_share, self._omega_share)
+        least, most = self._lag.reach(now, limits)
+        alphas = limits.alpha_v, limits.alpha_omega
+        v, omega = reachable((*now,), (*least,), (*most,), alphas, dt, self._v_share, self._omega_share)
         estimate = Estimate(limits.v_max, config.turn, dt, max(config.horizon, dt), _SLOW)
         margin, brake = share * config.margin, min(config.brake, limits.alpha_v)
-        safety = Safety(margin, config.margin_time, brake, limits.alpha_omega, config.grip)
+        safety = Safety(margin, config.margin_time, brake, limits.alpha_omega, config.grip, config.lag)
         box = self._robot.footprint.box
         best_v, best_omega, time = best_twist(
             v, omega, subgoal, points, box, (*estimate,), (*safety,), movers
         )
         if math.isfinite(time):
             return Twist(best_v, best_omega)
-        return Twist(0.0, now.omega * low / now.v if now.v > 0.0 else 0.0)
+        return Twist(0.0, now.omega * float(v[0]) / now.v if now.v > 0.0 else 0.0)
 
     def _back_up(self, points: Floats, limits: Limits) -> Twist | None:
         """Straight back for `back`, or as far as known points allow; None if they allow nothing."""
         speed = min(_BACKWARD * limits.v_max, -limits.lowest)
         if speed <= 0.0:
             return None
-        horizon = np.array([self._robot.dt + speed / min(self._config.brake, limits.alpha_v)])
+        stop = speed / min(self._config.brake, limits.alpha_v) + self._config.lag
+        horizon = np.array([self._robot.dt + stop])
         margin, mirrored = np.array([_TIGHT * self._config.margin]), points * [-1.0, 1.0]
         twist, box = np.array([[speed, 0.0]]), self._robot.footprint.box
         if first_contacts(twist, mirrored, box, margin, horizon, horizon, KEPT)[0] < horizon[0]:

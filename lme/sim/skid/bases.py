@@ -42,11 +42,12 @@ class Base(Protocol):
 class SlidingBase:
     """Wheels on a floor with friction."""
 
-    def __init__(self, drivetrain: Drivetrain, start: Pose, axes: int) -> None:
+    def __init__(self, drivetrain: Drivetrain, start: Pose, axes: int, lag: float) -> None:
+        """lag: time constant of the wheels' controller [s]."""
         given = asdict(drivetrain)
         controller = given.pop("controller")
         multiplier, _ = controller.pop("separation_multiplier"), controller.pop("timeout")
-        self._chassis = Chassis(**given, separation_multiplier=multiplier)
+        self._chassis = Chassis(**given, separation_multiplier=multiplier, lag=lag)
         self._limits = tuple(controller.values())
         self._axes = axes
         self._state = WheelState(np.zeros(6), np.zeros(4), np.zeros(2), np.zeros(16), np.zeros(2))
@@ -76,11 +77,12 @@ class RespondingBase:
     So encoders give the ground velocity divided by its gain, and odometry drifts accordingly.
     """
 
-    def __init__(self, response: Response, footprint: Footprint, start: Pose) -> None:
+    def __init__(self, response: Response, footprint: Footprint, start: Pose, lag: float) -> None:
+        """lag: time constant of the velocity over ground, besides the measured response [s]."""
         self._response = response
         self._track = track(footprint)
         self._limits = Limits(math.inf, math.inf, response.alpha_v, response.alpha_omega)
-        self._ground = Wheels()  # its twist is the ground velocity
+        self._ground = Wheels(lag)  # its twist is the ground velocity
         self._delay_v, self._delay_omega = Delay(response.delay_v), Delay(response.delay_omega)
         self._time = 0.0
         self.pose, self.twist, self.measured = start, Twist(0.0, 0.0), Twist(0.0, 0.0)

@@ -40,6 +40,7 @@ class Chassis(NamedTuple):
     wheel_width: float
     friction: float
     separation_multiplier: float  # the controller's track, in tracks
+    lag: float = 0.0  # [s] time constant with which the wheels approach the command
 
 
 class WheelState(NamedTuple):
@@ -82,8 +83,9 @@ def slide(
     per_pose = math.ceil(duration / count / MAX_STEP - 1e-9)
     steps = count * per_pose
     dt = duration / steps
+    share = 1.0 - math.exp(-dt / chassis.lag) if chassis.lag > 0.0 else 1.0
     for k in range(steps):
-        left, right = _turn_wheels(wheels, chassis, command, limits, dt)
+        left, right = _turn_wheels(wheels, chassis, command, limits, share, dt)
         _grip(state, chassis, points, rows, (left * factors[0], right * factors[1]), axes, dt)
         for i in range(3):
             body[i] += dt * body[i + 3]
@@ -116,12 +118,15 @@ def _contacts(chassis):
 
 
 @njit(cache=True, error_model="numpy")
-def _turn_wheels(wheels, chassis, command, limits, dt):
-    """Ramp the controller by one step and turn the wheels; speeds of their treads [m/s], left and right."""
+def _turn_wheels(wheels, chassis, command, limits, share, dt):
+    """Move the controller by one step and turn the wheels; speeds of their treads [m/s], left and right.
+
+    It goes a share of the way to the command, as far as its acceleration allows.
+    """
     for i in range(2):
         goal = min(max(command[i], -limits[i]), limits[i])
         most = limits[i + 2] * dt
-        wheels[i] += min(max(goal - wheels[i], -most), most)
+        wheels[i] += min(max(share * (goal - wheels[i]), -most), most)
     turn = wheels[1] * chassis.track * chassis.separation_multiplier / 2
     left, right = wheels[0] - turn, wheels[0] + turn
     wheels[2] += dt * left / chassis.wheel_radius

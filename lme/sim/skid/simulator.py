@@ -109,11 +109,11 @@ class SkidSimulator:
         return State(Pose(*travel[-1].tolist()), self._base.twist, end, travel, clearance, contact, arrived)
 
     def _make_base(self) -> Base:
-        robot = self._robot
+        robot, lag = self._robot, self._config.lag
         if robot.response is not None:
-            return RespondingBase(robot.response, robot.footprint, self._start)
+            return RespondingBase(robot.response, robot.footprint, self._start, lag)
         assert robot.drivetrain is not None
-        return SlidingBase(robot.drivetrain, self._start, AXES.index(self._config.friction))
+        return SlidingBase(robot.drivetrain, self._start, AXES.index(self._config.friction), lag)
 
     def _observe(self) -> Observation:
         base, pose = self._base, self.state.pose

@@ -19,6 +19,7 @@ KINDS = {"fast": (FastSimulator, FastConfig), "physics": (PhysicsSimulator, Phys
 BOTH = pytest.mark.parametrize("kind", list(KINDS))
 KEYS = {
     "latency": 0.05,
+    "lag": 0.2,
     "slip": 0.1,
     "odometry_error": 0.03,
     "scan_noise": 0.02,
@@ -84,6 +85,35 @@ def test_commands_keep_their_order_and_their_length(kind):
         ends.append(simulator.state.pose)
     for end in ends[1:]:
         assert end == pytest.approx(ends[0], abs=2e-3)
+
+
+# --- lag ----------------------------------------------------------------------------------------------
+
+
+@BOTH
+def test_the_velocity_approaches_the_command_with_the_time_constant(kind):
+    simulator, _ = started(kind, robot=stage(alpha_v=1e3, alpha_omega=1e3), lag=0.25)
+    for k in range(1, 8):
+        seen = simulator.step(Twist(0.4, -0.3))
+        reached = 1.0 - math.exp(-k * 0.2 / 0.25)
+        assert seen.twist == pytest.approx((0.4 * reached, -0.3 * reached), abs=KERNEL)
+
+
+@BOTH
+def test_a_lag_leaves_the_limits_of_acceleration(kind):
+    simulator, _ = started(kind, robot=stage(alpha_v=0.5), lag=0.05)
+    assert simulator.step(Twist(0.4, 0.0)).twist.v == pytest.approx(0.1, abs=KERNEL)
+
+
+@BOTH
+def test_a_lag_costs_as_much_way_as_the_time_constant(kind):
+    ways = []
+    for lag in (0.0, 0.3):
+        simulator, _ = started(kind, robot=stage(alpha_v=1e3), lag=lag)
+        for _ in range(20):
+            simulator.step(Twist(0.4, 0.0))
+        ways.append(simulator.state.pose.x)
+    assert ways[0] - ways[1] == pytest.approx(0.4 * 0.3, abs=0.4 * 0.006)
 
 
 # --- slip ---------------------------------------------------------------------------------------------
@@ -200,6 +230,7 @@ def test_arrival_is_judged_by_the_truth(kind):
     ("key", "value", "words"),
     [
         ("latency", -0.1, "at least 0"),
+        ("lag", -0.1, "at least 0"),
         ("slip", math.nan, "at least 0"),
         ("odometry_error", -0.1, "at least 0"),
         ("scan_noise", math.inf, "finite"),

@@ -78,6 +78,22 @@ def test_any_control_rate_lasts_its_period(rate):
     assert simulator.state.pose.x == pytest.approx(2.0 - 0.5 / 4.905, abs=0.01)  # to 1 m/s at μ g
 
 
+def test_the_wheels_approach_the_command_with_the_lag():
+    simulator, _ = skid(lag=0.2, **CALM)
+    speeds = [seen.twist.v for seen in driven(simulator, [(0.5, 0.0)] * 5)]
+    assert speeds == pytest.approx([0.5 * (1.0 - math.exp(-k / 2)) for k in range(1, 6)], abs=KERNEL)
+
+
+def test_a_lag_adds_to_a_measured_response():
+    prompt, lagging = (skid(robot=REAL, lag=lag, **CALM)[0] for lag in (0.0, 0.3))
+    for simulator in (prompt, lagging):
+        driven(simulator, [(0.3, 0.0)] * 10)
+    later = (prompt.state.pose.x - lagging.state.pose.x) / prompt.state.twist.v
+    assert 0.1 < later < 0.3
+    driven(lagging, [(0.3, 0.0)] * 20)
+    assert lagging.state.twist.v == pytest.approx(prompt.state.twist.v, rel=1e-3)
+
+
 def test_latency_puts_the_motion_off():
     late, _ = skid(latency=0.1, **CALM)
     prompt, _ = skid(**CALM)

@@ -51,6 +51,7 @@ def test_equals_one_contact_at_a_time(seed):
     base = rng.choice([0.0, 0.3])
     lengths = (rng.uniform(-0.4, 0.4) * base, rng.uniform(0, 0.2), rng.uniform(0.2, 0.6), base, 0.1, 0.04)
     chassis = Chassis(rng.uniform(1, 40), rng.uniform(0.1, 2), *lengths, rng.uniform(0.1, 1), 1.5)
+    chassis = chassis._replace(lag=float(rng.choice([0.0, 0.1])))
     states, ways = [at_rest(), at_rest()], [[], []]
     errors, axes = rng.normal(0, 0.01, 2), int(rng.integers(3))
     for command in rng.uniform((-1, -4), (2, 4), (3, 2)):

@@ -1,0 +1,40 @@
+"""A drive whose velocity approaches the command with a time constant."""
+
+import math
+
+from lme.types import Limits, Twist
+
+
+class Lag:
+    """First-order lag of v and ω: after a time t, e^(−t/τ) of their distance from the command is left.
+
+    Limits of acceleration are not in it. With τ = 0 the velocity is that of the command.
+    """
+
+    def __init__(self, time_constant: float, dt: float) -> None:
+        """time_constant: τ [s]; dt: the control period [s]."""
+        self._time_constant, self._dt = time_constant, dt
+
+    def after(self, now: Twist, command: Twist, duration: float) -> Twist:
+        """The twist `duration` [s] later."""
+        if self._time_constant == 0.0:
+            return command
+        left = math.exp(-duration / self._time_constant)
+        return Twist(
+            command.v + left * (now.v - command.v), command.omega + left * (now.omega - command.omega)
+        )
+
+    def reach(self, now: Twist, limits: Limits) -> tuple[Twist, Twist]:
+        """The least and the greatest v and ω that a command within the limits leads to in one period."""
+        least, most = Twist(limits.lowest, -limits.omega_max), Twist(limits.v_max, limits.omega_max)
+        return self.after(now, least, self._dt), self.after(now, most, self._dt)
+
+    def command_for(self, wanted: Twist, now: Twist, limits: Limits) -> Twist:
+        """The command that leads to the wanted twist in one period; the nearest to it that the limits allow."""
+        if self._time_constant == 0.0:
+            return wanted
+        gain = -1.0 / math.expm1(-self._dt / self._time_constant)
+        v, omega = (at + gain * (to - at) for at, to in zip(now, wanted, strict=True))
+        return Twist(
+            min(max(v, limits.lowest), limits.v_max), min(max(omega, -limits.omega_max), limits.omega_max)
+        )
