@@ -79,7 +79,8 @@ def reachable(
 ) -> tuple[Floats, Floats]:
     """Speeds v ≥ 0 (V,) and turn rates (W,) within a period of the twist [m/s, rad/s].
 
-    least, most: v and ω that the drive can reach; alphas: (alpha_v, alpha_omega), which bound it further. The turn rate nearest to 0 is set to 0 if 0 is among them.
+    least, most: v and ω that the drive can reach; alphas: alpha_v and alpha_omega, within which they are tried. The
+    turn rate nearest to 0 is set to 0 if 0 is among them.
     v_share (V,) from 0 to 1, omega_share (W,) from −1 to 1.
     """
     alpha_v, alpha_omega = alphas
