@@ -165,17 +165,16 @@ def _advise(job: Job[TrainConfig], found: Found, verdict: Verdict) -> None:
 
 
 def _elsewhere(job: Job[TrainConfig]) -> str:
-    """The command that compares weights trained on one map with the start on the families that suit the robot."""
+    """The command that compares weights trained on one map with the start on the families that any robot drives."""
     config = job.config
     if not config.map or config.held_out or not config.guide.get("parameters"):
         return ""
-    robot = config.robot
     maps = [
-        job.choices[f"map@{TRAINING}{name}"]
-        for name, family in families(replace(config, map={}), job.choices).items()
-        if family.robot is robot
+        job.choices.get(f"map@{TRAINING}{name}", "")
+        for name, node in config.training.items()
+        if node is not None and name not in config.training_robots
     ]
-    others = [name for name in maps if name != job.choices["map"]]
+    others = [name for name in maps if name not in ("", job.choices["map"])]
     if not others:
         return ""
     words = [f"robot={job.choices['robot']}", f"map={','.join(others)}"]

@@ -142,6 +142,12 @@ def test_weights_of_one_map_come_with_the_command_that_tries_them_elsewhere(trai
     assert f"lme eval -m robot=stage map=indoor weights=published,{name}" in said
 
 
+def test_training_on_one_map_needs_no_families(capsys):
+    run_dir = train("training.env1=null", "training.fresh=null", "training.indoor=null")
+    assert (run_dir / "report.html").is_file()
+    assert "worse elsewhere" not in capsys.readouterr().out
+
+
 def test_an_evaluation_with_the_weights_repeats_the_one_that_training_ended_with(trained, monkeypatch):
     run_dir, _ = trained
     monkeypatch.chdir(run_dir.parent)
