@@ -9,12 +9,13 @@ import numpy as np
 
 from lme.geometry.frames import relative
 from lme.live.messages import SECOND
-from lme.live.safety import limited, predict, touches
+from lme.live.safety import predict, touches
 from lme.live.scan_source import ScanSource
 from lme.live.sensors import LiveSight
 from lme.live.step import STILL, LiveState, LiveStep
 from lme.live.track import StampedMotion
 from lme.navigator import Explanations, Navigator
+from lme.planners.commands import reachable
 from lme.sensing.scan_points import obstacle_points
 from lme.types import Floats, Pose, Twist
 
@@ -55,7 +56,7 @@ class Pilot:
             now,
             LiveState.DRIVING,
             "",
-            limited(wanted, last, robot.limits, robot.dt),
+            reachable(*wanted, last, robot.limits, robot.dt),
             number,
             observation,
             navigator.guidance,

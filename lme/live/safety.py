@@ -1,4 +1,4 @@
-"""Safety of a command: it stays within the robot's limits and does not lead into contact."""
+"""Safety of a command: it does not lead into contact."""
 
 from __future__ import annotations
 
@@ -6,17 +6,11 @@ import numpy as np
 
 from lme.kernels.collision import sweep
 from lme.kernels.motion import drive
-from lme.planners.commands import reachable
 from lme.robots import Robot
-from lme.types import Floats, Limits, Pose, Twist
+from lme.types import Floats, Pose, Twist
 
 _NO_EDGES = np.empty((0, 4))
 _STEP = 0.02  # [m] no point of the outline moves further between two collision checks
-
-
-def limited(command: Twist, last: Twist, limits: Limits, dt: float) -> Twist:
-    """The command within the limits of velocity, and of acceleration from the last command, `dt` [s] ago."""
-    return reachable(*command, last, limits, dt)
 
 
 def predict(pose: Pose, twist: Twist, command: Twist, time: float, robot: Robot) -> tuple[Pose, Twist]:

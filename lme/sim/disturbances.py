@@ -24,7 +24,7 @@ class Disturbances:
     lag: float = 0.0  # [s] time constant with which the velocity then approaches the command
     slip: float = 0.0  # [-] standard deviation of each wheel's relative slip, drawn per control period
     odometry_error: float = (
-        0.0  # [-] standard deviation of the relative errors of speed and turn rate, per episode
+        0.0  # [-] standard deviation of relative errors of speed and turn rate, per episode
     )
     scan_noise: float = 0.0  # [m] standard deviation, in addition to robot.lidar.noise_std
     scan_dropout: float = 0.0  # [-] share of beams that return nothing

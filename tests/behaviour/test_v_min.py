@@ -8,8 +8,7 @@ import pytest
 import lme
 from lme.envs.fleet import Fleet
 from lme.errors import InputError
-from lme.live.safety import limited as safely_limited
-from lme.planners.commands import limited
+from lme.planners.commands import limited, reachable
 from lme.presets import load_map_set, load_simulator
 from tests.builders import observation, stage, task
 
@@ -20,7 +19,7 @@ BACK = lme.Twist(-0.4, 0.3)
 def test_commands_stay_above_it(v_min, expected):
     robot = replace(stage(), v_min=v_min)
     assert limited(*BACK, observation(robot=robot), 1.0) == (expected, 0.3)
-    assert safely_limited(BACK, lme.Twist(0.0, 0.0), robot.limits, 1.0) == (expected, 0.3)
+    assert reachable(*BACK, lme.Twist(0.0, 0.0), robot.limits, 1.0) == (expected, 0.3)
 
 
 @pytest.mark.parametrize("sim", ["fast", "physics", "skid"])

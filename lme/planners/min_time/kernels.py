@@ -68,7 +68,7 @@ def split(points: Floats, seen: Floats, people: Floats, most: float) -> tuple[Fl
 
 
 @njit(cache=True, error_model="numpy")
-def reachable(
+def dynamic_window(
     twist: tuple[float, float],
     least: tuple[float, float],
     most: tuple[float, float],
@@ -80,8 +80,7 @@ def reachable(
     """Speeds v ≥ 0 (V,) and turn rates (W,) within a period of the twist [m/s, rad/s].
 
     least, most: v and ω that the drive can reach; alphas: alpha_v and alpha_omega, within which they are tried. The
-    turn rate nearest to 0 is set to 0 if 0 is among them.
-    v_share (V,) from 0 to 1, omega_share (W,) from −1 to 1.
+    turn rate nearest to 0 is set to 0 if 0 is among them. v_share (V,) from 0 to 1, omega_share (W,) from −1 to 1.
     """
     alpha_v, alpha_omega = alphas
     slowest = max(max(twist[0] - alpha_v * period, 0.0), least[0])

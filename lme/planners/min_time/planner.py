@@ -14,8 +14,8 @@ from lme.geometry.frames import to_robot
 from lme.kernels.arcs import first_contacts
 from lme.kernels.motion import drive
 from lme.kernels.straight_ways import KEPT
-from lme.planners.commands import check_turn_samples, limited, turn_shares
-from lme.planners.min_time.kernels import Estimate, Safety, best_twist, reachable, split
+from lme.planners.commands import check_turn_samples, reachable, turn_shares
+from lme.planners.min_time.kernels import Estimate, Safety, best_twist, dynamic_window, split
 from lme.planners.min_time.lag import Lag
 from lme.robots import Robot
 from lme.sensing.scan_points import is_full_circle, obstacle_points
@@ -99,7 +99,7 @@ class MinTime:
         wanted = self._choose(now, observation.limits)
         if may_back and (self._left_to_back_up > 0.0 or (guidance.blocked and not any(wanted))):
             wanted = self._back_up(now.points, observation.limits) or wanted
-        reached = limited(*wanted, observation._replace(twist=now.twist), self._robot.dt)
+        reached = reachable(*wanted, now.twist, observation.limits, self._robot.dt)
         command = self._lag.command_for(reached, now.twist, observation.limits)
         self._under_way.append(command)
         return command
@@ -148,7 +148,7 @@ class MinTime:
         subgoal, points, movers, now = situation
         least, most = self._lag.reach(now, limits)
         alphas = limits.alpha_v, limits.alpha_omega
-        v, omega = reachable((*now,), (*least,), (*most,), alphas, dt, self._v_share, self._omega_share)
+        v, omega = dynamic_window((*now,), (*least,), (*most,), alphas, dt, self._v_share, self._omega_share)
         estimate = Estimate(limits.v_max, config.turn, dt, max(config.horizon, dt), _SLOW)
         margin, brake = share * config.margin, min(config.brake, limits.alpha_v)
         safety = Safety(margin, config.margin_time, brake, limits.alpha_omega, config.grip, config.lag)

@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lme.live.safety import limited, predict, touches
+from lme.live.safety import predict, touches
+from lme.planners.commands import reachable
 from lme.robots import Footprint
 from lme.types import Limits, Pose, Twist
 from tests import builders
@@ -19,7 +20,7 @@ SPEEDS = st.floats(-20.0, 20.0)
 @given(SPEEDS, SPEEDS, st.floats(-2.0, 2.0), st.floats(-4.0, 4.0), st.floats(0.01, 1.0))
 def test_commands_stay_within_velocity_and_acceleration(v, omega, last_v, last_omega, dt):
     limits, last = Limits(2.0, 4.0, 1.5, 3.0), Twist(last_v, last_omega)
-    sent = limited(Twist(v, omega), last, limits, dt)
+    sent = reachable(v, omega, last, limits, dt)
     assert abs(sent.v) <= 2.0
     assert abs(sent.omega) <= 4.0
     assert abs(sent.v - last_v) <= 1.5 * dt + 1e-12
@@ -27,7 +28,7 @@ def test_commands_stay_within_velocity_and_acceleration(v, omega, last_v, last_o
 
 
 def test_a_command_within_the_limits_is_not_changed():
-    assert limited(Twist(0.3, -0.2), Twist(0.2, 0.1), Limits(2.0, 4.0, 1.5, 3.0), 0.2) == Twist(0.3, -0.2)
+    assert reachable(0.3, -0.2, Twist(0.2, 0.1), Limits(2.0, 4.0, 1.5, 3.0), 0.2) == Twist(0.3, -0.2)
 
 
 def ahead(distance):

@@ -38,11 +38,10 @@ def remember(
     """Points of a scan and the remembered ones that it cannot see, one per square: (K, 2), and in the robot frame.
 
     taken: `squares_around` the robot. memory (N, 2), and the first result: in the carried frame [m]. points (M, 2): of
-    the scan, in the robot frame. ranges
-    (B,), and beams: first bearing and increment [rad] in the lidar's frame, which is at `mount`. pose: of the robot in
-    the carried frame. square [m]: side of the squares. A remembered point is dropped if it is farther than
-    `reach` [m] from the robot, or if its beam and both neighbours reach it, or nearly (`slack` [m]): then either a beam
-    passed it, or the scan has a newer point of the same surface.
+    the scan, in the robot frame. ranges (B,), and beams: first bearing and increment [rad] in the lidar's frame, which
+    is at `mount`. pose: of the robot in the carried frame. square [m]: side of the squares. A remembered point is
+    dropped if it is farther than `reach` [m] from the robot, or if its beam and both neighbours reach it, or nearly
+    (`slack` [m]): then either a beam passed it, or the scan has a newer point of the same surface.
     """
     half = _half(reach, square)
     first_i, first_j = math.floor(pose[0] / square) - half, math.floor(pose[1] / square) - half

@@ -21,8 +21,7 @@ def rest_at(
     target: Floats,
     v_max: float,
 ) -> Floats:
-    """T at the (N, 2) places in the frame at `pose` [s]: (N,). Where the search did not go, the least time
-    that it allows.
+    """T at the (N, 2) places in the frame at `pose` [s]: (N,). Elsewhere than searched, the least possible.
 
     The search ended `beyond` [s] after the time of the robot, which is at `here` (2,). If that is inf, such places
     have the time of the straight line to the target (2,), at v_max [m/s].

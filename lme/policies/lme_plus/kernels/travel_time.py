@@ -52,7 +52,7 @@ class Pace(NamedTuple):
 
 
 class Workspace(NamedTuple):
-    """Arrays that `solve` uses again, so that a call costs only as much as it visits. W = size + 2, C = W².
+    """Arrays that `travel_times` uses again, so that a call costs only as much as it visits. W = size + 2, C = W².
 
     times (W, W): the result [s]. tentative (C,): the least times so far [s]; −inf where no way leads. steps (C,): time
     across a cell [s], 0 if not known yet. away (C,): distance from the robot [cells], if the step is known. squares,
