@@ -12,14 +12,14 @@ from runners.config.catalogue import Catalogue
 from runners.config.flatten import dotted_keys
 from runners.config.weights import parameter_names
 
-_GROUPS = ("guide", "planner")  # whose options differ in their keys
+PAIR = ("guide", "planner")  # whose options differ in their keys
 
 
 def explained(error: InputError, choices: Mapping[str, str], catalogue: Catalogue) -> InputError:
     """The error, or one that names the ablation whose key or parameter it is about."""
     for name in choices.get(ablations.GROUP, "").split(ablations.SEVERAL):
         settings = ablations.settings(name, catalogue)
-        for group in _GROUPS:
+        for group in PAIR:
             wanted = _wanted(settings, group)
             about = [key for key in sorted(wanted) if _is_about(error, key)]
             if about:

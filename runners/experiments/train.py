@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import shlex
+from collections.abc import Collection, Mapping
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,6 +16,7 @@ from runners.analysis import failures
 from runners.config import build, instantiate
 from runners.config.changes import TRAINING
 from runners.config.job import Job
+from runners.config.misfits import PAIR
 from runners.config.quoting import resume_command
 from runners.config.schema import TrainConfig
 from runners.config.space import PARAMETERS
@@ -44,6 +46,15 @@ from runners.workers.disturbances import check_disturbances
 if TYPE_CHECKING:
     import pandas as pd
 
+_DRIVES = (
+    "robot",
+    "system",
+    "guide",
+    "planner",
+    "ablation",
+    "scale",
+    "sim",
+)  # parts of the config that drive a robot
 _START = "start"  # the folder of the evaluation with the config's own values
 
 
@@ -143,8 +154,19 @@ def _write_weights(
 
 
 def _usage(job: Job[TrainConfig], found: Found) -> str:
-    pair = {group: job.choices[group] for group in ("guide", "planner")}
-    return weight_file.usage(job.config, found.values, pair, weights_name(job))
+    return weight_file.usage(job.config, found.values, _driven(job, found.values), weights_name(job))
+
+
+def _driven(job: Job[TrainConfig], values: Collection[str] = ()) -> list[str]:
+    """The overrides that choose what drives, without those of the keys `values`.
+
+    Where the values are a planner's, an experiment may have chosen the pair, so it is named.
+    """
+    keys = {word: word.partition("=")[0].lstrip("+") for word in job.overrides}
+    words = [word for word, key in keys.items() if key.partition(".")[0] in _DRIVES and key not in values]
+    if all(key.startswith(PARAMETERS) for key in values) or "system" in keys.values():
+        return words
+    return [*words, *(f"{group}={job.choices[group]}" for group in PAIR if group not in keys.values())]
 
 
 def _advise(job: Job[TrainConfig], found: Found, verdict: Verdict) -> None:
@@ -177,8 +199,10 @@ def _elsewhere(job: Job[TrainConfig]) -> str:
     others = [name for name in maps if name not in ("", job.choices["map"])]
     if not others:
         return ""
-    words = [f"robot={job.choices['robot']}", f"map={','.join(others)}"]
-    return " ".join(["lme eval -m", *words, f"weights={job.weights},{weights_name(job)}"])
+    words = [word for word in _driven(job) if word.lstrip("+").partition("=")[0] != "robot"]
+    words = [f"robot={job.choices['robot']}", *words, f"map={','.join(others)}"]
+    words.append(f"weights={job.weights},{weights_name(job)}")
+    return shlex.join(["lme", "eval", "-m", *words])
 
 
 def _pictures(found: Found, run_dir: Path) -> list[Path]:

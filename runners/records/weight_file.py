@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import shlex
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -50,14 +51,11 @@ def write_weights(
     return run_dir / WEIGHTS
 
 
-def usage(config: TrainConfig, values: Mapping[str, float], pair: Mapping[str, str], name: str) -> str:
-    """The command that drives with the values found. pair: the options of the guide and the planner."""
-    words = [f"weights={name}"] if best_parameters(config, values) else []
-    others = _settings(values).get("settings", {})
-    if others:
-        words += [f"{group}={option}" for group, option in pair.items()]
-        words += [f"{key}={value!r}" for key, value in others.items()]
-    return " ".join(["lme eval", *words])
+def usage(config: TrainConfig, values: Mapping[str, float], driven: Sequence[str], name: str) -> str:
+    """The command that drives with the values found. driven: the overrides that choose what drives."""
+    words = [*driven, *([f"weights={name}"] if best_parameters(config, values) else [])]
+    words += [f"{key}={value!r}" for key, value in _settings(values).get("settings", {}).items()]
+    return shlex.join(["lme", "eval", *words])
 
 
 def best_parameters(config: TrainConfig, values: Mapping[str, float]) -> dict[str, float]:

@@ -448,3 +448,13 @@ def test_a_further_criterion_has_a_weight_too():
     assert parameters("mine.yaml", {}, ["a_left"])["a_left"] == 1.0
     with pytest.raises(InputError, match="'a_left' is unknown"):
         parameters("mine.yaml", {})
+
+
+def test_the_advice_drives_the_system_that_was_trained(capsys):
+    words = ["system=lme_plus", "robot=turtlebot2", "guide.memory.kept=6"]
+    weights = train(*words, "trials=3", "start_from_config=false") / "weights.yaml"
+    content = yaml.safe_load(weights.read_text())
+    found = [f"{key}={value!r}" for key, value in content.get("settings", {}).items()]
+    command = " ".join(["lme eval", *words, f"weights={content['name']}", *found])
+    assert f"use with: {command}\n" in weights.read_text()
+    assert f"{command}\n" in capsys.readouterr().out
