@@ -48,6 +48,17 @@ def mean_abs_domega(omega: ArrayLike) -> float:
     return float(changes.mean()) if changes.size else 0.0
 
 
+def last_extent(time: ArrayLike, positions: ArrayLike, seconds: float = 60.0) -> float:
+    """Diagonal of the box around the positions of the last `seconds` [m]: small for a robot that is stuck.
+
+    time: (T,) increasing [s]. positions: (T, 2) [m]. 0 for an episode without a position.
+    """
+    time, positions = np.asarray(time, dtype=np.float64), np.asarray(positions, dtype=np.float64)
+    if not time.size:
+        return 0.0
+    return float(np.hypot(*np.ptp(positions[time >= time[-1] - seconds], axis=0)))
+
+
 def reward(outcome: Outcome | str, steps: int, max_steps: int, crash: float, timeout: float) -> float:
     """Reward R of an episode: 1 − L/L_max on success, else the penalty R_c or R_t (paper eq. 1).
 

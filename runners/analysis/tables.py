@@ -24,6 +24,7 @@ from runners.analysis.summary import (
     numbers,
     title,
 )
+from runners.analysis.timeouts import timeouts_section
 from runners.config.wording import markdown_table
 from runners.records.whole_file import write_atomically
 
@@ -122,10 +123,11 @@ def print_table(frame: pd.DataFrame, rows: Sequence[Row]) -> None:
 def write_tables(frame: pd.DataFrame, rows: Sequence[Row], run_dir: Path) -> list[Path]:
     """Write the rows of the table for `frame` into `run_dir` as Markdown, CSV and LaTeX; return the paths.
 
-    If episodes have explainer pages, `table.md` links to those that failed.
+    `table.md` also says how long episodes timed out, and links to explainer pages of failed ones, if there are any.
     """
+    below = timeouts_section(frame) + failed_section(frame, run_dir)
     texts = {
-        "table.md": f"**{title(frame)}**\n\n{to_markdown(rows)}{failed_section(frame, run_dir)}",
+        "table.md": f"**{title(frame)}**\n\n{to_markdown(rows)}{below}",
         "table.csv": to_csv(rows),
         "table.tex": to_latex(rows),
     }

@@ -68,6 +68,7 @@ class EpisodeRecord(RunLabels):
     mean_abs_domega_radps: float
     min_clearance_m: float
     final_distance_m: float
+    last_minute_m: float
     start_x_m: float
     start_y_m: float
     start_yaw_rad: float

@@ -121,6 +121,7 @@ def _record(
         mean_abs_domega_radps=metrics.mean_abs_domega(episode.turn_rates),
         min_clearance_m=episode.min_clearance,
         final_distance_m=episode.final_distance,
+        last_minute_m=metrics.last_extent(episode.trajectory[:, 0], episode.trajectory[:, 1:3]),
         start_x_m=task.start.x,
         start_y_m=task.start.y,
         start_yaw_rad=task.start.yaw,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from runners.figures.parts.scene import (
     draw_task,
     extremes,
     legend_keys,
+    same_size,
     write,
 )
 from runners.figures.parts.style import INK, LEGEND_ORDER, STYLES, new_figure, save
@@ -33,12 +34,33 @@ if TYPE_CHECKING:
 
 PANELS = 12  # at most: more cannot be read on a page
 RUNS = 30  # paths in a panel at most, for the same reason
-FAILED = 40  # failures at most in the panel of a building
+FAILED = 40  # failures at most in the overview of a building
+BUILDING = "world_building"  # column: which of several buildings the world is in
 BUILDING_M = 20.0  # longest side of a building, at least
 FAILURES = 2 / 3  # of a sample at most, if there are enough others
 PAGE_IN = (10.0, 8.0)  # at most
 LEGEND_IN = 6.6  # minimum width for the key
 AROUND = Around(header=0.55, footer=0.42)
+
+
+class _Place(NamedTuple):
+    """A building, or all worlds where they are not in buildings: its records, and its sampled tasks by number."""
+
+    frame: pd.DataFrame
+    tasks: dict[int, Task]
+
+    @property
+    def failures(self) -> list[EpisodeKey]:
+        """What its overview shows; a place without an overview has none."""
+        return failed_episodes(self.frame) if self._is_building else []
+
+    @property
+    def _is_building(self) -> bool:
+        """Whether its worlds are several tasks in one world that is as large as a building."""
+        first, *others = [task.world for task in self.tasks.values()]
+        if self.frame["world"].nunique() < 2 or any(world is not first for world in others):
+            return False
+        return bool(np.ptp(extremes(first), axis=0).max() > BUILDING_M)
 
 
 def draw_run(frame: pd.DataFrame, run_dir: Path, maps: MapSet, path: Path) -> None:
@@ -47,9 +69,8 @@ def draw_run(frame: pd.DataFrame, run_dir: Path, maps: MapSet, path: Path) -> No
     frame: from `read_episodes`. maps: holds at least the worlds of `sample_worlds`.
     """
     worlds = {number: maps.task(number) for number in sample_worlds(frame)}
-    episodes = sample_episodes(frame)
-    if is_one_building(list(worlds.values())):
-        episodes = list(dict.fromkeys([*episodes, *failed_episodes(frame)]))
+    failures = (key for place in _places(frame, worlds) for key in place.failures)
+    episodes = list(dict.fromkeys([*sample_episodes(frame), *failures]))
     trajectories_figure(frame, read_trajectories([run_dir], episodes), worlds, path)
 
 
@@ -58,33 +79,45 @@ def trajectories_figure(
 ) -> None:
     """Draw the paths of a run in a sample of its worlds, all at one scale, and save them as PNG.
 
-    In a building, the first panel shows all failures that `failed_episodes` names, in all of its worlds.
+    The first panels show buildings, each with the failures that `failed_episodes` names, in all of its worlds.
     frame: from `read_episodes`. trajectories: from `read_trajectories`, of the episodes to draw (`sample_episodes`).
     worlds: tasks by number, at least those of `sample_worlds`.
     """
-    numbers = [number for number in sample_worlds(frame) if number in worlds]
-    tasks = [worlds[number] for number in numbers]
-    failures = failed_episodes(frame) if is_one_building(tasks) else []
-    shown = trajectories if failures else trajectories[trajectories["world"].isin(numbers)]
-    paths = dict(list(shown.groupby(["world", "run"])))
-    box = common_box(tasks, shown[["x_m", "y_m"]].to_numpy(float))
+    places = _places(frame, worlds)
+    paths = dict(list(trajectories.groupby(["world", "run"])))
+    boxes = same_size([_box(place, trajectories) for place in places])
+    overviews = [(place, box) for place, box in zip(places, boxes, strict=True) if place.failures]
+    numbers = {
+        number: box for place, box in zip(places, boxes, strict=True) for number in sorted(place.tasks)
+    }
     figure = new_figure(*PAGE_IN, layout=None)
-    panels = _panels(figure, len(numbers) + bool(failures), box)
-    if failures:
-        _draw_failures(panels.pop(0), frame, failures, tasks[0], paths)
+    panels = _panels(figure, [*(box for _, box in overviews), *numbers.values()])
+    for place, _ in overviews:
+        _draw_failures(panels.pop(0), place, paths)
     for number, axes in zip(numbers, panels, strict=True):
         episodes = frame[frame["world"] == number]
         draw_task(axes, worlds[number])
         draw_paths(axes, episodes, paths)
         axes.set_title(f"world {number}", fontsize=8, color=INK, pad=3)
-    _label(figure, frame, len(numbers), box)
+    _label(figure, frame, len(numbers), boxes[0])
     save(figure, path.with_suffix(""))
 
 
 def sample_worlds(frame: pd.DataFrame, limit: int = PANELS) -> list[int]:
-    """At most `limit` worlds, spread over outcomes and numbers. Failures go first but do not fill the sample."""
-    worst = _worst_outcomes(frame)
-    return _sample({kind: [w for w, outcome in worst.items() if outcome == kind] for kind in STYLES}, limit)
+    """At most `limit` worlds, spread over outcomes and numbers. Failures go first but do not fill the sample.
+
+    There is at least one world of each building.
+    """
+    buildings = _buildings(frame)
+    share = max(1, limit // len(buildings))
+    worst = [_worst_outcomes(rows) for rows in buildings]
+    return [
+        number
+        for worlds in worst
+        for number in _sample(
+            {kind: [w for w, one in worlds.items() if one == kind] for kind in STYLES}, share
+        )
+    ]
 
 
 def sample_episodes(frame: pd.DataFrame) -> list[EpisodeKey]:
@@ -104,23 +137,31 @@ def failed_episodes(frame: pd.DataFrame) -> list[EpisodeKey]:
     return [keys[index] for index in _spread(range(len(keys)), FAILED)]
 
 
-def is_one_building(tasks: Sequence[Task]) -> bool:
-    """Whether the tasks are several, in one world that is as large as a building."""
-    world = tasks[0].world
-    if len(tasks) < 2 or any(task.world is not world for task in tasks):
-        return False
-    return bool(np.ptp(extremes(world), axis=0).max() > BUILDING_M)
+def _buildings(frame: pd.DataFrame) -> list[pd.DataFrame]:
+    """The records of each building of a map set of several; else all records."""
+    return [rows for _, rows in frame.groupby(BUILDING)] if BUILDING in frame else [frame]
 
 
-def _draw_failures(
-    axes: Axes,
-    frame: pd.DataFrame,
-    failures: Sequence[EpisodeKey],
-    task: Task,
-    paths: Mapping[tuple[int, int], pd.DataFrame],
-) -> None:
+def _places(frame: pd.DataFrame, worlds: Mapping[int, Task]) -> list[_Place]:
+    chosen = [number for number in sample_worlds(frame) if number in worlds]
+    places = [
+        _Place(rows, {number: worlds[number] for number in chosen if number in set(rows["world"])})
+        for rows in _buildings(frame)
+    ]
+    return [place for place in places if place.tasks]
+
+
+def _box(place: _Place, trajectories: pd.DataFrame) -> Box:
+    """What the panels of a place show."""
+    shown = {*place.tasks, *(key.world for key in place.failures)}
+    steps = trajectories[trajectories["world"].isin(shown)]
+    return common_box(list(place.tasks.values()), steps[["x_m", "y_m"]].to_numpy(float))
+
+
+def _draw_failures(axes: Axes, place: _Place, paths: Mapping[tuple[int, int], pd.DataFrame]) -> None:
     """Draw the paths of failed episodes in one panel, with the numbers of their worlds at their ends."""
-    draw_obstacles(axes, task.world)
+    frame, failures = place.frame, place.failures
+    draw_obstacles(axes, next(iter(place.tasks.values())).world)
     chosen = frame.set_index(["world", "run"], drop=False).index.isin(
         [(key.world, key.run) for key in failures]
     )
@@ -131,7 +172,7 @@ def _draw_failures(
             write(axes, str(key.world), steps[["x_m", "y_m"]].to_numpy()[-1].tolist(), (0.0, BESIDE_PT))
     worlds = frame["world"][frame["outcome"] != "success"].nunique()
     fewer = "" if worlds <= FAILED else f"{FAILED} of "
-    axes.set_title(f"failures in {fewer}{worlds} worlds", fontsize=8, color=INK, pad=3)
+    axes.set_title(f"failures in {fewer}{worlds} world{'s' * (worlds > 1)}", fontsize=8, color=INK, pad=3)
 
 
 def _sample(kinds: Mapping[str, Sequence[int]], limit: int) -> list[int]:
@@ -160,11 +201,12 @@ def _spread(numbers: Sequence[int], count: int) -> list[int]:
     return [numbers[index] for index in chosen]
 
 
-def _panels(figure: Figure, count: int, box: Box) -> list[Axes]:
-    """Add `count` equal panels, as large as the page allows; sets the figure's size."""
-    columns = best_columns(count, aspect_of(box), PAGE_IN, AROUND)
-    width = panel_width(columns, count, aspect_of(box), PAGE_IN, AROUND)
-    rows = lay_out(figure, wrapped([box] * count, columns), width, AROUND, LEGEND_IN)
+def _panels(figure: Figure, boxes: Sequence[Box]) -> list[Axes]:
+    """Add panels of one size, as large as the page allows; sets the figure's size."""
+    count, aspect = len(boxes), aspect_of(boxes[0])
+    columns = best_columns(count, aspect, PAGE_IN, AROUND)
+    width = panel_width(columns, count, aspect, PAGE_IN, AROUND)
+    rows = lay_out(figure, wrapped(boxes, columns), width, AROUND, LEGEND_IN)
     return [axes for row in rows for axes in row]
 
 

@@ -126,6 +126,29 @@ def test_in_a_building_the_first_panel_shows_all_failures(tmp_path, drawn, side,
         assert len(overview.lines) == 2 * 3  # a path and its end each
 
 
+def test_each_of_several_buildings_has_its_overview_and_its_own_box(tmp_path, drawn):
+    frame, trajectories = run_of(["success", "timeout", "collision", "timeout", "success", "success"])
+    frame["world_building"] = [0.0, 0.0, 1.0, 1.0, 2.0, 2.0]  # the last has no failures
+    place = task(0)
+    worlds = {}
+    for building in range(3):
+        x = 100.0 * building
+        world = World(segments=np.array([[x - 2.0, -1.0, x - 2.0, 29.0], [x + 2.0, -1.0, x + 2.0, 29.0]]))
+        start, goal = place.start._replace(x=place.start.x + x), place.goal + np.array([x, 0.0])
+        for number in (2 * building, 2 * building + 1):
+            worlds[number] = dataclasses.replace(place, world=world, start=start, goal=goal)
+            trajectories.loc[trajectories["world"] == number, "x_m"] += x
+    figures.trajectories_figure(frame, trajectories, worlds, tmp_path / "trajectories.png")
+    (figure,) = drawn
+    titles = [axes.get_title() for axes in figure.axes]
+    assert titles == ["failures in 1 world", "failures in 2 worlds", *(f"world {n}" for n in range(6))]
+    widths = [np.ptp(axes.get_xlim()) for axes in figure.axes]
+    assert widths == pytest.approx([widths[0]] * 8)  # one scale
+    middles = [np.mean(axes.get_xlim()) for axes in figure.axes]
+    assert middles == pytest.approx([0.0, 100.0, 0.0, 0.0, 100.0, 100.0, 200.0, 200.0], abs=1.0)
+    assert {n // 2 for n in figures.sample_worlds(frame, limit=3)} == {0, 1, 2}
+
+
 def test_failures_of_a_building_are_one_for_each_world():
     frame = pd.DataFrame(
         [
