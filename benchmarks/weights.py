@@ -72,14 +72,13 @@ def table(
     yield f"| shipped | | | {' | '.join(start)} |"
     for seed in seeds:
         run_dir = folder / str(seed)
-        winner, verdict, proposal = trained(run_dir, seed, words)
-        weights = [f"weights={proposal}"]
+        winner, verdict, weights = trained(run_dir, seed, words)
         found = [measured(run_dir / f"many_{name}", name, worlds, weights, driven) for name in maps]
         yield f"| seed {seed} | {winner} | {verdict} | {' | '.join(found)} |"
 
 
-def trained(run_dir: Path, seed: int, words: Sequence[str]) -> tuple[str, str, str]:
-    """Who won the race, the verdict, and the path of the best proposal's weights."""
+def trained(run_dir: Path, seed: int, words: Sequence[str]) -> tuple[str, str, list[str]]:
+    """Who won the race, the verdict, and the words that drive with the best proposal's values."""
     weights = run_dir / "weights.yaml"
     if not weights.is_file() or "held_out" not in yaml.safe_load(weights.read_text()):
         lme("train", "tracking=none", f"seed={seed}", f"hydra.run.dir={run_dir}", "resume=true", *words)
@@ -90,11 +89,14 @@ def trained(run_dir: Path, seed: int, words: Sequence[str]) -> tuple[str, str, s
         race = pd.read_csv(run_dir / RACE)
         proposals = race[race["trial"] != "start"]
         best = int(proposals[proposals["rung"] == proposals["rung"].max()].iloc[0]["trial"])
-    values = trials.loc[best].filter(like=PARAMETERS)
-    parameters = {key.removeprefix(PARAMETERS): float(value) for key, value in values.items()}
+    values = {key: float(value) for key, value in trials.loc[best].items() if "." in str(key)}
+    parameters = {
+        key.removeprefix(PARAMETERS): each for key, each in values.items() if key.startswith(PARAMETERS)
+    }
+    settings = [f"{key}={each!r}" for key, each in values.items() if not key.startswith(PARAMETERS)]
     proposal = run_dir / "proposal.yaml"
     proposal.write_text(yaml.safe_dump({"parameters": {**content["parameters"], **parameters}}))
-    return str(content["trial"]), content["held_out"]["verdict"], str(proposal)
+    return str(content["trial"]), content["held_out"]["verdict"], [f"weights={proposal}", *settings]
 
 
 def measured(run_dir: Path, name: str, worlds: int, weights: Sequence[str], driven: Sequence[str]) -> str:
