@@ -81,8 +81,14 @@ def test_the_robot_sees_walls_and_people_in_its_own_frame():
     ahead = len(seen.scan.ranges) // 2
     assert seen.scan.ranges[ahead] == pytest.approx(2.6)  # the person, not the wall 4 m ahead
     assert seen.scan.ranges[0] == pytest.approx(4.0)  # behind: the wall
-    assert seen.target == pytest.approx([0.0, -20.0])
+    assert seen.target == pytest.approx([0.0, -19.0])  # the robot's radius before the waypoint
     assert seen.pedestrians == pytest.approx(np.array([[3.0, 0.0, -1.0, 0.0]]))
+
+
+def test_the_robot_aims_short_of_a_waypoint_and_never_beyond_itself():
+    assert arm.short_of(np.array([0.0, 5.0]), 1.0) == pytest.approx([0.0, 4.0])
+    assert arm.short_of(np.array([-1.5, 0.0]), 1.0) == pytest.approx([-0.75, 0.0])
+    assert arm.short_of(np.zeros(2), 1.0) == pytest.approx([0.0, 0.0])
 
 
 def test_only_people_in_sight_are_tracked_and_none_with_the_scan_alone():

@@ -71,8 +71,17 @@ def observe(scene: Scene, robot: lme.Robot, tracked: bool) -> lme.Observation:
     here, yaw = np.array(scene.pose[:2]), scene.pose.yaw
     people = np.hstack([turned(scene.people[:, :2] - here, -yaw), turned(scene.people[:, 2:], -yaw)])
     seen = people[in_sight(people, scan, scene.person)] if tracked else np.empty((0, 4))
-    target = turned((scene.goal - here)[None], -yaw)[0]
+    target = short_of(turned((scene.goal - here)[None], -yaw)[0], scene.radius)
     return lme.Observation(scan, target, scene.twist, robot.limits, scene.pose, seen)
+
+
+def short_of(point: np.ndarray, distance: float) -> np.ndarray:
+    """The place (2,) a distance [m] before a point (2,), or half-way to it if it is nearer than twice that.
+
+    Robot SF takes a waypoint for reached a goal radius (1 m) and the robot's radius before it. The robot aims at a
+    place within, because somebody may stand on the waypoint itself.
+    """
+    return point * max(1.0 - distance / max(float(np.hypot(*point)), 1e-9), 0.5)
 
 
 def in_sight(people: np.ndarray, scan: lme.LaserScan, radius: float) -> np.ndarray:

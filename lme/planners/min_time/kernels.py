@@ -12,7 +12,6 @@ from lme.types import Floats
 
 FORESEEN = 1.5  # [s] over which motion at constant velocity is predicted
 _MEETING = 10.0  # [s] cost of an immediate meeting
-_SKIN = 0.1  # [m] behind the nearest point of a mover
 _STEP = 0.1  # [s] between two places on an arc that are checked
 _HOLDS = 5  # number of times for which a command is tried, from one period to the horizon
 
@@ -45,26 +44,6 @@ class Safety(NamedTuple):
     alpha_omega: float
     grip: float
     lag: float = 0.0
-
-
-@njit(cache=True, error_model="numpy")
-def split(points: Floats, seen: Floats, people: Floats, most: float) -> tuple[Floats, Floats]:
-    """The (M, 2) points that belong to no mover, and the movers (P, 5) with their radii [m].
-
-    seen (S, 2): points of the current scan. people (P, 4): x, y, vx, vy of the movers' centres [m, m/s]. A mover's
-    radius is the distance to the nearest point of the scan, at most `most`; points up to `_SKIN` farther belong to it.
-    """
-    movers = np.empty((len(people), 5))
-    own = np.zeros(len(points), np.bool_)
-    for n in range(len(people)):
-        square = most * most
-        for m in range(len(seen)):
-            square = min(square, (seen[m, 0] - people[n, 0]) ** 2 + (seen[m, 1] - people[n, 1]) ** 2)
-        movers[n, :4], movers[n, 4] = people[n], math.sqrt(square)
-        for m in range(len(points)):
-            dx, dy = points[m, 0] - people[n, 0], points[m, 1] - people[n, 1]
-            own[m] = own[m] or math.sqrt(dx * dx + dy * dy) < movers[n, 4] + _SKIN
-    return points[~own], movers
 
 
 @njit(cache=True, error_model="numpy")

@@ -13,9 +13,10 @@ from lme.errors import require
 from lme.geometry.frames import to_robot
 from lme.kernels.arcs import first_contacts
 from lme.kernels.motion import drive
+from lme.kernels.movers import WIDEST, movers_among
 from lme.kernels.straight_ways import KEPT
 from lme.planners.commands import check_turn_samples, reachable, turn_shares
-from lme.planners.min_time.kernels import Estimate, Safety, best_twist, dynamic_window, split
+from lme.planners.min_time.kernels import Estimate, Safety, best_twist, dynamic_window
 from lme.planners.min_time.lag import Lag
 from lme.robots import Robot
 from lme.sensing.scan_points import is_full_circle, obstacle_points
@@ -23,7 +24,6 @@ from lme.types import Floats, Guidance, Limits, Observation, Pose, Twist
 
 _STEP = 0.05  # [m] of the prediction over the latency
 _NOBODY = np.empty((0, 5))
-_WIDEST = 1.0  # [m] greatest radius of a person or another mover
 _AT_REST = 1e-6  # [m/s, rad/s] slower than this counts as 0
 _TIGHT = 0.75  # share of the margin that is kept if the robot could not move otherwise
 _BACKWARD = 0.25  # share of v_max at which the robot backs up
@@ -116,7 +116,8 @@ class MinTime:
             return guidance.points, _NOBODY
         seen = obstacle_points(observation.scan, self._robot.lidar.mount)
         points = seen if guidance.points is None else guidance.points
-        return split(points, seen, observation.pedestrians, _WIDEST)
+        own, movers = movers_among(points, seen, observation.pedestrians, WIDEST)
+        return points[~own], movers
 
     def _predicted(self, now: _Situation, limits: Limits) -> _Situation:
         """A situation after the latency, in the robot frame of that time."""

@@ -104,7 +104,7 @@ class LocalMinimumEscaperPlus:
     def _look(self, observation: Observation) -> Sight:
         config, robot, pose = self._config, self._robot, self._memory.pose
         target = to_world(observation.target, pose)
-        times = self._travel.field(self._memory.points, target, np.array(pose[:2]))
+        times = self._travel.field(self._memory.points, target, np.array(pose[:2]), self._memory.people)
         return Sight(
             self._memory.known,
             pose,

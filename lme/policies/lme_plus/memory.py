@@ -8,11 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from lme.errors import require
+from lme.geometry.frames import to_world
+from lme.kernels.movers import WIDEST, movers_among
 from lme.policies.lme_plus.kernels.carried_points import remember, squares_around
 from lme.robots import Robot
 from lme.sensing.scan_points import obstacle_points
 from lme.types import Floats, Observation, Pose, Twist
 
+_NOBODY = np.empty((0, 5))
 _SLACK = 0.15  # [m] a beam that ends less than this before a remembered point has seen its surface again
 
 
@@ -23,6 +26,7 @@ class MemoryConfig:
     kept: bool = True  # false: only the points of the current scan
     reach: float = 12.0  # [m] farther points are forgotten, and those of the scan left out
     square: float = 0.05  # [m] one point per square of this side
+    people: bool = True  # false: points of tracked people are kept like all others
 
     def __post_init__(self) -> None:
         require("guide.memory.reach", self.reach, above=0.0)
@@ -46,6 +50,7 @@ class Memory:
         self.known: Floats = np.empty((0, 2))  # the same in the robot frame
         self._taken = squares_around(config.reach, config.square)
         self.seen: Floats = np.empty((0, 2))  # points of the last scan in the robot frame, sorted by bearing
+        self.people = _NOBODY  # (P, 5) x, y, vx, vy, radius of tracked people in the carried frame [m, m/s]
         self._twist: Twist | None = None
 
     def see(self, observation: Observation) -> None:
@@ -55,10 +60,11 @@ class Memory:
             self.pose = _moved(self.pose, self._twist, now, self._dt)
         self._twist = now
         self.seen = obstacle_points(scan, self._mount)
+        still, theirs = self._without_people(observation.pedestrians)
         self.points, self.known = remember(
             self._taken,
             self.points if self._config.kept else self.points[:0],
-            self.seen,
+            still,
             scan.ranges,
             (scan.angle_min, scan.angle_increment),
             (*self._mount,),
@@ -67,6 +73,19 @@ class Memory:
             self._config.reach,
             _SLACK,
         )
+        if len(theirs):
+            self.known = np.concatenate((self.known, theirs))
+
+    def _without_people(self, pedestrians: Floats) -> tuple[Floats, Floats]:
+        """The scan's points that are not those of people (M, 2), and those that are; notes where the people are."""
+        self.people = _NOBODY
+        if not (self._config.people and len(pedestrians)):
+            return self.seen, self.seen[:0]
+        own, people = movers_among(self.seen, self.seen, pedestrians, WIDEST)
+        people[:, :2] = to_world(people[:, :2], self.pose)
+        people[:, 2:4] = to_world(people[:, 2:4], Pose(0.0, 0.0, self.pose.yaw))
+        self.people = people
+        return self.seen[~own], self.seen[own]
 
 
 def _moved(pose: Pose, before: Twist, now: Twist, dt: float) -> Pose:

@@ -6,6 +6,8 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
+import numpy as np
+
 from lme.errors import require
 from lme.policies.lme_plus.kernels.travel_lookup import descend, rest_at
 from lme.policies.lme_plus.kernels.travel_time import Grid, travel_times, workspace
@@ -15,6 +17,8 @@ from lme.types import Floats, Pose
 BEYOND = 0.5  # [s] ways that take longer than the best by more than this are not searched
 _ITSELF = Pose(0.0, 0.0, 0.0)  # of the field's frame
 _EVERY = 3  # cells between two places on the way of steepest descent
+_STANDING = 0.05  # [m/s] slower people stand
+_NOBODY, _NO_CROWD = np.empty((0, 5)), np.empty((0, 6))
 _LEAST_BAND = 0.05  # [m] of slower driving near obstacles, however wide the robot
 
 
@@ -25,11 +29,15 @@ class TravelConfig:
     cell: float = 0.15  # [m] side of a cell
     comfort: float = 0.345  # [m] from the outline; with obstacles farther away the robot drives at v_max
     slowdown: float = 2.0  # [-] in the narrowest passage it takes 1 + this times as long
+    patience: float = 5.0  # [s] within which a person who stands is expected to leave
+    personal_space: float = 0.4  # [m] from the outline of people, where it takes time to wait for them
 
     def __post_init__(self) -> None:
         require("guide.travel.cell", self.cell, above=0.0)
         require("guide.travel.comfort", self.comfort, above=0.0)
         require("guide.travel.slowdown", self.slowdown, at_least=0.0)
+        require("guide.travel.patience", self.patience, at_least=0.0)
+        require("guide.travel.personal_space", self.personal_space, at_least=0.0)
 
 
 class Field(NamedTuple):
@@ -70,19 +78,30 @@ class Travel:
         comfort = max(robot.footprint.r_min + config.comfort, inner + _LEAST_BAND)
         room = robot.footprint.r_max + config.cell
         self._cell, self._reach = config.cell, reach
+        self._berth, self._patience = inner + config.personal_space, config.patience
         self._pace = robot.v_max, inner, comfort, config.slowdown, room  # a `Pace`
         self._size = math.ceil(2.0 * reach / config.cell) + 1
         self._workspace = workspace(self._size, config.cell, comfort)
 
-    def field(self, points: Floats, target: Floats, here: Floats) -> Field:
+    def field(self, points: Floats, target: Floats, here: Floats, people: Floats = _NOBODY) -> Field:
         """The field of a robot at `here` (2,), among `points` (M, 2), to its `target` (2,), valid until the next call.
 
-        All are in one frame [m].
+        people (P, 5): x, y, vx, vy and radius of those who are no points. All are in one frame [m, m/s].
         """
         x, y = (math.floor((at - self._reach) / self._cell) * self._cell for at in here.tolist())
         grid = Grid(x, y, self._cell, self._size)
-        given = (*self._workspace,), points, target, here, (*grid,), self._pace, BEYOND
+        given = (*self._workspace,), points, target, here, (*grid,), self._pace, self._crowd(people), BEYOND
         time = travel_times(*given, False)
         if not math.isfinite(time):  # enclosed on the grid: perhaps there is a way around outside it
             time = travel_times(*given, True)
         return Field(self._workspace.times, time, grid, here, target, self._pace[0])
+
+    def _crowd(self, people: Floats) -> Floats:
+        """People as `travel_times` takes them: (P, 6)."""
+        if not len(people):
+            return _NO_CROWD
+        reach = people[:, 4] + self._berth
+        speed = np.hypot(people[:, 2], people[:, 3])
+        wait = np.minimum(2.0 * reach, self._patience * speed) / np.maximum(speed, 1e-9)
+        wait = np.where(speed > _STANDING, wait, self._patience)
+        return np.column_stack((people[:, :4], reach, wait / (2.0 * reach)))

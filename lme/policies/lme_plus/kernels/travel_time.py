@@ -20,6 +20,7 @@ from lme.types import Bools, Floats
 BUCKETS = 4096  # each as wide as the time for one cell at v_max; later times share the last one
 _NEIGHBOURS = 4
 HALF_DIAGONAL = math.sqrt(0.5)  # of a cell; no place in it is farther from its centre
+_BESIDE = 20.0  # [-] times as long as at v_max: the way from the nearest passage to a target that has none
 _GAIN = 0.1  # times for a cell by which a known time must improve to be recomputed
 
 
@@ -41,7 +42,9 @@ class Pace(NamedTuple):
 
     d ≥ comfort: v_max [m/s]. From there down to d = inner the time per metre grows with the square of the difference,
     up to (1 + slowdown) times. d < inner: no passage. If the robot is nearer to a point than that, its own distance,
-    less half a cell's diagonal, takes the place of `inner` within `room` [m] of it, and is as slow as `inner`.
+    less half a cell's diagonal, takes the place of `inner` within `room` [m] of it, and is as slow as `inner`. If the
+    target is nearer to a point than that, ways of up to 2 inner lead to it where no point is in the cell itself. They
+    take so long that the robot is expected to come as near as there is passage.
     """
 
     v_max: float
@@ -97,30 +100,33 @@ def travel_times(
     robot: Floats,
     grid: Grid | GridNumbers,
     pace: Pace | PaceNumbers,
+    people: Floats,
     beyond: float,
     leave: bool,
 ) -> float:
     """T of every cell [s], in `work.times` until the next call; returns that of the robot's cell.
 
-    points (M, 2); target (2,), robot (2,), in the frame of the grid [m]. A way that leaves the grid is straight and
+    points (M, 2); target (2,), robot (2,), in the frame of the grid [m]. people (P, 6): x, y, vx, vy [m, m/s], the
+    radius within which they are in the way [m], and the time per metre that it costs to be there when they are [s/m];
+    the robot is expected at a place after the time of the straight way. A way that leaves the grid is straight and
     free from there to the target; to a target on the grid, ways leave it only if `leave` is true. Only ways from the
     robot that take at most `beyond` [s] more than the best are searched; cells on no such way are inf, as are those
     without passage. Python passes plain tuples: Numba needs 5 µs more to recognise each named one.
     """
-    named = Workspace(*work), points, target, robot, Grid(*grid), Pace(*pace)
+    named = Workspace(*work), points, target, robot, Grid(*grid), Pace(*pace), people
     time: float = _solve(*named, beyond, leave)
     return time
 
 
 @njit(cache=True, error_model="numpy")
-def _solve(work, points, target, robot, grid, pace, beyond, leave):
+def _solve(work, points, target, robot, grid, pace, people, beyond, leave):
     x, y = (target[0] - grid.x) / grid.cell + 0.5, (target[1] - grid.y) / grid.cell + 0.5
     rx, ry = (robot[0] - grid.x) / grid.cell + 0.5, (robot[1] - grid.y) / grid.cell + 0.5
     place = grid.x, grid.y, grid.cell, grid.size
     marks, nearest = draw(work.squares, work.taken, work.marks, points, robot, place, pace.comfort)
     least = min(nearest, pace.inner) - HALF_DIAGONAL * grid.cell
     inside = 1.0 <= x <= grid.size and 1.0 <= y <= grid.size
-    time = _march(work, (x, y), (rx, ry), grid, pace, least, beyond, inside and not leave)
+    time = _march(work, (x, y), (rx, ry), grid, pace, people, least, beyond, inside and not leave)
     erase(work.squares, work.taken, work.marks, marks, pace.comfort, grid.cell)
     return time
 
@@ -140,7 +146,7 @@ def _clear(work):
 
 
 @njit(cache=True, error_model="numpy")
-def _march(work, target, robot, grid, pace, least, beyond, enclosed):
+def _march(work, target, robot, grid, pace, people, least, beyond, enclosed):
     """Solve the equation from the target, or also from the edge of the grid unless the ways are `enclosed` in it.
 
     target, robot: (row, column). least [m]: distance that a passage near the robot must have.
@@ -153,6 +159,7 @@ def _march(work, target, robot, grid, pace, least, beyond, enclosed):
     final, tentative, steps, far = work.times.ravel(), work.tentative, work.steps, work.away
     cells, follow, walls, squares = work.nodes[0], work.nodes[1], work.walls, work.squares
     border = pad(pace.comfort, grid.cell) - 1
+    beside = _beside(squares, border, x, y, grid, pace)
     count = _sources(cells, x, y, grid.size, enclosed)
     heads = np.full(BUCKETS, -1, np.int32)
     first = math.floor(math.hypot(x - rx, y - ry)) - 2.0  # no key is less
@@ -191,6 +198,11 @@ def _march(work, target, robot, grid, pace, least, beyond, enclosed):
                 away = math.sqrt((i - rx) ** 2 + (j - ry) ** 2)
                 square = squares[i + border, j + border] * grid.cell * grid.cell
                 step = grid.cell * _slowness(square, away * grid.cell, least, pace)
+                if step == np.inf and (i - x) ** 2 + (j - y) ** 2 < beside and square > 0.5 * grid.cell**2:
+                    step = _BESIDE * cell_time
+                if len(people):
+                    place = grid.x + (i - 0.5) * grid.cell, grid.y + (j - 0.5) * grid.cell
+                    step += grid.cell * _in_the_way(place, away * cell_time, people)
                 steps[near], far[near] = step, away
                 if step == np.inf:
                     walls[blocked] = near
@@ -215,6 +227,16 @@ def _march(work, target, robot, grid, pace, least, beyond, enclosed):
                 count += 1
     work.used[0], work.used[1] = count, blocked
     return final[here]
+
+
+@njit(cache=True, error_model="numpy")
+def _beside(squares, border, x, y, grid, pace):
+    """Squared distance up to which ways lead to a target that has no passage [cells²]; 0 if it has."""
+    if 1.0 <= x <= grid.size and 1.0 <= y <= grid.size:
+        square = squares[int(x + 0.5) + border, int(y + 0.5) + border] * grid.cell * grid.cell
+        if square < pace.inner * pace.inner:
+            return 4.0 * pace.inner * pace.inner / (grid.cell * grid.cell)
+    return 0.0
 
 
 @njit(cache=True, error_model="numpy")
@@ -256,3 +278,15 @@ def _slowness(square, away, least, pace):
         d = pace.inner
     share = (pace.comfort - d) / (pace.comfort - pace.inner)
     return (1.0 + pace.slowdown * share * share) / pace.v_max
+
+
+@njit(cache=True, error_model="numpy")
+def _in_the_way(place, time, people):
+    """Time per metre that people cost at a place after some time [s/m]."""
+    cost = 0.0
+    for n in range(len(people)):
+        dx = people[n, 0] + time * people[n, 2] - place[0]
+        dy = people[n, 1] + time * people[n, 3] - place[1]
+        if dx * dx + dy * dy < people[n, 4] * people[n, 4]:
+            cost = max(cost, people[n, 5])
+    return cost

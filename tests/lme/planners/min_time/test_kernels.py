@@ -1,4 +1,4 @@
-"""Movers: whose points are whose, and when a robot on an arc meets one."""
+"""When a robot on an arc meets a mover."""
 
 import math
 
@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lme.planners.min_time.kernels import FORESEEN, Estimate, Safety, best_twist, split
+from lme.planners.min_time.kernels import FORESEEN, Estimate, Safety, best_twist
 from tests import oracles
 from tests.tolerances import KERNEL
 
-MEETING, SKIN, STEP = 10.0, 0.1, 0.1  # as in lme/planners/min_time/kernels.py
+MEETING, STEP = 10.0, 0.1  # as in lme/planners/min_time/kernels.py
 JACKAL, DISC = (0.21, 0.155, 0.0), (0.0, 0.0, 0.2)
 ESTIMATE = Estimate(v_max=2.0, turn=0.5, period=0.1, horizon=0.5, slow=0.05)
 SAFETY = Safety(margin=0.05, margin_time=0.1, brake=3.0, alpha_omega=8.0, grip=100.0)
@@ -28,28 +28,6 @@ def met(twist, movers, box=JACKAL):
     v, omega = twist
     more = best([v], [omega], movers, box)[2] - best([v], [omega], NOBODY, box)[2]
     return FORESEEN * (1.0 - more / MEETING)
-
-
-@settings(max_examples=100)
-@given(st.integers(0, 10**6), st.integers(0, 3))
-def test_split_agrees_with_its_slow_twin(seed, count):
-    rng = np.random.default_rng(seed)
-    people = rng.uniform(-2.0, 2.0, (count, 4))
-    seen = rng.uniform(-2.5, 2.5, (rng.integers(0, 30), 2))
-    points = np.concatenate((seen, rng.uniform(-2.5, 2.5, (30, 2))))
-    left, movers = split(points, seen, people, 1.0)
-    slow_left, slow_movers = oracles.split(points, seen, people, 1.0, SKIN)
-    np.testing.assert_array_equal(left, slow_left)
-    np.testing.assert_allclose(movers, slow_movers, rtol=0.0, atol=KERNEL)
-
-
-def test_a_person_takes_its_points_and_leaves_the_wall():
-    person, wall = np.array([[2.0, 0.0, 0.0, 1.0]]), np.array([[3.0, 0.0]])
-    front = np.array([[1.7, 0.0], [1.78, 0.2], [1.78, -0.2]])
-    remembered = np.array([[2.0, 0.39], [2.0, 0.41]])  # within and beyond 0.3 m and the skin
-    left, movers = split(np.concatenate((front, wall, remembered)), front, person, 1.0)
-    np.testing.assert_array_equal(left, [wall[0], remembered[1]])
-    assert movers == pytest.approx(np.array([[2.0, 0.0, 0.0, 1.0, math.hypot(0.22, 0.2)]]))
 
 
 @settings(max_examples=200)

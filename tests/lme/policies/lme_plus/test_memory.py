@@ -5,9 +5,11 @@ import math
 import numpy as np
 import pytest
 
+import lme
 from lme.errors import InputError
 from lme.geometry.frames import to_robot
 from lme.policies.lme_plus.memory import Memory, MemoryConfig
+from lme.types import Pose, Twist
 from tests.builders import escape, stage, wander
 from tests.tolerances import KERNEL
 
@@ -48,3 +50,40 @@ def test_without_kept_the_memory_holds_the_last_scan_alone():
 def test_mistakes_are_named(key):
     with pytest.raises(InputError, match=f"guide.memory.{key} is 0"):
         MemoryConfig(**{key: 0})
+
+
+def scan_of(circles, pedestrians, turn=0.0):
+    """What a robot at the origin, turned by an angle, sees of discs; people are given in the world."""
+    robot, pose = stage(), Pose(0.0, 0.0, turn)
+    scan = lme.cast(robot.lidar, pose, np.array(circles, dtype=float), np.empty((0, 4)))
+    people = np.array(pedestrians, dtype=float).reshape(-1, 4)
+    people = np.column_stack((to_robot(people[:, :2], pose), to_robot(people[:, 2:], pose)))
+    return lme.Observation(scan, np.array([9.0, 0.0]), Twist(0.0, 0.0), robot.limits, pose, people)
+
+
+def test_points_of_tracked_people_are_known_but_never_remembered():
+    post, person = (2.0, 0.0, 0.3), (2.0, 2.0, 0.3)
+    hidden = (4.0, 4.0, 0.5)  # a post that hides the place behind it
+    memory = Memory(MemoryConfig(), stage())
+    memory.see(scan_of([post, person], [(2.0, 2.0, 0.5, -1.0)]))
+    away = np.hypot(*(memory.points - person[:2]).T)
+    assert away.min() > 0.5  # not the person
+    assert (
+        np.hypot(*(memory.known - person[:2]).T).min() < 0.35
+    )  # but the planner and straight ways know them
+    assert memory.people == pytest.approx(np.array([[2.0, 2.0, 0.5, -1.0, 0.3]]), abs=0.02)
+    memory.see(scan_of([post, hidden], []))
+    assert not len(memory.people)
+    assert np.hypot(*(memory.known - person[:2]).T).min() > 0.5  # nobody is left behind
+    plain = Memory(MemoryConfig(people=False), stage())
+    plain.see(scan_of([post, person], [(2.0, 2.0, 0.5, -1.0)]))
+    assert np.hypot(*(plain.points - person[:2]).T).min() < 0.35
+    assert not len(plain.people)
+
+
+def test_people_are_carried_in_the_frame_of_the_points():
+    """The robot turned by 0.5 rad while it was watching: places and velocities are those of the first frame."""
+    memory, turning = Memory(MemoryConfig(), stage()), Twist(0.0, 0.5 / stage().dt)
+    memory.see(scan_of([], [])._replace(twist=turning))
+    memory.see(scan_of([(2.0, 1.0, 0.3)], [(2.0, 1.0, 0.4, 0.3)], turn=0.5)._replace(twist=turning))
+    assert memory.people == pytest.approx(np.array([[2.0, 1.0, 0.4, 0.3, 0.3]]), abs=0.02)

@@ -17,7 +17,7 @@ GRID = Grid(-2.5, -2.5, CELL, SIZE)
 PACE = Pace(v_max=2.0, inner=0.25, comfort=0.5, slowdown=2.0, room=0.3)
 EVEN = PACE._replace(comfort=0.2501, slowdown=0.0)  # one speed wherever there is passage
 CELL_TIME = CELL / PACE.v_max
-NOTHING = np.empty((0, 2))
+NOTHING, NOBODY = np.empty((0, 2)), np.empty((0, 6))
 ALL = 1e3  # [s] beyond the best: every way is searched
 SEEDS = st.integers(0, 10**6)
 
@@ -26,7 +26,9 @@ def times(points, target, robot=(0.0, 0.0), grid=GRID, pace=PACE, beyond=ALL, le
     given = (np.array(each, dtype=float).reshape(-1, 2) for each in (points, target, robot))
     points, target, robot = given
     work = workspace(grid.size, grid.cell, pace.comfort)
-    return work.times, travel_times((*work,), points, target[0], robot[0], (*grid,), (*pace,), beyond, leave)
+    return work.times, travel_times(
+        (*work,), points, target[0], robot[0], (*grid,), (*pace,), NOBODY, beyond, leave
+    )
 
 
 def inside(field):
@@ -72,10 +74,14 @@ def test_times_are_exactly_those_of_the_plain_march_and_a_workspace_forgets(seed
     rng = np.random.default_rng(seed)
     for _ in range(2):  # the second time in the arrays of the first
         robot, target = rng.uniform(-1.2, 1.2, 2), rng.uniform(-1.2, 1.2, 2) * rng.choice([1.0, 3.0])
-        points = np.concatenate((robot + rng.uniform(-0.4, 0.4, (1, 2)), rng.uniform(-1.6, 1.6, (9, 2))))
+        beside = target + rng.uniform(-0.4, 0.4, (rng.integers(2), 2))
+        points = np.concatenate(
+            (robot + rng.uniform(-0.4, 0.4, (1, 2)), rng.uniform(-1.6, 1.6, (9, 2)), beside)
+        )
         points = points[np.sort(np.unique(np.floor(points / CELL), axis=0, return_index=True)[1])]
-        best = travel_times((*work,), points, target, robot, (*grid,), (*pace,), beyond, leave)
-        steps = steps_across(points, robot, grid, pace)
+        people = people_of(rng, rng.integers(3))
+        best = travel_times((*work,), points, target, robot, (*grid,), (*pace,), people, beyond, leave)
+        steps = steps_across(points, robot, target, grid, pace) + waits(people, robot, grid, pace)
         at, here = ((place + 1.5) / CELL + 0.5 for place in (target, robot))
         enclosed = not leave and ((at >= 1.0) & (at <= grid.size)).all()
         stops = beyond, enclosed, BUCKETS, 0.1
@@ -84,14 +90,36 @@ def test_times_are_exactly_those_of_the_plain_march_and_a_workspace_forgets(seed
         assert best == slow == math.inf or abs(best - slow) <= KERNEL
 
 
-def steps_across(points, robot, grid, pace):
+def people_of(rng, count):
+    """(P, 6) places, velocities, radii, and the time per metre that it costs to be where they are."""
+    return rng.uniform((-1.5, -1.5, -1.0, -1.0, 0.2, 0.1), (1.5, 1.5, 1.0, 1.0, 0.8, 4.0), (count, 6))
+
+
+def steps_across(points, robot, target, grid, pace):
     """Time across each cell [s]; inf: no passage."""
     d = np.hypot(*(centres(grid)[..., None] - points.T).transpose(2, 0, 1, 3)).min(axis=-1)
     least = min(np.hypot(*(points - robot).T).min(), pace.inner) - math.sqrt(0.5) * grid.cell
     far = np.hypot(*(centres(grid) - robot).transpose(2, 0, 1)) > pace.room
     share = (pace.comfort - np.clip(d, pace.inner, pace.comfort)) / (pace.comfort - pace.inner)
     steps = grid.cell * (1.0 + pace.slowdown * share**2) / pace.v_max
-    return np.where((d < pace.inner) & (far | (d < least)), np.inf, steps)
+    steps = np.where((d < pace.inner) & (far | (d < least)), np.inf, steps)
+    i, j = np.floor((target - (grid.x, grid.y)) / grid.cell).astype(int)
+    if 0 <= min(i, j) and max(i, j) < grid.size and d[i, j] < pace.inner:
+        near = np.hypot(*(centres(grid) - target).transpose(2, 0, 1)) < 2.0 * pace.inner
+        beside = np.isinf(steps) & near & (d > math.sqrt(0.5) * grid.cell)
+        steps = np.where(beside, 20.0 * grid.cell / pace.v_max, steps)
+    return steps
+
+
+def waits(people, robot, grid, pace):
+    """Time across each cell that people cost, where they are when the robot is there [s]."""
+    after = np.hypot(*(centres(grid) - robot).transpose(2, 0, 1)) / pace.v_max
+    costs = np.zeros(after.shape)
+    for x, y, vx, vy, radius, cost in people:
+        there = np.stack((x + after * vx, y + after * vy), axis=-1)
+        met = np.hypot(*(there - centres(grid)).transpose(2, 0, 1)) < radius
+        costs = np.where(met, np.maximum(costs, cost), costs)
+    return grid.cell * costs
 
 
 @settings(max_examples=25)
@@ -239,3 +267,32 @@ def test_the_way_down_falls_at_every_place_and_ends_at_the_target(seed):
 def test_descending_from_an_infinite_time_gives_no_way():
     field = np.full((SIZE + 2, SIZE + 2), np.inf)
     assert descend(field, np.zeros(2), GRID, 5.0, 3).shape == (0, 2)
+
+
+def test_people_are_time_and_not_walls():
+    """A person in a gap costs time; one who is gone when the robot gets there costs nothing."""
+    wall = np.array([[1.0, y] for y in np.arange(-2.4, 2.5, 0.05) if abs(y) > 0.5])
+    given = (
+        (*workspace(SIZE, CELL, PACE.comfort),),
+        wall,
+        np.array([2.0, 0.0]),
+        np.zeros(2),
+        (*GRID,),
+        (*PACE,),
+    )
+    free = travel_times(*given, NOBODY, ALL, False)
+    standing = travel_times(*given, np.array([[1.0, 0.0, 0.0, 0.0, 0.5, 3.0]]), ALL, False)
+    leaving = travel_times(*given, np.array([[1.0, 0.0, 0.0, 2.0, 0.5, 3.0]]), ALL, False)
+    assert standing == pytest.approx(free + 3.0, rel=0.1)  # 1 m at 3 s/m
+    assert leaving == pytest.approx(free, abs=0.02)
+
+
+def test_a_target_beside_a_wall_is_approached_from_its_own_side():
+    """Nearer than passage allows: the least time is in the middle of the passage before it, not behind the wall."""
+    wall = np.array([[1.0, y] for y in np.arange(-2.4, 2.5, 0.05)])
+    field, time = times(wall, (0.88, 0.0), robot=(-1.0, 0.5))
+    assert math.isfinite(time)
+    passage = np.where(centres()[..., 0] < 1.0 - PACE.inner, inside(field), np.inf)
+    i, j = np.unravel_index(passage.argmin(), passage.shape)
+    assert centres()[i, j] == pytest.approx([1.0 - PACE.inner, 0.0], abs=1.5 * CELL)
+    assert not np.isfinite(inside(field)[centres()[..., 0] > 1.1]).any()
