@@ -15,7 +15,9 @@ from lme.robots import Robot
 from lme.sensing.scan_points import obstacle_points
 from lme.types import Floats, Observation, Pose, Twist
 
-_NOBODY = np.empty((0, 5))
+_NOBODY = np.empty((0, 6))
+_STANDING = 0.05  # [m/s] slower people stand
+_SAME = 0.5  # [m] from where somebody stood a period ago: the same person
 _SLACK = 0.15  # [m] a beam that ends less than this before a remembered point has seen its surface again
 
 
@@ -50,7 +52,8 @@ class Memory:
         self.known: Floats = np.empty((0, 2))  # the same in the robot frame
         self._taken = squares_around(config.reach, config.square)
         self.seen: Floats = np.empty((0, 2))  # points of the last scan in the robot frame, sorted by bearing
-        self.people = _NOBODY  # (P, 5) x, y, vx, vy, radius of tracked people in the carried frame [m, m/s]
+        # (P, 6) x, y, vx, vy, radius of tracked people in the carried frame [m, m/s], and for how long they stand [s]
+        self.people = _NOBODY
         self._twist: Twist | None = None
 
     def see(self, observation: Observation) -> None:
@@ -78,14 +81,24 @@ class Memory:
 
     def _without_people(self, pedestrians: Floats) -> tuple[Floats, Floats]:
         """The scan's points that are not those of people (M, 2), and those that are; notes where the people are."""
-        self.people = _NOBODY
+        before, self.people = self.people, _NOBODY
         if not (self._config.people and len(pedestrians)):
             return self.seen, self.seen[:0]
         own, people = movers_among(self.seen, self.seen, pedestrians, WIDEST)
         people[:, :2] = to_world(people[:, :2], self.pose)
         people[:, 2:4] = to_world(people[:, 2:4], Pose(0.0, 0.0, self.pose.yaw))
-        self.people = people
+        self.people = np.column_stack((people, self._standing(people, before)))
         return self.seen[~own], self.seen[own]
+
+    def _standing(self, people: Floats, before: Floats) -> Floats:
+        """For how long each of the people (P, 5) stands (P,) [s], by those of the last period (Q, 6)."""
+        still = np.hypot(people[:, 2], people[:, 3]) < _STANDING
+        if not (still.any() and len(before)):
+            return np.zeros(len(people))
+        away = np.hypot(*(people[:, None, :2] - before[:, :2]).transpose(2, 0, 1))
+        same = away.argmin(axis=1)
+        known = still & (away.min(axis=1) < _SAME)
+        return np.where(known, before[same, 5] + self._dt, 0.0)
 
 
 def _moved(pose: Pose, before: Twist, now: Twist, dt: float) -> Pose:

@@ -17,8 +17,7 @@ from lme.types import Floats, Pose
 BEYOND = 0.5  # [s] ways that take longer than the best by more than this are not searched
 _ITSELF = Pose(0.0, 0.0, 0.0)  # of the field's frame
 _EVERY = 3  # cells between two places on the way of steepest descent
-_STANDING = 0.05  # [m/s] slower people stand
-_NOBODY, _NO_CROWD = np.empty((0, 5)), np.empty((0, 6))
+_NOBODY = np.empty((0, 6))
 _LEAST_BAND = 0.05  # [m] of slower driving near obstacles, however wide the robot
 
 
@@ -29,7 +28,9 @@ class TravelConfig:
     cell: float = 0.15  # [m] side of a cell
     comfort: float = 0.345  # [m] from the outline; with obstacles farther away the robot drives at v_max
     slowdown: float = 2.0  # [-] in the narrowest passage it takes 1 + this times as long
-    patience: float = 5.0  # [s] within which a person who stands is expected to leave
+    patience: float = (
+        10.0  # [s] for which who stands is expected to stay, at least; else for as long as up to now
+    )
     personal_space: float = 0.4  # [m] from the outline of people, where it takes time to wait for them
 
     def __post_init__(self) -> None:
@@ -86,7 +87,8 @@ class Travel:
     def field(self, points: Floats, target: Floats, here: Floats, people: Floats = _NOBODY) -> Field:
         """The field of a robot at `here` (2,), among `points` (M, 2), to its `target` (2,), valid until the next call.
 
-        people (P, 5): x, y, vx, vy and radius of those who are no points. All are in one frame [m, m/s].
+        people (P, 6): x, y, vx, vy and radius of those who are no points, in the same frame [m, m/s], and for how long
+        they stand [s].
         """
         x, y = (math.floor((at - self._reach) / self._cell) * self._cell for at in here.tolist())
         grid = Grid(x, y, self._cell, self._size)
@@ -99,9 +101,11 @@ class Travel:
     def _crowd(self, people: Floats) -> Floats:
         """People as `travel_times` takes them: (P, 6)."""
         if not len(people):
-            return _NO_CROWD
+            return _NOBODY
         reach = people[:, 4] + self._berth
         speed = np.hypot(people[:, 2], people[:, 3])
-        wait = np.minimum(2.0 * reach, self._patience * speed) / np.maximum(speed, 1e-9)
-        wait = np.where(speed > _STANDING, wait, self._patience)
+        leaves = np.maximum(
+            people[:, 5], self._patience
+        )  # who has stood for long will stand for as long again
+        wait = np.minimum(2.0 * reach / np.maximum(speed, 1e-9), leaves)
         return np.column_stack((people[:, :4], reach, wait / (2.0 * reach)))

@@ -71,7 +71,7 @@ def test_points_of_tracked_people_are_known_but_never_remembered():
     assert (
         np.hypot(*(memory.known - person[:2]).T).min() < 0.35
     )  # but the planner and straight ways know them
-    assert memory.people == pytest.approx(np.array([[2.0, 2.0, 0.5, -1.0, 0.3]]), abs=0.02)
+    assert memory.people == pytest.approx(np.array([[2.0, 2.0, 0.5, -1.0, 0.3, 0.0]]), abs=0.02)
     memory.see(scan_of([post, hidden], []))
     assert not len(memory.people)
     assert np.hypot(*(memory.known - person[:2]).T).min() > 0.5  # nobody is left behind
@@ -86,4 +86,15 @@ def test_people_are_carried_in_the_frame_of_the_points():
     memory, turning = Memory(MemoryConfig(), stage()), Twist(0.0, 0.5 / stage().dt)
     memory.see(scan_of([], [])._replace(twist=turning))
     memory.see(scan_of([(2.0, 1.0, 0.3)], [(2.0, 1.0, 0.4, 0.3)], turn=0.5)._replace(twist=turning))
-    assert memory.people == pytest.approx(np.array([[2.0, 1.0, 0.4, 0.3, 0.3]]), abs=0.02)
+    assert memory.people == pytest.approx(np.array([[2.0, 1.0, 0.4, 0.3, 0.3, 0.0]]), abs=0.02)
+
+
+def test_who_stands_is_timed_until_they_walk_on():
+    memory, dt = Memory(MemoryConfig(), stage()), stage().dt
+    stood = []
+    for vx in (0.0, 0.0, 0.0, 0.8, 0.0):
+        memory.see(scan_of([(2.0, 1.0, 0.3), (-2.0, 1.0, 0.3)], [(2.0, 1.0, vx, 0.0), (-2.0, 1.0, 0.5, 0.0)]))
+        stood.append(memory.people[:, 5])
+    assert np.array(stood) == pytest.approx(
+        np.array([[0.0, 0.0], [dt, 0.0], [2 * dt, 0.0], [0.0, 0.0], [dt, 0.0]])
+    )
