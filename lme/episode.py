@@ -88,7 +88,8 @@ def run_episode(
         assert navigator.guidance is not None
         log.decided(navigator.guidance, decision_us)
         if observer is not None:
-            observer.decided(observation, navigator.guidance, command, simulator.state)
+            assert navigator.observation is not None
+            observer.decided(navigator.observation, navigator.guidance, command, simulator.state)
         observation = simulator.step(command)
         log.moved()
     if observer is not None:

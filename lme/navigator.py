@@ -9,6 +9,7 @@ import numpy as np
 
 from lme.errors import InputError, require
 from lme.policies.lme.explanation import Decision, Explanation
+from lme.sensing.people.source import PeopleSource
 from lme.types import Guidance, Guide, Observation, Planner, Pose, Twist
 from lme.worlds.world import World
 
@@ -49,13 +50,24 @@ class Navigator:
     """Asks the guide where to go and the planner how to get there.
 
     goal_tolerance: nearer to the target than this [m] it commands a stop. 0: whoever drives it decides when to stop.
+    people: puts people into observations; None: they keep those whom they have.
     """
 
-    def __init__(self, guide: Guide, planner: Planner, goal_tolerance: float = 0.0) -> None:
+    def __init__(
+        self,
+        guide: Guide,
+        planner: Planner,
+        goal_tolerance: float = 0.0,
+        people: PeopleSource | None = None,
+    ) -> None:
         require("goal_tolerance", goal_tolerance, at_least=0.0)
         self.guide = guide
         self.planner = planner
         self.goal_tolerance = goal_tolerance
+        self.people = people
+        self.observation: Observation | None = (
+            None  # of the last step, with the people whom guide and planner saw
+        )
         self.guidance: Guidance | None = None  # of the last step
 
     def reset(self, rng: np.random.Generator) -> None:
@@ -63,7 +75,9 @@ class Navigator:
         guide_rng, planner_rng = rng.spawn(2)
         self.guide.reset(guide_rng)
         self.planner.reset(planner_rng)
-        self.guidance = None
+        if self.people is not None:
+            self.people.reset()
+        self.guidance = self.observation = None
 
     def read_map(self, world: World, start: Pose) -> None:
         """Give the true map to the guide if it is a `MapReader`."""
@@ -74,8 +88,14 @@ class Navigator:
         """The guide's explanation of its last decision; None before the first, or if it cannot explain."""
         return self.guide.explanation() if isinstance(self.guide, Explainable) else None
 
-    def act(self, observation: Observation) -> Twist:
-        """Velocity command for one control period. Raises InputError unless it is a pair of finite numbers."""
+    def act(self, observation: Observation, time: float | None = None) -> Twist:
+        """Velocity command for one control period. Raises InputError unless it is a pair of finite numbers.
+
+        time: when the scan was taken [s], on any clock; None: one control period after the last one.
+        """
+        if self.people is not None:
+            observation = self.people.seen(observation, time)
+        self.observation = observation
         if math.hypot(*observation.target) < self.goal_tolerance:
             return Twist(0.0, 0.0)
         self.guidance = self.guide.guide(observation)

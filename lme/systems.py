@@ -12,6 +12,7 @@ from lme.navigator import Navigator
 from lme.presets import ablation_settings, configured, find_option, option
 from lme.resources import overlaid
 from lme.robots import Robot
+from lme.sensing.people.source import people_source
 from lme.weight_files import PUBLISHED, learned_parameters, own_weights, with_network
 from lme.yaml_entry import read_yaml
 
@@ -25,6 +26,7 @@ def load_system(
     *,
     weights: str | Path | None = None,
     goal_tolerance: float = 0.0,
+    people: str = "truth",
     **changes: Any,
 ) -> Navigator:
     """The navigator that `lme eval system=NAME` drives with::
@@ -33,7 +35,8 @@ def load_system(
         navigator = lme.load_system("lme", robot, planner="dwa_tuned", **{"guide.candidates.number": 500})
 
     name: in `conf/system/`. robot: it drives this one. weights: as on the command line; None: the system's own.
-    goal_tolerance: the robot stops within this distance of the target [m]. changes: words of the command line, as
+    goal_tolerance: the robot stops within this distance of the target [m]. people: "truth": those in the
+    observations; "tracked": those found in the scans; "none". changes: words of the command line, as
     keywords: `guide` and `planner` by name or by the path of a YAML, `ablation` by name or several in a list, and any
     key of guide or planner, such as "planner.latency".
 
@@ -53,9 +56,8 @@ def load_system(
     planner, place = option("planner", chosen["planner"], settings.get("planner"))
     guide_class, guide_config = configured(guide, where)
     planner_class, planner_config = configured(with_network(planner), place)
-    return Navigator(
-        guide_class(guide_config, robot), planner_class(planner_config, robot), goal_tolerance=goal_tolerance
-    )
+    guide_and_planner = guide_class(guide_config, robot), planner_class(planner_config, robot)
+    return Navigator(*guide_and_planner, goal_tolerance=goal_tolerance, people=people_source(people, robot))
 
 
 def _composed(name: str) -> tuple[dict[str, Any], dict[str, Any]]:

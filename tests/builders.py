@@ -191,7 +191,11 @@ def assert_same(one, two):
 
 def episode_record(world, run=0, **columns):
     """A successful episode of LME. columns: what is not as usual; `world_measures` among them."""
-    texts = dict.fromkeys(("global_map", "subset"), "") | {"ablation": "none", "weights": "published"}
+    texts = dict.fromkeys(("global_map", "subset"), "") | {
+        "ablation": "none",
+        "weights": "published",
+        "people": "truth",
+    }
     texts |= {"system": "LME", "guide": "lme", "planner": "simple", "robot": "jackal", "map": "barn"}
     usual = dict.fromkeys(COLUMNS, 0) | texts | {"outcome": "success", "time_s": 9.0, "spl": 0.7}
     return EpisodeRecord(**{**usual, "world": world, "run": run, **columns})

@@ -51,19 +51,22 @@ class Pilot:
             self._number = number
         observation = self.source.observation(sight.scan, sight.motion, target)
         began = self._wall()
-        wanted = navigator.act(observation)
+        wanted = navigator.act(observation, sight.motion.stamp / SECOND)
         return LiveStep(
             now,
             LiveState.DRIVING,
             "",
             reachable(*wanted, last, robot.limits, robot.dt),
             number,
-            observation,
+            navigator.observation,
             navigator.guidance,
             self._explanations.new(),
             wanted,
             decision_us=(self._wall() - began) / 1000.0,
             motion=sight.newest,
+            people=None if navigator.people is None else navigator.people.tracks,
+            people_us=0.0 if navigator.people is None else navigator.people.spent_us,
+            taken=sight.motion.stamp,
         )
 
     def leads_into_contact(self, step: LiveStep, last: Twist) -> bool:

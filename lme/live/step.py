@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 from lme.live.track import StampedMotion
 from lme.policies.lme.explanation import Explanation
+from lme.sensing.people.tracks import Tracks
 from lme.types import Guidance, Observation, Twist
 
 STILL = Twist(0.0, 0.0)
@@ -29,7 +30,9 @@ class LiveStep(NamedTuple):
     all limits. goal: number of the goal, from 1; 0 before the first. wanted: the planner's command before the limits.
     observation, guidance, wanted: None if there was no decision. explanation: of the guide's decision; None if it made
     none in this period, or cannot explain itself. soft_stopped: the wanted command would have led into contact.
-    decision_us: computing time of the decision [µs]. motion: the latest pose and twist; None if none is known.
+    decision_us: computing time of the decision [µs], with the tracking of people. motion: the latest pose and twist;
+    None if none is known. people: who were tracked; None without a tracker. people_us: computing time of that [µs].
+    taken: stamp of the scan [ns].
     """
 
     stamp: int
@@ -44,6 +47,9 @@ class LiveStep(NamedTuple):
     soft_stopped: bool = False
     decision_us: float = 0.0
     motion: StampedMotion | None = None
+    people: Tracks | None = None
+    people_us: float = 0.0
+    taken: int = 0
 
     @property
     def text(self) -> str:

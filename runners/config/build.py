@@ -8,6 +8,7 @@ from typing import cast
 from lme.errors import InputError, require
 from lme.navigator import Navigator
 from lme.robots import Robot
+from lme.sensing.people.source import People, people_source
 from lme.sim.simulator import Simulator
 from lme.weight_files import with_network
 from lme.worlds.check import check_task
@@ -38,7 +39,21 @@ def navigator(config: SystemConfig, robot: Robot | None = None) -> Navigator:
     """Guide and planner of a config, on its robot unless another is given."""
     robot = robot or config.robot
     planner = build(with_network(config.planner), "planner", robot)
-    return Navigator(build(config.guide, "guide", robot), planner)
+    people = people_source(people_of(config), robot)
+    return Navigator(build(config.guide, "guide", robot), planner, people=people)
+
+
+def people_of(config: SystemConfig) -> People:
+    """Whom the system sees; commands without the key show it the simulator's people."""
+    return People(getattr(config, "people", People.truth))
+
+
+def refuse_truth(config: SystemConfig) -> None:
+    """Raise InputError where people cannot be those that the simulator knows."""
+    if people_of(config) is People.truth:
+        raise InputError(
+            "people is truth: only a simulator knows where people truly are; must be tracked or none"
+        )
 
 
 def simulator(config: DriveConfig) -> Simulator:

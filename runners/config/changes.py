@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import fields
 from typing import Any, cast
 
 from omegaconf import DictConfig, OmegaConf
@@ -36,7 +37,14 @@ def changed_keys(config: DictConfig, choices: Mapping[str, str], catalogue: Cata
             dotted = f"{node}.{key}"
             if not _is_shown(node, key) and not (key in written and _equal(written[key], value)):
                 changes[dotted] = resolved.get(dotted, value)
-    return changes
+    return changes | _changed_people(config)
+
+
+def _changed_people(config: DictConfig) -> dict[str, Any]:
+    """Whom the system sees, if it is not the command's default."""
+    schema: Any = OmegaConf.get_type(config)
+    default = next((each.default for each in fields(schema) if each.name == "people"), None)
+    return {} if default is None or config.people == default else {"people": str(config.people)}
 
 
 def _is_shown(node: str, key: str) -> bool:

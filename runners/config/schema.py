@@ -11,6 +11,7 @@ from hydra.core.config_store import ConfigStore
 from omegaconf import OmegaConf
 
 from lme.robots import Robot
+from lme.sensing.people.source import People
 
 
 class Record(StrEnum):
@@ -54,6 +55,7 @@ class DriveConfig(SystemConfig):
 class RecordedConfig(DriveConfig):
     """The part of a driving run's config that `launch.json` keeps. table: rows of a sweep's table."""
 
+    people: People = People.truth
     scale: dict[str, float] = field(default_factory=dict)
     table: list[str] = field(default_factory=list)
 
@@ -78,8 +80,9 @@ class ReportConfig(EpisodesConfig):
 
 @dataclass(slots=True, kw_only=True)
 class EvalConfig(ReportConfig):
-    """`lme eval`. scale: factors on the guide's parameters, by name."""
+    """`lme eval`. people: whom the system sees. scale: factors on the guide's parameters, by name."""
 
+    people: People = People.truth
     scale: dict[str, float] = field(default_factory=dict)
 
 
@@ -193,6 +196,7 @@ class ReplayConfig(SystemConfig):
     ahead: float
     horizon: float
     rerun: bool
+    people: People = People.tracked
     tracking: dict[str, Any]
 
 
@@ -205,6 +209,7 @@ class LiveCommandConfig(DriveConfig):
     topics: dict[str, Any]
     frames: dict[str, Any]
     scan: dict[str, Any]
+    people: People = People.tracked
     record: Record = Record.none
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from lme.worlds.world import MapSet, Named
 from runners.config import systems
 from runners.config.ablations import SEVERAL
+from runners.config.build import people_of
 from runners.config.job import Job
 from runners.config.overrides import CUSTOM
 from runners.config.schema import DriveConfig
@@ -25,6 +26,7 @@ def run_labels(job: Job[DriveConfig], maps: MapSet) -> RunLabels:
         robot=config.robot.name,
         map=maps.name if isinstance(maps, Named) else job.choices["map"],
         subset=CUSTOM_SUBSET if config.map.get("worlds") else str(config.map.get("subset", "")),
+        people=str(people_of(config)),
     )
 
 

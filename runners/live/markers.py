@@ -1,4 +1,5 @@
-"""What RViz and Foxglove draw of a decision, as plain data: candidates by score, subgoal, path, sectors, A and B.
+"""What RViz and Foxglove draw of a decision, as plain data: candidates by score, subgoal, path, sectors, A and B,
+and people with their motion in the next second.
 
 Colours are those of the explainer page: viridis for scores, Okabe and Ito's for sectors and marks.
 """
@@ -29,6 +30,7 @@ _SECTORS = np.array([(0.902, 0.624, 0.0), (0.337, 0.706, 0.914), (0.835, 0.369, 
 _SUBGOAL = np.array([0.835, 0.369, 0.0])
 _TARGET = np.array([0.0, 0.620, 0.451])
 _PATH = np.array([0.0, 0.447, 0.698])
+_PERSON = np.array([0.8, 0.475, 0.655])
 _INK = np.array([0.1, 0.1, 0.1])
 _CLIP = (0.05, 0.95)  # otherwise a few extreme scores would use up the scale
 _DOT, _LINE, _MARK, _LETTER = 0.04, 0.03, 0.16, 0.25  # [m]
@@ -64,6 +66,7 @@ def markers(observation: Observation, guidance: Guidance, why: Explanation | Non
     found = [] if why is None else [*_explanation_markers(why)]
     if guidance.path is not None and len(guidance.path) > 1:
         found.append(Marker("path", 0, Shape.LINE_STRIP, guidance.path, _PATH[None], _LINE))
+    found += _people(observation.pedestrians)
     found.append(_mark("target", observation.target, _TARGET))
     found.append(_mark("subgoal", guidance.subgoal, _SUBGOAL))
     return found
@@ -80,6 +83,14 @@ def _explanation_markers(why: Explanation) -> Iterator[Marker]:
         for k, (name, point) in enumerate((("A", blockage.A), ("B", blockage.B))):
             yield Marker("A and B", k, Shape.SPHERES, point[None], _INK[None], _MARK / 2)
             yield Marker("letters", k, Shape.TEXT, point[None], _INK[None], _LETTER, name)
+
+
+def _people(pedestrians: Floats) -> Iterator[Marker]:
+    """A mark for each person (P, 4), and a line to where they are a second later."""
+    for k, (x, y, vx, vy) in enumerate(pedestrians):
+        way = np.array([(x, y), (x + vx, y + vy)])
+        yield Marker("people", k, Shape.SPHERES, way[:1], _PERSON[None], 2.0 * _MARK)
+        yield Marker("people in a second", k, Shape.LINE_STRIP, way, _PERSON[None], _LINE)
 
 
 def _mark(group: str, point: Floats, colour: Floats) -> Marker:

@@ -15,13 +15,14 @@ from lme.policies.lme.reasons import reason
 from runners.config.schema import DriveConfig
 from runners.records.launch_record import identity
 from runners.workers.mcap_file import McapFile
-from runners.workers.recorder import LATCHED, STATE, TOPICS, WANTED, WHY, DecisionWriter
+from runners.workers.recorder import LATCHED, STATE, TAKEN, TOPICS, WANTED, WHY, DecisionWriter
 
 LIVE_TOPICS = {
     **TOPICS,
     WANTED: "geometry_msgs/msg/Twist",
     WHY: "std_msgs/msg/String",
     STATE: "std_msgs/msg/String",
+    TAKEN: "std_msgs/msg/String",
 }
 _ENDS = (LiveState.IDLE, LiveState.ARRIVED, LiveState.CANCELLED)
 _ADVICE = "free some space there, or choose another directory with hydra.run.dir=PATH"
@@ -93,6 +94,7 @@ class LiveRecorder:
         assert step.guidance is not None
         assert step.wanted is not None
         writer.decision(step.observation, step.guidance, now)
+        writer.text(TAKEN, str(step.taken), now)
         writer.twist(WANTED, step.wanted, now)
         if step.explanation is not None:
             writer.text(WHY, reason(step.explanation, self._before), now)

@@ -30,7 +30,7 @@ from runners.workers.mcap_file import check_installed as check_mcap
 
 SIMULATOR = "simulator"
 _INSTALLED = {1: ros1.check_installed, 2: ros2.check_installed}
-_NODES_ONLY = ("guide", "planner", "weights", "ablation", "system", "frames", "scan", "record")
+_NODES_ONLY = ("guide", "planner", "weights", "ablation", "system", "frames", "scan", "people", "record")
 _SIMULATOR_ONLY = ("map", "sim", "runs")
 
 
@@ -55,6 +55,7 @@ def validate(job: Job[LiveCommandConfig]) -> None:
         fill_dataclass(FramesConfig, config.frames, "frames")
         if config.record is Record.mcap:
             check_mcap()
+        build.refuse_truth(config)
         build.navigator(config)
     _INSTALLED[config.ros]()
 

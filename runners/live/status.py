@@ -18,11 +18,16 @@ class Status:
     def __init__(self) -> None:
         self._began = time.monotonic()
         self._decisions: list[float] = []
+        self._tracking: list[float] = []
+        self._people = 0
 
     def count(self, step: LiveStep) -> None:
         """Add a step."""
         if step.guidance is not None:
             self._decisions.append(step.decision_us)
+        if step.people is not None:
+            self._tracking.append(step.people_us)
+            self._people = len(step.people.names)
 
     @property
     def due(self) -> bool:
@@ -40,7 +45,10 @@ class Status:
             "longest decision [ms]": round(max(made) / 1000.0, 2) if made else "-",
             "soft stops": soft_stops,
         }
+        if self._tracking:
+            middle = sorted(self._tracking)[len(self._tracking) // 2]
+            values |= {"people": self._people, "median tracking [ms]": round(middle / 1000.0, 2)}
         level = WARN if step.state is LiveState.STOPPED else OK
         text = f"{step.state}: {step.reason}" if step.reason else str(step.state)
-        self._began, self._decisions = time.monotonic(), []
+        self._began, self._decisions, self._tracking = time.monotonic(), [], []
         return make.diagnostics(step.stamp, _NAME, level, text, values)

@@ -31,6 +31,7 @@ class EpisodeKey:
 class RunLabels:
     """The columns that name what was run; the same in all episodes of a run.
 
+    people: whom the system sees: truth, tracked or none.
     subset: of the map's worlds; CUSTOM_SUBSET if the config names the worlds, empty for a map without subsets.
     """
 
@@ -43,6 +44,7 @@ class RunLabels:
     robot: str
     map: str
     subset: str
+    people: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

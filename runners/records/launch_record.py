@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from lme.errors import InputError
+from lme.sensing.people.source import People
 from runners.config import catalogue
 from runners.config.flatten import flatten
 from runners.config.instantiate import fill_dataclass
@@ -27,6 +28,7 @@ from runners.records.whole_file import write_atomically
 LAUNCH = "launch.json"
 # Keys that cannot change a result.
 NO_RESULTS = ("resume", "executor", "tracking", "system", "record", "explain")
+DEFAULTS = {"people": People.truth}  # of keys that older runs lack; left out, so that these can be resumed
 _SHOWN = 3  # most differing keys that a message names
 
 
@@ -131,7 +133,9 @@ def launch_of(
 def identity(config: SystemConfig) -> dict[str, Any]:
     """What decides the results of a config, as plain JSON values."""
     return {
-        key: _canonical(value) for key, value in dataclasses.asdict(config).items() if key not in NO_RESULTS
+        key: _canonical(value)
+        for key, value in dataclasses.asdict(config).items()
+        if key not in NO_RESULTS and DEFAULTS.get(key) != value
     }
 
 

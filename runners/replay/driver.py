@@ -135,7 +135,7 @@ class Driver:
             return
         observation = self._scan_source.observation(message.content, motion, target)
         began = perf_counter_ns()
-        command = self._navigator.act(observation)
+        command = self._navigator.act(observation, motion.stamp / SECOND)
         decision_us = (perf_counter_ns() - began) / 1000.0
         self._note(observation, motion, command, decision_us)
 

@@ -21,7 +21,7 @@ from lme.worlds.world import Task, World
 from runners.config import build
 from runners.replay.bags import Bag, Message
 from runners.replay.recorded import GOAL, ODOM, SCAN, RecordedEpisode, episode_of
-from runners.workers.recorder import STATE, WANTED
+from runners.workers.recorder import STATE, TAKEN, WANTED
 from runners.workers.trace import Drive, Trace, TracedStep, TraceEnd, rerun
 
 _NOTHING = np.empty((0, 3)), np.empty((0, 4))
@@ -29,9 +29,13 @@ _NO_SUBGOAL = (np.nan, np.nan, 0.0)
 
 
 class _Moment(NamedTuple):
-    """What the robot saw at a decision [s], and the planner's command; None at the end."""
+    """What the robot saw at a decision [s], and the planner's command; None at the end.
+
+    taken: stamp of the scan [s]; None if the recording does not say.
+    """
 
     time: float
+    taken: float | None
     observation: Observation
     command: Twist | None
 
@@ -76,20 +80,21 @@ def _moments(bag: Bag, episode: RecordedEpisode) -> Iterator[_Moment]:
     """Every decision, and the end: the last pose, without a scan."""
     latest: dict[str, Message] = {}
     began = None
-    for message in bag.messages([ODOM, GOAL, SCAN, WANTED]):
+    for message in bag.messages([ODOM, GOAL, SCAN, TAKEN, WANTED]):
         latest[message.topic] = message
         if message.topic == WANTED:
             began = message.recorded if began is None else began
             observation = _observation(episode, latest)
             time = (message.recorded - began) / SECOND
-            yield _Moment(time, observation, twist_of(message.content, TWIST))
+            taken = int(latest[TAKEN].content.data) / SECOND if TAKEN in latest else None
+            yield _Moment(time, taken, observation, twist_of(message.content, TWIST))
     if began is not None:
         odometry = latest[ODOM]
         pose = pose_of(odometry.content, ODOMETRY)
         goal = to_world(observation.target, observation.odometry)
         unseen = observation.scan._replace(ranges=np.full_like(observation.scan.ranges, np.inf))
         there = Observation(unseen, to_robot(goal, pose), Twist(0.0, 0.0), observation.limits, pose)
-        yield _Moment((odometry.recorded - began) / SECOND, there, None)
+        yield _Moment((odometry.recorded - began) / SECOND, None, there, None)
 
 
 def _observation(episode: RecordedEpisode, latest: dict[str, Message]) -> Observation:
@@ -108,14 +113,16 @@ def _decide_again(path: Path, episode: RecordedEpisode, moments: list[_Moment]) 
     navigator.reset(episode.rng())
     steps: list[TracedStep] = []
     explained: Decision | None = None
-    for time, observation, recorded in moments:
-        command = navigator.act(observation)
+    for time, taken, unseen, recorded in moments:
+        command = navigator.act(unseen, taken)
         if command != recorded:
             raise InputError(
                 f"bag {path}: the decision at {time:.1f} s differs from the recorded one: another version of lme made "
                 "the recording, or the guide or planner failed before it"
             )
+        observation = navigator.observation
         assert navigator.guidance is not None
+        assert observation is not None
         why = navigator.explanation()
         new = None if why is None or why.decision is explained else why
         explained = None if why is None else why.decision

@@ -15,6 +15,7 @@ from lme.live.frames import FramesConfig
 from lme.live.messages import SECOND
 from lme.live.scan_source import ScanConfig, ScanSource
 from lme.robots import Robot
+from lme.sensing.people.source import People
 from runners.config import build, instantiate
 from runners.config.instantiate import configured, fill_dataclass
 from runners.config.job import Job
@@ -56,6 +57,7 @@ def validate(job: Job[ReplayConfig]) -> None:
 
         check_installed()
     fill_dataclass(ScanConfig, config.scan, "scan")
+    build.refuse_truth(config)
     build.navigator(config)
     with open_recording(path) as bag:
         choose(bag, fill_dataclass(BagTopicsConfig, config.topics, "topics"), topic_of(config.goal))
@@ -178,7 +180,9 @@ def _as_recorded(job: Job[ReplayConfig], episode: recorded.RecordedEpisode | Non
             "add as_recorded=false to choose others"
         )
     groups = {group: getattr(episode.config, group) for group in recorded.GROUPS}
-    return replace(job.config, **groups, seed=episode.seed)
+    own = episode.config.people
+    people = job.config.people if own is People.truth else own
+    return replace(job.config, **groups, people=people, seed=episode.seed)
 
 
 def _print_results(

@@ -156,8 +156,8 @@ class TeachingNavigator(Navigator):
         if isinstance(self._guide, MapReader):
             self._guide.read_map(world, start)
 
-    def act(self, observation: Observation) -> Twist:
-        command = super().act(observation)
+    def act(self, observation: Observation, time: float | None = None) -> Twist:
+        command = super().act(observation, time)
         assert self.guidance is not None
         told = self.guidance if self._guide is None else self._guide.guide(observation)
         advice = self._expert.plan(observation, told)

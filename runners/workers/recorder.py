@@ -30,8 +30,9 @@ TOPICS = {  # message types; the topics are in the order in which a control peri
     "/subgoal": "geometry_msgs/msg/PointStamped",
     "/cmd_vel": "geometry_msgs/msg/Twist",
 }
-# On a robot, /cmd_vel holds what was sent to it, and these topics the planner's commands, the reasons and the state.
-WANTED, WHY, STATE = "/wanted", "/why", "/state"
+# On a robot, /cmd_vel holds what was sent to it, and these topics the planner's commands, the reasons, the state and
+# the stamps of the scans [ns].
+WANTED, WHY, STATE, TAKEN = "/wanted", "/why", "/state", "/taken"
 LATCHED = ("/lme", "/tf_static")  # written once; late subscribers receive them as well
 ODOM, BASE, LASER = "odom", "base_link", "laser"
 

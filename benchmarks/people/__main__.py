@@ -1,0 +1,108 @@
+"""Measures the tracker of people: in DynaBARN, in static BARN worlds, and in real recordings.
+
+    python -m benchmarks.people [--shared ../shared] [--worlds 0-59] [--part dynabarn|static|real …] [--record]
+
+Scores with CLEAR-MOT within half a metre. The parameters were chosen on DynaBARN worlds from 100 on, on fresh BARN
+worlds of seed 0 and on the recordings 1 to 4, so the scores are of the worlds 0 to 59, of fresh worlds of seed 1 and of
+the recordings 5 to 7.
+"""
+
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.people.driving import drive
+from benchmarks.people.labels import labels, read
+from benchmarks.people.score import Score
+from benchmarks.recording import parser, show
+from benchmarks.speed import machine
+from lme.sensing.people.config import PeopleConfig
+from lme.sensing.people.tracker import PeopleTracker
+from lme.types import LaserScan, Pose
+
+NOISE = ("sim.slip=0.05", "sim.scan_noise=0.02")
+SCORED = (5, 6, 7)  # of the seven recordings
+_PERIOD = 0.1332  # [s] of the scanner in the recordings
+_RANGE_MIN = 0.03  # [m]
+_COLUMNS = ("recall", "precision", "mota", "switches", "false", "median", "rms")
+
+
+def main() -> None:
+    """Print the report, and write it with --record."""
+    options = parser(__doc__, "people")
+    options.add_argument("--shared", type=Path, default=Path("../shared"), help="folder of the recordings")
+    options.add_argument("--worlds", default="0-59", help="of DynaBARN")
+    options.add_argument("--part", nargs="*", default=["dynabarn", "static", "real"])
+    given = options.parse_args()
+    show(report(given.shared, given.worlds, given.part), "people", given.record)
+
+
+def report(shared: Path, worlds: str, parts: list[str]) -> Iterator[str]:
+    """Yield the lines of the report in Markdown."""
+    yield "# People, from the scan alone\n"
+    yield f"`python -m benchmarks.people --record`, {time.strftime('%Y-%m-%d')}, {machine()}\n"
+    yield "| data | success | recall | precision | MOTA | switches | false a scan | velocity: median | rms | µs |"
+    yield "|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|"
+    if "dynabarn" in parts:
+        for difficulty in ("easy", "medium", "hard"):
+            yield _driven(f"DynaBARN {difficulty}", worlds, difficulty)
+        yield _driven("DynaBARN hard, slip 5 %, noise 2 cm", worlds, "hard", *NOISE)
+    if "static" in parts:
+        fresh = ("map=barn", "map.subset=fresh", "map.count=60", "map.fresh_seed=1")
+        yield _row("static BARN", *_scored(*fresh))
+        yield _row("static BARN, slip 5 %, noise 2 cm", *_scored(*fresh, *NOISE))
+    if "real" in parts:
+        yield from _real(shared / "bags" / "legs")
+
+
+def _driven(name: str, worlds: str, difficulty: str, *words: str) -> str:
+    places = ("map=dynabarn", f"map.difficulty={difficulty}", f"map.worlds={worlds}")
+    return _row(name, *_scored(*places, *words))
+
+
+def _scored(*words: str) -> tuple[Score, str, float]:
+    score = Score()
+    successes, episodes, times = drive(words, score)
+    return score, f"{successes} of {episodes}", float(np.median(times))
+
+
+def _real(folder: Path) -> Iterator[str]:
+    """A row for the recordings together."""
+    if not folder.exists():
+        yield f"| real: {folder} is absent |"
+        return
+    score, times = Score(), list[float]()
+    for number in SCORED:
+        recorded(folder / f"positive_{number}.bag", score, times)
+    yield _row(f"real, recordings {', '.join(map(str, SCORED))}", score, "–", float(np.median(times)))
+
+
+def recorded(path: Path, score: Score, times: list[float]) -> None:
+    """Track the people of a recording; add scores, and processor times [µs]."""
+    recording = read(path)
+    truth = labels(recording)
+    tracker = PeopleTracker(PeopleConfig(), Pose(0.0, 0.0, 0.0))
+    steps = np.diff(recording.times, prepend=recording.times[0] - _PERIOD)
+    score.begin()
+    for k, (ranges, dt) in enumerate(zip(recording.ranges, steps, strict=True)):
+        angles = (recording.angle_min, recording.angle_increment)
+        scan = LaserScan(ranges.astype(np.float32), *angles, _RANGE_MIN, recording.range_max)
+        began = time.thread_time_ns()
+        tracks = tracker.update(scan, Pose(0.0, 0.0, 0.0), float(dt))
+        times.append((time.thread_time_ns() - began) / 1000.0)
+        now = truth.scan == k
+        scored = now & truth.walking
+        seen = np.hstack([truth.place[scored], truth.velocity[scored]])
+        score.add(truth.person[scored], seen, tracks, truth.place[now & ~truth.walking])
+
+
+def _row(name: str, score: Score, success: str, spent: float) -> str:
+    values = score.result()
+    shown = [f"{values[key]:.0f}" if key == "switches" else f"{values[key]:.3f}" for key in _COLUMNS]
+    return f"| {name} | {success} | {' | '.join(shown)} | {spent:.0f} |"
+
+
+if __name__ == "__main__":
+    main()

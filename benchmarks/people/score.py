@@ -1,0 +1,71 @@
+"""CLEAR-MOT of tracks against people who are known: recall, precision, MOTA and errors of the velocity."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import motmetrics
+import numpy as np
+
+from lme.sensing.people.tracks import Tracks
+from lme.types import Bools, Floats, Ints
+
+NEAR = 0.5  # [m] from a person to their track, at most
+_CLOCK = 1_000_000  # names of people and tracks of one episode are below
+
+
+@dataclass(slots=True)
+class Score:
+    """Collects scans of one or more episodes, which number their people and tracks anew."""
+
+    scans: int = 0
+    _episodes: int = 0
+    _log: motmetrics.MOTAccumulator = field(default_factory=motmetrics.MOTAccumulator)
+    _true: dict[tuple[int, int], Floats] = field(default_factory=dict)
+    _found: dict[tuple[int, int], Floats] = field(default_factory=dict)
+
+    def begin(self) -> None:
+        """Start an episode."""
+        self._episodes += 1
+
+    def add(self, people: Ints, truth: Floats, tracks: Tracks, others: Floats | None = None) -> None:
+        """Add a scan: people (P,) and where they are and go, (P, 4); others (O, 2): may be tracked, or not."""
+        apart = _apart(truth[:, :2], tracks.pedestrians[:, :2])
+        counted: Bools = np.ones(len(tracks.names), np.bool_)
+        if others is not None and len(others) and len(counted):
+            beside = (_apart(others, tracks.pedestrians[:, :2]) <= NEAR).any(axis=0)
+            counted = ~beside | (apart <= NEAR).any(axis=0)
+        offset, scan = self._episodes * _CLOCK, self.scans
+        names, apart = tracks.names[counted] + offset, apart[:, counted]
+        near = np.where(apart <= NEAR, apart, np.nan)
+        self._log.update((people + offset).tolist(), names.tolist(), near, frameid=scan)
+        self._true |= {(scan, int(name)): v for name, v in zip(people + offset, truth[:, 2:], strict=True)}
+        found = tracks.pedestrians[counted, 2:]
+        self._found |= {(scan, int(name)): v for name, v in zip(names, found, strict=True)}
+        self.scans += 1
+
+    def result(self) -> dict[str, float]:
+        """recall, precision, mota; switches; false: tracks a scan; median and rms of the velocity's error [m/s]."""
+        wanted = ["recall", "precision", "mota", "num_switches", "num_false_positives"]
+        row = motmetrics.metrics.create().compute(self._log, metrics=wanted, name="all").iloc[0]
+        events = self._log.mot_events.reset_index()
+        pairs = events[events.Type.isin(("MATCH", "SWITCH"))]
+        errors = [
+            float(np.hypot(*(self._true[scan, int(person)] - self._found[scan, int(track)])))
+            for scan, person, track in zip(pairs.FrameId, pairs.OId, pairs.HId, strict=True)
+        ] or [np.nan]
+        return {
+            "recall": float(row.recall),
+            "precision": float(row.precision),
+            "mota": float(row.mota),
+            "switches": float(row.num_switches),
+            "false": float(row.num_false_positives) / max(self.scans, 1),
+            "median": float(np.median(errors)),
+            "rms": float(np.sqrt(np.square(errors).mean())),
+        }
+
+
+def _apart(a: Floats, b: Floats) -> Floats:
+    """Distances (A, B) between points (A, 2) and (B, 2) [m]."""
+    distances: Floats = np.linalg.norm(a[:, None] - b[None], axis=2)
+    return distances

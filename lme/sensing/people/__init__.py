@@ -1,0 +1,1 @@
+"""Tracks people and other movers from scans and odometry alone."""

@@ -1,0 +1,1 @@
+"""Compiled parts of the tracker: registration, evidence of motion, clusters, circles, filter."""

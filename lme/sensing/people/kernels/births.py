@@ -1,0 +1,123 @@
+"""Follows groups of points until there is evidence that they move; then they are tracks."""
+
+import math
+
+import numpy as np
+from numba import njit
+
+from lme.sensing.people.kernels.clusters import FEWEST
+from lme.sensing.people.kernels.matching import LEAST_SHARE, LEGS_RADIUS
+from lme.sensing.people.kernels.middle import middle_of
+from lme.sensing.people.kernels.scans import passed_through
+from lme.sensing.people.kernels.table import (
+    ANCHORS,
+    BX,
+    BY,
+    CONFIRMED,
+    EVIDENCE,
+    HIDDEN,
+    MOST,
+    NAME,
+    PP,
+    SEEN,
+    VX,
+    VY,
+    R,
+    X,
+    Y,
+    begin,
+    correct,
+)  # fmt: skip
+
+_WAY = 1.5  # margins that a track must have come
+
+
+@njit(cache=True, error_model="numpy")
+def match_groups(table, anchors, count, names, points, moved, group, groups, view, when, settings):
+    """Correct what is not confirmed yet by the nearest group of points, and begin a track for every other group."""
+    lidar, (noise, margin, trusted, dt) = view[0], when
+    old = count
+    taken = np.zeros(old, np.bool_)
+    for g in range(groups):
+        own = np.flatnonzero(group == g)
+        if len(own) < FEWEST:
+            continue
+        found = middle_of(points, own, lidar, (0.0, 0.0), noise, settings)
+        if _in_confirmed(table, old, found):
+            continue
+        best, least = -1, math.inf
+        for n in range(old):
+            row = table[n]
+            if row[CONFIRMED] > 0.0 or taken[n]:
+                continue
+            away = math.sqrt((found[0] - row[X]) ** 2 + (found[1] - row[Y]) ** 2)
+            reach = 0.1 + (settings.fastest * dt if row[SEEN] < 2.0 else 2.0 * math.sqrt(row[PP]) + 0.5 * dt)
+            if away < reach and away < least:
+                best, least = n, away
+        if best < 0:
+            if count < MOST:
+                begin(table[count], found, -1.0)
+                _anchor(anchors[count], points, own)
+                count += 1
+            continue
+        taken[best] = True
+        row = table[best]
+        correct(row, found, dt)
+        if not trusted:
+            continue
+        share = moved[own].sum() / len(own)
+        names = _judge(row, anchors[best], share, found[3], names, view, margin, settings)
+    for n in range(old):
+        if table[n, CONFIRMED] == 0.0 and not taken[n]:
+            table[n, EVIDENCE] *= 0.5
+    return count, names
+
+
+@njit(cache=True, error_model="numpy")
+def _in_confirmed(table, count, found):
+    """Whether a group is a part of a track that was seen in this scan."""
+    for n in range(count):
+        row = table[n]
+        if row[CONFIRMED] > 0.0 and row[HIDDEN] == 0.0:
+            away = math.sqrt((found[0] - row[X]) ** 2 + (found[1] - row[Y]) ** 2)
+            if away < max(row[R], 0.4 if row[R] < LEGS_RADIUS else 0.0):
+                return True
+    return False
+
+
+@njit(cache=True, error_model="numpy")
+def _anchor(anchor, points, own):
+    """Keep some of a group's points; NaN fills the rest."""
+    anchor[:] = np.nan
+    step = max(len(own) / ANCHORS, 1.0)
+    for k in range(min(len(own), ANCHORS)):
+        anchor[k] = points[own[int(k * step)]]
+
+
+@njit(cache=True, error_model="numpy")
+def _judge(row, anchor, moved, variance, names, view, margin, settings):
+    """Confirm a track that is where nothing was, or has left a place that is empty now, and has come some way.
+
+    moved: share of its points that have; variance: of its middle [m²].
+    """
+    old = anchor[: _filled(anchor)]
+    left = (passed_through(old, view, margin) == 1).sum() / len(old)
+    row[EVIDENCE] = row[EVIDENCE] + moved + left if moved + left >= LEAST_SHARE else 0.5 * row[EVIDENCE]
+    way = math.sqrt((row[X] - row[BX]) ** 2 + (row[Y] - row[BY]) ** 2)
+    speed = math.sqrt(row[VX] ** 2 + row[VY] ** 2)
+    if (
+        row[EVIDENCE] < settings.evidence
+        or way < _WAY * margin + 2.0 * math.sqrt(variance)
+        or speed < settings.least_speed
+    ):
+        return names
+    row[CONFIRMED], row[NAME] = 1.0, names
+    return names + 1
+
+
+@njit(cache=True, error_model="numpy")
+def _filled(anchor):
+    count = 0
+    while count < len(anchor) and not math.isnan(anchor[count, 0]):
+        count += 1
+    return count

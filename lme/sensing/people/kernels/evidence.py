@@ -1,0 +1,45 @@
+"""Which points of a scan have moved: those in a place through which an earlier scan saw."""
+
+import math
+
+import numpy as np
+from numba import njit
+
+from lme.sensing.people.kernels.scans import beam_towards, into
+
+_MISSING_VOTES = 3  # of scans in which a beam without a return is free: surfaces flicker
+
+
+@njit(cache=True, error_model="numpy")
+def weigh(points, hits, view, margin, old, votes):
+    """What an earlier scan says of each point (B, 2) with a hit (B,), added to `votes` (B, 3).
+
+    votes: scans that saw through its place, that saw through it if a beam without a return is free, and that saw
+    something there, if they are `old`: people have left their place since. view: of the earlier scan, see
+    `passed_through`.
+    """
+    lidar, sure, free, angles = view
+    cos, sin = math.cos(lidar[2]), math.sin(lidar[2])
+    for i in range(len(points)):
+        if not hits[i]:
+            continue
+        x, y = into(points[i, 0], points[i, 1], lidar, cos, sin)
+        beam = beam_towards(x, y, angles, len(free))
+        if beam < 0:
+            continue
+        away = math.sqrt(x * x + y * y)
+        if sure[beam] > away + margin:
+            votes[i, 0] += 1
+        elif free[beam] > away + margin:
+            votes[i, 1] += 1
+        elif old and free[beam] > away - margin:
+            votes[i, 2] += 1
+
+
+@njit(cache=True, error_model="numpy")
+def moved_points(votes):
+    """The points (B,) that have moved, by the votes of earlier scans."""
+    moved = np.zeros(len(votes), np.bool_)
+    for i in range(len(votes)):
+        moved[i] = votes[i, 0] > 0 or (votes[i, 1] >= _MISSING_VOTES and votes[i, 2] == 0)
+    return moved
