@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import motmetrics
 import numpy as np
 
 from lme.sensing.people.tracks import Tracks
-from lme.types import Bools, Floats, Ints
+from lme.types import Floats, Ints
 
 NEAR = 0.5  # [m] from a person to their track, at most
 _CLOCK = 1_000_000  # names of people and tracks of one episode are below
@@ -31,7 +32,7 @@ class Score:
     def add(self, people: Ints, truth: Floats, tracks: Tracks, others: Floats | None = None) -> None:
         """Add a scan: people (P,) and where they are and go, (P, 4); others (O, 2): may be tracked, or not."""
         apart = _apart(truth[:, :2], tracks.pedestrians[:, :2])
-        counted: Bools = np.ones(len(tracks.names), np.bool_)
+        counted: Any = np.ones(len(tracks.names), np.bool_)
         if others is not None and len(others) and len(counted):
             beside = (_apart(others, tracks.pedestrians[:, :2]) <= NEAR).any(axis=0)
             counted = ~beside | (apart <= NEAR).any(axis=0)

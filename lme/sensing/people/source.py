@@ -44,7 +44,7 @@ class PeopleSource(Protocol):
 class Nobody:
     """Leaves everybody out."""
 
-    tracks = None
+    tracks: Tracks | None = None
     spent_us = 0.0
 
     def reset(self) -> None:
@@ -88,9 +88,9 @@ def people_source(choice: str, robot: Robot) -> PeopleSource | None:
     Raises InputError for another choice.
     """
     made: dict[str, Callable[[], PeopleSource | None]] = {
-        People.truth: lambda: None,
-        People.tracked: lambda: TrackedPeople(robot),
-        People.none: lambda: Nobody(),
+        "truth": lambda: None,
+        "tracked": lambda: TrackedPeople(robot),
+        "none": Nobody,
     }
     if choice not in made:
         raise InputError(f"people is {choice!r}: must be one of {', '.join(made)}")

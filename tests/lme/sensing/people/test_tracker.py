@@ -13,6 +13,7 @@ from lme.presets import load_robot
 from lme.sensing.people.config import PeopleConfig
 from lme.sensing.people.source import Nobody, People, TrackedPeople, people_source
 from lme.sensing.people.tracker import PeopleTracker
+from lme.systems import load_system
 from lme.types import LaserScan, Limits, Observation, Pose, Twist
 
 BEAMS, FOV, RANGE, DT = 720, 4.71, 30.0, 0.1
@@ -175,3 +176,12 @@ def test_the_noise_is_found_out():
         tracker.update(scan_at(pose, nobody(0.0), rng), pose, DT)
     assert 0.01 < tracker._noise < 0.04
     assert math.isfinite(tracker._noise)
+
+
+def test_a_navigator_shows_its_guide_and_planner_the_tracked_people():
+    navigator = load_system("lme_plus", load_robot("jackal"), people="none")
+    navigator.reset(np.random.default_rng(0))
+    navigator.act(observation(0, np.ones((1, 4))))
+    assert not len(navigator.observation.pedestrians)
+    with pytest.raises(InputError, match="people is 'all'"):
+        load_system("lme_plus", load_robot("jackal"), people="all")
