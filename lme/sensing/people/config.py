@@ -22,7 +22,7 @@ class PeopleConfig:
     margin: float = (
         0.04  # [m] by which a beam must pass through an empty place, at least; or 5 times the noise
     )
-    guard: float = 0.012  # [rad] to either side that must be empty, too: edges of objects are ragged
+    guard: float = 0.008  # [rad] to either side that must be empty, too: edges of objects are ragged
     missing: float = 6.0  # [m] a beam without a return is free so far; dark and wet surfaces return nothing
     acceleration: float = (
         0.5  # [m²/s³] noise of the constant-velocity model: people turn and stop within a step
@@ -30,14 +30,13 @@ class PeopleConfig:
     legs: float = 0.12  # [m] error of the middle of a person seen as legs, which swing
     surface: float = 0.01  # [m] error of the middle of a round thing
     evidence: float = 0.5  # shares of its points that show motion, summed over scans, before a track counts
-    least_speed: float = 0.15  # [m/s] to become a track
-    coasting: float = 2.0  # [s] a track is remembered while it is hidden
-    standing: float = 4.0  # [s] a track that stays within a step is kept; then it is furniture
+    coasting: float = 3.0  # [s] a track is remembered while it is hidden
+    standing: float = 3.0  # [s] a track that stays within a step is kept; then it is furniture
 
     def __post_init__(self) -> None:
         for key in ("widest", "joint", "fastest", "margin", "missing", "acceleration", "legs", "surface"):
             require(f"people.{key}", getattr(self, key), above=0.0)
-        for key in ("guard", "evidence", "least_speed", "coasting", "standing"):
+        for key in ("guard", "evidence", "coasting", "standing"):
             require(f"people.{key}", getattr(self, key), at_least=0.0)
 
     @property
@@ -59,6 +58,5 @@ class Settings(NamedTuple):
     legs: float
     surface: float
     evidence: float
-    least_speed: float
     coasting: float
     standing: float

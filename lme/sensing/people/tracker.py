@@ -22,7 +22,8 @@ from lme.sensing.people.kernels.advance import advance
 from lme.sensing.people.kernels.evidence import moved_points, weigh
 from lme.sensing.people.kernels.matching import in_sight
 from lme.sensing.people.kernels.registration import normals, register
-from lme.sensing.people.kernels.scans import unpacked
+from lme.sensing.people.kernels.scans import Sight, unpacked
+from lme.sensing.people.kernels.standing import CELLS, recall, remember
 from lme.sensing.people.kernels.table import (
     AGE,
     ANCHORS,
@@ -42,35 +43,41 @@ from lme.sensing.people.kernels.table import (
     predict,
 )  # fmt: skip
 from lme.sensing.people.tracks import Tracks
-from lme.types import Bools, Floats, LaserScan, Pose
+from lme.types import Bools, Floats, Ints, LaserScan, Pose
 
 _View = tuple[tuple[float, ...], Floats, Floats, tuple[float, float]]
 
 _NOISES = 5.0  # standard deviations of a range that are not motion
 _LAGS = (0.1, 0.2, 0.4, 0.8, 1.6)  # [s] ages of the scans that a scan is compared with
-_OLD = 0.6  # [s] age of a scan since which people have moved
-_KEY_LAG = (
-    0.4  # [s] age of the scan that a scan is registered on; errors add up less often than with the last one
-)
+_OLD = 0.6  # [s] until it is known who moves in a scan
+_MEMORY = 5.0  # [s] what stood so long ago stands
+_KEY_AGE = 0.4  # [s] after which another scan becomes the one on which scans are registered
+_NAMES = 4096  # tracks of which it is known whether they moved
 _TRAVEL_ERROR, _TURN_ERROR = 0.1, 0.1  # shares of the odometry's motion: standard deviations of its errors
 _YAW_ERROR = 0.3  # [rad/m] error of the yaw per distance, of wheels that slip
 _STILL_ERROR = (0.002, 0.003)  # [m], [rad] besides
 _SETTLING = 0.05  # share of a new scan in the estimate of the noise
-_SUSPECT = 1.5  # times the noise: a scan that fits worse shows nobody new
+_SUSPECT = (2.5, 0.01)  # times the noise, and [m]: a scan that fits worse shows nobody new
 _LONGEST_STEP = 1.0  # [s] after a longer gap the tracker begins anew
 _SHOWN = 1.5  # periods for which a track that was not seen is still shown
 
 
 class _Seen(NamedTuple):
-    """A scan that is remembered. time [s]; lidar: its pose in the tracker's frame; see `unpacked`."""
+    """A scan that is remembered.
+
+    time [s]; lidar: its pose in the tracker's frame; base: by odometry; placed (B, 2): the points in the tracker's
+    frame; owner (B,): see `Sight`; for the others see `unpacked`.
+    """
 
     time: float
     lidar: Pose
     base: Pose
     points: Floats
+    placed: Floats
     hits: Bools
     sure: Floats
     free: Floats
+    owner: Ints
 
 
 class PeopleTracker:
@@ -87,6 +94,12 @@ class PeopleTracker:
         """Forget everything."""
         self._table, self._anchors = np.zeros((MOST, COLUMNS)), np.full((MOST, ANCHORS, 2), np.nan)
         self._count = self._names = 0
+        self._movers = np.zeros(_NAMES, np.bool_)
+        self._stood = np.full((CELLS, CELLS), -math.inf, np.float32)
+        self._kept = -1.0  # time of the newest scan in it [s]
+        self._key: tuple[_Seen, Floats] | None = (
+            None  # the scan on which scans are registered, and its normals
+        )
         self._seen: deque[_Seen] = deque()
         self._time = 0.0
         self._noise = 0.01  # [m] of a range, estimated from the registration
@@ -107,9 +120,9 @@ class PeopleTracker:
             scan.ranges, self._directions, limits, min(self._config.missing, limits[1]), self._guard
         )
         lidar = self._registered(points, hits, odometry)
-        seen = _Seen(self._time, lidar, odometry, points, hits, sure, free)
-        placed = _placed(points, lidar)
-        self._advance(seen, placed, dt)
+        nobody = np.full(len(hits), -1, np.int64)
+        seen = _Seen(self._time, lidar, odometry, points, _placed(points, lidar), hits, sure, free, nobody)
+        self._advance(seen, dt)
         self._remember(seen)
         return self._tracks(dt)
 
@@ -123,34 +136,35 @@ class PeopleTracker:
     def _registered(self, points: Floats, hits: Bools, odometry: Pose) -> Pose:
         """The lidar's pose in the tracker's frame."""
         self._trusted = True
-        if not self._seen:
+        if self._key is None:
             return self._mount
-        last, key = self._seen[-1], self._nearest(_KEY_LAG)
+        last, (key, facing) = self._seen[-1], self._key
         moved = relative(compose(odometry, self._mount), compose(last.base, self._mount))
         guess = relative(compose(last.lidar, moved), key.lidar)
         way, turn = math.hypot(moved.x, moved.y), abs(moved.yaw)
         along = _STILL_ERROR[0] + _TRAVEL_ERROR * way
         spread = (along, along, _STILL_ERROR[1] + _YAW_ERROR * way + _TURN_ERROR * turn)
-        facing = normals(key.points, key.hits)
         *motion, error = register(
             points, hits, key.points, facing, self._angles, (*guess,), spread, self._noise
         )
-        self._trusted = math.isfinite(error) and error < _SUSPECT * self._noise + 0.002
+        self._trusted = math.isfinite(error) and error < _SUSPECT[0] * self._noise + _SUSPECT[1]
         if math.isfinite(error):
             self._noise += _SETTLING * (min(error, 0.05) - self._noise)
         return compose(key.lidar, Pose(*motion))
 
-    def _advance(self, seen: _Seen, placed: Floats, dt: float) -> None:
+    def _advance(self, seen: _Seen, dt: float) -> None:
+        """Bring the tracks up to a scan."""
         margin = max(self._config.margin, _NOISES * self._noise)
-        votes = np.zeros((len(placed), 3), np.int8)
+        votes = np.zeros((len(seen.placed), 2), np.int8)
         for past in self._compared():
-            weigh(placed, seen.hits, self._view(past), margin, self._time - past.time > _OLD, votes)
+            weigh(seen.placed, seen.hits, self._view(past), margin, votes)
+        stands = recall(self._stood, seen.placed, seen.hits, self._time - _MEMORY)
+        moved = moved_points(votes, stands)
+        sight = Sight(seen.placed, seen.hits, moved, stands, seen.owner, self._movers)
         predict(self._table, self._count, dt, self._config.acceleration)
         when = (self._noise, margin, self._trusted, max(dt, 1e-3))
         tracks = self._table, self._anchors, self._count, self._names
-        self._count, self._names = advance(
-            *tracks, placed, seen.hits, moved_points(votes), self._view(seen), when, self._settings
-        )
+        self._count, self._names = advance(*tracks, sight, self._view(seen), when, self._settings)
 
     def _view(self, seen: _Seen) -> _View:
         return (*seen.lidar,), seen.sure, seen.free, self._angles
@@ -165,9 +179,17 @@ class PeopleTracker:
         return min(self._seen, key=lambda seen: abs(self._time - seen.time - lag))
 
     def _remember(self, seen: _Seen) -> None:
+        """Keep the scan; by now it is known who moved in one that is `_OLD`."""
         self._seen.append(seen)
+        for past in self._seen:
+            if self._kept < past.time <= self._time - _OLD:
+                remember(self._stood, past.placed, past.hits, past.owner, self._movers, past.time)
+                self._kept = past.time
         while self._time - self._seen[0].time > _LAGS[-1] + 0.1:
             self._seen.popleft()
+        if self._key is None or self._time - self._key[0].time > _KEY_AGE - 0.01:
+            moving = (seen.owner >= 0) & self._movers[seen.owner % len(self._movers)]
+            self._key = seen, normals(seen.points, seen.hits & ~moving)
 
     def _tracks(self, dt: float) -> Tracks:
         rows = self._table[: self._count]

@@ -6,8 +6,7 @@ import numpy as np
 from numba import njit
 
 from lme.sensing.people.kernels.clusters import FEWEST
-from lme.sensing.people.kernels.matching import LEAST_SHARE, LEGS_RADIUS
-from lme.sensing.people.kernels.middle import middle_of
+from lme.sensing.people.kernels.middle import LEGS_RADIUS, middle_of
 from lme.sensing.people.kernels.scans import passed_through
 from lme.sensing.people.kernels.table import (
     ANCHORS,
@@ -20,8 +19,6 @@ from lme.sensing.people.kernels.table import (
     NAME,
     PP,
     SEEN,
-    VX,
-    VY,
     R,
     X,
     Y,
@@ -29,48 +26,60 @@ from lme.sensing.people.kernels.table import (
     correct,
 )  # fmt: skip
 
+_LEAST_SHARE = 0.25  # of points that show motion; less is none
 _WAY = 1.5  # margins that a track must have come
 
 
 @njit(cache=True, error_model="numpy")
-def match_groups(table, anchors, count, names, points, moved, group, groups, view, when, settings):
+def match_groups(table, anchors, count, names, sight, group, groups, view, when, settings):
     """Correct what is not confirmed yet by the nearest group of points, and begin a track for every other group."""
     lidar, (noise, margin, trusted, dt) = view[0], when
-    old = count
+    points, movers, old = sight.points, sight.movers, count
     taken = np.zeros(old, np.bool_)
     for g in range(groups):
         own = np.flatnonzero(group == g)
         if len(own) < FEWEST:
             continue
-        found = middle_of(points, own, lidar, (0.0, 0.0), noise, settings)
+        found = middle_of(points, own, lidar, (0.0, 0.0, 0.0), noise, settings)
         if _in_confirmed(table, old, found):
             continue
-        best, least = -1, math.inf
-        for n in range(old):
-            row = table[n]
-            if row[CONFIRMED] > 0.0 or taken[n]:
-                continue
-            away = math.sqrt((found[0] - row[X]) ** 2 + (found[1] - row[Y]) ** 2)
-            reach = 0.1 + (settings.fastest * dt if row[SEEN] < 2.0 else 2.0 * math.sqrt(row[PP]) + 0.5 * dt)
-            if away < reach and away < least:
-                best, least = n, away
+        best = _nearest(table, old, taken, found, dt, settings)
         if best < 0:
             if count < MOST:
-                begin(table[count], found, -1.0)
+                begin(table[count], found, names)
                 _anchor(anchors[count], points, own)
-                count += 1
+                movers[names % len(movers)] = False
+                sight.owner[own] = names
+                count, names = count + 1, names + 1
             continue
         taken[best] = True
         row = table[best]
-        correct(row, found, dt)
-        if not trusted:
-            continue
-        share = moved[own].sum() / len(own)
-        names = _judge(row, anchors[best], share, found[3], names, view, margin, settings)
+        sight.owner[own] = int(row[NAME])
+        correct(row, found)
+        if trusted and 2 * sight.stands[own].sum() <= len(own):
+            moved = sight.moved[own].sum() / len(own)
+            if _judge(row, anchors[best], moved, found[3], view, margin, settings):
+                row[CONFIRMED] = 1.0
+                movers[int(row[NAME]) % len(movers)] = True
     for n in range(old):
         if table[n, CONFIRMED] == 0.0 and not taken[n]:
             table[n, EVIDENCE] *= 0.5
     return count, names
+
+
+@njit(cache=True, error_model="numpy")
+def _nearest(table, count, taken, found, dt, settings):
+    """The nearest row that is not confirmed and still free, and may have come so far; −1: none."""
+    best, least = -1, math.inf
+    for n in range(count):
+        row = table[n]
+        if row[CONFIRMED] > 0.0 or taken[n]:
+            continue
+        away = math.sqrt((found[0] - row[X]) ** 2 + (found[1] - row[Y]) ** 2)
+        reach = 0.1 + (settings.fastest * dt if row[SEEN] < 2.0 else 2.0 * math.sqrt(row[PP]) + 0.5 * dt)
+        if away < reach and away < least:
+            best, least = n, away
+    return best
 
 
 @njit(cache=True, error_model="numpy")
@@ -95,24 +104,16 @@ def _anchor(anchor, points, own):
 
 
 @njit(cache=True, error_model="numpy")
-def _judge(row, anchor, moved, variance, names, view, margin, settings):
-    """Confirm a track that is where nothing was, or has left a place that is empty now, and has come some way.
+def _judge(row, anchor, moved, variance, view, margin, settings):
+    """Whether a track is where nothing was, or has left a place that is empty now, and has come some way.
 
     moved: share of its points that have; variance: of its middle [m²].
     """
     old = anchor[: _filled(anchor)]
     left = (passed_through(old, view, margin) == 1).sum() / len(old)
-    row[EVIDENCE] = row[EVIDENCE] + moved + left if moved + left >= LEAST_SHARE else 0.5 * row[EVIDENCE]
+    row[EVIDENCE] = row[EVIDENCE] + moved + left if moved + left >= _LEAST_SHARE else 0.5 * row[EVIDENCE]
     way = math.sqrt((row[X] - row[BX]) ** 2 + (row[Y] - row[BY]) ** 2)
-    speed = math.sqrt(row[VX] ** 2 + row[VY] ** 2)
-    if (
-        row[EVIDENCE] < settings.evidence
-        or way < _WAY * margin + 2.0 * math.sqrt(variance)
-        or speed < settings.least_speed
-    ):
-        return names
-    row[CONFIRMED], row[NAME] = 1.0, names
-    return names + 1
+    return row[EVIDENCE] >= settings.evidence and way >= _WAY * margin + 2.0 * math.sqrt(variance)
 
 
 @njit(cache=True, error_model="numpy")

@@ -7,7 +7,7 @@ from numba import njit
 
 from lme.sensing.people.kernels.middle import gap_at
 
-FEWEST = 3  # points of a run
+FEWEST = 2  # points of a run
 _LEG_WIDTH = 0.3  # [m] widest run that may be a leg
 
 
@@ -51,8 +51,7 @@ def apart(points, i, j, lidar):
 def _add(points, moved, run, first, last, found, settings):
     """Add a run of points, or its moved parts if it is too wide."""
     start, end = run
-    few = end - start < FEWEST
-    if few and not (end - start == FEWEST - 1 and moved[start] and moved[start + 1]):  # a leg far away
+    if end - start < FEWEST:
         return found
     if _width(points, start, end) <= settings.widest:
         first[found], last[found] = start, end

@@ -11,12 +11,11 @@ _MISSING_VOTES = 3  # of scans in which a beam without a return is free: surface
 
 
 @njit(cache=True, error_model="numpy")
-def weigh(points, hits, view, margin, old, votes):
-    """What an earlier scan says of each point (B, 2) with a hit (B,), added to `votes` (B, 3).
+def weigh(points, hits, view, margin, votes):
+    """What an earlier scan says of each point (B, 2) with a hit (B,), added to `votes` (B, 2).
 
-    votes: scans that saw through its place, that saw through it if a beam without a return is free, and that saw
-    something there, if they are `old`: people have left their place since. view: of the earlier scan, see
-    `passed_through`.
+    votes: scans that saw through its place, and that did if a beam without a return is free. view: of the earlier
+    scan, see `passed_through`.
     """
     lidar, sure, free, angles = view
     cos, sin = math.cos(lidar[2]), math.sin(lidar[2])
@@ -32,14 +31,12 @@ def weigh(points, hits, view, margin, old, votes):
             votes[i, 0] += 1
         elif free[beam] > away + margin:
             votes[i, 1] += 1
-        elif old and free[beam] > away - margin:
-            votes[i, 2] += 1
 
 
 @njit(cache=True, error_model="numpy")
-def moved_points(votes):
-    """The points (B,) that have moved, by the votes of earlier scans."""
+def moved_points(votes, stands):
+    """The points (B,) that have moved, by the votes of earlier scans; not where something stood before (B,)."""
     moved = np.zeros(len(votes), np.bool_)
     for i in range(len(votes)):
-        moved[i] = votes[i, 0] > 0 or (votes[i, 1] >= _MISSING_VOTES and votes[i, 2] == 0)
+        moved[i] = (votes[i, 0] > 0 or votes[i, 1] >= _MISSING_VOTES) and not stands[i]
     return moved

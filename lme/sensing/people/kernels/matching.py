@@ -5,42 +5,35 @@ import math
 import numpy as np
 from numba import njit
 
-from lme.sensing.people.kernels.clusters import FEWEST, apart
-from lme.sensing.people.kernels.middle import middle_of
+from lme.sensing.people.kernels.clusters import FEWEST
+from lme.sensing.people.kernels.middle import LEGS_RADIUS, middle_of
 from lme.sensing.people.kernels.scans import beam_towards, into
-from lme.sensing.people.kernels.table import CONFIRMED, PP, RR, VX, VY, R, X, Y, correct
+from lme.sensing.people.kernels.table import CONFIRMED, LEGS, PP, RR, R, X, Y, correct
 
-LEGS_RADIUS = 0.35  # [m] a track with a lesser radius may be two legs
-LEAST_SHARE = 0.25  # of a track's points, that show that it has moved
 _REACH = 0.1  # [m] beyond its radius that a point may be of a track, besides the uncertainty
 _ON_CIRCLE = 0.1  # [m] from the circle of a track that a point may be that has moved; half of it for others
-_SLOW = 0.4  # [m/s] of a track, its points need not have moved
 _FASTEST_TURN = 3.0  # [m/s] change of velocity of who turns round
 _SLACK = 0.1  # [m] a beam that ends this much before a track hides it
 
 
 @njit(cache=True, error_model="numpy")
-def claims(table, count, points, hits, moved, settings):
-    """The confirmed track of each point; −1: of none."""
+def claims(table, count, sight, settings):
+    """The row of the confirmed track of each point; −1: of none. What stood there before is of none."""
+    points, hits, moved, stands = sight.points, sight.hits, sight.moved, sight.stands
     owner, score = np.full(len(points), -1, np.int64), np.full(len(points), math.inf)
     for n in range(count):
         row = table[n]
         if row[CONFIRMED] == 0.0:
             continue
         unsure = min(2.0 * math.sqrt(row[PP]), 0.3)
-        legs = row[R] < LEGS_RADIUS
-        reach = max(row[R] + _REACH + unsure, settings.joint if legs else 0.0)
-        slow = row[VX] ** 2 + row[VY] ** 2 < _SLOW**2
+        reach = max(row[R] + _REACH + unsure, settings.joint if row[R] < LEGS_RADIUS else 0.0)
         for i in range(len(points)):
             dx, dy = points[i, 0] - row[X], points[i, 1] - row[Y]
-            if not hits[i] or abs(dx) > reach or abs(dy) > reach:
+            if not hits[i] or stands[i] or abs(dx) > reach or abs(dy) > reach:
                 continue
             away = math.sqrt(dx * dx + dy * dy)
             off = abs(away - row[R])
-            if legs:
-                own = moved[i] or (slow and away < row[R] + 0.05)
-            else:
-                own = off < 0.5 * _ON_CIRCLE + unsure or (moved[i] and off < _ON_CIRCLE + unsure)
+            own = off < (_ON_CIRCLE if moved[i] else 0.5 * _ON_CIRCLE) + unsure
             worth = max(away - row[R], 0.0) + 0.3 * off
             if away < reach and own and worth < score[i]:
                 owner[i], score[i] = n, worth
@@ -48,33 +41,20 @@ def claims(table, count, points, hits, moved, settings):
 
 
 @njit(cache=True, error_model="numpy")
-def correct_confirmed(table, count, owner, points, hits, moved, view, when, settings):
+def correct_confirmed(table, count, row_of, points, lidar, when, settings):
     """Correct each confirmed track by its points, unless they are too far from where it is expected."""
-    lidar, (noise, _, _, dt) = view[0], when
+    noise, _, _, dt = when
     for n in range(count):
         row = table[n]
         if row[CONFIRMED] == 0.0:
             continue
-        own = np.flatnonzero(owner == n)
-        if len(own) < FEWEST or _in_wall(points, hits, moved, own, owner, lidar):
+        own = np.flatnonzero(row_of == n)
+        if len(own) < FEWEST:
             continue
-        found = middle_of(points, own, lidar, (row[R], row[RR] + 1e-4), noise, settings)
+        found = middle_of(points, own, lidar, (row[R], row[RR] + 1e-4, row[LEGS]), noise, settings)
         away = math.sqrt((found[0] - row[X]) ** 2 + (found[1] - row[Y]) ** 2)
         if away < 3.0 * math.sqrt(row[PP] + found[3]) + _FASTEST_TURN * dt:
-            correct(row, found, dt)
-
-
-@njit(cache=True, error_model="numpy")
-def _in_wall(points, hits, moved, own, owner, lidar):
-    """Whether points that have not moved are the middle of a surface that goes on to both sides."""
-    if moved[own].sum() >= LEAST_SHARE * len(own):
-        return False
-    before, after = own[0] - 1, own[-1] + 1
-    if before < 0 or after >= len(points) or not hits[before] or not hits[after]:
-        return False
-    if owner[before] >= 0 or owner[after] >= 0:
-        return False
-    return not apart(points, before, own[0], lidar) and not apart(points, own[-1], after, lidar)
+            correct(row, found)
 
 
 @njit(cache=True, error_model="numpy")

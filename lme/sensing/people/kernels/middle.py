@@ -6,8 +6,12 @@ import numpy as np
 from numba import njit
 
 _LEG = 0.05  # [m] from the front of a leg to its middle
-_LEGS_RADIUS = 0.3  # [m] of a person seen as legs, at most
+LEGS_RADIUS = 0.35  # [m] a track with a lesser radius may be two legs
+UNKNOWN = 0.04  # [m²] variance of the radius of who is seen as legs
+_WIDEST_LEGS = 0.3  # [m] radius of a person seen as legs, at most
 _THIN = 0.2  # [m] what is narrower is a leg
+_AS_LEGS = 0.3  # share of the scans in which a track looked like legs; then it always does
+_KNOWN = 0.02  # [m] error of a radius that is known
 _FEWEST = 5  # points that show a circle
 _ITERATIONS = 6
 _MOST = 40  # points that a circle is fitted to
@@ -25,11 +29,13 @@ def gap_at(away):
 def middle_of(points, chosen, lidar, prior, noise, settings):
     """Middle x, y [m], radius [m], and variances of the middle and of the radius [m²], of the chosen points.
 
-    points (B, 2), chosen (K,): indices in the order of the beams. prior: radius and its variance, or 0 if it is not
-    known. Points that lie on a circle give its middle; others the mean of their runs, as of two legs.
+    points (B, 2), chosen (K,): indices in the order of the beams. prior: radius, its variance and the share of scans
+    with legs; radius 0: not known. Points that lie on a circle give its middle; others the mean of their runs, as of
+    two legs.
     """
     parts, extent, mean_x, mean_y = _runs(points, chosen, lidar)
-    if parts == 1 and extent > _THIN and len(chosen) >= _FEWEST:
+    wide = prior[0] > LEGS_RADIUS and prior[1] < _KNOWN**2
+    if wide or (prior[2] < _AS_LEGS and parts == 1 and extent > _THIN and len(chosen) >= _FEWEST):
         x, y, radius, rms, spread = _circle(points, chosen, lidar, (mean_x, mean_y), extent, prior, noise)
         if rms < 0.02 + 2.0 * noise and radius <= _MOST_RADIUS:
             return x, y, radius, settings.surface**2 + 4.0 * max(rms, 0.5 * noise) ** 2 / len(chosen), spread
@@ -40,9 +46,9 @@ def middle_of(points, chosen, lidar, prior, noise, settings):
     return (
         mean_x + push * dx,
         mean_y + push * dy,
-        min(max(0.5 * extent + _LEG, 0.15), _LEGS_RADIUS),
+        min(max(0.5 * extent + _LEG, 0.15), _WIDEST_LEGS),
         variance,
-        0.04,
+        UNKNOWN,
     )
 
 
@@ -69,7 +75,7 @@ def _runs(points, chosen, lidar):
 @njit(cache=True, error_model="numpy")
 def _circle(points, chosen, lidar, mean, extent, prior, noise):
     """Middle, radius, root mean square of the residuals and variance of the radius, by Gauss-Newton."""
-    known, variance = prior if prior[0] > 0.0 else (0.5 * extent, 0.15**2)
+    known, variance = (prior[0], prior[1]) if prior[0] > 0.0 else (0.5 * extent, 0.15**2)
     r = min(max(known, _LEAST_RADIUS), _MOST_RADIUS)
     dx, dy = mean[0] - lidar[0], mean[1] - lidar[1]
     away = max(math.sqrt(dx * dx + dy * dy), 1e-6)

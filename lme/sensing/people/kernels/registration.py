@@ -8,9 +8,10 @@ from numba import njit
 from lme.sensing.people.kernels.scans import beam_towards
 
 _CHORD = 0.2  # [m] over which a normal is measured; noise tilts shorter ones
+_LEAST_CHORD = 0.1  # [m] of a small thing
 _FARTHEST = 10  # beams to either side
 _GAP = 0.3  # [m] between beams that hit the same surface
-_MATCHED = (0.5, 0.4, 0.25, 0.15, 0.1, 0.1)  # [m] greatest distance from a line, in each iteration
+_MATCHED = (0.25, 0.2, 0.15, 0.1, 0.1)  # [m] greatest distance from a line, in each iteration
 _TRIED = 2.5  # standard deviations of the yaw by odometry that are searched
 _AMISS = 0.3  # [m] a range that differs more is of another surface
 _SAMPLES = 480  # points that are used
@@ -26,6 +27,7 @@ def normals(points, hits):
         if not hits[i]:
             continue
         low = high = i
+        chord = dx = dy = 0.0
         for _ in range(_FARTHEST):
             if low > 0 and _joined(points, hits, low, low - 1):
                 low -= 1
@@ -34,8 +36,9 @@ def normals(points, hits):
             dx, dy = points[high, 0] - points[low, 0], points[high, 1] - points[low, 1]
             chord = math.sqrt(dx * dx + dy * dy)
             if chord >= _CHORD and low < i < high:
-                out[i, 0], out[i, 1] = -dy / chord, dx / chord
                 break
+        if chord >= _LEAST_CHORD and low < i < high:
+            out[i, 0], out[i, 1] = -dy / chord, dx / chord
     return out
 
 
@@ -54,7 +57,7 @@ def register(points, used, reference, facing, angles, guess, spread, noise):
     """
     step, error = max(len(points) // _SAMPLES, 1), math.nan
     x, y = guess[0], guess[1]
-    yaw = guess[2] + _coarse_turn(points, used, reference, angles, guess, spread[2], step)
+    yaw = start = guess[2] + _coarse_turn(points, used, reference, angles, guess, spread[2], step)
     for most in _MATCHED:
         scale = max(2.0 * noise, 0.01, 0.5 * (most - 0.1))
         a, b = np.zeros((3, 3)), np.zeros(3)
@@ -80,7 +83,7 @@ def register(points, used, reference, facing, angles, guess, spread, noise):
             matched += 1
             total += abs(off)
         if matched < 20:
-            return guess[0], guess[1], guess[2], math.nan
+            return guess[0], guess[1], start, math.nan
         error = total / matched
         variance = _CORRELATED * scale * scale
         for k, (value, first) in enumerate(((x, guess[0]), (y, guess[1]), (yaw, guess[2]))):
@@ -99,7 +102,7 @@ def _coarse_turn(points, used, reference, angles, guess, spread, step):
     most = min(int(_TRIED * spread / angles[1]), count // 8)
     if most < 1:
         return 0.0
-    costs = np.zeros(2 * most + 1)
+    costs = _AMISS * (np.arange(-most, most + 1) * angles[1] / spread) ** 2
     ranges = np.sqrt(reference[:, 0] ** 2 + reference[:, 1] ** 2)
     cos, sin = math.cos(guess[2]), math.sin(guess[2])
     for i in range(0, len(points), step):

@@ -1,13 +1,31 @@
 """A scan as points and as free space, and what earlier scans say about a place."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
 from lme.kernels.bearing import bearing
+from lme.types import Bools, Floats, Ints
 
 _TAU = 2.0 * math.pi
+
+
+class Sight(NamedTuple):
+    """The newest scan, for kernels: a row per beam.
+
+    points (B, 2): in the tracker's frame; hits (B,): whether the beam returned; moved (B,): whether the place was
+    empty before; stands (B,): whether something stood there before; owner (B,): name of the track, −1 for none.
+    movers (N,): whether the track of a name, modulo N, has been confirmed.
+    """
+
+    points: Floats
+    hits: Bools
+    moved: Bools
+    stands: Bools
+    owner: Ints
+    movers: Bools
 
 
 @njit(cache=True, error_model="numpy")

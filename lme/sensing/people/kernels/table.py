@@ -1,23 +1,23 @@
 """The table of tracks: its columns, and the constant-velocity filter on a row.
 
-A row is a track: what moves, or (CONFIRMED 0) what may turn out to; CONFIRMED is 2 once it has taken a step. The
+A row is a track: what moves, or (CONFIRMED 0) what may turn out to. The
 covariance is the same in every direction, so it is the same in every frame: variances of place and velocity, and what
-they share.
+they share. LEGS is the share of the scans in which a track looked like legs.
 """
 
 from numba import njit
 
+from lme.sensing.people.kernels.middle import LEGS_RADIUS, UNKNOWN
+
 COLUMNS = 19
-X, Y, VX, VY, PP, PV, VV, R, RR, AGE, HIDDEN, EVIDENCE, CONFIRMED, NAME, STILL, SEEN, BX, BY, ODD = range(
+X, Y, VX, VY, PP, PV, VV, R, RR, AGE, HIDDEN, EVIDENCE, CONFIRMED, NAME, STILL, SEEN, BX, BY, LEGS = range(
     COLUMNS
 )
 ANCHORS = 12  # points of a track when it was first seen
 MOST = 160  # rows
 
+_NEWEST = 0.1  # share of the newest scan in LEGS
 _FIRST_SPEED = 1.0  # [m/s] standard deviation before the first step
-_STARTLED = 25.0  # squared standard deviations; who is farther from the expected place has turned
-_SHARP = 0.05  # [m] error of a middle that can show a turn; legs swing farther
-_TURNED = 2.0  # [m/s] change of velocity of who turns
 
 
 @njit(cache=True, error_model="numpy")
@@ -44,18 +44,11 @@ def begin(row, found, name):
 
 
 @njit(cache=True, error_model="numpy")
-def correct(row, found, dt):
+def correct(row, found):
     """Correct a track by a middle that was found."""
     x, y, radius, variance, spread = found
     dx, dy = x - row[X], y - row[Y]
     total = row[PP] + variance
-    odd = row[SEEN] > 2.0 and variance < _SHARP**2 and dx * dx + dy * dy > _STARTLED * total
-    row[ODD] = row[ODD] + 1.0 if odd else 0.0
-    if row[ODD] > 1.0:  # once may be a bad fit, of who comes out behind another one
-        row[VV] += _TURNED**2
-        row[PV] += 0.5 * dt * _TURNED**2
-        row[PP] += 0.25 * dt * dt * _TURNED**2
-        total = row[PP] + variance
     gain, speed_gain = row[PP] / total, row[PV] / total
     row[X] += gain * dx
     row[Y] += gain * dy
@@ -67,5 +60,7 @@ def correct(row, found, dt):
     share = row[RR] / (row[RR] + spread)
     row[R] += share * (radius - row[R])
     row[RR] = max((1.0 - share) * row[RR], 1e-4)
+    looks = 1.0 if spread >= UNKNOWN and row[R] < LEGS_RADIUS else 0.0
+    row[LEGS] += _NEWEST * (looks - row[LEGS])
     row[HIDDEN] = 0.0
     row[SEEN] += 1.0

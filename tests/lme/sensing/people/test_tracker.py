@@ -185,3 +185,55 @@ def test_a_navigator_shows_its_guide_and_planner_the_tracked_people():
     assert not len(navigator.observation.pedestrians)
     with pytest.raises(InputError, match="people is 'all'"):
         load_system("lme_plus", load_robot("jackal"), people="all")
+
+
+def legs(middle, time):
+    """Two legs that swing, of somebody who walks along x."""
+    swing = 0.15 * math.sin(2.0 * math.pi * time)
+    return np.array([[middle[0] + swing, middle[1] + 0.1, 0.06], [middle[0] - swing, middle[1] - 0.1, 0.06]])
+
+
+def test_somebody_on_two_legs_who_walks_away_is_one_track_with_their_velocity():
+    found = follow(lambda time: legs((1.5 + 0.9 * time, 1.0), time), 40)
+    assert all(len(tracks.names) == 1 for tracks in found[8:])
+    for k, tracks in enumerate(found[12:], 12):
+        np.testing.assert_allclose(tracks.pedestrians[0, :2], (1.5 + 0.9 * k * DT, 1.0), atol=0.2)
+    speeds = np.array([tracks.pedestrians[0, 2:] for tracks in found[12:]])
+    assert np.median(np.linalg.norm(speeds - (0.9, 0.0), axis=1)) < 0.2
+
+
+def test_who_leaves_through_a_wall_does_not_become_the_wall():
+    def passes(time):
+        y = 5.6 if time < 2.5 else 50.0  # goes through a door in the wall
+        return np.array([[-2.0 + 1.0 * time, y, 0.2]])
+
+    found = follow(passes, 60)
+    assert any(len(tracks.names) for tracks in found[10:25])
+    assert not any(len(tracks.names) for tracks in found[32:])
+
+
+def test_a_surface_that_returns_something_now_and_then_is_nobody():
+    rng = np.random.default_rng(3)
+    here, tracker = Pose(0.0, 0.0, 0.0), PeopleTracker(PeopleConfig(), MOUNT)
+    shown = 0
+    for k in range(80):
+        scan = scan_at(here, nobody(0.0))
+        flickers = (scan.ranges > 5.0) & (np.arange(BEAMS) > 400) & (np.arange(BEAMS) < 420)
+        ranges = np.where(flickers & (rng.random() < 0.6), RANGE, scan.ranges).astype(np.float32)
+        shown += len(tracker.update(scan._replace(ranges=ranges), here, DT).names) if k > 20 else 0
+    assert shown == 0
+
+
+def test_people_all_around_do_not_move_the_robot():
+    rng = np.random.default_rng(5)
+    starts, ways = rng.uniform(-5.0, 5.0, (12, 2)), rng.uniform(-1.2, 1.2, (12, 2))
+    found = follow(lambda time: np.column_stack([starts + time * ways, np.full(12, 0.3)]), 30, driving(30))
+    errors = []
+    for k, pose in enumerate(driving(30)):
+        truth = to_robot(starts + k * DT * ways, pose)
+        turned = to_robot(ways, Pose(0.0, 0.0, pose.yaw))
+        for person in found[k].pedestrians:
+            nearest = int(np.argmin(np.linalg.norm(truth - person[:2], axis=1)))
+            errors.append(np.linalg.norm(person[2:] - turned[nearest]))
+    assert len(errors) > 60
+    assert np.quantile(errors, 0.8) < 0.3
