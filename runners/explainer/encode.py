@@ -18,8 +18,10 @@ from lme.policies.lme.escaper import PAPER_CRITERIA
 from lme.policies.lme.explanation import Explanation
 from lme.policies.lme.maintenance import Choice
 from lme.policies.lme_plus.criteria import CRITERIA as PLUS_CRITERIA
+from lme.sensing.people.source import People
 from lme.sensing.scan_points import obstacle_points
 from lme.types import Floats
+from runners.config import build
 from runners.explainer.packer import Packer
 from runners.workers.trace import Trace
 
@@ -36,6 +38,7 @@ def encode(trace: Trace, sentences: Sequence[str], system: str = "") -> str:
     _world(packer, trace)
     reasons = [step.explanation for step in trace.steps if step.explanation is not None]
     _plans(packer, trace)
+    _people(packer, trace)
     if reasons:
         _decisions(packer, reasons)
         _candidates(packer, reasons)
@@ -61,6 +64,7 @@ def _header(trace: Trace, system: str) -> dict[str, Any]:
         "steps": len(trace.steps),
         "planned": _plans_paths(trace),
         "mapped": _is_mapped(trace),
+        "tracked": _tracks_people(trace),
         "dt": robot.dt,
         "box": robot.footprint.box,
         "goal": task.goal.tolist(),
@@ -155,6 +159,19 @@ def _plans(packer: Packer, trace: Trace) -> None:
     if _plans_paths(trace):
         paths = [step.guidance.path for step in trace.steps]
         _add_points_mm(packer, "plan", [np.empty((0, 2)) if path is None else path for path in paths])
+
+
+def _tracks_people(trace: Trace) -> bool:
+    """Whether the system finds people in the scans."""
+    return build.people_of(trace.config) is People.tracked
+
+
+def _people(packer: Packer, trace: Trace) -> None:
+    """Add the tracks of every step in the robot frame, with their velocities, if people are tracked."""
+    if _tracks_people(trace):
+        found = [step.observation.pedestrians for step in trace.steps]
+        packer.add_counts("people", found)
+        packer.add_singles("people", np.concatenate([np.empty((0, 4)), *found]))
 
 
 def _decisions(packer: Packer, reasons: Sequence[Explanation]) -> None:

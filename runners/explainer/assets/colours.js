@@ -5,6 +5,7 @@ const VIRIDIS = [
 ].map((hex) => [0, 2, 4].map((at) => parseInt(hex.slice(at, at + 2), 16)));
 
 const SECTORS = ["#e69f00", "#56b4e9", "#d55e00", "#cc79a7"];
+const PERSON = "#cc79a7";
 const CLIP = [0.05, 0.95]; // as in the paper's figures: a few extremes would use up the scale
 
 /** Colour of a value between 0 and 1. */

@@ -275,6 +275,7 @@ function dress(trace) {
   byId("subtitle").textContent = [head.system, ...ablation, head.robot, ending].filter(Boolean).join(" · ");
   document.body.classList.add(trace.explained ? "explained" : "unexplained", head.planned ? "planned" : "unplanned");
   byId("truth").disabled = byId("truth").parentElement.hidden = !head.mapped;
+  byId("key-people").hidden = !head.tracked;
   byId("key-blocking").hidden = !trace.arrays.blocking?.some((sector) => sector >= 0);
   byId("key-history").hidden = !trace.arrays["history.count"]?.some(Boolean);
   if (!trace.decisions) byId("without-reasons").textContent = "The episode ended before the first decision.";

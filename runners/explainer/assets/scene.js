@@ -54,6 +54,7 @@ class Scene {
     this.#robot(shown.step);
     if (shown.step < trace.decisions) {
       if (trace.head.planned) this.#plan(shown.step);
+      if (trace.head.tracked) this.#people(shown.step);
       this.#subgoals(shown);
     }
     if (shown.verdict) this.#blockage(shown.step); // on top, for its names
@@ -132,6 +133,19 @@ class Scene {
     ctx.lineWidth = 2;
     ctx.stroke();
     ctx.setLineDash([]);
+  }
+
+  /** Tracked people: a ring, and a line to where they will be in a second. */
+  #people(step) {
+    const { ctx, trace } = this;
+    const { people } = trace.arrays;
+    const [from, to] = trace.span("people", step);
+    for (let i = from; i < to; i++) {
+      const [x, y, vx, vy] = people.subarray(4 * i, 4 * i + 4);
+      line(ctx, this.#local(x, y), this.#local(x + vx, y + vy), PERSON, 2);
+      circlePath(ctx, ...this.#local(x, y), 7);
+      paint(ctx, null, PERSON, 2);
+    }
   }
 
   #plainScan(step) {

@@ -176,3 +176,22 @@ def test_an_episode_that_ends_at_once_in_an_empty_world(open_page, trace, tmp_pa
 def test_a_place_that_takes_no_file_is_named(trace, tmp_path):
     with pytest.raises(InputError, match="cannot be written"):
         write_page(trace, tmp_path / "missing" / "page.html")
+
+
+def test_tracked_people_are_drawn_where_they_are_seen(open_page, tmp_path, trace):
+    tracked = traced(60, "system=lme_plus", "map=dynabarn", "map.difficulty=hard", "people=tracked")
+    write_page(tracked, tmp_path / "people.html")
+    page = open_page(tmp_path / "people.html")
+    step = max(range(len(tracked.steps)), key=lambda k: len(tracked.steps[k].observation.pedestrians))
+    shown = page.evaluate(
+        "(step) => Array.from(explainer.trace.arrays.people"
+        ".subarray(...explainer.trace.span('people', step).map((row) => 4 * row)))",
+        step,
+    )
+    people = tracked.steps[step].observation.pedestrians
+    assert len(people) > 2
+    np.testing.assert_allclose(shown, people.ravel(), rtol=1e-6)
+    assert page.is_visible("#key-people")
+    page.close()
+    write_page(trace, tmp_path / "nobody.html")
+    assert not open_page(tmp_path / "nobody.html").is_visible("#key-people")
