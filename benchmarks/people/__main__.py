@@ -2,11 +2,12 @@
 
     python -m benchmarks.people [--shared ../shared] [--worlds 0-59] [--part dynabarn|static|real …] [--record]
 
-Scores with CLEAR-MOT within half a metre. The parameters were chosen on DynaBARN worlds from 100 on, on fresh BARN
+Scores with CLEAR-MOT within half a metre. The parameters were chosen on DynaBARN worlds from 60 on, on fresh BARN
 worlds of seed 0 and on the recordings 1 to 4, so the scores are of the worlds 0 to 59, of fresh worlds of seed 1 and of
 the recordings 5 to 7.
 """
 
+import math
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -16,16 +17,12 @@ import numpy as np
 from benchmarks.people.driving import drive
 from benchmarks.people.labels import labels, read
 from benchmarks.people.score import Score
+from benchmarks.people.tracked import tracked
 from benchmarks.recording import parser, show
 from benchmarks.speed import machine
-from lme.sensing.people.config import PeopleConfig
-from lme.sensing.people.tracker import PeopleTracker
-from lme.types import LaserScan, Pose
 
 NOISE = ("sim.slip=0.05", "sim.scan_noise=0.02")
 SCORED = (5, 6, 7)  # of the seven recordings
-_PERIOD = 0.1332  # [s] of the scanner in the recordings
-_RANGE_MIN = 0.03  # [m]
 _COLUMNS = ("recall", "precision", "mota", "switches", "false", "median", "rms")
 
 
@@ -83,15 +80,9 @@ def recorded(path: Path, score: Score, times: list[float]) -> None:
     """Track the people of a recording; add scores, and processor times [µs]."""
     recording = read(path)
     truth = labels(recording)
-    tracker = PeopleTracker(PeopleConfig(), Pose(0.0, 0.0, 0.0))
-    steps = np.diff(recording.times, prepend=recording.times[0] - _PERIOD)
     score.begin()
-    for k, (ranges, dt) in enumerate(zip(recording.ranges, steps, strict=True)):
-        angles = (recording.angle_min, recording.angle_increment)
-        scan = LaserScan(ranges.astype(np.float32), *angles, _RANGE_MIN, recording.range_max)
-        began = time.thread_time_ns()
-        tracks = tracker.update(scan, Pose(0.0, 0.0, 0.0), float(dt))
-        times.append((time.thread_time_ns() - began) / 1000.0)
+    for k, (tracks, spent) in enumerate(tracked(recording)):
+        times.append(spent)
         now = truth.scan == k
         scored = now & truth.walking
         seen = np.hstack([truth.place[scored], truth.velocity[scored]])
@@ -100,8 +91,13 @@ def recorded(path: Path, score: Score, times: list[float]) -> None:
 
 def _row(name: str, score: Score, success: str, spent: float) -> str:
     values = score.result()
-    shown = [f"{values[key]:.0f}" if key == "switches" else f"{values[key]:.3f}" for key in _COLUMNS]
+    shown = [_shown(values[key], 0 if key == "switches" else 3) for key in _COLUMNS]
     return f"| {name} | {success} | {' | '.join(shown)} | {spent:.0f} |"
+
+
+def _shown(value: float, digits: int) -> str:
+    """A number; a dash where nobody is there to be seen."""
+    return f"{value:.{digits}f}" if math.isfinite(value) else "–"
 
 
 if __name__ == "__main__":

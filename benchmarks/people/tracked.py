@@ -1,0 +1,30 @@
+"""Tracks the people of a recording of a scanner that stands still."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+
+import numpy as np
+
+from benchmarks.people.labels import Recording
+from lme.sensing.people.config import PeopleConfig
+from lme.sensing.people.tracker import PeopleTracker
+from lme.sensing.people.tracks import Tracks
+from lme.types import LaserScan, Pose
+
+_PERIOD = 0.1332  # [s] of the scanner in the recordings
+_RANGE_MIN = 0.03  # [m]
+_HERE = Pose(0.0, 0.0, 0.0)
+
+
+def tracked(recording: Recording) -> Iterator[tuple[Tracks, float]]:
+    """The tracks of every scan, and the processor time that they took [µs]."""
+    tracker = PeopleTracker(PeopleConfig(), _HERE)
+    angles = (recording.angle_min, recording.angle_increment)
+    steps = np.diff(recording.times, prepend=recording.times[0] - _PERIOD)
+    for ranges, dt in zip(recording.ranges, steps, strict=True):
+        scan = LaserScan(ranges.astype(np.float32), *angles, _RANGE_MIN, recording.range_max)
+        began = time.thread_time_ns()
+        tracks = tracker.update(scan, _HERE, float(dt))
+        yield tracks, (time.thread_time_ns() - began) / 1000.0
