@@ -22,7 +22,7 @@ from lme.sensing.people.kernels.advance import advance
 from lme.sensing.people.kernels.evidence import moved_points, weigh
 from lme.sensing.people.kernels.matching import in_sight
 from lme.sensing.people.kernels.registration import normals, register
-from lme.sensing.people.kernels.scans import Sight, unpacked
+from lme.sensing.people.kernels.scans import NewestScan, unpacked
 from lme.sensing.people.kernels.standing import CELLS, recall, remember
 from lme.sensing.people.kernels.table import (
     AGE,
@@ -66,7 +66,7 @@ class _Seen(NamedTuple):
     """A scan that is remembered.
 
     time [s]; lidar: its pose in the tracker's frame; base: by odometry; placed (B, 2): the points in the tracker's
-    frame; owner (B,): see `Sight`; for the others see `unpacked`.
+    frame; owner (B,): see `NewestScan`; for the others see `unpacked`.
     """
 
     time: float
@@ -160,7 +160,7 @@ class PeopleTracker:
             weigh(seen.placed, seen.hits, self._view(past), margin, votes)
         stands = recall(self._stood, seen.placed, seen.hits, self._time - _MEMORY)
         moved = moved_points(votes, stands)
-        sight = Sight(seen.placed, seen.hits, moved, stands, seen.owner, self._movers)
+        sight = NewestScan(seen.placed, seen.hits, moved, stands, seen.owner, self._movers)
         predict(self._table, self._count, dt, self._config.acceleration)
         when = (self._noise, margin, self._trusted, max(dt, 1e-3))
         tracks = self._table, self._anchors, self._count, self._names

@@ -12,7 +12,7 @@ from lme.types import Bools, Floats, Ints
 _TAU = 2.0 * math.pi
 
 
-class Sight(NamedTuple):
+class NewestScan(NamedTuple):
     """The newest scan, for kernels: a row per beam.
 
     points (B, 2): in the tracker's frame; hits (B,): whether the beam returned; moved (B,): whether the place was
