@@ -77,7 +77,7 @@ def test_what_a_request_leaves_out_has_robot_sfs_defaults():
 
 def test_the_robot_sees_walls_and_people_in_its_own_frame():
     scene = arm.scene_of(request(heading=np.pi / 2, people=[(4.0, 13.0, -1.0, 0.0)]))
-    seen = arm.observe(scene, arm.robot_of(scene), tracked=True)
+    seen = arm.observe(scene, arm.robot_of(scene))
     ahead = len(seen.scan.ranges) // 2
     assert seen.scan.ranges[ahead] == pytest.approx(2.6)  # the person, not the wall 4 m ahead
     assert seen.scan.ranges[0] == pytest.approx(4.0)  # behind: the wall
@@ -91,7 +91,7 @@ def test_the_robot_aims_short_of_a_waypoint_and_never_beyond_itself():
     assert arm.short_of(np.zeros(2), 1.0) == pytest.approx([0.0, 0.0])
 
 
-def test_only_people_in_sight_are_tracked_and_none_with_the_scan_alone():
+def test_only_people_in_sight_are_given():
     people = [
         (8.0, 10.0, -1.0, 0.0),
         (10.0, 10.0, -1.0, 0.0),
@@ -99,8 +99,7 @@ def test_only_people_in_sight_are_tracked_and_none_with_the_scan_alone():
     ]  # seen, hidden, behind a wall
     scene = arm.scene_of(request(people=people))
     robot = arm.robot_of(scene)
-    assert arm.observe(scene, robot, tracked=True).pedestrians[:, :2] == pytest.approx(np.array([[4.0, 0.0]]))
-    assert len(arm.observe(scene, robot, tracked=False).pedestrians) == 0
+    assert arm.observe(scene, robot).pedestrians[:, :2] == pytest.approx(np.array([[4.0, 0.0]]))
 
 
 def test_the_reply_makes_the_command_the_next_velocity():
@@ -111,31 +110,31 @@ def test_the_reply_makes_the_command_the_next_velocity():
     assert np.add(now, accelerations * dt) == pytest.approx(command)
 
 
-@pytest.mark.parametrize("people", [False, True])
+@pytest.mark.parametrize("people", ["truth", "tracked", "none"])
 def test_replies_stay_within_the_accelerations_of_robot_sf(people):
     walking = [(9.0 - 0.1 * k, 10.0, -1.0, 0.0) for k in range(8)]
     asked = [request(people=[person]) for person in walking]
-    for answer in answers(asked, tracked=people):
+    for answer in answers(asked, people=people):
         assert abs(answer["linear_velocity"] - 1.0) <= 1.0 + 1e-9
         assert abs(answer["angular_velocity"]) <= 1.0 + 1e-9
 
 
 def test_it_speeds_up_where_the_way_is_free_and_brakes_before_somebody():
-    (free,) = answers([request()], tracked=True)
-    (blocked,) = answers([request(people=[(5.7, 10.0, 0.0, 0.0)])], tracked=False)  # 0.3 m ahead
+    (free,) = answers([request()], people="truth")
+    (blocked,) = answers([request(people=[(5.7, 10.0, 0.0, 0.0)])], people="none")  # 0.3 m ahead
     assert free["linear_velocity"] == pytest.approx(2.0)  # 1 m/s and an acceleration of 1 m/s²
     assert blocked["linear_velocity"] < 1.0
 
 
 def test_as_is_sends_the_velocity_itself():
-    (answer,) = answers([request()], tracked=False, as_is=True)
+    (answer,) = answers([request()], people="tracked", as_is=True)
     assert answer["linear_velocity"] == pytest.approx(1.1)
 
 
 def test_the_process_answers_line_by_line():
     script = ROOT / "integrations" / "robot_sf" / "lme_native_command.py"
     with subprocess.Popen(
-        [sys.executable, script, "--people"],
+        [sys.executable, script, "--people", "truth"],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         text=True,

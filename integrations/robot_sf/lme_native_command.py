@@ -1,6 +1,6 @@
 """Drives a robot of Robot SF as an outside process: a line of JSON in, a line of JSON out.
 
-    python lme_native_command.py [--system lme_plus] [--people] [--as-is]
+    python lme_native_command.py [--system lme_plus] [--people truth|tracked|none] [--as-is]
 
 Robot SF starts it for each episode (`lme_native_command.yaml`, mode: persistent). It imports nothing of Robot SF.
 """
@@ -64,13 +64,13 @@ def scene_of(request: dict[str, Any]) -> Scene:
     )
 
 
-def observe(scene: Scene, robot: lme.Robot, tracked: bool) -> lme.Observation:
-    """What the robot sees: walls and people in its scan and, with `tracked`, how the people in sight move."""
+def observe(scene: Scene, robot: lme.Robot) -> lme.Observation:
+    """What the robot sees: walls and people in its scan, and how the people in sight move."""
     circles = np.hstack([scene.people[:, :2], np.full((len(scene.people), 1), scene.person)])
     scan = lme.cast(robot.lidar, scene.pose, circles, scene.walls)
     here, yaw = np.array(scene.pose[:2]), scene.pose.yaw
     people = np.hstack([turned(scene.people[:, :2] - here, -yaw), turned(scene.people[:, 2:], -yaw)])
-    seen = people[in_sight(people, scan, scene.person)] if tracked else np.empty((0, 4))
+    seen = people[in_sight(people, scan, scene.person)]
     target = short_of(turned((scene.goal - here)[None], -yaw)[0], scene.radius)
     return lme.Observation(scan, target, scene.twist, robot.limits, scene.pose, seen)
 
@@ -113,16 +113,16 @@ def robot_of(scene: Scene) -> lme.Robot:
     return lme.Robot("robot_sf", footprint, **LIMITS, control_rate=1.0 / scene.dt, lidar=LIDAR, v_min=0.0)
 
 
-def replies(requests: Iterable[str], system: str, tracked: bool, as_is: bool = False) -> Iterator[str]:
-    """The reply to each request of one episode, as lines of JSON."""
+def replies(requests: Iterable[str], system: str, people: str, as_is: bool = False) -> Iterator[str]:
+    """The reply to each request of one episode, as lines of JSON. people: see `lme.load_system`."""
     navigator = None
     for line in requests:
         scene = scene_of(json.loads(line))
         if navigator is None:
             robot = robot_of(scene)
-            navigator = lme.load_system(system, robot)
+            navigator = lme.load_system(system, robot, people=people)
             navigator.reset(np.random.default_rng(0))
-        command = navigator.act(observe(scene, robot, tracked))
+        command = navigator.act(observe(scene, robot))
         v, omega = command if as_is else reply_of(command, scene.twist, scene.dt)
         yield json.dumps({"linear_velocity": v, "angular_velocity": omega})
 
@@ -138,7 +138,10 @@ def main() -> None:
     )
     parser.add_argument("--system", default="lme_plus", help="a name of conf/system/")
     parser.add_argument(
-        "--people", action="store_true", help="give it the people in sight, with their velocities"
+        "--people",
+        choices=("truth", "tracked", "none"),
+        default="tracked",
+        help="where it knows people from: Robot SF (those in sight), its own tracker (the default), or nowhere",
     )
     parser.add_argument(
         "--as-is", action="store_true", help="send velocities as they are, to see what that does"
