@@ -1,4 +1,7 @@
-"""Motion of pedestrians and doors: the poses of all movers of a world over time."""
+"""Motion of pedestrians and doors: the poses of all movers of a world over time.
+
+Scripted and recorded movers keep to their paths; people walk as `lme.sim.walkers` says.
+"""
 
 from __future__ import annotations
 
@@ -8,8 +11,10 @@ from collections.abc import Sequence
 import numpy as np
 from numba import njit
 
+from lme.sim.walkers.walkers import HASTE, Walkers
 from lme.types import Floats, Pose
 from lme.worlds.movers import REPEATS, Mover
+from lme.worlds.world import World
 
 _BACK_AND_FORTH = REPEATS.index("back_and_forth")
 _CYCLE = REPEATS.index("cycle")
@@ -18,13 +23,19 @@ _CYCLE = REPEATS.index("cycle")
 class Crowd:
     """All movers of a world. Each is at the start of its path until `advance` is called.
 
-    poses: (M, 3) of the movers, in the world. circles: (C, 3) discs; edges: (E, 4) sides of polygons, both as
-    in `World` and in the order of the movers. top_speed: the greatest speed of any point of a mover [m/s].
-    velocities: (M, 2) of the movers' origins in the last step, in the world [m/s].
+    poses: (M, 3) of the movers, in the world. present: (M,) whether they are there; only recorded ones come and go.
+    circles: (C, 3) discs that are there; edges: (E, 4) sides of polygons, both as in `World` and in the order of the
+    movers. top_speed: the greatest speed of any point of a mover [m/s]. velocities: (M, 2) of the movers' origins in
+    the last step, in the world [m/s].
     """
 
-    def __init__(self, movers: Sequence[Mover]) -> None:
-        self._discs = [i for i, mover in enumerate(movers) if mover.radius is not None]
+    def __init__(
+        self, movers: Sequence[Mover], world: World | None = None, robot_radius: float = 0.0
+    ) -> None:
+        """world: whose walls people walk around. robot_radius: of the disc that they take the robot for [m]."""
+        self._discs = np.array(
+            [i for i, mover in enumerate(movers) if mover.radius is not None], dtype=np.int64
+        )
         self._pack_paths(movers)
         self._pack_outlines(movers)
         self.top_speed = max(map(_top_speed, movers), default=0.0)
@@ -33,9 +44,14 @@ class Crowd:
         self._begun = np.zeros(len(movers), dtype=np.bool_)
         self.poses = np.array([mover.path[0] for mover in movers]).reshape(-1, 3)
         self.velocities = np.zeros((len(movers), 2))
-        self.circles = np.empty((len(self._discs), 3))
-        self.circles[:, 2] = [movers[i].radius for i in self._discs]
+        spans = [(0.0, math.inf) if mover.times is None else mover.times[[0, -1]] for mover in movers]
+        self._spans = np.array(spans).reshape(-1, 2)
+        self._come_and_go = any(mover.times is not None for mover in movers)
+        self._every_circle = np.empty((len(self._discs), 3))
+        self._every_circle[:, 2] = [movers[i].radius for i in self._discs]
         self.edges = np.empty((len(self._owner), 4))
+        walkers = [i for i, mover in enumerate(movers) if mover.walks]
+        self._walkers = Walkers(movers, walkers, world or World(), robot_radius) if walkers else None
         self._place()
 
     def __len__(self) -> int:
@@ -44,15 +60,19 @@ class Crowd:
     @property
     def disc_velocities(self) -> Floats:
         """Velocities (C, 2) of the discs, in the order of `circles` [m/s]."""
-        return self.velocities[self._discs]
+        return self._there(self.velocities[self._discs])
 
     def advance(self, robot: Pose, dt: float) -> None:
         """Advance by `dt` [s]. Movers react to the pose of the robot's base at the start of the step."""
+        if self._walkers is not None:
+            self._walkers.decide(self, robot, dt)
         if len(self):
             state = (self._progress, self._begun, self.poses, self.velocities)
             _advance(self._rules, self._first, self._waypoints, state, robot[0], robot[1], self._time, dt)
-            self._place()
+            if self._walkers is not None:
+                self._walkers.walk(self.poses, self.velocities, dt)
         self._time += dt
+        self._place()
 
     def _pack_paths(self, movers: Sequence[Mover]) -> None:
         """Store waypoints (W, 4) [x, y, yaw, arrival time] of all movers and their rules (M, 6)."""
@@ -70,12 +90,20 @@ class Crowd:
 
     def _place(self) -> None:
         """Move the shapes to the current poses."""
-        self.circles[:, :2] = self.poses[self._discs, :2]
+        self._every_circle[:, :2] = self.poses[self._discs, :2]
+        self.present = (self._spans[:, 0] <= self._time) & (self._time <= self._spans[:, 1])
+        self.circles = self._there(self._every_circle)
         _turn_sides(self._sides, self._owner, self.poses, self.edges)
+
+    def _there(self, rows: Floats) -> Floats:
+        """The rows, one for each disc, of those that are there."""
+        return rows[self.present[self._discs]] if self._come_and_go else rows
 
 
 def _timed(mover: Mover) -> Floats:
     """(P, 4) waypoints with their arrival times; a cycle ends at its first waypoint."""
+    if mover.times is not None:
+        return np.column_stack([mover.path, mover.times - mover.times[0]])
     path = np.vstack([mover.path, mover.path[:1]]) if mover.repeat == "cycle" else mover.path
     legs = np.diff(path, axis=0)
     times = np.maximum(np.hypot(legs[:, 0], legs[:, 1]) / mover.speed, np.abs(legs[:, 2]) / mover.turn_rate)
@@ -84,16 +112,23 @@ def _timed(mover: Mover) -> Floats:
 
 def _top_speed(mover: Mover) -> float:
     """The greatest speed of any of its points [m/s]."""
+    if mover.walks:
+        return HASTE * mover.speed
+    if mover.times is not None:
+        return float((np.hypot(*np.diff(mover.path[:, :2], axis=0).T) / np.diff(mover.times)).max())
     turns = np.ptp(mover.path[:, 2]) > 0.0
     return mover.speed + (mover.turn_rate * mover.reach if turns else 0.0)
 
 
 def _rules(mover: Mover) -> tuple[float, ...]:
     """start_after, starts_within, trigger x and y (NaN: the mover's own position), waits_within, repeat."""
+    if mover.walks:
+        return (math.inf, -1.0, math.nan, math.nan, -1.0, 0.0)  # `Walkers` moves them
     starts = math.inf if mover.starts_within is None else mover.starts_within
     waits = -1.0 if mover.waits_within is None else mover.waits_within
     trigger = mover.trigger or (math.nan, math.nan)
-    return (mover.start_after, starts, *trigger, waits, REPEATS.index(mover.repeat))
+    start_after = mover.start_after if mover.times is None else float(mover.times[0])
+    return (start_after, starts, *trigger, waits, REPEATS.index(mover.repeat))
 
 
 @njit(cache=True, error_model="numpy")

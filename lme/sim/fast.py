@@ -83,7 +83,8 @@ class FastSimulator:
 
     def _make_substepper(self, task: Task, rng: np.random.Generator) -> Substepper | None:
         """A substepper if one is needed. `max_step` then bounds robot and movers at their top speeds together."""
-        robot, config, crowd = self._robot, self._config, Crowd(task.world.movers)
+        robot, config = self._robot, self._config
+        crowd = Crowd(task.world.movers, task.world, robot.hull.r_max)
         if not (len(crowd) or config.latency or config.lag or config.slip):
             return None
         fastest = robot.v_max + robot.hull.r_max * robot.omega_max + crowd.top_speed

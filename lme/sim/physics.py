@@ -25,6 +25,7 @@ GRAVITY = 9.81  # [m/s²]
 CONTACT_FRICTION = 0.5  # [-] between hull and obstacle, once in contact
 
 _ROBOT, _OBSTACLE = 1, 2  # collision types
+_ELSEWHERE = (1e6, 1e6)  # [m] where a recorded mover is while it is not there
 
 
 @dataclass(slots=True)
@@ -58,7 +59,7 @@ class PhysicsSimulator:
 
     def reset(self, task: Task, rng: np.random.Generator) -> Observation:
         """Put the robot at the task's start, at rest."""
-        crowd = Crowd(task.world.movers)
+        crowd = Crowd(task.world.movers, task.world, self._robot.hull.r_max)
         self._sensors = Sensors(self._robot, self._config, task, rng)
         body = RigidBody(task.world, Pose(*map(float, task.start)), self._robot, crowd, self._config.grip)
         self._substepper = Substepper(task, self._robot, self._config, rng.spawn(1)[0], crowd, body)
@@ -135,7 +136,12 @@ class RigidBody:
 
     def _walk(self, dt: float) -> None:
         """Set the velocities that bring every mover to its pose in the crowd within `dt` [s]."""
-        for body, (x, y, yaw) in zip(self._movers, self._crowd.poses.tolist(), strict=True):
+        crowd = self._crowd
+        for body, (x, y, yaw), there in zip(self._movers, crowd.poses.tolist(), crowd.present, strict=True):
+            if not there:
+                x, y = _ELSEWHERE
+            if there != (body.position.x < _ELSEWHERE[0] / 2):
+                body.position = x, y  # comes or goes; it does not walk there
             at_x, at_y = body.position
             body.velocity = ((x - at_x) / dt, (y - at_y) / dt)
             body.angular_velocity = (yaw - body.angle) / dt

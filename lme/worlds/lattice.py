@@ -26,11 +26,35 @@ def shortest_path(free: Bools, step: float, start: Ints, goal: Ints) -> float:
     free: (R, C), whether the robot can be at a point. step: distance between neighbouring points [m], the unit of the
     result.
     """
+    _, reached, (_, end) = _searched(free, step, start, goal)
+    return float(reached[end])
+
+
+def shortest_way(free: Bools, step: float, start: Ints, goal: Ints) -> Ints:
+    """(N, 2) points [row, column] at which a shortest path turns, with both ends; N = 0 if there is none.
+
+    Arguments are those of `shortest_path`.
+    """
+    (bordered, width, offsets, lengths), reached, (begin, end) = _searched(free, step, start, goal)
+    if not math.isfinite(reached[end]):
+        return np.empty((0, 2), dtype=np.int64)
+    way = _back(bordered, offsets, lengths, reached, begin, end)[::-1]
+    points = np.column_stack(np.divmod(way, width)) - _REACH
+    moves = np.diff(points, axis=0)
+    turns = (moves[1:] != moves[:-1]).any(axis=1)
+    return np.asarray(points[np.concatenate([[True], turns, [True]])[: len(points)]])
+
+
+def _searched(
+    free: Bools, step: float, start: Ints, goal: Ints
+) -> tuple[tuple[Bools, int, Ints, Floats], Floats, tuple[int, int]]:
+    """The lattice with a border, its width and moves; lengths [m] of the paths found to its points; both ends."""
     bordered = np.pad(free, _REACH)
     width = bordered.shape[1]
-    ends = [(int(row) + _REACH) * width + int(column) + _REACH for row, column in (start, goal)]
+    begin, end = ((int(row) + _REACH) * width + int(column) + _REACH for row, column in (start, goal))
     offsets, lengths = _moves(width)
-    return float(_search(bordered.ravel(), width, step, offsets, lengths * step, ends[0], ends[1]))
+    lattice = (bordered.ravel(), width, offsets, lengths * step)
+    return lattice, _search(*lattice[:2], step, *lattice[2:], begin, end), (begin, end)
 
 
 def _moves(width: int) -> tuple[Ints, Floats]:
@@ -53,10 +77,12 @@ def _moves(width: int) -> tuple[Ints, Floats]:
 @njit(cache=True, error_model="numpy")
 def _search(
     free: Bools, width: int, step: float, offsets: Ints, lengths: Floats, start: int, goal: int
-) -> float:
-    """A* (Hart, Nilsson & Raphael 1968, DOI 10.1109/TSSC.1968.300136) with the straight line as the heuristic.
+) -> Floats:
+    """The least length found to every point [m], inf for those not reached; that of the goal is the shortest.
 
-    It goes on until no path that is as long but for rounding is left, so that the result does not depend on the order.
+    A* (Hart, Nilsson & Raphael 1968, DOI 10.1109/TSSC.1968.300136) with the straight line as the heuristic. It
+    goes on until no path that is as long but for rounding is left, so that the shortest length does not depend on the
+    order.
     """
     g = np.full(free.size, np.inf)
     keys, points = np.empty(_ROOM), np.empty(_ROOM, np.int32)
@@ -75,7 +101,25 @@ def _search(
             if length < g[there] and _all_free(free, here, offsets[k]):
                 g[there] = length
                 size = push(keys, points, size, length + _straight(there, goal, width) * step, there)
-    return float(g[goal])
+    return g
+
+
+@njit(cache=True, error_model="numpy")
+def _back(free: Bools, offsets: Ints, lengths: Floats, reached: Floats, start: int, goal: int) -> Ints:
+    """Points of a shortest path from the goal back to the start."""
+    way = np.empty(free.size, np.int64)
+    here, count = goal, 0
+    while here != start:
+        way[count], best = here, np.inf
+        count += 1
+        for k in range(len(lengths)):  # the moves are symmetric: those to here are those from here
+            there = way[count - 1] + offsets[k, 0]
+            length = reached[there] + lengths[k]
+            if length < best and _all_free(free, way[count - 1], offsets[k]):
+                best, here = length, there
+    way[count] = start
+    found: Ints = way[: count + 1]
+    return found
 
 
 @njit(cache=True, error_model="numpy", inline="always")

@@ -11,6 +11,8 @@ from lme.errors import InputError, require
 from lme.types import Floats
 
 REPEATS = ("once", "back_and_forth", "cycle")
+SCRIPTED, ORCA, SOCIAL_FORCE = "scripted", "orca", "social_force"
+MOTIONS = (SCRIPTED, ORCA, SOCIAL_FORCE)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -23,6 +25,9 @@ class Mover:
     outline: (V, 2) vertices in order [m] about the mover's origin, V ≥ 3.
     The mover starts as soon as `start_after` seconds of the episode have passed and, if `starts_within` is given,
     the robot's base is that near to `trigger`, or to the mover itself if there is no trigger.
+    motion: "scripted" keeps to the path whatever is there. "orca" and "social_force" are people (discs): they walk
+    from waypoint to waypoint around walls, each other and, if `sees_robot`, the robot (`lme.sim.walkers`).
+    times: (P,) rising times of a recorded track [s], instead of a speed: who is recorded is there only between them.
     Raises InputError for an invalid shape, path or number.
     """
 
@@ -38,6 +43,9 @@ class Mover:
         None  # [m] it stops while the robot's base is this near in front of its centre
     )
     repeat: str = "once"  # once | back_and_forth | cycle (from the last waypoint to the first)
+    motion: str = SCRIPTED  # scripted | orca | social_force
+    sees_robot: bool = True  # of people: they keep out of the robot's way as well
+    times: Floats | None = None  # (P,) [s]
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "path", _poses(self.path))
@@ -53,6 +61,14 @@ class Mover:
         require("mover.start_after", self.start_after, at_least=0.0)
         if self.trigger is not None:
             self._check_trigger(self.trigger)
+        self._check_motion()
+        if self.times is not None:
+            object.__setattr__(self, "times", self._checked_times(self.times))
+
+    @property
+    def walks(self) -> bool:
+        """Whether it is a person who walks around what is in the way."""
+        return self.motion != SCRIPTED
 
     @property
     def reach(self) -> float:
@@ -67,6 +83,30 @@ class Mover:
             raise InputError("mover.trigger needs mover.starts_within: how near to it the robot must come")
         if len(trigger) != 2 or not all(map(math.isfinite, trigger)):
             raise InputError(f"mover.trigger is {trigger}: must be x, y in metres")
+
+    def _check_motion(self) -> None:
+        if self.motion not in MOTIONS:
+            raise InputError(f"mover.motion is {self.motion!r}: must be {', '.join(MOTIONS)}")
+        if self.walks and self.radius is None:
+            raise InputError(f"mover.motion is {self.motion}: must be scripted for a mover with an outline")
+        if self.walks and (self.starts_within, self.waits_within, self.times) != (None, None, None):
+            raise InputError(
+                f"mover.motion is {self.motion}: must be scripted for a mover with starts_within, waits_within or times"
+            )
+
+    def _checked_times(self, times: Floats) -> Floats:
+        given = np.array(times, dtype=np.float64)
+        if (
+            given.shape != (len(self.path),)
+            or len(given) < 2
+            or not (np.diff(given) > 0.0).all()
+            or given[0] < 0.0
+        ):
+            raise InputError(
+                f"mover.times has {given.size} values for {len(self.path)} waypoints: must be a rising time from 0 s on "
+                "for each of at least two"
+            )
+        return given
 
 
 def _poses(path: Floats) -> Floats:

@@ -15,7 +15,7 @@ from lme.errors import InputError
 from lme.types import Floats, Ints, Pose
 from lme.worlds.clearance import clearance_field, inside
 from lme.worlds.floor_plan import FloorPlan
-from lme.worlds.lattice import shortest_path
+from lme.worlds.lattice import shortest_path, shortest_way
 
 MAX_POINTS = 10_000_000  # of the lattice
 STARTS_TRIED = 100  # before the plan counts as too small for the least distance
@@ -115,6 +115,19 @@ class FreeSpace:
         if pair not in self._lengths:
             self._lengths[pair] = shortest_path(self._passable, self._step, *ends)
         return self._lengths[pair]
+
+    def way(self, start: Floats, goal: Floats) -> Floats:
+        """(N, 2) points at which a shortest path turns, both places (2,) included [m]; N = 0 if there is none."""
+        points = shortest_way(self._passable, self._step, self._cell(start), self._cell(goal))
+        if not len(points):
+            return np.empty((0, 2))
+        between = np.column_stack([self._x[points[1:-1, 1]], self._y[points[1:-1, 0]]])
+        return np.vstack([start, between, goal])
+
+    def area(self, place: Floats | Sequence[float]) -> float:
+        """Area of the free points that can be reached from a free place x, y [m²]."""
+        region = self._regions[*self._cell(place)]
+        return float(np.count_nonzero(self._regions == region)) * self._step**2 if region else 0.0
 
     def _too_small(self, min_distance: float) -> InputError:
         return InputError(

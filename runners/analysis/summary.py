@@ -47,7 +47,7 @@ METRICS = (
     Metric("spl", "SPL", 3, spare=True),
     Metric(SMOOTHNESS, "|Δω| [rad/s]", 3),
 )
-GROUP_KEYS = ("ablation", "weights", "scale", "sim", "robot", "map", "subset", "seed")
+GROUP_KEYS = ("ablation", "weights", "scale", "sim", "crowd", "robot", "map", "subset", "seed")
 SETTING = ("robot", "map", "subset", "seed")  # the same for all systems of a fair comparison
 TIMES, DASH = "\u00d7", "\u2013"  # typographic signs that look like letters
 INTERVAL_HEADER = "95 % CI"
@@ -58,6 +58,7 @@ NAMED = (
     "weights",
     "scale",
     "sim",
+    "crowd",
 )  # shown even if all rows have the same value, unless it is usual
 USUAL = frozenset({"none", "published", "lme_plus", "fast", ""})  # LME+ has no other weight set of ours
 

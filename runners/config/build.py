@@ -22,9 +22,9 @@ _CHECKED_TASKS = (
 
 
 def map_set(config: DriveConfig, worlds: Sequence[int] | None = None) -> MapSet:
-    """The map set of a config, with these worlds if they are given. A `radius` of null becomes the robot's r_max.
+    """The map set of a config, with these worlds if they are given, and with the people of `crowd`.
 
-    Raises InputError.
+    A `radius` of null becomes the robot's r_max. Raises InputError.
     """
     # Hydra does not check one of several in a dictionary of map sets.
     if not isinstance(config.map, Mapping):
@@ -32,7 +32,8 @@ def map_set(config: DriveConfig, worlds: Sequence[int] | None = None) -> MapSet:
     node = config.map if worlds is None else {**config.map, "worlds": list(worlds)}
     if "radius" in node and node["radius"] is None:
         node = {**node, "radius": config.robot.hull.r_max}
-    return cast(MapSet, build(node, "map"))
+    maps = build(node, "map")
+    return cast(MapSet, build(config.crowd, "crowd", maps) if config.crowd else maps)
 
 
 def navigator(config: SystemConfig, robot: Robot | None = None) -> Navigator:

@@ -13,7 +13,15 @@ from runners.config import ablations
 from runners.config.catalogue import Catalogue
 from runners.config.flatten import flatten
 
-GROUPS = ("robot", "map", "guide", "planner", "ablation", "sim")  # the groups that an episode depends on
+GROUPS = (
+    "robot",
+    "map",
+    "guide",
+    "planner",
+    "ablation",
+    "sim",
+    "crowd",
+)  # the groups that an episode depends on
 HAVE_COLUMNS = ("map.subset", "map.worlds")  # records hold these in columns of their own
 _WHICH_WORLDS = ("subset", "worlds", "count")
 HELD_OUT = "held_out."  # the maps of `lme train` that are held out

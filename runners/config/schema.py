@@ -44,11 +44,15 @@ class SystemConfig:
 
 @dataclass(slots=True, kw_only=True)
 class DriveConfig(SystemConfig):
-    """A system and where it drives: all that an episode depends on, besides its world and run."""
+    """A system and where it drives: all that an episode depends on, besides its world and run.
+
+    crowd: people added to the worlds; empty for none.
+    """
 
     runs: int
     map: dict[str, Any]
     sim: dict[str, Any]
+    crowd: dict[str, Any] = field(default_factory=dict)
 
 
 @dataclass(slots=True, kw_only=True)

@@ -28,7 +28,8 @@ from runners.records.whole_file import write_atomically
 LAUNCH = "launch.json"
 # Keys that cannot change a result.
 NO_RESULTS = ("resume", "executor", "tracking", "system", "record", "explain")
-DEFAULTS = {"people": People.truth}  # of keys that older runs lack; left out, so that these can be resumed
+# Values of keys that older runs lack; left out, so that these can be resumed.
+DEFAULTS: dict[str, Any] = {"people": People.truth, "crowd": {}}
 _SHOWN = 3  # most differing keys that a message names
 
 
@@ -135,7 +136,7 @@ def identity(config: SystemConfig) -> dict[str, Any]:
     return {
         key: _canonical(value)
         for key, value in dataclasses.asdict(config).items()
-        if key not in NO_RESULTS and DEFAULTS.get(key) != value
+        if key not in NO_RESULTS and not (key in DEFAULTS and DEFAULTS[key] == value)
     }
 
 

@@ -66,7 +66,8 @@ class SkidSimulator:
         config = self._config
         self._task, self._start = task, Pose(*map(float, task.start))
         self._static = (np.ascontiguousarray(task.world.circles, dtype=np.float64), task.world.edges)
-        self._crowd, self._delay = Crowd(task.world.movers), Delay(config.latency)
+        self._crowd = Crowd(task.world.movers, task.world, self._robot.hull.r_max)
+        self._delay = Delay(config.latency)
         self._sensors = Sensors(self._robot, config, task, rng)
         self._slip_rng, self._yaw_rng, phase_rng = rng.spawn(3)
         self._scan_phase = phase_rng.uniform() / config.scan_rate if config.scan_rate else 0.0

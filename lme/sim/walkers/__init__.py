@@ -1,0 +1,1 @@
+"""People who walk to where they want to be, around walls, each other and the robot."""

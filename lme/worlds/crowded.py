@@ -1,0 +1,171 @@
+"""People in any map set: they walk about where a person has room, among whatever else the world holds."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from lme.errors import InputError, require
+from lme.types import Floats
+from lme.worlds.floor_plan import FloorPlan
+from lme.worlds.movers import MOTIONS, ORCA, SCRIPTED, Mover
+from lme.worlds.sampling import FreeSpace
+from lme.worlds.world import MapSet, Task, World
+
+PLACES = 3  # that a person walks to in turn
+PLACES_TRIED = 200  # for the first place of a person, before the floor counts as full
+
+_GRID = 0.1  # [m] between the points of the ways that people take
+_MARGIN = 0.1  # [m] more than a person's radius: free space around the places that they walk to
+_BORDER = 0.5  # [m] around start and goal where nothing stands: people do not plan to walk further out
+_GAP = 0.1  # [m] between two people at first
+_TASKS_KEPT = 64
+
+
+@dataclass(slots=True)
+class Walking:
+    """What people who react have in common, wherever they are."""
+
+    motion: str = ORCA  # orca | social_force
+    sees_robot: float = 1.0  # share of the people who keep out of the robot's way
+    walking_speed: float = 1.29  # [m/s] mean of the wanted speeds
+    speed_spread: float = 0.19  # [m/s] their standard deviation
+    body_radius: float = 0.25  # [m]
+
+    def check(self, group: str) -> None:
+        """Raise InputError for a wrong value. group: "map" or "crowd", for the message."""
+        reactive = [motion for motion in MOTIONS if motion != SCRIPTED]
+        if self.motion not in reactive:
+            raise InputError(f"{group}.motion is {self.motion!r}: must be {' or '.join(reactive)}")
+        require(f"{group}.sees_robot", self.sees_robot, at_least=0.0, at_most=1.0)
+        for key in ("walking_speed", "body_radius"):
+            require(f"{group}.{key}", getattr(self, key), above=0.0)
+        require(f"{group}.speed_spread", self.speed_spread, at_least=0.0, at_most=self.walking_speed / 3.0)
+
+    def person(
+        self, rng: np.random.Generator, path: Floats, repeat: str, speed: float | None = None
+    ) -> Mover:
+        """Someone on a path (P, 2) [m]; speed [m/s]: instead of a drawn one."""
+        drawn = self.walking_speed + self.speed_spread * float(np.clip(rng.standard_normal(), -2.0, 2.0))
+        return Mover(
+            path=path,
+            radius=self.body_radius,
+            speed=drawn if speed is None else speed,
+            repeat=repeat,
+            motion=self.motion,
+            sees_robot=bool(rng.random() < self.sees_robot),
+        )
+
+
+@dataclass(slots=True)
+class CrowdedConfig(Walking):
+    """Keys of `conf/crowd/orca.yaml`."""
+
+    density: float = 0.05  # [1/m²]
+    count: int | None = None
+    crowd_seed: int = 0
+    clear: float = 2.0  # [m]
+    walk: float = 4.0  # [m]
+
+    def __post_init__(self) -> None:
+        self.check("crowd")
+        require("crowd.density", self.density, above=0.0, at_most=4.0)
+        if self.count is not None:
+            require("crowd.count", self.count, at_least=1)
+        for key in ("crowd_seed", "clear", "walk"):
+            require(f"crowd.{key}", getattr(self, key), at_least=0.0)
+
+
+class Crowded:
+    """The worlds of another map set with people in them. Its other attributes are those of that map set.
+
+    Each person walks to `PLACES` places in turn, again and again, on shortest ways. The people of world n do not
+    depend on which other worlds are chosen.
+    """
+
+    Config = CrowdedConfig
+
+    def __init__(self, config: CrowdedConfig, base: MapSet) -> None:
+        self.config = config
+        self._base = base
+        self._built = lru_cache(maxsize=_TASKS_KEPT)(self._task)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._base, name)
+
+    @property
+    def numbers(self) -> tuple[int, ...]:
+        """The numbers of the chosen worlds."""
+        return self._base.numbers
+
+    def task(self, number: int) -> Task:
+        """World `number` of the base with people. Raises InputError if they have no room in it."""
+        return self._built(number)
+
+    def _task(self, number: int) -> Task:
+        task, config = self._base.task(number), self.config
+        if any(mover.walks for mover in task.world.movers):
+            raise InputError(f"map {task.map_name} has people of its own: must be crowd=none")
+        space = FreeSpace(_floor(task), _GRID, config.body_radius, _MARGIN)
+        area = space.area(task.start)
+        count = config.count or max(1, round(config.density * area))
+        rng = np.random.default_rng(np.random.SeedSequence([config.crowd_seed, number]))
+        places = self._places(task, space, count, rng)
+        people = tuple(config.person(rng, self._round(rng, space, place), "cycle") for place in places)
+        world = replace(task.world, movers=(*task.world.movers, *people))
+        measures = {**task.measures, "people": float(count), "people_per_m2": count / area}
+        return replace(task, world=world, measures=measures)
+
+    def _places(self, task: Task, space: FreeSpace, count: int, rng: np.random.Generator) -> list[Floats]:
+        """First places (2,) of the people, apart from each other and from the robot's start."""
+        start, config = np.array(task.start[:2]), self.config
+        places: list[Floats] = []
+        apart = 2 * config.body_radius + _GAP
+        for _ in range(count * PLACES_TRIED):
+            if len(places) == count:
+                return places
+            place = self._partner(task, space, start, rng)
+            if math.dist(place, start) >= config.clear and all(
+                math.dist(place, one) >= apart for one in places
+            ):
+                places.append(place)
+        if len(places) == count:
+            return places
+        raise self._full(task, count)
+
+    def _partner(self, task: Task, space: FreeSpace, place: Floats, rng: np.random.Generator) -> Floats:
+        try:
+            return space.draw_partner(rng, place, 0.0)
+        except InputError as error:
+            raise self._full(task, self.config.count or 1) from error
+
+    def _full(self, task: Task, count: int) -> InputError:
+        config = self.config
+        return InputError(
+            f"map {task.map_name}, world {task.number} has no room for {count} people of radius "
+            f"{config.body_radius:g} m: must be a lower crowd.density, crowd.count or crowd.clear, or another map"
+        )
+
+    def _round(self, rng: np.random.Generator, space: FreeSpace, place: Floats) -> Floats:
+        """(P, 2) a walk from a place to others and back, as far apart as `walk` where there is room for that [m]."""
+        places = [place]
+        for _ in range(PLACES - 1):
+            others = [space.draw_partner(rng, places[-1], 0.0) for _ in range(PLACES_TRIED // 10)]
+            far = [other for other in others if math.dist(other, places[-1]) >= self.config.walk]
+            places.append(far[0] if far else max(others, key=lambda other: math.dist(other, places[-1])))
+        ways = [space.way(begin, end) for begin, end in zip(places, [*places[1:], place], strict=True)]
+        return np.vstack([way[:-1] for way in ways])
+
+
+def _floor(task: Task) -> FloorPlan:
+    """The world as the floor of the box around it, its start and its goal."""
+    circles, ends = task.world.circles, task.world.edges.reshape(-1, 2)
+    centres, radii = circles[:, :2], circles[:, 2:]
+    around = np.array([task.start[:2], task.goal])
+    points = np.vstack([centres - radii, centres + radii, ends, around - _BORDER, around + _BORDER])
+    (x0, y0), (x1, y1) = points.min(axis=0), points.max(axis=0)
+    return FloorPlan(task.world, np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]]))
