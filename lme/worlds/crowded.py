@@ -26,9 +26,9 @@ _GAP = 0.1  # [m] between two people at first
 _TASKS_KEPT = 64
 
 
-@dataclass(slots=True)
+@dataclass
 class Walking:
-    """What people who react have in common, wherever they are."""
+    """What people who react have in common, wherever they are. Without slots, so that it can be a second base."""
 
     motion: str = ORCA  # orca | social_force
     sees_robot: float = 1.0  # share of the people who keep out of the robot's way
