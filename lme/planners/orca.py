@@ -1,0 +1,118 @@
+"""Optimal reciprocal collision avoidance as a local planner."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+from lme.errors import require
+from lme.kernels.orca import before_point, beside_disc, best_velocity
+from lme.planners.commands import approach
+from lme.planners.min_time.kernels import split
+from lme.planners.stopping import StoppingGuard
+from lme.robots import Robot
+from lme.sensing.blind_arc import BlindArc
+from lme.types import Floats, Guidance, Observation, Twist
+
+_WIDEST = 1.0  # [m] greatest radius of a person
+_STANDS = 0.02  # [m/s] slower velocities have no direction to turn to
+
+
+@dataclass(slots=True)
+class OrcaConfig:
+    """Settings; `conf/planner/orca.yaml` explains them."""
+
+    horizon: float = 3.0  # [s]
+    wall_horizon: float = 0.5  # [s]
+    share: float = 0.5  # [-]
+    clearance: float = 0.05  # [m]
+    turn_time: float = 0.3  # [s]
+    margin: float = 0.01  # [m]
+
+    def __post_init__(self) -> None:
+        for key in ("horizon", "wall_horizon", "turn_time"):
+            require(f"planner.{key}", getattr(self, key), above=0.0)
+        require("planner.share", self.share, above=0.0, at_most=1.0)
+        for key in ("clearance", "margin"):
+            require(f"planner.{key}", getattr(self, key), at_least=0.0)
+
+
+class Orca:
+    """ORCA (van den Berg et al. 2011, DOI 10.1007/978-3-642-19457-3_1) for a robot that cannot drive sideways.
+
+    The robot is a disc of its collision radius and `clearance`, which leaves room for what follows. Tracked people are
+    discs that do their share of every evasion; without a tracker they are obstacles that stand. Scan points, also those
+    that were seen in a blind arc, bound the velocity towards them. Of the permitted velocities the one nearest to
+    the straight way to the subgoal is taken. As in NH-ORCA (Alonso-Mora et al. 2013, DOI 10.1007/978-3-642-32723-0_15)
+    the robot turns to it in `turn_time` and meanwhile drives as fast as the velocity is along its heading. A
+    `StoppingGuard` slows commands that are not safe.
+    """
+
+    Config = OrcaConfig
+
+    def __init__(self, config: OrcaConfig, robot: Robot) -> None:
+        self._config = config
+        self._dt = robot.dt
+        self._mount = robot.lidar.mount
+        self._radius = robot.r + config.clearance
+        self._reach = self._radius + robot.v_max * config.wall_horizon
+        self._guard = StoppingGuard(robot, config.margin)
+
+    def reset(self, rng: np.random.Generator) -> None:
+        """Forget the remembered points; `rng` is not used."""
+        self._blind = BlindArc(self._mount, self._reach)
+
+    def plan(self, observation: Observation, guidance: Guidance) -> Twist:
+        """Command for one control period."""
+        seen = self._blind.points(observation)
+        points, people = split(seen, seen, observation.pedestrians, _WIDEST)
+        x, y = map(float, guidance.subgoal)
+        distance, bearing = math.hypot(x, y), math.atan2(y, x)
+        limits, now = observation.limits, observation.twist
+        speed = approach(distance, max(now.v, 0.0), limits.v_max, limits.alpha_v, self._dt)
+        wanted = (speed * math.cos(bearing), speed * math.sin(bearing))
+        config = self._config
+        times = (config.horizon, config.wall_horizon, self._dt)
+        bounds = (self._radius, float(limits.v_max), config.share)
+        vx, vy = permitted(wanted, (float(now.v), 0.0), points, people, times, bounds)
+        return self._guard.guard(self._follow(vx, vy, bearing), observation, points)
+
+    def _follow(self, vx: float, vy: float, bearing: float) -> Twist:
+        """The command that comes nearest to a velocity; a robot that stands turns to its subgoal."""
+        heading = math.atan2(vy, vx) if math.hypot(vx, vy) > _STANDS else bearing
+        return Twist(max(vx, 0.0), heading / self._config.turn_time)
+
+
+@njit(cache=True, error_model="numpy")
+def permitted(
+    wanted: tuple[float, float],
+    velocity: tuple[float, float],
+    points: Floats,
+    people: Floats,
+    times: tuple[float, float, float],
+    bounds: tuple[float, float, float],
+) -> tuple[float, float]:
+    """The permitted velocity nearest to the wanted one (vx, vy) [m/s], in the robot frame.
+
+    velocity: the robot's. points (M, 2) of what stands; people (P, 5): x, y, vx, vy, radius. times: horizon for
+    people and for points, and the period [s]. bounds: radius [m], v_max [m/s], and the robot's share of an evasion.
+    """
+    horizon, wall_horizon, dt = times
+    radius, v_max, share = bounds
+    lines = np.empty((len(points) + len(people), 4))
+    hard = 0
+    for k in range(len(points)):
+        x, y = points[k, 0], points[k, 1]
+        if math.hypot(x, y) <= radius + v_max * wall_horizon:
+            before_point(x, y, radius, wall_horizon, lines[hard])
+            hard += 1
+    used = hard
+    for k in range(len(people)):
+        reach = radius + people[k, 4]
+        beside_disc(people[k, :2], velocity, people[k, 2:4], reach, horizon, dt, share, lines[used])
+        used += 1
+    found: tuple[float, float] = best_velocity(lines[:used], hard, v_max, wanted)
+    return found
