@@ -58,6 +58,11 @@ class Crowd:
         return len(self.poses)
 
     @property
+    def people(self) -> tuple[Floats, Floats]:
+        """The discs (C, 3) and their velocities (C, 2), in the order of `circles` [m, m/s]."""
+        return self.circles, self.disc_velocities
+
+    @property
     def disc_velocities(self) -> Floats:
         """Velocities (C, 2) of the discs, in the order of `circles` [m/s]."""
         return self._there(self.velocities[self._discs])

@@ -53,6 +53,11 @@ class FastSimulator:
         """Circles (C, 3) and edges (E, 4) at their current poses, static ones first."""
         return self._substepper.obstacles if self._substepper else (self._circles, self._edges)
 
+    @property
+    def people(self) -> tuple[Floats, Floats]:
+        """See `lme.sim.simulator.Simulator.people`."""
+        return self._substepper.crowd.people if self._substepper else (np.empty((0, 3)), np.empty((0, 2)))
+
     def reset(self, task: Task, rng: np.random.Generator) -> Observation:
         """Put the robot at the task's start, at rest."""
         self._circles = np.ascontiguousarray(task.world.circles, dtype=np.float64)

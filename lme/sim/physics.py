@@ -57,6 +57,11 @@ class PhysicsSimulator:
         """Circles (C, 3) and edges (E, 4) at their current poses, static ones first."""
         return self._substepper.obstacles
 
+    @property
+    def people(self) -> tuple[Floats, Floats]:
+        """See `lme.sim.simulator.Simulator.people`."""
+        return self._substepper.crowd.people
+
     def reset(self, task: Task, rng: np.random.Generator) -> Observation:
         """Put the robot at the task's start, at rest."""
         crowd = Crowd(task.world.movers, task.world, self._robot.hull.r_max)

@@ -45,6 +45,10 @@ class Simulator(Protocol):
     def obstacles(self) -> tuple[Floats, Floats]:
         """Circles (C, 3) and edges (E, 4) at their current poses, static ones first."""
 
+    @property
+    def people(self) -> tuple[Floats, Floats]:
+        """Discs that move and are there: circles (P, 3) and velocities (P, 2), in the world [m, m/s]."""
+
     def reset(self, task: Task, rng: np.random.Generator) -> Observation:
         """Put the robot at the task's start, at rest."""
 

@@ -14,7 +14,7 @@ from lme.types import Floats
 from lme.worlds.floor_plan import FloorPlan
 from lme.worlds.movers import MOTIONS, ORCA, SCRIPTED, Mover
 from lme.worlds.sampling import FreeSpace
-from lme.worlds.world import MapSet, Task, World
+from lme.worlds.world import MapSet, Task
 
 PLACES = 3  # that a person walks to in turn
 PLACES_TRIED = 200  # for the first place of a person, before the floor counts as full

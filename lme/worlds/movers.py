@@ -103,8 +103,8 @@ class Mover:
             or given[0] < 0.0
         ):
             raise InputError(
-                f"mover.times has {given.size} values for {len(self.path)} waypoints: must be a rising time from 0 s on "
-                "for each of at least two"
+                f"mover.times has {given.size} values for {len(self.path)} waypoints: must be rising times "
+                "from 0 s on, one for each of at least two"
             )
         return given
 

@@ -110,7 +110,10 @@ class Social:
         rng = np.random.default_rng(np.random.SeedSequence(stream))
         middle = scene.size[1] / 2
         aside, turn = rng.uniform(-1.0, 1.0, 2).tolist()
-        start, goal = Pose(scene.ends[0], middle + aside * _ASIDE, turn * _TURN), np.array([scene.ends[1], middle])
+        start, goal = (
+            Pose(scene.ends[0], middle + aside * _ASIDE, turn * _TURN),
+            np.array([scene.ends[1], middle]),
+        )
         plan, space = _floor(config.kind, self._radius)
         people = self._people(rng, scene, start, number)
         where = f"map {self._name}, world {number}"

@@ -40,6 +40,11 @@ class World:
         object.__setattr__(self, "grid", edge_grid(edges) if are_many else NO_EDGES)
         object.__setattr__(self, "lattice", lattice_of(edges) if are_many else NO_LATTICE)
 
+    @property
+    def people(self) -> tuple[Mover, ...]:
+        """The movers that are discs."""
+        return tuple(mover for mover in self.movers if mover.radius is not None)
+
 
 @dataclass(frozen=True, slots=True)
 class Task:

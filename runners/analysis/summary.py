@@ -26,6 +26,7 @@ class Metric(NamedTuple):
     """A column of the table.
 
     spread: show ± over runs. of_successes: only successful episodes count. spare: omitted first on a narrow terminal.
+    measured: only episodes that have the value count, else one without it leaves none.
     """
 
     key: str
@@ -34,6 +35,7 @@ class Metric(NamedTuple):
     spread: bool = False
     of_successes: bool = False
     spare: bool = False
+    measured: bool = False
 
 
 SMOOTHNESS = "mean_abs_domega_radps"
@@ -46,6 +48,14 @@ METRICS = (
     Metric("path_length_m", "Path [m]", 1, of_successes=True, spare=True),
     Metric("spl", "SPL", 3, spare=True),
     Metric(SMOOTHNESS, "|Δω| [rad/s]", 3),
+    # of worlds with people alone (lme.social)
+    Metric("robot_on_person_collision", "Robot on person", 3),
+    Metric("person_on_robot_collision", "Person on robot", 3),
+    Metric("minimum_distance_to_people_m", "Min. distance [m]", 2, measured=True),
+    Metric("intimate_space_intrusions", "Intimate", 3, spare=True),
+    Metric("personal_space_intrusions", "Personal", 3, spare=True),
+    Metric("path_irregularity_rad", "Irregularity [rad]", 2, spare=True),
+    Metric("time_against_alone", "Time / alone", 2, of_successes=True, measured=True),
 )
 GROUP_KEYS = ("ablation", "weights", "scale", "sim", "crowd", "robot", "map", "subset", "seed")
 SETTING = ("robot", "map", "subset", "seed")  # the same for all systems of a fair comparison
@@ -147,8 +157,8 @@ def measure(group: pd.DataFrame, system: str, keys: dict[str, str]) -> Row:
     stats = {}
     for metric in METRICS:
         column = _metric_column(group, metric.key)
-        chosen = successes if metric.of_successes else slice(None)
         if column is not None:
+            chosen = (successes | (not metric.of_successes)) & (column.notna() | (not metric.measured))
             mean, std = mean_std_over_runs(column[chosen], group["run"][chosen])
             stats[metric.key] = mean, std if runs > 1 else math.nan
     return Row(
@@ -192,7 +202,11 @@ def notes(rows: Sequence[Row], left_out: Collection[str] = ()) -> list[str]:
         lines.append("± is the standard deviation over runs.")
     if INTERVAL_HEADER not in left_out:
         lines.append(f"{INTERVAL_HEADER}: {INTERVAL_NOTE}")
-    means = [each.header.split()[0] for each in METRICS if each.of_successes and each.header not in left_out]
+    means = list(
+        dict.fromkeys(
+            each.header.split()[0] for each in METRICS if each.of_successes and each.header not in left_out
+        )
+    )
     if means:
         words = " and ".join(means).capitalize() + (" are means" if len(means) > 1 else " is the mean")
         lines.append(f"{words} over successful episodes.")

@@ -51,7 +51,8 @@ class RunLabels:
 class EpisodeRecord(RunLabels):
     """One row of `episodes.parquet`. `docs/records.md` explains each column.
 
-    world_measures: the map set's measures of the world; each is a column `world_NAME`.
+    world_measures: the map set's measures of the world; each is a column `world_NAME`. social: measures of a world with
+    people; each is a column. Records of other worlds have no such columns.
     """
 
     world: int
@@ -81,6 +82,7 @@ class EpisodeRecord(RunLabels):
     decision_us_p99: float
     wall_s: float
     world_measures: Mapping[str, Any] = field(default_factory=dict)
+    social: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def key(self) -> EpisodeKey:
@@ -90,7 +92,9 @@ class EpisodeRecord(RunLabels):
     def columns(self) -> dict[str, Any]:
         """The row by column name."""
         row = {name: getattr(self, name) for name in COLUMNS}
-        return row | {f"world_{name}": value for name, value in self.world_measures.items()}
+        return (
+            row | {f"world_{name}": value for name, value in self.world_measures.items()} | dict(self.social)
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,5 +106,7 @@ class EpisodeResult:
 
 
 KEY_COLUMNS = tuple(column.name for column in fields(EpisodeKey))
-COLUMNS = tuple(column.name for column in fields(EpisodeRecord) if column.name != "world_measures")
+COLUMNS = tuple(
+    column.name for column in fields(EpisodeRecord) if column.name not in ("world_measures", "social")
+)
 TEXTS = tuple(column.name for column in fields(EpisodeRecord) if column.type == "str")

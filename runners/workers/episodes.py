@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import platform
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -17,8 +18,9 @@ from lme.episode import Episode, Observer, run_episode
 from lme.errors import InputError
 from lme.navigator import Navigator
 from lme.robots import Robot
-from lme.sim.simulator import Simulator
-from lme.types import Outcome
+from lme.sim.simulator import Simulator, State
+from lme.social import Company, without_people
+from lme.types import Guidance, Observation, Outcome, Twist
 from lme.worlds.check import check_task
 from lme.worlds.world import Task
 from runners.config import build
@@ -58,13 +60,34 @@ def initialise(payload: EpisodePayload) -> Callable[[EpisodeKey], EpisodeResult]
         began = perf_counter()
         task = maps.task(key.world)
         check_task(task, robot)
-        rng = episode_rng(seed, key.world, key.run)
-        with _recorder(payload.recordings, seed, key, robot) as observer:
-            episode = run_episode(task, navigator, simulator, rng, observer)
+        company = Company(robot, simulator) if task.world.people else None
+        with _recorder(payload.recordings, seed, key, robot) as recorder:
+            observers = _Observers([observer for observer in (recorder, company) if observer is not None])
+            rng = episode_rng(seed, key.world, key.run)
+            episode = run_episode(task, navigator, simulator, rng, observers)
         record = _record(payload.labels, key, seed, task, episode, perf_counter() - began)
+        if company is not None:
+            rng = episode_rng(seed, key.world, key.run)
+            alone = partial(run_episode, without_people(task), navigator, simulator, rng)
+            record = replace(record, social=_social(company, episode, alone))
         return EpisodeResult(record, episode.trajectory)
 
     return run
+
+
+class _Observers:
+    """Several observers of one episode."""
+
+    def __init__(self, observers: Sequence[Observer]) -> None:
+        self._observers = observers
+
+    def decided(self, observation: Observation, guidance: Guidance, command: Twist, state: State) -> None:
+        for observer in self._observers:
+            observer.decided(observation, guidance, command, state)
+
+    def ended(self, observation: Observation, state: State) -> None:
+        for observer in self._observers:
+            observer.ended(observation, state)
 
 
 def episode_rng(seed: int, world: int, run: int) -> np.random.Generator:
@@ -94,6 +117,16 @@ def _recorder(
 def _warm_up(task: Task, navigator: Navigator, simulator: Simulator) -> None:
     """Drive a short episode that is not recorded: the first decisions load compiled code, which takes time."""
     run_episode(task, navigator, simulator, np.random.default_rng(0))
+
+
+def _social(company: Company, episode: Episode, drive_alone: Callable[[], Episode]) -> dict[str, float]:
+    """The social measures by name. An episode that succeeds is driven again without people, for its time alone."""
+    measures: dict[str, float] = asdict(company.measures())
+    if episode.outcome is Outcome.SUCCESS:
+        alone = drive_alone()
+        if alone.outcome is Outcome.SUCCESS and alone.time > 0.0:
+            measures["time_against_alone"] = episode.time / alone.time
+    return measures
 
 
 def _record(

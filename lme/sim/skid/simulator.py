@@ -61,6 +61,11 @@ class SkidSimulator:
             return circles, edges
         return np.vstack([circles, self._crowd.circles]), np.vstack([edges, self._crowd.edges])
 
+    @property
+    def people(self) -> tuple[Floats, Floats]:
+        """See `lme.sim.simulator.Simulator.people`."""
+        return self._crowd.people
+
     def reset(self, task: Task, rng: np.random.Generator) -> Observation:
         """Put the robot at the task's start, at rest."""
         config = self._config

@@ -1,9 +1,9 @@
 """Two models of walking: ORCA, and the social force of Moussaïd et al.
 
-Both take people's places (P, 2) [m] and velocities (P, 2) [m/s], wanted velocities (P, 2) [m/s], traits (P, 5) of radius
-[m], wanted and greatest speed [m/s], whether they see the robot, and when they start [s]; others (1 + O, 5) of x, y, vx,
-vy, radius: the robot and other moving discs; circles (C, 3) and edges (E, 4), which stand; dt [s] to the next decision.
-They return the new velocities (P, 2) [m/s].
+Both take people's places (P, 2) [m] and velocities (P, 2) [m/s], wanted velocities (P, 2) [m/s], traits (P, 5) of
+radius [m], wanted and greatest speed [m/s], whether they see the robot, and when they start [s]; others (1 + O, 5) of
+x, y, vx, vy, radius: the robot and other moving discs; circles (C, 3) and edges (E, 4), which stand; dt [s] to the next
+decision. They return the new velocities (P, 2) [m/s].
 """
 
 from __future__ import annotations

@@ -1,0 +1,189 @@
+"""Recorded people: the tracks of ETH, UCY and others in their common text format, replayed around the robot.
+
+A line is `frame id x y`, separated by white space or commas; x and y in metres. The people walk as they did, whatever
+the robot does. Pellegrini, Ess, Schindler and van Gool 2009, DOI 10.1109/ICCV.2009.5459260; Lerner, Chrysanthou and
+Lischinski 2007, DOI 10.1111/j.1467-8659.2007.01089.x. The recordings do not ship with lme.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from lme.errors import InputError, require
+from lme.types import Floats, Pose
+from lme.worlds.movers import Mover
+from lme.worlds.rules import PacedRules, check_chosen, map_path
+from lme.worlds.starts import check_apart
+from lme.worlds.world import Task, World
+
+CLEAR = 1.0  # [m] nobody is nearer to the robot's start at first
+
+_COLUMNS = "frame id x y"
+_LOST = 2.0  # [s] after a longer gap, an id is someone else
+
+
+@dataclass(slots=True)
+class TracksConfig(PacedRules):
+    """Keys of `conf/map/tracks.yaml`."""
+
+    path: str | None = None
+    name: str | None = None
+    frame_rate: float = 25.0  # [1/s]
+    every: float = 10.0  # [s]
+    start: list[float] | None = None  # [m]
+    goal: list[float] | None = None  # [m]
+    body_radius: float = 0.25  # [m]
+    goal_tolerance: float = 0.5  # [m]
+    time_limit: float = 60.0  # [s]
+    speed: float = 1.0  # [m/s]
+
+    def __post_init__(self) -> None:
+        PacedRules.__post_init__(self)  # super() fails in a dataclass with slots
+        for key in ("frame_rate", "every", "body_radius"):
+            require(f"map.{key}", getattr(self, key), above=0.0)
+        for key in ("start", "goal"):
+            place = getattr(self, key)
+            if place is not None and (len(place) != 2 or not all(map(math.isfinite, place))):
+                raise InputError(f"map.{key} is {list(place)}: must be x, y in metres, or null")
+
+
+class Tracks:
+    """A recording from different times on: world n begins n × `every` after the first frame.
+
+    Worlds at whose beginning someone stands where the robot starts are left out. There are no walls: the recordings
+    have none.
+    """
+
+    Config = TracksConfig
+
+    def __init__(self, config: TracksConfig) -> None:
+        """Raises InputError for a missing or wrong file, and if no world is left."""
+        if config.path is None:
+            raise InputError(f"map.path is null: must be a file with lines of {_COLUMNS}")
+        path = map_path(config.path, f"a file with lines of {_COLUMNS}")
+        self.config = config
+        self._name = config.name or path.stem
+        self._tracks = _read(path, path.stat().st_mtime_ns, config.frame_rate)
+        places = np.vstack([track[:, 1:] for track in self._tracks])
+        (x0, y0), (x1, y1) = places.min(axis=0).tolist(), places.max(axis=0).tolist()
+        self._start = np.array(config.start or [x0, (y0 + y1) / 2])
+        self._goal = np.array(config.goal or [x1, (y0 + y1) / 2])
+        last = max(track[-1, 0] for track in self._tracks)
+        offered = [
+            number for number in range(math.ceil(last / config.every - 1e-9)) if self._is_clear(number)
+        ]
+        if not offered:
+            raise InputError(
+                f"map.start is {self._start.tolist()}: must be a place where nobody stands at first"
+            )
+        self._numbers = config.numbers(offered)
+        if not set(self._numbers) <= set(offered):
+            raise InputError(
+                f"map.worlds is {list(self._numbers)}: must be of {', '.join(map(str, offered))}, at whose beginning "
+                f"nobody is within {CLEAR:g} m of the start"
+            )
+
+    @property
+    def name(self) -> str:
+        """What the records call this recording."""
+        return self._name
+
+    @property
+    def numbers(self) -> tuple[int, ...]:
+        """The numbers of the chosen beginnings."""
+        return self._numbers
+
+    def task(self, number: int) -> Task:
+        """The recording from beginning `number` on. Raises InputError for one that was not chosen."""
+        check_chosen(number, self._numbers, "world", self._name)
+        config = self.config
+        way = self._goal - self._start
+        length = float(np.hypot(*way))
+        check_apart(f"map {self._name}, world {number}", length, config)
+        people = self._people(number)
+        return config.task(
+            self._name,
+            number,
+            World(movers=people),
+            Pose(*self._start.tolist(), math.atan2(way[1], way[0])),
+            self._goal.copy(),
+            length=length,
+            speed=config.speed,
+            measures={"people": float(len(people))},
+        )
+
+    def _people(self, number: int) -> tuple[Mover, ...]:
+        """Those who are there between the beginning and the time limit."""
+        begin = number * self.config.every
+        cut = (_from(track, begin) for track in self._tracks)
+        radius = self.config.body_radius
+        return tuple(
+            Mover(path=track[:, 1:], times=track[:, 0], radius=radius)
+            for track in cut
+            if len(track) > 1 and track[0, 0] < self.config.time_limit
+        )
+
+    def _is_clear(self, number: int) -> bool:
+        begin = number * self.config.every
+        there = (_from(track, begin) for track in self._tracks if track[0, 0] <= begin < track[-1, 0])
+        return all(math.dist(track[0, 1:], self._start) > CLEAR for track in there)
+
+
+def _from(track: Floats, begin: float) -> Floats:
+    """The part of a track (N, 3) of t, x, y after a time, with that time as 0."""
+    later = track[track[:, 0] > begin]
+    if track[0, 0] <= begin < track[-1, 0]:
+        here = [np.interp(begin, track[:, 0], track[:, axis]) for axis in (1, 2)]
+        later = np.vstack([[begin, *here], later])
+    return np.asarray(later - [begin, 0.0, 0.0])
+
+
+@lru_cache(maxsize=8)
+def _read(path: Path, _modified: int, frame_rate: float) -> tuple[Floats, ...]:
+    """Tracks (N, 3) of t [s], x, y [m], N ≥ 2, from the first frame on, in the order of the ids.
+
+    _modified: part of the key, so that an edited file is read again. Raises InputError.
+    """
+    rows = _rows(path)
+    times = (rows[:, 0] - rows[:, 0].min()) / frame_rate
+    tracks = []
+    for person in np.unique(rows[:, 1]):
+        own = rows[:, 1] == person
+        track = np.column_stack([times[own], rows[own, 2:]])[np.argsort(times[own], kind="stable")]
+        if (np.diff(track[:, 0]) <= 0.0).any():
+            raise InputError(f"{path}: id {person:g} is twice in a frame; must be once")
+        tracks += np.split(track, np.flatnonzero(np.diff(track[:, 0]) > _LOST) + 1)
+    found = tuple(track for track in tracks if len(track) > 1)
+    if not found:
+        raise InputError(f"{path}: nobody is in two frames; must hold lines of {_COLUMNS}")
+    return found
+
+
+def _rows(path: Path) -> Floats:
+    """(N, 4) the numbers of the file. Raises InputError that names the line."""
+    try:
+        lines = path.read_text(encoding="utf-8").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(
+            f"{path}: cannot be read ({error}); must be a text file with lines of {_COLUMNS}"
+        ) from error
+    rows = []
+    for number, line in enumerate(lines, start=1):
+        words = line.partition("#")[0].replace(",", " ").split()
+        if not words:
+            continue
+        try:
+            row = [float(word) for word in words]
+        except ValueError:
+            row = []
+        if len(row) != 4 or not all(map(math.isfinite, row)):
+            raise InputError(f"{path}, line {number}: {line.strip()[:60]!r} must be four numbers: {_COLUMNS}")
+        rows.append(row)
+    if not rows:
+        raise InputError(f"{path}: is empty; must hold lines of {_COLUMNS}")
+    return np.array(rows)

@@ -1,0 +1,123 @@
+"""ORCA as a planner: by hand, and what every planner must do. The half-planes themselves: tests/lme/kernels/test_orca.py."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from lme.errors import InputError
+from lme.planners.orca import Orca, OrcaConfig, permitted
+from lme.types import Outcome, Twist
+from lme.worlds.movers import Mover
+from lme.worlds.world import World
+from tests.builders import SHIPPED, observation, room, shipped, stage
+from tests.lme.planners import checks
+from tests.lme.planners.checks import (
+    assert_finite_within_limits,
+    assert_mirrored,
+    assert_straight_to_rest,
+    plan,
+)
+
+
+def planner(robot=None, **settings):
+    made = Orca(OrcaConfig(**settings), robot or stage())
+    made.reset(np.random.default_rng(0))
+    return made
+
+
+def view(*people, robot=None, twist=Twist(0.5, 0.0), target=(5.0, 0.0)):  # noqa: B008
+    return observation(target=target, twist=twist, robot=robot or stage())._replace(
+        pedestrians=np.array(people, dtype=float).reshape(-1, 4)
+    )
+
+
+def test_with_nobody_there_it_heads_for_the_subgoal():
+    assert plan(planner(), view()) == pytest.approx((0.5, 0.0), abs=1e-6)
+    assert plan(planner(), view(target=(3.0, 3.0))).omega > 0.1
+    assert plan(planner(), view(target=(-3.0, -0.1))).v < 0.5  # turns first
+
+
+@pytest.mark.parametrize("side", [1, -1])
+def test_it_turns_away_from_who_comes_towards_it(side):
+    command = plan(planner(), view([2.0, 0.2 * side, -1.0, 0.0]))
+    assert math.copysign(1, command.omega) == -side
+
+
+def test_who_walks_away_or_far_off_changes_nothing():
+    free = plan(planner(), view())
+    assert plan(planner(), view([2.0, 0.0, 1.0, 0.0])) == pytest.approx(free, abs=1e-6)
+    assert plan(planner(), view([0.0, 5.0, 0.0, 1.0])) == pytest.approx(free, abs=1e-6)
+
+
+def test_it_slows_for_who_crosses_close_ahead():
+    """Someone steps in front from the left, so near that there is no way around."""
+    assert plan(planner(), view([0.9, 0.6, 0.0, -1.3])).v < 0.4
+
+
+def test_its_share_is_of_the_evasion():
+    nothing, person = np.empty((0, 2)), np.array([[2.5, 0.3, -1.0, 0.0, 0.3]])
+
+    def aside(share):
+        return permitted((0.5, 0.0), (0.5, 0.0), nothing, person, (3.0, 0.5, 0.1), (0.3, 0.5, share))[1]
+
+    assert aside(1.0) == pytest.approx(
+        2 * aside(0.5), rel=0.02
+    )  # the border is followed, which is not quite straight aside
+    assert aside(0.5) < -0.05
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    st.sampled_from(["stage", "jackal", "go2"]),
+    st.lists(st.floats(0.25, 3.0, width=32), min_size=12, max_size=12),
+    st.floats(0.1, 5),
+    st.floats(0.01, 5),
+    st.floats(0, 0.4),
+    st.floats(-1, 1),
+)
+def test_a_mirrored_scene_gives_the_mirrored_command(name, arcs, x, y, v, omega):
+    assert_mirrored(planner, shipped(name), arcs, (x, y), Twist(v, omega))
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+@pytest.mark.parametrize("value", [0.0, math.nan, math.inf, 0.2, 1e9])
+def test_any_scan_gives_a_finite_command_within_limits(name, value):
+    assert_finite_within_limits(planner, shipped(name), value)
+
+
+def drive(robot, world=None, **changes):
+    return checks.drive(Orca(OrcaConfig(), robot), robot, world, **changes)
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_it_drives_straight_to_the_goal_and_stands(name):
+    assert_straight_to_rest(drive(shipped(name), goal=(10.0, 0.0), goal_tolerance=1e-6, time_limit=40.0))
+
+
+def test_it_drives_around_a_pillar_and_people():
+    pillar = World(circles=np.array([[2.0, 0.05, 0.3]]), segments=room().segments)
+    assert drive(stage(), pillar, goal=(4.0, 0.0)).outcome is Outcome.SUCCESS
+    for motion in ("orca", "social_force"):
+        people = tuple(
+            Mover(path=np.array([[6.0, y], [-4.0, y]]), radius=0.25, speed=1.2, motion=motion)
+            for y in (-0.4, 0.5)
+        )
+        assert drive(stage(), World(movers=people), goal=(6.0, 0.0)).outcome is Outcome.SUCCESS
+
+
+def test_it_stops_before_a_wall():
+    wall = World(segments=np.array([[2.0, -3.0, 2.0, 3.0]]))
+    episode = drive(stage(), wall, goal=(4.0, 0.0), time_limit=20.0)
+    assert episode.outcome is Outcome.TIMEOUT
+    assert episode.min_clearance > 0.0
+
+
+@pytest.mark.parametrize(
+    ("key", "value"), [("horizon", 0.0), ("share", 0.0), ("share", 1.1), ("clearance", -0.1)]
+)
+def test_wrong_settings_are_named(key, value):
+    with pytest.raises(InputError, match=f"planner.{key}"):
+        OrcaConfig(**{key: value})
