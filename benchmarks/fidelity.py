@@ -73,6 +73,11 @@ class Tape:
         """The obstacles of the simulator."""
         return self._simulator.obstacles
 
+    @property
+    def people(self) -> tuple[Floats, Floats]:
+        """The people of the simulator."""
+        return self._simulator.people
+
     def reset(self, task: Task, rng: np.random.Generator) -> Observation:
         """Reset the simulator and forget the last drive."""
         self.commands: list[Twist] = []

@@ -14,6 +14,7 @@ A mover has the keys of `lme.worlds.movers.Mover`; angles are in degrees: poses 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -27,7 +28,7 @@ from lme.resources import resource_dir
 from lme.types import Floats, Pose
 from lme.worlds.check import point_clearance
 from lme.worlds.floor_plan import FloorPlan
-from lme.worlds.movers import REPEATS, Mover
+from lme.worlds.movers import MOTIONS, REPEATS, Mover
 from lme.worlds.rules import map_path
 from lme.worlds.sampling import FreeSpace
 from lme.worlds.shapes import SHAPES, floor_plan
@@ -38,7 +39,7 @@ from lme.yaml_entry import Entry, read_yaml
 FOLDER = "scenes"  # of maps/
 
 _MOVER_NUMBERS = ("radius", "speed", "turn_rate_deg", "start_after", "starts_within", "waits_within")
-_MOVER_KEYS = (*_MOVER_NUMBERS, "outline", "trigger", "repeat")
+_MOVER_KEYS = (*_MOVER_NUMBERS, "outline", "trigger", "repeat", "motion", "sees_robot")
 
 
 @dataclass(slots=True)
@@ -111,8 +112,9 @@ def _mover(place: str, item: object) -> Mover:
         given["outline"] = entry.points("outline", 3)
     if entry.value("trigger") is not None:
         given["trigger"] = tuple(entry.numbers("trigger", "x, y", 2))
-    if entry.value("repeat") is not None:
-        given["repeat"] = _repeat(entry)
+    for key, names in (("repeat", REPEATS), ("motion", MOTIONS), ("sees_robot", (True, False))):
+        if entry.value(key) is not None:
+            given[key] = _one_of(entry, key, names)
     try:
         return Mover(path=_poses(entry), **given)
     except InputError as error:
@@ -129,10 +131,10 @@ def _distance(mover: Mover, start: Pose) -> float:
     return point_clearance(shape, np.array(start[:2]))
 
 
-def _repeat(entry: Entry) -> str:
-    if entry.value("repeat") not in REPEATS:
-        raise entry.mistake("repeat", f"one of {', '.join(REPEATS)}")
-    return str(entry.value("repeat"))
+def _one_of(entry: Entry, key: str, names: Sequence[object]) -> Any:
+    if entry.value(key) not in names:
+        raise entry.mistake(key, f"one of {', '.join(map(str, names))}")
+    return entry.value(key)
 
 
 def _poses(entry: Entry) -> Floats:

@@ -64,7 +64,7 @@ class SocialConfig(PacedRules, Walking):
     scene_seed: int = 0
     density: float | None = None  # [1/m²]
     radius: float | None = None  # [m] of the disc that must be able to reach the goal; None: STAGE_RADIUS
-    goal_tolerance: float = 0.5  # [m]
+    goal_tolerance: float = 1.0  # [m]
     time_limit: float = 60.0  # [s]
     speed: float = 1.0  # [m/s]
 

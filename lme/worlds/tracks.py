@@ -38,7 +38,7 @@ class TracksConfig(PacedRules):
     start: list[float] | None = None  # [m]
     goal: list[float] | None = None  # [m]
     body_radius: float = 0.25  # [m]
-    goal_tolerance: float = 0.5  # [m]
+    goal_tolerance: float = 1.0  # [m]
     time_limit: float = 60.0  # [s]
     speed: float = 1.0  # [m/s]
 
@@ -103,6 +103,7 @@ class Tracks:
         check_chosen(number, self._numbers, "world", self._name)
         config = self.config
         way = self._goal - self._start
+        x, y = self._start.tolist()
         length = float(np.hypot(*way))
         check_apart(f"map {self._name}, world {number}", length, config)
         people = self._people(number)
@@ -110,7 +111,7 @@ class Tracks:
             self._name,
             number,
             World(movers=people),
-            Pose(*self._start.tolist(), math.atan2(way[1], way[0])),
+            Pose(x, y, math.atan2(way[1], way[0])),
             self._goal.copy(),
             length=length,
             speed=config.speed,

@@ -55,7 +55,7 @@ METRICS = (
     Metric("intimate_space_intrusions", "Intimate", 3, spare=True),
     Metric("personal_space_intrusions", "Personal", 3, spare=True),
     Metric("path_irregularity_rad", "Irregularity [rad]", 2, spare=True),
-    Metric("time_against_alone", "Time / alone", 2, of_successes=True, measured=True),
+    Metric("time_against_alone", "Time against alone", 2, of_successes=True, measured=True),
 )
 GROUP_KEYS = ("ablation", "weights", "scale", "sim", "crowd", "robot", "map", "subset", "seed")
 SETTING = ("robot", "map", "subset", "seed")  # the same for all systems of a fair comparison

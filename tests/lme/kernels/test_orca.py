@@ -14,8 +14,8 @@ from tests.tolerances import KERNEL
 V_MAX = 1.3
 NEAR = st.floats(-1.0, 1.0)
 LINES = st.lists(st.tuples(NEAR, NEAR, st.floats(0.0, math.tau)), max_size=6)
-# Places, velocities, wanted velocities of people of radius .25 m, and what RVO2 2.0.3 chooses (float32): time step .1 s,
-# time horizon 3 s, greatest speed 1.3 m/s.
+# Places, velocities, wanted velocities of people of radius .25 m, and what RVO2 2.0.3 chooses (float32): time step
+# .1 s, time horizon 3 s, greatest speed 1.3 m/s.
 RVO2 = [
     (
         [[1.19, 0.83], [-0.82, -0.6], [1.12, -1.48], [0.96, 0.89], [-0.1, -0.59]],

@@ -1,0 +1,119 @@
+"""Episodes in a worker: worlds with people have social measures, others have the columns that they had."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import lme
+from lme.social import SocialMeasures
+from runners.cli import main
+from runners.records.episode_record import COLUMNS
+from tests.places import ROOT
+
+SOCIAL = list(SocialMeasures.__dataclass_fields__)
+MEASURED = ["decision_us_p50", "decision_us_p99", "wall_s"]  # times that no two runs have in common
+DOORWAY = ["map=social", "map.kind=doorway", "map.worlds=[0,1,2]"]
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def driven(*words, **keys):
+    return lme.evaluate(*words, **{"runs": 1, "executor": "serial", "progress": False, **keys})
+
+
+def test_static_worlds_have_no_social_columns():
+    names = set(driven("map.worlds=[200]").columns)
+    assert not names & set(SOCIAL)
+    assert set(COLUMNS) <= names
+
+
+def test_worlds_with_people_have_them():
+    frame = driven("map.worlds=[200,201]", "crowd=orca", "crowd.density=0.2")
+    assert set(SOCIAL) <= set(frame.columns)
+    assert (frame["minimum_distance_to_people_m"] >= 0.0).all()
+    collided = frame["robot_on_person_collision"] + frame["person_on_robot_collision"]
+    assert (collided <= (frame["outcome"] == "collision")).all()
+    assert (frame["world_people"] > 1).all()
+
+
+def test_the_time_alone_is_that_of_the_same_episode_without_people():
+    frame = driven("map.worlds=[200,201]", "crowd=orca").set_index("world")
+    alone = driven("map.worlds=[200,201]").set_index("world")
+    both = (frame["outcome"] == "success") & (alone["outcome"] == "success")
+    assert both.any()
+    expected = (frame["time_s"] / alone["time_s"])[both]
+    assert frame["time_against_alone"][both].to_numpy() == pytest.approx(expected.to_numpy(), rel=1e-12)
+    assert frame["time_against_alone"][~both].isna().all()
+
+
+def test_dynabarn_counts_its_cylinders_as_people():
+    frame = driven("map=dynabarn", "map.worlds=[0]")
+    assert np.isfinite(frame["minimum_distance_to_people_m"]).all()
+
+
+@pytest.mark.parametrize("motion", ["orca", "social_force"])
+def test_any_number_of_workers_gives_the_same_records(motion):
+    words = [*DOORWAY, f"map.motion={motion}"]
+    one, two = driven(*words), lme.evaluate(*words, workers=2, runs=1, progress=False)
+    pd.testing.assert_frame_equal(one.drop(columns=MEASURED), two.drop(columns=MEASURED), check_exact=True)
+
+
+def test_killed_and_resumed_it_has_the_records_of_an_uninterrupted_run():
+    words = [*DOORWAY, "runs=8", "tracking=none", "executor=serial"]
+    assert main.main(["eval", *words, "hydra.run.dir=whole"]) == 0
+    log = Path("killed", "parts", "episodes.jsonl")
+    process = subprocess.Popen(
+        [sys.executable, "-m", "runners.cli.main", "eval", *words, "hydra.run.dir=killed"],
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
+    deadline = time.monotonic() + 120
+    while (
+        not (log.is_file() and log.stat().st_size) and time.monotonic() < deadline and process.poll() is None
+    ):
+        time.sleep(0.005)
+    process.send_signal(signal.SIGKILL)
+    process.wait(timeout=60)
+    assert 0 < log.read_bytes().count(b"\n") < 24
+    assert main.main(["eval", "resume=killed"]) == 0
+    whole, resumed = (pd.read_parquet(f"{name}/episodes.parquet") for name in ("whole", "killed"))
+    pd.testing.assert_frame_equal(
+        whole.drop(columns=MEASURED), resumed.drop(columns=MEASURED), check_exact=True
+    )
+
+
+def test_the_table_shows_what_was_measured(capsys):
+    assert main.main(["eval", *DOORWAY, "tracking=none", "executor=serial", "hydra.run.dir=run"]) == 0
+    table = Path("run/table.md").read_text(encoding="utf-8")
+    for header in ("Robot on person", "Person on robot", "Min. distance [m]", "Time against alone"):
+        assert header in table
+    assert (
+        main.main(
+            ["eval", "map.worlds=[200]", "runs=1", "tracking=none", "executor=serial", "hydra.run.dir=static"]
+        )
+        == 0
+    )
+    assert "person" not in Path("static/table.md").read_text(encoding="utf-8")
+
+
+def test_runs_with_and_without_a_crowd_are_rows_of_their_own(capsys):
+    usual = ["map.worlds=[200]", "runs=1", "tracking=none", "executor=serial"]
+    assert main.main(["eval", *usual, "hydra.run.dir=alone"]) == 0
+    assert main.main(["eval", *usual, "crowd=orca", "hydra.run.dir=crowd"]) == 0
+    capsys.readouterr()
+    assert main.main(["table", "alone", "crowd", "--format", "md"]) == 0
+    head, _, *rows = [line for line in capsys.readouterr().out.splitlines() if line.startswith("|")]
+    place = [cell.strip() for cell in head.split("|")].index("Crowd")
+    assert [row.split("|")[place].strip() for row in rows if "(ours)" in row] == ["–", "orca"]
