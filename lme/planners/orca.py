@@ -9,15 +9,14 @@ import numpy as np
 from numba import njit
 
 from lme.errors import require
+from lme.kernels.movers import WIDEST, movers_among
 from lme.kernels.orca import before_point, beside_disc, best_velocity
 from lme.planners.commands import approach
-from lme.planners.min_time.kernels import split
 from lme.planners.stopping import StoppingGuard
 from lme.robots import Robot
 from lme.sensing.blind_arc import BlindArc
 from lme.types import Floats, Guidance, Observation, Twist
 
-_WIDEST = 1.0  # [m] greatest radius of a person
 _STANDS = 0.02  # [m/s] slower velocities have no direction to turn to
 
 
@@ -68,7 +67,8 @@ class Orca:
     def plan(self, observation: Observation, guidance: Guidance) -> Twist:
         """Command for one control period."""
         seen = self._blind.points(observation)
-        points, people = split(seen, seen, observation.pedestrians, _WIDEST)
+        own, people = movers_among(seen, seen, observation.pedestrians, WIDEST)
+        points = seen[~own]
         x, y = map(float, guidance.subgoal)
         distance, bearing = math.hypot(x, y), math.atan2(y, x)
         limits, now = observation.limits, observation.twist

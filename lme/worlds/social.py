@@ -38,7 +38,7 @@ _CIRCLE, _IN_GROUP = 0.75, 4  # [m] radius of a group that talks, and its number
 _PITCH, _IN_QUEUE = 0.85, 6  # [m] from one to the next in a queue, and the greatest number in it
 
 
-class Scene(NamedTuple):
+class Encounter(NamedTuple):
     """What a kind of scene is made of.
 
     size: of the floor, from (0, 0) [m]. walls: segments (S, 4) on it [m]. ends: x of the robot's start and of its goal,
@@ -128,7 +128,9 @@ class Social:
             measures={"people": float(len(people)), "people_per_m2": len(people) / math.prod(scene.size)},
         )
 
-    def _people(self, rng: np.random.Generator, scene: Scene, start: Pose, number: int) -> tuple[Mover, ...]:
+    def _people(
+        self, rng: np.random.Generator, scene: Encounter, start: Pose, number: int
+    ) -> tuple[Mover, ...]:
         density, area = self.config.density, math.prod(scene.size)
         count = scene.people if density is None else max(1, round(density * area))
         people: list[Mover] = []
@@ -205,10 +207,10 @@ _OPEN = np.empty((0, 4))
 _DOORWAY = np.array([[6.0, 0.0, 6.0, 3.0 - _DOOR / 2], [6.0, 3.0 + _DOOR / 2, 6.0, 6.0]])
 
 SCENES = {
-    "crossing": Scene((12.0, 8.0), _OPEN, (1.0, 11.0), 4, _crosses, "cycle"),
-    "overtaking": Scene((22.0, 3.0), _OPEN, (1.0, 15.0), 3, _goes_ahead, "once", _SLOW),
-    "doorway": Scene((12.0, 6.0), _DOORWAY, (1.0, 11.0), 2, _comes_through, "cycle"),
-    "corridor": Scene((18.0, 2.5), _OPEN, (1.0, 17.0), 4, _meets, "cycle"),
-    "group": Scene((12.0, 8.0), _OPEN, (1.0, 11.0), 4, _talks, "once"),
-    "queue": Scene((12.0, 8.0), _OPEN, (1.0, 11.0), 6, _queues, "once"),
+    "crossing": Encounter((12.0, 8.0), _OPEN, (1.0, 11.0), 4, _crosses, "cycle"),
+    "overtaking": Encounter((22.0, 3.0), _OPEN, (1.0, 15.0), 3, _goes_ahead, "once", _SLOW),
+    "doorway": Encounter((12.0, 6.0), _DOORWAY, (1.0, 11.0), 2, _comes_through, "cycle"),
+    "corridor": Encounter((18.0, 2.5), _OPEN, (1.0, 17.0), 4, _meets, "cycle"),
+    "group": Encounter((12.0, 8.0), _OPEN, (1.0, 11.0), 4, _talks, "once"),
+    "queue": Encounter((12.0, 8.0), _OPEN, (1.0, 11.0), 6, _queues, "once"),
 }

@@ -267,9 +267,10 @@ def _run_columns(launches: Sequence[Launch | None]) -> list[dict[str, object]]:
 
 
 def _columns_of(launch: Launch, changed: Iterable[str]) -> dict[str, object]:
-    """sim: the simulator. crowd: people added to the worlds, if there are some. scale: factors on parameters. changes: keys whose values
-    differ from those in the files of the chosen options, as text. Every key that some run has `changed` is a column
-    too, by its dotted name. So are the numbers of worlds and episodes that the run was planned to drive.
+    """sim: the simulator. crowd: people added to the worlds, if there are some. scale: factors on parameters. changes:
+    keys whose values differ from those in the files of the chosen options, as text. Every key that some run has
+    `changed` is a column too, by its dotted name. So are the numbers of worlds and episodes that the run was planned to
+    drive.
     """
     values = dict(flatten(launch.configs[0]))
     crowd = {"crowd": launch.choices[0]["crowd"]} if launch.configs[0].get("crowd") else {}

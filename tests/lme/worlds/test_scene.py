@@ -220,7 +220,11 @@ def test_a_door_is_a_mover_with_angles_in_degrees(tmp_path):
         ("start_after: 2", "start_after: -2", "movers[0]: mover.start_after is -2: must be"),
         ("back_and_forth", "once, motion: fly", "movers[0]: motion is 'fly': must be one of scripted, orca"),
         ("back_and_forth", "once, sees_robot: 2", "movers[0]: sees_robot is 2: must be one of True, False"),
-        ("back_and_forth", "once, motion: orca", "movers[0]: mover.motion is orca: must be scripted for a mover with"),
+        (
+            "back_and_forth",
+            "once, motion: orca",
+            "movers[0]: mover.motion is orca: must be scripted for a mover with",
+        ),
         ("back_and_forth", "[often]", "movers[0]: repeat is ['often']: must be one of once, back_and_forth"),
         ("bounds: [0, 0, 4, 4]", "bounds: [0, 0, 4, 4]\nboxes: {}\ncircles: [1]", "circles[0]: 1 must be a"),
     ],
