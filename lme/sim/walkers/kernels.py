@@ -29,6 +29,7 @@ _PATIENCE = 5.0  # [s] ASSUMED: who cannot go on for so long turns round
 _CRAWL = 0.1  # [m/s] slower is no progress
 
 _HORIZON = 3.0  # [s] ASSUMED: people foresee so far whom they would meet
+_APART = 0.1  # [m] ASSUMED: people leave this between bodies; without it ORCA lets them pass in contact
 _WALL_HORIZON = 0.5  # [s] ASSUMED: they come near walls at most by their clearance in this time
 _NEIGHBOURS = 10.0  # [m] further people do not count
 
@@ -126,7 +127,7 @@ def orca(
         for j in range(people):
             relative = places[j] - places[i]
             if j != i and math.hypot(relative[0], relative[1]) <= _NEIGHBOURS:
-                reach = radius + traits[j, _RADIUS]
+                reach = radius + traits[j, _RADIUS] + _APART
                 beside_disc(relative, velocities[i], velocities[j], reach, _HORIZON, dt, 0.5, lines[used])
                 used += 1
         for j in range(count):
@@ -134,7 +135,7 @@ def orca(
             if (j > 0 or traits[i, _SEES_ROBOT] > 0.0) and math.hypot(
                 relative[0], relative[1]
             ) <= _NEIGHBOURS:
-                reach = radius + others[j, 4]
+                reach = radius + others[j, 4] + _APART
                 beside_disc(relative, velocities[i], others[j, 2:4], reach, _HORIZON, dt, 0.5, lines[used])
                 used += 1
         vx, vy = best_velocity(lines[:used], hard, fastest, (wanted[i, 0], wanted[i, 1]))

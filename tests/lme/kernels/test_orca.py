@@ -60,7 +60,9 @@ EVERY = disc()
 
 @pytest.mark.parametrize(("places", "velocities", "wanted", "chosen"), RVO2)
 def test_people_choose_as_in_rvo2(places, velocities, wanted, chosen):
-    traits = np.tile([0.25, 1.0, V_MAX, 0.0, 0.0], (len(places), 1))
+    traits = np.tile(
+        [0.2, 1.0, V_MAX, 0.0, 0.0], (len(places), 1)
+    )  # and .1 m between two, as RVO2's .25 m each
     far = np.array([[100.0, 0.0, 0.0, 0.0, 0.3]])
     arrays = (np.array(places), np.array(velocities), np.array(wanted), traits, far)
     found = orca(*arrays, np.empty((0, 3)), np.empty((0, 4)), 0.1)

@@ -55,7 +55,7 @@ def test_who_repeats_comes_back(repeat):
     assert x[x.argmax() :].min() < 0.5
 
 
-@pytest.mark.parametrize(("motion", "least"), [(ORCA, 0.49), (SOCIAL_FORCE, 0.3)])
+@pytest.mark.parametrize(("motion", "least"), [(ORCA, 0.59), (SOCIAL_FORCE, 0.3)])
 def test_two_who_meet_walk_around_each_other(motion, least):
     pair = [person((0, 0), (6, 0), motion=motion), person((6, 0.1), (0, 0.1), motion=motion)]
     places = walk(Crowd(pair), 9.0)
