@@ -28,7 +28,7 @@ _LOST = 2.0  # [s] after a longer gap, an id is someone else
 
 
 @dataclass(slots=True)
-class TracksConfig(PacedRules):
+class RecordedPeopleConfig(PacedRules):
     """Keys of `conf/map/tracks.yaml`."""
 
     path: str | None = None
@@ -52,16 +52,16 @@ class TracksConfig(PacedRules):
                 raise InputError(f"map.{key} is {list(place)}: must be x, y in metres, or null")
 
 
-class Tracks:
+class RecordedPeople:
     """A recording from different times on: world n begins n × `every` after the first frame.
 
     Worlds at whose beginning someone stands where the robot starts are left out. There are no walls: the recordings
     have none.
     """
 
-    Config = TracksConfig
+    Config = RecordedPeopleConfig
 
-    def __init__(self, config: TracksConfig) -> None:
+    def __init__(self, config: RecordedPeopleConfig) -> None:
         """Raises InputError for a missing or wrong file, and if no world is left."""
         if config.path is None:
             raise InputError(f"map.path is null: must be a file with lines of {_COLUMNS}")
