@@ -10,6 +10,7 @@ NAMESPACE = "lme"
 MAPS = {  # name in the id: map set, and the robot that drives there unless another is chosen
     "Barn": ("barn", "jackal"),
     "DynaBarn": ("dynabarn", "jackal"),
+    "Social": ("social", "jackal"),
     "Env1": ("env1", "stage"),
     "Env2": ("env2", "stage"),
     "Traps": ("traps", "stage"),
@@ -22,6 +23,7 @@ MAPS = {  # name in the id: map set, and the robot that drives there unless anot
     "Go2A": ("go2_a", "go2"),
     "Go2B": ("go2_b", "go2"),
     "File": ("file", "stage"),  # needs map_config={"path": …}
+    "Tracks": ("tracks", "jackal"),  # needs map_config={"path": …}
     "Building": ("building", "turtlebot2"),  # needs map_config={"paths": […]}
 }
 

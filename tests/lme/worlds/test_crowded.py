@@ -62,11 +62,13 @@ def test_they_walk_there_and_touch_nothing_that_stands():
     task = crowded("indoor", density=0.05).task(1)
     crowd = Crowd(task.world.movers, task.world, 0.3)
     begin, far = crowd.circles.copy(), Pose(1e3, 0.0, 0.0)
+    farthest = np.zeros(len(begin))
     for _ in range(600):
         crowd.advance(far, 0.05)
+        farthest = np.maximum(farthest, np.hypot(*(crowd.circles - begin)[:, :2].T))
         for x, y, radius in crowd.circles:
             assert point_clearance(task.world, np.array([x, y])) >= radius - 1e-9
-    assert (np.hypot(*(crowd.circles - begin)[:, :2].T) > 0.5).all()
+    assert (farthest > 0.5).all()  # they walk to and fro
 
 
 def test_the_number_is_the_density_times_the_floor_or_as_given():

@@ -49,7 +49,7 @@ def _never(job):
         ("robot=", ["robot=: no such option", "turtlebot2"]),
         ("robot=null", ["robot=null: must be one of go2, "]),
         ("ablation=[none,no_co]", ["ablation=no_co", "did you mean no_c_o?"]),
-        ("ablation=nope", ["ablation=nope: no such option; conf/ablation/ holds: no_a_close, "]),
+        ("ablation=xyz", ["ablation=xyz: no such option; conf/ablation/ holds: no_a_close, "]),
         ("ablation=no_memori", ["did you mean no_memory?"]),
         ("tracking=non", ["did you mean none?"]),
         (

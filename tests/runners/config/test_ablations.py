@@ -110,7 +110,7 @@ def test_a_table_of_systems_of_which_one_is_gone(tmp_path):
 
 def test_a_resumed_run_keeps_the_names_of_its_records(tmp_path):
     write_run(tmp_path, system="LME+ without memory", ablation="none", weights="mine")
-    columns = ("guide", "planner", "global_map", "robot", "map", "subset")
+    columns = ("guide", "planner", "global_map", "robot", "map", "subset", "people")
     now = RunLabels(system="LME+", ablation="no_memory", weights="published", **dict.fromkeys(columns, ""))
     kept = _recorded(now, tmp_path)
     assert (kept.system, kept.ablation, kept.weights) == ("LME+ without memory", "none", "mine")

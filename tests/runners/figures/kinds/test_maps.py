@@ -13,7 +13,7 @@ from runners.config.map_sets import choose, known_path
 from runners.figures.kinds.maps import COLUMNS, PANELS, Maps, MapsConfig, panels_of, sheet
 from runners.figures.parts.extent import extent
 
-OWN = ("building", "file")  # map sets of a user's own files
+OWN = ("building", "file", "tracks")  # map sets of a user's own files
 
 
 @pytest.fixture(scope="module")
