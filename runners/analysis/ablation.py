@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from runners.analysis import paired
 from runners.analysis.paired import METRIC, SUCCESS, Block, Difference, interval, signed
-from runners.analysis.summary import DASH, Row, title
+from runners.analysis.summary import DASH, Row
+from runners.analysis.table_notes import title
 from runners.config.ablations import SEVERAL
 from runners.config.wording import markdown_table
 from runners.records.whole_file import write_atomically

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING
 
 from runners.analysis import paired
 from runners.analysis.paired import Block, Difference, interval, signed
-from runners.analysis.summary import DASH, METRICS, SETTING, SMOOTHNESS, USUAL, Row, as_text, row_keys, title
+from runners.analysis.summary import DASH, METRICS, SETTING, SMOOTHNESS, USUAL, Row, as_text, row_keys
+from runners.analysis.table_notes import title
 from runners.config.wording import markdown_table
 from runners.records.whole_file import write_atomically
 

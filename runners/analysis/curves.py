@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 
 from runners.analysis import paired
 from runners.analysis.paired import METRIC, SUCCESS
-from runners.analysis.summary import DASH, Row, as_text, changed_columns, row_keys, title
+from runners.analysis.summary import DASH, Row, as_text, changed_columns, row_keys
+from runners.analysis.table_notes import title
 from runners.config.wording import markdown_table
 from runners.records.whole_file import write_atomically
 

@@ -34,7 +34,7 @@ LEAST_P = 0.001  # smaller ones are shown as less than this
 RESAMPLES = 9999
 SEED = 0
 TIE = 1e-9  # sums that differ by less are equal
-IN_TITLE = ("map", "subset", "robot")  # shown by `runners.analysis.summary.title`
+IN_TITLE = ("map", "subset", "robot")  # shown by `runners.analysis.table_notes.title`
 NOTES = (
     "Differences are paired by world and run and averaged over worlds; the world is the unit, as runs of one "
     "world are not independent.",

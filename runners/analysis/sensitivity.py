@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 
 from runners.analysis import paired
 from runners.analysis.paired import METRIC, SUCCESS, Block, Difference, signed
-from runners.analysis.summary import DASH, INTERVAL_NOTE, TIMES, Row, title
+from runners.analysis.summary import DASH, INTERVAL_NOTE, TIMES, Row
+from runners.analysis.table_notes import title
 from runners.config.weights import scale_from_words
 from runners.config.wording import markdown_table
 from runners.records.launch_record import read_launch

@@ -12,18 +12,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from runners.analysis.failures import failed_section
-from runners.analysis.summary import (
-    DASH,
-    GROUP_KEYS,
-    INTERVAL_HEADER,
-    METRICS,
-    Metric,
-    Row,
-    changed_notes,
-    notes,
-    numbers,
-    title,
-)
+from runners.analysis.summary import DASH, GROUP_KEYS, INTERVAL_HEADER, METRICS, Metric, Row, numbers
+from runners.analysis.table_notes import changed_notes, notes, title
 from runners.analysis.timeouts import timeouts_section
 from runners.config.wording import markdown_table
 from runners.records.whole_file import write_atomically

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
 from runners.analysis.failures import FOLDER, HEADER, INDEX, cells, episode_rows, page_path
-from runners.analysis.summary import summarise, title
+from runners.analysis.summary import summarise
+from runners.analysis.table_notes import title
 from runners.analysis.tables import to_html
 from runners.explainer.write import asset, fill, write_html
 from runners.records.episode_record import EpisodeKey

@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from runners.analysis import published
-from runners.analysis.summary import DASH, INTERVAL_HEADER, INTERVAL_NOTE, USUAL, Row, title
+from runners.analysis.summary import DASH, INTERVAL_HEADER, INTERVAL_NOTE, USUAL, Row
+from runners.analysis.table_notes import title
 from runners.figures.parts.style import GRID, INK, SKY, STYLES, new_figure, save
 
 if TYPE_CHECKING:

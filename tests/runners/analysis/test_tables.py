@@ -12,7 +12,8 @@ import yaml
 from lme.metrics import wilson_interval
 from lme.resources import resource_dir
 from runners.analysis import tables
-from runners.analysis.summary import DASH, metrics, notes, summarise, title
+from runners.analysis.summary import DASH, metrics, summarise
+from runners.analysis.table_notes import notes, title
 from runners.analysis.tables import to_html, to_latex, to_markdown
 from runners.config.systems import System, systems
 

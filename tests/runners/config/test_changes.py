@@ -2,7 +2,7 @@
 
 import pytest
 
-from runners.analysis.summary import title
+from runners.analysis.table_notes import title
 from runners.cli.main import main
 from runners.experiments.families import families
 from runners.experiments.held_out import _evaluation, held_out_places
