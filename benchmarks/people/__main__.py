@@ -1,28 +1,33 @@
 """Measures the tracker of people: in DynaBARN, in static BARN worlds, and in real recordings.
 
-    python -m benchmarks.people [--shared ../shared] [--worlds 0-59] [--part dynabarn|static|real …] [--record]
+    python -m benchmarks.people [--shared ../shared] [--worlds 0-59] [--part dynabarn|static|real|moving …] [--record]
+        [--moving ../shared/bags/general_tracking_moving_1.bag]
 
 Scores with CLEAR-MOT within half a metre. The parameters were chosen on DynaBARN worlds from 60 on, on fresh BARN
 worlds of seed 0 and on the recordings 1 to 4, so the scores are of the worlds 0 to 59, of fresh worlds of seed 1 and of
-the recordings 5 to 7.
+the recordings 5 to 7. Nothing was chosen on the recording of --moving, of a robot that drives: it is that of
+angusleigh/leg_tracker_benchmarks, which has no licence and is not shipped.
 """
 
 import math
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import numpy as np
 
 from benchmarks.people.driving import drive
-from benchmarks.people.labels import labels, read
+from benchmarks.people.labels import Labels, labels, read
+from benchmarks.people.moving import labels_of, read_drive, tracked_in_sector
 from benchmarks.people.score import Score
 from benchmarks.people.tracked import tracked
 from benchmarks.recording import parser, show
 from benchmarks.speed import machine
+from lme.sensing.people.tracks import Tracks
 
 NOISE = ("sim.slip=0.05", "sim.scan_noise=0.02")
 SCORED = (5, 6, 7)  # of the seven recordings
+MOVING = Path("bags", "general_tracking_moving_1.bag")
 _COLUMNS = ("recall", "precision", "mota", "switches", "false", "median", "rms")
 
 
@@ -31,12 +36,16 @@ def main() -> None:
     options = parser(__doc__, "people")
     options.add_argument("--shared", type=Path, default=Path("../shared"), help="folder of the recordings")
     options.add_argument("--worlds", default="0-59", help="of DynaBARN")
-    options.add_argument("--part", nargs="*", default=["dynabarn", "static", "real"])
+    options.add_argument("--part", nargs="*", default=["dynabarn", "static", "real", "moving"])
+    options.add_argument(
+        "--moving", type=Path, help=f"recording of a robot that drives; default: SHARED/{MOVING}"
+    )
     given = options.parse_args()
-    show(report(given.shared, given.worlds, given.part), "people", given.record)
+    moving = given.moving or given.shared / MOVING
+    show(report(given.shared, given.worlds, given.part, moving), "people", given.record)
 
 
-def report(shared: Path, worlds: str, parts: list[str]) -> Iterator[str]:
+def report(shared: Path, worlds: str, parts: list[str], moving: Path) -> Iterator[str]:
     """Yield the lines of the report in Markdown."""
     yield "# People, from the scan alone\n"
     yield f"`python -m benchmarks.people --record`, {time.strftime('%Y-%m-%d')}, {machine()}\n"
@@ -52,6 +61,8 @@ def report(shared: Path, worlds: str, parts: list[str]) -> Iterator[str]:
         yield _row("static BARN, slip 5 %, noise 2 cm", *_scored(*fresh, *NOISE))
     if "real" in parts:
         yield from _real(shared / "bags" / "legs")
+    if "moving" in parts:
+        yield _moving(moving)
 
 
 def _driven(name: str, worlds: str, difficulty: str, *words: str) -> str:
@@ -79,9 +90,25 @@ def _real(folder: Path) -> Iterator[str]:
 def recorded(path: Path, score: Score, times: list[float]) -> None:
     """Track the people of a recording; add scores, and processor times [µs]."""
     recording = read(path)
-    truth = labels(recording)
+    _add(labels(recording), tracked(recording), score, times)
+
+
+def _moving(path: Path) -> str:
+    """The row of a recording of a robot that drives."""
+    if not path.exists():
+        return f"| moving: {path} is absent |"
+    drive, score, times = read_drive(path), Score(), list[float]()
+    truth = labels_of(drive)
+    _add(truth, tracked_in_sector(drive), score, times)
+    return _row(f"real, robot drives, {truth.walking.sum()} labels", score, "–", float(np.median(times)))
+
+
+def _add(
+    truth: Labels, tracks_of_scans: Iterable[tuple[Tracks, float]], score: Score, times: list[float]
+) -> None:
+    """Add the scores of the tracks of every scan of a recording, and processor times [µs]."""
     score.begin()
-    for k, (tracks, spent) in enumerate(tracked(recording)):
+    for k, (tracks, spent) in enumerate(tracks_of_scans):
         times.append(spent)
         now = truth.scan == k
         scored = now & truth.walking

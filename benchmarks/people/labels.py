@@ -6,8 +6,9 @@ later ones, so the labels know more than a tracker can. The recordings are those
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.cluster.hierarchy import fcluster, linkage
@@ -23,9 +24,9 @@ _FEWEST_POINTS = 3  # of a person: two legs at 9 m
 _GATE = 0.6  # [m] from where a person is expected to where they are
 _LONGEST_GAP = 4  # scans without a person, for example behind another one
 _SHORTEST = 8  # scans of a track that is scored; shorter ones are noise
-_SMOOTHED = 4  # scans before and after that place and velocity are fitted to; legs swing
+SMOOTHED = 4  # scans before and after that place and velocity are fitted to; legs swing
 _LEAST_WAY = 1.0  # [m] between the ends of a track's box; what stays is furniture or noise
-_WALKING = 0.3  # [m/s]
+WALKING = 0.3  # [m/s]
 
 
 class Recording(NamedTuple):
@@ -54,7 +55,11 @@ class Labels(NamedTuple):
 def read(path: Path) -> Recording:
     """The scans of a ROS recording with one topic. Raises InputError if it cannot be read."""
     with Bag(path) as bag:
-        messages = [each.content for each in bag.messages([topic.name for topic in bag.topics()])]
+        return recording_of([each.content for each in bag.messages([topic.name for topic in bag.topics()])])
+
+
+def recording_of(messages: Sequence[Any]) -> Recording:
+    """The scans in messages of type LaserScan."""
     first = messages[0]
     stamps = [m.header.stamp for m in messages]
     ranges = np.array([m.ranges for m in messages], dtype=np.float64)
@@ -126,14 +131,14 @@ def _linked(detections: list[list[Floats]], times: Floats) -> list[list[tuple[in
 
 def _expected(track: list[tuple[int, float, float]], times: Floats, time: float) -> Floats:
     """Where a track goes on at its mean velocity over its last detections (2,)."""
-    last = np.array(track[-_SMOOTHED:])
+    last = np.array(track[-SMOOTHED:])
     seconds = times[last[:, 0].astype(int)]
     if len(last) < 3:
         return last[-1, 1:]
-    return _line(seconds, last[:, 1:], time)[0]
+    return line(seconds, last[:, 1:], time)[0]
 
 
-def _line(seconds: Floats, places: Floats, time: float) -> tuple[Floats, Floats]:
+def line(seconds: Floats, places: Floats, time: float) -> tuple[Floats, Floats]:
     """Place (2,) and velocity (2,) at a time, by least squares."""
     design = np.column_stack([np.ones(len(seconds)), seconds - time])
     place, velocity = np.linalg.lstsq(design, places, rcond=None)[0]
@@ -147,7 +152,7 @@ def _rows(person: int, track: Floats, times: Floats) -> Floats:
     moves = len(track) >= _SHORTEST and box >= _LEAST_WAY
     rows = []
     for scan in scans:
-        near = np.abs(scans - scan) <= _SMOOTHED
-        place, velocity = _line(times[scans[near]], track[near, 1:], times[scan])
-        rows.append((scan, person, *place, *velocity, moves and np.linalg.norm(velocity) >= _WALKING))
+        near = np.abs(scans - scan) <= SMOOTHED
+        place, velocity = line(times[scans[near]], track[near, 1:], times[scan])
+        rows.append((scan, person, *place, *velocity, moves and np.linalg.norm(velocity) >= WALKING))
     return np.array(rows, dtype=np.float64)
