@@ -20,6 +20,7 @@ from lme.sensing.scan_points import obstacle_points
 from lme.types import Floats, Pose, Twist
 
 _WARM_UPS = 3  # decisions; the first ones load compiled code, which takes seconds
+_WARM_UP_PERIOD = SECOND // 2  # [ns] after which all of a tracker has run
 _AHEAD = np.array([1.0, 0.0])  # [m] the target of these decisions
 
 
@@ -33,10 +34,13 @@ class Pilot:
         self._explanations = Explanations(navigator)
 
     def warm_up(self, scan: Any) -> None:
-        """Make a few decisions on a scan, and discard them."""
-        here = StampedMotion(0, Pose(0.0, 0.0, 0.0), STILL)
+        """Make a few decisions on a scan, and discard them.
+
+        Time goes on from one to the next, since a tracker of people does nothing with a scan that is not newer.
+        """
         self._navigator.reset(np.random.default_rng(self._seed))
-        for _ in range(_WARM_UPS):
+        for k in range(_WARM_UPS):
+            here = StampedMotion(k * _WARM_UP_PERIOD, Pose(0.0, 0.0, 0.0), STILL)
             step = self.decide(LiveSight(scan, here, here), _AHEAD, self._number, STILL, 0)
             self.leads_into_contact(step, STILL)
 
