@@ -47,6 +47,7 @@ class Crowd:
         spans = [(0.0, math.inf) if mover.times is None else mover.times[[0, -1]] for mover in movers]
         self._spans = np.array(spans).reshape(-1, 2)
         self._come_and_go = any(mover.times is not None for mover in movers)
+        self.present = np.ones(len(movers), dtype=np.bool_)
         self._every_circle = np.empty((len(self._discs), 3))
         self._every_circle[:, 2] = [movers[i].radius for i in self._discs]
         self.edges = np.empty((len(self._owner), 4))
@@ -69,13 +70,14 @@ class Crowd:
 
     def advance(self, robot: Pose, dt: float) -> None:
         """Advance by `dt` [s]. Movers react to the pose of the robot's base at the start of the step."""
+        if not len(self):
+            return
         if self._walkers is not None:
             self._walkers.decide(self, robot, dt)
-        if len(self):
-            state = (self._progress, self._begun, self.poses, self.velocities)
-            _advance(self._rules, self._first, self._waypoints, state, robot[0], robot[1], self._time, dt)
-            if self._walkers is not None:
-                self._walkers.walk(self.poses, self.velocities, dt)
+        state = (self._progress, self._begun, self.poses, self.velocities)
+        _advance(self._rules, self._first, self._waypoints, state, robot[0], robot[1], self._time, dt)
+        if self._walkers is not None:
+            self._walkers.walk(self.poses, self.velocities, dt)
         self._time += dt
         self._place()
 
@@ -96,7 +98,8 @@ class Crowd:
     def _place(self) -> None:
         """Move the shapes to the current poses."""
         self._every_circle[:, :2] = self.poses[self._discs, :2]
-        self.present = (self._spans[:, 0] <= self._time) & (self._time <= self._spans[:, 1])
+        if self._come_and_go:
+            self.present = (self._spans[:, 0] <= self._time) & (self._time <= self._spans[:, 1])
         self.circles = self._there(self._every_circle)
         _turn_sides(self._sides, self._owner, self.poses, self.edges)
 

@@ -126,15 +126,13 @@ class Crowded:
         places: list[Floats] = []
         apart = 2 * config.body_radius + _GAP
         for _ in range(count * PLACES_TRIED):
-            if len(places) == count:
-                return places
             place = self._partner(task, space, start, rng)
             if math.dist(place, start) >= config.clear and all(
                 math.dist(place, one) >= apart for one in places
             ):
                 places.append(place)
-        if len(places) == count:
-            return places
+            if len(places) == count:
+                return places
         raise self._full(task, count)
 
     def _partner(self, task: Task, space: FreeSpace, place: Floats, rng: np.random.Generator) -> Floats:

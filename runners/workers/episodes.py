@@ -62,9 +62,10 @@ def initialise(payload: EpisodePayload) -> Callable[[EpisodeKey], EpisodeResult]
         check_task(task, robot)
         company = Company(robot, simulator) if task.world.people else None
         with _recorder(payload.recordings, seed, key, robot) as recorder:
-            observers = _Observers([observer for observer in (recorder, company) if observer is not None])
+            observers = [observer for observer in (recorder, company) if observer is not None]
             rng = episode_rng(seed, key.world, key.run)
-            episode = run_episode(task, navigator, simulator, rng, observers)
+            observer = _Observers(observers) if observers else None  # telling one the state takes time
+            episode = run_episode(task, navigator, simulator, rng, observer)
         record = _record(payload.labels, key, seed, task, episode, perf_counter() - began)
         if company is not None:
             rng = episode_rng(seed, key.world, key.run)

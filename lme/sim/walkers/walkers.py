@@ -77,12 +77,13 @@ class Walkers:
         )
         others = self._moving(crowd, robot, before or robot, dt)
         edges = np.vstack([self._edges, crowd.edges]) if len(crowd.edges) else self._edges
-        by_orca = orca(*state, wanted, self._traits, others, self._circles, edges, PERIOD)
+        given = (*state, wanted, self._traits, others, self._circles, edges, PERIOD)
         if self._by_orca.all():
-            self._velocities = by_orca
-            return
-        by_force = social_force(*state, wanted, self._traits, others, self._circles, edges, PERIOD)
-        self._velocities = np.where(self._by_orca[:, None], by_orca, by_force)
+            self._velocities = orca(*given)
+        elif not self._by_orca.any():
+            self._velocities = social_force(*given)
+        else:
+            self._velocities = np.where(self._by_orca[:, None], orca(*given), social_force(*given))
 
     def walk(self, poses: Floats, velocities: Floats, dt: float) -> None:
         """Move the people in the poses (M, 3) of all movers by `dt` [s]; velocities (M, 2) become theirs."""
