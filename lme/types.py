@@ -63,7 +63,8 @@ _NOBODY.flags.writeable = False
 class LaserScan(NamedTuple):
     """One sweep of a 2D lidar, in the lidar's own frame, as in ROS `sensor_msgs/LaserScan`.
 
-    ranges: (num_beams,) float32 [m]. Inf, NaN, values below range_min and values ≥ range_max mean "no return".
+    ranges: (num_beams,) float32 [m]. Inf, NaN, values below range_min and values ≥ range_max mean "no return". Behind
+    NaN nothing is known to be free: the measurement failed (REP-117).
     """
 
     ranges: NDArray[np.float32]

@@ -449,15 +449,17 @@ def split(points, seen, people, most, skin):
     return points[~own.any(axis=1)], np.column_stack((people, radii))
 
 
-def meeting(twist, movers, reach, step, foreseen):
-    """Places at all times; the last time before any mover is both near and nearer than a step earlier."""
+def meeting(twist, movers, reach, step, horizon, held=np.inf, brake=0.0):
+    """Places at all times; the last time before any mover is both near and nearer than a step earlier; inf: none."""
     v, omega = twist
-    times = step * np.arange(round(foreseen / step) + 1)
-    way = v * times if omega == 0.0 else v * (np.exp(1j * omega * times) - 1.0) / (1j * omega)
+    times = step * np.arange(int(horizon / step + 0.5) + 1)
+    late = np.maximum(times - held, 0.0)
+    driven = times - (late**2 * brake / (2.0 * v) if brake else 0.0)  # the arc's length is v · driven
+    way = v * driven if omega == 0.0 else v * (np.exp(1j * omega * driven) - 1.0) / (1j * omega)
     x, y, vx, vy, radii = movers.T[..., None]
     away = np.abs(x + 1j * y + (vx + 1j * vy) * times - way)
     meets = (away[:, 1:] < reach + radii) & (away[:, 1:] < away[:, :-1])
-    return min((times[np.argmax(one)] for one in meets if one.any()), default=foreseen)
+    return min((times[np.argmax(one)] for one in meets if one.any()), default=np.inf)
 
 
 def _apart(one, other):

@@ -24,10 +24,10 @@ _TURNS = (-2.0 * math.pi, 0.0, 2.0 * math.pi)  # the bearings of one direction d
 def tidied(scan: LaserScan, upside_down: bool = False) -> LaserScan:
     """The same scan, counter-clockwise in the frame of an upright lidar, without repeated directions.
 
-    A beam without a return becomes inf: a range that is not finite, ≤ 0 (many drivers), below range_min or
-    ≥ range_max (sensor_msgs/LaserScan, REP-117). angle_increment [rad] may be negative. upside_down: the lidar
-    is mounted with its z axis down, so its bearings are reversed. Raises InputError for fewer than two beams, and
-    for angles or limits that are not numbers.
+    A beam without a return becomes inf: a range that is infinite, ≤ 0 (many drivers), below range_min or ≥ range_max
+    (sensor_msgs/LaserScan). NaN stays: the measurement failed, so it is not known whether the beam is free (REP-117).
+    angle_increment [rad] may be negative. upside_down: the lidar is mounted with its z axis down, so its bearings are
+    reversed. Raises InputError for fewer than two beams, and for angles or limits that are not numbers.
     """
     _check(scan)
     sign = -1.0 if upside_down else 1.0
@@ -39,7 +39,7 @@ def tidied(scan: LaserScan, upside_down: bool = False) -> LaserScan:
     ranges = ranges[: max(2, round(2.0 * math.pi / increment))]  # some drivers repeat the first beam
     with np.errstate(invalid="ignore"):
         seen = (ranges > 0.0) & (ranges >= np.float32(scan.range_min)) & (ranges < np.float32(scan.range_max))
-    ranges[~seen] = np.inf
+    ranges[~seen & ~np.isnan(ranges)] = np.inf
     return LaserScan(ranges, first, increment, scan.range_min, scan.range_max)
 
 
@@ -71,7 +71,8 @@ def resampled(scan: LaserScan, mount: Pose, lidar: Lidar) -> LaserScan:
 
     mount: pose of the scan's frame in the base frame. Each return goes to the beam nearest in direction; the
     nearest return of a beam counts. Beams between neighbours on one surface are interpolated along the straight
-    line, but not across a depth edge. A beam without data, e.g. outside the old field of view, is inf.
+    line, but not across a depth edge. A beam without data, e.g. outside the old field of view, is inf, but NaN where
+    the old beam of nearly its bearing is NaN.
 
     For a lidar with `native_beams` at the scan's place, ranges are interpolated instead, as in the paper (§V.A):
     linearly in the bearing, also across depth edges, where this invents points between two surfaces. If one of
@@ -84,6 +85,8 @@ def resampled(scan: LaserScan, mount: Pose, lidar: Lidar) -> LaserScan:
     else:
         source = (scan.angle_min, scan.angle_increment)
         ranges = _resample(scan.ranges, source, mount, lidar.mount, onto, math.cos(_GRAZING))
+        if np.isnan(scan.ranges).any():
+            _mark_failed(ranges, scan.ranges, source, mount[2] - lidar.yaw, onto)
     ranges[(ranges < np.float32(lidar.range_min)) | (ranges >= np.float32(lidar.range_max))] = np.inf
     return LaserScan(ranges, lidar.angle_min, lidar.angle_increment, lidar.range_min, lidar.range_max)
 
@@ -148,6 +151,18 @@ def _resample(ranges, source, mount, onto_mount, onto, cos_grazing):
         if math.hypot(u - x, v - y) <= widest * max(ranges[i], ranges[j]):
             _span(out, x, y, u, v, angle_min, increment)
     return out
+
+
+@njit(cache=True, error_model="numpy")
+def _mark_failed(out, ranges, source, turn, onto):
+    """Make beams without data NaN where the source's beam nearest in bearing is NaN. turn: source from onto [rad]."""
+    for k in range(len(out)):
+        if math.isinf(out[k]):
+            off = (onto[0] + k * onto[1] - turn - source[0]) / source[1]
+            for shift in _TURNS:
+                nearest = round(off + shift / source[1])
+                if 0 <= nearest < len(ranges) and math.isnan(ranges[nearest]):
+                    out[k] = np.nan
 
 
 @njit(cache=True, error_model="numpy")

@@ -12,6 +12,7 @@ from lme.types import Floats
 
 FORESEEN = 1.5  # [s] over which motion at constant velocity is predicted
 _MEETING = 10.0  # [s] cost of an immediate meeting
+_STRIKING = 5.0  # [s/(m/s)] cost of the speed at which one is met although the robot brakes
 _STEP = 0.1  # [s] between two places on an arc that are checked
 _HOLDS = 5  # number of times for which a command is tried, from one period to the horizon
 
@@ -88,7 +89,9 @@ def best_twist(
     v (V,), rising, and omega (W,): all pairs are tried [m/s, rad/s]. subgoal (2,), points (M, 2): in the robot frame
     [m]. box: footprint (half_length, half_width, rounding) [m]. movers (P, 5): x, y, vx, vy and radius of what moves
     [m, m/s]. A command on whose arc one of them meets the robot's disc within `FORESEEN` [s] costs up to `_MEETING`
-    [s] more: the sooner, the more.
+    [s] more: the sooner, the more. If the robot would meet them on the arc, and also if it brakes, the command costs
+    more by the speed that is left then: who cannot get past stands in time (passive safety, Macek et al. 2009,
+    "Towards safe vehicle navigation in dynamic urban scenarios", Automatika 50).
     """
     named = Estimate(*estimate), Safety(*safety)
     found: tuple[float, float, float] = _best(v, omega, subgoal, points, box, *named, movers)
@@ -122,7 +125,7 @@ def _best(v, omega, subgoal, points, box, estimate, safety, movers):
             continue
         time = _time_to(subgoal, speed, rate, free, holds, moves[n % len(omega)], estimate)
         if len(movers):
-            time += _MEETING * (1.0 - _meeting(speed, rate, movers, reach) / FORESEEN)
+            time += _among_movers(speed, rate, movers, reach, estimate.period + safety.lag, safety.brake)
         if time < best or (time == best and n < chosen):
             best, chosen = time, n
 
@@ -166,23 +169,40 @@ def _after(v, omega, time):
 
 
 @njit(cache=True, error_model="numpy")
-def _meeting(v, omega, movers, reach):
-    """Time until the robot on its arc is within `reach` of a mover, and comes nearer [s]; at most FORESEEN."""
-    steps = int(FORESEEN / _STEP + 0.5)
+def _among_movers(v, omega, movers, reach, delay, brake):
+    """What movers add to the time of a command [s]. delay: until the robot can brake [s]."""
+    rest = delay + v / brake
+    met = _met(v, omega, movers, reach, np.inf, brake, max(FORESEEN, rest))
+    cost = _MEETING * (1.0 - min(met, FORESEEN) / FORESEEN)
+    if met < np.inf and v > 0.0:
+        struck = _met(v, omega, movers, reach, delay, brake, rest)
+        cost += _STRIKING * max(v - brake * max(struck - delay, 0.0), 0.0)
+    return cost
+
+
+@njit(cache=True, error_model="numpy")
+def _met(v, omega, movers, reach, held, brake, horizon):
+    """Time until the robot on its arc is within `reach` of a mover, and comes nearer [s]; inf: not up to `horizon` [s].
+
+    The command is held for `held` [s]; then the robot brakes on its arc at `brake` [m/s²].
+    """
+    steps, met = int(horizon / _STEP + 0.5), np.inf
     for n in range(len(movers)):
         apart = reach + movers[n, 4]
         before = movers[n, 0] ** 2 + movers[n, 1] ** 2
         for k in range(1, steps + 1):
             time = k * _STEP
-            x, y = _after(v, omega, time)
+            late = time - held
+            x, y = _after(v, omega, time if late <= 0.0 else time - late * late * brake / (2.0 * v))
             dx = movers[n, 0] + time * movers[n, 2] - x
             dy = movers[n, 1] + time * movers[n, 3] - y
             square = dx * dx + dy * dy
             if square < apart * apart and square < before:
                 steps = k - 1
+                met = steps * _STEP
                 break
             before = square
-    return steps * _STEP
+    return met
 
 
 @njit(cache=True, error_model="numpy")

@@ -19,7 +19,7 @@ from lme.geometry.frames import compose, relative, to_robot
 from lme.kernels.points import beam_directions
 from lme.sensing.people.config import PeopleConfig
 from lme.sensing.people.kernels.advance import advance
-from lme.sensing.people.kernels.evidence import moved_points, weigh
+from lme.sensing.people.kernels.evidence import flickered, moved_points, weigh
 from lme.sensing.people.kernels.matching import in_sight
 from lme.sensing.people.kernels.registration import normals, register
 from lme.sensing.people.kernels.scans import NewestScan, unpacked
@@ -103,6 +103,7 @@ class PeopleTracker:
         self._seen: deque[_Seen] = deque()
         self._time = 0.0
         self._noise = 0.01  # [m] of a range, estimated from the registration
+        self._flicker = (0.0, 0.0)  # see `flickered`
 
     def update(self, scan: LaserScan, odometry: Pose, dt: float) -> Tracks:
         """The people in sight. odometry: of the base when the scan was taken; dt: since the scan before [s].
@@ -159,7 +160,8 @@ class PeopleTracker:
         for past in self._compared():
             weigh(seen.placed, seen.hits, self._view(past), margin, votes)
         stands = recall(self._stood, seen.placed, seen.hits, self._time - _MEMORY)
-        moved = moved_points(votes, stands)
+        self._flicker = flickered(votes, stands, self._flicker)
+        moved = moved_points(votes, stands, self._flicker)
         sight = NewestScan(seen.placed, seen.hits, moved, stands, seen.owner, self._movers)
         predict(self._table, self._count, dt, self._config.acceleration)
         when = (self._noise, margin, self._trusted, max(dt, 1e-3))

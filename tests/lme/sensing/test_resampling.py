@@ -68,6 +68,11 @@ def test_every_way_to_say_no_return(nothing):
     assert list(np.isfinite(ranges)) == [True, False, True]
 
 
+def test_a_beam_that_failed_stays_unknown():
+    ranges = tidied(scan([1, math.nan, math.inf, 0.0])).ranges
+    np.testing.assert_array_equal(ranges, np.array([1, math.nan, math.inf, math.inf], np.float32))
+
+
 def test_a_range_of_zero_is_not_a_return_even_where_range_min_is_zero():
     assert np.isinf(tidied(scan([0, 1], limits=(0.0, 10.0))).ranges[0])
 
@@ -199,6 +204,22 @@ def test_resampling_onto_the_same_beams_changes_nothing():
     ranges[::7] = np.inf
     lidar, own = own_lidar(scan(ranges, -2.0, 0.01), Pose(0.1, 0.0, 0.3))
     np.testing.assert_allclose(resampled(own, lidar.mount, lidar).ranges, ranges, rtol=1e-6)
+
+
+@pytest.mark.parametrize("native", [None, 90])
+def test_beams_that_failed_stay_unknown_on_finer_beams(native):
+    ranges = np.full(90, 3.0)
+    ranges[10:20], ranges[40:50] = math.nan, math.inf
+    coarse = scan(ranges, -math.pi, math.tau / 90, (0.05, 12.0))
+    fine = Lidar(720, math.tau, 0.05, 12.0, yaw=0.5, native_beams=native)
+    turned = resampled(tidied(coarse), HERE, fine).ranges
+    bearings = fine.angle_min + fine.angle_increment * np.arange(720) + fine.yaw
+    old = np.round((bearings + math.pi) % math.tau / (math.tau / 90)).astype(int) % 90
+    inside = np.isin(old - 10, range(1, 9)), np.isin(old - 40, range(1, 9))
+    assert np.isnan(turned[inside[0]]).all()
+    assert np.isinf(turned[inside[1]]).all()
+    assert np.isnan(turned).sum() <= 88  # and nowhere else
+    assert np.isfinite(turned).sum() > 540
 
 
 def test_a_wall_seen_from_another_place_stays_a_wall():

@@ -27,13 +27,14 @@ from lme.sensing.people.kernels.table import (
 )  # fmt: skip
 
 _LEAST_SHARE = 0.25  # of points that show motion; less is none
-_WAY = 1.5  # margins that a track must have come
+_WAY = 12.0  # standard deviations of a range that a track must have come
+_LEAST_WAY = 0.06  # [m] that it must have come in any case
 
 
 @njit(cache=True, error_model="numpy")
 def match_groups(table, anchors, count, names, sight, group, groups, view, when, settings):
     """Correct what is not confirmed yet by the nearest group of points, and begin a track for every other group."""
-    lidar, (noise, margin, trusted, dt) = view[0], when
+    lidar, (noise, _, trusted, dt) = view[0], when
     points, movers, old = sight.points, sight.movers, count
     taken = np.zeros(old, np.bool_)
     for g in range(groups):
@@ -58,7 +59,7 @@ def match_groups(table, anchors, count, names, sight, group, groups, view, when,
         correct(row, found)
         if trusted and 2 * sight.stands[own].sum() <= len(own):
             moved = sight.moved[own].sum() / len(own)
-            if _judge(row, anchors[best], moved, found[3], view, margin, settings):
+            if _judge(row, anchors[best], moved, found[3], view, when, settings):
                 row[CONFIRMED] = 1.0
                 movers[int(row[NAME]) % len(movers)] = True
     for n in range(old):
@@ -104,16 +105,18 @@ def _anchor(anchor, points, own):
 
 
 @njit(cache=True, error_model="numpy")
-def _judge(row, anchor, moved, variance, view, margin, settings):
+def _judge(row, anchor, moved, variance, view, when, settings):
     """Whether a track is where nothing was, or has left a place that is empty now, and has come some way.
 
     moved: share of its points that have; variance: of its middle [m²].
     """
-    old = anchor[: _filled(anchor)]
+    old, (noise, margin, _, _) = anchor[: _filled(anchor)], when
     left = (passed_through(old, view, margin) == 1).sum() / len(old)
     row[EVIDENCE] = row[EVIDENCE] + moved + left if moved + left >= _LEAST_SHARE else 0.5 * row[EVIDENCE]
     way = math.sqrt((row[X] - row[BX]) ** 2 + (row[Y] - row[BY]) ** 2)
-    return row[EVIDENCE] >= settings.evidence and way >= _WAY * margin + 2.0 * math.sqrt(variance)
+    return row[EVIDENCE] >= settings.evidence and way >= max(_WAY * noise, _LEAST_WAY) + 2.0 * math.sqrt(
+        variance
+    )
 
 
 @njit(cache=True, error_model="numpy")

@@ -33,14 +33,15 @@ def unpacked(ranges, directions, limits, missing, guard_beams):
     """What a scan shows: points (B, 2) in the lidar's frame, hits (B,), and free ranges (B,) and (B,) [m].
 
     A free range is the least one of the beams up to `guard_beams` aside. A beam without a return is free up to
-    `missing` [m] in the second ones, and not at all in the first. directions (B, 2); limits: range_min, range_max [m].
+    `missing` [m] in the second ones, and not at all in the first. A beam that failed (NaN) is never free.
+    directions (B, 2); limits: range_min, range_max [m].
     """
     count = len(ranges)
     points, hits, reach = np.empty((count, 2)), np.zeros(count, np.bool_), np.empty(count)
     for i in range(count):
         seen = float(ranges[i])
         hits[i] = limits[0] <= seen < limits[1]
-        reach[i] = seen if hits[i] else missing
+        reach[i] = seen if hits[i] else 0.0 if math.isnan(seen) else missing
         points[i, 0], points[i, 1] = reach[i] * directions[i, 0], reach[i] * directions[i, 1]
     sure, free = np.empty(count), np.empty(count)
     for i in range(count):

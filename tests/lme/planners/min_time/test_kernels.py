@@ -11,7 +11,7 @@ from lme.planners.min_time.kernels import FORESEEN, Estimate, Safety, best_twist
 from tests import oracles
 from tests.tolerances import KERNEL
 
-MEETING, STEP = 10.0, 0.1  # as in lme/planners/min_time/kernels.py
+MEETING, STRIKING, STEP = 10.0, 5.0, 0.1  # as in lme/planners/min_time/kernels.py
 JACKAL, DISC = (0.21, 0.155, 0.0), (0.0, 0.0, 0.2)
 ESTIMATE = Estimate(v_max=2.0, turn=0.5, period=0.1, horizon=0.5, slow=0.05)
 SAFETY = Safety(margin=0.05, margin_time=0.1, brake=3.0, alpha_omega=8.0, grip=100.0)
@@ -23,11 +23,15 @@ def best(v, omega, movers, box=JACKAL, subgoal=(3.0, 0.5)):
     return best_twist(*rates, NOTHING, box, ESTIMATE, SAFETY, np.array(movers, dtype=float).reshape(-1, 5))
 
 
-def met(twist, movers, box=JACKAL):
-    """The time until the robot meets somebody [s], from what the command counts more."""
+def more(twist, movers, box=JACKAL):
+    """By how much longer a command takes among movers [s]."""
     v, omega = twist
-    more = best([v], [omega], movers, box)[2] - best([v], [omega], NOBODY, box)[2]
-    return FORESEEN * (1.0 - more / MEETING)
+    return best([v], [omega], movers, box)[2] - best([v], [omega], NOBODY, box)[2]
+
+
+def met(twist, movers, box=JACKAL):
+    """The time until the robot meets somebody [s], from what the command counts more, if it could stand by then."""
+    return FORESEEN * (1.0 - more(twist, movers, box) / MEETING)
 
 
 @settings(max_examples=200)
@@ -38,8 +42,13 @@ def test_meetings_agree_with_their_slow_twin(seed, count, box, straight):
     movers = np.column_stack((rng.uniform(-3.0, 3.0, (count, 2)), rng.uniform(-1.5, 1.5, (count, 2))))
     movers = np.column_stack((movers, rng.uniform(0.1, 0.5, count)))
     reach = math.hypot(*box[:2]) + box[2] + SAFETY.margin
-    slow = oracles.meeting(twist, movers, reach, STEP, FORESEEN)
-    assert met(twist, movers, box) == pytest.approx(slow, abs=KERNEL)
+    delay, brake = ESTIMATE.period + SAFETY.lag, SAFETY.brake
+    rest = delay + twist[0] / brake
+    meeting = oracles.meeting(twist, movers, reach, STEP, max(FORESEEN, rest))
+    struck = oracles.meeting(twist, movers, reach, STEP, rest, delay, brake)
+    left = max(twist[0] - brake * max(struck - delay, 0.0), 0.0) if meeting < math.inf else 0.0
+    slow = MEETING * (1.0 - min(meeting, FORESEEN) / FORESEEN) + STRIKING * left
+    assert more(twist, movers, box) == pytest.approx(slow, abs=KERNEL)
 
 
 def test_a_meeting_is_the_last_step_before_it():
@@ -63,7 +72,14 @@ def test_the_best_command_meets_nobody():
     assert best(v, omega, NOBODY, subgoal=(3.0, 0.0))[:2] == (2.0, 0.0)
     coming = [2.0, 0.0, -1.0, 0.0, 0.3]
     chosen = best(v, omega, coming, subgoal=(3.0, 0.0))[:2]
-    assert met(chosen, coming) > met((2.0, 0.0), coming)
+    assert more(chosen, coming) < more((2.0, 0.0), coming)
+
+
+def test_whom_it_cannot_stand_before_costs_by_the_speed_that_is_left():
+    reach = math.hypot(*JACKAL[:2]) + SAFETY.margin + 0.3
+    ahead = [reach + 0.6, 0.0, 0.0, 0.0, 0.3]  # stands; from 2 m/s the robot stands after .2 + .67 m
+    assert more((2.0, 0.0), ahead) > MEETING * (1.0 - 0.2 / FORESEEN) + STRIKING
+    assert more((1.0, 0.0), ahead) == pytest.approx(MEETING * (1.0 - 0.5 / FORESEEN))  # after .1 + .17 m
 
 
 @settings(max_examples=50)

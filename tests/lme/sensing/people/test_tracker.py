@@ -11,6 +11,8 @@ from lme.kernels.noise import add_noise
 from lme.kernels.raycast import cast
 from lme.presets import load_robot
 from lme.sensing.people.config import PeopleConfig
+from lme.sensing.people.kernels.evidence import flickered, moved_points
+from lme.sensing.people.kernels.scans import unpacked
 from lme.sensing.people.source import Nobody, People, TrackedPeople, people_source
 from lme.sensing.people.tracker import PeopleTracker
 from lme.systems import load_system
@@ -222,6 +224,27 @@ def test_a_surface_that_returns_something_now_and_then_is_nobody():
         ranges = np.where(flickers & (rng.random() < 0.6), RANGE, scan.ranges).astype(np.float32)
         shown += len(tracker.update(scan._replace(ranges=ranges), here, DT).names) if k > 20 else 0
     assert shown == 0
+
+
+def test_no_return_says_nothing_where_standing_things_are_often_missed():
+    votes, standing = np.zeros((50, 2), np.int8), np.ones(50, bool)
+    votes[:20, 1] = 1
+    reliable, unreliable = (1000.0, 20.0), flickered(votes, standing, (0.0, 0.0))
+    assert unreliable == (50.0, 20.0)
+    seen_through, missed = np.array([[1, 0]], np.int8), np.array([[0, 3]], np.int8)
+    loose = np.zeros(1, bool)
+    assert moved_points(missed, loose, reliable)[0]
+    assert not moved_points(missed, loose, unreliable)[0]
+    assert moved_points(seen_through, loose, unreliable)[0]
+
+
+def test_behind_a_beam_that_failed_nothing_is_free():
+    ranges = np.array([2.0, np.nan, np.inf, 3.0], np.float32)
+    directions = np.column_stack([np.ones(4), np.zeros(4)])
+    _, hits, sure, free = unpacked(ranges, directions, (0.1, 10.0), 6.0, 0)
+    np.testing.assert_array_equal(hits, [True, False, False, True])
+    np.testing.assert_array_equal(sure, [2.0, 0.0, 0.0, 3.0])
+    np.testing.assert_array_equal(free, [2.0, 0.0, 6.0, 3.0])
 
 
 def test_people_all_around_do_not_move_the_robot():
