@@ -12,10 +12,11 @@ from lme.envs.choices import Settings, choose
 from lme.envs.episodes import DrawRobot, world_of
 from lme.envs.frame import frame
 from lme.envs.reward import CODES, Result, Reward, distances
-from lme.envs.spaces import Arrays, action_space, arrays, commands, observation_space
+from lme.envs.spaces import Arrays, action_space, arrays, commands, observation_space, people_rows
 from lme.episode import Progress
 from lme.errors import InputError
 from lme.robots import Robot
+from lme.sensing.people.source import People, people_source
 from lme.sim.simulator import Simulator
 from lme.types import Floats, Observation, Outcome, Twist
 from lme.worlds.world import MapSet
@@ -39,14 +40,20 @@ class NavigationEnv(gym.Env[Any, Any]):
         map_config: Settings | None = None,
         sim_config: Settings | None = None,
         render_mode: str | None = None,
+        people: str = "none",
     ) -> None:
-        """See `lme.envs.choices.choose` for the keywords."""
+        """See `lme.envs.choices.choose` for the other keywords.
+
+        people: whom the observation's `people` holds, see `lme.sensing.people.source.People`; "none": no such key.
+        """
         if render_mode not in (None, "rgb_array"):
             raise InputError(f'render_mode is {render_mode!r}: must be None or "rgb_array"')
         self.render_mode = render_mode
         self._choices = choose(map, robot, sim, reward, map_config, sim_config)
         self._episodes = self._choices.episodes()
-        self.observation_space = observation_space(self._episodes.robot.lidar)
+        self._people = people_source(people, self._episodes.robot)
+        self._shows_people = people != People.none
+        self.observation_space = observation_space(self._episodes.robot.lidar, self._shows_people)
         self.action_space = action_space()
         self._simulator: Simulator | None = None
 
@@ -58,6 +65,8 @@ class NavigationEnv(gym.Env[Any, Any]):
         self._task, self._robot = self._episodes.draw(self.np_random, world_of(options))
         self._simulator = self._choices.simulator(self._choices.config, self._robot)
         observation = self._simulator.reset(self._task, self.np_random)
+        if self._people:
+            self._people.reset()
         self._progress, self._steps = Progress(self._task, self._simulator.state), 0
         self._trail, self._distance = [self._simulator.state.pose], self._distance_left()
         return self._seen(observation), {"world": self._task.number, "optimal_time": self._task.optimal_time}
@@ -87,9 +96,13 @@ class NavigationEnv(gym.Env[Any, Any]):
 
     def _seen(self, observation: Observation) -> Arrays:
         self._scan = scan = observation.scan
-        return arrays(
+        seen = arrays(
             scan.ranges, observation.target, observation.twist, observation.limits.bounds, scan.range_max
         )
+        if self._shows_people:
+            told = self._people.seen(observation, None) if self._people else observation
+            seen["people"] = people_rows(told.pedestrians)
+        return seen
 
     def _reward(self, outcome: Outcome | None) -> float:
         before, self._distance = self._distance, self._distance_left()

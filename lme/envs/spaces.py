@@ -14,15 +14,20 @@ from lme.types import Floats
 
 Arrays = dict[str, NDArray[np.float32]]
 
+MOST_PEOPLE = 16  # in an observation
 
-def observation_space(lidar: Lidar) -> spaces.Dict[Any]:
-    """scan [m], target [m], twist [m/s, rad/s] and limits (v_max, ω_max, α_v, α_ω), float32."""
-    return spaces.Dict(
+
+def observation_space(lidar: Lidar, people: bool) -> spaces.Dict[Any]:
+    """scan [m], target [m], twist [m/s, rad/s] and limits (v_max, ω_max, α_v, α_ω), float32; and `people_rows`."""
+    space = spaces.Dict(
         scan=spaces.Box(0.0, lidar.range_max, (lidar.num_beams,), np.float32),
         target=spaces.Box(-np.inf, np.inf, (2,), np.float32),
         twist=spaces.Box(-np.inf, np.inf, (2,), np.float32),
         limits=spaces.Box(0.0, np.inf, (4,), np.float32),
     )
+    if people:
+        space["people"] = spaces.Box(-np.inf, np.inf, (MOST_PEOPLE, 5), np.float32)
+    return space
 
 
 def action_space() -> spaces.Box[Any]:
@@ -38,6 +43,15 @@ def arrays(ranges: NDArray[np.float32], target: Any, twist: Any, limits: Any, ra
         "twist": np.array(twist, dtype=np.float32),
         "limits": np.array(limits, dtype=np.float32),
     }
+
+
+def people_rows(pedestrians: Floats) -> NDArray[np.float32]:
+    """(MOST_PEOPLE, 5) of people (P, 4) in the robot frame [m, m/s]: those who are nearest, and 1; then rows of 0."""
+    rows = np.zeros((MOST_PEOPLE, 5), np.float32)
+    nearest = np.argsort(np.hypot(pedestrians[:, 0], pedestrians[:, 1]), kind="stable")[:MOST_PEOPLE]
+    rows[: len(nearest), :4] = pedestrians[nearest]
+    rows[: len(nearest), 4] = 1.0
+    return rows
 
 
 def commands(actions: Any, limits: Floats) -> Floats:

@@ -51,7 +51,7 @@ class NavigationVectorEnv(VectorEnv[Any, Any, Any]):
             )
         self.fleet = Fleet(chosen.map_set, chosen.robot, num_envs, chosen.config, chosen.reward)
         self.num_envs, self._limits = num_envs, np.zeros((num_envs, 4))
-        self.single_observation_space = observation_space(self.fleet.robot.lidar)
+        self.single_observation_space = observation_space(self.fleet.robot.lidar, people=False)
         self.single_action_space = action_space()
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)

@@ -11,6 +11,7 @@ from gymnasium.utils.env_checker import check_env  # noqa: E402
 from lme.envs.single import NavigationEnv  # noqa: E402
 from lme.errors import InputError  # noqa: E402
 from lme.presets import load_map_set, load_robot, load_simulator  # noqa: E402
+from lme.sensing.people.source import people_source  # noqa: E402
 from lme.types import Twist  # noqa: E402
 
 STILL, AHEAD = np.zeros(2, np.float32), np.array([1.0, 0.0], np.float32)
@@ -38,6 +39,7 @@ def drive(env, action=AHEAD, **reset):
         ("Env1", {}),
         ("Env2", {"sim": "physics"}),
         ("DynaBarn", {"map_config": {"difficulty": "hard"}}),
+        ("Social", {"map_config": {"kind": "crossing"}, "people": "tracked"}),
         ("Traps", {"map_config": {"kind": "door"}}),
         ("Real1Dynamic", {}),
         ("Go2B", {}),
@@ -80,6 +82,35 @@ def test_the_observation_is_the_simulators():
         np.testing.assert_array_equal(seen["limits"], np.float32(robot.limits[:4]))
         seen, *_ = env.step(np.array([0.25, -0.5]))
         expected = simulator.step(Twist(0.25 * robot.v_max, -0.5 * robot.omega_max))
+
+
+@pytest.mark.parametrize("people", ["truth", "tracked"])
+def test_people_are_those_of_the_simulator_or_of_the_tracker(people):
+    worlds = {"difficulty": "hard", "worlds": [3]}
+    env, robot = NavigationEnv("dynabarn", map_config=worlds, people=people), load_robot("jackal")
+    assert set(NavigationEnv("dynabarn", map_config=worlds).reset(seed=2)[0]) == set(
+        env.observation_space
+    ) - {"people"}
+    seen, info = env.reset(seed=2)
+    rng = np.random.default_rng(2)
+    cls, config = load_simulator("fast")
+    simulator, task = cls(config, robot), load_map_set("dynabarn", worlds).task(info["world"])
+    rng.integers(1)  # the draw of the world
+    expected, source = simulator.reset(task, rng), people_source(people, robot)
+    counts = set()
+    for _ in range(12):
+        told = (source.seen(expected, None) if source else expected).pedestrians
+        rows = seen["people"]
+        assert env.observation_space["people"].contains(rows)
+        counts.add(int(rows[:, 4].sum()))
+        assert rows[:, 4].sum() == min(len(told), len(rows))
+        away = np.hypot(rows[:, 0], rows[:, 1])[rows[:, 4] > 0.0]
+        assert (np.diff(away) >= 0.0).all()
+        assert {tuple(row) for row in rows[rows[:, 4] > 0.0, :4]} <= {tuple(row) for row in np.float32(told)}
+        assert not rows[rows[:, 4] == 0.0].any()
+        seen, *_ = env.step(np.array([0.25, 0.0]))
+        expected = simulator.step(Twist(0.25 * robot.v_max, 0.0))
+    assert max(counts) > 1
 
 
 def test_an_action_beyond_one_is_cut_off():
@@ -169,6 +200,7 @@ def test_a_frame_shows_the_robot_where_it_is():
         ({"sim_config": {"latency": "long"}}, "sim fast: latency is 'long': must be a finite number"),
         ({"sim_config": {"even_ramp": 1}}, "sim fast: even_ramp is 1: must be true or false"),
         ({"sim": "skid"}, "robot.drivetrain is null in robot jackal"),
+        ({"people": "seen"}, "people is 'seen': must be one of truth, tracked, none"),
         ({"reward": {"sucess": 1.0}}, "reward.sucess is unknown: did you mean success?"),
         ({"reward": {"success": np.nan}}, "reward.success is nan: must be finite"),
         ({"render_mode": "human"}, "render_mode is 'human': must be None or \"rgb_array\""),
