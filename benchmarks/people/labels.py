@@ -66,7 +66,7 @@ def recording_of(messages: Sequence[Any]) -> Recording:
     returned = np.isfinite(ranges) & (ranges > first.range_min) & (ranges < first.range_max)
     return Recording(
         np.array([s.sec - stamps[0].sec + 1e-9 * s.nanosec for s in stamps]),
-        np.where(returned, ranges, 0.0),
+        np.where(returned | np.isnan(ranges), ranges, 0.0),
         float(first.angle_min),
         float(first.angle_increment),
         float(first.range_max),

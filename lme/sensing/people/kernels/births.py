@@ -27,6 +27,7 @@ from lme.sensing.people.kernels.table import (
 )  # fmt: skip
 
 _LEAST_SHARE = 0.25  # of points that show motion; less is none
+_QUIET = 0.01  # [m] noise of a range; with more of it, more evidence is needed
 _WAY = 12.0  # standard deviations of a range that a track must have come
 _LEAST_WAY = 0.06  # [m] that it must have come in any case
 
@@ -114,9 +115,9 @@ def _judge(row, anchor, moved, variance, view, when, settings):
     left = (passed_through(old, view, margin) == 1).sum() / len(old)
     row[EVIDENCE] = row[EVIDENCE] + moved + left if moved + left >= _LEAST_SHARE else 0.5 * row[EVIDENCE]
     way = math.sqrt((row[X] - row[BX]) ** 2 + (row[Y] - row[BY]) ** 2)
-    return row[EVIDENCE] >= settings.evidence and way >= max(_WAY * noise, _LEAST_WAY) + 2.0 * math.sqrt(
-        variance
-    )
+    enough = settings.evidence * max(noise / _QUIET, 1.0)
+    least = max(_WAY * noise, _LEAST_WAY) + 2.0 * math.sqrt(variance)
+    return row[EVIDENCE] >= enough and way >= least
 
 
 @njit(cache=True, error_model="numpy")
