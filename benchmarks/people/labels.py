@@ -30,7 +30,10 @@ WALKING = 0.3  # [m/s]
 
 
 class Recording(NamedTuple):
-    """The scans of a recording: times (T,) [s]; ranges (T, B) [m], 0 without a return; angle_min, increment [rad]."""
+    """The scans of a recording: times (T,) [s]; ranges (T, B) [m]; angle_min, increment [rad].
+
+    A range is 0 without a return, and NaN if the measurement failed.
+    """
 
     times: Floats
     ranges: Floats
