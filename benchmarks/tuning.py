@@ -8,6 +8,8 @@ Each takes one `lme train experiment=tune guide=… planner=…`: 600 episodes o
 import argparse
 import subprocess
 import sys
+from collections import defaultdict
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +24,10 @@ GUIDES = {  # of the published systems
     "apf": "target",
     "eband": "global_path",
     "motion_tubes": "global_path",
+    "mppi": "global_path",
+}
+FIXED = {  # other values than the textbook's that the search needs: room for trajectories at Jackal's speed
+    "mppi": {"prune_distance": 4.0, "costmap.size": 12.0},
 }
 VARIANTS = {  # of a planner's file: for which robot, and the words that choose it
     "tuned": ("Jackal", ()),
@@ -47,6 +53,7 @@ def main() -> None:
 def tune(planner: str, name: str, seed: int) -> Path:
     """Run or resume the search, and write the YAML file with the values found. name: of the variant."""
     pair = [f"guide={GUIDES[planner]}", f"planner={planner}"]
+    pair += [f"planner.{key}={value:g}" for key, value in FIXED.get(planner, {}).items()]
     words = ["train", "experiment=tune", *pair, *VARIANTS[name][1], f"seed={seed}"]
     place = OUT / f"{planner}-{name}-{seed}"
     options = [f"hydra.run.dir={place}", "resume=true", "tracking=none"]
@@ -63,9 +70,7 @@ def variant(planner: str, robot: str, found: dict[str, Any], command: str) -> st
     own = (resource_dir("conf") / "planner" / f"{planner}.yaml").read_text(encoding="utf-8")
     title, before = own.splitlines()[0].removeprefix("# "), yaml.safe_load(own)
     settings = {key.removeprefix("planner."): value for key, value in found["settings"].items()}
-    values = "\n".join(
-        f"{key}: {_short(value)}  # textbook: {_short(before[key])}" for key, value in settings.items()
-    )
+    values = _lines({**settings, **FIXED.get(planner, {})}, before)
     return f"""# {title.partition(":")[0]}, tuned for {robot} on fresh BARN worlds
 # Found by {command}
 # Reward {found["reward"]:.3f} on {len(found["configurations"])} worlds, trial {found["trial"]} of {found["trials"]}
@@ -75,6 +80,20 @@ defaults:
 
 {values}
 """
+
+
+def _lines(settings: Mapping[str, float | None], before: Mapping[str, Any]) -> str:
+    """YAML lines of dotted keys, nested at most once: those without a group first."""
+    lines: list[str] = []
+    groups = defaultdict[str, list[str]](list)
+    for key, value in settings.items():
+        group, _, name = key.rpartition(".")
+        textbook = before[group][name] if group else before[name]
+        line = f"{name}: {_short(value)}  # textbook: {_short(textbook)}"
+        (groups[group] if group else lines).append(line)
+    for group, inner in groups.items():
+        lines += [f"{group}:", *(f"  {line}" for line in inner)]
+    return "\n".join(lines)
 
 
 def _short(value: float | None) -> str:

@@ -344,6 +344,71 @@ def trajectory_score(wanted, pose, twist, alphas, simulation, outline, costs, gr
     return scales[0] * to_path[at_end] + scales[1] * to_goal[at_end] + scales[2] * highest, last
 
 
+def mppi_rollout(sequence, noise, stds, twist, pose, limits, dt):
+    """Controls, speeds and poses of all trajectories at once, step by step."""
+    controls = sequence + noise * np.array(stds)
+    samples, steps = noise.shape[:2]
+    speeds, poses = np.empty((samples, steps)), np.empty((samples, steps, 3))
+    now, here = np.tile(twist, (samples, 1)).astype(float), np.tile(pose, (samples, 1)).astype(float)
+    for k in range(steps):
+        heading = np.stack([np.cos(here[:, 2]), np.sin(here[:, 2])], axis=1)
+        here = here + dt * np.column_stack([now[:, :1] * heading, now[:, 1]])
+        speeds[:, k], poses[:, k] = now[:, 0], here
+        if k < steps - 1:
+            forward = now[:, 0] > 0.0
+            low = np.where(forward, limits[3], -limits[4]) * dt
+            high = np.where(forward, limits[4], -limits[3]) * dt
+            controls[:, k, 0] = np.clip(controls[:, k, 0], now[:, 0] + low, now[:, 0] + high)
+            turn = limits[5] * dt
+            controls[:, k, 1] = np.clip(controls[:, k, 1], now[:, 1] - turn, now[:, 1] + turn)
+            now = controls[:, k]
+    return controls, speeds, poses
+
+
+def mppi_average(controls, costs, temperature):
+    """The softmax of the costs times the controls."""
+    weights = np.exp(-(costs - costs.min()) / temperature)
+    return np.einsum("n,ntc->tc", weights / weights.sum(), controls)
+
+
+def mppi_obstacles(poses, step, cells, grid, outline, possible, prices, near_goal):
+    """Costs (N,) of trajectories on a map, and whether each collides: every looked-at pose on its own."""
+    looked_at = poses.shape[1] // step
+    costs, collides = np.zeros(len(poses)), np.zeros(len(poses), dtype=bool)
+    for n, way in enumerate(poses.astype(float)):
+        for pose in way[::step][:looked_at]:
+            i, j = _cell(pose[:2], grid)
+            off = not (0 <= i < cells.shape[0] and 0 <= j < cells.shape[1])
+            cost = 255 if off else int(cells[i, j])
+            under = outline_cells(outline, pose, grid)
+            on_map = all(0 <= a < cells.shape[0] and 0 <= b < cells.shape[1] for a, b in under)
+            touches = not on_map or max(int(cells[cell]) for cell in under) == 254
+            if off or (0 < cost and cost >= possible and touches):
+                costs[n], collides[n] = prices[0], True
+                break
+            costs[n] += prices[1] if cost >= 253 else 0.0 if near_goal else cost
+    return costs * prices[2] / 254.0 / looked_at, collides
+
+
+def mppi_path_align(poses, path, free, furthest, step, weight):
+    """Mean distance of the strided poses to the free points at their lengths of way: nearest entry, never backwards."""
+    ways = np.append(0.0, np.cumsum(np.hypot(*np.diff(path[:furthest], axis=0).T)))
+    costs = np.zeros(len(poses))
+    for n, way in enumerate(poses[:, ::step, :2].astype(float)):
+        lengths, at, apart = np.cumsum(np.hypot(*np.diff(way, axis=0).T)), 0, []
+        for point, length in zip(way[1:], lengths, strict=True):
+            later = np.flatnonzero(ways[at + 1 :] > length) + at + 1
+            if len(later) == 0:
+                at = furthest - 1
+            else:
+                before, after = ways[later[0] - 1], ways[later[0]]
+                at = later[0] - 1 if length - before < after - length else later[0]
+            if free[at]:
+                apart.append(np.hypot(*(path[at] - point)))
+        costs[n] = weight * np.mean(apart) if apart else 0.0
+    return costs
+
+
 def _outwards(pose, points):
     x, y, yaw = pose
     turn = np.array([[np.cos(yaw), np.sin(yaw)], [-np.sin(yaw), np.cos(yaw)]])

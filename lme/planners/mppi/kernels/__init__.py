@@ -1,0 +1,1 @@
+"""Compiled functions of MPPI: sampled trajectories and their average, and what the critics think of them."""

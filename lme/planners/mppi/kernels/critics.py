@@ -1,0 +1,212 @@
+"""The critics of nav2_mppi_controller: each adds to the costs (N,) of N sampled trajectories, in place.
+
+Poses (N, T, 3) [m, m, rad] and paths (P, 2) [m] are in the frame of the map, and a path begins at the robot. Speeds
+(N, T) [m/s] are those that the poses were driven with. Lattice, `Grid` and `Costs` are those of
+`lme.kernels.obstacle_grid`, outlines those of `lme.kernels.outline`.
+"""
+
+import math
+
+import numpy as np
+from numba import njit
+
+from lme.kernels.obstacle_grid import INSCRIBED, Costs, Grid, lattice
+from lme.kernels.outline import outline_capacity, outline_cost
+from lme.planners.mppi.kernels.rollout import Singles
+from lme.types import Bools, Floats
+
+_FEW = 2  # blocked points of a path that never silence a critic
+
+
+@njit(cache=True, error_model="numpy")
+def constraint(costs: Floats, speeds: Singles, bounds: tuple[float, float], dt: float, weight: float) -> None:
+    """ConstraintCritic: way driven beyond the bounds (v_min, v_max) of the velocity."""
+    for n in range(len(costs)):
+        beyond = 0.0
+        for v in speeds[n]:
+            beyond += max(v - bounds[1], 0.0) + max(bounds[0] - v, 0.0)
+        costs[n] += weight * beyond * dt
+
+
+@njit(cache=True, error_model="numpy")
+def prefer_forward(costs: Floats, speeds: Singles, dt: float, weight: float) -> None:
+    """PreferForwardCritic: way driven backwards."""
+    for n in range(len(costs)):
+        back = 0.0
+        for v in speeds[n]:
+            back += max(-v, 0.0)
+        costs[n] += weight * back * dt
+
+
+@njit(cache=True, error_model="numpy")
+def obstacles(
+    costs: Floats,
+    poses: Singles,
+    step: int,
+    cells: Costs,
+    grid: Grid,
+    outline: Floats,
+    possible: float,
+    prices: tuple[float, float, float],
+    near_goal: bool,
+) -> bool:
+    """CostCritic: costs of the cells under the robot's middle at every `step`-th pose; whether all collide.
+
+    The outline is looked at where the cost is at least `possible`. prices: of a collision, of a pose within the
+    inscribed radius of an obstacle, and the weight of all. Beyond the map is a collision. `near_goal`: other poses
+    cost nothing.
+    """
+    looked_at = poses.shape[1] // step
+    room = np.empty(outline_capacity(outline, grid[2]), np.int64)
+    weight = prices[2] / 254.0 / looked_at
+    all_collide = True
+    for n in range(len(costs)):
+        total, collides = 0.0, False
+        for k in range(0, looked_at * step, step):
+            x, y, yaw = float(poses[n, k, 0]), float(poses[n, k, 1]), float(poses[n, k, 2])
+            cost = _cost_at(x, y, cells, grid)
+            if cost == 0:
+                continue
+            if cost < 0 or (cost >= possible and outline_cost(cells, outline, (x, y, yaw), grid, room) < 0):
+                total, collides = prices[0], True
+                break
+            if cost >= INSCRIBED:
+                total += prices[1]
+            elif not near_goal:
+                total += cost
+        all_collide = all_collide and collides
+        costs[n] += weight * total
+    return all_collide
+
+
+@njit(cache=True, error_model="numpy")
+def goal(costs: Floats, poses: Singles, target: tuple[float, float], weight: float) -> None:
+    """GoalCritic: mean distance of the poses to the target."""
+    for n in range(len(costs)):
+        total = 0.0
+        for k in range(poses.shape[1]):
+            total += math.hypot(poses[n, k, 0] - target[0], poses[n, k, 1] - target[1])
+        costs[n] += weight * total / poses.shape[1]
+
+
+@njit(cache=True, error_model="numpy")
+def furthest_reached(poses: Singles, path: Floats) -> int:
+    """Index of the farthest point of the path that is the nearest one to the end of some trajectory.
+
+    Each trajectory looks only beyond the farthest point so far, as in Nav2.
+    """
+    furthest = 0
+    for n in range(len(poses)):
+        nearest, least = furthest, np.inf
+        for j in range(furthest, len(path)):
+            away = (path[j, 0] - poses[n, -1, 0]) ** 2 + (path[j, 1] - poses[n, -1, 1]) ** 2
+            if away < least:
+                nearest, least = j, away
+        furthest = nearest
+    return furthest
+
+
+@njit(cache=True, error_model="numpy")
+def free_points(path: Floats, cells: Costs, grid: Grid) -> Bools:
+    """Whether each point of the path but its last is in a cell that the robot's middle may pass: (P − 1,)."""
+    free = np.empty(len(path) - 1, np.bool_)
+    for j in range(len(free)):
+        free[j] = 0 <= _cost_at(path[j, 0], path[j, 1], cells, grid) < INSCRIBED
+    return free
+
+
+@njit(cache=True, error_model="numpy")
+def path_align(
+    costs: Floats,
+    poses: Singles,
+    path: Floats,
+    free: Bools,
+    furthest: int,
+    step: int,
+    offset: int,
+    most_blocked: float,
+    weight: float,
+) -> None:
+    """PathAlignCritic: mean distance of every `step`-th pose to the point of the path at the same length of way.
+
+    Only free points before the furthest reached count. Silent if that is no farther than `offset` points, or if more
+    than a share `most_blocked` of the way there is blocked.
+    """
+    if furthest == 0 or furthest < offset:
+        return
+    blocked = 0
+    for j in range(furthest):
+        blocked += not free[j]
+        if blocked > _FEW and blocked > most_blocked * furthest:
+            return
+    ways = np.zeros(furthest)
+    for j in range(1, furthest):
+        ways[j] = ways[j - 1] + math.hypot(path[j, 0] - path[j - 1, 0], path[j, 1] - path[j - 1, 1])
+    for n in range(len(costs)):
+        way, total, count, at = 0.0, 0.0, 0, 0
+        for k in range(step, poses.shape[1], step):
+            x, y = poses[n, k, 0], poses[n, k, 1]
+            way += math.hypot(x - poses[n, k - step, 0], y - poses[n, k - step, 1])
+            at = _at_length(ways, way, at)
+            if free[at]:
+                total += math.hypot(path[at, 0] - x, path[at, 1] - y)
+                count += 1
+        if count > 0:
+            costs[n] += weight * total / count
+
+
+@njit(cache=True, error_model="numpy")
+def path_follow(
+    costs: Floats, poses: Singles, path: Floats, free: Bools, furthest: int, offset: int, weight: float
+) -> None:
+    """PathFollowCritic: distance from the end to the first free point from `offset` beyond the furthest reached."""
+    last = len(path) - 1
+    at = min(furthest + offset, last)
+    while at < last - 1 and not free[at]:
+        at += 1
+    for n in range(len(costs)):
+        costs[n] += weight * math.hypot(poses[n, -1, 0] - path[at, 0], poses[n, -1, 1] - path[at, 1])
+
+
+@njit(cache=True, error_model="numpy")
+def path_angle(
+    costs: Floats,
+    poses: Singles,
+    path: Floats,
+    pose: tuple[float, float, float],
+    at: int,
+    most: float,
+    weight: float,
+) -> None:
+    """PathAngleCritic: angle at the end of a trajectory between its heading and point `at` of the path.
+
+    Silent if the robot, at `pose`, faces that point within `most` [rad].
+    """
+    x, y = path[at, 0], path[at, 1]
+    if abs(_wrapped(math.atan2(y - pose[1], x - pose[0]) - pose[2])) < most:
+        return
+    for n in range(len(costs)):
+        bearing = math.atan2(y - poses[n, -1, 1], x - poses[n, -1, 0])
+        costs[n] += weight * abs(_wrapped(bearing - poses[n, -1, 2]))
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _cost_at(x, y, cells, grid):
+    """Cost of the cell at a point; -1 off the map."""
+    i, j = lattice(x / grid[2]) - grid[0], lattice(y / grid[2]) - grid[1]
+    return int(cells[i, j]) if 0 <= i < cells.shape[0] and 0 <= j < cells.shape[1] else -1
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _at_length(ways, way, at):
+    """Index of the entry of `ways` (P,) that is nearest to a length of way, from `at` on."""
+    for j in range(at + 1, len(ways)):
+        if ways[j] > way:
+            return j - 1 if way - ways[j - 1] < ways[j] - way else j
+    return len(ways) - 1
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _wrapped(angle):
+    """The angle in [−π, π)."""
+    return (angle + math.pi) % (2.0 * math.pi) - math.pi

@@ -1,0 +1,128 @@
+"""Sampled controls, the trajectories that they lead to, and their average.
+
+A sequence (T, 2) holds the velocity [m/s] and the turn rate [rad/s] of every model step. Element 0 is the present one.
+Limits are (v_min, v_max, omega_max, brake, speed_up, alpha_omega): the least and greatest velocity [m/s], the greatest
+turn rate [rad/s], the rates at which the speed may fall and rise [m/s²], brake ≤ 0, and that of the turn rate [rad/s²].
+"""
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from lme.types import Floats
+
+Singles = NDArray[np.float32]
+VelocityLimits = tuple[float, float, float, float, float, float]
+
+# Savitzky & Golay 1964, DOI 10.1021/ac60214a047: second order, nine points.
+_FILTER = np.array([-21.0, 14.0, 39.0, 54.0, 59.0, 54.0, 39.0, 14.0, -21.0]) / 231.0
+_BEFORE = 4  # points before the one that the filter smooths
+_SHORTEST = 21  # [points] shorter sequences are not smoothed
+
+
+@njit(cache=True, error_model="numpy")
+def rollout(
+    sequence: Floats,
+    noise: Singles,
+    stds: tuple[float, float],
+    twist: tuple[float, float],
+    pose: tuple[float, float, float],
+    limits: VelocityLimits,
+    dt: float,
+) -> tuple[Singles, Singles, Singles]:
+    """Controls (N, T, 2) around the sequence, and the speeds (N, T) and poses (N, T, 3) that they lead to.
+
+    noise (N, T, 2): standard normal, scaled by `stds`. Controls change by no more than the acceleration allows; the
+    last one leads nowhere and is as it is. Poses are those after each of T steps of `dt` [s], which drive the speeds.
+    """
+    samples, steps = noise.shape[:2]
+    controls = np.empty((samples, steps, 2), np.float32)
+    speeds = np.empty((samples, steps), np.float32)
+    poses = np.empty((samples, steps, 3), np.float32)
+    for n in range(samples):
+        x, y, yaw = pose
+        v, omega = twist
+        for k in range(steps):
+            x, y = x + v * math.cos(yaw) * dt, y + v * math.sin(yaw) * dt
+            yaw += omega * dt
+            speeds[n, k] = v
+            poses[n, k, 0], poses[n, k, 1], poses[n, k, 2] = x, y, yaw
+            wanted_v = sequence[k, 0] + stds[0] * noise[n, k, 0]
+            wanted_omega = sequence[k, 1] + stds[1] * noise[n, k, 1]
+            if k < steps - 1:
+                wanted_v, wanted_omega = _within_reach(wanted_v, wanted_omega, v, omega, limits, dt)
+            controls[n, k, 0], controls[n, k, 1] = wanted_v, wanted_omega
+            v, omega = wanted_v, wanted_omega
+    return controls, speeds, poses
+
+
+@njit(cache=True, error_model="numpy")
+def charge_controls(
+    costs: Floats, sequence: Floats, controls: Singles, stds: tuple[float, float], gamma: float
+) -> None:
+    """Add to the costs (N,) what it costs to leave the sequence: γ Σ u · (u_n − u) / σ²."""
+    for n in range(len(costs)):
+        for axis in range(2):
+            total = 0.0
+            for k in range(len(sequence)):
+                total += sequence[k, axis] * (controls[n, k, axis] - sequence[k, axis])
+            costs[n] += gamma / (stds[axis] * stds[axis]) * total
+
+
+@njit(cache=True, error_model="numpy")
+def average(controls: Singles, costs: Floats, temperature: float) -> Floats:
+    """The mean (T, 2) of the controls (N, T, 2), weighted by exp(−cost / temperature)."""
+    least, total = costs.min(), 0.0
+    sequence = np.zeros(controls.shape[1:])
+    for n in range(len(costs)):
+        weight = math.exp((least - costs[n]) / temperature)
+        total += weight
+        if weight > 0.0:
+            for k in range(controls.shape[1]):
+                sequence[k, 0] += weight * controls[n, k, 0]
+                sequence[k, 1] += weight * controls[n, k, 1]
+    return sequence / total
+
+
+@njit(cache=True, error_model="numpy")
+def constrain(sequence: Floats, limits: VelocityLimits, dt: float) -> None:
+    """Bring a sequence within the limits, in place: velocities, then changes from its first element on."""
+    for k in range(len(sequence)):
+        sequence[k, 0] = min(max(sequence[k, 0], limits[0]), limits[1])
+        sequence[k, 1] = min(max(sequence[k, 1], -limits[2]), limits[2])
+        if k > 0:
+            before = sequence[k - 1]
+            sequence[k, 0], sequence[k, 1] = _within_reach(
+                sequence[k, 0], sequence[k, 1], before[0], before[1], limits, dt
+            )
+
+
+@njit(cache=True, error_model="numpy")
+def smooth(sequence: Floats, before: Floats) -> Floats:
+    """The sequence (T, 2) after a Savitzky–Golay filter; before (4, 2): the controls before it. Its last stays."""
+    last = len(sequence) - 1
+    if last < _SHORTEST - 1:
+        return sequence.copy()
+    smoothed = sequence.copy()
+    for axis in range(2):
+        for k in range(last):
+            total = 0.0
+            for m in range(len(_FILTER)):
+                at = k + m - _BEFORE
+                total += _FILTER[m] * (before[at, axis] if at < 0 else sequence[min(at, last), axis])
+            smoothed[k, axis] = total
+    return smoothed
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _within_reach(v, omega, v_now, omega_now, limits, dt):
+    """The nearest velocity and turn rate that the accelerations allow one step after the present ones."""
+    fall, rise, turn = limits[3] * dt, limits[4] * dt, limits[5] * dt
+    if v_now <= 0.0:
+        fall, rise = -rise, -fall
+    return (
+        min(max(v, v_now + fall), v_now + rise),
+        min(max(omega, omega_now - turn), omega_now + turn),
+    )

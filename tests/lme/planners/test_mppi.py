@@ -1,0 +1,149 @@
+"""MPPI: it follows paths, keeps limits, never samples alike with another seed, starts anew, and drives."""
+
+import numpy as np
+import pytest
+
+from lme.errors import InputError
+from lme.kernels.obstacle_grid import TOUCHING
+from lme.planners.mppi import planner as module
+from lme.planners.mppi.config import MppiConfig
+from lme.planners.mppi.planner import Mppi
+from lme.sim.fast import FastConfig, FastSimulator
+from lme.types import Guidance, Outcome, Pose, Twist
+from lme.worlds.world import World
+from runners.config import catalogue
+from tests.builders import SHIPPED, observation, shipped, task
+from tests.lme.planners.checks import assert_finite_within_limits, drive, plan
+from tests.tolerances import KERNEL
+
+JACKAL = shipped("jackal")
+JACKAL.control_rate = 20.0
+POST = World(circles=np.array([[2.0, 0.05, 0.2]]))
+
+
+def planner(robot=JACKAL, seed=0, **changes):
+    made = Mppi(MppiConfig(**changes), robot)
+    made.reset(np.random.default_rng(seed))
+    return made
+
+
+def test_the_defaults_are_the_shipped_values():
+    values = catalogue.shipped().values("planner/mppi")
+    config = MppiConfig()
+    for key, value in values.items():
+        if isinstance(value, dict):
+            assert {name: getattr(getattr(config, key), name) for name in value} == value
+        elif key != "_target_":
+            assert getattr(config, key) == value
+
+
+@pytest.mark.parametrize("value", [0.0, np.nan, np.inf, 0.3, 30.0])
+@pytest.mark.parametrize("name", SHIPPED)
+def test_any_scan_gives_a_command_within_the_limits(name, value):
+    assert_finite_within_limits(planner, shipped(name), value)
+
+
+def test_it_drives_to_the_target_at_its_own_speed_and_stops():
+    episode = drive(planner(), JACKAL, goal=(6.0, 1.0), goal_tolerance=0.3)
+    assert episode.outcome is Outcome.SUCCESS
+    speeds = episode.trajectory[:, 4]
+    assert speeds.max() <= 0.5 + KERNEL
+    assert np.median(speeds) > 0.4
+
+
+def test_it_drives_around_a_post_beside_the_line():
+    world = World(circles=np.array([[2.0, 0.3, 0.2]]))
+    episode = drive(planner(), JACKAL, world, goal_tolerance=0.3)
+    assert episode.outcome is Outcome.SUCCESS
+    assert episode.trajectory[:, 2].min() < -0.02
+
+
+def test_a_seed_decides_a_drive_to_the_last_bit():
+    def commands(seed):
+        made, simulator = planner(seed=seed), FastSimulator(FastConfig(), JACKAL)
+        view, given = simulator.reset(task(POST), np.random.default_rng(0)), []
+        for _ in range(40):
+            given.append(plan(made, view))
+            view = simulator.step(given[-1])
+        return given
+
+    assert commands(3) == commands(3)
+    assert commands(3) != commands(4)
+
+
+def test_a_second_episode_is_as_the_first():
+    made, view = planner(), observation(robot=JACKAL)
+    first = [plan(made, view) for _ in range(3)]
+    made.reset(np.random.default_rng(0))
+    assert [plan(made, view) for _ in range(3)] == first
+
+
+def test_it_follows_a_path_that_begins_behind():
+    made = planner()
+    path = np.column_stack([-np.arange(0.0, 3.0, 0.05), np.zeros(60)])
+    command = None
+    for _ in range(10):
+        command = made.plan(observation(target=(-4.0, 0.0), robot=JACKAL), Guidance(path[-1], path))
+    assert abs(command.omega) > 0.3  # it turns round
+
+
+def test_mirrored_noise_gives_the_mirrored_command(monkeypatch):
+    def commands(side):
+        made = planner()
+        monkeypatch.setattr(
+            module,
+            "draw",
+            lambda rng, *shape: rng.standard_normal((*shape, 2), dtype=np.float32) * np.float32([1, side]),
+        )
+        view = FastSimulator(FastConfig(), JACKAL).reset(
+            task(World(circles=np.array([[1.5, side * 0.4, 0.2]]))), np.random.default_rng(0)
+        )
+        view.scan.ranges[:] = np.round(view.scan.ranges, 2)
+        return np.array([plan(made, view._replace(target=np.array([4.0, side * 0.7]))) for _ in range(5)])
+
+    robot_noise = JACKAL.lidar.noise_std
+    JACKAL.lidar.noise_std = 0.0
+    try:
+        assert commands(-1.0) * [1, -1] == pytest.approx(commands(1.0), abs=1e-3)
+    finally:
+        JACKAL.lidar.noise_std = robot_noise
+
+
+def test_slow_control_holds_the_mean_of_several_steps_of_the_model():
+    slow = shipped("jackal")
+    slow.control_rate = 5.0
+    made = planner(slow)
+    made.sequence = np.column_stack([np.linspace(0.0, 0.5, 56), np.zeros(56)])
+    before = made.sequence.copy()
+    v, omega = made._command(made._limits(slow.limits))
+    assert v == pytest.approx(before[1:5, 0].mean(), abs=0.01)
+    assert omega == 0.0
+    assert made.sequence[0, 0] == pytest.approx(before[4, 0], abs=0.01)
+
+
+def test_with_no_free_sample_it_begins_anew_and_stops(monkeypatch):
+    made = planner()
+    monkeypatch.setattr(made.costmap, "update", lambda _: made.costmap.costs.fill(TOUCHING))
+    made.sequence[:] = 0.4
+    assert plan(made, observation(twist=Twist(0.4, 0.0), robot=JACKAL)) == Twist(0.0, 0.0)
+    np.testing.assert_array_equal(made.sequence, 0.0)
+
+
+def test_near_the_target_it_stops():
+    made = planner()
+    view = observation(target=(0.2, 0.0), twist=Twist(0.3, 0.1), odometry=Pose(1.0, 2.0, 0.3), robot=JACKAL)
+    assert plan(made, view) == Twist(0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("changes", "named"),
+    [
+        ({"time_steps": 5}, "planner.time_steps is 5: must be at least 10"),
+        ({"batch_size": 0}, "planner.batch_size is 0: must be at least 1"),
+        ({"temperature": 0.0}, "planner.temperature is 0"),
+        ({"vx_min": 0.2}, "planner.vx_min is 0.2: must be at most 0"),
+    ],
+)
+def test_a_wrong_value_is_named(changes, named):
+    with pytest.raises(InputError, match=named):
+        MppiConfig(**changes)
