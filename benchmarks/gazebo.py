@@ -54,8 +54,11 @@ def report(words: Sequence[str], logs: Mapping[str, "pd.DataFrame"]) -> Iterator
     yield f"`python -m benchmarks.gazebo --record`, {time.strftime('%Y-%m-%d')}, {machine()}\n"
     yield f"Ours: `lme eval {' '.join(words)}`\n"
     sides = "success / collision / time-out, time [s]"
-    yield f"| one | other | worlds | one: {sides} | other: {sides} | correlation | same verdict | time ratio |"
-    yield "|---|---|---:|---|---|---:|---:|---:|"
+    yield (
+        f"| one | other | worlds | one: {sides} | other: {sides} | correlation | same verdict | "
+        "time ratio | time correlation |"
+    )
+    yield "|---|---|---:|---|---|---:|---:|---:|---:|"
     ours = episodes(words)
     for name, log in logs.items():
         yield row("ours", name, agreement(ours, log))
@@ -67,7 +70,7 @@ def row(one: str, other: str, found: Agreement) -> str:
     """A line of the table."""
     return (
         f"| {one} | {other} | {found.worlds} | {_rates(found.one)} | {_rates(found.other)} | "
-        f"{found.correlation:.2f} | {found.same_verdict:.2f} | {found.time_ratio:.2f} |"
+        f"{found.correlation:.2f} | {found.same_verdict:.2f} | {found.time_ratio:.2f} | {found.time_correlation:.2f} |"
     )
 
 

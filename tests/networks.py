@@ -1,9 +1,10 @@
-"""Random networks of DRL-DCLP, as weight files and as TensorFlow checkpoints, of DRL-VO, and in ONNX, for tests."""
+"""Random networks for tests: of DRL-DCLP, as weights and as TensorFlow checkpoints, of DRL-VO, LiCS, and in ONNX."""
 
 import numpy as np
 import pytest
 
 from lme.errors import InputError
+from lme.planners.array_file import write_arrays
 from lme.planners.dclp.bundle import INDEX, SHARD
 from lme.planners.dclp.importing import tensor_names
 from lme.planners.dclp.kernels.crc32c import crc32c
@@ -11,6 +12,7 @@ from lme.planners.dclp.leveldb import masked
 from lme.planners.dclp.weights import SHAPES, TOLD, TRAINED, write_weights
 from lme.planners.drl_vo import architecture
 from lme.planners.drl_vo import weights as drl_vo
+from lme.planners.lics import weights as lics
 
 MAGIC = (0xDB4775248B80FB57).to_bytes(8, "little")
 TINY = architecture.Sizes(channels=2, features=5, hidden=4)  # of a DRL-VO network that answers at once
@@ -34,6 +36,22 @@ def network_file(path, seed=0, trained=None):
         weights[TRAINED][TOLD.index(key)] = span
     with path.open("wb") as file:
         write_weights(weights, file)
+    return path
+
+
+def random_lics(seed=0):
+    """Weights of a LiCS network that are so large that all inputs matter."""
+    rng = np.random.default_rng(seed)
+    return {
+        name: (rng.normal(size=shape) / np.sqrt(shape[-1])).astype(np.float32)
+        for name, shape in lics.SHAPES.items()
+    }
+
+
+def lics_file(path, seed=0):
+    """A weight file of a random LiCS network."""
+    with path.open("wb") as file:
+        write_arrays(random_lics(seed), file)
     return path
 
 

@@ -41,7 +41,8 @@ class Agreement:
 
     correlation: of the worlds' success rates; nan if either is the same in all worlds. same_verdict: probability that
     one episode of each, in the same world, both reach the goal or both do not. time_ratio: median over worlds of the
-    first set's mean time of successful episodes divided by the other's; nan if no world has both.
+    first set's mean time of successful episodes divided by the other's; nan if no world has both. time_correlation:
+    of the worlds' mean times of successful episodes; nan if fewer than two worlds have both, or either has no spread.
     """
 
     one: Rates
@@ -50,6 +51,7 @@ class Agreement:
     correlation: float
     same_verdict: float
     time_ratio: float
+    time_correlation: float
 
 
 def read_log(path: Path, block: str | None = None) -> pd.DataFrame:
@@ -88,13 +90,15 @@ def agreement(one: pd.DataFrame, other: pd.DataFrame) -> Agreement:
         raise InputError("worlds: the episodes and the log have no world in common: must have at least one")
     one, other = one[one["world"].isin(shared)], other[other["world"].isin(shared)]
     p, q = _success_by_world(one), _success_by_world(other)
+    ours, theirs = _mean_times(one, other)
     return Agreement(
         one=rates(one),
         other=rates(other),
         worlds=len(shared),
         correlation=_correlation(p, q),
         same_verdict=float((p * q + (1.0 - p) * (1.0 - q)).mean()),
-        time_ratio=_time_ratio(one, other),
+        time_ratio=float(np.median(ours / theirs)) if len(ours) else math.nan,
+        time_correlation=_correlation(ours, theirs) if len(ours) > 1 else math.nan,
     )
 
 
@@ -116,12 +120,15 @@ def _correlation(p: Floats, q: Floats) -> float:
     return float(np.corrcoef(p, q)[0, 1]) if np.ptp(p) > 0.0 and np.ptp(q) > 0.0 else math.nan
 
 
-def _time_ratio(one: pd.DataFrame, other: pd.DataFrame) -> float:
-    """Median over worlds of the ratio of mean times of success."""
+def _mean_times(one: pd.DataFrame, other: pd.DataFrame) -> tuple[Floats, Floats]:
+    """Mean times of success of both sets [s] in the worlds where both have one."""
+    import pandas as pd
+
     means = [
         frame[frame["outcome"] == Outcome.SUCCESS].groupby("world")["time_s"].mean() for frame in (one, other)
     ]
-    return float((means[0] / means[1]).dropna().median())
+    ours, theirs = pd.concat(means, axis=1).dropna().to_numpy(dtype=np.float64).T
+    return ours, theirs
 
 
 def _episode(path: Path, number: int, line: dict[str, str]) -> tuple[int, str, float]:

@@ -20,7 +20,7 @@ from runners.config import build, catalogue
 from runners.config.overrides import CUSTOM
 from tests.builders import CLUTTER, SHIPPED, observation, room, task, without_errors
 from tests.composing import jobs_of
-from tests.networks import drl_vo_file, network_file, onnx_file
+from tests.networks import drl_vo_file, lics_file, network_file, onnx_file
 from tests.tolerances import KERNEL, MIRROR, MIRROR_ON_CELLS
 
 CATALOGUE = catalogue.shipped()
@@ -32,7 +32,11 @@ GOES_ON = (*LME, "lme_plus")  # after arrival
 LEARNED = {
     name for name in PLANNERS if {"weights", "path"} & set(CATALOGUE.values(f"planner/{name}"))
 }  # random networks here
-NETWORKS = {"dclp": network_file, "drl_vo": drl_vo_file}  # by the first words of the planners' names
+NETWORKS = {
+    "dclp": network_file,
+    "drl_vo": drl_vo_file,
+    "lics": lics_file,
+}  # by the first words of the planners' names
 ONNX = "onnx.onnx"
 TUNED_FOR = {
     "tuned": "jackal",
@@ -69,7 +73,7 @@ ARRIVED_M = dict.fromkeys(LME, 0.51)  # its d1: nearer than this it takes the go
 AT_GOAL_M, AT_REST_M_S = 0.2, 0.05
 STOPS_M = dict.fromkeys(("ros_dwa", "mppi", "mppi_tuned"), 0.3)  # their xy_goal_tolerance is 0.25 m
 SLOW_M_S = {"ros_dwa": 0.5, "mppi": 0.4}  # their own limit, which noise about it does not quite reach
-ON_CELLS = ("move_base", "nav2")
+ON_CELLS = ("move_base", "nav2", "global_planner")
 HANDED = "ros_dwa"  # as in ROS, the first of equal scores wins, and turns to the right come first
 MARGIN_M = 0.05  # the paper's planner drives within 9° of its subgoal: with r alone it may graze a wall
 NEAR = World(circles=np.array([[0.9, 0.25, 0.2], [0.7, -0.9, 0.2], [-0.2, 1.0, 0.2]]))

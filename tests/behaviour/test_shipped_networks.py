@@ -18,7 +18,11 @@ def test_a_shipped_network_is_small_and_has_a_card(name):
     assert path.stat().st_size <= BYTES_MAX
     card = yaml.safe_load(path.with_suffix(".md").read_text().split("```")[1].removeprefix("yaml"))
     assert card["name"] == name
-    assert {"command", "seed", "versions", "validation", "held_out"} <= set(card)
+    if "source" in card:  # of others
+        assert {"commit", "sha256", "licence"} <= set(card)
+        assert "Permission is hereby granted" in (path.parent / card["notice"]).read_text()
+    else:
+        assert {"command", "seed", "versions", "validation", "held_out"} <= set(card)
 
 
 @pytest.mark.parametrize("guide", ["target", "lme"])

@@ -66,7 +66,8 @@ class CostmapConfig:
 class Costmap:
     """Seen or known obstacles around a start at the origin and a goal.
 
-    costs: (I, J) uint8; `TOUCHING` and `INSCRIBED` forbid a cell, costs up to `HIGHEST` do not.
+    costs: (I, J) uint8; `TOUCHING` and `INSCRIBED` forbid a cell, costs up to `HIGHEST` do not. stamp: of `stamp`, the
+    costs around an occupied cell from the next scan or `refresh` on.
     """
 
     def __init__(self, config: CostmapConfig, robot: Robot, goal: Floats) -> None:
@@ -74,7 +75,7 @@ class Costmap:
         self._lidar = robot.lidar.mount
         self._keep = round(config.observation_persistence * robot.control_rate)  # [scans]
         self._grid, size = _layout(config, goal)
-        self._stamp = stamp(config, robot.footprint.r_min)
+        self.stamp = stamp(config, robot.footprint.r_min)
         self._outline = robot.footprint.outline(config.footprint_padding)
         self._hits = np.zeros(size, dtype=np.int32)
         self.costs = np.zeros(size, dtype=np.uint8)
@@ -88,7 +89,7 @@ class Costmap:
             self._hits,
             self.costs,
             self._grid,
-            self._stamp,
+            self.stamp,
             self._scans,
             self._keep,
             compose(observation.odometry, self._lidar),
@@ -111,7 +112,7 @@ class Costmap:
 
     def refresh(self) -> None:
         """Recompute the costs from the current obstacles."""
-        inflate(self._hits, self._stamp, self.costs)
+        inflate(self._hits, self.stamp, self.costs)
 
     def cell(self, point: Floats) -> Cell:
         """Array index of the cell that contains a point (2,) [m], or of the nearest cell of the grid."""

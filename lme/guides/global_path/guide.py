@@ -70,6 +70,7 @@ class GlobalPath:
         self._config = config
         self._robot = robot
         self._period = max(1, round(robot.control_rate / config.replan_rate))
+        self.cell_costs = _TABLE  # what the search pays for a cell of each cost
         self._world: tuple[World, Pose] | None = None
 
     def reset(self, rng: np.random.Generator) -> None:
@@ -144,15 +145,15 @@ class GlobalPath:
         it ends at that cell if the robot would touch an obstacle at the target.
         """
         costs, here, there = costmap.costs, costmap.cell(robot), costmap.cell(target)
-        start = nearest_passable(costs, _TABLE, here, there)
-        goal = nearest_passable(costs, _TABLE, there, here)
+        start = nearest_passable(costs, self.cell_costs, here, there)
+        goal = nearest_passable(costs, self.cell_costs, there, here)
         if start[0] < 0:
             return None
-        g = search(costs, _TABLE, start, goal, self._config.heuristic_weight)
-        cells = trace(g, costs, _TABLE, start, goal)
+        g = search(costs, self.cell_costs, start, goal, self._config.heuristic_weight)
+        cells = trace(g, costs, self.cell_costs, start, goal)
         if len(cells) == 0:
             return None
-        way = costmap.points(straighten(cells, g, costs, _TABLE))
+        way = costmap.points(straighten(cells, g, costs, self.cell_costs))
         way = way[1:] if start == here else way
         way = way[:-1] if goal == there else way
         touching = costs[there] == TOUCHING

@@ -18,6 +18,7 @@ EXAMPLES = (
     "lme weights import dclp network/configback540GMMdense101lambda0-100",
     "lme weights import dclp network/configback540GMMdense101lambda0-100 published_dclp",
     "lme weights import drl_vo drl_vo.zip",
+    "lme weights import lics transformer_99.pth",
 )
 
 
@@ -44,11 +45,18 @@ def _drl_vo(path: Path) -> Arrays:
     return import_archive(path)
 
 
+def _lics(path: Path) -> Arrays:
+    from lme.planners.lics.importing import import_state
+
+    return import_state(path)
+
+
 NETWORKS = {
     "dclp": ForeignNetwork(
         "the TensorFlow V2 checkpoint of DRL-DCLP", "guide=target planner=dclp_barn", _dclp
     ),
     "drl_vo": ForeignNetwork("the drl_vo.zip of DRL-VO", "guide=global_path planner=drl_vo_barn", _drl_vo),
+    "lics": ForeignNetwork("the transformer_99.pth of LiCS-KI", "guide=global_planner planner=lics", _lics),
 }
 
 

@@ -102,13 +102,17 @@ def test_agreement_by_hand():
     assert found.same_verdict == pytest.approx((1.0 + 0.5 + 0.5) / 3)
     assert found.correlation == pytest.approx(0.5)  # of (1, 0, 1) and (1, 0.5, 0.5)
     assert found.time_ratio == pytest.approx((10.0 / 25.0 + 12.0 / 24.0) / 2)
+    assert found.time_correlation == pytest.approx(-1.0)  # of (10, 12) and (25, 24)
 
 
 def test_agreement_with_itself_and_without_spread():
     ours = episodes((0, "success", 10.0), (1, "collision", 2.0))
     found = agreement(ours, ours)
     assert (found.correlation, found.same_verdict, found.time_ratio) == (pytest.approx(1.0), 1.0, 1.0)
-    assert math.isnan(agreement(ours[:1], ours[:1]).correlation)
+    assert math.isnan(found.time_correlation)  # of one world
+    alone = agreement(ours[:1], ours[:1])
+    assert math.isnan(alone.correlation)
+    assert math.isnan(agreement(ours[1:], ours[1:]).time_ratio)
 
 
 def test_worlds_in_common_are_needed():

@@ -1,4 +1,4 @@
-"""A fully connected layer of a neural network."""
+"""A fully connected layer of a neural network, compiled."""
 
 import numpy as np
 from numba import njit

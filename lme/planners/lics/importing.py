@@ -1,0 +1,47 @@
+"""Import of the network that the authors of LiCS published: a file of PyTorch, checked."""
+
+from __future__ import annotations
+
+import struct
+import zipfile
+import zlib
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lme.errors import InputError
+from lme.planners.array_file import check_finite
+from lme.planners.drl_vo.torch_file import TorchFile
+from lme.planners.lics.weights import SHAPES, WHAT
+
+_DAMAGE = (
+    zipfile.BadZipFile, zipfile.LargeZipFile, zlib.error, struct.error, EOFError, RuntimeError, ValueError,
+    OverflowError, NotImplementedError, MemoryError,
+)  # fmt: skip
+
+
+def import_state(path: Path) -> dict[str, NDArray[np.float32]]:
+    """The arrays of `SHAPES` in a `state_dict` that PyTorch saved, such as `transformer_99.pth`.
+
+    Nothing in the file runs, and PyTorch is not needed. The zip's own checksums are verified. Raises InputError, naming
+    file and array.
+    """
+    try:
+        with zipfile.ZipFile(path) as archive:
+            saved = TorchFile(archive)
+            found = {name: tensor.shape for name, tensor in saved.tensors.items()}
+            for name, shape in SHAPES.items():
+                if found.get(name) != shape:
+                    raise InputError(
+                        f"{path}: {name} is {found.get(name, 'missing')}: must be float32 {shape}"
+                    )
+            weights = {name: saved.read(name) for name in SHAPES}
+    except InputError:
+        raise
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
+    except _DAMAGE as error:
+        raise InputError(f"{path}: is not {WHAT} that PyTorch saved ({error})") from None
+    check_finite(weights, str(path))
+    return weights

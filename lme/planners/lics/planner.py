@@ -1,0 +1,72 @@
+"""LiCS-KI: an imitation-learned transformer along a global path."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from lme.errors import require
+from lme.planners.commands import limited
+from lme.planners.lics.network import LicsPolicy
+from lme.planners.lics.observation import FRONT, direction_along, sweep
+from lme.planners.lics.weights import read_weights
+from lme.resources import resource_dir
+from lme.robots import Robot
+from lme.types import Floats, Guidance, Observation, Twist
+
+SHIPPED = "lics_ki.npz"  # in conf/network/
+
+
+@dataclass(slots=True)
+class LicsConfig:
+    """The network's weights, what it sees, and the velocities that its output means; the authors' names."""
+
+    weights: str | None = None  # path of an .npz; None: the authors' network, which ships with lme
+    los: float = 2.0  # [m] the network drives towards the first point of the path this far from its begin
+    laser_clip: float = 5.0  # [m] longer ranges become this one
+    threshold_dist: float = 2.5  # [m] nearer obstacles ahead slow the robot down
+    max_v: float = 1.5  # [m/s]
+    min_v: float = -0.5  # [m/s]
+    max_w: float = 1.2  # [rad/s]
+
+    def __post_init__(self) -> None:
+        for key in ("los", "laser_clip", "threshold_dist", "max_v", "max_w"):
+            require(f"planner.{key}", getattr(self, key), above=0.0)
+        require("planner.min_v", self.min_v, at_most=0.0)
+
+
+class Lics:
+    """LiCS (Damanik et al. 2025, RA-L, arXiv 2406.14947), as it won the BARN Challenge of 2024.
+
+    Network, observation and action are those of the authors' entry, LiCS-KI: a sweep of 720 beams and the direction of
+    a point on the global path give a velocity, which falls with the least range within 40° of straight ahead. While
+    the guide finds no path, the direction stays what it was, in the robot frame. The entry has no recovery, and no
+    notion of arrival. The command is limited to what the robot can reach in a period.
+    """
+
+    Config = LicsConfig
+
+    def __init__(self, config: LicsConfig, robot: Robot) -> None:
+        path = Path(config.weights) if config.weights else resource_dir("conf") / "network" / SHIPPED
+        self._network = LicsPolicy(read_weights(path))
+        self._config = config
+        self._robot = robot
+
+    def reset(self, rng: np.random.Generator) -> None:
+        """Forget the direction."""
+        self._direction: Floats = np.zeros(2)
+
+    def plan(self, observation: Observation, guidance: Guidance) -> Twist:
+        """Command for one control period."""
+        config = self._config
+        ranges = sweep(observation.scan, self._robot.lidar.yaw, config.laser_clip)
+        if not guidance.blocked:
+            path = guidance.path if guidance.path is not None else guidance.subgoal[None]
+            self._direction = direction_along(path, config.los)
+        v, omega = self._network.velocity(ranges, self._direction).tolist()
+        v *= config.max_v * min(float(ranges[FRONT].min()) / config.threshold_dist, 1.0)
+        v, omega = min(max(v, config.min_v), config.max_v), omega * config.max_w
+        omega = min(max(omega, -config.max_w), config.max_w)
+        return limited(v, omega, observation, self._robot.dt)
