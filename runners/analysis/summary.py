@@ -81,7 +81,8 @@ class Row:
     for a single run. interval: 95 % interval of the success rate. global_planner: a value of GLOBAL_PLANNER.
     ablated: the label of its ablation, "without c_o"; empty if there is none, or if `label` includes it.
     changes: "key=value, …" of keys, other than `keys`, that differ from the files of their options. unfinished: how
-    much of the plan was driven, such as "12 of 100 worlds"; empty if all of it.
+    much of the plan was driven, such as "12 of 100 worlds"; empty if all of it. source: where published figures are
+    from; empty for ours, and for the paper's.
     """
 
     label: str
@@ -96,6 +97,7 @@ class Row:
     changes: str = ""
     unfinished: str = ""
     ablated: str = ""
+    source: str = ""
 
     @property
     def name(self) -> str:
@@ -242,6 +244,7 @@ def _published_row(found: published.Figures, setting: published.PublishedSetting
         stats=found.stats,
         global_planner=GLOBAL_PLANNER["observed" if found.global_planner else ""],
         published_map=setting.map,
+        source=found.source,
     )
 
 

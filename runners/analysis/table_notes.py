@@ -53,9 +53,15 @@ def notes(rows: Sequence[Row], left_out: Collection[str] = ()) -> list[str]:
         )
     lines += changed_notes(rows)
     lines += published.notes({row.published_map for row in rows if row.published_map})
+    lines += [f"{label}: {source}." for label, source in _sources(rows).items()]
     if any(row.unfinished for row in rows):
         lines.append("A row that says how much was driven is not finished; its figures are of that part.")
     return lines
+
+
+def _sources(rows: Sequence[Row]) -> dict[str, str]:
+    """Where the published figures are from that are not the paper's, by the row's label."""
+    return {row.label: row.source for row in rows if row.source}
 
 
 def changed_notes(rows: Sequence[Row]) -> list[str]:

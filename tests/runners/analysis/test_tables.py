@@ -117,6 +117,28 @@ def test_published_figures_are_next_to_what_they_compare_with(columns, published
     assert ("does not list its hundred worlds" in text) == (published and "map" not in columns)
 
 
+def test_figures_of_a_log_say_where_they_are_from():
+    figures = {
+        "barn": {"robots": ["jackal"], "success": [0.7]},
+        "barn_official50": {
+            "robots": ["jackal"],
+            "success": [0.98],
+            "source": "a log",
+            "formula": "OT/clip(AT, 4·OT, 8·OT)",
+        },
+    }
+    systems = {"lme": System("LME", "lme", "simple", published=figures)}
+    logged = summarise(records(subset="official50"), systems=systems)
+    assert logged[1].stats == {"success": (0.98, pytest.approx(np.nan, nan_ok=True))}
+    said = "LME (published): a log; BARN metric: OT/clip(AT, 4·OT, 8·OT)."
+    assert said in notes(logged)
+    assert "in Gazebo" in "".join(notes(logged))
+    assert "does not list its hundred worlds" not in "".join(notes(logged))
+    papers = summarise(records(), systems=systems)
+    assert papers[1].stats["success"][0] == 0.7
+    assert said not in notes(papers)
+
+
 def test_the_projects_own_published_figures():
     rows = summarise(records())
     assert [row.label for row in rows] == ["LME (ours)", "LME (published)"]

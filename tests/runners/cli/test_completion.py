@@ -11,7 +11,7 @@ from runners.cli import completion, main
 from tests.places import ROOT
 
 COMMANDS = ("completion", "eval", "table")
-JACKALS = "jackal jackal_gazebo jackal_real jackal_slow jackal_wheels"
+JACKALS = "jackal jackal_challenge jackal_gazebo jackal_real jackal_slow jackal_wheels"
 
 
 @pytest.mark.parametrize(
