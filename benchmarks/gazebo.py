@@ -36,7 +36,10 @@ def main() -> None:
     )
     options.add_argument("--runs", type=int, default=2, help="episodes in each world")
     options.add_argument(
-        "words", nargs="*", metavar="WORD", help="words for lme eval, after those of the default"
+        "words",
+        nargs="*",
+        metavar="WORD",
+        help="words for lme eval, instead of the default's where they have the same key",
     )
     given = options.parse_args()
     names = given.log or list(LOGS)
@@ -45,7 +48,13 @@ def main() -> None:
         print(f"Skipped: {given.shared} has no {', '.join(absent)}; give the logs' folder with --shared.")
         return
     logs = {name: read_log(_file(given.shared, name), name.partition(":")[2] or None) for name in names}
-    show(report([*WORDS, f"runs={given.runs}", *given.words], logs), "gazebo", given.record)
+    show(report(with_defaults([f"runs={given.runs}", *given.words]), logs), "gazebo", given.record)
+
+
+def with_defaults(words: Sequence[str]) -> list[str]:
+    """The words for lme eval: those of the default whose keys are not given, then these."""
+    given = {word.partition("=")[0] for word in words}
+    return [*(word for word in WORDS if word.partition("=")[0] not in given), *words]
 
 
 def report(words: Sequence[str], logs: Mapping[str, "pd.DataFrame"]) -> Iterator[str]:
