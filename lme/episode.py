@@ -76,25 +76,60 @@ def run_episode(
     observer: Observer | None = None,
 ) -> Episode:
     """Drive from the start until arrival, contact or time-out. `rng` is the only source of randomness."""
-    navigator_rng, simulator_rng = rng.spawn(2)
-    navigator.reset(navigator_rng)
-    navigator.read_map(task.world, task.start)
-    observation = simulator.reset(task, simulator_rng)
-    log = _Log(task, simulator)
-    while (outcome := log.outcome()) is None:
-        before = perf_counter_ns()
-        command = navigator.act(observation)
-        decision_us = (perf_counter_ns() - before) / 1000.0
-        assert navigator.guidance is not None
-        log.decided(navigator.guidance, decision_us)
+    running = RunningEpisode(task, navigator, simulator, rng)
+    while running.outcome() is None:
+        command = running.decide()
         if observer is not None:
             assert navigator.observation is not None
+            assert navigator.guidance is not None
             observer.decided(navigator.observation, navigator.guidance, command, simulator.state)
-        observation = simulator.step(command)
-        log.moved()
+        running.move(command)
     if observer is not None:
-        observer.ended(observation, simulator.state)
-    return log.episode(outcome)
+        observer.ended(running.observation, simulator.state)
+    return running.episode()
+
+
+class RunningEpisode:
+    """An episode that its caller drives: `decide`, then `move`, while there is no `outcome`.
+
+    observation: the newest. navigator, simulator: those that drive; nothing else may drive them meanwhile.
+    decision_us: computing time of the last decision [µs].
+    """
+
+    def __init__(
+        self, task: Task, navigator: Navigator, simulator: Simulator, rng: np.random.Generator
+    ) -> None:
+        navigator_rng, simulator_rng = rng.spawn(2)
+        self.navigator, self.simulator = navigator, simulator
+        navigator.reset(navigator_rng)
+        navigator.read_map(task.world, task.start)
+        self.observation = simulator.reset(task, simulator_rng)
+        self.decision_us = 0.0
+        self._log = _Log(task, simulator)
+
+    def outcome(self) -> Outcome | None:
+        """The outcome; None while the episode continues."""
+        return self._log.outcome()
+
+    def decide(self) -> Twist:
+        """The navigator's command for the newest observation."""
+        before = perf_counter_ns()
+        command = self.navigator.act(self.observation)
+        self.decision_us = (perf_counter_ns() - before) / 1000.0
+        assert self.navigator.guidance is not None
+        self._log.decided(self.navigator.guidance, self.decision_us)
+        return command
+
+    def move(self, command: Twist) -> None:
+        """Drive for one control period."""
+        self.observation = self.simulator.step(command)
+        self._log.moved()
+
+    def episode(self) -> Episode:
+        """The result. Call it at the end."""
+        outcome = self._log.outcome()
+        assert outcome is not None
+        return self._log.episode(outcome)
 
 
 class Progress:
