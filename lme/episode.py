@@ -120,6 +120,14 @@ class RunningEpisode:
         self._log.decided(self.navigator.guidance, self.decision_us)
         return command
 
+    def change(self, task: Task) -> None:
+        """Go on among the obstacles of another task and to its goal; see `lme.sim.simulator.Simulator.change`.
+
+        Call it before `decide`. A guide that was given the map keeps the map that it has.
+        """
+        self.observation = self.simulator.change(task)
+        self._log.change(task)
+
     def move(self, command: Twist) -> None:
         """Drive for one control period."""
         self.observation = self.simulator.step(command)
@@ -145,6 +153,10 @@ class Progress:
         self._clock_start = math.nan if task.clock_distance > 0.0 else 0.0
         self.path_length = 0.0
         self.min_clearance = state.clearance
+
+    def change(self, task: Task) -> None:
+        """Go by the rules of another task from now on."""
+        self._task = task
 
     def moved(self, before: State, state: State) -> None:
         """Record the motion of a control period."""
@@ -185,6 +197,11 @@ class _Log:
     def outcome(self) -> Outcome | None:
         """The outcome; None while the episode continues."""
         return self._progress.outcome(self._simulator.state)
+
+    def change(self, task: Task) -> None:
+        """Go on with another task."""
+        self._task = task
+        self._progress.change(task)
 
     def decided(self, guidance: Guidance, decision_us: float) -> None:
         """Record a decision before its execution."""
