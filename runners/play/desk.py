@@ -1,0 +1,132 @@
+"""Answers the messages of the page. It knows nothing of sockets, so that it can be tested without one."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator
+from typing import Any
+
+from lme.errors import InputError
+from lme.types import Pose
+from runners.play.drawing import FARTHEST, item_of
+from runners.play.fields import Fields
+from runners.play.frames import Sender, head, world_message
+from runners.play.session import MOST_STEPS, Session
+
+Reply = str | bytes  # JSON text, or a binary message
+
+BUDGET_S = 0.02  # of computing for one message, so that the next one is heard soon
+BATCH = 100  # frames in one message, at most
+
+
+class Desk:
+    """One session, and what its page has been sent."""
+
+    def __init__(self, session: Session) -> None:
+        self.session = session
+        self._senders: list[Sender] = []
+        self._told = -1  # revision that the page knows
+        self._worlds: set[int] = set()  # steps at which a world begins that the page knows
+
+    def welcome(self) -> Iterator[Reply]:
+        """Everything, for a page that has just come."""
+        self._told, self._senders, self._worlds = -1, [], set()
+        yield from self._news()
+
+    def answer(self, text: str) -> Iterator[Reply]:
+        """What a message leads to. A mistake in it becomes a message of the type "error"; nothing is lost."""
+        ticket: Any = None
+        try:
+            fields = Fields(text)
+            ticket = fields.value("ticket")
+            _ANSWERS[fields.one_of("type", _ANSWERS)](self, fields)
+        except InputError as error:
+            yield json.dumps({"type": "error", "text": str(error)})
+        yield from self._news()
+        if ticket is not None:
+            yield json.dumps({"type": "done", "ticket": ticket})
+
+    def _news(self) -> Iterator[Reply]:
+        """What the page does not know yet."""
+        session = self.session
+        if self._told != session.revision:
+            yield from self._situation()
+        for number, (lane, sender) in enumerate(zip(session.lanes, self._senders, strict=True)):
+            about = {"type": "frames", "revision": session.revision, "lane": number}
+            while sender.sent < len(lane.frames):
+                yield sender.frames(lane, min(sender.sent + BATCH, len(lane.frames)), about)
+
+    def _situation(self) -> Iterator[Reply]:
+        session = self.session
+        kept = session.kept if self._told == session.revision - 1 else 0
+        if kept == 0:
+            self._senders, self._worlds = [Sender() for _ in session.lanes], set()
+        for sender in self._senders:
+            sender.forget(kept)
+        self._told = session.revision
+        self._worlds = {step for step in self._worlds if step < kept}
+        yield json.dumps(
+            {
+                "type": "situation",
+                "revision": session.revision,
+                "kept": kept,
+                "step": session.shown,
+                "lanes": [head(lane) for lane in session.lanes],
+                "words": session.script.setup.words,
+                "map": session.script.setup.task.map_name,
+                "world": session.script.setup.task.number,
+                "run": session.script.setup.run,
+                "undoable": session.undoable,
+                "redoable": session.redoable,
+            }
+        )
+        for step, drawing in sorted(session.script.drawings.items()):
+            if step not in self._worlds:
+                self._worlds.add(step)
+                yield world_message(drawing, {"type": "world", "revision": session.revision, "step": step})
+
+    def _advance(self, fields: Fields) -> None:
+        self.session.advance(fields.integer("until", MOST_STEPS), BUDGET_S)
+
+    def _put(self, fields: Fields) -> None:
+        item = item_of(fields.text("kind"), fields.mapping("entry"))
+        self.session.put(self._step(fields), fields.text("name"), item, fields.text("gesture", ""))
+
+    def _erase(self, fields: Fields) -> None:
+        self.session.erase(self._step(fields), fields.text("name"), fields.text("gesture", ""))
+
+    def _goal(self, fields: Fields) -> None:
+        x, y = fields.numbers("goal", 2, FARTHEST)
+        self.session.move_goal(self._step(fields), (x, y), fields.text("gesture", ""))
+
+    def _start(self, fields: Fields) -> None:
+        pose = Pose(*fields.numbers("start", 3, FARTHEST))
+        self.session.move_start(self._step(fields), pose, fields.text("gesture", ""))
+
+    def _clear(self, fields: Fields) -> None:
+        self.session.clear(self._step(fields))
+
+    def _reset(self, fields: Fields) -> None:
+        self.session.reset()
+
+    def _undo(self, fields: Fields) -> None:
+        self.session.undo()
+
+    def _redo(self, fields: Fields) -> None:
+        self.session.redo()
+
+    def _step(self, fields: Fields) -> int:
+        return fields.integer("step", MOST_STEPS)
+
+
+_ANSWERS: dict[str, Callable[[Desk, Fields], None]] = {
+    "advance": Desk._advance,
+    "put": Desk._put,
+    "erase": Desk._erase,
+    "goal": Desk._goal,
+    "start": Desk._start,
+    "clear": Desk._clear,
+    "reset": Desk._reset,
+    "undo": Desk._undo,
+    "redo": Desk._redo,
+}
