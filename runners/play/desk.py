@@ -4,14 +4,20 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 from lme.errors import InputError
 from lme.types import Pose
+from runners.config.catalogue import SHIPPED
 from runners.play.drawing import FARTHEST, item_of
 from runners.play.fields import Fields
-from runners.play.frames import Sender, head, world_message
+from runners.play.frames import Sender, world_message
 from runners.play.session import MOST_STEPS, Session
+from runners.play.setups import setup_of
+from runners.play.situation import options, situation
+from runners.play.words import changed, map_files
 
 Reply = str | bytes  # JSON text, or a binary message
 
@@ -22,8 +28,9 @@ BATCH = 100  # frames in one message, at most
 class Desk:
     """One session, and what its page has been sent."""
 
-    def __init__(self, session: Session) -> None:
-        self.session = session
+    def __init__(self, session: Session, root: Path = Path()) -> None:
+        """root: the folder in which files may be read and written."""
+        self.session, self._root = session, root.resolve()
         self._senders: list[Sender] = []
         self._told = -1  # revision that the page knows
         self._worlds: set[int] = set()  # steps at which a world begins that the page knows
@@ -31,6 +38,9 @@ class Desk:
     def welcome(self) -> Iterator[Reply]:
         """Everything, for a page that has just come."""
         self._told, self._senders, self._worlds = -1, [], set()
+        source = self.session.script.setup.source
+        folders = (*SHIPPED, *([source.config_dir] if source.config_dir else []))
+        yield json.dumps(options(folders, map_files(self._root)))
         yield from self._news()
 
     def answer(self, text: str) -> Iterator[Reply]:
@@ -65,21 +75,7 @@ class Desk:
             sender.forget(kept)
         self._told = session.revision
         self._worlds = {step for step in self._worlds if step < kept}
-        yield json.dumps(
-            {
-                "type": "situation",
-                "revision": session.revision,
-                "kept": kept,
-                "step": session.shown,
-                "lanes": [head(lane) for lane in session.lanes],
-                "words": session.script.setup.words,
-                "map": session.script.setup.task.map_name,
-                "world": session.script.setup.task.number,
-                "run": session.script.setup.run,
-                "undoable": session.undoable,
-                "redoable": session.redoable,
-            }
-        )
+        yield json.dumps(situation(session, kept))
         for step, drawing in sorted(session.script.drawings.items()):
             if step not in self._worlds:
                 self._worlds.add(step)
@@ -103,6 +99,13 @@ class Desk:
         pose = Pose(*fields.numbers("start", 3, FARTHEST))
         self.session.move_start(self._step(fields), pose, fields.text("gesture", ""))
 
+    def _words(self, fields: Fields) -> None:
+        """Change words of the command line: {"set": {key: value, or null to take it away}}."""
+        setup, changes = self.session.script.setup, fields.mapping("set")
+        words = changed(setup.source.words, changes, self._root)
+        source = replace(setup.source, words=tuple(words))
+        self.session.choose(setup_of(source, former=setup), self._step(fields))
+
     def _clear(self, fields: Fields) -> None:
         self.session.clear(self._step(fields))
 
@@ -125,6 +128,7 @@ _ANSWERS: dict[str, Callable[[Desk, Fields], None]] = {
     "erase": Desk._erase,
     "goal": Desk._goal,
     "start": Desk._start,
+    "words": Desk._words,
     "clear": Desk._clear,
     "reset": Desk._reset,
     "undo": Desk._undo,

@@ -38,7 +38,7 @@ class Item:
 
 
 @dataclass(frozen=True, slots=True)
-class Drawing:
+class Sketch:
     """A world, a start and a goal.
 
     base: as opened; the names of its parts are c0, c1, … (circles), s0 (segments), p0 (polygons) and m0 (movers).
@@ -52,11 +52,11 @@ class Drawing:
     items: Mapping[str, Item] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, task: Task) -> Drawing:
+    def of(cls, task: Task) -> Sketch:
         """An untouched task."""
         return cls(task, Pose(*map(float, task.start)), _point(task.goal))
 
-    def put(self, name: str, item: Item) -> Drawing:
+    def put(self, name: str, item: Item) -> Sketch:
         """With an item, in place of the one or of the part of the base that has its name. Raises InputError."""
         if name not in self.items and len(self.items) >= MOST_ITEMS:
             raise InputError(f"the drawing has {MOST_ITEMS} items: must not be more; erase some first")
@@ -64,7 +64,7 @@ class Drawing:
         erased = self.erased | {name} if name in set(self._parts()) else self.erased
         return replace(self, items={**self.items, name: item}, erased=erased)
 
-    def erase(self, name: str) -> Drawing:
+    def erase(self, name: str) -> Sketch:
         """Without an item, or a part of the base. Raises InputError for a name that is not there."""
         if name in self.items:
             return replace(self, items={key: item for key, item in self.items.items() if key != name})
@@ -72,7 +72,7 @@ class Drawing:
             raise InputError(f"{name}: there is nothing of this name in the world")
         return replace(self, erased=self.erased | {name})
 
-    def clear(self) -> Drawing:
+    def clear(self) -> Sketch:
         """Without anything drawn, and with all that was erased; start and goal stay."""
         return replace(self, erased=frozenset(), items={})
 

@@ -21,7 +21,7 @@ from runners.explainer.encode import (
     tracks_people,
 )
 from runners.explainer.packer import Packer
-from runners.play.drawing import MOVERS, Drawing
+from runners.play.drawing import MOVERS, Sketch
 from runners.play.lane import Frame, Lane
 from runners.workers.trace import TracedStep
 
@@ -98,7 +98,7 @@ class Sender:
         add_seen(packer, np.array([len(cells) for cells in new_cells]), np.concatenate(new_cells))
 
 
-def world_message(drawing: Drawing, about: dict[str, Any]) -> bytes:
+def world_message(drawing: Sketch, about: dict[str, Any]) -> bytes:
     """A world with its start and goal, and its parts, if they are few enough to be dragged."""
     packer = Packer()
     task = drawing.task()

@@ -107,8 +107,8 @@ class Lane:
             self._command = None
             self._keep(step, tasks)
 
-    def decided_at(self, step: int, tasks: Tasks) -> RunningEpisode | None:
-        """The episode right after its decision at a step, to look at; None if it cannot be copied, or has ended."""
+    def before(self, step: int, tasks: Tasks) -> RunningEpisode | None:
+        """A copy of the episode right before its decision at a step; None without one, or if it cannot be copied."""
         before = [at for at in self._snapshots if at <= step]
         if not before or isinstance(self.frames[step].moment, TraceEnd):
             return None
@@ -116,9 +116,8 @@ class Lane:
         for at in range(max(before), step + 1):
             if at and at in tasks:
                 episode.change(tasks[at])
-            command = episode.decide()
             if at < step:
-                episode.move(command)
+                episode.move(episode.decide())
         return episode
 
     def _begin(self, task: Task) -> None:

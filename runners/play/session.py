@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
@@ -13,7 +14,7 @@ from lme.types import Outcome, Pose
 from lme.worlds.check import check_task
 from lme.worlds.world import Task
 from runners.config.schema import DriveConfig
-from runners.play.drawing import Drawing, Item
+from runners.play.drawing import Item, Sketch
 from runners.play.lane import Lane
 from runners.workers.episodes import episode_rng
 
@@ -22,7 +23,16 @@ UNDONE = 100  # changes that can be taken back
 
 
 @dataclass(frozen=True, slots=True)
-class System:
+class Source:
+    """Words of a command line, the config that they change, and the folder of the user's own options."""
+
+    words: tuple[str, ...]
+    config_name: str = "play"
+    config_dir: Path | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Entrant:
     """What a lane drives. label: its name in tables."""
 
     config: DriveConfig
@@ -31,15 +41,16 @@ class System:
 
 @dataclass(frozen=True, slots=True)
 class Setup:
-    """What a session begins with: the systems, a task, and the world and run that give the random numbers.
+    """What a session begins with: the systems, a task, and the run that gives the random numbers with its world.
 
-    words: of the command line that makes the systems.
+    numbers: of the worlds of the map set. source: what the systems were made from.
     """
 
-    systems: tuple[System, ...]
+    systems: tuple[Entrant, ...]
     task: Task
     run: int
-    words: tuple[str, ...] = ()
+    source: Source
+    numbers: tuple[int, ...] = ()
 
     @property
     def seed(self) -> int:
@@ -56,10 +67,10 @@ class Script:
     """
 
     setup: Setup
-    drawings: Mapping[int, Drawing]
+    drawings: Mapping[int, Sketch]
     begin: Pose | None = None
 
-    def at(self, step: int) -> Drawing:
+    def at(self, step: int) -> Sketch:
         """The drawing at a step."""
         return self.drawings[max(at for at in self.drawings if at <= step)]
 
@@ -85,7 +96,7 @@ class Session:
         self.revision = self.kept = self.shown = 0
         self._past: list[_Past] = []
         self._future: list[_Past] = []
-        self.script = Script(setup, {0: Drawing.of(setup.task)})
+        self.script = Script(setup, {0: Sketch.of(setup.task)})
         self.lanes: list[Lane] = []
         self.tasks: dict[int, Task] = {}
         self._stage(self.script)
@@ -107,7 +118,7 @@ class Session:
         """The last step that some lane has reached."""
         return max(len(lane.frames) for lane in self.lanes) - 1
 
-    def change(self, step: int, drawing: Drawing, gesture: str = "") -> None:
+    def change(self, step: int, drawing: Sketch, gesture: str = "") -> None:
         """Make a drawing count from a step on, and forget what came after. Raises InputError, and changes nothing then.
 
         gesture: changes of the same gesture are taken back together. A start that moves begins the drive anew.
@@ -151,7 +162,7 @@ class Session:
         In the same world a single robot goes on from where it is at the step; several begin anew, to be compared.
         """
         if setup.task is not self.script.setup.task:
-            self._play(Script(setup, {0: Drawing.of(setup.task)}), 0, "")
+            self._play(Script(setup, {0: Sketch.of(setup.task)}), 0, "")
             return
         begin = None
         if len(setup.systems) == len(self.lanes) == 1 and self.lanes[0].outcome is not Outcome.COLLISION:

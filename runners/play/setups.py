@@ -3,72 +3,69 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 from lme.errors import InputError
 from lme.worlds.check import check_task
-from lme.worlds.world import Task
+from lme.worlds.world import MapSet
 from runners.config import build, command_line, weights
 from runners.config.composer import Composer
 from runners.config.job import Job
 from runners.config.schema import DriveConfig
 from runners.experiments.labels import run_labels
-from runners.play.session import Setup, System
+from runners.play.session import Entrant, Setup, Source
 
 LANES = 4  # side by side
 
 
-@dataclass(frozen=True, slots=True)
-class Composed:
-    """The jobs of a command line, the systems that they make, and the first world of their map set."""
+def setup_of(
+    source: Source, run: int | None = None, world: int | None = None, former: Setup | None = None
+) -> Setup:
+    """What a session of these words begins with.
 
-    jobs: tuple[Job[Any], ...]
-    task: Task
-
-    def setup(self, run: int) -> Setup:
-        """What a session begins with."""
-        return Setup(
-            tuple(System(job.config, label) for job, label in zip(self.jobs, self._labels(), strict=True)),
-            self.task,
-            run,
-        )
-
-    def _labels(self) -> list[str]:
-        """The names of the systems, with what tells those of one name apart."""
-        labels = [run_labels(job, build.map_set(job.config, [self.task.number])) for job in self.jobs]
-        names = [
-            f"{label.system}, {label.ablation}" if label.ablation not in ("", "none") else label.system
-            for label in labels
-        ]
-        if len(set(names)) == len(names):
-            return names
-        return [
-            f"{name} ({job.changes_text or 'unchanged'})" for name, job in zip(names, self.jobs, strict=True)
-        ]
+    run, world: instead of those that the words choose, which is the first world of the map set. former: its task is
+    kept if it is the same. Raises InputError.
+    """
+    jobs = _jobs(source)
+    first = jobs[0].config
+    maps = build.map_set(first)
+    number = maps.numbers[0] if world is None else world
+    if former is not None and _same_task(former, first, number):
+        task = former.task
+    else:
+        task = (maps if number in maps.numbers else build.map_set(first, [number])).task(number)
+        for job in jobs:
+            check_task(task, job.config.robot)
+    systems = tuple(Entrant(job.config, label) for job, label in zip(jobs, _labels(jobs, maps), strict=True))
+    return Setup(systems, task, getattr(first, "run", 0) if run is None else run, source, tuple(maps.numbers))
 
 
-def composed(
-    words: Sequence[str], config_dir: Path | None = None, config_name: str = "play", world: int | None = None
-) -> Composed:
-    """What the words come to. world: its number; None: the first of the map set. Raises InputError."""
-    with Composer(config_name, config_dir) as composer:
-        plan = command_line.plan(composer, words, multirun=True, typed=words)
+def _jobs(source: Source) -> Sequence[Job[Any]]:
+    with Composer(source.config_name, source.config_dir) as composer:
+        plan = command_line.plan(composer, source.words, multirun=True, typed=source.words)
         if plan.num_jobs > LANES:
             raise InputError(f"{plan.num_jobs} systems: must be at most {LANES} side by side")
-        jobs = tuple(command_line.validated(plan, composer, _check))
+        jobs = command_line.validated(plan, composer, _check)
     _check_together(jobs)
-    task = task_of(jobs[0].config, world)
-    for job in jobs:
-        check_task(task, job.config.robot)
-    return Composed(jobs, task)
+    return jobs
 
 
-def task_of(config: DriveConfig, world: int | None) -> Task:
-    """The task in a world of a config's map set; the first for None. Raises InputError."""
-    maps = build.map_set(config, None if world is None else [world])
-    return maps.task(maps.numbers[0])
+def _same_task(former: Setup, config: DriveConfig, number: int) -> bool:
+    before = former.systems[0].config
+    same = (before.map, before.crowd) == (config.map, config.crowd) and former.task.number == number
+    return same and (config.map.get("radius") is not None or before.robot.hull == config.robot.hull)
+
+
+def _labels(jobs: Sequence[Job[Any]], maps: MapSet) -> list[str]:
+    """The names of the systems, with what tells those of one name apart."""
+    labels = [run_labels(job, maps) for job in jobs]
+    names = [
+        f"{label.system}, {label.ablation}" if label.ablation not in ("", "none") else label.system
+        for label in labels
+    ]
+    if len(set(names)) == len(names):
+        return names
+    return [f"{name} ({job.changes_text or 'unchanged'})" for name, job in zip(names, jobs, strict=True)]
 
 
 def _check(job: Job[Any]) -> None:

@@ -16,14 +16,17 @@ def main(argv: list[str]) -> int:
     given = arguments.parse(argv)
     if given.cfg or given.info or given.hydra_help:
         return _print_config(argv)
+    from runners.config.schema import PlayConfig
     from runners.play.run import check_installed, serve
-    from runners.play.session import Session
-    from runners.play.setups import composed
+    from runners.play.session import Session, Source
+    from runners.play.setups import setup_of
 
     check_installed()
-    made = composed(given.overrides, given.config_dir, given.config_name or "play")
-    config = made.jobs[0].config
-    serve(Session(made.setup(config.run)), config.port, config.browser)
+    source = Source(tuple(given.overrides), given.config_name or "play", given.config_dir)
+    session = Session(setup_of(source))
+    config = session.script.setup.systems[0].config
+    assert isinstance(config, PlayConfig)
+    serve(session, config.port, config.browser)
     return 0
 
 

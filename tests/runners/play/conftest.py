@@ -2,8 +2,8 @@
 
 import pytest
 
-from runners.play.session import Session
-from runners.play.setups import composed
+from runners.play.session import Session, Source
+from runners.play.setups import setup_of
 
 
 @pytest.fixture
@@ -11,7 +11,7 @@ def session_of():
     """A function from words to a session."""
 
     def made(*words, run=0, world=None):
-        return Session(composed(words, world=world).setup(run))
+        return Session(setup_of(Source(words), run, world))
 
     return made
 

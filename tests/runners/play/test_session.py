@@ -1,6 +1,6 @@
 """A session's drives: the same as `lme eval` records, and the same again after going back."""
 
-from dataclasses import fields, replace
+from dataclasses import fields
 
 import numpy as np
 import pytest
@@ -8,7 +8,8 @@ import pytest
 from lme.errors import InputError
 from lme.types import Outcome, Pose
 from runners.play.drawing import item_of
-from runners.play.setups import composed
+from runners.play.session import Source
+from runners.play.setups import setup_of
 from runners.records.episode_record import EpisodeKey, RunLabels
 from runners.workers.episodes import EpisodePayload, initialise
 from tests.composing import jobs_of
@@ -186,8 +187,7 @@ def test_other_systems_go_on_from_where_the_robot_is(session_of):
     session = drive(session_of(), 25)
     session.put(25, "d1", WALL)
     pose = session.lanes[0].frames[25].state.pose
-    setup = composed(["system=lme"]).setup(0)
-    session.choose(replace(setup, task=session.script.setup.task), 25)
+    session.choose(setup_of(Source(("system=lme",)), former=session.script.setup), 25)
     assert session.lanes[0].frames[0].state.pose == pose
     assert "d1" in session.script.at(0).items
     assert session.lanes[0].label == "LME"
@@ -207,9 +207,10 @@ def test_a_look_at_a_decision_changes_nothing(session_of):
     session = edited(session_of())
     driven = ways(session)
     (lane,) = session.lanes
-    episode = lane.decided_at(23, session.tasks)
+    episode = lane.before(23, session.tasks)
+    episode.decide()
     assert np.array_equal(episode.navigator.guidance.subgoal, lane.frames[23].moment.guidance.subgoal)
-    assert lane.decided_at(session.last, session.tasks) is None
+    assert lane.before(session.last, session.tasks) is None
     lane.rewind(50, session.tasks)
     assert ways(drive(session)) == driven
 
@@ -238,4 +239,4 @@ def test_what_cannot_be_copied_is_driven_again(session_of):
 )
 def test_what_cannot_drive_side_by_side_is_refused(words, problem):
     with pytest.raises(InputError, match=problem):
-        composed(words)
+        setup_of(Source(tuple(words)))
