@@ -11,6 +11,7 @@ from typing import Any
 from lme.errors import InputError
 from lme.types import Pose
 from runners.config.catalogue import SHIPPED
+from runners.play.details import LAYERS, detail_message
 from runners.play.drawing import FARTHEST, item_of
 from runners.play.fields import Fields
 from runners.play.frames import Sender, world_message
@@ -32,6 +33,7 @@ class Desk:
         """root: the folder in which files may be read and written."""
         self.session, self._root = session, root.resolve()
         self._senders: list[Sender] = []
+        self._more: list[Reply] = []  # what was asked for
         self._told = -1  # revision that the page knows
         self._worlds: set[int] = set()  # steps at which a world begins that the page knows
 
@@ -53,6 +55,8 @@ class Desk:
         except InputError as error:
             yield json.dumps({"type": "error", "text": str(error)})
         yield from self._news()
+        yield from self._more
+        self._more = []
         if ticket is not None:
             yield json.dumps({"type": "done", "ticket": ticket})
 
@@ -106,6 +110,15 @@ class Desk:
         source = replace(setup.source, words=tuple(words))
         self.session.choose(setup_of(source, former=setup), self._step(fields))
 
+    def _detail(self, fields: Fields) -> None:
+        """Say what a decision was made of."""
+        session = self.session
+        lane = fields.integer("lane", len(session.lanes) - 1)
+        step = min(self._step(fields), len(session.lanes[lane].frames) - 1)
+        layers = [layer for layer in LAYERS if layer in (fields.value("layers") or ())]
+        about = {"type": "detail", "revision": session.revision, "lane": lane, "step": step, "layers": layers}
+        self._more.append(detail_message(session.lanes[lane], step, session.tasks, layers, about))
+
     def _clear(self, fields: Fields) -> None:
         self.session.clear(self._step(fields))
 
@@ -129,6 +142,7 @@ _ANSWERS: dict[str, Callable[[Desk, Fields], None]] = {
     "goal": Desk._goal,
     "start": Desk._start,
     "words": Desk._words,
+    "detail": Desk._detail,
     "clear": Desk._clear,
     "reset": Desk._reset,
     "undo": Desk._undo,

@@ -29,6 +29,11 @@ OWN = (
     "connection.js",
     "shapes.js",
     "tools.js",
+    "layers.js",
+    "settings.js",
+    "selection.js",
+    "results.js",
+    "thoughts.js",
     "lane.js",
     "main.js",
 )

@@ -8,12 +8,16 @@ const NOTICE_MS = 6000;
 class App {
   constructor() {
     Object.assign(this, { position: 0, playing: false, speed: 1, tool: "move", selected: null, colour: "S" });
-    this.layers = new Set(["truth", "seen", "scan", "sectors", "candidates", "blockage", "history", "plan", "people", "ghosts"]);
+    this.layers = new Layers(this, byId("layers"));
     this.views = [];
     this.worlds = new Worlds();
     this.previews = [];
-    this.details = { below() {}, above() {} };
+    this.details = new Details(this);
     this.tools = new Tools(this);
+    this.settings = new Settings(this);
+    this.selection = new Selection(this);
+    this.results = new Results(byId("results-rows"));
+    this.thoughts = new Thoughts(this);
     this.dirty = true;
     this.#controls();
     this.connection = new Connection({
@@ -83,6 +87,11 @@ class App {
     this.connection.ask({ type: "reset" });
   }
 
+  /** Ask for something at the step that is shown. */
+  send(message) {
+    return this.connection.ask({ ...message, step: this.step });
+  }
+
   // The world
 
   newName() {
@@ -119,10 +128,14 @@ class App {
     this.#change({ type: "goal", goal, gesture });
   }
 
-  point() {}
+  point(view, pixel, near) {
+    view.pointed = pixel && this.tool === "move" ? view.scene.candidateAt(...pixel, near) : null;
+    this.redraw();
+  }
 
-  click() {
+  click(view) {
     this.select(null);
+    view.picked = view.pointed;
   }
 
   zoom(factor) {
@@ -162,7 +175,9 @@ class App {
     const heard = {
       situation: () => this.#situation(message),
       world: () => this.#world(message, arrays),
-      frames: () => this.views[message.lane].trace.append(message, arrays),
+      frames: () => this.#frames(message, arrays),
+      detail: () => this.details.hear(message, arrays),
+      options: () => this.settings.offer(message),
       error: () => this.notice(message.text),
     };
     heard[message.type]?.();
@@ -174,8 +189,15 @@ class App {
     if (message.kept === 0) this.begin = message.lanes;
     else for (const { trace } of this.views) trace.truncate(message.kept);
     if (message.step !== this.step) this.position = message.step;
+    this.settings.show(message);
     byId("undo").disabled = !message.undoable;
     byId("redo").disabled = !message.redoable;
+  }
+
+  #frames(message, arrays) {
+    const { trace } = this.views[message.lane];
+    trace.append(message, arrays);
+    if (message.outcome) this.results.add(trace);
   }
 
   #world(message, arrays) {
@@ -193,6 +215,7 @@ class App {
       view.scene.resize();
     });
     this.place = place;
+    this.thoughts.begin();
     byId("subtitle").textContent = `${this.situation.map}, world ${this.situation.world}, run ${this.situation.run}`;
     document.body.classList.add("ready");
   }
@@ -238,20 +261,16 @@ class App {
     this.dirty = false;
     for (const view of this.views) view.draw();
     this.#texts();
+    this.thoughts.show();
+    this.selection.show();
+    this.details.update();
     this.drawn = (this.drawn ?? 0) + 1;
   }
 
   #texts() {
-    const view = this.views[0];
-    const { trace, step } = view;
-    if (trace.last < 0) return;
-    byId("sentence").textContent = sentenceAt(trace, step);
-    byId("choice").textContent = choiceAt(trace, step);
-    byId("choice").className = choiceAt(trace, step).split(":")[0].replace(" ", "-");
-    const facts = [...factsAt(trace, step), ["decided in", decidedIn(trace, step)]];
-    byId("facts").replaceChildren(...facts.flatMap(([name, value]) => [named("dt", name), named("dd", value)]));
     byId("step").max = this.last;
     byId("step").value = this.step;
+    byId("step").setAttribute("aria-valuetext", `step ${this.step} of ${this.last}`);
     byId("count").textContent = `${this.step} / ${this.last}`;
     byId("play").setAttribute("aria-label", this.playing ? "Pause" : "Play");
     byId("play").dataset.playing = this.playing;
@@ -260,6 +279,7 @@ class App {
   #controls() {
     const on = (id, event, action) => byId(id).addEventListener(event, action);
     on("play", "click", () => this.play());
+    on("results-clear", "click", () => this.forgetDrives());
     on("back", "click", () => (this.play(false), this.go(this.step - 1)));
     on("forward", "click", () => this.forward());
     on("reset", "click", () => this.reset());
@@ -285,17 +305,19 @@ class App {
     });
   }
 
+  /** Forget how drives ended, and their paths. */
+  forgetDrives() {
+    this.results.clear();
+    for (const view of this.views) view.ghosts = [];
+    this.redraw();
+  }
+
   choose(tool) {
     this.tool = tool;
     for (const button of document.querySelectorAll("[data-tool]")) {
       button.setAttribute("aria-pressed", button.dataset.tool === tool);
     }
   }
-}
-
-/** The computing time of the decision. */
-function decidedIn(trace, step) {
-  return step < trace.decisions ? `${(trace.decisionUs[step] / 1000).toFixed(2)} ms` : DASH;
 }
 
 recallTheme();
