@@ -15,6 +15,7 @@ from runners.play.details import LAYERS, detail_message
 from runners.play.drawing import FARTHEST, item_of
 from runners.play.fields import Fields
 from runners.play.frames import Sender, world_message
+from runners.play.saving import KINDS, save
 from runners.play.session import MOST_STEPS, Session
 from runners.play.setups import setup_of
 from runners.play.situation import options, situation
@@ -119,6 +120,12 @@ class Desk:
         about = {"type": "detail", "revision": session.revision, "lane": lane, "step": step, "layers": layers}
         self._more.append(detail_message(session.lanes[lane], step, session.tasks, layers, about))
 
+    def _save(self, fields: Fields) -> None:
+        """Save as one of several kinds of files, and say where it is."""
+        kind = fields.one_of("kind", KINDS)
+        saved = save(self.session, kind, fields.text("name"), self._root, self._step(fields))
+        self._more.append(json.dumps({"type": "saved", "path": str(saved.path), "command": saved.command}))
+
     def _clear(self, fields: Fields) -> None:
         self.session.clear(self._step(fields))
 
@@ -143,6 +150,7 @@ _ANSWERS: dict[str, Callable[[Desk, Fields], None]] = {
     "start": Desk._start,
     "words": Desk._words,
     "detail": Desk._detail,
+    "save": Desk._save,
     "clear": Desk._clear,
     "reset": Desk._reset,
     "undo": Desk._undo,

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from lme.episode import RunningEpisode
+from lme.episode import Episode, RunningEpisode
 from lme.geometry.angles import wrap_angle
 from lme.geometry.frames import to_world
 from lme.navigator import Explanations
@@ -74,6 +74,10 @@ class Lane:
     def outcome(self) -> Outcome | None:
         """How the drive ended, if it has."""
         return self.frames[-1].outcome if self.frames else None
+
+    def episode(self) -> Episode | None:
+        """The result; None before the end."""
+        return None if self.outcome is None else self._running.episode.episode()
 
     def extend(self, tasks: Tasks) -> bool:
         """Add the next frame; False if the drive has ended."""

@@ -35,6 +35,7 @@ OWN = (
     "results.js",
     "thoughts.js",
     "lane.js",
+    "keys.js",
     "main.js",
 )
 POLICY: Final = (

@@ -16,6 +16,8 @@ from lme.errors import InputError
 from lme.requirements import install
 
 if TYPE_CHECKING:
+    from runners.config.arguments import Arguments
+    from runners.config.schema import PlayConfig
     from runners.play.session import Session
 
 HOST = "127.0.0.1"
@@ -88,3 +90,14 @@ def _lines(address: str, port: int) -> Sequence[str]:
 
 def _is_remote() -> bool:
     return bool(os.environ.get("SSH_CONNECTION"))
+
+
+def settings(given: Arguments) -> tuple[int, bool]:
+    """The port, and whether to open the browser, from the words. Raises InputError for wrong values."""
+    from runners.config import command_line
+    from runners.config.composer import Composer
+
+    own = [word for word in given.overrides if word.partition("=")[0] in ("port", "browser")]
+    with Composer("play") as composer:
+        config: PlayConfig = command_line.compose_job(composer, own).config
+    return config.port, config.browser

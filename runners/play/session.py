@@ -16,6 +16,7 @@ from lme.worlds.world import Task
 from runners.config.schema import DriveConfig
 from runners.play.drawing import Item, Sketch
 from runners.play.lane import Lane
+from runners.records.episode_record import RunLabels
 from runners.workers.episodes import episode_rng
 
 MOST_STEPS = 20_000  # of a drive
@@ -33,10 +34,16 @@ class Source:
 
 @dataclass(frozen=True, slots=True)
 class Entrant:
-    """What a lane drives. label: its name in tables."""
+    """What a lane drives.
+
+    label: its name on the page. words: of a command line of `lme eval` that makes it, with every choice. labels: of its
+    records.
+    """
 
     config: DriveConfig
     label: str
+    words: tuple[str, ...]
+    labels: RunLabels
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,6 +76,11 @@ class Script:
     setup: Setup
     drawings: Mapping[int, Sketch]
     begin: Pose | None = None
+
+    @property
+    def changed(self) -> bool:
+        """Whether the world changes while the systems drive."""
+        return len(self.drawings) > 1
 
     def at(self, step: int) -> Sketch:
         """The drawing at a step."""
@@ -117,6 +129,10 @@ class Session:
     def last(self) -> int:
         """The last step that some lane has reached."""
         return max(len(lane.frames) for lane in self.lanes) - 1
+
+    def play(self, script: Script) -> None:
+        """Go over to another script, from its beginning. Raises InputError, and changes nothing then."""
+        self._play(script, 0, "")
 
     def change(self, step: int, drawing: Sketch, gesture: str = "") -> None:
         """Make a drawing count from a step on, and forget what came after. Raises InputError, and changes nothing then.

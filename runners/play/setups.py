@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from lme.errors import InputError
+from lme.weight_files import PUBLISHED
 from lme.worlds.check import check_task
-from lme.worlds.world import MapSet
 from runners.config import build, command_line, weights
 from runners.config.composer import Composer
 from runners.config.job import Job
 from runners.config.schema import DriveConfig
+from runners.experiments.from_python import to_hydra
 from runners.experiments.labels import run_labels
 from runners.play.session import Entrant, Setup, Source
+from runners.records.episode_record import RunLabels
 
 LANES = 4  # side by side
+
+_CHOSEN = ("robot", "map", "sim", "crowd", "system", "guide", "planner", "ablation")
 
 
 def setup_of(
@@ -36,7 +40,11 @@ def setup_of(
         task = (maps if number in maps.numbers else build.map_set(first, [number])).task(number)
         for job in jobs:
             check_task(task, job.config.robot)
-    systems = tuple(Entrant(job.config, label) for job, label in zip(jobs, _labels(jobs, maps), strict=True))
+    labels = [run_labels(job, maps) for job in jobs]
+    systems = tuple(
+        Entrant(job.config, name, explicit(job.choices, job.changes, job.config), label)
+        for job, name, label in zip(jobs, _names(jobs, labels), labels, strict=True)
+    )
     return Setup(systems, task, getattr(first, "run", 0) if run is None else run, source, tuple(maps.numbers))
 
 
@@ -56,9 +64,25 @@ def _same_task(former: Setup, config: DriveConfig, number: int) -> bool:
     return same and (config.map.get("radius") is not None or before.robot.hull == config.robot.hull)
 
 
-def _labels(jobs: Sequence[Job[Any]], maps: MapSet) -> list[str]:
+def explicit(choices: Mapping[str, str], changes: Mapping[str, Any], config: DriveConfig) -> tuple[str, ...]:
+    """The words that say all of a config: every choice, every changed key, and what is in no group."""
+    chosen = {group: choices[group] for group in _CHOSEN if choices.get(group) not in (None, "null")}
+    if "system" in chosen:  # it chooses these two
+        chosen.pop("guide", None)
+        chosen.pop("planner", None)
+    if "+" in chosen.get("ablation", ""):
+        chosen["ablation"] = f"[{chosen['ablation'].replace('+', ',')}]"
+    keys = {key: to_hydra(value) for key, value in changes.items() if key.partition(".")[0] != "people"}
+    factors = getattr(config, "scale", {})
+    scale = {"scale": to_hydra(factors)} if factors else {}
+    weights = {} if config.weights == PUBLISHED else {"weights": to_hydra(config.weights)}
+    people = {"people": str(build.people_of(config))}
+    own = {**weights, **scale, **people, "seed": str(config.seed)}
+    return tuple(f"{key}={value}" for key, value in {**chosen, **keys, **own}.items())
+
+
+def _names(jobs: Sequence[Job[Any]], labels: Sequence[RunLabels]) -> list[str]:
     """The names of the systems, with what tells those of one name apart."""
-    labels = [run_labels(job, maps) for job in jobs]
     names = [
         f"{label.system}, {label.ablation}" if label.ablation not in ("", "none") else label.system
         for label in labels

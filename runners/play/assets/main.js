@@ -138,6 +138,18 @@ class App {
     view.picked = view.pointed;
   }
 
+  /** Show the thoughts of a lane. */
+  look(number) {
+    this.looked = number % this.views.length;
+    for (const view of this.views) view.frame.classList.toggle("looked", this.views.length > 1 && view.number === this.looked);
+    this.redraw();
+  }
+
+  pan(dx, dy) {
+    for (const { scene } of this.views) scene.camera.pan(dx, dy);
+    this.redraw();
+  }
+
   zoom(factor) {
     for (const { scene } of this.views) scene.camera.zoom(factor);
     this.redraw();
@@ -178,6 +190,7 @@ class App {
       frames: () => this.#frames(message, arrays),
       detail: () => this.details.hear(message, arrays),
       options: () => this.settings.offer(message),
+      saved: () => this.#saved(message),
       error: () => this.notice(message.text),
     };
     heard[message.type]?.();
@@ -192,6 +205,10 @@ class App {
     this.settings.show(message);
     byId("undo").disabled = !message.undoable;
     byId("redo").disabled = !message.redoable;
+  }
+
+  #saved({ path, command }) {
+    byId("saved").replaceChildren(named("code", path), document.createElement("br"), named("code", command));
   }
 
   #frames(message, arrays) {
@@ -215,6 +232,7 @@ class App {
       view.scene.resize();
     });
     this.place = place;
+    this.look(Math.min(this.looked ?? 0, this.views.length - 1));
     this.thoughts.begin();
     byId("subtitle").textContent = `${this.situation.map}, world ${this.situation.world}, run ${this.situation.run}`;
     document.body.classList.add("ready");
@@ -279,6 +297,15 @@ class App {
   #controls() {
     const on = (id, event, action) => byId(id).addEventListener(event, action);
     on("play", "click", () => this.play());
+    on("help-open", "click", () => byId("help").showModal());
+    on("save", "submit", (event) => {
+      event.preventDefault();
+      byId("saved").textContent = "Saving …";
+      this.send({ type: "save", kind: byId("save-kind").value, name: byId("save-name").value }).then(() => {
+        if (byId("saved").textContent === "Saving …") byId("saved").textContent = "";
+      });
+    });
+    listenToKeys(this);
     on("results-clear", "click", () => this.forgetDrives());
     on("back", "click", () => (this.play(false), this.go(this.step - 1)));
     on("forward", "click", () => this.forward());

@@ -19,6 +19,7 @@ class Tools {
     canvas.addEventListener("pointerdown", (event) => {
       if (event.button > 1) return;
       held.set(event.pointerId, place(event));
+      this.app.look(view.number);
       canvas.setPointerCapture(event.pointerId);
       if (held.size > 1) this.drag = null; // two fingers zoom
       else this.drag = this.#begin(view, place(event), event);
