@@ -13,7 +13,7 @@ const LAYERS = { // name: what it is, and whether it is on at first
   ghosts: ["paths left behind", true],
   memory: ["memory", false],
   times: ["expected times", false],
-  arcs: ["arcs the planner weighed", false],
+  arcs: ["arcs weighed", false],
 };
 const ASKED = ["memory", "times", "arcs"];
 const ARC_S = 0.8; // least duration of an arc as drawn
@@ -115,11 +115,11 @@ function drawTimes(scene, pose, { grid: [gx, gy, cell, size], pose: [px, py, pya
   scene.inWorld((ctx) => {
     ctx.transform(cos, sin, -sin, cos, pose.x - cos * px + sin * py, pose.y - sin * px - cos * py);
     ctx.globalAlpha = 0.42;
-    for (let row = 0; row < size; row++) {
-      for (let column = 0; column < size; column++) {
-        const time = times[row * size + column];
+    for (let column = 0; column < size; column++) { // along x, which is the first index
+      for (let row = 0; row < size; row++) {
+        const time = times[column * size + row];
         if (!Number.isFinite(time) || time > high * 1.5) continue;
-        ctx.fillStyle = shade(time, { low: high, high: low });
+        ctx.fillStyle = shade(-time, { low: -high, high: -low });
         ctx.fillRect(gx + column * cell, gy + row * cell, cell * 1.02, cell * 1.02);
       }
     }
