@@ -64,12 +64,15 @@ class Desk:
     def _news(self) -> Iterator[Reply]:
         """What the page does not know yet."""
         session = self.session
-        if self._told != session.revision:
+        told = self._told
+        if told != session.revision:
             yield from self._situation()
         for number, (lane, sender) in enumerate(zip(session.lanes, self._senders, strict=True)):
             about = {"type": "frames", "revision": session.revision, "lane": number}
             while sender.sent < len(lane.frames):
                 yield sender.frames(lane, min(sender.sent + BATCH, len(lane.frames)), about)
+        if told != session.revision:
+            yield json.dumps({"type": "settled"})  # what is drawn fits together again
 
     def _situation(self) -> Iterator[Reply]:
         session = self.session

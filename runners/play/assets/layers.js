@@ -106,24 +106,35 @@ function placed({ x, y, yaw }, px, py) {
   return [x + Math.cos(yaw) * px - Math.sin(yaw) * py, y + Math.sin(yaw) * px + Math.cos(yaw) * py];
 }
 
-/** Expected times as colours, pale where the way takes long. */
-function drawTimes(scene, pose, { grid: [gx, gy, cell, size], pose: [px, py, pyaw], arrays: { times } }) {
-  const finite = times.filter(Number.isFinite);
-  const [low, high] = [0.02, 0.9].map((share) => percentile(Float64Array.from(finite).sort(), share));
+/** Expected times as colours, dark where the way takes long. */
+function drawTimes(scene, pose, known) {
+  const { grid: [gx, gy, cell, size], pose: [px, py, pyaw] } = known;
+  known.picture ??= pictureOf(known.arrays.times, size);
   const turn = pose.yaw - pyaw;
   const [cos, sin] = [Math.cos(turn), Math.sin(turn)];
   scene.inWorld((ctx) => {
     ctx.transform(cos, sin, -sin, cos, pose.x - cos * px + sin * py, pose.y - sin * px - cos * py);
     ctx.globalAlpha = 0.42;
-    for (let column = 0; column < size; column++) { // along x, which is the first index
-      for (let row = 0; row < size; row++) {
-        const time = times[column * size + row];
-        if (!Number.isFinite(time) || time > high * 1.5) continue;
-        ctx.fillStyle = shade(-time, { low: -high, high: -low });
-        ctx.fillRect(gx + column * cell, gy + row * cell, cell * 1.02, cell * 1.02);
-      }
-    }
+    ctx.imageSmoothingEnabled = false;
+    ctx.drawImage(known.picture, gx, gy, size * cell, size * cell);
   });
+}
+
+/** A pixel per cell; its column is the first index of the times, which is along x. */
+function pictureOf(times, size) {
+  const sorted = times.filter(Number.isFinite).sort();
+  const [low, high] = [percentile(sorted, 0.02), percentile(sorted, 0.9)];
+  const picture = new OffscreenCanvas(size, size);
+  const ctx = picture.getContext("2d");
+  for (let column = 0; column < size; column++) {
+    for (let row = 0; row < size; row++) {
+      const time = times[column * size + row];
+      if (!(time <= high * 1.5)) continue; // nor what the search did not reach
+      ctx.fillStyle = shade(-time, { low: -high, high: -low });
+      ctx.fillRect(column, row, 1, 1);
+    }
+  }
+  return picture;
 }
 
 function drawMemory(scene, pose, points) {

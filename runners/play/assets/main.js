@@ -191,6 +191,7 @@ class App {
       detail: () => this.details.hear(message, arrays),
       options: () => this.settings.offer(message),
       saved: () => this.#saved(message),
+      settled: () => (this.settling = false),
       error: () => this.notice(message.text),
     };
     heard[message.type]?.();
@@ -198,7 +199,8 @@ class App {
 
   #situation(message) {
     this.situation = message;
-    this.worlds.truncate(message.kept);
+    this.settling = true; // nothing is drawn until all of it is here
+    this.cut = message.kept; // the worlds since then are replaced when the new ones come
     if (message.kept === 0) this.begin = message.lanes;
     else for (const { trace } of this.views) trace.truncate(message.kept);
     if (message.step !== this.step) this.position = message.step;
@@ -218,6 +220,8 @@ class App {
   }
 
   #world(message, arrays) {
+    if (this.cut !== null) this.worlds.truncate(this.cut);
+    this.cut = null;
     this.worlds.add(message, arrays);
     if (!this.begin) return;
     const heads = this.begin;
@@ -258,8 +262,10 @@ class App {
 
   #tick(now, before) {
     const elapsed = Math.min((now - before) / 1000, LONGEST_S);
-    if (this.playing && this.views.length) this.#drive(elapsed);
-    if (this.dirty && this.views.length) this.#draw();
+    if (this.views.length && !this.settling) {
+      if (this.playing) this.#drive(elapsed);
+      if (this.dirty) this.#draw();
+    }
     requestAnimationFrame((next) => this.#tick(next, now));
   }
 
