@@ -47,8 +47,8 @@ class Stretch(NamedTuple):
     movers: Sequence[tuple[Floats, Floats]]
 
 
-def encode(trace: Trace, sentences: Sequence[str], system: str = "") -> str:
-    """An episode, with one sentence per decision, as base64 text. system: its name in tables."""
+def encode(trace: Trace, sentences: Sequence[str], system: str = "", play: str = "") -> str:
+    """An episode, with one sentence per decision, as base64 text. system, play: see `write.write_page`."""
     packer = Packer()
     movers = [trace.moving(frame) for frame in trace.frames]
     stretch = Stretch(trace.robot, trace.steps, trace.frames, trace.episode.trajectory, movers)
@@ -58,7 +58,7 @@ def encode(trace: Trace, sentences: Sequence[str], system: str = "") -> str:
     _movers(packer, stretch)
     reasons = [step.explanation for step in trace.steps if step.explanation is not None]
     _add_thoughts(packer, stretch, reasons, plans_paths(trace.steps), tracks_people(trace.config))
-    header = _header(trace, system)
+    header = _header(trace, system) | ({"play": play} if play else {})
     header |= policy(reasons[0]) | {"sentences": list(sentences)} if reasons else {"explained": False}
     return packer.text(header)
 

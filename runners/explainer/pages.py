@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import shlex
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -133,7 +134,8 @@ def initialise(payload: PagePayload) -> Callable[[EpisodeKey], Page]:
         try:
             mark = _MARK.format(payload.marks[key])
             trace = rerun_recorded(run_dir, key.world, key.run, read_trajectories([run_dir], [key]))
-            write_page(trace, path, payload.systems[key], mark)
+            play = f"lme play {shlex.quote(str(run_dir))} {key.world}/{key.run}"
+            write_page(trace, path, payload.systems[key], mark, play)
         except (InputError, OSError) as error:
             return Page(key, path, str(error))
         return Page(key, path, "")

@@ -118,16 +118,16 @@ class _Seats:
                 self._seated = None
 
     async def _reply(self, websocket: WebSocket, replies: Iterator[Reply]) -> None:
-        """Send replies as they are made. They are made in a thread, so that the socket stays alive meanwhile."""
-        while (reply := await asyncio.to_thread(self._next, replies)) is not None:
+        """Send replies. They are made in a thread, so that the socket stays alive meanwhile."""
+        for reply in await asyncio.to_thread(self._made, replies):
             if isinstance(reply, bytes):
                 await websocket.send_bytes(reply)
             else:
                 await websocket.send_text(reply)
 
-    def _next(self, replies: Iterator[Reply]) -> Reply | None:
+    def _made(self, replies: Iterator[Reply]) -> list[Reply]:
         with self._turn:
-            return next(replies, None)
+            return list(replies)
 
 
 async def _close(websocket: WebSocket) -> None:

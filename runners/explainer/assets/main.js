@@ -242,6 +242,7 @@ class App {
     byId("choice").className = choiceAt(trace, step).split(":")[0].replace(" ", "-");
     const facts = factsAt(trace, step);
     byId("facts").replaceChildren(...facts.flatMap(([name, value]) => [named("dt", name), named("dd", value)]));
+    if (trace.head.play) byId("play-here").querySelector("code").textContent = `${trace.head.play} --step ${step}`;
     byId("step").value = step;
     byId("step").setAttribute("aria-valuetext", `step ${step} of ${playback.last}`);
     byId("count").textContent = `${step} / ${playback.last}`;
@@ -275,6 +276,7 @@ function dress(trace) {
   byId("subtitle").textContent = [head.system, ...ablation, head.robot, ending].filter(Boolean).join(" · ");
   document.body.classList.add(trace.explained ? "explained" : "unexplained", head.planned ? "planned" : "unplanned");
   byId("truth").disabled = byId("truth").parentElement.hidden = !head.mapped;
+  byId("play-here").hidden = !head.play;
   byId("key-people").hidden = !head.tracked;
   byId("key-blocking").hidden = !trace.arrays.blocking?.some((sector) => sector >= 0);
   byId("key-history").hidden = !trace.arrays["history.count"]?.some(Boolean);

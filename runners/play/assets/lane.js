@@ -83,6 +83,9 @@ class LaneView {
     const { app, trace, scene, step } = this;
     const shown = { step, truth: app.layers.has("truth"), verdict: null, changed: false, picked: null, layers: app.layers,
       pose: this.shownPose, below: () => this.#below(), above: () => this.#above() };
+    const drawn = `${app.situation.revision} ${step}`;
+    if (drawn !== this.drawn) this.pointed = this.picked = null; // other candidates are drawn at every step
+    this.drawn = drawn;
     if (this.deciding) {
       const scores = this.scores;
       Object.assign(shown, this.#coloured(step, scores));

@@ -261,12 +261,12 @@ class App {
   // Time
 
   #tick(now, before) {
+    requestAnimationFrame((next) => this.#tick(next, now)); // first, so that one mistake does not end it all
     const elapsed = Math.min((now - before) / 1000, LONGEST_S);
     if (this.views.length && !this.settling) {
       if (this.playing) this.#drive(elapsed);
       if (this.dirty) this.#draw();
     }
-    requestAnimationFrame((next) => this.#tick(next, now));
   }
 
   #drive(elapsed) {
@@ -288,7 +288,8 @@ class App {
     this.thoughts.show();
     this.selection.show();
     this.details.update();
-    this.drawn = (this.drawn ?? 0) + 1;
+    this.drawn = (this.drawn ?? 0) + 1; // for who measures how smooth it is
+    this.drawnAt = performance.now();
   }
 
   #texts() {

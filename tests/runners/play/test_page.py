@@ -186,6 +186,22 @@ def test_the_goal_and_the_robot_can_be_dragged_while_it_drives(serve):
     assert page.evaluate("play.views[0].ghosts.length") > 0
 
 
+def test_a_candidate_that_is_pointed_at_is_let_go_when_others_are_drawn(serve):
+    page = serve().page
+    for steps in (10, 30):
+        forward(page, steps)
+        x, y = page.evaluate("play.views[0].scene.spots.at(-1)")
+        box = page.locator("canvas.scene").bounding_box()
+        page.mouse.move(box["x"] + x, box["y"] + y)
+        settle(page)
+        assert page.evaluate("play.views[0].pointed") is not None
+        assert page.text_content("#candidate").startswith("Candidate")
+    drag(page, (10.5, 4.0), (9.5, 6.0), (3.0, 1.0))
+    page.mouse.move(0, 0)
+    forward(page, 5)
+    assert page.text_content("#candidate").startswith("The best candidate")
+
+
 def test_two_systems_drive_side_by_side(serve):
     served = serve("system=lme,lme_plus", "map=barn", "map.worlds=[282]")
     page = served.page
