@@ -190,8 +190,9 @@ def test_a_candidate_that_is_pointed_at_is_let_go_when_others_are_drawn(serve):
     page = serve().page
     for steps in (10, 30):
         forward(page, steps)
-        x, y = page.evaluate("play.views[0].scene.spots.at(-1)")
         box = page.locator("canvas.scene").bounding_box()
+        inside = f"([x, y]) => x > 9 && x < {box['width'] - 9} && y > 99 && y < {box['height'] - 9}"
+        x, y = page.evaluate(f"play.views[0].scene.spots.findLast({inside})")
         page.mouse.move(box["x"] + x, box["y"] + y)
         settle(page)
         assert page.evaluate("play.views[0].pointed") is not None
