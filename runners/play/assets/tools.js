@@ -30,7 +30,7 @@ class Tools {
       if (!before) this.app.point(view, now, NEAR_PX[event.pointerType] ?? NEAR_PX.mouse);
       else if (other) this.#pinch(view, before, now, other[1]);
       else this.drag?.move(view.locate(now), now, before);
-      held.set(event.pointerId, now);
+      if (before) held.set(event.pointerId, now);
       this.app.redraw();
     });
     const release = (event) => {

@@ -194,8 +194,8 @@ def test_a_candidate_that_is_pointed_at_is_let_go_when_others_are_drawn(serve):
         inside = f"([x, y]) => x > 9 && x < {box['width'] - 9} && y > 99 && y < {box['height'] - 9}"
         x, y = page.evaluate(f"play.views[0].scene.spots.findLast({inside})")
         page.mouse.move(box["x"] + x, box["y"] + y)
+        until(page, f"play.views[0].pointed === play.views[0].scene.candidateAt({x}, {y}, 9)")
         settle(page)
-        assert page.evaluate("play.views[0].pointed") is not None
         assert page.text_content("#candidate").startswith("Candidate")
     drag(page, (10.5, 4.0), (9.5, 6.0), (3.0, 1.0))
     page.mouse.move(0, 0)
