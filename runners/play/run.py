@@ -10,6 +10,7 @@ import socket
 import threading
 import webbrowser
 from collections.abc import Sequence
+from importlib import import_module
 from typing import TYPE_CHECKING
 
 from lme.errors import InputError
@@ -27,11 +28,17 @@ _TOKEN_BYTES = 16
 
 def check_installed() -> None:
     """Raise InputError unless the packages of the extra `play` are installed."""
-    from importlib.util import find_spec
-
-    missing = [name for name in PACKAGES if find_spec(name) is None]
+    missing = [name for name in PACKAGES if not _is_there(name)]
     if missing:
         raise InputError(f"lme play needs the packages {', '.join(missing)}: {install(*PACKAGES)}")
+
+
+def _is_there(package: str) -> bool:
+    try:
+        import_module(package)
+    except ImportError:
+        return False
+    return True
 
 
 def serve(session: Session, port: int, browser: bool) -> None:
