@@ -114,6 +114,19 @@ def test_going_back_and_on_again_gives_the_same_drive(session_of, words):
     assert ways(drive(again)) == driven
 
 
+@pytest.mark.parametrize("sim", ["fast", "physics", "skid"])
+def test_a_collision_is_the_same_collision_again(session_of, sim):
+    robot = "jackal_gazebo" if sim == "skid" else "jackal"
+    session = drive(session_of(f"sim={sim}", f"robot={robot}", "system=simple"), 5)
+    session.put(5, "d1", WALL)
+    drive(session)
+    assert session.lanes[0].outcome is Outcome.COLLISION
+    driven = ways(session)
+    for step in (session.last - 1, 12, 3):
+        session.lanes[0].rewind(step, session.tasks)
+        assert ways(drive(session)) == driven
+
+
 def test_a_drag_counts_as_its_last_place(session_of):
     words = ["system=lme_plus", "sim.scan_noise=0.02"]
     slow, quick = session_of(*words), session_of(*words)
