@@ -59,15 +59,15 @@ function pressed(app, key, shift) {
 /** Keys that move, turn and erase what is selected; false for others. */
 function onSelected(app, key, shift) {
   const stride = shift ? FINE_M : STEP_M;
-  const moves = { ArrowLeft: [-stride, 0], ArrowRight: [stride, 0], ArrowUp: [0, stride], ArrowDown: [0, -stride] };
+  const moves = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] }; // on the screen
   const turns = { "[": TURN_DEG, "]": -TURN_DEG };
   const gesture = app.tools.gesture();
   const part = app.selectedPart;
   const pose = app.views[0].shownPose;
   if (key in moves) {
-    const [dx, dy] = moves[key];
+    const [dx, dy] = inWorld(app.views[0].scene.camera, moves[key], stride);
     if (part) app.put(part.name, part.kind, movedBy(part.entry, dx, dy), gesture);
-    else if (app.selected === "goal") app.placeGoal(app.world.goal.map((value, axis) => value + moves[key][axis]), gesture);
+    else if (app.selected === "goal") app.placeGoal([app.world.goal[0] + dx, app.world.goal[1] + dy], gesture);
     else if (app.selected === "robot") app.placeRobot([pose.x + dx, pose.y + dy, pose.yaw], gesture);
     return true;
   }
@@ -81,6 +81,13 @@ function onSelected(app, key, shift) {
     return true;
   }
   return false;
+}
+
+/** A direction on the screen as one in the world, of a length [m]. */
+function inWorld(camera, [sx, sy], length) {
+  const [[x0, y0], [x1, y1]] = [camera.locate(0, 0), camera.locate(sx, sy)];
+  const scale = length / Math.hypot(x1 - x0, y1 - y0);
+  return [(x1 - x0) * scale, (y1 - y0) * scale];
 }
 
 function back(app, steps) {

@@ -1,5 +1,7 @@
 // Why the robot goes there: the sentence, the facts and the terms of the system that is looked at.
 
+const REST_SPOKEN_MS = 300;
+
 class Thoughts {
   constructor(app) {
     this.app = app;
@@ -57,6 +59,16 @@ class Thoughts {
     byId("facts").replaceChildren(...facts.flatMap(([name, value]) => [named("dt", name), named("dd", value)]));
     document.body.classList.toggle("no-decision", !view.deciding);
     if (view.deciding) this.#terms(view, trace, step);
+    this.#speak(`Step ${step}, ${choiceAt(trace, step)}. ${sentenceAt(trace, step)}`);
+    view.canvas.setAttribute("aria-label", sceneText(trace, step));
+  }
+
+  /** Describe a step to a screen reader once it has been shown for a while, never while playing. */
+  #speak(text) {
+    if (text === this.said) return;
+    this.said = text;
+    clearTimeout(this.speaking);
+    if (!this.app.playing) this.speaking = setTimeout(() => (byId("spoken").textContent = text), REST_SPOKEN_MS);
   }
 
   #terms(view, trace, step) {

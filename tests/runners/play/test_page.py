@@ -203,6 +203,35 @@ def test_a_candidate_that_is_pointed_at_is_let_go_when_others_are_drawn(serve):
     assert page.text_content("#candidate").startswith("The best candidate")
 
 
+def test_everything_can_be_done_by_keyboard(serve):
+    served = serve("system=lme,lme_plus")  # so narrow that the world is shown turned
+    page, session = served.page, served.session
+    page.keyboard.press("3")
+    page.keyboard.press("i")
+    until(page, "play.selectedPart?.kind === 'boxes'")
+    before = page.evaluate("play.views[0].scene.camera.place(...play.selectedPart.entry.centre)")
+    page.keyboard.press("ArrowRight")
+    until(page, f"play.views[0].scene.camera.place(...play.selectedPart.entry.centre)[0] > {before[0]} + 1")
+    now = page.evaluate("play.views[0].scene.camera.place(...play.selectedPart.entry.centre)")
+    assert now[1] == pytest.approx(before[1], abs=0.5)
+    page.keyboard.press("Escape")
+    for _ in range(2):
+        page.keyboard.press("t")
+    assert page.evaluate("play.selected") == "goal"
+    page.keyboard.press("ArrowLeft")
+    until(page, "play.situation.revision > 2")
+    assert np.hypot(*np.subtract(session.script.at(0).goal, (10.5, 4.0))) == pytest.approx(0.1)
+    page.keyboard.press("Escape")
+    page.keyboard.press("ArrowRight")
+    until(page, "play.step === 1")
+    page.keyboard.press("r")
+    until(page, "play.step === 0")
+    page.keyboard.press("?")
+    assert page.is_visible("#help")
+    page.keyboard.press("Escape")
+    until(page, "document.getElementById('spoken').textContent.startsWith('Step 0')")
+
+
 def test_two_systems_drive_side_by_side(serve):
     served = serve("system=lme,lme_plus", "map=barn", "map.worlds=[282]")
     page = served.page
