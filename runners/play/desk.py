@@ -42,7 +42,7 @@ class Desk:
         """Everything, for a page that has just come."""
         self._told, self._senders, self._worlds = -1, [], set()
         source = self.session.script.setup.source
-        folders = (*SHIPPED, *([source.config_dir] if source.config_dir else []))
+        folders = (*SHIPPED, *([source.config_dir] if source and source.config_dir else []))
         yield json.dumps(options(folders, map_files(self._root)))
         yield from self._news()
 
@@ -110,6 +110,10 @@ class Desk:
     def _words(self, fields: Fields) -> None:
         """Change words of the command line: {"set": {key: value, or null to take it away}}."""
         setup, changes = self.session.script.setup, fields.mapping("set")
+        if setup.source is None:
+            raise InputError(
+                "a recording drives with its own config alone; open the run's directory to change it"
+            )
         words = changed(setup.source.words, changes, self._root)
         source = replace(setup.source, words=tuple(words))
         self.session.choose(setup_of(source, former=setup), self._step(fields))

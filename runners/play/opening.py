@@ -77,7 +77,7 @@ def _of_recording(path: Path) -> Session:
     labels = RunLabels(**dict.fromkeys(RunLabels.__annotations__, ""))
     task = _task(config, episode.world)
     entrant = Entrant(config, "recorded", (), labels)
-    return _driven(Setup((entrant,), task, episode.run, Source(()), (episode.world,)), None)
+    return _driven(Setup((entrant,), task, episode.run, None, (episode.world,)), None)
 
 
 def _setup(launch: Launch, labels: RunLabels, key: EpisodeKey) -> Setup:

@@ -116,7 +116,12 @@ def _write_run(session: Session, lane: Lane, run_dir: Path, words: list[str], ke
     from runners.workers.episodes import EpisodePayload, initialise, record_of
 
     script = session.script
-    with Composer("eval", script.setup.source.config_dir) as composer:
+    source = script.setup.source
+    if source is None:
+        raise InputError(
+            "a recording does not say by which words it was made: save it as a page or a recording"
+        )
+    with Composer("eval", source.config_dir) as composer:
         job = compose_job(composer, ["tracking=none", *words])
     changed = script.changed
     if changed:

@@ -50,13 +50,14 @@ class Entrant:
 class Setup:
     """What a session begins with: the systems, a task, and the run that gives the random numbers with its world.
 
-    numbers: of the worlds of the map set. source: what the systems were made from.
+    numbers: of the worlds of the map set. source: what the systems were made from; None where nobody knows, as of a
+    recording.
     """
 
     systems: tuple[Entrant, ...]
     task: Task
     run: int
-    source: Source
+    source: Source | None
     numbers: tuple[int, ...] = ()
 
     @property

@@ -36,7 +36,7 @@ def situation(session: Session, kept: int) -> dict[str, Any]:
         "kept": kept,
         "step": session.shown,
         "lanes": [head(lane) for lane in session.lanes],
-        "words": list(setup.source.words),
+        "words": list(setup.source.words) if setup.source else [],
         "map": setup.task.map_name,
         "world": setup.task.number,
         "worlds": list(setup.numbers[:_MOST_NUMBERS]),

@@ -87,7 +87,8 @@ def _checked(key: str, value: object, root: Path) -> str:
     if isinstance(value, bool) or not isinstance(value, str | int | float):
         raise InputError(f"{key} is {value!r:.60}: must be text or a number")
     text = str(value).strip()
-    if len(text) <= LONGEST and "/" not in text and _VALUE.fullmatch(text) and key != "map.path":
+    is_path = "/" in text or ".." in text or key == "map.path"
+    if len(text) <= LONGEST and not is_path and _VALUE.fullmatch(text):
         return text
     if len(text) <= LONGEST and key in _PATH_KEYS and _PATH.fullmatch(text):
         return f"'{within(text, root)}'"

@@ -99,6 +99,8 @@ DISC = '{"type": "put", "step": 0, "name": "d1", "kind": "circles", "entry": {"c
         ('{"type": "words", "step": 0, "set": {"weights": "${oc.env:HOME}"}}', "must be names and numbers"),
         ('{"type": "words", "step": 0, "set": {"weights": "/etc/passwd"}}', "must be in"),
         ('{"type": "words", "step": 0, "set": {"map": "file", "map.path": "../../x.yaml"}}', "must be in"),
+        ('{"type": "words", "step": 0, "set": {"weights": ".."}}', "must be in"),
+        ('{"type": "words", "step": 0, "set": {"map": "building", "map.paths": "[../x.yaml]"}}', "must be names"),
         ('{"type": "words", "step": 0, "set": {"map": {"a": 1}}}', "must be text or a number"),
     ],
 )  # fmt: skip

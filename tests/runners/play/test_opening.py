@@ -8,6 +8,7 @@ import pytest
 from lme.errors import InputError
 from lme.types import Outcome
 from runners.cli import main
+from runners.play.desk import Desk
 from runners.play.opening import open_episode, words_of
 from runners.play.session import Session
 from tests.runners.play.conftest import drive, ways
@@ -79,3 +80,13 @@ def test_words_that_name_an_episode_come_first():
         ["--step", "5", "port=0"],
     )
     assert words_of(["map=barn", "-cd", "x"]) == ([], ["map=barn", "-cd", "x"])
+
+
+def test_a_recording_opens_and_keeps_its_config(run_dir, tmp_path):
+    pytest.importorskip("rosbags")
+    more = ["runs=1", "record=mcap", "executor=serial", "tracking=none", f"hydra.run.dir={tmp_path / 'run'}"]
+    assert main.main(["eval", *WORDS, *more]) == 0
+    session = open_episode(tmp_path / "run" / "recordings" / "world-1-run-0.mcap", None, 5)
+    assert ways(session) == ways(open_episode(tmp_path / "run", "1/0", 5))
+    error, *_ = Desk(session, tmp_path).answer('{"type": "words", "step": 0, "set": {"system": "lme"}}')
+    assert "own config alone" in error

@@ -195,3 +195,14 @@ def test_tracked_people_are_drawn_where_they_are_seen(open_page, tmp_path, trace
     page.close()
     write_page(trace, tmp_path / "nobody.html")
     assert not open_page(tmp_path / "nobody.html").is_visible("#key-people")
+
+
+def test_a_page_of_a_run_says_how_to_play_on_from_its_step(trace, tmp_path, open_page):
+    path = tmp_path / "played.html"
+    write_page(trace, path, play="lme play 'my runs/RUN' 1/0")
+    page = open_page(path, "#step=7")
+    assert page.text_content("#play-here code") == "lme play 'my runs/RUN' 1/0 --step 7"
+    press(page, "ArrowRight")
+    assert page.text_content("#play-here code").endswith("--step 8")
+    write_page(trace, tmp_path / "alone.html")
+    assert open_page(tmp_path / "alone.html").is_hidden("#play-here")
