@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import shlex
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -134,8 +133,7 @@ def initialise(payload: PagePayload) -> Callable[[EpisodeKey], Page]:
         try:
             mark = _MARK.format(payload.marks[key])
             trace = rerun_recorded(run_dir, key.world, key.run, read_trajectories([run_dir], [key]))
-            play = f"lme play {shlex.quote(str(_as_typed(run_dir)))} {key.world}/{key.run}"
-            write_page(trace, path, payload.systems[key], mark, play)
+            write_page(trace, path, payload.systems[key], mark, f"RUN {key.world}/{key.run}")
         except (InputError, OSError) as error:
             return Page(key, path, str(error))
         return Page(key, path, "")
@@ -179,12 +177,6 @@ def _marks(run_dir: Path, episodes: pd.DataFrame) -> dict[EpisodeKey, str]:
         ]
         for key, end in zip(keys_of(episodes), ends, strict=True)
     }
-
-
-def _as_typed(run_dir: Path) -> Path:
-    """The directory as one would type it here: relative, if it is below."""
-    place, here = run_dir.resolve(), Path.cwd()
-    return place.relative_to(here) if place.is_relative_to(here) else place
 
 
 def _has_mark(path: Path, mark: str) -> bool:

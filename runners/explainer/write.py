@@ -44,7 +44,8 @@ LIBRARY, LICENCE = "uplot/uPlot.iife.min.js", "uplot/LICENSE"
 def write_page(trace: Trace, path: Path, system: str = "", ending: str = "", play: str = "") -> None:
     """Write the explainer page of an episode. Raises InputError if the file cannot be written.
 
-    system: its name in tables. ending: text after the page. play: the command that plays the episode; "" for none.
+    system: its name in tables. ending: text after the page. play: what `lme play` plays, "RUN 282/1" or the name of a
+    recording beside the page, which finds out itself where it is; "" for nothing.
     """
     write_html(path, page(trace, sentences(trace), system, play) + ending)
 

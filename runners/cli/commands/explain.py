@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import math
-import shlex
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -83,9 +82,7 @@ def _recording(path: Path, words: Sequence[str], output: Path | None, text: bool
     place = path.with_suffix(".html") if output is None else output
     place = place / f"{path.stem}.html" if place.suffix != ".html" else place
     make_folder(place.parent)
-    write_page(
-        trace, place, play="" if isinstance(trace.episode, Drive) else f"lme play {shlex.quote(str(path))}"
-    )
+    write_page(trace, place, play="" if isinstance(trace.episode, Drive) else path.name)
     print(place)
 
 
