@@ -9,11 +9,12 @@ from typing import Protocol
 
 import numpy as np
 
+from lme.errors import InputError
 from lme.geometry.angles import wrap_angle
 from lme.geometry.frames import to_world
 from lme.kernels.motion import time_beyond, travelled
 from lme.navigator import Navigator
-from lme.sim.simulator import Simulator, State
+from lme.sim.simulator import Changeable, Simulator, State
 from lme.types import Floats, Guidance, Observation, Outcome, Twist
 from lme.worlds.world import Task
 
@@ -121,10 +122,16 @@ class RunningEpisode:
         return command
 
     def change(self, task: Task) -> None:
-        """Go on among the obstacles of another task and to its goal; see `lme.sim.simulator.Simulator.change`.
+        """Go on among the obstacles of another task and to its goal; see `lme.sim.simulator.Changeable`.
 
-        Call it before `decide`. A guide that was given the map keeps the map that it has.
+        Call it before `decide`. A guide that was given the map keeps the map that it has. Raises InputError for a
+        simulator that cannot.
         """
+        if not isinstance(self.simulator, Changeable):
+            name = type(self.simulator).__name__
+            raise InputError(
+                f"{name}: the world cannot change while the robot drives, since it has no `change`"
+            )
         self.observation = self.simulator.change(task)
         self._log.change(task)
 

@@ -87,7 +87,7 @@ class FastSimulator:
         return self._observe()
 
     def change(self, task: Task) -> Observation:
-        """See `lme.sim.simulator.Simulator.change`."""
+        """See `lme.sim.simulator.Changeable`."""
         self._enter(task)
         self._sensors.change(task)
         crowd = Crowd(task.world.movers, task.world, self._robot.hull.r_max)

@@ -79,7 +79,7 @@ class PhysicsSimulator:
         return self._observe()
 
     def change(self, task: Task) -> Observation:
-        """See `lme.sim.simulator.Simulator.change`."""
+        """See `lme.sim.simulator.Changeable`."""
         crowd = Crowd(task.world.movers, task.world, self._robot.hull.r_max)
         crowd.go_on(self._substepper.crowd)
         self._sensors.change(task)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,6 +54,11 @@ class Simulator(Protocol):
 
     def step(self, command: Twist) -> Observation:
         """Drive for one control period, or until contact or arrival, whichever comes first."""
+
+
+@runtime_checkable
+class Changeable(Protocol):
+    """A simulator whose world can change while the robot drives. Ours all are."""
 
     def change(self, task: Task) -> Observation:
         """Go on among the obstacles of another task and to its goal, from where the robot is; its start is not used.

@@ -94,7 +94,7 @@ class SkidSimulator:
         return self._observe()
 
     def change(self, task: Task) -> Observation:
-        """See `lme.sim.simulator.Simulator.change`."""
+        """See `lme.sim.simulator.Changeable`."""
         former = self._crowd
         self._enter(task)
         self._crowd.go_on(former)
