@@ -9,11 +9,12 @@ from typing import Protocol
 
 import numpy as np
 
+from lme.errors import InputError
 from lme.geometry.angles import wrap_angle
 from lme.geometry.frames import to_world
 from lme.kernels.motion import time_beyond, travelled
 from lme.navigator import Navigator
-from lme.sim.simulator import Simulator, State
+from lme.sim.simulator import Changeable, Simulator, State
 from lme.types import Floats, Guidance, Observation, Outcome, Twist
 from lme.worlds.world import Task
 
@@ -76,25 +77,74 @@ def run_episode(
     observer: Observer | None = None,
 ) -> Episode:
     """Drive from the start until arrival, contact or time-out. `rng` is the only source of randomness."""
-    navigator_rng, simulator_rng = rng.spawn(2)
-    navigator.reset(navigator_rng)
-    navigator.read_map(task.world, task.start)
-    observation = simulator.reset(task, simulator_rng)
-    log = _Log(task, simulator)
-    while (outcome := log.outcome()) is None:
-        before = perf_counter_ns()
-        command = navigator.act(observation)
-        decision_us = (perf_counter_ns() - before) / 1000.0
-        assert navigator.guidance is not None
-        log.decided(navigator.guidance, decision_us)
+    running = RunningEpisode(task, navigator, simulator, rng)
+    while running.outcome() is None:
+        command = running.decide()
         if observer is not None:
             assert navigator.observation is not None
+            assert navigator.guidance is not None
             observer.decided(navigator.observation, navigator.guidance, command, simulator.state)
-        observation = simulator.step(command)
-        log.moved()
+        running.move(command)
     if observer is not None:
-        observer.ended(observation, simulator.state)
-    return log.episode(outcome)
+        observer.ended(running.observation, simulator.state)
+    return running.episode()
+
+
+class RunningEpisode:
+    """An episode that its caller drives: `decide`, then `move`, while there is no `outcome`.
+
+    observation: the newest. navigator, simulator: those that drive; nothing else may drive them meanwhile.
+    decision_us: computing time of the last decision [µs].
+    """
+
+    def __init__(
+        self, task: Task, navigator: Navigator, simulator: Simulator, rng: np.random.Generator
+    ) -> None:
+        navigator_rng, simulator_rng = rng.spawn(2)
+        self.navigator, self.simulator = navigator, simulator
+        navigator.reset(navigator_rng)
+        navigator.read_map(task.world, task.start)
+        self.observation = simulator.reset(task, simulator_rng)
+        self.decision_us = 0.0
+        self._log = _Log(task, simulator)
+
+    def outcome(self) -> Outcome | None:
+        """The outcome; None while the episode continues."""
+        return self._log.outcome()
+
+    def decide(self) -> Twist:
+        """The navigator's command for the newest observation."""
+        before = perf_counter_ns()
+        command = self.navigator.act(self.observation)
+        self.decision_us = (perf_counter_ns() - before) / 1000.0
+        assert self.navigator.guidance is not None
+        self._log.decided(self.navigator.guidance, self.decision_us)
+        return command
+
+    def change(self, task: Task) -> None:
+        """Go on among the obstacles of another task and to its goal; see `lme.sim.simulator.Changeable`.
+
+        Call it before `decide`. A guide that was given the map keeps the map that it has. Raises InputError for a
+        simulator that cannot.
+        """
+        if not isinstance(self.simulator, Changeable):
+            name = type(self.simulator).__name__
+            raise InputError(
+                f"{name}: the world cannot change while the robot drives, since it has no `change`"
+            )
+        self.observation = self.simulator.change(task)
+        self._log.change(task)
+
+    def move(self, command: Twist) -> None:
+        """Drive for one control period."""
+        self.observation = self.simulator.step(command)
+        self._log.moved()
+
+    def episode(self) -> Episode:
+        """The result. Call it at the end."""
+        outcome = self._log.outcome()
+        assert outcome is not None
+        return self._log.episode(outcome)
 
 
 class Progress:
@@ -110,6 +160,10 @@ class Progress:
         self._clock_start = math.nan if task.clock_distance > 0.0 else 0.0
         self.path_length = 0.0
         self.min_clearance = state.clearance
+
+    def change(self, task: Task) -> None:
+        """Go by the rules of another task from now on."""
+        self._task = task
 
     def moved(self, before: State, state: State) -> None:
         """Record the motion of a control period."""
@@ -150,6 +204,11 @@ class _Log:
     def outcome(self) -> Outcome | None:
         """The outcome; None while the episode continues."""
         return self._progress.outcome(self._simulator.state)
+
+    def change(self, task: Task) -> None:
+        """Go on with another task."""
+        self._task = task
+        self._progress.change(task)
 
     def decided(self, guidance: Guidance, decision_us: float) -> None:
         """Record a decision before its execution."""

@@ -39,7 +39,14 @@ NEEDS_FILES = {  # runs, and the published worlds
     Path("docs/tutorials/on_a_cluster.md"),
     Path("maps/README.md"),
 }
-COMPOSED = ("eval", "train", "learn", "figure", "live")  # from a config; the other commands take files
+COMPOSED = (
+    "eval",
+    "train",
+    "learn",
+    "figure",
+    "live",
+    "play",
+)  # from a config; the other commands take files
 BLOCKS = [
     pytest.param(page, code, id=f"{page}-{number}")
     for page in PAGES

@@ -11,6 +11,7 @@ import numpy as np
 from lme.errors import require
 from lme.kernels.arcs import clearances, contact_times
 from lme.planners.commands import approach, check_turn_samples, limited, turn_shares
+from lme.planners.weighed import Weighed
 from lme.robots import Robot
 from lme.sensing.scan_points import obstacle_points
 from lme.types import Floats, Guidance, Limits, Observation, Twist
@@ -90,6 +91,14 @@ class Dwa:
             row, column = divmod(int(score.argmax()), window.omega.size)
             command = window.v[row, 0], window.omega[0, column]
         return limited(float(command[0]), float(command[1]), observation, self._dt)
+
+    def weighed(self, observation: Observation, guidance: Guidance) -> Weighed:
+        """See `lme.planners.weighed`: the window, by −G(v, ω)."""
+        window = self._window(observation, guidance.subgoal, obstacle_points(observation.scan, self._mount))
+        score = self._objective(window, guidance.subgoal, observation.limits)
+        costs = np.where(window.contact >= window.stopping, -score, np.inf)
+        commands = np.stack(np.broadcast_arrays(window.v, window.omega), axis=-1).reshape(-1, 2)
+        return Weighed(commands, costs.ravel(), self._config.heading_time or self._dt)
 
     def _window(self, observation: Observation, subgoal: Floats, points: Floats) -> _Window:
         """Velocities that are reachable in one period and allow a stop at the subgoal."""

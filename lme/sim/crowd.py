@@ -33,6 +33,7 @@ class Crowd:
         self, movers: Sequence[Mover], world: World | None = None, robot_radius: float = 0.0
     ) -> None:
         """world: whose walls people walk around. robot_radius: of the disc that they take the robot for [m]."""
+        self._movers = tuple(movers)
         self._discs = np.array(
             [i for i, mover in enumerate(movers) if mover.radius is not None], dtype=np.int64
         )
@@ -79,6 +80,18 @@ class Crowd:
         if self._walkers is not None:
             self._walkers.walk(self.poses, self.velocities, dt)
         self._time += dt
+        self._place()
+
+    def go_on(self, former: Crowd) -> None:
+        """Take the time of another crowd, and from it where the movers are that it has too, the same objects."""
+        self._time = former._time
+        places = {mover: i for i, mover in enumerate(former._movers)}
+        kept = [(i, places[mover]) for i, mover in enumerate(self._movers) if mover in places]
+        for now, then in kept:
+            self._progress[now], self._begun[now] = former._progress[then], former._begun[then]
+            self.poses[now], self.velocities[now] = former.poses[then], former.velocities[then]
+        if self._walkers is not None and former._walkers is not None:
+            self._walkers.go_on(former._walkers, dict(kept))
         self._place()
 
     def _pack_paths(self, movers: Sequence[Mover]) -> None:

@@ -99,6 +99,11 @@ class TargetEstimate:
         self._due = 0.0
         self._fix = goal
 
+    def aim(self, goal: Floats) -> None:
+        """Take another goal (2,) [m] from the next fix on, which is due at once if the goal has moved."""
+        if not np.array_equal(goal, self._goal):
+            self._goal, self._due = goal, 0.0
+
     def seen_from(self, pose: Pose, odometry: Pose, time: float) -> Floats:
         """(2,) target in the robot frame [m]. pose: the true pose; odometry: pose by the wheel encoders."""
         if self._exact:

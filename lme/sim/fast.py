@@ -15,7 +15,7 @@ from lme.sim.crowd import Crowd
 from lme.sim.disturbances import Disturbances
 from lme.sim.events import until_event
 from lme.sim.simulator import Sensors, State, forward_enough
-from lme.sim.substeps import Substepper, rolled
+from lme.sim.substeps import Body, Substepper, rolled
 from lme.types import Floats, Limits, Observation, Pose, Twist
 from lme.worlds.world import Task
 
@@ -60,12 +60,12 @@ class FastSimulator:
 
     def reset(self, task: Task, rng: np.random.Generator) -> Observation:
         """Put the robot at the task's start, at rest."""
-        self._circles = np.ascontiguousarray(task.world.circles, dtype=np.float64)
-        self._edges = task.world.edges
-        self._task = task
+        self._enter(task)
         self._sensors = Sensors(self._robot, self._config, task, rng)
         self._start = Pose(*map(float, task.start))
-        self._substepper = self._make_substepper(task, rng)
+        self._rng = rng
+        crowd = Crowd(task.world.movers, task.world, self._robot.hull.r_max)
+        self._substepper = self._make_substepper(task, crowd, _MasslessBody(self._start))
         if self._substepper:
             self.state = self._substepper.start()
         else:
@@ -86,15 +86,45 @@ class FastSimulator:
         self.state = self._end_at_event(travel, Twist(*twist), state.time, self._dt)
         return self._observe()
 
-    def _make_substepper(self, task: Task, rng: np.random.Generator) -> Substepper | None:
-        """A substepper if one is needed. `max_step` then bounds robot and movers at their top speeds together."""
+    def change(self, task: Task) -> Observation:
+        """See `lme.sim.simulator.Changeable`."""
+        self._enter(task)
+        self._sensors.change(task)
+        crowd = Crowd(task.world.movers, task.world, self._robot.hull.r_max)
+        if self._substepper is None:
+            state = self.state
+            body = _MasslessBody(state.pose, state.twist)
+            self._substepper = self._make_substepper(task, crowd, body)
+            if self._substepper is None:
+                self.state = self._end_at_event(np.array([state.pose]), state.twist, state.time, 0.0)
+                return self._observe()
+            self._substepper.join(state, relative(state.pose, self._start))
+        else:
+            crowd.go_on(self._substepper.crowd)
+            self._substepper.change(task, crowd)
+            self._substeps = self._count_substeps(crowd)
+        self.state = self._substepper.start()
+        return self._observe()
+
+    def _enter(self, task: Task) -> None:
+        """Take the obstacles and the goal of a task."""
+        self._circles = np.ascontiguousarray(task.world.circles, dtype=np.float64)
+        self._edges = task.world.edges
+        self._task = task
+
+    def _make_substepper(self, task: Task, crowd: Crowd, body: Body) -> Substepper | None:
+        """A substepper if one is needed."""
         robot, config = self._robot, self._config
-        crowd = Crowd(task.world.movers, task.world, robot.hull.r_max)
         if not (len(crowd) or config.latency or config.lag or config.slip):
             return None
+        self._substeps = self._count_substeps(crowd)
+        return Substepper(task, robot, config, self._rng.spawn(1)[0], crowd, body)
+
+    def _count_substeps(self, crowd: Crowd) -> int:
+        """Substeps of a period: `max_step` bounds robot and movers at their top speeds together."""
+        robot = self._robot
         fastest = robot.v_max + robot.hull.r_max * robot.omega_max + crowd.top_speed
-        self._substeps = math.ceil(max(fastest * robot.dt / config.max_step, robot.dt / MAX_SUBSTEP) - 1e-9)
-        return Substepper(task, robot, config, rng.spawn(1)[0], crowd, _MasslessBody(self._start))
+        return math.ceil(max(fastest * robot.dt / self._config.max_step, robot.dt / MAX_SUBSTEP) - 1e-9)
 
     def _limits(self, command: Twist, twist: Twist) -> Limits:
         """The robot's limits; for an even ramp, α is lowered so that velocity changes over the whole period."""
@@ -122,9 +152,9 @@ class FastSimulator:
 class _MasslessBody:
     """A body that moves exactly as its wheels roll."""
 
-    def __init__(self, pose: Pose) -> None:
+    def __init__(self, pose: Pose, twist: Twist = Twist(0.0, 0.0)) -> None:  # noqa: B008 - it is a tuple
         self.pose = pose
-        self.twist = Twist(0.0, 0.0)
+        self.twist = twist
 
     def move(self, motion: tuple[float, float], dt: float) -> None:
         """Roll by a distance [m] and a turn [rad]."""

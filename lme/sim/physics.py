@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -66,7 +66,8 @@ class PhysicsSimulator:
         """Put the robot at the task's start, at rest."""
         crowd = Crowd(task.world.movers, task.world, self._robot.hull.r_max)
         self._sensors = Sensors(self._robot, self._config, task, rng)
-        body = RigidBody(task.world, Pose(*map(float, task.start)), self._robot, crowd, self._config.grip)
+        start = Pose(*map(float, task.start))
+        self._body = body = RigidBody(task.world, start, self._robot, crowd, self._config.grip)
         self._substepper = Substepper(task, self._robot, self._config, rng.spawn(1)[0], crowd, body)
         self.state = self._substepper.start()
         return self._observe()
@@ -75,6 +76,18 @@ class PhysicsSimulator:
         """Drive for one control period, or until contact or arrival, whichever comes first."""
         command = forward_enough(command, self._robot)
         self.state = self._substepper.period(command, self._substeps, self._limits)
+        return self._observe()
+
+    def change(self, task: Task) -> Observation:
+        """See `lme.sim.simulator.Changeable`."""
+        crowd = Crowd(task.world.movers, task.world, self._robot.hull.r_max)
+        crowd.go_on(self._substepper.crowd)
+        self._sensors.change(task)
+        body = RigidBody(task.world, self._body.pose, self._robot, crowd, self._config.grip)
+        body.keep_moving(self._body)
+        self._body = body
+        self._substepper.change(task, crowd, body)
+        self.state = self._substepper.start()
         return self._observe()
 
     def _limits(self, _command: Twist, _twist: Twist) -> Limits:
@@ -100,7 +113,10 @@ class RigidBody:
         )
         self._space.on_collision(_ROBOT, _OBSTACLE, begin=self._begin, separate=self._separate)
         self._add(self._space.static_body, _static_shapes(self._space.static_body, world))
-        self._movers = [self._add_mover(mover) for mover in world.movers]
+        self._movers = [
+            self._add_mover(mover, pose)
+            for mover, pose in zip(world.movers, crowd.poses.tolist(), strict=True)
+        ]
         self._robot = self._add_robot(robot.hull, start)
         self.pose, self.twist = start, Twist(0.0, 0.0)
         self._space.step(1e-9)  # so that a start in contact is reported at once
@@ -115,6 +131,14 @@ class RigidBody:
         self.pose = Pose(x, y, self._robot.angle)
         along = vx * math.cos(heading) + vy * math.sin(heading)
         self.twist = Twist(along, self._robot.angular_velocity)
+
+    def keep_moving(self, former: RigidBody) -> None:
+        """Move as another body does at this moment."""
+        self._robot.velocity, self._robot.angular_velocity = (
+            former._robot.velocity,
+            former._robot.angular_velocity,
+        )
+        self.twist = former.twist
 
     def touches(self, clearance: float) -> bool:
         """Whether the engine has reported a contact and not its end."""
@@ -163,9 +187,9 @@ class RigidBody:
         self._space.add(body, shape)
         return body
 
-    def _add_mover(self, mover: Mover) -> pymunk.Body:
+    def _add_mover(self, mover: Mover, pose: Sequence[float]) -> pymunk.Body:
         body = pymunk.Body(body_type=pymunk.Body.KINEMATIC)
-        body.position, body.angle = tuple(mover.path[0, :2].tolist()), float(mover.path[0, 2])
+        body.position, body.angle = (pose[0], pose[1]), pose[2]
         if mover.outline is None:
             assert mover.radius is not None
             shapes: Iterable[pymunk.Shape] = [pymunk.Circle(body, mover.radius)]

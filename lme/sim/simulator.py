@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,6 +56,17 @@ class Simulator(Protocol):
         """Drive for one control period, or until contact or arrival, whichever comes first."""
 
 
+@runtime_checkable
+class Changeable(Protocol):
+    """A simulator whose world can change while the robot drives. Ours all are."""
+
+    def change(self, task: Task) -> Observation:
+        """Go on among the obstacles of another task and to its goal, from where the robot is; its start is not used.
+
+        Movers that the last task had too, the same objects, go on where they are.
+        """
+
+
 def forward_enough(command: Twist, robot: Robot) -> Twist:
     """The command, but for a robot that backs up no faster than v_min."""
     return command if robot.v_min is None else Twist(max(command.v, robot.v_min), command.omega)
@@ -73,12 +84,16 @@ class Sensors:
         self._scan_rng, goal_rng = rng.spawn(2)
         self._odometry = Odometry(config.odometry_error, goal_rng.spawn(1)[0])
         self._target = TargetEstimate(config, np.asarray(task.goal, dtype=np.float64), goal_rng)
-        self._grid, self._lattice = task.world.grid, task.world.lattice
-        self._in_grid = len(task.world.edges) if len(self._grid.edges) else 0
+        self._look_in(task)
         self._fired, self._mount = robot.lidar.native, robot.lidar.mount
         self._mid360 = mid360_of(robot.lidar) if robot.lidar.cloud else None
         if self._mid360:
             self._mid360.reset(rng)
+
+    def change(self, task: Task) -> None:
+        """Look among the obstacles of another task from now on, for its goal."""
+        self._look_in(task)
+        self._target.aim(np.asarray(task.goal, dtype=np.float64))
 
     def observe(
         self,
@@ -104,6 +119,10 @@ class Sensors:
             return seen
         lidar = compose(scan_pose, self._mount)
         return seen._replace(pedestrians=tracked(crowd, scan, lidar, state.pose))
+
+    def _look_in(self, task: Task) -> None:
+        self._grid, self._lattice = task.world.grid, task.world.lattice
+        self._in_grid = len(task.world.edges) if len(self._grid.edges) else 0
 
     def _scan(self, pose: Pose, circles: Floats, edges: Floats) -> LaserScan:
         """A planar scanner's beams, interpolated if it has `native_beams`, or the projection of a cloud."""

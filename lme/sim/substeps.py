@@ -76,9 +76,7 @@ class Substepper:
         self._body = body
         self._robot = robot
         self._track = track(robot.footprint)
-        self._world = task.world
-        self._static = (np.ascontiguousarray(task.world.circles, dtype=np.float64), task.world.edges)
-        self._goal, self._tolerance = np.asarray(task.goal, dtype=np.float64), task.goal_tolerance
+        self._enter(task)
         self._delay = Delay(config.latency)
         self._slip, self._rng = config.slip, rng
         self._time = 0.0
@@ -92,10 +90,26 @@ class Substepper:
         return np.vstack([circles, self.crowd.circles]), np.vstack([edges, self.crowd.edges])
 
     def start(self) -> State:
-        """The state before the first command."""
+        """The state before the next command."""
         clearance, contact, arrived = self._check()
         travel = np.array([self._body.pose])
-        return State(self._body.pose, self._body.twist, 0.0, travel, clearance, contact, arrived)
+        return State(self._body.pose, self._body.twist, self._time, travel, clearance, contact, arrived)
+
+    def change(self, task: Task, crowd: Crowd, body: Body | None = None) -> None:
+        """Go on among the obstacles and movers of another task. body: in place of the former; None: the same."""
+        self._enter(task)
+        self.crowd = crowd
+        self._body = body or self._body
+
+    def join(self, state: State, odometry: Pose) -> None:
+        """Go on from a state that was reached without substeps."""
+        self._time = state.time
+        self.wheels.twist, self.wheels.odometry = state.twist, odometry
+
+    def _enter(self, task: Task) -> None:
+        self._world = task.world
+        self._static = (np.ascontiguousarray(task.world.circles, dtype=np.float64), task.world.edges)
+        self._goal, self._tolerance = np.asarray(task.goal, dtype=np.float64), task.goal_tolerance
 
     def period(self, command: Twist, substeps: int, limits: Callable[[Twist, Twist], Limits]) -> State:
         """Simulate one control period in equal substeps, or until the first contact or arrival.

@@ -14,11 +14,14 @@ from lme.worlds.world import World
 class FloorPlan:
     """What a map file holds.
 
-    world: the obstacles, including the closed outer wall. outline: (4, 2) corners in order [m].
+    world: the obstacles, including the closed outer wall. outline: (4, 2) corners in order [m]. start, goal: as
+    `map.start` and `map.goal` of `map=file`, if the file has them.
     """
 
     world: World
     outline: Floats
+    start: tuple[float, ...] | None = None
+    goal: tuple[float, ...] | None = None
 
 
 def enclosed(outline: Floats, circles: Floats, segments: Floats, polygons: tuple[Floats, ...]) -> FloorPlan:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,46 +26,50 @@ class MapFileConfig(RoomConfig):
         RoomConfig.__post_init__(self)  # super() fails in a dataclass with slots
         _check_numbers("map.start", self.start, (2, 3), "[x, y] or [x, y, yaw] in metres and radians")
         _check_numbers("map.goal", self.goal, (2,), "[x, y] in metres")
-        if self.start is not None and self.goal is not None and self.worlds not in (None, [0]):
-            raise InputError(
-                f"map.worlds is {self.worlds}: must be null or [0], "
-                "since map.start and map.goal together leave one configuration"
-            )
+        if self.start is not None and self.goal is not None:
+            _check_single(self.worlds, "map.start and map.goal")
 
 
 class MapFile(Room):
     """A room whose start, goal or both are given; the rest is drawn for each number, as in a room.
 
-    With both given there is one configuration, number 0. A start without a yaw faces the goal.
+    The config gives them, or else the file. With both given there is one configuration, number 0. A start without a
+    yaw faces the goal.
     """
 
     Config = MapFileConfig
+    config: MapFileConfig
 
-    def __init__(self, config: MapFileConfig) -> None:
-        """Raises InputError as `Room` does, and for a start or goal that is not in free space."""
-        self._start, self._goal = config.start, config.goal
-        super().__init__(config)
+    def _start(self) -> Sequence[float] | None:
+        return self._plan.start if self.config.start is None else self.config.start
+
+    def _goal(self) -> Sequence[float] | None:
+        return self._plan.goal if self.config.goal is None else self.config.goal
 
     def _available_numbers(self) -> range:
-        return super()._available_numbers() if self._start is None or self._goal is None else range(1)
+        if self._start() is None or self._goal() is None:
+            return super()._available_numbers()
+        _check_single(self.config.worlds, "the start and the goal of the file")
+        return range(1)
 
     def _configuration(self, number: int) -> Configuration:
-        for key, place in (("start", self._start), ("goal", self._goal)):
+        start, goal = self._start(), self._goal()
+        for key, place in (("start", start), ("goal", goal)):
             if place is not None:
                 self._space.check_free(f"map.{key}", place)
-        if self._start is not None:
-            return self._from_given_start(self._start, number)
-        if self._goal is not None:
-            return self._to_given_goal(np.array(self._goal), number)
+        if start is not None:
+            return self._from_given_start(start, number)
+        if goal is not None:
+            return self._to_given_goal(np.array(goal), number)
         return super()._configuration(number)
 
-    def _from_given_start(self, start: list[float], number: int) -> Configuration:
+    def _from_given_start(self, start: Sequence[float], number: int) -> Configuration:
         """From the given start to the given or a drawn goal."""
-        place = np.array(start[:2])
-        if self._goal is None:
+        place, given = np.array(start[:2]), self._goal()
+        if given is None:
             goal = self._space.draw_partner(self._rng(number), place, self.config.min_distance)
         else:
-            goal = np.array(self._goal)
+            goal = np.array(given)
             check_apart(f"map {self._name}", math.dist(place, goal), self.config)
         yaw = start[2] if len(start) == 3 else math.atan2(goal[1] - place[1], goal[0] - place[0])
         return Configuration(Pose(start[0], start[1], yaw), goal)
@@ -74,6 +79,14 @@ class MapFile(Room):
         rng = self._rng(number)
         x, y = self._space.draw_partner(rng, goal, self.config.min_distance).tolist()
         return Configuration(Pose(x, y, rng.uniform(-math.pi, math.pi)), goal)
+
+
+def _check_single(worlds: list[int] | None, what: str) -> None:
+    """Raise InputError unless the worlds that are chosen are the only one that `what` leaves."""
+    if worlds not in (None, [0]):
+        raise InputError(
+            f"map.worlds is {worlds}: must be null or [0], since {what} together leave one configuration"
+        )
 
 
 def _check_numbers(key: str, values: list[float] | None, counts: tuple[int, ...], right: str) -> None:

@@ -13,12 +13,9 @@ A mover has the keys of `lme.worlds.movers.Mover`; angles are in degrees: poses 
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -28,7 +25,8 @@ from lme.resources import resource_dir
 from lme.types import Floats, Pose
 from lme.worlds.check import point_clearance
 from lme.worlds.floor_plan import FloorPlan
-from lme.worlds.movers import MOTIONS, REPEATS, Mover
+from lme.worlds.mover_entries import mover_of
+from lme.worlds.movers import Mover
 from lme.worlds.rules import map_path
 from lme.worlds.sampling import FreeSpace
 from lme.worlds.shapes import SHAPES, floor_plan
@@ -37,9 +35,6 @@ from lme.worlds.world import Task, World
 from lme.yaml_entry import Entry, read_yaml
 
 FOLDER = "scenes"  # of maps/
-
-_MOVER_NUMBERS = ("radius", "speed", "turn_rate_deg", "start_after", "starts_within", "waits_within")
-_MOVER_KEYS = (*_MOVER_NUMBERS, "outline", "trigger", "repeat", "motion", "sees_robot")
 
 
 @dataclass(slots=True)
@@ -98,27 +93,9 @@ def read_scene(path: Path) -> Drawing:
     entry = Entry(str(path), content, ["bounds", "start", "goal"], [*SHAPES, "movers"])
     shapes = {key: entry.value(key) for key in ("bounds", *SHAPES) if entry.value(key) is not None}
     plan = floor_plan(str(path), shapes)
-    movers = tuple(_mover(*item) for item in entry.entries("movers"))
+    movers = tuple(mover_of(*item) for item in entry.entries("movers"))
     start, goal = (np.array(entry.numbers(key, "x, y", 2)) for key in ("start", "goal"))
     return Drawing(replace(plan, world=replace(plan.world, movers=movers)), start, goal)
-
-
-def _mover(place: str, item: object) -> Mover:
-    entry = Entry(place, item, ["path"], _MOVER_KEYS)
-    given: dict[str, Any] = {key: entry.number(key) for key in _MOVER_NUMBERS if entry.value(key) is not None}
-    if "turn_rate_deg" in given:
-        given["turn_rate"] = math.radians(given.pop("turn_rate_deg"))
-    if entry.value("outline") is not None:
-        given["outline"] = entry.points("outline", 3)
-    if entry.value("trigger") is not None:
-        given["trigger"] = tuple(entry.numbers("trigger", "x, y", 2))
-    for key, names in (("repeat", REPEATS), ("motion", MOTIONS), ("sees_robot", (True, False))):
-        if entry.value(key) is not None:
-            given[key] = _one_of(entry, key, names)
-    try:
-        return Mover(path=_poses(entry), **given)
-    except InputError as error:
-        raise InputError(f"{place}: {error}") from error
 
 
 def _distance(mover: Mover, start: Pose) -> float:
@@ -129,26 +106,6 @@ def _distance(mover: Mover, start: Pose) -> float:
     else:
         shape = World(polygons=(to_world(mover.outline, stands),))
     return point_clearance(shape, np.array(start[:2]))
-
-
-def _one_of(entry: Entry, key: str, names: Sequence[object]) -> Any:
-    if entry.value(key) not in names:
-        raise entry.mistake(key, f"one of {', '.join(map(str, names))}")
-    return entry.value(key)
-
-
-def _poses(entry: Entry) -> Floats:
-    """(P, 3) poses [m, rad] of a mover's path, given as [x, y] or [x, y, yaw_deg]."""
-    rows = entry.value("path")
-    if not isinstance(rows, list) or not rows:
-        raise entry.mistake("path", "a list of positions [x, y] or poses [x, y, yaw_deg]")
-    poses = np.zeros((len(rows), 3))
-    for i, row in enumerate(rows):
-        count = 2 if isinstance(row, list) and len(row) == 2 else 3
-        pose = Entry(entry.place, {f"path[{i}]": row}, [f"path[{i}]"])
-        poses[i, :count] = pose.numbers(f"path[{i}]", "x, y] or [x, y, yaw_deg", count)
-    poses[:, 2] = np.radians(poses[:, 2])
-    return poses
 
 
 @lru_cache(maxsize=8)

@@ -11,6 +11,10 @@
       - {centre: [7, 4], size: [0.3, 0.5], yaw_deg: 0}
     walls:
       - {points: [[0, 7], [3, 7], [3, 8]], thickness: 0.03}  # without thickness: a thin line
+    movers:
+      - {radius: 0.25, path: [[3, 5], [3, 3]], speed: 1.0}  # as in a scene file
+    start: [1, 1, 0.5]  # x, y [m] and optionally yaw [rad]
+    goal: [9, 7]
 
 Only `bounds` is required. Sizes are full lengths along x and y before the rotation by `yaw_deg`.
 """
@@ -19,6 +23,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -26,6 +31,7 @@ import numpy as np
 from lme.errors import InputError
 from lme.types import Floats
 from lme.worlds.floor_plan import FloorPlan, enclosed
+from lme.worlds.mover_entries import mover_of
 from lme.yaml_entry import Entry, read_yaml
 
 ELLIPSE_SIDES = 32  # an ellipse becomes a polygon, which deviates by at most 1.5 mm for a diameter of 0.6 m
@@ -45,7 +51,7 @@ def read_shapes(path: Path) -> FloorPlan:
 
 def floor_plan(place: str, drawing: object) -> FloorPlan:
     """See `read_shapes`; from the content of the YAML. place: its name in messages."""
-    entry = Entry(place, drawing, ["bounds"], SHAPES)
+    entry = Entry(place, drawing, ["bounds"], (*SHAPES, *_BESIDES))
     x0, y0, x1, y1 = entry.numbers("bounds", "x_min, y_min, x_max, y_max", 4)
     if x0 >= x1 or y0 >= y1:
         raise entry.mistake("bounds", "[x_min, y_min, x_max, y_max] with each min less than its max")
@@ -63,7 +69,21 @@ def floor_plan(place: str, drawing: object) -> FloorPlan:
             thin.append(legs)
         else:
             thick += [_bar(leg, thickness) for leg in legs]
-    return enclosed(outline, np.array(circles).reshape(-1, 3), np.vstack(thin), (*solids, *thick))
+    plan = enclosed(outline, np.array(circles).reshape(-1, 3), np.vstack(thin), (*solids, *thick))
+    movers = tuple(mover_of(*item) for item in entry.entries("movers"))
+    start, goal = _place(entry, "start", (2, 3)), _place(entry, "goal", (2,))
+    return replace(
+        plan, world=replace(plan.world, movers=movers) if movers else plan.world, start=start, goal=goal
+    )
+
+
+def _place(entry: Entry, key: str, counts: tuple[int, ...]) -> tuple[float, ...] | None:
+    """A start or a goal, if the file has it."""
+    given = entry.value(key)
+    if given is None:
+        return None
+    count = len(given) if isinstance(given, list) and len(given) in counts else counts[0]
+    return tuple(entry.numbers(key, "x, y] or [x, y, yaw" if len(counts) > 1 else "x, y", count))
 
 
 def _box(where: str, item: object) -> Floats:
@@ -106,6 +126,7 @@ _SOLIDS: dict[str, Callable[[str, object], Floats]] = {
     "ellipses": _ellipse,
 }
 SHAPES = (*_SOLIDS, "circles", "walls")  # the keys of a shape file besides `bounds`
+_BESIDES = ("movers", "start", "goal")  # keys that are not shapes
 
 
 def _circle(outline: Floats, where: str, item: object) -> list[float]:

@@ -6,6 +6,7 @@ import os
 import platform
 import re
 import sys
+from collections.abc import Sequence
 from importlib.metadata import PackageNotFoundError, metadata, version
 from pathlib import Path
 from typing import NamedTuple
@@ -71,14 +72,15 @@ def _package(needed: Requirement) -> Line:
     return Line(needed.name, found or "missing", "" if fits else install(needed.name))
 
 
-def _extra(name: str, needed: Requirement) -> Line:
+def _extra(name: str, needed: Sequence[Requirement]) -> Line:
     """An extra that is not installed is not a problem; one of an unsuitable version is."""
-    found = _version(needed.name)
-    label = f"extra {name}"
-    if found is None:
-        return Line(label, f"no; {install(needed.name)}")
-    fits = needed.specifier.contains(found, prereleases=True)
-    return Line(label, f"yes, {needed.name} {found}", "" if fits else install(needed.name))
+    found = {each.name: _version(each.name) for each in needed}
+    label, names = f"extra {name}", [each.name for each in needed]
+    if None in found.values():
+        return Line(label, f"no; {install(*names)}")
+    fits = all(each.specifier.contains(str(found[each.name]), prereleases=True) for each in needed)
+    versions = ", ".join(f"{package} {version}" for package, version in found.items())
+    return Line(label, f"yes, {versions}", "" if fits else install(*names))
 
 
 def _version(package: str) -> str | None:

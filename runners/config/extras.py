@@ -17,8 +17,9 @@ def needed() -> list[Requirement]:
     return [each for each in map(Requirement, declared()) if each.marker is None]
 
 
-def optional() -> dict[str, Requirement]:
-    """The package behind each extra of ours, by the extra's name, those for developers left out."""
+def optional() -> dict[str, list[Requirement]]:
+    """The packages behind each extra of ours, by the extra's name, those for developers left out."""
     marked = [(each, str(each.marker)) for each in map(Requirement, declared()) if each.marker is not None]
     named = [(found[1], each) for each, marker in marked if (found := _EXTRA.search(marker))]
-    return {extra: each for extra, each in named if extra not in _FOR_DEVELOPERS}
+    extras = dict.fromkeys(extra for extra, _ in named if extra not in _FOR_DEVELOPERS)
+    return {extra: [each for name, each in named if name == extra] for extra in extras}

@@ -218,6 +218,17 @@ class LiveCommandConfig(DriveConfig):
 
 
 @dataclass(slots=True, kw_only=True)
+class PlayConfig(DriveConfig):
+    """`lme play`. run: of each world, for its random numbers; port: of the page; browser: whether to open it."""
+
+    people: People = People.truth
+    scale: dict[str, float] = field(default_factory=dict)
+    run: int = 0
+    port: int = 8765
+    browser: bool = True
+
+
+@dataclass(slots=True, kw_only=True)
 class FigureConfig(EpisodesConfig):
     """`lme figure`. figure: the kind and its settings; run: whose records are drawn, or none."""
 
@@ -235,6 +246,7 @@ COMMANDS: dict[str, type[SystemConfig]] = {
     "replay": ReplayConfig,
     "figure": FigureConfig,
     "live": LiveCommandConfig,
+    "play": PlayConfig,
 }
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -18,33 +18,72 @@ from lme.policies.lme.escaper import PAPER_CRITERIA
 from lme.policies.lme.explanation import Explanation
 from lme.policies.lme.maintenance import Choice
 from lme.policies.lme_plus.criteria import CRITERIA as PLUS_CRITERIA
+from lme.robots import Robot
 from lme.sensing.people.source import People
 from lme.sensing.scan_points import obstacle_points
-from lme.types import Floats
+from lme.types import Floats, Ints
+from lme.worlds.world import World
 from runners.config import build
+from runners.config.schema import SystemConfig
 from runners.explainer.packer import Packer
-from runners.workers.trace import Trace
+from runners.workers.trace import Trace, TracedStep, TraceEnd
 
 CELL_M = 0.05  # side of a cell of the world seen so far
 CHOICES = tuple(Choice)
 NONE = np.full(2, np.nan)
 
 
-def encode(trace: Trace, sentences: Sequence[str], system: str = "") -> str:
-    """An episode, with one sentence per decision, as base64 text. system: its name in tables."""
+class Stretch(NamedTuple):
+    """Successive moments of a drive.
+
+    frames: the steps, and the end if it is among them. track: (F, 10), a row per frame, columns TRAJECTORY_COLUMNS.
+    movers: circles (C, 3) and edges (E, 4) at each frame.
+    """
+
+    robot: Robot
+    steps: Sequence[TracedStep]
+    frames: Sequence[TracedStep | TraceEnd]
+    track: Floats
+    movers: Sequence[tuple[Floats, Floats]]
+
+
+def encode(trace: Trace, sentences: Sequence[str], system: str = "", play: str = "") -> str:
+    """An episode, with one sentence per decision, as base64 text. system, play: see `write.write_page`."""
     packer = Packer()
-    _drive(packer, trace)
-    _scans(packer, trace)
-    _world(packer, trace)
+    movers = [trace.moving(frame) for frame in trace.frames]
+    stretch = Stretch(trace.robot, trace.steps, trace.frames, trace.episode.trajectory, movers)
+    _drive(packer, stretch)
+    _scans(packer, stretch)
+    add_world(packer, trace.task.world)
+    _movers(packer, stretch)
     reasons = [step.explanation for step in trace.steps if step.explanation is not None]
-    _plans(packer, trace)
-    _people(packer, trace)
+    _add_thoughts(packer, stretch, reasons, plans_paths(trace.steps), tracks_people(trace.config))
+    header = _header(trace, system) | ({"play": play} if play else {})
+    header |= policy(reasons[0]) | {"sentences": list(sentences)} if reasons else {"explained": False}
+    return packer.text(header)
+
+
+def add_stretch(packer: Packer, stretch: Stretch, planned: bool, tracked: bool) -> None:
+    """Add a part of a drive, without the cells that it sees. planned, tracked: as in the header of the whole."""
+    _drive(packer, stretch)
+    _add_scan(packer, stretch)
+    _movers(packer, stretch)
+    reasons = [step.explanation for step in stretch.steps if step.explanation is not None]
+    _add_thoughts(packer, stretch, reasons, planned, tracked)
+
+
+def _add_thoughts(
+    packer: Packer, stretch: Stretch, reasons: Sequence[Explanation], planned: bool, tracked: bool
+) -> None:
+    """Add what the guide gave at each step. reasons: of those steps that have one."""
+    if planned:
+        _plans(packer, stretch)
+    if tracked:
+        _people(packer, stretch)
     if reasons:
         _decisions(packer, reasons)
         _candidates(packer, reasons)
         _obstacles(packer, reasons)
-    header = _header(trace, system) | (_policy(reasons[0], sentences) if reasons else {"explained": False})
-    return packer.text(header)
 
 
 def title(trace: Trace) -> str:
@@ -62,23 +101,26 @@ def _header(trace: Trace, system: str) -> dict[str, Any]:
         "outcome": str(episode.outcome),
         "time": episode.time,
         "steps": len(trace.steps),
-        "planned": _plans_paths(trace),
+        "planned": plans_paths(trace.steps),
         "mapped": _is_mapped(trace),
-        "tracked": _tracks_people(trace),
-        "dt": robot.dt,
-        "box": robot.footprint.box,
+        "tracked": tracks_people(trace.config),
+        **robot_header(robot),
         "goal": task.goal.tolist(),
         "goal_tolerance": task.goal_tolerance,
         "start": list(task.start),
-        "cell": CELL_M,
     }
+
+
+def robot_header(robot: Robot) -> dict[str, Any]:
+    """What is drawn of a robot, and how long its steps are."""
+    return {"dt": robot.dt, "box": robot.footprint.box, "cell": CELL_M}
 
 
 def _ablation(trace: Trace) -> dict[str, float]:
     return {name: float(value) for name, value in trace.config.ablation.items()}
 
 
-def _policy(first: Explanation, sentences: Sequence[str]) -> dict[str, Any]:
+def policy(first: Explanation) -> dict[str, Any]:
     """What the page needs to decide. Infinity is a word, since JSON has none."""
     weights = dict(zip(first.names, first.parameters.weights.tolist(), strict=True))
     given = {**weights, "d1": first.parameters.d1, "d2": first.parameters.d2}
@@ -88,7 +130,6 @@ def _policy(first: Explanation, sentences: Sequence[str]) -> dict[str, Any]:
         "about": {name: _first_line(name, first) for name in first.names},
         "parameters": {name: value if math.isfinite(value) else "inf" for name, value in given.items()},
         "choices": CHOICES,
-        "sentences": list(sentences),
     }
 
 
@@ -101,9 +142,9 @@ def _first_line(name: str, first: Explanation) -> str:
     return (criterion.__doc__ or "").partition("\n")[0] if criterion else "A criterion of your own."
 
 
-def _drive(packer: Packer, trace: Trace) -> None:
-    """Add poses, twists, clearance and targets of all steps and of the end, and commands and subgoals of all steps."""
-    steps, track = trace.steps, trace.episode.trajectory
+def _drive(packer: Packer, stretch: Stretch) -> None:
+    """Add poses, twists, clearance and targets of all frames, and commands and subgoals of all steps."""
+    steps, track = stretch.steps, stretch.track
     packer.add_singles("time", track[:, 0])
     packer.add_singles("pose", track[:, 1:4])
     packer.add_singles("twist", track[:, 4:6])
@@ -111,33 +152,51 @@ def _drive(packer: Packer, trace: Trace) -> None:
     packer.add_singles("command", np.array([step.command for step in steps]))
     packer.add_singles("subgoal", np.array([step.guidance.subgoal for step in steps]))
     packer.add_integers("switched", [step.guidance.switched for step in steps])
-    packer.add_singles("target", np.array([frame.observation.target for frame in trace.frames]))
+    packer.add_singles("target", np.array([frame.observation.target for frame in stretch.frames]))
 
 
-def _scans(packer: Packer, trace: Trace) -> None:
+def _scans(packer: Packer, stretch: Stretch) -> None:
     """Add scan points in the robot frame, and the cells of the world that each step sees for the first time."""
-    frames = trace.frames
-    points = [obstacle_points(frame.observation.scan, trace.robot.lidar.mount) for frame in frames]
-    _add_points_mm(packer, "scan", points, differences=True)
+    frames = stretch.frames
+    points = _add_scan(packer, stretch)
     steps = np.repeat(np.arange(len(frames)), [len(some) for some in points])
     placed = np.concatenate([to_world(some, frame.pose) for some, frame in zip(points, frames, strict=True)])
-    cells, first = np.unique(np.floor(placed / CELL_M).astype(np.int64), axis=0, return_index=True)
+    cells, first = np.unique(cells_of(placed), axis=0, return_index=True)
     seen_at = steps[first]
     order = np.argsort(seen_at, kind="stable")
-    packer.add_integers("seen.count", np.bincount(seen_at, minlength=len(frames)))
-    packer.add_integers("seen.x", cells[order, 0], differences=True)
-    packer.add_integers("seen.y", cells[order, 1], differences=True)
+    add_seen(packer, np.bincount(seen_at, minlength=len(frames)), cells[order])
 
 
-def _world(packer: Packer, trace: Trace) -> None:
-    """Add the true world, which the robot does not know, and its movers at every step."""
-    world = trace.task.world
+def _add_scan(packer: Packer, stretch: Stretch) -> list[Floats]:
+    """Add the scan points of every frame in the robot frame, and return them."""
+    points = [obstacle_points(frame.observation.scan, stretch.robot.lidar.mount) for frame in stretch.frames]
+    _add_points_mm(packer, "scan", points, differences=True)
+    return points
+
+
+def cells_of(points: Floats) -> Ints:
+    """The cells (N, 2) in which points (N, 2) of the world lie."""
+    return np.floor(points / CELL_M).astype(np.int64)
+
+
+def add_seen(packer: Packer, counts: Ints, cells: Ints) -> None:
+    """Add the cells (N, 2) seen for the first time, and how many (F,) each frame adds."""
+    packer.add_integers("seen.count", counts)
+    packer.add_integers("seen.x", cells[:, 0], differences=True)
+    packer.add_integers("seen.y", cells[:, 1], differences=True)
+
+
+def add_world(packer: Packer, world: World) -> None:
+    """Add the true world, which the robot does not know, without what moves in it."""
     packer.add_singles("world.circles", world.circles)
     packer.add_singles("world.segments", world.segments)
     packer.add_counts("polygons", world.polygons)
     packer.add_singles("polygons", np.concatenate([np.empty((0, 2)), *world.polygons]))
-    moving_parts = zip(*map(trace.moving, trace.frames), strict=True)
-    for name, moving in zip(("discs", "edges"), moving_parts, strict=True):
+
+
+def _movers(packer: Packer, stretch: Stretch) -> None:
+    """Add what moves, at every frame."""
+    for name, moving in zip(("discs", "edges"), zip(*stretch.movers, strict=True), strict=True):
         packer.add_counts(name, moving)
         packer.add_singles(name, np.concatenate(moving))
 
@@ -149,29 +208,27 @@ def _is_mapped(trace: Trace) -> bool:
     return any(len(part) for part in parts)
 
 
-def _plans_paths(trace: Trace) -> bool:
+def plans_paths(steps: Sequence[TracedStep]) -> bool:
     """Whether the guide plans paths."""
-    return any(step.guidance.path is not None for step in trace.steps)
+    return any(step.guidance.path is not None for step in steps)
 
 
-def _plans(packer: Packer, trace: Trace) -> None:
-    """Add the planned path of every step, if the guide plans paths."""
-    if _plans_paths(trace):
-        paths = [step.guidance.path for step in trace.steps]
-        _add_points_mm(packer, "plan", [np.empty((0, 2)) if path is None else path for path in paths])
+def _plans(packer: Packer, stretch: Stretch) -> None:
+    """Add the planned path of every step."""
+    paths = [step.guidance.path for step in stretch.steps]
+    _add_points_mm(packer, "plan", [np.empty((0, 2)) if path is None else path for path in paths])
 
 
-def _tracks_people(trace: Trace) -> bool:
+def tracks_people(config: SystemConfig) -> bool:
     """Whether the system finds people in the scans."""
-    return build.people_of(trace.config) is People.tracked
+    return build.people_of(config) is People.tracked
 
 
-def _people(packer: Packer, trace: Trace) -> None:
-    """Add the tracks of every step in the robot frame, with their velocities, if people are tracked."""
-    if _tracks_people(trace):
-        found = [step.observation.pedestrians for step in trace.steps]
-        packer.add_counts("people", found)
-        packer.add_singles("people", np.concatenate([np.empty((0, 4)), *found]))
+def _people(packer: Packer, stretch: Stretch) -> None:
+    """Add the tracks of every step in the robot frame, with their velocities."""
+    found = [step.observation.pedestrians for step in stretch.steps]
+    packer.add_counts("people", found)
+    packer.add_singles("people", np.concatenate([np.empty((0, 4)), *found]))
 
 
 def _decisions(packer: Packer, reasons: Sequence[Explanation]) -> None:
@@ -222,6 +279,6 @@ def _blocking_sector(why: Explanation) -> int:
 def _add_points_mm(packer: Packer, name: str, rows: Sequence[Floats], differences: bool = False) -> None:
     """Add (N, 2) points [m] of every step, rounded to the millimetre."""
     packer.add_counts(name, rows)
-    millimetres = np.rint(np.concatenate(rows) * 1000.0)
+    millimetres = np.rint(np.concatenate([np.empty((0, 2)), *rows]) * 1000.0)
     packer.add_integers(f"{name}.x", millimetres[:, 0], differences)
     packer.add_integers(f"{name}.y", millimetres[:, 1], differences)

@@ -47,10 +47,13 @@ class Packer:
         self.add_integers(f"{name}.count", [len(row) for row in rows])
 
     def text(self, header: Mapping[str, Any]) -> str:
-        """The header and all arrays in base64; equal arrays give equal text."""
+        """The header and all arrays, compressed and in base64; equal arrays give equal text."""
+        return base64.b64encode(gzip.compress(self.raw(header), 6, mtime=0)).decode("ascii")
+
+    def raw(self, header: Mapping[str, Any]) -> bytes:
+        """The header and all arrays."""
         head = json.dumps({**header, "arrays": self._directory}, ensure_ascii=False, allow_nan=False).encode()
-        raw = b"".join([len(head).to_bytes(4, "little"), head, *self._planes])
-        return base64.b64encode(gzip.compress(raw, 6, mtime=0)).decode("ascii")
+        return b"".join([len(head).to_bytes(4, "little"), head, *self._planes])
 
     def _add(self, name: str, values: NDArray[Any], differences: bool) -> None:
         flat = np.ascontiguousarray(values).ravel()

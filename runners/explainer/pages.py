@@ -133,7 +133,7 @@ def initialise(payload: PagePayload) -> Callable[[EpisodeKey], Page]:
         try:
             mark = _MARK.format(payload.marks[key])
             trace = rerun_recorded(run_dir, key.world, key.run, read_trajectories([run_dir], [key]))
-            write_page(trace, path, payload.systems[key], mark)
+            write_page(trace, path, payload.systems[key], mark, f"RUN {key.world}/{key.run}")
         except (InputError, OSError) as error:
             return Page(key, path, str(error))
         return Page(key, path, "")

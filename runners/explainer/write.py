@@ -41,12 +41,13 @@ SCRIPTS = (  # in this order: each may use those before it
 LIBRARY, LICENCE = "uplot/uPlot.iife.min.js", "uplot/LICENSE"
 
 
-def write_page(trace: Trace, path: Path, system: str = "", ending: str = "") -> None:
+def write_page(trace: Trace, path: Path, system: str = "", ending: str = "", play: str = "") -> None:
     """Write the explainer page of an episode. Raises InputError if the file cannot be written.
 
-    system: its name in tables. ending: text after the page.
+    system: its name in tables. ending: text after the page. play: what `lme play` plays, "RUN 282/1" or the name of a
+    recording beside the page, which finds out itself where it is; "" for nothing.
     """
-    write_html(path, page(trace, sentences(trace), system) + ending)
+    write_html(path, page(trace, sentences(trace), system, play) + ending)
 
 
 def write_html(path: Path, text: str) -> None:
@@ -64,8 +65,8 @@ def sentences(trace: Trace) -> list[str]:
     return [reason(now, before) for before, now in pairs if now is not None]
 
 
-def page(trace: Trace, reasons: Sequence[str], system: str = "") -> str:
-    """The HTML of the page. reasons: one sentence per decision."""
+def page(trace: Trace, reasons: Sequence[str], system: str = "", play: str = "") -> str:
+    """The HTML of the page. reasons: one sentence per decision. system, play: as in `write_page`."""
     style = "\n".join(asset(name) for name in STYLES)
     scripts = "\n".join(asset(name) for name in SCRIPTS)
     script = f'/*\n{asset(LICENCE)}*/\n{asset(LIBRARY)}\n(() => {{\n"use strict";\n{scripts}\n}})();'
@@ -73,7 +74,7 @@ def page(trace: Trace, reasons: Sequence[str], system: str = "") -> str:
         "TITLE": html.escape(title(trace)),
         "POLICY": content_security_policy(style, script),
         "STYLE": style,
-        "DATA": encode(trace, reasons, system),
+        "DATA": encode(trace, reasons, system, play),
         "SCRIPT": script,
     }
     return fill("page.html", parts)

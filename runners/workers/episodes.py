@@ -66,7 +66,7 @@ def initialise(payload: EpisodePayload) -> Callable[[EpisodeKey], EpisodeResult]
             rng = episode_rng(seed, key.world, key.run)
             observer = _Observers(observers) if observers else None  # telling one the state takes time
             episode = run_episode(task, navigator, simulator, rng, observer)
-        record = _record(payload.labels, key, seed, task, episode, perf_counter() - began)
+        record = record_of(payload.labels, key, seed, task, episode, perf_counter() - began)
         if company is not None:
             rng = episode_rng(seed, key.world, key.run)
             alone = partial(run_episode, without_people(task), navigator, simulator, rng)
@@ -130,9 +130,10 @@ def _social(company: Company, episode: Episode, drive_alone: Callable[[], Episod
     return measures
 
 
-def _record(
+def record_of(
     labels: RunLabels, key: EpisodeKey, seed: int, task: Task, episode: Episode, wall_s: float
 ) -> EpisodeRecord:
+    """The record of an episode in a task, without the social measures. wall_s: how long it took [s]."""
     # An episode that starts at the goal has no decisions.
     decision_us = episode.decision_us if episode.steps else np.array([np.nan])
     success = episode.outcome is Outcome.SUCCESS

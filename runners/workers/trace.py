@@ -106,6 +106,11 @@ def rerun_recorded(run_dir: Path, world: int, run: int, trajectories: pd.DataFra
     launch = launch_record.read_launch(run_dir)
     if launch is None:
         raise InputError(f"{run_dir}: has no {launch_record.LAUNCH}, so its episodes cannot be run again")
+    if launch.command == "play":
+        raise InputError(
+            f"{run_dir}: its world changed during the drive, so only lme play can drive it again: "
+            f"lme play {run_dir} {world}/{run}"
+        )
     steps = trajectories[(trajectories["world"] == world) & (trajectories["run"] == run)]
     if steps.empty:
         raise InputError(

@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from lme.episode import run_episode
+from lme.episode import RunningEpisode, run_episode
+from lme.errors import InputError
 from lme.guides.lme import Lme, LmeConfig
 from lme.guides.target import Target, TargetConfig
 from lme.navigator import Navigator
@@ -92,3 +93,14 @@ def test_velocity_reaches_the_command_at_alpha_or_evenly(even):
     simulator.step(Twist(0.2, 0.0))
     assert simulator.state.pose.x == pytest.approx(0.02 if even else 0.03, abs=KERNEL)
     assert simulator.state.twist.v == pytest.approx(0.2, abs=KERNEL)
+
+
+def test_a_simulator_that_cannot_change_says_so():
+    class Fixed(FastSimulator):
+        change = None
+
+    robot = stage()
+    navigator = Navigator(Target(TargetConfig(), robot), Simple(SimpleConfig(), robot))
+    running = RunningEpisode(task(), navigator, Fixed(FastConfig(), robot), np.random.default_rng(0))
+    with pytest.raises(InputError, match="Fixed: the world cannot change"):
+        running.change(task())

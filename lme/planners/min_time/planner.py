@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from lme.kernels.straight_ways import KEPT
 from lme.planners.commands import check_turn_samples, reachable, turn_shares
 from lme.planners.min_time.kernels import Estimate, Safety, best_twist, dynamic_window
 from lme.planners.min_time.lag import Lag
+from lme.planners.weighed import Weighed
 from lme.robots import Robot
 from lme.sensing.scan_points import is_full_circle, obstacle_points
 from lme.types import Floats, Guidance, Limits, Observation, Pose, Twist
@@ -144,7 +145,30 @@ class MinTime:
         wide = self._best(now, limits, 1.0)
         return wide if any(wide) else self._best(now, limits, _TIGHT)
 
+    def weighed(self, observation: Observation, guidance: Guidance) -> Weighed:
+        """See `lme.planners.weighed`: every arc with its expected time, but for backing up."""
+        now, limits = self._situation(observation, guidance), observation.limits
+        share = 1.0 if any(self._best(now, limits, 1.0)) else _TIGHT
+        v, omega, given = self._tried(now, limits, share)
+        costs = np.array(
+            [[best_twist(v[[i]], omega[[j]], *given)[2] for j in range(len(omega))] for i in range(len(v))]
+        )
+        costs[(v[:, None] * np.abs(omega) > self._config.grip) & (v > v[0])[:, None]] = np.inf
+        commands = np.stack(np.broadcast_arrays(v[:, None], omega), axis=-1).reshape(-1, 2)
+        return Weighed(commands, costs.ravel(), self._config.horizon)
+
     def _best(self, situation: _Situation, limits: Limits, share: float) -> Twist:
+        v, omega, given = self._tried(situation, limits, share)
+        best_v, best_omega, time = best_twist(v, omega, *given)
+        if math.isfinite(time):
+            return Twist(best_v, best_omega)
+        now = situation.twist
+        return Twist(0.0, now.omega * float(v[0]) / now.v if now.v > 0.0 else 0.0)
+
+    def _tried(
+        self, situation: _Situation, limits: Limits, share: float
+    ) -> tuple[Floats, Floats, tuple[Any, ...]]:
+        """The speeds (V,) and turn rates (W,) that are tried, and what else `best_twist` takes."""
         config, dt = self._config, self._robot.dt
         subgoal, points, movers, now = situation
         least, most = self._lag.reach(now, limits)
@@ -153,13 +177,7 @@ class MinTime:
         estimate = Estimate(limits.v_max, config.turn, dt, max(config.horizon, dt), _SLOW)
         margin, brake = share * config.margin, min(config.brake, limits.alpha_v)
         safety = Safety(margin, config.margin_time, brake, limits.alpha_omega, config.grip, config.lag)
-        box = self._robot.footprint.box
-        best_v, best_omega, time = best_twist(
-            v, omega, subgoal, points, box, (*estimate,), (*safety,), movers
-        )
-        if math.isfinite(time):
-            return Twist(best_v, best_omega)
-        return Twist(0.0, now.omega * float(v[0]) / now.v if now.v > 0.0 else 0.0)
+        return v, omega, (subgoal, points, self._robot.footprint.box, (*estimate,), (*safety,), movers)
 
     def _back_up(self, points: Floats, limits: Limits) -> Twist | None:
         """Straight back for `back`, or as far as known points allow; None if they allow nothing."""

@@ -69,16 +69,12 @@ class SkidSimulator:
     def reset(self, task: Task, rng: np.random.Generator) -> Observation:
         """Put the robot at the task's start, at rest."""
         config = self._config
-        self._task, self._start = task, Pose(*map(float, task.start))
-        self._static = (np.ascontiguousarray(task.world.circles, dtype=np.float64), task.world.edges)
-        self._crowd = Crowd(task.world.movers, task.world, self._robot.hull.r_max)
+        self._start = Pose(*map(float, task.start))
+        self._enter(task)
         self._delay = Delay(config.latency)
         self._sensors = Sensors(self._robot, config, task, rng)
         self._slip_rng, self._yaw_rng, phase_rng = rng.spawn(3)
         self._scan_phase = phase_rng.uniform() / config.scan_rate if config.scan_rate else 0.0
-        self._pieces = 1
-        if len(self._crowd) or config.latency:
-            self._pieces = math.ceil(self._robot.dt / MAX_SUBSTEP - 1e-9)
         self._base, self._yaw_error = self._make_base(), 0.0
         self.state = self._state(np.array([self._start]), 0.0, 0.0)
         return self._observe()
@@ -96,6 +92,24 @@ class SkidSimulator:
         travel = np.vstack([state.travel for state in states])
         self.state = states[-1]._replace(travel=travel, clearance=min(state.clearance for state in states))
         return self._observe()
+
+    def change(self, task: Task) -> Observation:
+        """See `lme.sim.simulator.Changeable`."""
+        former = self._crowd
+        self._enter(task)
+        self._crowd.go_on(former)
+        self._sensors.change(task)
+        self.state = self._state(np.array([self.state.pose]), self.state.time, 0.0)
+        return self._observe()
+
+    def _enter(self, task: Task) -> None:
+        """Take the obstacles, movers and goal of a task."""
+        self._task = task
+        self._static = (np.ascontiguousarray(task.world.circles, dtype=np.float64), task.world.edges)
+        self._crowd = Crowd(task.world.movers, task.world, self._robot.hull.r_max)
+        self._pieces = 1
+        if len(self._crowd) or self._config.latency:
+            self._pieces = math.ceil(self._robot.dt / MAX_SUBSTEP - 1e-9)
 
     def _drive(self, time: float, duration: float, factors: tuple[float, float]) -> State:
         """Drive for a piece of a period, with the command that is active in its middle."""

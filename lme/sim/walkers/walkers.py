@@ -6,7 +6,7 @@ Nothing here is random: who the people are and where they go is drawn with the w
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -54,6 +54,18 @@ class Walkers:
         self._velocities = np.zeros((len(people), 2))
         self._robot: Pose | None = None
         self._time, self._decided = 0.0, -math.inf
+
+    def go_on(self, former: Walkers, kept: Mapping[int, int]) -> None:
+        """Take the time of others, and from them the plans of people whom they have too.
+
+        kept: the indices of the movers that stay, now and then.
+        """
+        self._time, self._decided, self._robot = former._time, former._decided, former._robot
+        rows = {int(i): row for row, i in enumerate(former._chosen)}
+        for row, i in enumerate(self._chosen.tolist()):
+            if i in kept:
+                self._plan[row] = former._plan[rows[kept[i]]]
+                self._velocities[row] = former._velocities[rows[kept[i]]]
 
     def decide(self, crowd: Crowd, robot: Pose, dt: float) -> None:
         """Choose new velocities, every `PERIOD`. robot: the pose of its base now; dt: since the last call [s]."""

@@ -71,6 +71,7 @@ def _recording(path: Path, words: Sequence[str], output: Path | None, text: bool
     from runners.explainer.pages import make_folder
     from runners.explainer.write import write_page
     from runners.replay.retrace import retrace
+    from runners.workers.trace import Drive
 
     if words:
         raise InputError(f"{words[0]}: a recording holds one drive; omit the episode")
@@ -81,7 +82,7 @@ def _recording(path: Path, words: Sequence[str], output: Path | None, text: bool
     place = path.with_suffix(".html") if output is None else output
     place = place / f"{path.stem}.html" if place.suffix != ".html" else place
     make_folder(place.parent)
-    write_page(trace, place)
+    write_page(trace, place, play="" if isinstance(trace.episode, Drive) else path.name)
     print(place)
 
 

@@ -30,6 +30,13 @@ class Camera {
     return [m[0] * x + m[2] * y + m[4], m[1] * x + m[3] * y + m[5]];
   }
 
+  /** The point of the world at a place on the canvas. */
+  locate(px, py) {
+    const m = this.m;
+    const [dx, dy, scale] = [px - m[4], py - m[5], m[0] * m[3] - m[1] * m[2]];
+    return [(m[3] * dx - m[2] * dy) / scale, (m[0] * dy - m[1] * dx) / scale];
+  }
+
   /** Direction of a world heading on the canvas [rad], clockwise from rightwards. */
   direction(yaw) {
     return Math.atan2(this.m[1] * Math.cos(yaw) + this.m[3] * Math.sin(yaw),

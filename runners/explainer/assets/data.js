@@ -27,6 +27,18 @@ class Trace {
     return [starts[step], starts[step + 1]];
   }
 
+  /** The true world at a step: discs, segments and polygons, the corners of all with the first of each. */
+  world() {
+    const { arrays, starts } = this;
+    return { circles: arrays["world.circles"], segments: arrays["world.segments"], corners: arrays.polygons,
+      starts: starts.polygons };
+  }
+
+  /** The goal at a step. */
+  goal() {
+    return this.head.goal;
+  }
+
   /** Number of candidates at a step. */
   candidates(step) {
     const [from, to] = this.span("candidates", step);
@@ -64,7 +76,12 @@ class Trace {
 
 /** @param {string} text - base64 @returns {Promise<Trace>} */
 async function unpack(text) {
-  const raw = await gunzip(bytesOf(text));
+  const { head, arrays } = parse(await gunzip(bytesOf(text)));
+  return new Trace(head, arrays);
+}
+
+/** Header and arrays of what Python packed. @param {ArrayBuffer} raw */
+function parse(raw) {
   const headerLength = new DataView(raw).getUint32(0, true);
   const head = JSON.parse(new TextDecoder().decode(new Uint8Array(raw, 4, headerLength)));
   const planes = new Uint8Array(raw, 4 + headerLength);
@@ -73,7 +90,7 @@ async function unpack(text) {
     arrays[name] = numbers(planes, kind, at, count);
     if (differences) arrays[name] = runningSum(arrays[name]);
   }
-  return new Trace(head, arrays);
+  return { head, arrays };
 }
 
 function bytesOf(text) {

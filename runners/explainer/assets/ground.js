@@ -11,16 +11,17 @@ function drawSeen(ctx, trace, step, colour, hair) {
 
 /** Draw the true world, and its movers at a step. */
 function drawTruth(ctx, trace, step, colour, width) {
-  const { arrays, starts } = trace;
+  const { arrays } = trace;
+  const world = trace.world(step);
   const moving = (name, size) => arrays[name].subarray(...trace.span(name, step).map((row) => row * size));
   ctx.fillStyle = ctx.strokeStyle = colour;
   ctx.lineWidth = width;
-  for (const discs of [arrays["world.circles"], moving("discs", 3)]) fillDiscs(ctx, discs);
+  for (const discs of [world.circles, moving("discs", 3)]) fillDiscs(ctx, discs);
   ctx.beginPath();
-  polygonsInto(ctx, arrays.polygons, starts.polygons);
+  polygonsInto(ctx, world.corners, world.starts);
   ctx.fill();
   ctx.beginPath();
-  for (const edges of [arrays["world.segments"], moving("edges", 4)]) edgesInto(ctx, edges);
+  for (const edges of [world.segments, moving("edges", 4)]) edgesInto(ctx, edges);
   ctx.stroke();
 }
 

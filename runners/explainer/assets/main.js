@@ -242,6 +242,7 @@ class App {
     byId("choice").className = choiceAt(trace, step).split(":")[0].replace(" ", "-");
     const facts = factsAt(trace, step);
     byId("facts").replaceChildren(...facts.flatMap(([name, value]) => [named("dt", name), named("dd", value)]));
+    if (trace.head.play) byId("play-here").querySelector("code").textContent = `lme play ${toPlay(trace)} --step ${step}`;
     byId("step").value = step;
     byId("step").setAttribute("aria-valuetext", `step ${step} of ${playback.last}`);
     byId("count").textContent = `${step} / ${playback.last}`;
@@ -251,6 +252,14 @@ class App {
     for (const id of ["better", "worse"]) byId(id).setAttribute("aria-disabled", !this.#deciding());
     if (trace.explained) byId("what-if").textContent = this.#whatIf();
   }
+}
+
+/** What `lme play` plays: a run of which this is a page, as far as the address tells, or a recording beside it. */
+function toPlay({ head: { play } }) {
+  const folder = window.location.protocol === "file:" ? decodeURIComponent(window.location.pathname.replace(/[^/]*$/, "")) : "";
+  const quoted = (path) => (/^[\w./-]+$/.test(path) ? path : `'${path.replaceAll("'", "'\\''")}'`);
+  if (!play.startsWith("RUN ")) return quoted(`${folder}${play}`);
+  return folder.endsWith("/explain/") ? play.replace("RUN", () => quoted(folder.slice(0, -"/explain/".length))) : play;
 }
 
 /** A function that runs an action once at the next frame, however often it is called before. */
@@ -275,6 +284,7 @@ function dress(trace) {
   byId("subtitle").textContent = [head.system, ...ablation, head.robot, ending].filter(Boolean).join(" · ");
   document.body.classList.add(trace.explained ? "explained" : "unexplained", head.planned ? "planned" : "unplanned");
   byId("truth").disabled = byId("truth").parentElement.hidden = !head.mapped;
+  byId("play-here").hidden = !head.play;
   byId("key-people").hidden = !head.tracked;
   byId("key-blocking").hidden = !trace.arrays.blocking?.some((sector) => sector >= 0);
   byId("key-history").hidden = !trace.arrays["history.count"]?.some(Boolean);

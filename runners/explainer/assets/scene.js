@@ -2,18 +2,21 @@
 
 /**
  * What is shown at a step.
+ * layers: names of those that are drawn, or nothing for all. pose: of the robot, if it is between two steps. below,
+ * above: draw more, under and over the robot's thoughts.
  * @typedef {{step: number, truth: boolean, verdict: ?Verdict, changed: boolean, values: ?ArrayLike<number>,
- *   scale: Object, picked: ?number}} Shown
+ *   scale: Object, picked: ?number, layers: ?Set<string>, pose: ?Object, below: ?function(), above: ?function()}} Shown
  */
 
 class Scene {
-  constructor(canvas, trace) {
+  /** @param {number[]} box - what to show [x0, y0, x1, y1] @param {number} reach - and with the heading up [m] */
+  constructor(canvas, trace, box = extent(trace), reach = reachOf(trace)) {
     this.canvas = canvas;
     this.ctx = canvas.getContext("2d");
     this.trace = trace;
     this.camera = new Camera();
-    this.box = extent(trace);
-    this.reach = reachOf(trace);
+    this.box = box;
+    this.reach = reach;
     this.spots = []; // positions of the candidates in the last drawing [px]
     this.recolour();
   }
@@ -47,17 +50,20 @@ class Scene {
     ctx.fillStyle = this.colours.paper;
     ctx.fillRect(0, 0, camera.width, camera.height);
     this.#world(shown);
+    shown.below?.(this);
     this.#path(shown.step);
     this.#aim(shown.step);
+    this.spots = [];
     if (trace.explained && shown.step < trace.decisions) this.#decision(shown);
-    else this.#plainScan(shown.step);
-    this.#robot(shown.step);
+    else if (shows(shown, "scan")) this.#plainScan(shown.step);
+    this.#robot(shown.pose ?? this.at);
     if (shown.step < trace.decisions) {
-      if (trace.head.planned) this.#plan(shown.step);
-      if (trace.head.tracked) this.#people(shown.step);
+      if (trace.head.planned && shows(shown, "plan")) this.#plan(shown.step);
+      if (trace.head.tracked && shows(shown, "people")) this.#people(shown.step);
       this.#subgoals(shown);
     }
-    if (shown.verdict) this.#blockage(shown.step); // on top, for its names
+    if (shown.verdict && shows(shown, "blockage")) this.#blockage(shown.step); // on top, for its names
+    shown.above?.(this);
     this.#ruler();
   }
 
@@ -72,13 +78,13 @@ class Scene {
   }
 
   /** A point of the robot frame on the canvas [px]. */
-  #local(x, y) {
+  local(x, y) {
     const [cos, sin] = [Math.cos(this.at.yaw), Math.sin(this.at.yaw)];
     return this.camera.place(this.at.x + cos * x - sin * y, this.at.y + sin * x + cos * y);
   }
 
   /** Draw in world metres. */
-  #inWorld(draw) {
+  inWorld(draw) {
     const { ctx, ratio, camera } = this;
     ctx.save();
     ctx.transform(...camera.m);
@@ -88,10 +94,10 @@ class Scene {
   }
 
   #world(shown) {
-    this.#inWorld((ctx) => {
+    this.inWorld((ctx) => {
       const pixel = 1 / this.camera.scale;
       if (shown.truth) drawTruth(ctx, this.trace, shown.step, this.colours.truth, 1.5 * pixel);
-      drawSeen(ctx, this.trace, shown.step, this.colours.seen, 0.5 * pixel);
+      if (shows(shown, "seen")) drawSeen(ctx, this.trace, shown.step, this.colours.seen, 0.5 * pixel);
     });
   }
 
@@ -109,7 +115,7 @@ class Scene {
   /** The goal with its tolerance, and the target as the robot knows it. */
   #aim(step) {
     const { ctx, colours, camera, trace } = this;
-    const [x, y] = camera.place(...trace.head.goal);
+    const [x, y] = camera.place(...trace.goal(step));
     circlePath(ctx, x, y, trace.head.goal_tolerance * camera.scale);
     ctx.setLineDash([2, 4]);
     paint(ctx, null, colours.goal, 1.5);
@@ -117,7 +123,7 @@ class Scene {
     circlePath(ctx, x, y, 4);
     paint(ctx, colours.goal, colours.paper, 1);
     const target = trace.pair("target", step);
-    line(ctx, this.#local(0, 0), this.#local(...target), colours.goal, 1.25, [7, 5]);
+    line(ctx, this.local(0, 0), this.local(...target), colours.goal, 1.25, [7, 5]);
   }
 
   /** The planned path of the guide; LME plans none. */
@@ -126,7 +132,7 @@ class Scene {
     const [from, to] = trace.span("plan", step);
     ctx.beginPath();
     for (let i = from; i < to; i++) {
-      ctx.lineTo(...this.#local(trace.arrays["plan.x"][i] / 1000, trace.arrays["plan.y"][i] / 1000));
+      ctx.lineTo(...this.local(trace.arrays["plan.x"][i] / 1000, trace.arrays["plan.y"][i] / 1000));
     }
     ctx.setLineDash([4, 3]);
     ctx.strokeStyle = colours.other;
@@ -142,14 +148,13 @@ class Scene {
     const [from, to] = trace.span("people", step);
     for (let i = from; i < to; i++) {
       const [x, y, vx, vy] = people.subarray(4 * i, 4 * i + 4);
-      line(ctx, this.#local(x, y), this.#local(x + vx, y + vy), PERSON, 2);
-      circlePath(ctx, ...this.#local(x, y), 7);
+      line(ctx, this.local(x, y), this.local(x + vx, y + vy), PERSON, 2);
+      circlePath(ctx, ...this.local(x, y), 7);
       paint(ctx, null, PERSON, 2);
     }
   }
 
   #plainScan(step) {
-    this.spots = [];
     const [from, to] = this.trace.span("scan", step);
     this.#dots(from, from, to, this.colours.accent, 2);
   }
@@ -160,15 +165,16 @@ class Scene {
     const { arrays } = this.trace;
     ctx.fillStyle = colour;
     for (let i = from; i < to; i++) {
-      const [x, y] = this.#local(arrays["scan.x"][i] / 1000, arrays["scan.y"][i] / 1000);
+      const [x, y] = this.local(arrays["scan.x"][i] / 1000, arrays["scan.y"][i] / 1000);
       ctx.fillRect(x - size / 2, y - size / 2, size, size);
     }
   }
 
   #decision(shown) {
-    this.#sectors(shown.step);
-    this.#candidates(shown);
-    this.#history(shown.step);
+    if (shows(shown, "sectors")) this.#sectors(shown.step);
+    else if (shows(shown, "scan")) this.#plainScan(shown.step);
+    if (shows(shown, "candidates")) this.#candidates(shown);
+    if (shows(shown, "history")) this.#history(shown.step);
   }
 
   #sectors(step) {
@@ -193,9 +199,8 @@ class Scene {
     const [from] = this.trace.span("candidates", step);
     const free = this.trace.arrays["feature.c_o"];
     const radius = Math.min(Math.max(1.5 + 0.05 * this.camera.scale, 2.5), 4.5);
-    this.spots = [];
     for (let i = 0; i < values.length; i++) {
-      const [x, y] = this.#local(...this.trace.candidate(step, i));
+      const [x, y] = this.local(...this.trace.candidate(step, i));
       this.spots.push([x, y]);
       if (free[from + i]) {
         circlePath(ctx, x, y, radius);
@@ -215,7 +220,7 @@ class Scene {
     const { ctx, colours } = this;
     const [from, to] = this.trace.span("history", step);
     for (let i = from; i < to; i++) {
-      const [x, y] = this.#local(...this.trace.pair("history", i));
+      const [x, y] = this.local(...this.trace.pair("history", i));
       ctx.fillStyle = colours.ink;
       ctx.fillRect(x - 2.5, y - 2.5, 5, 5);
     }
@@ -228,11 +233,11 @@ class Scene {
     const at = this.trace.starts.sectors[step] + arrays.blocking[step];
     const scan = this.trace.starts.scan[step];
     const ends = [0, 1].map((i) => scan + arrays.sectors[2 * at + i])
-      .map((i) => this.#local(arrays["scan.x"][i] / 1000, arrays["scan.y"][i] / 1000));
+      .map((i) => this.local(arrays["scan.x"][i] / 1000, arrays["scan.y"][i] / 1000));
     const nearer = arrays.a_is_e1[step] ? 0 : 1;
-    const b = this.#local(...this.trace.pair("b", step));
+    const b = this.local(...this.trace.pair("b", step));
     line(this.ctx, ends[nearer], b, this.colours.ink, 1.5, [2, 2]);
-    const marks = [...ends, b, this.#local(0, 0), this.#local(...this.trace.pair("subgoal", step))];
+    const marks = [...ends, b, this.local(0, 0), this.local(...this.trace.pair("subgoal", step))];
     ends.forEach((end, i) => this.#point(end, `E${i + 1}${i === nearer ? " = A" : ""}`, marks));
     this.#point(b, "B", marks);
   }
@@ -253,15 +258,15 @@ class Scene {
     marks.push([cx - half, cy], [cx, cy], [cx + half, cy]); // the next name avoids this one
   }
 
-  #robot(step) {
+  #robot(pose) {
     const { ctx, colours, camera } = this;
     const [halfLength, halfWidth, rounding] = this.trace.head.box;
-    const [x, y] = camera.place(this.at.x, this.at.y);
+    const [x, y] = camera.place(pose.x, pose.y);
     const [long, wide, round] = [halfLength + rounding, halfWidth + rounding, rounding]
       .map((size) => size * camera.scale);
     ctx.save();
     ctx.translate(x, y);
-    ctx.rotate(camera.direction(this.at.yaw));
+    ctx.rotate(camera.direction(pose.yaw));
     ctx.beginPath();
     ctx.roundRect(-long, -wide, 2 * long, 2 * wide, round);
     paint(ctx, colours.accent, colours.paper, 1.5);
@@ -278,18 +283,18 @@ class Scene {
   /** The chosen subgoal, the old one if it was given up, and the one that the sliders' parameters choose. */
   #subgoals({ step, verdict, changed }) {
     const { ctx, colours, trace } = this;
-    const chosen = this.#local(...trace.pair("subgoal", step));
-    line(ctx, this.#local(0, 0), chosen, colours.chosen, 1.5);
+    const chosen = this.local(...trace.pair("subgoal", step));
+    line(ctx, this.local(0, 0), chosen, colours.chosen, 1.5);
     const old = trace.explained ? trace.pair("old", step) : null;
     if (old && trace.recorded(step).choice !== "kept") {
-      starPath(ctx, ...this.#local(...old), 9);
+      starPath(ctx, ...this.local(...old), 9);
       paint(ctx, colours.paper, colours.old, 2);
     }
     starPath(ctx, ...chosen, 11);
     paint(ctx, colours.chosen, colours.paper, 1.5);
     if (!changed) return;
     const other = verdict.choice === "kept" ? old : trace.candidate(step, verdict.best);
-    diamondPath(ctx, ...this.#local(...other), 11);
+    diamondPath(ctx, ...this.local(...other), 11);
     paint(ctx, null, colours.paper, 5);
     paint(ctx, null, colours.other, 3);
   }
@@ -311,4 +316,9 @@ class Scene {
       ctx.textAlign = "left";
     }
   }
+}
+
+/** Whether a layer is drawn. @param {Shown} shown */
+function shows(shown, layer) {
+  return !shown.layers || shown.layers.has(layer);
 }

@@ -121,3 +121,37 @@ def test_the_records_call_it_by_its_file_or_its_name(hall):
     assert chosen(hall).name == chosen(hall).task(0).map_name == "hall"
     assert chosen(hall, name="mine").name == "mine"
     assert not isinstance(Traps(TrapsConfig()), Named)
+
+
+def test_a_start_a_goal_and_movers_may_stand_in_the_file(tmp_path):
+    path = tmp_path / "drawn.yaml"
+    path.write_text(
+        "bounds: [0, 0, 6, 6]\nstart: [1, 1, 0.5]\ngoal: [5, 5]\n"
+        "movers:\n  - {radius: 0.25, path: [[3, 5], [3, 1]], speed: 0.8}\n"
+    )
+    maps = chosen(path)
+    assert maps.numbers == (0,)
+    task = maps.task(0)
+    assert (task.start, task.goal.tolist()) == ((1.0, 1.0, 0.5), [5.0, 5.0])
+    (mover,) = task.world.movers
+    assert (mover.radius, mover.speed) == (0.25, 0.8)
+    given = chosen(path, start=[2.0, 1.0], goal=[1.0, 5.0]).task(0)  # the config's win
+    assert (given.start[:2], given.goal.tolist()) == ((2.0, 1.0), [1.0, 5.0])
+    with pytest.raises(InputError, match="must be null or \\[0\\], since the start and the goal of the file"):
+        chosen(path, worlds=[1])
+
+
+@pytest.mark.parametrize(
+    ("line", "problem"),
+    [
+        ("start: [1]", "start is [1]"),
+        ("goal: [1, 2, 3]", "goal is [1, 2, 3]"),
+        ("movers: [{path: [[1, 1]]}]", "movers[0]"),
+    ],
+)
+def test_a_mistake_in_what_stands_in_the_file_is_one_line(tmp_path, line, problem):
+    path = tmp_path / "drawn.yaml"
+    path.write_text(f"bounds: [0, 0, 6, 6]\n{line}\n")
+    with pytest.raises(InputError) as error:
+        chosen(path)
+    assert problem in str(error.value)

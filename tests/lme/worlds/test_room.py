@@ -102,7 +102,7 @@ def test_a_picture_is_a_map_set_too(tmp_path):
     ("keys", "right"),
     [
         ({"name": None}, "map.path is null: must be a shape file"),
-        ({"name": "env3"}, "map.name is 'env3': must be one of env1, env2, or give map.path"),
+        ({"name": "env3"}, "map.name is 'env3': must be one of empty, env1, env2, or give map.path"),
         (
             {"path": __file__},
             "test_room.py: is not a picture; must be a shape file (.yaml), a ROS map (.yaml) or",

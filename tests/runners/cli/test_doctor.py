@@ -177,6 +177,7 @@ def test_the_real_metadata_name_every_requirement():
         "gp",
         "gym",
         "learn",
+        "play",
         "replay",
         "rerun",
         "shared",

@@ -52,9 +52,9 @@ def drawn(monkeypatch):
     """Episodes of which a page is made, and no pages worth the name."""
     made = []
 
-    def write_page(trace, path, system, ending):
+    def write_page(trace, path, system, ending, play):
         made.append(EpisodeKey(trace.world, trace.run))
-        path.write_text(f"<!doctype html>{system}\n{ending}")
+        path.write_text(f"<!doctype html>{system}\n{play}\n{ending}")
 
     monkeypatch.setattr(write, "write_page", write_page)
     return made

@@ -2,6 +2,7 @@
 
 import dataclasses
 import re
+import shlex
 
 import numpy as np
 import pytest
@@ -195,3 +196,23 @@ def test_tracked_people_are_drawn_where_they_are_seen(open_page, tmp_path, trace
     page.close()
     write_page(trace, tmp_path / "nobody.html")
     assert not open_page(tmp_path / "nobody.html").is_visible("#key-people")
+
+
+def test_a_page_of_a_run_says_how_to_play_on_from_its_step(trace, tmp_path, open_page):
+    folder = tmp_path / "it's mine" / "explain"
+    folder.mkdir(parents=True)
+    write_page(trace, folder / "1-0.html", play="RUN 1/0")
+    page = open_page(folder / "1-0.html", "#step=7")
+    words = shlex.split(page.text_content("#play-here code"))
+    assert words == ["lme", "play", str(folder.parent), "1/0", "--step", "7"]
+    press(page, "ArrowRight")
+    assert page.text_content("#play-here code").endswith("--step 8")
+
+
+def test_a_page_elsewhere_leaves_open_where_the_run_is(trace, tmp_path, open_page):
+    for play, said in (("RUN 1/0", "RUN 1/0"), ("world-1-run-0.mcap", f"{tmp_path}/world-1-run-0.mcap")):
+        write_page(trace, tmp_path / "page.html", play=play)
+        page = open_page(tmp_path / "page.html")
+        assert page.text_content("#play-here code") == f"lme play {said} --step 0"
+    write_page(trace, tmp_path / "alone.html")
+    assert open_page(tmp_path / "alone.html").is_hidden("#play-here")

@@ -1,0 +1,83 @@
+"""Draw a world, watch systems think in it, and take over: a page on this machine; needs `pip install -e '.[play]'`."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from runners.config.arguments import Arguments
+    from runners.play.session import Session
+
+EXAMPLES = (
+    "lme play",
+    "lme play system=lme,lme_plus map=barn map.worlds=[282]",
+    "lme play outputs/eval/RUN 282/1",
+    "lme play robot=jackal_gazebo sim=skid sim.latency=0.1 map=dynabarn",
+)
+_STEP = "--step"
+
+
+def main(argv: list[str]) -> int:
+    """Compose a session, or open a recorded episode, and serve its page until Ctrl-C. Raises InputError."""
+    from runners.config import arguments
+    from runners.play.opening import words_of
+
+    episode, words = words_of(argv)
+    step, words = _step(words)
+    given = arguments.parse(words)
+    if given.cfg or given.info or given.hydra_help:
+        return _print_config(words)
+    return _serve(episode, step, given)
+
+
+def _serve(episode: list[str], step: int | None, given: Arguments) -> int:
+    from lme.errors import InputError
+    from runners.play.run import check_installed, serve, settings
+
+    check_installed()
+    if step is not None and not episode:
+        raise InputError(f"{_STEP} {step}: goes with a recorded episode, lme play RUN 282/1 {_STEP} {step}")
+    port, browser = settings(given)
+    serve(_opened(episode, step, given) if episode else _composed(given), port, browser)
+    return 0
+
+
+def _composed(given: Arguments) -> Session:
+    from runners.play.session import Session, Source
+    from runners.play.setups import setup_of
+
+    return Session(setup_of(Source(tuple(given.overrides), given.config_name or "play", given.config_dir)))
+
+
+def _opened(episode: list[str], step: int | None, given: Arguments) -> Session:
+    from pathlib import Path
+
+    from lme.errors import InputError
+    from runners.play.opening import open_episode
+
+    others = [word for word in given.overrides if word.partition("=")[0] not in ("port", "browser")]
+    if others:
+        raise InputError(f"{others[0]}: the episode was driven with its own config; change it on the page")
+    if len(episode) > 2:
+        raise InputError(f"{episode[2]}: must be lme play RUN WORLD/RUN, one episode")
+    return open_episode(Path(episode[0]), episode[1] if len(episode) > 1 else None, step)
+
+
+def _step(words: list[str]) -> tuple[int | None, list[str]]:
+    """The number after --step, and the words without both. Raises InputError."""
+    from lme.errors import InputError
+
+    if _STEP not in words:
+        return None, words
+    at = words.index(_STEP)
+    value = words[at + 1] if at + 1 < len(words) else ""
+    if not value.isdigit():
+        raise InputError(f"{_STEP} {value}: must be the number of a step")
+    return int(value), [*words[:at], *words[at + 2 :]]
+
+
+def _print_config(argv: list[str]) -> int:
+    """What --cfg, --info and --hydra-help print."""
+    from runners.cli.launch import Command, launch
+
+    return launch(Command("play", lambda job: None, lambda job: None), argv)

@@ -1,0 +1,165 @@
+"""Answers the messages of the page. It knows nothing of sockets, so that it can be tested without one."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from lme.errors import InputError
+from lme.types import Pose
+from runners.config.catalogue import SHIPPED
+from runners.play.details import LAYERS, detail_message
+from runners.play.drawing import FARTHEST, item_of
+from runners.play.fields import Fields
+from runners.play.frames import Sender, world_message
+from runners.play.saving import KINDS, save
+from runners.play.session import MOST_STEPS, Session
+from runners.play.setups import setup_of
+from runners.play.situation import options, situation
+from runners.play.words import changed, map_files
+
+Reply = str | bytes  # JSON text, or a binary message
+
+BUDGET_S = 0.02  # of computing for one message, so that the next one is heard soon
+BATCH = 100  # frames in one message, at most
+
+
+class Desk:
+    """One session, and what its page has been sent."""
+
+    def __init__(self, session: Session, root: Path = Path()) -> None:
+        """root: the folder in which files may be read and written."""
+        self.session, self._root = session, root.resolve()
+        self._senders: list[Sender] = []
+        self._more: list[Reply] = []  # what was asked for
+        self._told = -1  # revision that the page knows
+        self._worlds: set[int] = set()  # steps at which a world begins that the page knows
+
+    def welcome(self) -> Iterator[Reply]:
+        """Everything, for a page that has just come."""
+        self._told, self._senders, self._worlds = -1, [], set()
+        source = self.session.script.setup.source
+        folders = (*SHIPPED, *([source.config_dir] if source and source.config_dir else []))
+        yield json.dumps(options(folders, map_files(self._root)))
+        yield from self._news()
+
+    def answer(self, text: str) -> Iterator[Reply]:
+        """What a message leads to. A mistake in it becomes a message of the type "error"; nothing is lost."""
+        ticket: Any = None
+        try:
+            fields = Fields(text)
+            ticket = fields.value("ticket")
+            _ANSWERS[fields.one_of("type", _ANSWERS)](self, fields)
+        except InputError as error:
+            yield json.dumps({"type": "error", "text": str(error)})
+        yield from self._news()
+        yield from self._more
+        self._more = []
+        if ticket is not None:
+            yield json.dumps({"type": "done", "ticket": ticket})
+
+    def _news(self) -> Iterator[Reply]:
+        """What the page does not know yet."""
+        session = self.session
+        told = self._told
+        if told != session.revision:
+            yield from self._situation()
+        for number, (lane, sender) in enumerate(zip(session.lanes, self._senders, strict=True)):
+            about = {"type": "frames", "revision": session.revision, "lane": number}
+            while sender.sent < len(lane.frames):
+                yield sender.frames(lane, min(sender.sent + BATCH, len(lane.frames)), about)
+        if told != session.revision:
+            yield json.dumps({"type": "settled"})  # what is drawn fits together again
+
+    def _situation(self) -> Iterator[Reply]:
+        session = self.session
+        kept = session.kept if self._told == session.revision - 1 else 0
+        if kept == 0:
+            self._senders, self._worlds = [Sender() for _ in session.lanes], set()
+        for sender in self._senders:
+            sender.forget(kept)
+        self._told = session.revision
+        self._worlds = {step for step in self._worlds if step < kept}
+        yield json.dumps(situation(session, kept))
+        for step, drawing in sorted(session.script.drawings.items()):
+            if step not in self._worlds:
+                self._worlds.add(step)
+                yield world_message(drawing, {"type": "world", "revision": session.revision, "step": step})
+
+    def _advance(self, fields: Fields) -> None:
+        self.session.advance(fields.integer("until", MOST_STEPS), BUDGET_S)
+
+    def _put(self, fields: Fields) -> None:
+        item = item_of(fields.text("kind"), fields.mapping("entry"))
+        self.session.put(self._step(fields), fields.text("name"), item, fields.text("gesture", ""))
+
+    def _erase(self, fields: Fields) -> None:
+        self.session.erase(self._step(fields), fields.text("name"), fields.text("gesture", ""))
+
+    def _goal(self, fields: Fields) -> None:
+        x, y = fields.numbers("goal", 2, FARTHEST)
+        self.session.move_goal(self._step(fields), (x, y), fields.text("gesture", ""))
+
+    def _start(self, fields: Fields) -> None:
+        pose = Pose(*fields.numbers("start", 3, FARTHEST))
+        self.session.move_start(self._step(fields), pose, fields.text("gesture", ""))
+
+    def _words(self, fields: Fields) -> None:
+        """Change words of the command line: {"set": {key: value, or null to take it away}}."""
+        setup, changes = self.session.script.setup, fields.mapping("set")
+        if setup.source is None:
+            raise InputError(
+                "a recording drives with its own config alone; open the run's directory to change it"
+            )
+        words = changed(setup.source.words, changes, self._root)
+        source = replace(setup.source, words=tuple(words))
+        self.session.choose(setup_of(source, former=setup), self._step(fields))
+
+    def _detail(self, fields: Fields) -> None:
+        """Say what a decision was made of."""
+        session = self.session
+        lane = fields.integer("lane", len(session.lanes) - 1)
+        step = min(self._step(fields), len(session.lanes[lane].frames) - 1)
+        layers = [layer for layer in LAYERS if layer in (fields.value("layers") or ())]
+        about = {"type": "detail", "revision": session.revision, "lane": lane, "step": step, "layers": layers}
+        self._more.append(detail_message(session.lanes[lane], step, session.tasks, layers, about))
+
+    def _save(self, fields: Fields) -> None:
+        """Save as one of several kinds of files, and say where it is."""
+        kind = fields.one_of("kind", KINDS)
+        saved = save(self.session, kind, fields.text("name"), self._root, self._step(fields))
+        self._more.append(json.dumps({"type": "saved", "path": str(saved.path), "command": saved.command}))
+
+    def _clear(self, fields: Fields) -> None:
+        self.session.clear(self._step(fields))
+
+    def _reset(self, fields: Fields) -> None:
+        self.session.reset()
+
+    def _undo(self, fields: Fields) -> None:
+        self.session.undo()
+
+    def _redo(self, fields: Fields) -> None:
+        self.session.redo()
+
+    def _step(self, fields: Fields) -> int:
+        return fields.integer("step", MOST_STEPS)
+
+
+_ANSWERS: dict[str, Callable[[Desk, Fields], None]] = {
+    "advance": Desk._advance,
+    "put": Desk._put,
+    "erase": Desk._erase,
+    "goal": Desk._goal,
+    "start": Desk._start,
+    "words": Desk._words,
+    "detail": Desk._detail,
+    "save": Desk._save,
+    "clear": Desk._clear,
+    "reset": Desk._reset,
+    "undo": Desk._undo,
+    "redo": Desk._redo,
+}

@@ -1,0 +1,61 @@
+"""What a decision was made of, beyond what every frame says: it is found again by a look at a copy of the drive."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from typing import Any
+
+import numpy as np
+
+from lme.guides.lme_plus import LmePlus
+from lme.planners.weighed import Weighing
+from runners.explainer.packer import Packer
+from runners.play.lane import Lane, Tasks
+from runners.workers.trace import TracedStep
+
+LAYERS = ("memory", "times", "arcs")
+
+
+def detail_message(
+    lane: Lane, step: int, tasks: Tasks, layers: Collection[str], about: dict[str, Any]
+) -> bytes:
+    """The layers of a decision, those that there are.
+
+    memory: obstacle points that the guide knows, in the robot frame. times: expected times on a grid, in the frame of
+    which `pose` is the robot's. arcs: commands that the planner tried, with their costs.
+    """
+    packer, header = Packer(), dict(about)
+    frame = lane.frames[min(step, len(lane.frames) - 1)]
+    moment = frame.moment
+    if isinstance(moment, TracedStep):
+        if "memory" in layers and moment.guidance.points is not None:
+            packer.add_singles("memory", moment.guidance.points)
+        if {"times", "arcs"} & {*layers}:
+            header |= _thoughts(packer, lane, step, tasks, layers, moment)
+    return packer.raw(header)
+
+
+def _thoughts(
+    packer: Packer, lane: Lane, step: int, tasks: Tasks, layers: Collection[str], moment: TracedStep
+) -> dict[str, Any]:
+    """Add what the guide and the planner computed; returns what the header says of it."""
+    episode = lane.before(step, tasks)
+    if episode is None:
+        return {}
+    header: dict[str, Any] = {}
+    guide, planner = episode.navigator.guide, episode.navigator.planner
+    if "arcs" in layers and isinstance(planner, Weighing):
+        weighed = planner.weighed(moment.observation, moment.guidance)
+        packer.add_singles("arcs", weighed.commands)
+        packer.add_singles("costs", weighed.costs)
+        header["horizon"] = weighed.horizon
+    if "times" in layers and isinstance(guide, LmePlus):
+        episode.decide()
+        sight = guide.escaper.sight
+        assert sight is not None
+        field = sight.field
+        inner = field.times[1:-1, 1:-1]  # there is a border of one cell
+        packer.add_singles("times", np.where(np.isfinite(inner), inner, np.nan))
+        header["grid"] = [field.grid.x, field.grid.y, field.grid.cell, field.grid.size]
+        header["pose"] = list(sight.pose)
+    return header

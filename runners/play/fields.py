@@ -1,0 +1,80 @@
+"""The fields of a message from the page, read strictly: whoever writes to the socket gets nothing else past."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Collection, Mapping
+from typing import Any
+
+from lme.errors import InputError
+
+LONGEST_MESSAGE = 200_000  # [bytes]
+LONGEST_TEXT = 200
+
+
+class Fields:
+    """A message: a JSON object. Every reader raises InputError that names the field and what would be right."""
+
+    def __init__(self, text: str) -> None:
+        if len(text) > LONGEST_MESSAGE:
+            raise InputError(f"a message of {len(text)} characters: must be at most {LONGEST_MESSAGE}")
+        try:
+            values = json.loads(text, parse_constant=_refuse)
+        except (ValueError, RecursionError) as error:
+            raise InputError(f"a message is not JSON ({error})") from error
+        if not isinstance(values, dict):
+            raise InputError("a message is not a JSON object")
+        self._values: Mapping[str, Any] = values
+
+    def value(self, key: str) -> Any:
+        """As it came; None if it is absent."""
+        return self._values.get(key)
+
+    def text(self, key: str, default: str | None = None) -> str:
+        """A short text."""
+        value = self._values.get(key, default)
+        if not isinstance(value, str) or len(value) > LONGEST_TEXT:
+            raise self._mistake(key, f"text of at most {LONGEST_TEXT} characters")
+        return value
+
+    def one_of(self, key: str, names: Collection[str]) -> str:
+        """One of the names."""
+        value = self._values.get(key)
+        if value not in names:
+            raise self._mistake(key, f"one of {', '.join(names)}")
+        return str(value)
+
+    def integer(self, key: str, most: int) -> int:
+        """A whole number from 0 to `most`."""
+        value = self._values.get(key)
+        if not isinstance(value, int) or isinstance(value, bool) or not 0 <= value <= most:
+            raise self._mistake(key, f"a whole number from 0 to {most}")
+        return value
+
+    def numbers(self, key: str, count: int, most: float) -> list[float]:
+        """`count` finite numbers between −`most` and `most`."""
+        value = self._values.get(key)
+        numbers = [_number(each) for each in value] if isinstance(value, list) else []
+        if len(numbers) != count or not all(abs(number) <= most for number in numbers):
+            raise self._mistake(key, f"{count} numbers between -{most:g} and {most:g}")
+        return numbers
+
+    def mapping(self, key: str) -> dict[str, Any]:
+        """A JSON object."""
+        value = self._values.get(key)
+        if not isinstance(value, dict):
+            raise self._mistake(key, "an object")
+        return value
+
+    def _mistake(self, key: str, right: str) -> InputError:
+        return InputError(f"{key} is {self._values.get(key)!r:.60}: must be {right}")
+
+
+def _number(value: Any) -> float:
+    """The number; NaN for anything else."""
+    return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else math.nan
+
+
+def _refuse(name: str) -> float:
+    raise ValueError(f"{name} is not a number")

@@ -1,0 +1,132 @@
+"""What the page draws, as binary messages: see `runners.explainer.packer`, and `assets/live.js`, which reads them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from lme.geometry.frames import to_world
+from lme.sensing.scan_points import obstacle_points
+from runners.explainer.encode import (
+    Stretch,
+    add_seen,
+    add_stretch,
+    add_world,
+    cells_of,
+    plans_paths,
+    policy,
+    robot_header,
+    tracks_people,
+)
+from runners.explainer.packer import Packer
+from runners.play.drawing import MOVERS, Sketch
+from runners.play.lane import Frame, Lane
+from runners.workers.trace import TracedStep
+
+MOST_PARTS = 4000  # that the page can drag; those of a larger world are only drawn
+
+
+def head(lane: Lane) -> dict[str, Any]:
+    """What holds for a whole drive: the robot, and what the guide decides by."""
+    steps = [frame.moment for frame in lane.frames[:1] if isinstance(frame.moment, TracedStep)]
+    reasons = [step.explanation for step in steps if step.explanation is not None]
+    return {
+        "system": lane.label,
+        "robot": lane.config.robot.name,
+        **robot_header(lane.config.robot),
+        "reach": lane.config.robot.lidar.range_max,
+        "planned": plans_paths(steps),
+        "tracked": tracks_people(lane.config),
+        "mapped": True,
+        **(policy(reasons[0]) if reasons else {"explained": False}),
+    }
+
+
+class Sender:
+    """Encodes the frames of one lane, each once."""
+
+    def __init__(self) -> None:
+        self._new: list[np.ndarray[Any, Any]] = []  # cells that each frame saw first
+        self._seen: set[tuple[int, int]] = set()
+
+    @property
+    def sent(self) -> int:
+        """How many frames have been encoded."""
+        return len(self._new)
+
+    def forget(self, step: int) -> None:
+        """Encode the frames from `step` on again."""
+        if step < self.sent:
+            self._new = self._new[:step]
+            self._seen = {(x, y) for cells in self._new for x, y in cells.tolist()}
+
+    def frames(self, lane: Lane, until: int, about: dict[str, Any]) -> bytes:
+        """The frames up to `until`, that one not included, which were not encoded yet. about: more of the header."""
+        first = self.sent
+        frames = lane.frames[first:until]
+        packer = Packer()
+        steps = [frame.moment for frame in frames if isinstance(frame.moment, TracedStep)]
+        header = head(lane)
+        add_stretch(packer, _stretch(lane, frames, steps), header["planned"], header["tracked"])
+        self._add_seen(packer, lane, frames)
+        return packer.raw(
+            {
+                **about,
+                "from": first,
+                "count": len(frames),
+                "decisions": len(steps),
+                "sentences": [frame.sentence for frame in frames],
+                "decision_us": [round(frame.decision_us) for frame in frames],
+                "outcome": str(lane.outcome)
+                if lane.outcome and len(lane.frames) == first + len(frames)
+                else None,
+            }
+        )
+
+    def _add_seen(self, packer: Packer, lane: Lane, frames: Sequence[Frame]) -> None:
+        mount = lane.config.robot.lidar.mount
+        before = len(self._new)
+        for frame in frames:
+            points = to_world(obstacle_points(frame.moment.observation.scan, mount), frame.moment.pose)
+            cells = dict.fromkeys(map(tuple, cells_of(points).tolist()))
+            new = [cell for cell in cells if cell not in self._seen]
+            self._seen.update(new)
+            self._new.append(np.array(new, dtype=np.int64).reshape(-1, 2))
+        new_cells = self._new[before:]
+        add_seen(packer, np.array([len(cells) for cells in new_cells]), np.concatenate(new_cells))
+
+
+def world_message(drawing: Sketch, about: dict[str, Any]) -> bytes:
+    """A world with its start and goal, and its parts, if they are few enough to be dragged."""
+    packer = Packer()
+    task = drawing.task()
+    add_world(packer, task.world)
+    world = task.world
+    count = len(world.circles) + len(world.segments) + len(world.polygons) + len(world.movers)
+    parts = [
+        {"name": name, "kind": item.kind, "entry": item.entry}
+        for name, item in drawing.parts()
+        if count <= MOST_PARTS or name in drawing.items or item.kind == MOVERS
+    ]
+    return packer.raw(
+        {
+            **about,
+            "start": list(drawing.start),
+            "goal": list(drawing.goal),
+            "goal_tolerance": task.goal_tolerance,
+            "time_limit": task.time_limit,
+            "parts": parts,
+            "editable": count <= MOST_PARTS,
+            "touched": drawing.touched,
+        }
+    )
+
+
+def _stretch(lane: Lane, frames: Sequence[Frame], steps: Sequence[TracedStep]) -> Stretch:
+    rows = np.array([frame.row for frame in frames])
+    track = np.full((len(frames), 10), np.nan)
+    track[:, :6], track[:, 9] = rows[:, :6], rows[:, 6]
+    movers = [frame.movers for frame in frames]
+    return Stretch(lane.config.robot, steps, [frame.moment for frame in frames], track, movers)

@@ -1,0 +1,178 @@
+"""One system in the world: the frames of its drive so far, and the episode that makes the next one."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from lme.episode import Episode, RunningEpisode
+from lme.geometry.angles import wrap_angle
+from lme.geometry.frames import to_world
+from lme.navigator import Explanations
+from lme.policies.lme.explanation import Explanation
+from lme.policies.lme.reasons import reason
+from lme.sim.simulator import State
+from lme.types import Floats, Outcome, Twist
+from lme.worlds.world import Task
+from runners.config import build
+from runners.config.schema import DriveConfig
+from runners.workers.trace import TracedStep, TraceEnd
+
+EVERY = 10  # steps from one snapshot to the next
+
+Tasks = Mapping[int, Task]  # the task from each step on at which it changes; 0 is among them
+
+
+class Frame(NamedTuple):
+    """One moment of a drive, and the decision there.
+
+    moment: a step, or the end, which has no decision. state: of the simulator. movers: circles (C, 3) and edges (E, 4)
+    that move. sentence: the reason, if the guide gives one. decision_us: [µs]. outcome: at the end.
+    """
+
+    moment: TracedStep | TraceEnd
+    state: State
+    movers: tuple[Floats, Floats]
+    sentence: str = ""
+    decision_us: float = 0.0
+    outcome: Outcome | None = None
+
+    @property
+    def row(self) -> tuple[float, ...]:
+        """Time, pose, twist and clearance."""
+        x, y, yaw = self.state.pose
+        return self.state.time, x, y, wrap_angle(yaw), *self.state.twist, self.state.clearance
+
+
+class _Running(NamedTuple):
+    """All that decides how a drive goes on. It is copied whole."""
+
+    episode: RunningEpisode
+    explanations: Explanations
+
+
+class Lane:
+    """A drive of one system that can go back: `frames` are those up to now, the first at step 0.
+
+    A drive is a function of its config, the random numbers and the tasks by step. So going back and on again gives
+    the same frames, unless the tasks have changed.
+    """
+
+    def __init__(self, config: DriveConfig, label: str, rng: Callable[[], np.random.Generator]) -> None:
+        """label: what tables call the system. rng: makes the generator of the episode. Raises InputError."""
+        self.config, self.label = config, label
+        self.frames: list[Frame] = []
+        self._rng = rng
+        self._navigator, self._simulator = build.navigator(config), build.simulator(config)
+        self._snapshots: dict[int, _Running] = {}
+        self._command: Twist | None = None  # of the last frame, not executed yet
+
+    @property
+    def outcome(self) -> Outcome | None:
+        """How the drive ended, if it has."""
+        return self.frames[-1].outcome if self.frames else None
+
+    def episode(self) -> Episode | None:
+        """The result; None before the end."""
+        return None if self.outcome is None else self._running.episode.episode()
+
+    def extend(self, tasks: Tasks) -> bool:
+        """Add the next frame; False if the drive has ended."""
+        if self.outcome is not None:
+            return False
+        step = len(self.frames)
+        if not self.frames:
+            self._begin(tasks[0])
+        elif self._command is not None:
+            self._running.episode.move(self._command)
+        self._arrive(step, tasks)
+        self.frames.append(self._frame())
+        return True
+
+    def rewind(self, step: int, tasks: Tasks) -> None:
+        """Forget the frames from `step` on, so that the next one is that of `step`; it is driven again by `tasks`."""
+        if step >= len(self.frames):
+            return
+        former = self.frames[:step]
+        self._snapshots = {at: kept for at, kept in self._snapshots.items() if 0 < at <= step}
+        at = max(self._snapshots, default=0)
+        self.frames, self._command = former[:at], None
+        if at:
+            self._world = tasks[max(begun for begun in tasks if begun < at or not begun)].world
+            self._running = self._copied(self._snapshots[at], tasks)
+        while len(self.frames) < step:
+            self.extend(tasks)
+        self.frames = former  # the same, but for the times of the decisions
+        if self._command is not None:
+            self._running.episode.move(self._command)
+            self._command = None
+            self._keep(step, tasks)
+
+    def before(self, step: int, tasks: Tasks) -> RunningEpisode | None:
+        """A copy of the episode right before its decision at a step; None without one, or if it cannot be copied."""
+        before = [at for at in self._snapshots if at <= step]
+        if not before or isinstance(self.frames[step].moment, TraceEnd):
+            return None
+        episode = self._copied(self._snapshots[max(before)], tasks).episode
+        for at in range(max(before), step + 1):
+            if at and at in tasks:
+                episode.change(tasks[at])
+            if at < step:
+                episode.move(episode.decide())
+        return episode
+
+    def _begin(self, task: Task) -> None:
+        episode = RunningEpisode(task, self._navigator, self._simulator, self._rng())
+        self._running, self._world = _Running(episode, Explanations(self._navigator)), task.world
+
+    def _arrive(self, step: int, tasks: Tasks) -> None:
+        """Keep a snapshot now and then, and enter the task that begins at this step."""
+        if step % EVERY == 0 and step not in self._snapshots:
+            self._keep(step, tasks)
+        if step and step in tasks:
+            self._running.episode.change(tasks[step])
+            self._world = tasks[step].world
+
+    def _frame(self) -> Frame:
+        episode, explanations = self._running
+        simulator, navigator = episode.simulator, episode.navigator
+        outcome, obstacles = episode.outcome(), simulator.obstacles
+        circles, edges = obstacles
+        movers = circles[len(self._world.circles) :], edges[len(self._world.edges) :]
+        if outcome is not None:
+            self._command, state = None, simulator.state
+            end = TraceEnd(state.time, state.pose, episode.observation, obstacles)
+            return Frame(end, state, movers, outcome=outcome)
+        self._command = command = episode.decide()
+        guidance, observation, state = navigator.guidance, navigator.observation, simulator.state
+        assert guidance is not None
+        assert observation is not None
+        why = explanations.new()
+        subgoal = to_world(guidance.subgoal, state.pose)
+        step = TracedStep(state.time, state.pose, observation, subgoal, guidance, command, obstacles, why)
+        return Frame(step, state, movers, self._sentence(why), episode.decision_us)
+
+    def _sentence(self, why: Explanation | None) -> str:
+        if why is None:
+            return ""
+        before = self.frames[-1].moment if self.frames else None
+        return reason(why, before.explanation if isinstance(before, TracedStep) else None)
+
+    def _keep(self, step: int, tasks: Tasks) -> None:
+        """Keep a copy of the drive before what happens at a step. What cannot be copied is driven again instead."""
+        try:
+            self._snapshots[step] = self._copied(self._running, tasks)
+        except (TypeError, ValueError, NotImplementedError):
+            self._snapshots = {}
+
+    def _copied(self, running: _Running, tasks: Tasks) -> _Running:
+        shared = {id(part): part for task in tasks.values() for part in _parts(task)}
+        return copy.deepcopy(running, shared)
+
+
+def _parts(task: Task) -> tuple[Any, ...]:
+    """What never changes and is known by its identity: the task, its world, its movers."""
+    return task, task.world, *task.world.movers

@@ -1,0 +1,65 @@
+"""A drawn world as a shape file, which `lme eval map=file map.path=FILE` drives."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import yaml
+
+from lme.types import Floats
+from runners.play.drawing import KINDS, Sketch
+
+_BORDER = 0.5  # [m] around a world that has no outer wall
+_SIDES = 4
+
+
+def shape_file(drawing: Sketch, title: str) -> str:
+    """The YAML of a drawing, with its start and goal. A world without an outer wall gets one around all of it."""
+    bounds, wall = _bounds(drawing)
+    lines = [f"# {title}", f"bounds: {_flow(bounds)}"]
+    parts = [item for name, item in drawing.parts() if name not in wall]
+    for kind in KINDS:
+        entries = [item.entry for item in parts if item.kind == kind]
+        lines += [f"{kind}:"] if entries else []
+        lines += [f"  - {_flow(entry)}" for entry in entries]
+    lines += [
+        f"start: {_flow(list(drawing.start))}  # x, y [m], yaw [rad]",
+        f"goal: {_flow(list(drawing.goal))}  # [m]",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _bounds(drawing: Sketch) -> tuple[list[float], set[str]]:
+    """The bounds, and the names of the walls along them, which a shape file has anyway."""
+    segments = drawing.base.world.segments[:_SIDES]
+    names = {f"s{i}" for i in range(_SIDES)}
+    if len(segments) == _SIDES and not names & drawing.erased and _is_outline(segments):
+        low, high = segments[:, :2].min(axis=0), segments[:, :2].max(axis=0)
+        return [*low.tolist(), *high.tolist()], names
+    points = _extent(drawing)
+    low, high = points.min(axis=0) - _BORDER, points.max(axis=0) + _BORDER
+    return [*(math.floor(low) for low in low.tolist()), *(math.ceil(high) for high in high.tolist())], set()
+
+
+def _is_outline(segments: Floats) -> bool:
+    """Whether four segments are the closed wall along some bounds."""
+    (x0, y0), (x1, y1) = segments[:, :2].min(axis=0), segments[:, :2].max(axis=0)
+    corners = np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]])
+    return bool(np.array_equal(segments, np.hstack([corners, np.roll(corners, -1, axis=0)])))
+
+
+def _extent(drawing: Sketch) -> Floats:
+    """Points around all that is in the world."""
+    world = drawing.world()
+    centres, radii = world.circles[:, :2], world.circles[:, 2:]
+    ways = [mover.path[:, :2] for mover in world.movers]
+    ends = np.array([drawing.start[:2], drawing.goal])
+    return np.vstack([centres - radii, centres + radii, world.edges.reshape(-1, 2), ends, *ways])
+
+
+def _flow(value: Any) -> str:
+    """A value on one line, with every digit."""
+    plain = list(value) if isinstance(value, list) else dict(value)
+    return yaml.safe_dump(plain, default_flow_style=True, sort_keys=False, width=math.inf).strip()

@@ -1,0 +1,133 @@
+"""Opens an episode that was recorded: a run's, by `lme eval` or saved from the page, or a recording's."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lme.errors import InputError
+from lme.types import Outcome
+from lme.worlds.world import Task
+from runners.config import build
+from runners.config.schema import DriveConfig
+from runners.play.lane import Lane
+from runners.play.script_file import SCRIPT, read_script
+from runners.play.session import Entrant, Script, Session, Setup, Source
+from runners.play.setups import explicit
+from runners.records.episode_record import EpisodeKey, RunLabels
+from runners.records.launch_record import LAUNCH, Launch, read_launch
+from runners.workers.trace import SAME_M
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+BEFORE_S = 3.0  # how long before a collision the page opens
+
+
+def open_episode(path: Path, word: str | None, step: int | None) -> Session:
+    """The session of a recorded episode, driven to its end, and shown at a step.
+
+    path: of a run's directory or an .mcap recording by `lme eval`. word: "WORLD/RUN"; None: the first that failed, or
+    the first. step: None for where it went wrong. Raises InputError.
+    """
+    session = _of_recording(path) if path.suffix == ".mcap" else _of_run(path, word)
+    (lane,) = session.lanes
+    last = len(lane.frames) - 1
+    if step is not None and step > last:
+        raise InputError(f"--step {step}: must be at most {last}, the last step of the episode")
+    session.shown = _telling_step(lane) if step is None else step
+    return session
+
+
+def _of_run(run_dir: Path, word: str | None) -> Session:
+    from runners.explainer.pages import keys_of, select_episodes
+    from runners.records.records import read_episodes, read_trajectories
+
+    launch = read_launch(run_dir)
+    if launch is None:
+        raise InputError(f"{run_dir}: has no {LAUNCH}, so its episodes cannot be played")
+    if launch.multirun:
+        raise InputError(f"{run_dir} holds several runs: give one of them, such as {run_dir / '0'}")
+    episodes = read_episodes([run_dir])
+    key = keys_of(select_episodes(episodes, [word]))[0] if word else _first_failed(episodes)
+    labels = RunLabels(**{name: str(episodes.iloc[0].get(name, "")) for name in RunLabels.__annotations__})
+    session = _driven(_setup(launch, labels, key), run_dir / SCRIPT)
+    recorded = read_trajectories([run_dir], [key])[["x_m", "y_m"]].to_numpy(float)
+    driven = np.array([frame.row[1:3] for frame in session.lanes[0].frames])
+    if recorded.shape != driven.shape or not np.allclose(recorded, driven, rtol=0.0, atol=SAME_M):
+        raise InputError(
+            f"{run_dir}: {key} takes another path when it is driven again, so another version of lme or of its "
+            "libraries recorded the run: run it again with lme eval"
+        )
+    return session
+
+
+def _of_recording(path: Path) -> Session:
+    from runners.replay.bags import Bag
+    from runners.replay.recorded import episode_of
+
+    with Bag(path) as bag:
+        episode = episode_of(bag)
+    if episode is None or episode.live:
+        raise InputError(f"{path}: only an episode of lme eval record=mcap can be played: its world is known")
+    config = episode.config
+    labels = RunLabels(**dict.fromkeys(RunLabels.__annotations__, ""))
+    task = _task(config, episode.world)
+    entrant = Entrant(config, "recorded", (), labels)
+    return _driven(Setup((entrant,), task, episode.run, None, (episode.world,)), None)
+
+
+def _setup(launch: Launch, labels: RunLabels, key: EpisodeKey) -> Setup:
+    config = launch.config
+    words = explicit(launch.choices[0], launch.changes[0], config)
+    own = launch.folders[1:]
+    source = Source(
+        (*words, f"map.worlds=[{key.world}]", f"run={key.run}"), config_dir=own[0] if own else None
+    )
+    numbers = tuple(build.map_set(config).numbers)
+    return Setup(
+        (Entrant(config, labels.system, words, labels),), _task(config, key.world), key.run, source, numbers
+    )
+
+
+def _driven(setup: Setup, script: Path | None) -> Session:
+    """The session of a setup, driven to its end, with the changes of a script file if there is one."""
+    session = Session(setup)
+    if script is not None and script.is_file():
+        session.play(Script(setup, read_script(script, setup.task)))
+    session.advance(10**9, budget_s=600.0)
+    return session
+
+
+def _task(config: DriveConfig, world: int) -> Task:
+    return build.map_set(config, [world]).task(world)
+
+
+def _first_failed(episodes: pd.DataFrame) -> EpisodeKey:
+    from runners.analysis.failures import is_failure
+    from runners.explainer.pages import keys_of
+
+    failed = episodes[is_failure(episodes)]
+    return keys_of(failed if len(failed) else episodes)[0]
+
+
+def _telling_step(lane: Lane) -> int:
+    """Where it went wrong: a while before a collision, or where the robot was nearest to the goal in vain."""
+    last, targets = len(lane.frames) - 1, [frame.moment.observation.target for frame in lane.frames]
+    if lane.outcome is Outcome.COLLISION:
+        return max(0, last - round(BEFORE_S / lane.config.robot.dt))
+    if lane.outcome is Outcome.TIMEOUT:
+        return int(np.argmin(np.hypot(*np.transpose(targets))))
+    return 0
+
+
+def words_of(argv: Sequence[str]) -> tuple[list[str], list[str]]:
+    """The words that name an episode, and the others: overrides and flags."""
+    own: list[str] = []
+    rest: list[str] = []
+    for word in argv:
+        (rest if "=" in word or word.startswith("-") or rest else own).append(word)
+    return own, rest

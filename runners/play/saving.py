@@ -1,0 +1,232 @@
+"""What the page saves below the folder in which `lme play` was started: maps, records, pages, films, recordings."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from itertools import count
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from lme.episode import Episode
+from lme.errors import InputError
+from lme.worlds.world import Task, World
+from runners.config.command_line import compose_job
+from runners.config.composer import Composer
+from runners.play.lane import Lane
+from runners.play.map_writer import shape_file
+from runners.play.script_file import SCRIPT, write_script
+from runners.play.session import Session
+from runners.records.episode_record import EpisodeKey, EpisodeResult
+from runners.records.launch_record import identity, launch_of
+from runners.records.whole_file import write_atomically
+from runners.workers.trace import Drive, Trace, TracedStep, TraceEnd
+
+FOLDER = Path("outputs/play")
+_NAME = re.compile(r"[A-Za-z0-9][\w-]{0,59}")
+_GIF_WIDTH, _GIF_FPS, _GIF_LONGEST_S = 800, 10.0, 20.0
+
+
+class Saved(NamedTuple):
+    """A file or directory, relative to the folder, and the command that uses it."""
+
+    path: Path
+    command: str
+
+
+def save(session: Session, kind: str, name: str, root: Path, step: int) -> Saved:
+    """Save what a kind says under a name; a number is added if the name is taken.
+
+    step: whose world is saved, for a map. Raises InputError.
+    """
+    if not _NAME.fullmatch(name):
+        raise InputError(f"name is {name!r:.70}: must be letters, digits, - and _, at most 60")
+    folder = root / FOLDER
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        saved = KINDS[kind](session, _Place(root, folder, name), step)
+    except OSError as error:
+        raise InputError(
+            f"{folder}: cannot be written ({error.strerror or error}): free some space there"
+        ) from error
+    return saved
+
+
+class _Place(NamedTuple):
+    """Where to write. root: what paths are shown relative to."""
+
+    root: Path
+    folder: Path
+    name: str
+
+    def free(self, suffix: str) -> Path:
+        """A path that does not exist yet."""
+        stems = (self.name if number == 1 else f"{self.name}-{number}" for number in count(1))
+        return next(path for path in (self.folder / f"{stem}{suffix}" for stem in stems) if not path.exists())
+
+    def shown(self, path: Path) -> Path:
+        """The path as the user would type it."""
+        return path.relative_to(self.root)
+
+
+def _save_map(session: Session, place: _Place, step: int) -> Saved:
+    path = place.free(".yaml")
+    write_atomically(path, shape_file(session.script.at(step), f"{path.stem}: drawn with lme play"))
+    return Saved(place.shown(path), f"lme eval map=file map.path={place.shown(path)}")
+
+
+def _save_record(session: Session, place: _Place, step: int) -> Saved:
+    """Save the drive of the first lane as a run's directory.
+
+    In a world that does not change it is what `lme eval` records, driven once more; else `play.json` holds the changes.
+    """
+    lane, script = _ended(session), session.script
+    setup, run_dir = script.setup, place.free("")
+    words = list(setup.systems[0].words)
+    drawn = script.drawings[0].touched or script.begin is not None
+    run_dir.mkdir()
+    if drawn and not script.changed:
+        begin = (
+            script.drawings[0] if script.begin is None else replace(script.drawings[0], start=script.begin)
+        )
+        write_atomically(run_dir / "world.yaml", shape_file(begin, f"{run_dir.name}: drawn with lme play"))
+        words = _in_file(words, place.shown(run_dir / "world.yaml"), script.drawings[0].base, place.name)
+    else:
+        words.append(f"map.worlds=[{setup.task.number}]")
+    world = 0 if drawn and not script.changed else setup.task.number
+    _write_run(session, lane, run_dir, [*words, f"runs={setup.run + 1}"], EpisodeKey(world, setup.run))
+    return Saved(place.shown(run_dir), f"lme play {place.shown(run_dir)} {world}/{setup.run}")
+
+
+def _in_file(words: list[str], path: Path, base: Task, name: str) -> list[str]:
+    """Words that drive in a shape file by the rules of the world in which it was drawn."""
+    others = [word for word in words if word.partition("=")[0].partition(".")[0] not in ("map", "crowd")]
+    rules = {key: float(getattr(base, key)) for key in ("goal_tolerance", "time_limit", "clock_distance")}
+    same = [f"map.{key}={value!r}" for key, value in rules.items()]
+    return [*others, "map=file", f"map.path='{path}'", f"map.name={name}", *same]
+
+
+def _write_run(session: Session, lane: Lane, run_dir: Path, words: list[str], key: EpisodeKey) -> None:
+    from runners.config import build
+    from runners.experiments.labels import run_labels
+    from runners.records.records import RecordWriter
+    from runners.workers.episodes import EpisodePayload, initialise, record_of
+
+    script = session.script
+    source = script.setup.source
+    if source is None:
+        raise InputError(
+            "a recording does not say by which words it was made: save it as a page or a recording"
+        )
+    with Composer("eval", source.config_dir) as composer:
+        job = compose_job(composer, ["tracking=none", *words])
+    changed = script.changed
+    if changed:
+        write_script(script, run_dir / SCRIPT)
+        labels, episode = script.setup.systems[0].labels, _episode(lane)
+        assert isinstance(episode, Episode)
+        record = record_of(labels, key, script.setup.seed, session.tasks[max(session.tasks)], episode, 0.0)
+        result = EpisodeResult(record, episode.trajectory)
+    else:
+        labels = run_labels(job, build.map_set(job.config, [key.world]))
+        result = initialise(EpisodePayload(job.config, labels, None))(key)
+        if not np.array_equal(result.trajectory[:, :4], [frame.row[:4] for frame in lane.frames]):
+            raise InputError(
+                f"{run_dir.name}: lme eval drives otherwise there: save it as a page or a recording"
+            )
+    launch_of("play" if changed else "eval", [job], words, False, None).write(run_dir)
+    with RecordWriter(run_dir) as writer:
+        writer.append(result)
+        writer.merge()
+
+
+def _save_page(session: Session, place: _Place, step: int) -> Saved:
+    from runners.explainer.write import write_page
+
+    path = place.free(".html")
+    write_page(trace_of(session, _ended(session, False)), path, session.lanes[0].label)
+    return Saved(place.shown(path), f"open {place.shown(path)} in a browser")
+
+
+def _save_gif(session: Session, place: _Place, step: int) -> Saved:
+    from runners.figures.parts.animation import FilmPace, Screen
+    from runners.figures.parts.film import write_film
+
+    path = place.free(".gif")
+    traces = [trace_of(session, lane) for lane in session.lanes]
+    last = max(trace.end.time for trace in traces)
+    speed = max(1.0, last / _GIF_LONGEST_S)
+    pace = FilmPace(np.append(np.arange(0.0, last - 1e-9, speed / _GIF_FPS), last), _GIF_FPS)
+    note = "" if speed == 1.0 else f"{speed:.3g}× real time"
+    screen = Screen(traces, [lane.label for lane in session.lanes], _GIF_WIDTH, candidates=False, note=note)
+    write_film(screen.pictures(pace.held), path, pace.fps, screen.sample(pace.times))
+    return Saved(place.shown(path), f"open {place.shown(path)}")
+
+
+def _save_mcap(session: Session, place: _Place, step: int) -> Saved:
+    """Save the messages of the first lane. Those of a world that was changed do not say that lme eval can repeat it."""
+    from runners.workers.recorder import Recorder
+
+    lane, setup, path = session.lanes[0], session.script.setup, place.free(".mcap")
+    about: dict[str, object] = {"played": True}
+    if not (session.script.changed or session.script.drawings[0].touched or session.script.begin):
+        known = {"seed": setup.seed, "world": setup.task.number, "run": setup.run}
+        about = {**known, "config": identity(lane.config)}
+    with Recorder(path, about, lane.config.robot) as recorder:
+        for moment, state in ((frame.moment, frame.state) for frame in lane.frames):
+            if isinstance(moment, TracedStep):
+                recorder.decided(moment.observation, moment.guidance, moment.command, state)
+            else:
+                recorder.ended(moment.observation, state)
+    return Saved(place.shown(path), f"lme replay {place.shown(path)} as_recorded=false")
+
+
+KINDS: Mapping[str, Callable[[Session, _Place, int], Saved]] = {
+    "map": _save_map,
+    "record": _save_record,
+    "page": _save_page,
+    "gif": _save_gif,
+    "mcap": _save_mcap,
+}
+
+
+def trace_of(session: Session, lane: Lane) -> Trace:
+    """The drive of a lane so far, as the explainer page and films take it."""
+    setup, config = session.script.setup, lane.config
+    steps, end = _steps(lane), lane.frames[-1].moment
+    if isinstance(end, TracedStep):
+        end = TraceEnd(end.time, end.pose, end.observation, end.obstacles)
+    task = session.tasks[0]
+    if session.script.changed:
+        task = replace(task, world=World(), goal=session.tasks[max(session.tasks)].goal)  # all of it may move
+    return Trace(config, setup.task.number, setup.run, config.robot, task, tuple(steps), end, _episode(lane))
+
+
+def _steps(lane: Lane) -> list[TracedStep]:
+    """All decisions but one that was not executed."""
+    frames = lane.frames if lane.outcome is not None else lane.frames[:-1]
+    return [frame.moment for frame in frames if isinstance(frame.moment, TracedStep)]
+
+
+def _episode(lane: Lane) -> Episode | Drive:
+    """The result, or what is known of a drive that has not ended."""
+    ended = lane.episode()
+    if ended is not None:
+        return ended
+    rows = np.full((len(lane.frames), 10), np.nan)
+    known = np.array([frame.row for frame in lane.frames])
+    rows[:, :6], rows[:, 9] = known[:, :6], known[:, 6]
+    for row, step in zip(rows, _steps(lane), strict=False):
+        row[6:9] = *step.subgoal, step.guidance.switched
+    return Drive("given up", float(rows[-1, 0]), rows)
+
+
+def _ended(session: Session, must: bool = True) -> Lane:
+    """The first lane. Raises InputError if its drive must have ended and has not."""
+    lane = session.lanes[0]
+    if must and lane.outcome is None:
+        raise InputError("the drive has not ended: a record needs its outcome; let it drive to the end")
+    return lane

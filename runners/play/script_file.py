@@ -1,0 +1,55 @@
+"""The changes of a session as a file, `play.json`, beside the record of a drive in a world that changes."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from lme.errors import InputError
+from lme.types import Pose
+from lme.worlds.world import Task
+from runners.play.drawing import Sketch, item_of
+from runners.play.session import Script
+from runners.records.whole_file import write_atomically
+
+SCRIPT = "play.json"
+
+
+def write_script(script: Script, path: Path) -> None:
+    """Write the drawings by step, and where the drive begins."""
+    drawings = {step: _plain(drawing) for step, drawing in sorted(script.drawings.items())}
+    if script.begin is not None:
+        drawings[0]["start"] = list(script.begin)
+    write_atomically(path, json.dumps({"drawings": drawings}, indent=1) + "\n")
+
+
+def read_script(path: Path, task: Task) -> Mapping[int, Sketch]:
+    """The drawings by step, on a task. Raises InputError for a damaged file."""
+    try:
+        drawings = json.loads(path.read_text(encoding="utf-8"))["drawings"]
+        found = {int(step): _sketch(task, plain) for step, plain in drawings.items()}
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        raise InputError(f"{path}: is damaged ({error}): the changes of this drive are lost") from error
+    if 0 not in found:
+        raise InputError(f"{path}: is damaged (no drawing at step 0): the changes of this drive are lost")
+    return found
+
+
+def _plain(drawing: Sketch) -> dict[str, Any]:
+    items = {name: {"kind": item.kind, "entry": item.entry} for name, item in drawing.items.items()}
+    return {
+        "start": list(drawing.start),
+        "goal": list(drawing.goal),
+        "erased": sorted(drawing.erased),
+        "items": items,
+    }
+
+
+def _sketch(task: Task, plain: Mapping[str, Any]) -> Sketch:
+    x, y = map(float, plain["goal"])
+    items = {name: item_of(item["kind"], item["entry"]) for name, item in plain["items"].items()}
+    start = Pose(*map(float, plain["start"]))
+    return replace(Sketch.of(task), start=start, goal=(x, y), erased=frozenset(plain["erased"]), items=items)

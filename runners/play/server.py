@@ -1,0 +1,135 @@
+"""The ASGI application: the page, its scripts, and the socket, all below a secret path on this machine.
+
+A page of another origin cannot read the token, and the checks of Host and Origin keep out one that was told it, or that
+reaches this machine by another name (DNS rebinding).
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import threading
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+from urllib.parse import urlsplit
+
+from runners.play.desk import Desk, Reply
+from runners.play.page import PARTS, POLICY
+
+if TYPE_CHECKING:
+    from starlette.applications import Starlette
+    from starlette.requests import HTTPConnection, Request
+    from starlette.responses import Response
+    from starlette.websockets import WebSocket
+
+HOSTS = (
+    "127.0.0.1",
+    "localhost",
+    "[::1]",
+)  # under which a browser may know this machine, also through a tunnel
+TAKEN_OVER = 4001  # the socket's code where another page has come
+_HEADERS = {
+    "Content-Security-Policy": POLICY,
+    "Referrer-Policy": "no-referrer",
+    "X-Content-Type-Options": "nosniff",
+    "X-Frame-Options": "DENY",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Cache-Control": "no-store",
+}
+
+
+def application(desk: Desk, token: str) -> Starlette:
+    """The application of one session. token: part of every path."""
+    from starlette.applications import Starlette
+    from starlette.responses import PlainTextResponse, Response
+    from starlette.routing import Route, WebSocketRoute
+
+    seats = _Seats(desk)
+
+    async def part(request: Request) -> Response:
+        if not is_own_host(request):
+            return PlainTextResponse("unknown host", 421)
+        made = PARTS.get(request.path_params.get("name", ""))
+        if made is None:
+            return PlainTextResponse("not found", 404)
+        kind, content = made
+        return Response(content(), media_type=kind, headers=_HEADERS)
+
+    async def socket(websocket: WebSocket) -> None:
+        if not (is_own_host(websocket) and is_own_origin(websocket)):
+            await websocket.close(1008)
+            return
+        await seats.serve(websocket)
+
+    return Starlette(
+        routes=[
+            Route(f"/{token}/", part),
+            Route(f"/{token}/{{name}}", part),
+            WebSocketRoute(f"/{token}/socket", socket),
+        ]
+    )
+
+
+def is_own_host(connection: HTTPConnection) -> bool:
+    """Whether the browser asked for this machine, whatever the port: that of a tunnel may differ."""
+    return _name(f"//{connection.headers.get('host', '')}") in HOSTS
+
+
+def is_own_origin(connection: HTTPConnection) -> bool:
+    """Whether the page that opens a socket came from here."""
+    origin, host = connection.headers.get("origin", ""), connection.headers.get("host", "")
+    return origin == f"http://{host}"
+
+
+def _name(address: str) -> str:
+    try:
+        name = urlsplit(address).hostname or ""
+    except ValueError:
+        return ""
+    return f"[{name}]" if ":" in name else name
+
+
+class _Seats:
+    """The session has one seat: the page that came last has it, and the one before it is told."""
+
+    def __init__(self, desk: Desk) -> None:
+        self._desk = desk
+        self._turn = threading.Lock()  # one message after the other
+        self._seated: WebSocket | None = None
+
+    async def serve(self, websocket: WebSocket) -> None:
+        """Answer a page until it goes, or another one comes."""
+        from starlette.websockets import WebSocketDisconnect
+
+        await websocket.accept()
+        before, self._seated = self._seated, websocket
+        if before is not None:
+            await _close(before)
+        try:
+            await self._reply(websocket, self._desk.welcome())
+            while self._seated is websocket:
+                text = await websocket.receive_text()
+                if self._seated is websocket:
+                    await self._reply(websocket, self._desk.answer(text))
+        except (WebSocketDisconnect, RuntimeError, KeyError):
+            pass  # closed, or sent what is not text
+        finally:
+            if self._seated is websocket:
+                self._seated = None
+
+    async def _reply(self, websocket: WebSocket, replies: Iterator[Reply]) -> None:
+        """Send replies. They are made in a thread, so that the socket stays alive meanwhile."""
+        for reply in await asyncio.to_thread(self._made, replies):
+            if isinstance(reply, bytes):
+                await websocket.send_bytes(reply)
+            else:
+                await websocket.send_text(reply)
+
+    def _made(self, replies: Iterator[Reply]) -> list[Reply]:
+        with self._turn:
+            return list(replies)
+
+
+async def _close(websocket: WebSocket) -> None:
+    with contextlib.suppress(RuntimeError):  # it has gone meanwhile
+        await websocket.close(TAKEN_OVER)

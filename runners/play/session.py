@@ -1,0 +1,266 @@
+"""A session: the drawing, the systems that drive in it, and every change that the user has made."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from lme.errors import InputError
+from lme.types import Outcome, Pose
+from lme.worlds.check import check_task
+from lme.worlds.world import Task
+from runners.config.schema import DriveConfig
+from runners.play.drawing import Item, Sketch
+from runners.play.lane import Lane
+from runners.records.episode_record import RunLabels
+from runners.workers.episodes import episode_rng
+
+MOST_STEPS = 20_000  # of a drive
+UNDONE = 100  # changes that can be taken back
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """Words of a command line, the config that they change, and the folder of the user's own options."""
+
+    words: tuple[str, ...]
+    config_name: str = "play"
+    config_dir: Path | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Entrant:
+    """What a lane drives.
+
+    label: its name on the page. words: of a command line of `lme eval` that makes it, with every choice. labels: of its
+    records.
+    """
+
+    config: DriveConfig
+    label: str
+    words: tuple[str, ...]
+    labels: RunLabels
+
+
+@dataclass(frozen=True, slots=True)
+class Setup:
+    """What a session begins with: the systems, a task, and the run that gives the random numbers with its world.
+
+    numbers: of the worlds of the map set. source: what the systems were made from; None where nobody knows, as of a
+    recording.
+    """
+
+    systems: tuple[Entrant, ...]
+    task: Task
+    run: int
+    source: Source | None
+    numbers: tuple[int, ...] = ()
+
+    @property
+    def seed(self) -> int:
+        """Of the random numbers, with the world's number and the run."""
+        return self.systems[0].config.seed
+
+
+@dataclass(frozen=True, slots=True)
+class Script:
+    """All that decides a session's drives: change it, and they differ.
+
+    drawings: by the step from which on they count; 0 is among them. begin: where the drive begins, if not at the
+    drawing's start.
+    """
+
+    setup: Setup
+    drawings: Mapping[int, Sketch]
+    begin: Pose | None = None
+
+    @property
+    def changed(self) -> bool:
+        """Whether the world changes while the systems drive."""
+        return len(self.drawings) > 1
+
+    def at(self, step: int) -> Sketch:
+        """The drawing at a step."""
+        return self.drawings[max(at for at in self.drawings if at <= step)]
+
+
+@dataclass(slots=True)
+class _Past:
+    """A script as it was before a change, and the step that was shown. gesture: of the change, one for a whole drag."""
+
+    script: Script
+    step: int
+    gesture: str
+
+
+class Session:
+    """Drives the systems of a script, step by step, and changes the script.
+
+    lanes: one per system. tasks: by step. `revision` counts the changes; `kept` says how many frames the last change
+    left as they were, and `shown` at which step it was made.
+    """
+
+    def __init__(self, setup: Setup) -> None:
+        """Raises InputError for a task or a system that cannot be driven."""
+        self.revision = self.kept = self.shown = 0
+        self._past: list[_Past] = []
+        self._future: list[_Past] = []
+        self.script = Script(setup, {0: Sketch.of(setup.task)})
+        self.lanes: list[Lane] = []
+        self.tasks: dict[int, Task] = {}
+        self._stage(self.script)
+
+    def advance(self, until: int, budget_s: float) -> None:
+        """Drive until every lane has frames up to step `until` or has ended, but no longer than `budget_s`."""
+        begun = time.monotonic()
+        until = min(until, MOST_STEPS)
+        while any(len(lane.frames) <= until and lane.outcome is None for lane in self.lanes):
+            shortest = min(
+                (lane for lane in self.lanes if lane.outcome is None), key=lambda lane: len(lane.frames)
+            )
+            shortest.extend(self.tasks)
+            if time.monotonic() - begun > budget_s:
+                return
+
+    @property
+    def last(self) -> int:
+        """The last step that some lane has reached."""
+        return max(len(lane.frames) for lane in self.lanes) - 1
+
+    def play(self, script: Script) -> None:
+        """Go over to another script, from its beginning. Raises InputError, and changes nothing then."""
+        self._play(script, 0, "")
+
+    def change(self, step: int, drawing: Sketch, gesture: str = "") -> None:
+        """Make a drawing count from a step on, and forget what came after. Raises InputError, and changes nothing then.
+
+        gesture: changes of the same gesture are taken back together. A start that moves begins the drive anew.
+        """
+        step = min(step, self.last)
+        now = self.script.at(step)
+        if drawing.start != now.start:
+            drawings, step, begin = {0: drawing}, 0, None
+        else:
+            kept = {at: was for at, was in self.script.drawings.items() if at < step}
+            drawings, begin = {**kept, step: drawing}, self.script.begin
+        self._play(replace(self.script, drawings=drawings, begin=begin), step, gesture)
+
+    def put(self, step: int, name: str, item: Item, gesture: str = "") -> None:
+        """Put an item into the world at a step. Raises InputError."""
+        self.change(step, self.script.at(step).put(name, item), gesture)
+
+    def erase(self, step: int, name: str, gesture: str = "") -> None:
+        """Take an item out of the world at a step. Raises InputError."""
+        self.change(step, self.script.at(step).erase(name), gesture)
+
+    def move_goal(self, step: int, goal: tuple[float, float], gesture: str = "") -> None:
+        """Put the goal elsewhere [m] at a step."""
+        self.change(step, replace(self.script.at(step), goal=goal), gesture)
+
+    def move_start(self, step: int, start: Pose, gesture: str = "") -> None:
+        """Put the robot elsewhere: the drive begins anew there. Raises InputError where it has no room."""
+        self.change(step, replace(self.script.at(step), start=start), gesture)
+
+    def clear(self, step: int) -> None:
+        """Take away all that was drawn, and bring back what was erased, at a step."""
+        self.change(step, self.script.at(step).clear())
+
+    def reset(self) -> None:
+        """Begin anew at the start, with the same random numbers, in the world as it is now."""
+        self._play(replace(self.script, drawings={0: self.script.at(self.last)}, begin=None), 0, "")
+
+    def choose(self, setup: Setup, step: int) -> None:
+        """Drive with other systems. Raises InputError, and changes nothing then.
+
+        In the same world a single robot goes on from where it is at the step; several begin anew, to be compared.
+        """
+        if setup.task is not self.script.setup.task:
+            self._play(Script(setup, {0: Sketch.of(setup.task)}), 0, "")
+            return
+        begin = None
+        if len(setup.systems) == len(self.lanes) == 1 and self.lanes[0].outcome is not Outcome.COLLISION:
+            begin = self.lanes[0].frames[min(step, self.last)].state.pose
+        self._play(Script(setup, {0: self.script.at(step)}, begin), 0, "")
+
+    @property
+    def undoable(self) -> bool:
+        """Whether a change can be taken back."""
+        return bool(self._past)
+
+    @property
+    def redoable(self) -> bool:
+        """Whether a change that was taken back can be made again."""
+        return bool(self._future)
+
+    def undo(self) -> None:
+        """Take back the last change, and the drive back to where it was made. Raises InputError if there is none."""
+        self._travel(self._past, self._future)
+
+    def redo(self) -> None:
+        """Make the change again that was taken back last. Raises InputError if there is none."""
+        self._travel(self._future, self._past)
+
+    def _travel(self, source: list[_Past], other: list[_Past]) -> None:
+        if not source:
+            raise InputError("there is no change to take back or to make again")
+        past = source.pop()
+        other.append(_Past(self.script, past.step, past.gesture))
+        self._stage(past.script)
+        self.advance(past.step, budget_s=60.0)
+        self.shown = min(past.step, self.last)
+
+    def _play(self, script: Script, step: int, gesture: str) -> None:
+        """Go over to another script that has the same drawings before a step."""
+        past = _Past(self.script, step, gesture)
+        if script.setup is self.script.setup and script.begin == self.script.begin and step:
+            task = self._task(script, step)
+            for lane in self.lanes:
+                lane.rewind(step, self.tasks)
+            self.script, self.kept = script, step
+            self.tasks = {**{at: was for at, was in self.tasks.items() if at < step}, step: task}
+            self._next_frames(step)
+        else:
+            self._stage(script)
+        if not (gesture and self._past and self._past[-1].gesture == gesture):
+            self._past = [*self._past[-UNDONE:], past]
+        self._future = []
+
+    def _stage(self, script: Script) -> None:
+        """Begin the drives of a script. Raises InputError, and changes nothing then."""
+        tasks = {at: self._task(script, at) for at in script.drawings}
+        for system in script.setup.systems:
+            check_task(tasks[0], system.config.robot)
+        lanes = self._lanes_of(script)
+        self.script, self.lanes, self.tasks, self.kept = script, lanes, tasks, 0
+        self._next_frames(0)
+
+    def _next_frames(self, step: int) -> None:
+        self.revision += 1
+        self.shown = step
+        self.advance(step, budget_s=10.0)
+
+    def _lanes_of(self, script: Script) -> list[Lane]:
+        """Lanes for a script; those of the present one if their systems are the same."""
+        setup = script.setup
+        if self.lanes and setup is self.script.setup:
+            for lane in self.lanes:
+                lane.rewind(0, self.tasks)
+            return self.lanes
+        return [Lane(system.config, system.label, _generator(setup)) for system in setup.systems]
+
+    def _task(self, script: Script, step: int) -> Task:
+        task = script.drawings[step].task()
+        return task if script.begin is None else replace(task, start=script.begin)
+
+
+def _generator(setup: Setup) -> Callable[[], np.random.Generator]:
+    """Makes the generator of the session's episode."""
+
+    def make() -> np.random.Generator:
+        return episode_rng(setup.seed, setup.task.number, setup.run)
+
+    return make

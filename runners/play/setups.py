@@ -1,0 +1,114 @@
+"""From the words of a command line to what a session drives."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from lme.errors import InputError
+from lme.weight_files import PUBLISHED
+from lme.worlds.check import check_task
+from runners.config import build, command_line, weights
+from runners.config.composer import Composer
+from runners.config.job import Job
+from runners.config.schema import DriveConfig
+from runners.experiments.from_python import to_hydra
+from runners.experiments.labels import run_labels
+from runners.play.session import Entrant, Setup, Source
+from runners.records.episode_record import RunLabels
+
+LANES = 4  # side by side
+
+_CHOSEN = ("robot", "map", "sim", "crowd", "system", "guide", "planner", "ablation")
+
+
+def setup_of(
+    source: Source, run: int | None = None, world: int | None = None, former: Setup | None = None
+) -> Setup:
+    """What a session of these words begins with.
+
+    run, world: instead of those that the words choose, which is the first world of the map set. former: its task is
+    kept if it is the same. Raises InputError.
+    """
+    jobs = _jobs(source)
+    first = jobs[0].config
+    maps = build.map_set(first)
+    number = maps.numbers[0] if world is None else world
+    if former is not None and _same_task(former, first, number):
+        task = former.task
+    else:
+        task = (maps if number in maps.numbers else build.map_set(first, [number])).task(number)
+        for job in jobs:
+            check_task(task, job.config.robot)
+    labels = [run_labels(job, maps) for job in jobs]
+    systems = tuple(
+        Entrant(job.config, name, explicit(job.choices, job.changes, job.config), label)
+        for job, name, label in zip(jobs, _names(jobs, labels), labels, strict=True)
+    )
+    return Setup(systems, task, getattr(first, "run", 0) if run is None else run, source, tuple(maps.numbers))
+
+
+def _jobs(source: Source) -> Sequence[Job[Any]]:
+    with Composer(source.config_name, source.config_dir) as composer:
+        plan = command_line.plan(composer, source.words, multirun=True, typed=source.words)
+        if plan.num_jobs > LANES:
+            raise InputError(f"{plan.num_jobs} systems: must be at most {LANES} side by side")
+        jobs = command_line.validated(plan, composer, _check)
+    _check_together(jobs)
+    return jobs
+
+
+def _same_task(former: Setup, config: DriveConfig, number: int) -> bool:
+    before = former.systems[0].config
+    same = (before.map, before.crowd) == (config.map, config.crowd) and former.task.number == number
+    return same and (config.map.get("radius") is not None or before.robot.hull == config.robot.hull)
+
+
+def explicit(choices: Mapping[str, str], changes: Mapping[str, Any], config: DriveConfig) -> tuple[str, ...]:
+    """The words that say all of a config: every choice, every changed key, and what is in no group."""
+    chosen = {group: choices[group] for group in _CHOSEN if choices.get(group) not in (None, "null")}
+    if "system" in chosen:  # it chooses these two
+        chosen.pop("guide", None)
+        chosen.pop("planner", None)
+    if "+" in chosen.get("ablation", ""):
+        chosen["ablation"] = f"[{chosen['ablation'].replace('+', ',')}]"
+    keys = {key: to_hydra(value) for key, value in changes.items() if key.partition(".")[0] != "people"}
+    factors = getattr(config, "scale", {})
+    scale = {"scale": to_hydra(factors)} if factors else {}
+    weights = {} if config.weights == PUBLISHED else {"weights": to_hydra(config.weights)}
+    people = {"people": str(build.people_of(config))}
+    own = {**weights, **scale, **people, "seed": str(config.seed)}
+    return tuple(f"{key}={value}" for key, value in {**chosen, **keys, **own}.items())
+
+
+def _names(jobs: Sequence[Job[Any]], labels: Sequence[RunLabels]) -> list[str]:
+    """The names of the systems, with what tells those of one name apart."""
+    names = [
+        f"{label.system}, {label.ablation}" if label.ablation not in ("", "none") else label.system
+        for label in labels
+    ]
+    if len(set(names)) == len(names):
+        return names
+    return [f"{name} ({job.changes_text or 'unchanged'})" for name, job in zip(names, jobs, strict=True)]
+
+
+def _check(job: Job[Any]) -> None:
+    weights.check_scale(getattr(job.config, "scale", {}), job.config.guide)
+    build.simulator(job.config)
+
+
+def _check_together(jobs: Sequence[Job[Any]]) -> None:
+    """Raise InputError unless all drive in the same world, in the same time steps, with the same random numbers."""
+    first = jobs[0].config
+    for key, value in (
+        ("map", first.map),
+        ("crowd", first.crowd),
+        ("seed", first.seed),
+        ("run", getattr(first, "run", 0)),
+    ):
+        if any(getattr(job.config, key, 0) != value for job in jobs):
+            raise InputError(
+                f"{key} is swept: side by side are different systems in one world; must be one value"
+            )
+    if len({job.config.robot.dt for job in jobs}) > 1:
+        raise InputError("robot is swept: robots side by side must have the same control_rate")

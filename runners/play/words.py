@@ -1,0 +1,95 @@
+"""The words of the command line as the page may change them: only what chooses and tunes, and no files elsewhere."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+from lme.errors import InputError
+
+GROUPS = ("system", "guide", "planner", "ablation", "robot", "map", "sim", "crowd")
+KEYS = (*GROUPS, "weights", "people", "seed", "run", "scale")
+LONGEST = 300  # characters of a value
+MOST_FILES = 200  # that are offered
+
+_KEY = re.compile(r"[a-z_]+(\.[a-z0-9_]+)*")
+_VALUE = re.compile(r"[\w.,:+\- \[\]{}]*")  # no interpolation, no quotes, no functions, no paths
+_PATH = re.compile(r"[\w.,+\- /]+")
+_MAP = re.compile(rb"^(bounds|image):", re.MULTILINE)
+_HEAD = 4000  # [bytes] within which a map says what it is
+_PATH_KEYS = ("weights", "map.path", "map.source", "planner.weights", "planner.path")
+_SYSTEM = ("system", "guide", "planner", "ablation", "weights", "scale")  # what a new system does away with
+
+
+def changed(words: Iterable[str], changes: Mapping[str, object], root: Path) -> list[str]:
+    """The words with changes by key; None takes a word away. root: the folder in which files may be named.
+
+    A new option of a group does away with the keys of the former one. Raises InputError.
+    """
+    now = {key_of(word): word for word in words}
+    for key, value in changes.items():
+        _check_key(key)
+        gone = _SYSTEM if key == "system" else (key,)
+        if key in GROUPS:
+            now = {
+                old: word
+                for old, word in now.items()
+                if old not in gone and old.partition(".")[0] not in gone
+            }
+        now.pop(key, None)
+        if value is not None and value != "":
+            now[key] = f"{key}={_checked(key, value, root)}"
+    return list(now.values())
+
+
+def key_of(word: str) -> str:
+    """The key that a word sets, without the signs before it."""
+    return word.partition("=")[0].lstrip("+~")
+
+
+def within(name: str, root: Path) -> Path:
+    """A path below the folder `root`. Raises InputError for one that leads elsewhere."""
+    path = (root / name).resolve()
+    if not path.is_relative_to(root.resolve()):
+        raise InputError(f"{name:.80}: must be in {root}, the folder in which lme play was started")
+    return path
+
+
+def map_files(root: Path) -> list[str]:
+    """Files below the folder that may hold a map, at most two folders deep."""
+    found: list[str] = []
+    for pattern in ("*", "*/*", "*/*/*"):
+        for path in sorted(root.glob(f"{pattern}.yaml")):
+            if len(found) < MOST_FILES and _is_map(path):
+                found.append(str(path.relative_to(root)))
+    return found
+
+
+def _is_map(path: Path) -> bool:
+    """Whether a file begins like a shape file or a ROS map."""
+    try:
+        with path.open("rb") as file:
+            return _MAP.search(file.read(_HEAD)) is not None
+    except OSError:
+        return False
+
+
+def _check_key(key: str) -> None:
+    if not _KEY.fullmatch(key) or key.partition(".")[0] not in KEYS or "_target_" in key:
+        raise InputError(
+            f"{key:.60}: cannot be changed from the page; must be one of {', '.join(KEYS)}, or below it"
+        )
+
+
+def _checked(key: str, value: object, root: Path) -> str:
+    """The value as a word has it."""
+    if isinstance(value, bool) or not isinstance(value, str | int | float):
+        raise InputError(f"{key} is {value!r:.60}: must be text or a number")
+    text = str(value).strip()
+    is_path = "/" in text or ".." in text or key == "map.path"
+    if len(text) <= LONGEST and not is_path and _VALUE.fullmatch(text):
+        return text
+    if len(text) <= LONGEST and key in _PATH_KEYS and _PATH.fullmatch(text):
+        return f"'{within(text, root)}'"
+    raise InputError(f"{key} is {text:.60}: must be names and numbers" + ", or a path" * (key in _PATH_KEYS))

@@ -1,0 +1,174 @@
+"""Messages of the page, and what they lead to; a bad one is an error and loses nothing."""
+
+import json
+import struct
+
+import numpy as np
+import pytest
+
+from runners.play.desk import Desk
+from runners.play.fields import LONGEST_MESSAGE
+from tests.runners.play.conftest import drive, ways
+
+
+@pytest.fixture
+def desk(session_of, tmp_path):
+    made = Desk(session_of(), tmp_path)
+    list(made.welcome())
+    return made
+
+
+def replies(desk, kind, /, **fields):
+    return [read(reply) for reply in desk.answer(json.dumps({"type": kind, **fields}))]
+
+
+def read(reply):
+    """The header of a reply, also of a binary one."""
+    if isinstance(reply, str):
+        return json.loads(reply)
+    (length,) = struct.unpack("<I", reply[:4])
+    return json.loads(reply[4 : 4 + length])
+
+
+def of(kind, found):
+    return [reply for reply in found if reply["type"] == kind]
+
+
+def test_a_page_is_told_everything_when_it_comes(session_of, tmp_path):
+    desk = Desk(drive(session_of("system=lme,lme_plus"), 20), tmp_path)
+    for _ in range(2):  # also when it comes again
+        found = [read(reply) for reply in desk.welcome()]
+        (options,), (situation,), (world,) = (of(kind, found) for kind in ("options", "situation", "world"))
+        assert {"lme_plus", "dwa"} <= options["system"].keys()
+        assert "barn" in options["map"]
+        assert [lane["system"] for lane in situation["lanes"]] == ["LME", "LME+"]
+        assert (situation["kept"], world["step"], len(world["parts"])) == (0, 0, 4)
+        frames = of("frames", found)
+        assert [(each["lane"], each["from"], each["count"]) for each in frames] == [(0, 0, 21), (1, 0, 21)]
+        assert all(len(each["sentences"]) == each["count"] == len(each["decision_us"]) for each in frames)
+
+
+def test_frames_are_sent_once_and_again_after_a_change(desk):
+    (frames, done) = replies(desk, "advance", until=12, ticket=7)
+    assert (frames["from"], done) == (1, {"type": "done", "ticket": 7})
+    while desk.session.last < 12:
+        replies(desk, "advance", until=12)
+    found = replies(desk, "put", step=5, name="d1", kind="circles", entry={"centre": [6, 4], "radius": 0.3})
+    assert of("situation", found)[0]["kept"] == 5
+    assert of("world", found)[0]["step"] == 5
+    assert [(each["from"], each["count"]) for each in of("frames", found)] == [(5, 1)]
+    assert replies(desk, "advance", until=5) == []
+
+
+def test_nothing_is_computed_that_was_not_asked_for(desk):
+    before = desk.session.last
+    replies(desk, "detail", lane=0, step=0, layers=["memory"])
+    assert desk.session.last == before == 0
+
+
+DISC = '{"type": "put", "step": 0, "name": "d1", "kind": "circles", "entry": {"centre": %s, "radius": %s}}'
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        ("", "not JSON"),
+        ("[1]", "not a JSON object"),
+        ('{"type": "quit"}', "type is 'quit'"),
+        ('{"type": "advance"}', "until is None"),
+        ('{"type": "advance", "until": -1}', "until is -1"),
+        ('{"type": "advance", "until": 1e9}', "until is 1000000000.0"),
+        ('{"type": "advance", "until": NaN}', "not JSON"),
+        ('{"type": "put", "step": 0, "name": "d1", "kind": "lava", "entry": {}}', "kind is 'lava'"),
+        ('{"type": "put", "step": 0, "name": "d1", "kind": "circles", "entry": {"centre": [1]}}', "radius is missing"),
+        (DISC % ("[1, 2]", "-1"), "radius"),
+        (DISC % ("[9e9, 2]", "1"), "bounds"),
+        ('{"type": "put", "step": 0, "name": "d1", "kind": "movers", "entry": {"path": []}}', "path"),
+        ('{"type": "erase", "step": 0, "name": "d9"}', "d9: there is nothing"),
+        ('{"type": "goal", "step": 0, "goal": [1, "2"]}', "goal is"),
+        ('{"type": "goal", "step": 0, "goal": [1, 1e7]}', "goal is"),
+        ('{"type": "start", "step": 0, "start": [0, 0, 0]}', "in collision at the start"),
+        ('{"type": "undo"}', "no change"),
+        ('{"type": "detail", "lane": 1, "step": 0}', "lane is 1"),
+        ('{"type": "save", "step": 0, "kind": "map", "name": "../x"}', "name is"),
+        ('{"type": "save", "step": 0, "kind": "exe", "name": "x"}', "kind is"),
+        ('{"type": "words", "step": 0, "set": {"system": "lem"}}', "lem"),
+        ('{"type": "words", "step": 0, "set": {"robot.v_max": "-1"}}', "robot.v_max"),
+        ('{"type": "words", "step": 0, "set": {"planner._target_": "os.system"}}', "cannot be changed"),
+        ('{"type": "words", "step": 0, "set": {"hydra.run.dir": "x"}}', "cannot be changed"),
+        ('{"type": "words", "step": 0, "set": {"weights": "${oc.env:HOME}"}}', "must be names and numbers"),
+        ('{"type": "words", "step": 0, "set": {"weights": "/etc/passwd"}}', "must be in"),
+        ('{"type": "words", "step": 0, "set": {"map": "file", "map.path": "../../x.yaml"}}', "must be in"),
+        ('{"type": "words", "step": 0, "set": {"weights": ".."}}', "must be in"),
+        ('{"type": "words", "step": 0, "set": {"map": "building", "map.paths": "[../x.yaml]"}}', "must be names"),
+        ('{"type": "words", "step": 0, "set": {"map": {"a": 1}}}', "must be text or a number"),
+    ],
+)  # fmt: skip
+def test_a_bad_message_is_an_error_and_loses_nothing(desk, text, problem):
+    script, way = desk.session.script, ways(desk.session)
+    (error,) = [read(reply) for reply in desk.answer(text)]
+    assert error["type"] == "error"
+    assert problem in error["text"]
+    assert (desk.session.script, ways(desk.session)) == (script, way)
+
+
+def test_a_message_that_is_too_long_is_not_read(desk):
+    (error,) = [read(reply) for reply in desk.answer(" " * (LONGEST_MESSAGE + 1))]
+    assert "must be at most" in error["text"]
+
+
+def test_words_change_what_drives(desk):
+    replies(desk, "put", step=0, name="d1", kind="circles", entry={"centre": [6, 4], "radius": 0.3})
+    found = of("situation", replies(desk, "words", step=0, set={"system": "lme,dwa", "sim.latency": 0.1}))[0]
+    assert [lane["system"] for lane in found["lanes"]] == ["LME", "DWA (textbook)"]
+    assert (found["words"], found["values"]["sim.latency"]) == (["system=lme,dwa", "sim.latency=0.1"], 0.1)
+    assert "d1" in desk.session.script.at(0).items
+    found = of("situation", replies(desk, "words", step=0, set={"sim": "skid", "robot": "jackal_gazebo"}))[0]
+    assert found["words"] == ["system=lme,dwa", "sim=skid", "robot=jackal_gazebo"]
+    found = of("situation", replies(desk, "words", step=0, set={"map": "barn", "map.worlds": "[282]"}))[0]
+    assert (found["map"], found["world"]) == ("barn", 282)
+    assert desk.session.script.at(0).items == {}
+    assert of("situation", replies(desk, "undo"))[0]["map"] == "empty"
+
+
+def test_a_map_of_the_folder_can_be_opened(desk, tmp_path):
+    (tmp_path / "mine.yaml").write_text("bounds: [0, 0, 6, 6]\nstart: [1, 1, 0.5]\ngoal: [5, 5]\n")
+    (tmp_path / "other.yaml").write_text("seed: 3\n")
+    assert of("options", [read(reply) for reply in desk.welcome()])[0]["files"] == ["mine.yaml"]
+    found = replies(desk, "words", step=0, set={"map": "file", "map.path": "mine.yaml"})
+    assert of("situation", found)[0]["map"] == "mine"
+    assert of("world", found)[0]["start"] == [1, 1, 0.5]
+
+
+def test_what_a_decision_was_made_of_is_told_when_it_is_asked_for(desk):
+    drive(desk.session, 15)
+    (detail,) = of(
+        "detail", replies(desk, "detail", lane=0, step=11, layers=["memory", "times", "arcs", "x"])
+    )
+    assert {"memory", "times", "arcs", "costs"} == detail["arrays"].keys()
+    assert detail["layers"] == ["memory", "times", "arcs"]
+    assert detail["arrays"]["times"][2] == detail["grid"][3] ** 2
+    assert detail["arrays"]["arcs"][2] == 2 * detail["arrays"]["costs"][2]
+
+
+def test_the_arcs_are_those_that_the_planner_chose_from(session_of):
+    for words in (
+        ["system=lme_plus"],
+        ["system=lme_dwa"],
+        ["system=lme_plus", "planner.latency=0.1", "sim.latency=0.1"],
+    ):
+        session = drive(session_of(*words, "map=barn", "map.worlds=[282]"), 30)
+        (lane,) = session.lanes
+        for step in (3, 12, 25):
+            moment = lane.frames[step].moment
+            weighed = lane.before(step, session.tasks).navigator.planner.weighed(
+                moment.observation, moment.guidance
+            )
+            best = weighed.commands[np.argmin(weighed.costs)]
+            assert best == pytest.approx(moment.command, abs=1e-9)
+
+
+def test_saving_says_where_it_is_and_how_it_is_used(desk, tmp_path):
+    (saved,) = of("saved", replies(desk, "save", step=0, kind="map", name="mine"))
+    assert (tmp_path / saved["path"]).is_file()
+    assert saved["command"].startswith("lme eval map=file map.path=outputs/play/mine.yaml")

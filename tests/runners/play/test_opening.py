@@ -1,0 +1,92 @@
+"""Recorded episodes, taken over; and what is saved of a session."""
+
+import json
+
+import numpy as np
+import pytest
+
+from lme.errors import InputError
+from lme.types import Outcome
+from runners.cli import main
+from runners.play.desk import Desk
+from runners.play.opening import open_episode, words_of
+from runners.play.session import Session
+from tests.runners.play.conftest import drive, ways
+
+WORDS = [
+    "robot=turtlebot2",
+    "map=traps",
+    "map.worlds=[1]",
+    "system=dwa",
+    "ablation=none",
+    "map.time_limit=20",
+]
+
+
+@pytest.fixture(scope="module")
+def run_dir(tmp_path_factory):
+    """A run with an episode that fails, with values that differ from those of the files."""
+    place = tmp_path_factory.mktemp("runs") / "run"
+    more = ["sim.scan_noise=0.01", "runs=2", "executor=serial", "tracking=none", f"hydra.run.dir={place}"]
+    assert main.main(["eval", *WORDS, *more]) == 0
+    return place
+
+
+def test_an_episode_opens_where_it_went_wrong(run_dir):
+    session = open_episode(run_dir, "1/1", None)
+    (lane,) = session.lanes
+    assert lane.outcome is Outcome.TIMEOUT
+    targets = [np.hypot(*frame.moment.observation.target) for frame in lane.frames]
+    assert session.shown == int(np.argmin(targets)) > 0
+    assert open_episode(run_dir, None, 7).shown == 7
+    assert session.script.setup.run == 1
+
+
+def test_its_words_make_the_same_system_again(run_dir):
+    from runners.play.setups import setup_of
+
+    session = open_episode(run_dir, "1/1", 0)
+    again = drive(Session(setup_of(session.script.setup.source)))
+    assert ways(again) == ways(session)
+
+
+@pytest.mark.parametrize(
+    ("word", "step", "problem"),
+    [
+        ("282/0", None, "world 282 was not driven"),
+        ("1/0", 9999, "--step 9999: must be at most"),
+        ("x", None, "not an episode"),
+    ],
+)
+def test_what_is_not_there_is_one_line(run_dir, word, step, problem):
+    with pytest.raises(InputError, match=problem):
+        open_episode(run_dir, word, step)
+
+
+def test_a_record_of_another_version_is_refused(run_dir, tmp_path):
+    import shutil
+
+    other = shutil.copytree(run_dir, tmp_path / "other")
+    launch = json.loads((other / "launch.json").read_text())
+    launch["configs"][0]["seed"] = 5
+    (other / "launch.json").write_text(json.dumps(launch))
+    with pytest.raises(InputError, match="another path"):
+        open_episode(other, "1/0", None)
+
+
+def test_words_that_name_an_episode_come_first():
+    assert words_of(["RUN", "282/1", "--step", "5", "port=0"]) == (
+        ["RUN", "282/1"],
+        ["--step", "5", "port=0"],
+    )
+    assert words_of(["map=barn", "-cd", "x"]) == ([], ["map=barn", "-cd", "x"])
+
+
+def test_a_recording_opens_and_keeps_its_config(run_dir, tmp_path):
+    pytest.importorskip("rosbags")
+    more = ["runs=1", "record=mcap", "executor=serial", "tracking=none", f"hydra.run.dir={tmp_path / 'run'}"]
+    assert main.main(["eval", *WORDS, *more]) == 0
+    session = open_episode(tmp_path / "run" / "recordings" / "world-1-run-0.mcap", None, 5)
+    assert ways(session) == ways(open_episode(tmp_path / "run", "1/0", 5))
+    error, *_ = Desk(session, tmp_path).answer('{"type": "words", "step": 0, "set": {"system": "lme"}}')
+    assert "own config alone" in error
