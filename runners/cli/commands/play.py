@@ -12,6 +12,7 @@ EXAMPLES = (
     "lme play",
     "lme play system=lme,lme_plus map=barn map.worlds=[282]",
     "lme play outputs/eval/RUN 282/1",
+    "lme play drive.bag robot=turtlebot2",
     "lme play robot=jackal_gazebo sim=skid sim.latency=0.1 map=dynabarn",
 )
 _STEP = "--step"
@@ -38,15 +39,29 @@ def _serve(episode: list[str], step: int | None, given: Arguments) -> int:
     if step is not None and not episode:
         raise InputError(f"{_STEP} {step}: goes with a recorded episode, lme play RUN 282/1 {_STEP} {step}")
     port, browser = settings(given)
-    serve(_opened(episode, step, given) if episode else _composed(given), port, browser)
+    serve(_session(episode, step, given), port, browser)
     return 0
 
 
-def _composed(given: Arguments) -> Session:
+def _session(episode: list[str], step: int | None, given: Arguments) -> Session:
+    """The session of a recorded episode, of the log of a drive, or of the words alone."""
+    from pathlib import Path
+
+    from runners.play.from_log import is_log, words_of_log
+
+    if not episode:
+        return _composed((), given)
+    if len(episode) == 1 and step is None and is_log(Path(episode[0])):
+        return _composed(words_of_log(Path(episode[0])), given)
+    return _opened(episode, step, given)
+
+
+def _composed(first: tuple[str, ...], given: Arguments) -> Session:
     from runners.play.session import Session, Source
     from runners.play.setups import setup_of
 
-    return Session(setup_of(Source(tuple(given.overrides), given.config_name or "play", given.config_dir)))
+    words = (*first, *given.overrides)
+    return Session(setup_of(Source(words, given.config_name or "play", given.config_dir)))
 
 
 def _opened(episode: list[str], step: int | None, given: Arguments) -> Session:

@@ -8,9 +8,13 @@ import pytest
 from lme.errors import InputError
 from lme.types import Outcome
 from runners.cli import main
+from runners.mapping.build import BuildConfig, build_map
 from runners.play.desk import Desk
+from runners.play.from_log import is_log, words_of_log
 from runners.play.opening import open_episode, words_of
-from runners.play.session import Session
+from runners.play.session import Session, Source
+from runners.play.setups import setup_of
+from tests.made_logs import flaser_lines, write
 from tests.runners.play.conftest import drive, ways
 
 WORDS = [
@@ -43,8 +47,6 @@ def test_an_episode_opens_where_it_went_wrong(run_dir):
 
 
 def test_its_words_make_the_same_system_again(run_dir):
-    from runners.play.setups import setup_of
-
     session = open_episode(run_dir, "1/1", 0)
     again = drive(Session(setup_of(session.script.setup.source)))
     assert ways(again) == ways(session)
@@ -90,3 +92,19 @@ def test_a_recording_opens_and_keeps_its_config(run_dir, tmp_path):
     assert ways(session) == ways(open_episode(tmp_path / "run", "1/0", 5))
     error, *_ = Desk(session, tmp_path).answer('{"type": "words", "step": 0, "set": {"system": "lme"}}')
     assert "own config alone" in error
+
+
+def test_the_log_of_a_drive_opens_where_it_was_driven(tmp_path, run_dir):
+    pytest.importorskip("rosbags")
+    log = write(tmp_path / "room.log.gz", flaser_lines(rng=np.random.default_rng(0)))
+    assert is_log(log)
+    assert not is_log(run_dir)
+    words = words_of_log(log, tmp_path)
+    assert words[:2] == ("map=file", f"map.path={tmp_path / 'outputs/play/room_map.yaml'}")
+    session = Session(setup_of(Source((*words, "robot=turtlebot2"), "play")))
+    task = session.script.setup.task
+    way = build_map([log], BuildConfig(), shown=False).way
+    np.testing.assert_allclose(task.start[:2], way[0], atol=1e-3)
+    farthest = np.hypot(*(way - way[0]).T).max()
+    assert np.hypot(*np.subtract(task.goal, task.start[:2])) == pytest.approx(farthest, abs=2e-3)
+    assert drive(session).lanes[0].outcome is Outcome.SUCCESS
