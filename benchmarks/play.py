@@ -43,12 +43,18 @@ _PLAY = """async (seconds) => {
 _DRAG = """async (count) => {
   const times = [];
   const { x, y } = play.views[0].shownPose;
+  const hear = play.connection.hears.message;
   for (let i = 0; i < count; i++) {
-    const [revision, begun] = [play.situation.revision, performance.now()];
+    const begun = performance.now();
+    let settled = Infinity;
+    play.connection.hears.message = (message, arrays) => {
+      hear(message, arrays);
+      if (message.type === "settled") settled = performance.now();
+    };
     play.put("d1", "circles", { centre: [x + 1.5, y + 0.02 * (i - count / 2)], radius: 0.2 }, "drag");
-    const waiting = () => play.situation.revision === revision || play.settling || play.dirty;
-    while (waiting()) await new Promise(requestAnimationFrame);
+    while (settled === Infinity || play.drawnAt < settled) await new Promise(requestAnimationFrame);
     times.push(play.drawnAt - begun);
+    while (play.sending || play.dirty) await new Promise(requestAnimationFrame);
   }
   return times;
 }"""

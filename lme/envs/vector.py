@@ -16,6 +16,7 @@ from lme.envs.reward import Reward
 from lme.envs.spaces import Arrays, action_space, arrays, commands, observation_space
 from lme.errors import InputError
 from lme.robots import Robot
+from lme.sensing.people.source import People
 from lme.sim.fast import FastSimulator
 from lme.types import Bools, Floats
 from lme.worlds.world import MapSet
@@ -40,10 +41,13 @@ class NavigationVectorEnv(VectorEnv[Any, Any, Any]):
         map_config: Settings | None = None,
         sim_config: Settings | None = None,
         render_mode: str | None = None,
+        people: str = "none",
     ) -> None:
         """See `lme.envs.choices.choose` for the keywords. Raises InputError for what one call does not support."""
         if render_mode is not None:
             raise InputError(f"render_mode is {render_mode!r}: cannot render many robots, {ONE_BY_ONE}")
+        if people != People.none:
+            raise InputError(f"people is {people!r}: nobody is in the worlds of many robots, {ONE_BY_ONE}")
         chosen = choose(map, robot, sim, reward, map_config, sim_config)
         if chosen.simulator is not FastSimulator:
             raise InputError(

@@ -72,7 +72,7 @@ def resampled(scan: LaserScan, mount: Pose, lidar: Lidar) -> LaserScan:
     mount: pose of the scan's frame in the base frame. Each return goes to the beam nearest in direction; the
     nearest return of a beam counts. Beams between neighbours on one surface are interpolated along the straight
     line, but not across a depth edge. A beam without data, e.g. outside the old field of view, is inf, but NaN where
-    the old beam of nearly its bearing is NaN.
+    an old beam in its sector is NaN.
 
     For a lidar with `native_beams` at the scan's place, ranges are interpolated instead, as in the paper (§V.A):
     linearly in the bearing, also across depth edges, where this invents points between two surfaces. If one of
@@ -155,14 +155,16 @@ def _resample(ranges, source, mount, onto_mount, onto, cos_grazing):
 
 @njit(cache=True, error_model="numpy")
 def _mark_failed(out, ranges, source, turn, onto):
-    """Make beams without data NaN where the source's beam nearest in bearing is NaN. turn: source from onto [rad]."""
+    """Make beams without data NaN where a beam of the source in their sector is NaN. turn: source from onto [rad]."""
+    half = max(0.5 * onto[1] / source[1] - 0.5, 0.0)  # of the sector, beyond the nearest beam
     for k in range(len(out)):
         if math.isinf(out[k]):
             off = (onto[0] + k * onto[1] - turn - source[0]) / source[1]
             for shift in _TURNS:
-                nearest = round(off + shift / source[1])
-                if 0 <= nearest < len(ranges) and math.isnan(ranges[nearest]):
-                    out[k] = np.nan
+                at = off + shift / source[1]
+                for i in range(max(round(at - half), 0), min(round(at + half) + 1, len(ranges))):
+                    if math.isnan(ranges[i]):
+                        out[k] = np.nan
 
 
 @njit(cache=True, error_model="numpy")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import traceback
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -55,6 +56,9 @@ class Desk:
             _ANSWERS[fields.one_of("type", _ANSWERS)](self, fields)
         except InputError as error:
             yield json.dumps({"type": "error", "text": str(error)})
+        except Exception as error:  # of a class of the user's own, or of lme: the page lives on
+            traceback.print_exc()
+            yield json.dumps({"type": "error", "text": f"{type(error).__name__}: {error}"})
         yield from self._news()
         yield from self._more
         self._more = []
@@ -123,7 +127,7 @@ class Desk:
         session = self.session
         lane = fields.integer("lane", len(session.lanes) - 1)
         step = min(self._step(fields), len(session.lanes[lane].frames) - 1)
-        layers = [layer for layer in LAYERS if layer in (fields.value("layers") or ())]
+        layers = fields.some_of("layers", LAYERS)
         about = {"type": "detail", "revision": session.revision, "lane": lane, "step": step, "layers": layers}
         self._more.append(detail_message(session.lanes[lane], step, session.tasks, layers, about))
 

@@ -154,7 +154,7 @@ def _world_of(items: Mapping[str, Item]) -> World:
     return replace(plan.world, segments=plan.world.segments[_OUTLINE_SIDES:], movers=movers)
 
 
-@lru_cache(maxsize=10_000)
+@lru_cache(maxsize=500)
 def _mover(name: str, entry: str) -> Mover:
     """The mover of an entry, given as JSON; the same object for the same name, so that simulators know it again."""
     return mover_of("the drawing, movers", json.loads(entry))

@@ -41,9 +41,16 @@ class Fields:
     def one_of(self, key: str, names: Collection[str]) -> str:
         """One of the names."""
         value = self._values.get(key)
-        if value not in names:
+        if not isinstance(value, str) or value not in names:
             raise self._mistake(key, f"one of {', '.join(names)}")
-        return str(value)
+        return value
+
+    def some_of(self, key: str, names: Collection[str]) -> list[str]:
+        """Those of the names that a list holds; none if it is absent."""
+        value = self._values.get(key, [])
+        if not isinstance(value, list):
+            raise self._mistake(key, f"a list of {', '.join(names)}")
+        return [name for name in names if name in value]
 
     def integer(self, key: str, most: int) -> int:
         """A whole number from 0 to `most`."""
@@ -73,7 +80,10 @@ class Fields:
 
 def _number(value: Any) -> float:
     """The number; NaN for anything else."""
-    return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else math.nan
+    try:
+        return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else math.nan
+    except OverflowError:
+        return math.inf
 
 
 def _refuse(name: str) -> float:

@@ -22,6 +22,7 @@ from runners.config.schema import DriveConfig
 from runners.workers.trace import TracedStep, TraceEnd
 
 EVERY = 10  # steps from one snapshot to the next
+MOST_SNAPSHOTS = 60  # then older ones are thinned out: going back far takes longer
 
 Tasks = Mapping[int, Task]  # the task from each step on at which it changes; 0 is among them
 
@@ -87,7 +88,8 @@ class Lane:
         if not self.frames:
             self._begin(tasks[0])
         elif self._command is not None:
-            self._running.episode.move(self._command)
+            command, self._command = self._command, None  # if the next decision fails, it is not driven again
+            self._running.episode.move(command)
         self._arrive(step, tasks)
         self.frames.append(self._frame())
         return True
@@ -167,6 +169,9 @@ class Lane:
             self._snapshots[step] = self._copied(self._running, tasks)
         except (TypeError, ValueError, NotImplementedError):
             self._snapshots = {}
+        if len(self._snapshots) > MOST_SNAPSHOTS:
+            for at in sorted(self._snapshots)[1 : -MOST_SNAPSHOTS // 3 : 2]:  # the first one stays
+                del self._snapshots[at]
 
     def _copied(self, running: _Running, tasks: Tasks) -> _Running:
         shared = {id(part): part for task in tasks.values() for part in _parts(task)}

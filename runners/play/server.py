@@ -99,35 +99,58 @@ class _Seats:
 
     async def serve(self, websocket: WebSocket) -> None:
         """Answer a page until it goes, or another one comes."""
-        from starlette.websockets import WebSocketDisconnect
-
         await websocket.accept()
         before, self._seated = self._seated, websocket
         if before is not None:
             await _close(before)
         try:
-            await self._reply(websocket, self._desk.welcome())
-            while self._seated is websocket:
-                text = await websocket.receive_text()
-                if self._seated is websocket:
-                    await self._reply(websocket, self._desk.answer(text))
-        except (WebSocketDisconnect, RuntimeError, KeyError):
-            pass  # closed, or sent what is not text
+            there = await self._reply(websocket, self._desk.welcome())
+            while there and self._seated is websocket:
+                text = await _heard(websocket)
+                there = text is not None
+                if text is not None and self._seated is websocket:
+                    there = await self._reply(websocket, self._desk.answer(text))
         finally:
             if self._seated is websocket:
                 self._seated = None
 
-    async def _reply(self, websocket: WebSocket, replies: Iterator[Reply]) -> None:
-        """Send replies. They are made in a thread, so that the socket stays alive meanwhile."""
+    async def _reply(self, websocket: WebSocket, replies: Iterator[Reply]) -> bool:
+        """Send replies; whether the page is still there.
+
+        They are made in a thread, so that the socket stays alive meanwhile.
+        """
         for reply in await asyncio.to_thread(self._made, replies):
-            if isinstance(reply, bytes):
-                await websocket.send_bytes(reply)
-            else:
-                await websocket.send_text(reply)
+            if not await _sent(websocket, reply):
+                return False
+        return True
 
     def _made(self, replies: Iterator[Reply]) -> list[Reply]:
         with self._turn:
             return list(replies)
+
+
+async def _heard(websocket: WebSocket) -> str | None:
+    """The next message; None if the page has gone, or sent what is not text."""
+    from starlette.websockets import WebSocketDisconnect
+
+    try:
+        return await websocket.receive_text()
+    except (WebSocketDisconnect, RuntimeError, KeyError):
+        return None
+
+
+async def _sent(websocket: WebSocket, reply: Reply) -> bool:
+    """Send a reply; whether the page was still there."""
+    from starlette.websockets import WebSocketDisconnect
+
+    try:
+        if isinstance(reply, bytes):
+            await websocket.send_bytes(reply)
+        else:
+            await websocket.send_text(reply)
+    except (WebSocketDisconnect, RuntimeError):
+        return False
+    return True
 
 
 async def _close(websocket: WebSocket) -> None:

@@ -171,20 +171,22 @@ class Session:
 
     def reset(self) -> None:
         """Begin anew at the start, with the same random numbers, in the world as it is now."""
-        self._play(replace(self.script, drawings={0: self.script.at(self.last)}, begin=None), 0, "")
+        script = replace(self.script, drawings={0: self.script.at(self.last)}, begin=None)
+        self._play(script, 0, "", shown=self.last)
 
     def choose(self, setup: Setup, step: int) -> None:
         """Drive with other systems. Raises InputError, and changes nothing then.
 
-        In the same world a single robot goes on from where it is at the step; several begin anew, to be compared.
+        In the same world a single robot goes on from where it is at the step, at rest, while the clock and what moves
+        begin anew; several begin anew at the start, to be compared.
         """
         if setup.task is not self.script.setup.task:
-            self._play(Script(setup, {0: Sketch.of(setup.task)}), 0, "")
+            self._play(Script(setup, {0: Sketch.of(setup.task)}), 0, "", shown=step)
             return
         begin = None
         if len(setup.systems) == len(self.lanes) == 1 and self.lanes[0].outcome is not Outcome.COLLISION:
             begin = self.lanes[0].frames[min(step, self.last)].state.pose
-        self._play(Script(setup, {0: self.script.at(step)}, begin), 0, "")
+        self._play(Script(setup, {0: self.script.at(step)}, begin), 0, "", shown=step)
 
     @property
     def undoable(self) -> bool:
@@ -207,15 +209,16 @@ class Session:
     def _travel(self, source: list[_Past], other: list[_Past]) -> None:
         if not source:
             raise InputError("there is no change to take back or to make again")
-        past = source.pop()
-        other.append(_Past(self.script, past.step, past.gesture))
+        past, now = source[-1], self.script
         self._stage(past.script)
+        source.pop()
+        other.append(_Past(now, past.step, past.gesture))
         self.advance(past.step, budget_s=60.0)
         self.shown = min(past.step, self.last)
 
-    def _play(self, script: Script, step: int, gesture: str) -> None:
-        """Go over to another script that has the same drawings before a step."""
-        past = _Past(self.script, step, gesture)
+    def _play(self, script: Script, step: int, gesture: str, shown: int | None = None) -> None:
+        """Go over to another script that has the same drawings before a step. shown: at which step it was chosen."""
+        past = _Past(self.script, step if shown is None else min(shown, self.last), gesture)
         if script.setup is self.script.setup and script.begin == self.script.begin and step:
             task = self._task(script, step)
             for lane in self.lanes:

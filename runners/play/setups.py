@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from lme.errors import InputError
+from lme.errors import InputError, require
 from lme.weight_files import PUBLISHED
 from lme.worlds.check import check_task
 from runners.config import build, command_line, weights
@@ -32,6 +33,8 @@ def setup_of(
     """
     jobs = _jobs(source)
     first = jobs[0].config
+    for key, value in (("seed", first.seed), ("run", getattr(first, "run", 0))):
+        require(key, value, at_least=0)
     maps = build.map_set(first)
     number = maps.numbers[0] if world is None else world
     if former is not None and _same_task(former, first, number):
@@ -49,6 +52,9 @@ def setup_of(
 
 
 def _jobs(source: Source) -> Sequence[Job[Any]]:
+    many = math.prod(word.count(",") + 1 for word in source.words if not word.endswith(("]", "}", "'")))
+    if many > LANES:
+        raise InputError(f"{many} systems: must be at most {LANES} side by side")
     with Composer(source.config_name, source.config_dir) as composer:
         plan = command_line.plan(composer, source.words, multirun=True, typed=source.words)
         if plan.num_jobs > LANES:

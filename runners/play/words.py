@@ -14,7 +14,9 @@ LONGEST = 300  # characters of a value
 MOST_FILES = 200  # that are offered
 
 _KEY = re.compile(r"[a-z_]+(\.[a-z0-9_]+)*")
-_VALUE = re.compile(r"[\w.,:+\- \[\]{}]*")  # no interpolation, no quotes, no functions, no paths
+_VALUE = re.compile(r"[\w.,:+\- \[\]]*")  # no interpolation, no quotes, no functions, no paths, no mappings
+_FACTORS = re.compile(r"{[\w.,: +\-]*}")  # of scale
+_DOTTED = re.compile(r"[A-Za-z_]\w*\.[A-Za-z_]")  # may name a module
 _PATH = re.compile(r"[\w.,+\- /]+")
 _MAP = re.compile(rb"^(bounds|image):", re.MULTILINE)
 _HEAD = 4000  # [bytes] within which a map says what it is
@@ -59,11 +61,13 @@ def within(name: str, root: Path) -> Path:
 def map_files(root: Path) -> list[str]:
     """Files below the folder that may hold a map, at most two folders deep."""
     found: list[str] = []
-    for pattern in ("*", "*/*", "*/*/*"):
-        for path in sorted(root.glob(f"{pattern}.yaml")):
-            if len(found) < MOST_FILES and _is_map(path):
+    for pattern in ("*", "[!.]*/*", "[!.]*/[!.]*/*"):
+        for path in root.glob(f"{pattern}.yaml"):
+            if len(found) == MOST_FILES:
+                return sorted(found)
+            if path.is_file() and _is_map(path):
                 found.append(str(path.relative_to(root)))
-    return found
+    return sorted(found)
 
 
 def _is_map(path: Path) -> bool:
@@ -88,8 +92,16 @@ def _checked(key: str, value: object, root: Path) -> str:
         raise InputError(f"{key} is {value!r:.60}: must be text or a number")
     text = str(value).strip()
     is_path = "/" in text or ".." in text or key == "map.path"
-    if len(text) <= LONGEST and not is_path and _VALUE.fullmatch(text):
+    if len(text) <= LONGEST and not is_path and _is_plain(key, text):
         return text
     if len(text) <= LONGEST and key in _PATH_KEYS and _PATH.fullmatch(text):
-        return f"'{within(text, root)}'"
+        path = str(within(text, root)).replace("'", "\\'")
+        return f"'{path}'"
     raise InputError(f"{key} is {text:.60}: must be names and numbers" + ", or a path" * (key in _PATH_KEYS))
+
+
+def _is_plain(key: str, text: str) -> bool:
+    """Whether a value is made of names and numbers alone, and cannot name a class or a function to import."""
+    if key == "scale":
+        return bool(_FACTORS.fullmatch(text))
+    return bool(_VALUE.fullmatch(text)) and (key in _PATH_KEYS or not _DOTTED.search(text))

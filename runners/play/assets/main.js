@@ -12,6 +12,8 @@ class App {
     this.views = [];
     this.worlds = new Worlds();
     this.previews = [];
+    this.changes = []; // that wait to be sent
+    this.named = 0; // things so far
     this.details = new Details(this);
     this.tools = new Tools(this);
     this.settings = new Settings(this);
@@ -94,10 +96,10 @@ class App {
 
   // The world
 
+  /** A name that nothing has, also of what is not answered yet. */
   newName() {
-    let number = 1;
-    while (this.world.parts.some(({ name }) => name === `d${number}`)) number += 1;
-    return `d${number}`;
+    do this.named += 1; while (this.world.parts.some(({ name }) => name === `d${this.named}`));
+    return `d${this.named}`;
   }
 
   partAt(place, near) {
@@ -163,18 +165,16 @@ class App {
     this.redraw();
   }
 
-  /** Send the newest change of a gesture as soon as the last one is answered. */
+  /** Send changes one after the other; of a gesture that goes on, only the newest one waits. */
   async #change(message) {
     this.redraw();
-    if (this.sending && this.pending?.type === "erase") return;
-    this.pending = message;
+    const change = { ...message, step: this.step };
+    const last = this.changes.at(-1);
+    if (last && ["type", "name", "gesture"].every((key) => last[key] === change[key])) this.changes.pop();
+    this.changes.push(change);
     if (this.sending) return;
     this.sending = true;
-    while (this.pending) {
-      const next = this.pending;
-      this.pending = null;
-      await this.connection.ask({ ...next, step: this.step });
-    }
+    while (this.changes.length) await this.connection.ask(this.changes.shift());
     this.sending = false;
     this.previews = [];
     this.redraw();

@@ -76,6 +76,7 @@ def test_observations_are_not_overwritten_by_later_steps():
         ({"sim_config": {"latency": 0.1}}, "sim.latency is 0.1: the compiled step"),
         ({"map": "dynabarn"}, "has moving obstacles"),
         ({"robot": "turtlebot2"}, "robot.lidar.native_beams is 540"),
+        ({"people": "tracked"}, "people is 'tracked': nobody is in the worlds of many robots"),
         ({"render_mode": "rgb_array"}, "render_mode is 'rgb_array': cannot render many robots"),
     ],
 )

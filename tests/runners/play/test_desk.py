@@ -102,6 +102,15 @@ DISC = '{"type": "put", "step": 0, "name": "d1", "kind": "circles", "entry": {"c
         ('{"type": "words", "step": 0, "set": {"weights": ".."}}', "must be in"),
         ('{"type": "words", "step": 0, "set": {"map": "building", "map.paths": "[../x.yaml]"}}', "must be names"),
         ('{"type": "words", "step": 0, "set": {"map": {"a": 1}}}', "must be text or a number"),
+        ('{"type": "words", "step": 0, "set": {"planner": "{_target_: os.system}"}}', "must be names and numbers"),
+        ('{"type": "words", "step": 0, "set": {"guide.criteria.mine": "os.system"}}', "must be names and numbers"),
+        ('{"type": "words", "step": 0, "set": {"run": "-5"}}', "run is -5"),
+        ('{"type": "words", "step": 0, "set": {"seed": "-5"}}', "seed is -5"),
+        ('{"type": "words", "step": 0, "set": {"robot.v_max": "1,1.1,1.2,1.3,1.4"}}', "5 systems: must be at most 4"),
+        ('{"type": []}', "type is []"),
+        ('{"type": "save", "step": 0, "kind": [], "name": "x"}', "kind is []"),
+        ('{"type": "detail", "lane": 0, "step": 0, "layers": 5}', "layers is 5"),
+        ('{"type": "goal", "step": 0, "goal": [1, 1%s]}' % ("0" * 400), "goal is"),
     ],
 )  # fmt: skip
 def test_a_bad_message_is_an_error_and_loses_nothing(desk, text, problem):

@@ -204,8 +204,29 @@ def test_other_systems_go_on_from_where_the_robot_is(session_of):
     assert session.lanes[0].frames[0].state.pose == pose
     assert "d1" in session.script.at(0).items
     assert session.lanes[0].label == "LME"
+    session.undo()
+    assert session.shown == session.last == 25
+    session.redo()
     session.reset()
     assert session.lanes[0].frames[0].state.pose == tuple(session.script.at(0).start)
+
+
+def test_a_decision_that_fails_drives_no_command_twice(session_of, monkeypatch):
+    session, whole = session_of(), drive(session_of(), 12)
+    drive(session, 8)
+    lane = session.lanes[0]
+    episode, decide = lane._running.episode, type(lane._running.episode).decide
+
+    def fail(self):
+        raise KeyError("a planner of one's own")
+
+    monkeypatch.setattr(type(episode), "decide", fail)
+    for _ in range(3):
+        with pytest.raises(KeyError):
+            session.advance(12, 10.0)
+    monkeypatch.setattr(type(episode), "decide", decide)
+    drive(session, 12)
+    assert [frame.row for frame in lane.frames] == [frame.row for frame in whole.lanes[0].frames]
 
 
 def test_systems_side_by_side_have_the_same_world_and_random_numbers(session_of):
