@@ -22,6 +22,7 @@ MAPS = {  # name in the id: map set, and the robot that drives there unless anot
     "Real4": ("real4", "turtlebot2"),
     "Go2A": ("go2_a", "go2"),
     "Go2B": ("go2_b", "go2"),
+    "Empty": ("empty", "jackal"),
     "File": ("file", "stage"),  # needs map_config={"path": …}
     "Tracks": ("tracks", "jackal"),  # needs map_config={"path": …}
     "Building": ("building", "turtlebot2"),  # needs map_config={"paths": […]}

@@ -73,7 +73,7 @@ def before_point(x, y, radius, horizon, line):
 
 @njit(cache=True, error_model="numpy")
 def best_velocity(lines: Floats, hard: int, v_max: float, wanted: tuple[float, float]) -> tuple[float, float]:
-    """The permitted velocity nearest to the wanted one [m/s], at most `v_max`.
+    """The permitted velocity nearest to the wanted one [m/s], which is shortened to `v_max` before.
 
     lines (L, 4): half-planes; the first `hard` permit the velocity 0 and are never left. If the others have nothing in
     common, they are left by as little as possible, all together.

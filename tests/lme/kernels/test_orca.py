@@ -74,6 +74,7 @@ def test_people_choose_as_in_rvo2(places, velocities, wanted, chosen):
 def test_no_permitted_velocity_is_nearer_to_the_wanted_one(given_lines, x, y):
     lines = half_planes(given_lines)
     found = np.array(best_velocity(lines, 0, V_MAX, (x, y)))
+    x, y = np.array([x, y]) * min(V_MAX / max(math.hypot(x, y), 1e-9), 1.0)
     assert np.hypot(*found) <= V_MAX + 1e-6
     left = beyond(lines, EVERY).max(axis=1, initial=-np.inf)
     ours = beyond(lines, found).max(initial=-np.inf)
