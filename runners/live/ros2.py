@@ -114,7 +114,6 @@ class Ros2:
 
         def begin(handle: Any) -> None:
             goals[bytes(handle.goal_id.uuid)] = goal = _Ros2ActionGoal(handle, NavigateToPose)
-            handle.execute()
             self._later.append(partial(accept, goal))
 
         def stop(handle: Any) -> Any:
@@ -124,16 +123,14 @@ class Ros2:
             self._later.append(partial(cancel, goal))
             return CancelResponse.ACCEPT
 
-        async def execute(handle: Any) -> Any:
-            result = await goals[bytes(handle.goal_id.uuid)].result
-            del goals[bytes(handle.goal_id.uuid)]
-            return result
+        def end(handle: Any) -> Any:
+            return goals.pop(bytes(handle.goal_id.uuid)).end()
 
         self._server = ActionServer(
             self._node,
             NavigateToPose,
             action,
-            execute,
+            end,
             handle_accepted_callback=begin,
             cancel_callback=stop,
         )
@@ -183,14 +180,16 @@ class _Ros2ActionClient:
 
 
 class _Ros2ActionGoal:
-    """A goal of nav2_msgs/NavigateToPose."""
+    """A goal of nav2_msgs/NavigateToPose.
+
+    rclpy is asked to execute it only when it ends. A coroutine that waits for the end would be resumed at every turn of
+    the executor, before any message, and the node would no longer hear its sensors. So clients see the state ACCEPTED,
+    not EXECUTING, while the robot drives.
+    """
 
     def __init__(self, handle: Any, action: Any) -> None:
-        from rclpy.task import Future
-
         self._handle, self._action = handle, action
         self.pose = handle.request.pose
-        self.result = Future()
 
     def feedback(self, pose: Any, distance: float, time: int) -> None:
         feedback = self._action.Feedback(current_pose=pose, distance_remaining=distance)
@@ -198,14 +197,20 @@ class _Ros2ActionGoal:
         self._handle.publish_feedback(feedback)
 
     def succeed(self) -> None:
-        self._handle.succeed()
-        self.result.set_result(self._action.Result())
+        self._finish(self._handle.succeed)
 
     def cancel(self, reason: str) -> None:
         """Cancel the goal if the client asked for it; abort one that another goal replaces, as Nav2 does."""
-        self._handle.canceled() if self._handle.is_cancel_requested else self._handle.abort()
-        self.result.set_result(self._action.Result())
+        self._finish(self._handle.canceled if self._handle.is_cancel_requested else self._handle.abort)
 
     def abort(self, reason: str) -> None:
-        self._handle.abort()
-        self.result.set_result(self._action.Result())
+        self._finish(self._handle.abort)
+
+    def end(self) -> Any:
+        """Set the final state and return the result, within the execution that `_finish` asked for."""
+        self._set_state()
+        return self._action.Result()
+
+    def _finish(self, set_state: Callable[[], None]) -> None:
+        self._set_state = set_state
+        self._handle.execute()
