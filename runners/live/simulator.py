@@ -22,7 +22,7 @@ from runners.live.outgoing import OutgoingMessages
 from runners.live.topics import TF_MESSAGE, LiveTopicsConfig
 from runners.live.transport import Delivery, Publisher, Transport
 
-ODOM, BASE, LASER = "odom", "base_link", "laser"
+ODOM, BASE = "odom", "base_link"
 GOALS = ("topic", "action", "none")
 _REST = Twist(0.0, 0.0)
 
@@ -37,6 +37,7 @@ class SimulatorConfig:
     watchdog: float = 0.5  # [s]
     goal: str = "topic"
     pause: float = 1.0  # [s]
+    scan_frame: str = "laser"
 
     def __post_init__(self) -> None:
         require("live.speed", self.speed, above=0.0)
@@ -46,6 +47,10 @@ class SimulatorConfig:
         require("live.pause", self.pause, at_least=0.0)
         if self.goal not in GOALS:
             raise InputError(f"live.goal is {self.goal}: must be one of {', '.join(GOALS)}")
+        if self.scan_frame in ("", ODOM, BASE):
+            raise InputError(
+                f"live.scan_frame is {self.scan_frame!r}: must be another name than {ODOM} and {BASE}"
+            )
 
 
 class Driven(NamedTuple):
@@ -144,7 +149,7 @@ class SimulatedRobot:
             self._tf(make.transform(now, ODOM, BASE, pose))
         if self._steps % self._scans == 0:
             period = self._scans * self._config.step
-            self._scan(make.scan(now, LASER, observation.scan, period))
+            self._scan(make.scan(now, self._config.scan_frame, observation.scan, period))
         self._steps += 1
         self._clock(make.clock(now))
 
@@ -165,7 +170,7 @@ class SimulatedRobot:
         self._tf: Publisher | None = None
         if ros.has(TF_MESSAGE):
             self._tf = ros.publisher(topics.tf, TF_MESSAGE)
-            mount = self._make.transform(0, BASE, LASER, self._robot.lidar.mount)
+            mount = self._make.transform(0, BASE, self._config.scan_frame, self._robot.lidar.mount)
             self._mount = ros.publisher(topics.tf_static, TF_MESSAGE, latched=True)
             self._mount(mount)
         self._goal = self._goal_publisher()

@@ -40,6 +40,10 @@ def installed(monkeypatch):
             ["simulator", "--ros1", "live.goal=radio"],
             "live.goal is radio: must be one of topic, action, none",
         ),
+        (
+            ["simulator", "--ros2", "live.scan_frame=odom"],
+            "live.scan_frame is 'odom': must be another name than odom and base_link",
+        ),
         (["ros2", "ros=3"], "ros=2 and ros=3: ros has two values; give one of them"),
     ],
 )
