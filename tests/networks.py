@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lme.errors import InputError
-from lme.planners.array_file import write_arrays
+from lme.array_file import write_arrays
 from lme.planners.dclp.bundle import INDEX, SHARD
 from lme.planners.dclp.importing import tensor_names
 from lme.planners.dclp.kernels.crc32c import crc32c

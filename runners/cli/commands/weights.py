@@ -11,7 +11,7 @@ from lme.errors import InputError
 from runners.cli.parsers import texts
 
 if TYPE_CHECKING:
-    from lme.planners.array_file import Arrays
+    from lme.array_file import Arrays
 
 EXAMPLES = (
     "lme weights",
@@ -95,7 +95,7 @@ def _list(_: argparse.Namespace) -> None:
 
 
 def _import(arguments: argparse.Namespace) -> None:
-    from lme.planners.array_file import write_arrays
+    from lme.array_file import write_arrays
     from lme.weight_files import REGISTERED, shipped_networks
     from runners.records.registered_name import check_name
     from runners.records.whole_file import replacing
