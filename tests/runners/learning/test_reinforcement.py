@@ -51,11 +51,11 @@ def test_the_policy_learns_what_was_better():
     """Turning left was worth more than turning right: after some updates it is likelier."""
     torch.manual_seed(0)
     policy, critic = DclpNetwork(), DclpCritic(0)
-    learner = PpoTraining(PpoConfig(epochs=20, batch=32, lr=1e-3, kl_max=1e9))
+    learner = PpoTraining(PpoConfig(epochs=20, batch=32, kl_max=1e9))
     parts = Parts(
         {"critic": critic},
         {
-            "policy_optimiser": torch.optim.Adam(policy.parameters(), 1e-3),
+            "policy_optimiser": torch.optim.Adam(policy.parameters(), 2e-4),
             "critic_optimiser": torch.optim.Adam(critic.parameters(), 1e-3),
         },
         torch.Generator().manual_seed(0),
