@@ -68,7 +68,10 @@ def main(argv: list[str]) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    about = f"{__doc__}\nlme eval takes parameters of LME as weights=NAME, a network as planner.weights=NAME or\nguide.weights=NAME."
+    about = (
+        f"{__doc__}\nlme eval takes parameters of LME as weights=NAME, a network as planner.weights=NAME or "
+        "guide.weights=NAME."
+    )
     parser = argparse.ArgumentParser(prog="lme weights", **texts(about, EXAMPLES))
     parser.set_defaults(run=_list)
     verbs = parser.add_subparsers(metavar="VERB")
