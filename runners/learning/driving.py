@@ -30,7 +30,7 @@ from runners.config import build
 from runners.config.instantiate import build as built
 from runners.config.instantiate import configured
 from runners.config.schema import LearnConfig
-from runners.learning.drivers import CommandDriver, Driver, SubgoalDriver
+from runners.learning.followers import CommandFollower, Follower, SubgoalFollower
 from runners.learning.learnable import learned_config, learns_guide
 from runners.learning.run import Run
 from runners.learning.settings import Curriculum
@@ -94,15 +94,15 @@ class Driving:
         seeds = [int(child.generate_state(1)[0]) for child in self._seeds.spawn(self._num)]
         self._views = self._fleet.reset(seeds)
         self._returns[:] = 0.0
-        self._drivers = [self._driver(self._views, i) for i in range(self._num)]
+        self._followers = [self._follower(self._views, i) for i in range(self._num)]
         return self._features(self._views, range(self._num))
 
     def step(self, answers: Tensor) -> Experience:
         """Drive until the next answer. answers: (N, …) of the network."""
-        for driver, answer in zip(self._drivers, answers.cpu().double().numpy(), strict=True):
-            driver.take(answer)
+        for follower, answer in zip(self._followers, answers.cpu().double().numpy(), strict=True):
+            follower.take(answer)
         rewards, ends = np.zeros(self._num), _Ends(self._num)
-        for _ in range(self._drivers[0].steps):
+        for _ in range(self._followers[0].steps):
             done = self._fleet.step(self._commands(ends.ended))
             rewards += np.where(ends.ended, 0.0, done.rewards)
             self._take_ends(done, ends)
@@ -145,7 +145,7 @@ class Driving:
         """Commands (N, 2); robots at the start of an episode stand still until the next answer."""
         commands = np.zeros((self._num, 2))
         for i in np.flatnonzero(~standing).tolist():
-            commands[i] = self._drivers[i].command(self._observation(self._views, i))
+            commands[i] = self._followers[i].command(self._observation(self._views, i))
         return commands
 
     def _take_ends(self, done: Transition, ends: _Ends) -> None:
@@ -153,15 +153,15 @@ class Driving:
         for row, i in enumerate(done.ended.tolist()):
             if not ends.ended[i]:
                 seen = self._observation(done.last_views, row)
-                ends.last[i] = self._drivers[i].features(seen, seen.target)
+                ends.last[i] = self._followers[i].features(seen, seen.target)
                 ends.ended[i], ends.terminated[i] = True, done.terminated[i]
                 ends.results[i] = done.results[row]
-            self._drivers[i] = self._driver(done.views, i)
+            self._followers[i] = self._follower(done.views, i)
 
     def _features(self, views: Views, robots: Iterable[int]) -> Features:
         """Features of the rows of `views`, which are those of `robots`."""
         seen = [(i, self._observation(views, row)) for row, i in enumerate(robots)]
-        return self._stacked([self._drivers[i].features(each, each.target) for i, each in seen])
+        return self._stacked([self._followers[i].features(each, each.target) for i, each in seen])
 
     def _stacked(self, rows: Sequence[tuple[Floats, ...]]) -> Features:
         """The features of robots, one after the other, as tensors."""
@@ -178,15 +178,15 @@ class Driving:
         twist, limits = Twist(*views.twists[row].tolist()), Limits(*views.limits[row].tolist())
         return Observation(scan, views.targets[row], twist, limits, Pose(0.0, 0.0, 0.0))
 
-    def _driver(self, views: Views, row: int) -> Driver:
-        """The driver of a robot at the start of an episode."""
+    def _follower(self, views: Views, row: int) -> Follower:
+        """The follower of a robot at the start of an episode."""
         robot = _robot(self._config, views, row)
         interface = self._network.interface(self._learned, robot)
         if not learns_guide(self._config):
-            return CommandDriver(interface)
+            return CommandFollower(interface)
         planner = built(with_network(self._config.planner), "planner", robot)
         planner.reset(self._planner_rng.spawn(1)[0])
-        return SubgoalDriver(interface, planner)
+        return SubgoalFollower(interface, planner)
 
 
 class _Ends:

@@ -189,3 +189,19 @@ def test_another_part_drives_other_episodes(config):
     speeds = [made.start(0)[1][:, 4] for made in (one, other, again)]
     torch.testing.assert_close(speeds[0], speeds[2])
     assert not torch.equal(speeds[0], speeds[1])
+
+
+def test_a_choice_of_a_guide_s_network_lasts_its_period():
+    """Robots that arrive within it stand still at their next start until the next choice, and are rewarded once."""
+    words = ["guide=learned_subgoal", "planner=simple", "learner=ppo", "training.fresh_hard.subset=fresh"]
+    with jobs_of("learn", *words) as job:
+        config = job().config
+    made = driving(config, Curriculum([9.8]), robots=6)
+    made.start(0)
+    ahead = torch.full((6,), 2)  # 1.6 m
+    found = made.step(ahead)
+    assert made._fleet._steps.tolist() == [3] * 6, "0.5 s are five periods: two to arrive, three at rest"
+    assert len(found.ended) == len(found.last[0]) == made.episodes > 0, "0.2 m are enough"
+    assert (made._views.twists[found.ended] == 0.0).all()
+    arrived = found.rewards[found.terminated]
+    assert ((arrived > 10.0) & (arrived < 11.0)).all()

@@ -19,7 +19,7 @@ from tests.tolerances import FLOAT32_LAYER, NETWORK
 torch = pytest.importorskip("torch")
 
 from runners.learning.choices import ChoiceBatch  # noqa: E402
-from runners.learning.drivers import SubgoalDriver  # noqa: E402
+from runners.learning.followers import SubgoalFollower  # noqa: E402
 from runners.learning.subgoal import SubgoalCritic, SubgoalNetwork  # noqa: E402
 
 
@@ -121,7 +121,7 @@ def test_a_critic_values_scenes():
 
 
 def test_in_training_a_subgoal_is_what_the_guide_makes_of_it():
-    """The driver gives its planner the chosen candidate, and keeps it in place after that."""
+    """It gives its planner the chosen candidate, and keeps it in place after that."""
     robot = stage()
     told = []
 
@@ -130,14 +130,14 @@ def test_in_training_a_subgoal_is_what_the_guide_makes_of_it():
             told.append(guidance)
             return (0.2, 0.1)
 
-    driver = SubgoalDriver(SubgoalInterface(LearnedSubgoalConfig(period=0.4), robot), Listener())
-    assert driver.steps == 2
+    follower = SubgoalFollower(SubgoalInterface(LearnedSubgoalConfig(period=0.4), robot), Listener())
+    assert follower.steps == 2
     simulator = FastSimulator(FastConfig(), robot)
     seen = simulator.reset(task(CLUTTER), np.random.default_rng(0))
-    driver.features(seen, seen.target)
-    driver.take(np.float64(9.0))
-    seen = simulator.step(driver.command(seen))
-    driver.command(seen)
+    follower.features(seen, seen.target)
+    follower.take(np.float64(9.0))
+    seen = simulator.step(follower.command(seen))
+    follower.command(seen)
     assert [each.switched for each in told] == [True, False]
     assert told[0].subgoal == pytest.approx(candidates()[9])
     assert 0.0 < np.hypot(*(told[1].subgoal - told[0].subgoal)) < 0.1

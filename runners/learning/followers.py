@@ -9,7 +9,7 @@ from lme.types import Floats, Observation, Planner, Twist
 from runners.workers.lessons import Interface
 
 
-class Driver(Protocol):
+class Follower(Protocol):
     """One robot in one episode. steps: control periods between two answers."""
 
     steps: int
@@ -24,7 +24,7 @@ class Driver(Protocol):
         """The command for one control period."""
 
 
-class CommandDriver:
+class CommandFollower:
     """The answers of a planner's network are commands."""
 
     steps = 1
@@ -34,15 +34,15 @@ class CommandDriver:
         self.features = interface.features
 
     def take(self, answer: Floats) -> None:
-        """See `Driver`. answer: (2,) in [−1, 1]."""
+        """See `Follower`. answer: (2,) in [−1, 1]."""
         self._answer = answer
 
     def command(self, observation: Observation) -> Twist:
-        """See `Driver`."""
+        """See `Follower`."""
         return self._interface.command(self._answer, observation)
 
 
-class SubgoalDriver:
+class SubgoalFollower:
     """The answers of a guide's network are subgoals, to which a planner drives."""
 
     def __init__(self, interface: SubgoalInterface, planner: Planner) -> None:
@@ -50,9 +50,9 @@ class SubgoalDriver:
         self.features, self.steps = interface.features, interface.steps
 
     def take(self, answer: Floats) -> None:
-        """See `Driver`. answer: the number of a candidate."""
+        """See `Follower`. answer: the number of a candidate."""
         self._interface.choose(int(answer))
 
     def command(self, observation: Observation) -> Twist:
-        """See `Driver`."""
+        """See `Follower`."""
         return self._planner.plan(observation, self._interface.guidance(observation))
