@@ -54,7 +54,7 @@ def load_system(
     guide, where = option("guide", chosen["guide"], settings.get("guide"))
     _fill_parameters(guide, weights, str(own.get("weights", PUBLISHED)), ablated.get("ablation", {}))
     planner, place = option("planner", chosen["planner"], settings.get("planner"))
-    guide_class, guide_config = configured(guide, where)
+    guide_class, guide_config = configured(with_network(guide, "guide"), where)
     planner_class, planner_config = configured(with_network(planner), place)
     guide_and_planner = guide_class(guide_config, robot), planner_class(planner_config, robot)
     return Navigator(*guide_and_planner, goal_tolerance=goal_tolerance, people=people_source(people, robot))

@@ -70,10 +70,12 @@ def find_weights(weights: str) -> Path:
     )
 
 
-def with_network(planner: Mapping[str, Any]) -> Mapping[str, Any]:
-    """A planner's config in which `weights`, if it is given, is the path of the network that it names."""
-    given = planner.get("weights")
-    return {**planner, "weights": str(find_network(given))} if isinstance(given, str) else planner
+def with_network(node: Mapping[str, Any], part: str = "planner") -> Mapping[str, Any]:
+    """The config of a part in which `weights`, if it is given, is the path of the network that it names."""
+    given = node.get("weights")
+    return (
+        {**node, "weights": str(find_network(given, f"{part}.weights"))} if isinstance(given, str) else node
+    )
 
 
 def find_network(weights: str, key: str = "planner.weights") -> Path:

@@ -1,10 +1,11 @@
-"""Random networks for tests: of DRL-DCLP, as weights and as TensorFlow checkpoints, of DRL-VO, LiCS, and in ONNX."""
+"""Random networks for tests: DRL-DCLP, as weights and TensorFlow checkpoints; DRL-VO; LiCS; of subgoals; in ONNX."""
 
 import numpy as np
 import pytest
 
+from lme.array_file import write_arrays
 from lme.errors import InputError
-from lme.planners.array_file import write_arrays
+from lme.guides.learned_subgoal import weights as subgoal
 from lme.planners.dclp.bundle import INDEX, SHARD
 from lme.planners.dclp.importing import tensor_names
 from lme.planners.dclp.kernels.crc32c import crc32c
@@ -36,6 +37,23 @@ def network_file(path, seed=0, trained=None):
         weights[TRAINED][TOLD.index(key)] = span
     with path.open("wb") as file:
         write_weights(weights, file)
+    return path
+
+
+def random_subgoal(seed=0):
+    """Weights of a subgoal network that are so large that all inputs matter, for any robot."""
+    rng = np.random.default_rng(seed)
+    made = {
+        name: (rng.normal(size=shape) / np.sqrt(shape[0])).astype(np.float32)
+        for name, shape in subgoal.SHAPES.items()
+    }
+    return {**made, subgoal.TRAINED: np.array([[0.0, 100.0]] * len(subgoal.TOLD), np.float32)}
+
+
+def subgoal_file(path, seed=0):
+    """A weight file of a random subgoal network."""
+    with path.open("wb") as file:
+        subgoal.write_weights(random_subgoal(seed), file)
     return path
 
 

@@ -577,3 +577,13 @@ def march(slownesses, target, robot, size, cell_time, beyond, enclosed, buckets,
                 key = time / cell_time + np.hypot(i - rx, j - ry) - first
                 queue[max(min(int(key), buckets - 1), bucket)].append((i, j))
     return times, times[here]
+
+
+def nearest_by_sector_slow(points, sectors, reach):
+    """Distance of the nearest of the points whose bearing is nearest to each sector's."""
+    found = [reach] * sectors
+    for x, y in points:
+        turns = np.degrees(np.arctan2(y, x)) / (360.0 / sectors)
+        k = round(turns) % sectors
+        found[k] = min(found[k], float(np.linalg.norm([x, y])))
+    return np.array(found)

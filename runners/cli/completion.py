@@ -16,6 +16,7 @@ from runners.config.arguments import CFG, INFO
 _PATH_KEYS = (
     "weights",
     "planner.weights",
+    "guide.weights",
     "start",
     "resume",
     "run",

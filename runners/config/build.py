@@ -41,7 +41,8 @@ def navigator(config: SystemConfig, robot: Robot | None = None) -> Navigator:
     robot = robot or config.robot
     planner = build(with_network(config.planner), "planner", robot)
     people = people_source(people_of(config), robot)
-    return Navigator(build(config.guide, "guide", robot), planner, people=people)
+    guide = build(with_network(config.guide, "guide"), "guide", robot)
+    return Navigator(guide, planner, people=people)
 
 
 def people_of(config: SystemConfig) -> People:

@@ -156,6 +156,14 @@ class TrainConfig(HeldOutConfig):
     space: dict[str, Any]
 
 
+class Device(StrEnum):
+    """Where torch computes. auto: on a GPU if there is one."""
+
+    auto = "auto"
+    cpu = "cpu"
+    cuda = "cuda"
+
+
 @dataclass(slots=True)
 class RobotRanges:
     """Lowest and highest value of what differs from robot to robot; None: the value of the job's robot."""
@@ -180,6 +188,7 @@ class LearnConfig(HeldOutConfig):
     robots: RobotRanges
     start: str | None
     threads: int
+    device: Device
 
 
 @dataclass(slots=True, kw_only=True)

@@ -21,7 +21,7 @@ from runners.experiments import evaluate
 from runners.experiments.held_out import evaluate_held_out, held_out_places, report_held_out
 from runners.experiments.labels import run_labels
 from runners.experiments.resume_hint import resume_hint
-from runners.learning.learnable import check_learnable, planner_config
+from runners.learning.learnable import check_learnable, learned_config, learned_part, learns_guide
 from runners.records import network_file
 from runners.records.launch_record import fingerprint, identity
 from runners.records.run_directories import locked
@@ -39,9 +39,10 @@ if TYPE_CHECKING:
 def validate(job: Job[LearnConfig]) -> None:
     """Check the job before anything runs. Raises InputError."""
     config = job.config
-    check_learnable(config.planner, job.choices["planner"])
+    check_learnable(config, job.choices)
     if find_spec("torch") is None:
         raise InputError(f"lme learn needs torch: {install('torch')}")
+    _check_device(config)
     evaluate.check_report(job)
     build.check_episodes(config)
     _check_network(job)
@@ -64,7 +65,7 @@ def learn(job: Job[LearnConfig]) -> None:
     with resume_hint("learn", run_dir), locked(run_dir):
         run = _run_learner(job)
         files = [*_register(job, run, {}), _picture(run)]
-        network = {"planner.weights": str(run_dir / NETWORK)}
+        network = {f"{learned_part(config)}.weights": str(run_dir / NETWORK)}
         frame = evaluate_held_out(job, held_out_places(job), network, config.weights)
         report_held_out(job, frame)
         _register(job, run, _rates_by_map(frame))
@@ -77,7 +78,7 @@ def network_name(job: Job[LearnConfig]) -> str:
     config = job.config
     if config.name is not None:
         return config.name
-    parts = (job.choices["planner"], job.choices["learner"], config.seed, _fingerprint(config)[:8])
+    parts = (job.choices[learned_part(config)], job.choices["learner"], config.seed, _fingerprint(config)[:8])
     return "-".join(map(str, parts))
 
 
@@ -90,7 +91,7 @@ def _run_learner(job: Job[LearnConfig]) -> Run:
     start = None if config.start is None else find_network(config.start, "start")
     executor = instantiate.build(config.executor, "executor")
     payload = _payload(job, learner)
-    label = f"learn {job.choices['planner']} by {job.choices['learner']}"
+    label = f"learn {job.choices[learned_part(config)]} by {job.choices['learner']}"
     with LearnProgress(label, learner.total) as progress, executor.open(lessons.initialise, payload) as drive:
         run = Run(payload.config, job.run_dir, start, drive, progress)
         learner.learn(run)
@@ -103,10 +104,12 @@ def _payload(job: Job[LearnConfig], learner: Learner) -> LessonPayload:
     for name, share in config.guides.items():
         require(f"guides.{name}", share, above=0.0)
     guides = {name: named_option(job, "guides", "guide", name) for name in config.guides}
-    for node in guides.values():
-        instantiate.build(node, "guide", config.robot)
+    part = learned_part(config)
+    if part == "planner":
+        for node in guides.values():
+            instantiate.build(with_network(node, "guide"), "guide", config.robot)
     if learner.expert is None:
-        return LessonPayload(config, guides, None)
+        return LessonPayload(config, guides, None, part)
     planner, guide, settings = (learner.expert[key] for key in ("planner", "guide", "settings"))
     expert = Expert(
         named_option(job, "learner.expert.planner", "planner", planner, settings),
@@ -116,17 +119,27 @@ def _payload(job: Job[LearnConfig], learner: Learner) -> LessonPayload:
     return LessonPayload(config, guides, expert)
 
 
+def _check_device(config: LearnConfig) -> None:
+    """Raise InputError for a device that torch does not find."""
+    from runners.learning.run import device_of
+
+    device_of(config.device)
+
+
 def _check_network(job: Job[LearnConfig]) -> None:
     """Raise InputError for weights given by the wrong key, and for robot values that the planner overrides."""
     config = job.config
-    if "planner.weights" in job.changes:
+    part = learned_part(config)
+    if f"{part}.weights" in job.changes:
         raise InputError(
-            f"planner.weights is {config.planner['weights']}: lme learn makes the weights; "
+            f"{part}.weights is {getattr(config, part)['weights']}: lme learn makes the weights; "
             "to continue from other weights, give start=NAME"
         )
     if config.start is not None:
         find_network(config.start, "start")
-    planner_config(config.planner)
+    learned_config(config)
+    if learns_guide(config):
+        instantiate.build(with_network(config.planner), "planner", config.robot)
     told = [key for key, value in dict(config.planner.get("told", {})).items() if value is not None]
     if told and ranged_keys(config.robots):
         raise InputError(
@@ -161,6 +174,7 @@ def _register(job: Job[LearnConfig], run: Run, held_out: Mapping[str, Any]) -> l
     last = {key: round(float(value), 6) for key, value in run.rows[-1].items()}
     about = {
         "command": shlex.join(["lme", "learn", *_overrides(job)]),
+        **({"guide": job.choices["guide"]} if learns_guide(config) else {}),
         "planner": job.choices["planner"],
         "learner": job.choices["learner"],
         "robot": config.robot.name,
@@ -174,7 +188,8 @@ def _register(job: Job[LearnConfig], run: Run, held_out: Mapping[str, Any]) -> l
         "last": last,
         "held_out": dict(held_out),
     }
-    use = f"lme eval guide={job.choices['guide']} planner={job.choices['planner']} planner.weights={name}"
+    chosen = f"guide={job.choices['guide']} planner={job.choices['planner']}"
+    use = f"lme eval {chosen} {learned_part(config)}.weights={name}"
     files = network_file.register(job.run_dir, name, about, use)
     if not held_out:
         print(f"Best validation success of {len(run.rows)} networks: {run.best:.3f}")

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 import torch
 from torch import Tensor
 
 from lme.errors import InputError
-from runners.learning.mixture import log_likelihood
+from runners.learning.mixture import MixtureBatch, log_likelihood
 from runners.learning.run import Row, Run, descend
 from runners.learning.settings import CloneConfig
 from runners.records.whole_file import replacing
@@ -87,10 +87,12 @@ class CloneTraining:
         return float(np.mean(losses[-max(updates // 10, 1) :]))
 
     def _step(self, run: Run, data: Data, chosen: Tensor, optimiser: torch.optim.Optimizer) -> float:
-        features, actions = tuple(each[chosen] for each in data.features), data.actions[chosen]
+        features = tuple(each[chosen].to(run.device) for each in data.features)
+        actions = data.actions[chosen].to(run.device)
         if self._config.mirror:
             features, actions = _half_mirrored(run, features, actions)
-        loss = -log_likelihood(run.network(*features), actions, self._config.least_sigma).mean()
+        mixture = cast(MixtureBatch, run.network(*features))
+        loss = -log_likelihood(mixture, actions, self._config.least_sigma).mean()
         return descend(optimiser, loss, run.network.parameters(), _GRADIENT_MAX)
 
     def _row(self, number: int, data: Data, new: Data, loss: float) -> Row:

@@ -26,6 +26,7 @@ from lme.planners.dclp.weights import (
     write_weights,
 )
 from lme.robots import Robot
+from runners.learning.largest import largest_output
 from runners.learning.mixture import MixtureBatch
 
 _FIRST_JOINT, _LAST = "dense_1", LAYERS[-1]
@@ -72,21 +73,14 @@ class DclpBody(nn.Module):
         return output
 
     def _nearest(self, directions: Tensor) -> Tensor:
-        """The largest of each feature over the directions: (B, 128).
-
-        The last shared layer is differentiated only for the directions with the largest features, since the others
-        have no gradient.
-        """
+        """The largest of each feature over the directions: (B, 128)."""
         distance = directions[..., DISTANCE, None]
         inverse = 1.0 / (distance + self.alpha).clamp(min=LEAST_DISTANCE)
         features = torch.cat((directions[..., :DISTANCE], inverse, directions[..., DISTANCE + 1 :]), -1)
         for name in LAYERS[:2]:
             features = _leaky(self.layer(name)(features))
         last = self.layer(LAYERS[2])
-        with torch.no_grad():
-            largest = (features @ last.weight.T).argmax(1)
-        chosen = features.gather(1, largest[..., None].expand(-1, -1, features.shape[-1]))
-        return _leaky((chosen * last.weight).sum(-1) + last.bias)
+        return _leaky(largest_output(features, last.weight) + last.bias)
 
 
 class DclpCritic(DclpBody):
@@ -137,11 +131,11 @@ class DclpNetwork(DclpBody):
 
     def weights(self, sharpness: float = 1.0) -> dict[str, NDArray[np.float32]]:
         """The arrays of a file. sharpness: of the draw of components, a factor on their logits."""
-        found = {"alpha": self.alpha.detach().numpy().copy(), TRAINED: self._trained.copy()}
+        found = {"alpha": self.alpha.detach().cpu().numpy().copy(), TRAINED: self._trained.copy()}
         for name in LAYERS:
             layer = self.layer(name)
-            found[f"{name}.kernel"] = np.ascontiguousarray(layer.weight.detach().numpy().T)
-            found[f"{name}.bias"] = layer.bias.detach().numpy().copy()
+            found[f"{name}.kernel"] = np.ascontiguousarray(layer.weight.detach().cpu().numpy().T)
+            found[f"{name}.bias"] = layer.bias.detach().cpu().numpy().copy()
         found[f"{_LAST}.kernel"][:, ::MIXTURE] *= sharpness
         found[f"{_LAST}.bias"][::MIXTURE] *= sharpness
         return found
@@ -158,9 +152,9 @@ class DclpNetwork(DclpBody):
     def mirror(self, features: tuple[Tensor, ...], actions: Tensor) -> tuple[tuple[Tensor, ...], Tensor]:
         """Features and actions with left and right swapped."""
         directions, state = features
-        across, turns = torch.ones(directions.shape[-1]), torch.ones(state.shape[-1])
+        across, turns = directions.new_ones(directions.shape[-1]), state.new_ones(state.shape[-1])
         across[0] = turns[1] = turns[3] = -1.0  # cos to the right; bearing of the target; ω
-        return (directions * across, state * turns), actions * torch.tensor([1.0, -1.0])
+        return (directions * across, state * turns), actions * actions.new_tensor([1.0, -1.0])
 
     @staticmethod
     def read(path: Path) -> Mapping[str, NDArray[np.float32]]:

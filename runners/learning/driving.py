@@ -1,43 +1,52 @@
-"""Robots that a network drives to gain experience: many at once, by `lme.envs.fleet.Fleet`."""
+"""Robots that a network drives to gain experience: many at once, by `lme.envs.fleet.Fleet`.
+
+A step lasts from one answer of the network to the next: a control period for a planner's network, `guide.period` for a
+guide's.
+"""
 
 from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from functools import lru_cache
-from typing import NamedTuple, cast
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
-from lme.envs.fleet import Fleet, Views
+from lme.envs.fleet import Fleet, Transition, Views
 from lme.envs.reward import Result, Reward
 from lme.errors import InputError
 from lme.robots import Robot
 from lme.sim.fast import FastConfig, FastSimulator
-from lme.types import LaserScan, Limits, Observation, Outcome, Pose, Twist
+from lme.types import Bools, Floats, LaserScan, Limits, Observation, Outcome, Pose, Twist
+from lme.weight_files import with_network
 from lme.worlds.world import MapSet, Task
 from runners.config import build
+from runners.config.instantiate import build as built
 from runners.config.instantiate import configured
 from runners.config.schema import LearnConfig
-from runners.learning.learnable import planner_config
+from runners.learning.followers import CommandFollower, Follower, SubgoalFollower
+from runners.learning.learnable import learned_config, learns_guide
 from runners.learning.run import Run
 from runners.learning.settings import Curriculum
-from runners.workers.lessons import Interface
 from runners.workers.robots import draw_robot, ranged_keys, robot_with
 
 Features = tuple[Tensor, ...]
 _RECENT = 100  # episodes over which success is averaged
+_PLANNERS = 0x706C  # seeds the planners that drive to subgoals separately from the episodes
 
 
 class Experience(NamedTuple):
-    """The result of a step of N robots.
+    """The result of a step of N robots, on the device of the network.
 
-    features: of what they see next. rewards (N,). terminated, truncated (N,) bool. ended (K,): robots at the start of
-    their next episode, with `last`, the features of what they saw at the end of the previous one.
+    features: of what they see next. rewards (N,): the sum over the step. terminated, truncated (N,) bool. ended (K,):
+    robots at the start of their next episode, with `last`, the features of what they saw at the end of the previous
+    one.
     """
 
     features: Features
@@ -49,7 +58,7 @@ class Experience(NamedTuple):
 
 
 class Driving:
-    """N robots in training worlds, observed as the network's features, with the target as subgoal."""
+    """N robots in training worlds, observed as the network's features, with the target as the place to go to."""
 
     def __init__(
         self, run: Run, num_robots: int, worlds: int, reward: Reward, curriculum: Curriculum, part: int
@@ -57,10 +66,11 @@ class Driving:
         """part: of the training; each part has other episodes."""
         config = run.config
         self._config, self._reward, self._curriculum = config, reward, curriculum
-        self._network = run.network
+        self._network, self._device = run.network, run.device
         self._maps = _Worlds(config, run.places(0, worlds))
         self._num, self._seeds = num_robots, np.random.SeedSequence([config.seed, part])
-        self._planner = planner_config(config.planner)
+        self._learned = learned_config(config)
+        self._planner_rng = np.random.default_rng([config.seed, part, _PLANNERS])
         self.stage = 0
         self.episodes = 0
         self._returns = np.zeros(num_robots)
@@ -84,28 +94,29 @@ class Driving:
         seeds = [int(child.generate_state(1)[0]) for child in self._seeds.spawn(self._num)]
         self._views = self._fleet.reset(seeds)
         self._returns[:] = 0.0
-        self._interfaces = [self._interface(self._views, i) for i in range(self._num)]
+        self._followers = [self._follower(self._views, i) for i in range(self._num)]
         return self._features(self._views, range(self._num))
 
-    def step(self, actions: Tensor) -> Experience:
-        """Drive one control period. actions: (N, 2) in [−1, 1]."""
-        pairs = enumerate(actions.double().numpy())
-        commands = [self._interfaces[i].command(each, self._observation(self._views, i)) for i, each in pairs]
-        done = self._fleet.step(np.array(commands))
-        self._returns += done.rewards
-        last = self._features(done.last_views, done.ended)
-        for k, i in enumerate(done.ended):
-            self._interfaces[i] = self._interface(done.views, int(i))
-            self._finished(int(i), done.results[k])
-        self._views = done.views
-        features = self._features(done.views, range(self._num))
+    def step(self, answers: Tensor) -> Experience:
+        """Drive until the next answer. answers: (N, …) of the network."""
+        for follower, answer in zip(self._followers, answers.cpu().double().numpy(), strict=True):
+            follower.take(answer)
+        rewards, ends = np.zeros(self._num), _Ends(self._num)
+        for _ in range(self._followers[0].steps):
+            done = self._fleet.step(self._commands(ends.ended))
+            rewards += np.where(ends.ended, 0.0, done.rewards)
+            self._take_ends(done, ends)
+            self._views = done.views
+        self._returns += rewards
+        for i, result in ends.results.items():
+            self._finished(i, result)
         return Experience(
-            features=features,
-            rewards=torch.from_numpy(done.rewards).float(),
-            terminated=torch.from_numpy(done.terminated),
-            truncated=torch.from_numpy(done.truncated),
-            ended=torch.from_numpy(done.ended),
-            last=last,
+            features=self._features(self._views, range(self._num)),
+            rewards=self._tensor(rewards.astype(np.float32)),
+            terminated=self._tensor(ends.terminated),
+            truncated=self._tensor(ends.ended & ~ends.terminated),
+            ended=self._tensor(np.flatnonzero(ends.ended)),
+            last=self._stacked([ends.last[i] for i in sorted(ends.last)]),
         )
 
     @property
@@ -130,12 +141,34 @@ class Driving:
         self.ended_returns.append(float(self._returns[i]))
         self._returns[i] = 0.0
 
+    def _commands(self, standing: Bools) -> Floats:
+        """Commands (N, 2); robots at the start of an episode stand still until the next answer."""
+        commands = np.zeros((self._num, 2))
+        for i in np.flatnonzero(~standing).tolist():
+            commands[i] = self._followers[i].command(self._observation(self._views, i))
+        return commands
+
+    def _take_ends(self, done: Transition, ends: _Ends) -> None:
+        """Note the episodes that have ended in a control period, and begin the next ones."""
+        for row, i in enumerate(done.ended.tolist()):
+            if not ends.ended[i]:
+                seen = self._observation(done.last_views, row)
+                ends.last[i] = self._followers[i].features(seen, seen.target)
+                ends.ended[i], ends.terminated[i] = True, done.terminated[i]
+                ends.results[i] = done.results[row]
+            self._followers[i] = self._follower(done.views, i)
+
     def _features(self, views: Views, robots: Iterable[int]) -> Features:
         """Features of the rows of `views`, which are those of `robots`."""
-        rows = []
-        for row, i in enumerate(robots):
-            rows.append(self._interfaces[int(i)].features(self._observation(views, row), views.targets[row]))
-        return tuple(torch.from_numpy(np.array(each, np.float32)) for each in zip(*rows, strict=True))
+        seen = [(i, self._observation(views, row)) for row, i in enumerate(robots)]
+        return self._stacked([self._followers[i].features(each, each.target) for i, each in seen])
+
+    def _stacked(self, rows: Sequence[tuple[Floats, ...]]) -> Features:
+        """The features of robots, one after the other, as tensors."""
+        return tuple(self._tensor(np.array(each, np.float32)) for each in zip(*rows, strict=True))
+
+    def _tensor(self, array: NDArray[Any]) -> Tensor:
+        return torch.from_numpy(array).to(self._device)
 
     def _observation(self, views: Views, row: int) -> Observation:
         lidar = self._config.robot.lidar
@@ -145,8 +178,24 @@ class Driving:
         twist, limits = Twist(*views.twists[row].tolist()), Limits(*views.limits[row].tolist())
         return Observation(scan, views.targets[row], twist, limits, Pose(0.0, 0.0, 0.0))
 
-    def _interface(self, views: Views, row: int) -> Interface:
-        return self._network.interface(self._planner, _robot(self._config, views, row))
+    def _follower(self, views: Views, row: int) -> Follower:
+        """The follower of a robot at the start of an episode."""
+        robot = _robot(self._config, views, row)
+        interface = self._network.interface(self._learned, robot)
+        if not learns_guide(self._config):
+            return CommandFollower(interface)
+        planner = built(with_network(self._config.planner), "planner", robot)
+        planner.reset(self._planner_rng.spawn(1)[0])
+        return SubgoalFollower(interface, planner)
+
+
+class _Ends:
+    """The episodes that ended in a step of N robots: whether, whether not for time, last features and results."""
+
+    def __init__(self, num: int) -> None:
+        self.ended, self.terminated = np.zeros(num, dtype=bool), np.zeros(num, dtype=bool)
+        self.last: dict[int, tuple[Floats, ...]] = {}
+        self.results: dict[int, Result] = {}
 
 
 class _Worlds:

@@ -82,8 +82,8 @@ class DrlVoBody(nn.Module):
 
     def answer(self, sweeps: Tensor, pedestrians: Tensor, joint: Tensor) -> Tensor:
         """sweeps: (B, 20, 80), pedestrians: (B, P, 4), joint: (B, J), or (B, K, J) with K of them per scene."""
-        pairs = zip(sweeps.numpy(), pedestrians.numpy(), strict=True)
-        image = torch.from_numpy(np.stack([image_of(*pair) for pair in pairs]))
+        pairs = zip(sweeps.cpu().numpy(), pedestrians.cpu().numpy(), strict=True)
+        image = torch.from_numpy(np.stack([image_of(*pair) for pair in pairs])).to(sweeps.device)
         seen = self._image_features(image)
         if joint.dim() == 3:
             seen = seen[:, None].expand(-1, joint.shape[1], -1)
@@ -135,7 +135,7 @@ class DrlVoNetwork(DrlVoBody):
         # a mean beyond the largest output is clipped, but its gradient is not
         mean = mean + (mean.clamp(-_MEAN_MAX, _MEAN_MAX) - mean).detach()
         mu = mean.atanh()[:, None]
-        return MixtureBatch(torch.zeros(len(mu), 1), mu, self.log_std.expand_as(mu))
+        return MixtureBatch(mu.new_zeros(len(mu), 1), mu, self.log_std.expand_as(mu))
 
     @staticmethod
     def interface(planner: DrlVoConfig, robot: Robot) -> DrlVoInterface:
@@ -153,7 +153,7 @@ class DrlVoNetwork(DrlVoBody):
 
     def weights(self, sharpness: float = 1.0) -> dict[str, NDArray[np.float32]]:
         """The arrays of a file. sharpness: ignored, because there is only one component."""
-        found = {name: tensor.detach().numpy().copy(order="C") for name, tensor in self._tensors()}
+        found = {name: tensor.detach().cpu().numpy().copy(order="C") for name, tensor in self._tensors()}
         return {**found, TRAINED: self._trained.copy()}
 
     def load(self, weights: Arrays) -> None:
@@ -167,7 +167,7 @@ class DrlVoNetwork(DrlVoBody):
     def mirror(self, features: tuple[Tensor, ...], actions: Tensor) -> tuple[tuple[Tensor, ...], Tensor]:
         """Features and actions with left and right swapped."""
         sweeps, pedestrians, goal = features
-        across = torch.tensor([1.0, -1.0])
+        across = actions.new_tensor([1.0, -1.0])
         return (sweeps.flip(-1), pedestrians * across.repeat(2), goal * across), actions * across
 
     @staticmethod

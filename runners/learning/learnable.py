@@ -1,4 +1,4 @@
-"""The networks that can be learned, by planner. To add one, add a line here and a class like those in `dclp.py`."""
+"""The networks that can be learned. To add one, add a line here and a class like those in `dclp.py`."""
 
 from __future__ import annotations
 
@@ -12,43 +12,66 @@ from numpy.typing import NDArray
 
 from lme.errors import InputError
 from runners.config.instantiate import configured
+from runners.config.schema import LearnConfig
 
 if TYPE_CHECKING:
+    import torch
     from torch import Tensor, nn
 
     from lme.robots import Robot
-    from runners.learning.mixture import MixtureBatch
-    from runners.workers.lessons import Interface
 
 Arrays = Mapping[str, NDArray[np.float32]]
-_NETWORKS = {  # by the planner's class: an option and the network
+_OF_GUIDES = "ppo"  # the learner of guides
+_PLANNERS = {  # by the planner's class: an option and the network
     "lme.planners.dclp.Dclp": ("dclp", "runners.learning.dclp.DclpNetwork"),
     "lme.planners.drl_vo.DrlVo": ("drl_vo_small", "runners.learning.drl_vo.DrlVoNetwork"),
 }
+_GUIDES = {
+    "lme.guides.learned_subgoal.LearnedSubgoal": (
+        "learned_subgoal",
+        "runners.learning.subgoal.SubgoalNetwork",
+    ),
+}
+
+
+class Distribution(Protocol):
+    """What a network answers for B scenes: `MixtureBatch`, or `ChoiceBatch` of a network that chooses."""
+
+    def with_min_sigma(self, sigma: float) -> Distribution:
+        """The same with no deviation below `sigma`."""
+
+    def draw(self, generator: torch.Generator) -> Tensor:
+        """Numbers drawn from it, with B in front. generator: on the CPU."""
+
+    def log_density(self, raw: Tensor) -> Tensor:
+        """Logarithm of the density of what was drawn: (B,)."""
+
+    def actions(self, raw: Tensor) -> Tensor:
+        """The answers that these numbers mean to the interface."""
 
 
 class Learnable(Protocol):
-    """A network in torch, a `torch.nn.Module`, that a planner drives with in numpy or by onnxruntime.
+    """A network in torch, a `torch.nn.Module`, that a planner or a guide uses in numpy or by onnxruntime.
 
-    The planner has an `interface` with `features`; `__call__` takes its arrays as float32 with a batch axis in front.
+    Its interface has `features`; `__call__` takes its arrays as float32 with a batch axis in front.
     A network with norms starts in the mode `eval`; only a learner that fits them switches to `train` and back.
     """
 
-    def __call__(self, *features: Tensor) -> MixtureBatch:
-        """The distribution of the actions."""
+    def __call__(self, *features: Tensor) -> Distribution:
+        """The distribution of the answers."""
 
     def weights(self, sharpness: float = 1.0) -> dict[str, NDArray[np.float32]]:
-        """The arrays that the planner's file holds. sharpness: of the draw of components, a factor on their logits."""
+        """The arrays that a file holds. sharpness: of the draw of components, a factor on their logits."""
 
     def load(self, weights: Arrays) -> None:
         """Set these arrays."""
 
-    def trained_for(self, planner: Any, robots: Iterable[Robot]) -> None:
+    def trained_for(self, config: Any, robots: Iterable[Robot]) -> None:
         """Store the robots for which the network is trained: those with the lowest and the highest values."""
 
     @staticmethod
-    def interface(planner: Any, robot: Robot) -> Interface:
-        """The network's inputs for a robot, and the meaning of its output. planner: its Config."""
+    def interface(config: Any, robot: Robot) -> Any:
+        """The network's inputs for a robot, and the meaning of its output. config: of the planner or the guide."""
 
     @staticmethod
     def critic(actions: int) -> nn.Module:
@@ -56,6 +79,9 @@ class Learnable(Protocol):
 
     def mirror(self, features: tuple[Tensor, ...], actions: Tensor) -> tuple[tuple[Tensor, ...], Tensor]:
         """Features and actions with left and right swapped."""
+
+    def to(self, device: torch.device) -> Any:
+        """Of torch."""
 
     def eval(self) -> Any:
         """Of torch: norms with the statistics of the training so far."""
@@ -74,27 +100,51 @@ class Learnable(Protocol):
 
     @staticmethod
     def read(path: Path) -> Arrays:
-        """The arrays in a planner's file. Raises InputError."""
+        """The arrays in a file. Raises InputError."""
 
     @staticmethod
     def write(weights: Arrays, file: IO[bytes]) -> None:
-        """Write a planner's file."""
+        """Write a file."""
 
 
-def check_learnable(planner: Mapping[str, Any], name: str) -> None:
-    """Raise InputError for a planner without a network. name: its option."""
-    if str(planner["_target_"]) not in _NETWORKS:
-        known = ", ".join(option for option, _ in _NETWORKS.values())
-        raise InputError(f"planner is {name}: has no network that can be learned; must be one of {known}")
+def learns_guide(config: LearnConfig) -> bool:
+    """Whether the network is the guide's, and not the planner's."""
+    return str(config.guide["_target_"]) in _GUIDES
 
 
-def planner_config(planner: Mapping[str, Any]) -> Any:
-    """The Config of a planner, without its weights, which are to be learned. Raises InputError."""
-    return configured({**planner, "weights": None}, "planner")[1]
+def learned_part(config: LearnConfig) -> str:
+    """The config group whose option has the network: guide or planner."""
+    return "guide" if learns_guide(config) else "planner"
 
 
-def network_class(planner: Mapping[str, Any]) -> type[Learnable]:
-    """The class of a planner's network. Imports torch."""
-    module, _, name = _NETWORKS[planner["_target_"]][1].rpartition(".")
+def check_learnable(config: LearnConfig, choices: Mapping[str, str]) -> None:
+    """Raise InputError unless guide or planner has a network that the learner can learn. choices: of options."""
+    if not learns_guide(config) and str(config.planner["_target_"]) not in _PLANNERS:
+        known = ", ".join(option for option, _ in _PLANNERS.values())
+        guides = ", ".join(option for option, _ in _GUIDES.values())
+        raise InputError(
+            f"planner is {choices['planner']}: has no network that can be learned; must be one of {known}, "
+            f"or guide one of {guides}"
+        )
+    if learns_guide(config) and choices["learner"] != _OF_GUIDES:
+        raise InputError(
+            f"learner is {choices['learner']}: must be {_OF_GUIDES}, by which guide={choices['guide']} learns"
+        )
+    if learns_guide(config) and config.guides:
+        raise InputError(
+            f"guides is {config.guides}: must be {{}} where the network of guide={choices['guide']} is learned"
+        )
+
+
+def learned_config(config: LearnConfig) -> Any:
+    """The Config of the planner or the guide, without its weights, which are to be learned. Raises InputError."""
+    part = learned_part(config)
+    return configured({**getattr(config, part), "weights": None}, part)[1]
+
+
+def network_class(config: LearnConfig) -> type[Learnable]:
+    """The class of the network. Imports torch."""
+    networks = {**_PLANNERS, **_GUIDES}
+    module, _, name = networks[str(getattr(config, learned_part(config))["_target_"])][1].rpartition(".")
     found: type[Learnable] = getattr(importlib.import_module(module), name)
     return found

@@ -25,30 +25,37 @@ class MixtureBatch(NamedTuple):
         """The same with no deviation below `sigma`, so that a policy keeps exploring."""
         return self._replace(log_sigma=self.log_sigma.clamp(min=math.log(sigma)))
 
+    def draw(self, generator: torch.Generator) -> Tensor:
+        """Actions before tanh (B, 2), each from a component drawn by its probability. generator: on the CPU."""
+        chosen = draw_index(self.logits, generator)[:, None, None]
+        index = chosen.expand(-1, 1, self.mu.shape[-1])
+        mu, sigma = self.mu.gather(1, index)[:, 0], self.log_sigma.gather(1, index)[:, 0].exp()
+        return mu + sigma * _noise(mu, generator)
 
-def draw(mixture: MixtureBatch, generator: torch.Generator) -> Tensor:
-    """Actions before tanh (B, 2), each from a component drawn by its probability."""
-    chosen = torch.multinomial(mixture.logits.softmax(-1), 1, generator=generator)[:, :, None]
-    index = chosen.expand(-1, 1, mixture.mu.shape[-1])
-    mu, sigma = mixture.mu.gather(1, index)[:, 0], mixture.log_sigma.gather(1, index)[:, 0].exp()
-    return mu + sigma * torch.randn(mu.shape, generator=generator)
+    def draw_each(self, generator: torch.Generator) -> Tensor:
+        """Actions before tanh (B, K, 2), one from each component; differentiable in the mixture."""
+        return self.mu + self.log_sigma.exp() * _noise(self.mu, generator)
+
+    def log_density(self, raw: Tensor) -> Tensor:
+        """Logarithm of the density of actions before tanh (B, 2): (B,)."""
+        return _log_mixture(self.logits, self.mu, self.log_sigma, raw)
+
+    def actions(self, raw: Tensor) -> Tensor:
+        """Actions (B, 2) in (−1, 1)."""
+        return raw.tanh()
 
 
-def draw_each(mixture: MixtureBatch, generator: torch.Generator) -> Tensor:
-    """Actions before tanh (B, K, 2), one from each component; differentiable in the mixture."""
-    return mixture.mu + mixture.log_sigma.exp() * torch.randn(mixture.mu.shape, generator=generator)
-
-
-def log_density(mixture: MixtureBatch, raw: Tensor) -> Tensor:
-    """Logarithm of the density of actions before tanh (B, 2): (B,)."""
-    return _log_mixture(mixture.logits, mixture.mu, mixture.log_sigma, raw)
+def draw_index(logits: Tensor, generator: torch.Generator) -> Tensor:
+    """One of the K entries of each row of logits (B, K), drawn by its probability: (B,). generator: on the CPU."""
+    odds = logits.softmax(-1).cpu()
+    return torch.multinomial(odds, 1, generator=generator)[:, 0].to(logits.device)
 
 
 def log_density_of_actions(mixture: MixtureBatch, raw: Tensor) -> Tensor:
     """Logarithm of the density of the actions tanh(raw) (B, 2), which lie closer together than raw: (B,)."""
     # log(1 − tanh²) in a form that does not lose precision
     squeeze = 2.0 * (math.log(2.0) - raw - torch.nn.functional.softplus(-2.0 * raw))
-    return log_density(mixture, raw) - squeeze.sum(-1)
+    return mixture.log_density(raw) - squeeze.sum(-1)
 
 
 def log_likelihood(mixture: MixtureBatch, actions: Tensor, least_sigma: float) -> Tensor:
@@ -65,3 +72,7 @@ def _log_mixture(logits: Tensor, means: Tensor, log_sigma: Tensor, values: Tenso
     errors = (values[:, None, :] - means) / log_sigma.exp()
     of_component = -(0.5 * errors**2 + log_sigma + _HALF_LOG_TAU).sum(-1)
     return torch.logsumexp(logits.log_softmax(-1) + of_component, -1)
+
+
+def _noise(like: Tensor, generator: torch.Generator) -> Tensor:
+    return torch.randn(like.shape, generator=generator).to(like.device)

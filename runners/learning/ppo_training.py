@@ -10,7 +10,6 @@ from torch import Tensor, nn
 
 from runners.learning.driving import Driving, Features
 from runners.learning.learnable import Learnable
-from runners.learning.mixture import draw, log_density
 from runners.learning.reinforcement_training import Advanced, Parts, reinforce
 from runners.learning.run import Run
 from runners.learning.settings import PpoConfig
@@ -19,8 +18,8 @@ from runners.learning.settings import PpoConfig
 class PpoStep(NamedTuple):
     """One or more steps of N robots, with N in front of every shape, or a batch of such steps.
 
-    features; raw (N, 2): actions before tanh; log_density (N,): of these when drawn; values (N,): from the critic;
-    rewards (N,); ended (N,): whether the episode ended.
+    features; raw: what was drawn, such as actions before tanh (N, 2); log_density (N,): of it when drawn; values (N,):
+    from the critic; rewards (N,); ended (N,): whether the episode ended.
     """
 
     features: Features
@@ -53,7 +52,7 @@ class PpoTraining:
 
     def learn(self, run: Run) -> None:
         """Continue from the checkpoint of the run until all steps are done."""
-        critic = run.network.critic(0)
+        critic = run.network.critic(0).to(run.device)
         modules = {"critic": critic}
         optimisers = {
             "policy_optimiser": torch.optim.Adam(run.network.parameters(), self._config.lr),
@@ -77,14 +76,14 @@ class PpoTraining:
         with torch.no_grad():
             for _ in range(self._config.horizon):
                 mixture = policy(*features).with_min_sigma(self._config.least_sigma)
-                raw, values = draw(mixture, parts.generator), critic(*features)
-                found = driving.step(raw.tanh())
+                raw, values = mixture.draw(parts.generator), critic(*features)
+                found = driving.step(mixture.actions(raw))
                 rewards = found.rewards
                 if len(found.ended):  # an episode that timed out would have continued
                     ongoing = found.truncated[found.ended].float() * critic(*found.last)
                     rewards[found.ended] += self._config.gamma * ongoing
                 ended = found.terminated | found.truncated
-                steps.append(PpoStep(features, raw, log_density(mixture, raw), values, rewards, ended))
+                steps.append(PpoStep(features, raw, mixture.log_density(raw), values, rewards, ended))
                 features = found.features
             advantages = advantages_of(steps, critic(*features), self._config.gamma, self._config.decay)
         joined = [
@@ -117,7 +116,7 @@ class PpoTraining:
     def _policy_loss(self, policy: Learnable, part: Batch) -> tuple[Tensor, float]:
         """The clipped loss, and the KL divergence from the policy that drove (Schulman's estimate)."""
         mixture = policy(*part.features).with_min_sigma(self._config.least_sigma)
-        change = log_density(mixture, part.raw) - part.log_density
+        change = mixture.log_density(part.raw) - part.log_density
         ratio = change.exp()
         spread = part.advantages.std() + 1e-6
         advantages = (part.advantages - part.advantages.mean()) / spread

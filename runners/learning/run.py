@@ -17,7 +17,7 @@ from torch import Tensor, nn
 from lme.errors import InputError
 from lme.weight_files import NETWORK
 from runners.config.schema import LearnConfig
-from runners.learning.learnable import Learnable, network_class, planner_config
+from runners.learning.learnable import Learnable, learned_config, network_class
 from runners.records.whole_file import replacing
 from runners.workers.executor import Map
 from runners.workers.lessons import Lesson, LessonResult
@@ -67,11 +67,13 @@ class Run:
         self._progress = progress
         self._seconds = 0.0
         self._began = perf_counter()
-        network = network_class(config.planner)
+        self.device = device_of(config.device)
+        network = network_class(config)
         self.network: Learnable = network()
         if start is not None:
             self.network.load(network.read(start))
-        self.network.trained_for(planner_config(config.planner), extremes(config.robot, config.robots))
+        self.network.trained_for(learned_config(config), extremes(config.robot, config.robots))
+        self.network.to(self.device)
 
     @property
     def seconds(self) -> float:
@@ -87,7 +89,7 @@ class Run:
         if not path.is_file():
             return None
         try:
-            saved = torch.load(path, weights_only=True)
+            saved = torch.load(path, map_location="cpu", weights_only=True)
             self.rows, self.best, self._seconds = saved["rows"], saved["best"], saved["seconds"]
             self.network.load_state_dict(saved["network"])
             self._progress.set_done(int(saved["done"]), self.best)
@@ -125,7 +127,7 @@ class Run:
         self._progress.set_done(done, self.best)
 
     def write(self, name: str = PRESENT) -> str:
-        """Write the network in the format that planners read; returns the path."""
+        """Write the network in the format that planners and guides read; returns the path."""
         path = self.run_dir / name
         with replacing(path) as draft, draft.open("wb") as file:
             type(self.network).write(self.network.weights(self.sharpness), file)
@@ -170,9 +172,17 @@ class Run:
         return [(names[i % len(names)], self.config.first_world + i) for i in range(first, first + count)]
 
     def generator(self, part: int) -> torch.Generator:
-        """The random numbers of a part of the training."""
+        """The random numbers of a part of the training, drawn on the CPU."""
         words = np.random.SeedSequence([self.config.seed, part]).generate_state(1, np.uint64)
         return torch.Generator().manual_seed(int(words[0] >> np.uint64(1)))
+
+
+def device_of(name: str) -> torch.device:
+    """The device that a value of `device` names; auto: a GPU if there is one. Raises InputError without the GPU."""
+    found = torch.cuda.is_available()
+    if name == "cuda" and not found:
+        raise InputError("device is cuda: torch finds no GPU here; must be auto or cpu")
+    return torch.device("cuda" if found and name != "cpu" else "cpu")
 
 
 def descend(

@@ -7,14 +7,14 @@ from __future__ import annotations
 
 import copy
 from statistics import fmean
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import torch
 from torch import Tensor, nn
 
 from runners.learning.driving import Driving, Experience, Features
 from runners.learning.learnable import Learnable
-from runners.learning.mixture import draw, draw_each, log_density_of_actions
+from runners.learning.mixture import MixtureBatch, log_density_of_actions
 from runners.learning.reinforcement_training import Advanced, Parts, reinforce
 from runners.learning.run import Run
 from runners.learning.settings import SacConfig
@@ -33,10 +33,10 @@ class ReplaySteps(NamedTuple):
 
 
 class Replay:
-    """The last `capacity` steps, sampled uniformly."""
+    """The last `capacity` steps, kept in main memory and sampled uniformly, for a network on a device."""
 
-    def __init__(self, capacity: int) -> None:
-        self._capacity = capacity
+    def __init__(self, capacity: int, device: torch.device) -> None:
+        self._capacity, self._device = capacity, device
         self._arrays: list[Tensor] = []
         self.count = 0
 
@@ -47,13 +47,13 @@ class Replay:
             self._arrays = [torch.empty((self._capacity, *each.shape[1:]), dtype=each.dtype) for each in flat]
         places = torch.arange(self.count, self.count + len(step.raw)) % self._capacity
         for array, rows in zip(self._arrays, flat, strict=True):
-            array[places] = rows
+            array[places] = rows.cpu()
         self.count += len(step.raw)
 
     def sample(self, size: int, generator: torch.Generator) -> ReplaySteps:
         """B steps, each drawn from all that are stored."""
         chosen = torch.randint(min(self.count, self._capacity), (size,), generator=generator)
-        rows = [array[chosen] for array in self._arrays]
+        rows = [array[chosen].to(self._device) for array in self._arrays]
         inputs = (len(rows) - 3) // 2
         raw, rewards, terminated = rows[inputs : inputs + 3]
         return ReplaySteps(tuple(rows[:inputs]), raw, rewards, terminated, tuple(rows[inputs + 3 :]))
@@ -68,14 +68,14 @@ class SacTraining:
     def learn(self, run: Run) -> None:
         """Continue from the checkpoint of the run until all steps are done."""
         config, policy = self._config, run.network
-        critics = nn.ModuleList([policy.critic(_ACTIONS), policy.critic(_ACTIONS)])
+        critics = nn.ModuleList([policy.critic(_ACTIONS), policy.critic(_ACTIONS)]).to(run.device)
         modules = {"critics": critics, "targets": copy.deepcopy(critics)}
         optimisers = {
             "policy_optimiser": torch.optim.Adam(policy.parameters(), config.lr),
             "critics_optimiser": torch.optim.Adam(critics.parameters(), config.lr),
         }
         parts = Parts(modules, optimisers, run.generator(0))
-        replay, updates = Replay(config.replay), 0
+        replay, updates = Replay(config.replay, run.device), 0
 
         def advance(driving: Driving, features: Features, done: int) -> Advanced:
             nonlocal updates
@@ -99,10 +99,13 @@ class SacTraining:
     ) -> Features:
         """Drive one step and store it; returns what the robots see then."""
         with torch.no_grad():
-            raw = draw(policy(*features).with_min_sigma(self._config.least_sigma), parts.generator)
+            raw = self._mixture(policy, features).draw(parts.generator)
         found = driving.step(raw.tanh())
         replay.add(ReplaySteps(features, raw, found.rewards, found.terminated, next_features(found)))
         return found.features
+
+    def _mixture(self, policy: Learnable, features: Features) -> MixtureBatch:
+        return cast(MixtureBatch, policy(*features)).with_min_sigma(self._config.least_sigma)
 
     def _update(
         self, policy: Learnable, parts: Parts, batch: ReplaySteps, learn_policy: bool
@@ -131,16 +134,16 @@ class SacTraining:
         """The critics' target values (B,): the reward and the value of what follows."""
         config = self._config
         with torch.no_grad():
-            mixture = policy(*batch.following).with_min_sigma(config.least_sigma)
-            raw = draw(mixture, parts.generator)
+            mixture = self._mixture(policy, batch.following)
+            raw = mixture.draw(parts.generator)
             worth = lower_value(parts.modules["targets"], batch.following, raw.tanh())
             worth = worth - config.alpha * log_density_of_actions(mixture, raw)
             return batch.rewards + config.gamma * (~batch.terminated).float() * worth
 
     def _policy_loss(self, policy: Learnable, parts: Parts, batch: ReplaySteps) -> tuple[Tensor, float]:
         """The loss over all components by their probability, and the mean entropy."""
-        mixture = policy(*batch.features).with_min_sigma(self._config.least_sigma)
-        raw = draw_each(mixture, parts.generator)
+        mixture = self._mixture(policy, batch.features)
+        raw = mixture.draw_each(parts.generator)
         density = torch.stack([log_density_of_actions(mixture, each) for each in raw.unbind(1)], 1)
         worth = lower_value(parts.modules["critics"], batch.features, raw.tanh())
         odds = mixture.logits.softmax(-1)

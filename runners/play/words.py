@@ -20,7 +20,7 @@ _DOTTED = re.compile(r"[A-Za-z_]\w*\.[A-Za-z_]")  # may name a module
 _PATH = re.compile(r"[\w.,+\- /]+")
 _MAP = re.compile(rb"^(bounds|image):", re.MULTILINE)
 _HEAD = 4000  # [bytes] within which a map says what it is
-_PATH_KEYS = ("weights", "map.path", "map.source", "planner.weights", "planner.path")
+_PATH_KEYS = ("weights", "map.path", "map.source", "planner.weights", "guide.weights", "planner.path")
 _SYSTEM = ("system", "guide", "planner", "ablation", "weights", "scale")  # what a new system does away with
 
 

@@ -8,18 +8,20 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple, Protocol
+from functools import lru_cache
+from typing import Any, NamedTuple, Protocol, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
+from lme.envs.episodes import WORLDS_KEPT
 from lme.episode import run_episode
 from lme.navigator import MapReader, Navigator
 from lme.robots import Robot
 from lme.types import Floats, Guide, Observation, Planner, Pose, Twist
 from lme.weight_files import with_network
 from lme.worlds.check import check_task
-from lme.worlds.world import World
+from lme.worlds.world import Task, World
 from runners.config import build, instantiate
 from runners.config.schema import LearnConfig
 from runners.workers.robots import draw_robot
@@ -93,20 +95,27 @@ class Expert:
 
 @dataclass(frozen=True, slots=True)
 class LessonPayload:
-    """What a worker needs. guides: their configs by name. expert: None if networks are only evaluated."""
+    """What a worker needs. guides: their configs by name. expert: None if networks are only evaluated.
+
+    learned: the part that has the network, guide or planner.
+    """
 
     config: LearnConfig
     guides: Mapping[str, Mapping[str, Any]]
     expert: Expert | None
+    learned: str = "planner"
 
 
 def initialise(payload: LessonPayload) -> Callable[[Lesson], LessonResult]:
     """Return the function that runs one lesson. Raises InputError."""
     config = payload.config
 
+    @lru_cache(maxsize=WORLDS_KEPT)  # those that judge a network come again
+    def task_of(maps: str, world: int) -> Task:
+        return build.map_set(replace(config, map=config.training[maps]), [world]).task(world)
+
     def run(lesson: Lesson) -> LessonResult:
-        places = replace(config, map=config.training[lesson.maps])
-        task = build.map_set(places, [lesson.world]).task(lesson.world)
+        task = task_of(lesson.maps, lesson.world)
         rng = np.random.default_rng(np.random.SeedSequence([config.seed, lesson.world, 0]))
         if lesson.beta is None:
             check_task(task, config.robot)
@@ -131,7 +140,7 @@ class TeachingNavigator(Navigator):
         super().__init__(guide, student)
         expert = payload.expert
         assert expert is not None
-        self._student = student
+        self._student = cast(NetworkPlanner, student)
         with _without_warnings():
             self._expert: Planner = instantiate.build(with_network(expert.planner), "learner.expert", robot)
         own = expert.guide if lesson.guide == "target" else None
@@ -180,11 +189,15 @@ class TeachingNavigator(Navigator):
         return features, np.array(self._actions, np.float32)
 
 
-def _student(payload: LessonPayload, lesson: Lesson, robot: Robot) -> tuple[Guide, NetworkPlanner]:
-    planner = {**payload.config.planner, "weights": lesson.network}
-    guide = instantiate.build(payload.guides[lesson.guide], "guide", robot)
+def _student(payload: LessonPayload, lesson: Lesson, robot: Robot) -> tuple[Guide, Planner]:
+    """Guide and planner, of which one drives with the lesson's network."""
+    parts = {"guide": payload.guides[lesson.guide], "planner": payload.config.planner}
+    parts[payload.learned] = {**parts[payload.learned], "weights": lesson.network}
     with _without_warnings():
-        return guide, instantiate.build(planner, "planner", robot)
+        guide, planner = (
+            instantiate.build(with_network(node, part), part, robot) for part, node in parts.items()
+        )
+    return guide, planner
 
 
 def _without_warnings() -> warnings.catch_warnings[None]:

@@ -20,7 +20,7 @@ from runners.config import build, catalogue
 from runners.config.overrides import CUSTOM
 from tests.builders import CLUTTER, SHIPPED, observation, room, task, without_errors
 from tests.composing import jobs_of
-from tests.networks import drl_vo_file, lics_file, network_file, onnx_file
+from tests.networks import drl_vo_file, lics_file, network_file, onnx_file, subgoal_file
 from tests.tolerances import KERNEL, MIRROR, MIRROR_ON_CELLS
 
 CATALOGUE = catalogue.shipped()
@@ -32,12 +32,15 @@ GOES_ON = (*LME, "lme_plus")  # after arrival
 LEARNED = {
     name for name in PLANNERS if {"weights", "path"} & set(CATALOGUE.values(f"planner/{name}"))
 }  # random networks here
+LEARNED_GUIDES = {
+    name for name in GUIDES if "weights" in CATALOGUE.values(f"guide/{name}")
+}  # random ones, too
 NETWORKS = {
     "dclp": network_file,
     "drl_vo": drl_vo_file,
     "lics": lics_file,
 }  # by the first words of the planners' names
-ONNX = "onnx.onnx"
+ONNX, RANDOM = "onnx.onnx", "random_"
 TUNED_FOR = {
     "tuned": "jackal",
     "skid": "jackal_gazebo",
@@ -92,14 +95,16 @@ def network(tmp_path_factory):
         patch.setattr(weight_files, "REGISTERED", folder)
         for name, write in NETWORKS.items():
             write(folder / f"{name}.npz")
+        for name in LEARNED_GUIDES:
+            subgoal_file(folder / f"{RANDOM}{name}.npz")
         onnx_file(folder / ONNX)
         yield
 
 
 @pytest.fixture
-def drives(planner):
+def drives(guide, planner):
     """For tests of good driving, which a random network knows nothing of."""
-    if planner in LEARNED:
+    if planner in LEARNED or guide in LEARNED_GUIDES:
         pytest.skip("its network is random")
 
 
@@ -108,6 +113,7 @@ def configs(robot, guide, planner):
     with jobs_of("eval") as job:
         learned = [f"planner.weights={name}" for name in NETWORKS if planner.startswith(name)]
         learned += [f"planner.path={weight_files.REGISTERED / ONNX}"] if planner == "onnx" else []
+        learned += [f"guide.weights={RANDOM}{guide}"] if guide in LEARNED_GUIDES else []
         return job(f"robot={robot}", f"guide={guide}", f"planner={planner}", *learned).config
 
 

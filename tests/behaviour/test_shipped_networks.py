@@ -25,9 +25,12 @@ def test_a_shipped_network_is_small_and_has_a_card(name):
         assert {"command", "seed", "versions", "validation", "held_out"} <= set(card)
 
 
-@pytest.mark.parametrize("guide", ["target", "lme"])
-def test_the_default_network_drives_to_the_goal(guide):
-    words = ("planner=dclp", f"guide={guide}", "map.subset=fresh", "map.count=1", "map.fresh_seed=7")
+@pytest.mark.parametrize(
+    ("guide", "planner"),
+    [("target", "dclp"), ("lme", "dclp"), ("learned_subgoal", "simple"), ("learned_subgoal", "dclp")],
+)
+def test_the_default_network_drives_to_the_goal(guide, planner):
+    words = (f"planner={planner}", f"guide={guide}", "map.subset=fresh", "map.count=1", "map.fresh_seed=7")
     with jobs_of("eval", *words) as job:
         config = job().config
         task = map_set(config).task(1000)

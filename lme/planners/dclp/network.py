@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lme.kernels.dense import dense
 from lme.planners.dclp.weights import COMPONENTS, LAYERS, MIXTURE, Weights
-from lme.planners.dense import dense
 from lme.types import Floats
 
 SLOPE = 0.2  # of the leaky ReLU, TensorFlow's default

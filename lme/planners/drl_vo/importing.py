@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from lme.array_file import check_finite
 from lme.errors import InputError
-from lme.planners.array_file import check_finite
 from lme.planners.drl_vo.architecture import Shape, checked_sizes, shapes
 from lme.planners.drl_vo.torch_file import DamagedError, TorchFile
 from lme.planners.drl_vo.weights import TOLD, TRAINED

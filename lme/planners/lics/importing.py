@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from lme.array_file import check_finite
 from lme.errors import InputError
-from lme.planners.array_file import check_finite
 from lme.planners.drl_vo.torch_file import TorchFile
 from lme.planners.lics.weights import SHAPES, WHAT
 

@@ -1,4 +1,4 @@
-"""Train the network of a planner, then try it on worlds never trained on."""
+"""Train the network of a planner or a guide, then try it on worlds never trained on."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ EXAMPLES = (
     "lme learn planner=dclp learner=clone",
     "lme learn learner=clone learner.expert.planner=s3_fisvfh_tuned guides={target:0.6,lme:0.4}",
     "lme learn learner=ppo start=outputs/learn/RUN",
+    "lme learn guide=learned_subgoal planner=simple learner=ppo",
     "lme eval guide=target planner=dclp planner.weights=outputs/learn/RUN",
 )
 

@@ -11,7 +11,7 @@ from lme.errors import InputError
 from runners.cli.parsers import texts
 
 if TYPE_CHECKING:
-    from lme.planners.array_file import Arrays
+    from lme.array_file import Arrays
 
 EXAMPLES = (
     "lme weights",
@@ -68,7 +68,10 @@ def main(argv: list[str]) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    about = f"{__doc__}\nlme eval takes parameters of LME as weights=NAME, a network as planner.weights=NAME."
+    about = (
+        f"{__doc__}\nlme eval takes parameters of LME as weights=NAME, a network as planner.weights=NAME or "
+        "guide.weights=NAME."
+    )
     parser = argparse.ArgumentParser(prog="lme weights", **texts(about, EXAMPLES))
     parser.set_defaults(run=_list)
     verbs = parser.add_subparsers(metavar="VERB")
@@ -87,15 +90,28 @@ def _list(_: argparse.Namespace) -> None:
 
     for name in catalogue.shipped().options("weight_set"):
         print(f"{name:<24}  weights={name}, ships with lme")
-    for name in shipped_networks():
-        print(f"{name:<24}  planner.weights={name}, ships with lme")
-    for key, ending in (("weights", "yaml"), ("planner.weights", "npz")):
-        for path in sorted(REGISTERED.glob(f"*.{ending}")):
-            print(f"{path.stem:<24}  {key}={path.stem}, {path}")
+    for name, path in shipped_networks().items():
+        print(f"{name:<24}  {_key(path)}={name}, ships with lme")
+    for path in (*sorted(REGISTERED.glob("*.yaml")), *sorted(REGISTERED.glob("*.npz"))):
+        print(f"{path.stem:<24}  {_key(path)}={path.stem}, {path}")
+
+
+def _key(path: Path) -> str:
+    """The key that takes a file: of parameters, of a guide's network, or of a planner's."""
+    from lme.array_file import read_shapes
+    from lme.guides.learned_subgoal.weights import SHAPES
+
+    if path.suffix != ".npz":
+        return "weights"
+    try:
+        of_guide = SHAPES.items() <= read_shapes(path, "a network").items()
+    except InputError:  # a damaged file is listed, too
+        of_guide = False
+    return "guide.weights" if of_guide else "planner.weights"
 
 
 def _import(arguments: argparse.Namespace) -> None:
-    from lme.planners.array_file import write_arrays
+    from lme.array_file import write_arrays
     from lme.weight_files import REGISTERED, shipped_networks
     from runners.records.registered_name import check_name
     from runners.records.whole_file import replacing

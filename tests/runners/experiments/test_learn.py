@@ -14,10 +14,11 @@ import pandas as pd
 import pytest
 import yaml
 
+from lme.guides.learned_subgoal.weights import read_weights as read_subgoal_weights
 from lme.planners.dclp.weights import read_weights
 from runners.cli.main import main
 from tests.composing import last_of_each
-from tests.networks import network_file
+from tests.networks import network_file, subgoal_file
 from tests.places import ROOT
 
 pytest.importorskip("torch")
@@ -44,6 +45,7 @@ SAC = (
     "learner.judge_every=40",
 )
 IN_PROCESS = (*CLONE, "executor=serial")
+SUBGOALS = (*PPO, "guide=learned_subgoal", "planner=simple", "learner.steps=128")
 
 
 @pytest.fixture(autouse=True)
@@ -230,6 +232,26 @@ def test_reinforcement_from_a_network(words, points, losses):
     assert Path("run/curves.png").stat().st_size > 10_000
 
 
+@pytest.mark.parametrize("planner", ["simple", "dclp"])
+def test_a_guide_learns_subgoals_for_a_planner(planner):
+    subgoal_file(Path("mine.npz"))
+    words = last_of_each(*SUBGOALS, f"planner={planner}", "start=mine.npz", "name=subgoals", "device=cpu")
+    assert main(["learn", *words, "hydra.run.dir=run"]) == 0
+    rows = curves(Path("run"))
+    assert [row["steps"] for row in rows] == [0, 64, 128]
+    assert all(np.isfinite(rows[-1][name]) for name in ("loss_policy", "loss_value", "kl", "steps_per_s"))
+    trained, before = (read_subgoal_weights(Path(name)) for name in ("run/network.npz", "mine.npz"))
+    assert 0 < np.abs(trained["output.kernel"] - before["output.kernel"]).max() < 0.05
+    card = yaml.safe_load(Path("run/card.yaml").read_text())
+    assert (card["guide"], card["planner"]) == ("learned_subgoal", planner)
+    assert "barn" in card["held_out"]
+    words = ["guide=learned_subgoal", f"planner={planner}", "guide.weights=subgoals", *SHORT[1:5]]
+    assert main(["eval", *words, "executor=serial", "hydra.run.dir=eval"]) == 0
+    columns = ["world", "outcome", "steps"]
+    again = (pd.read_parquet(f"{run}/episodes.parquet")[columns] for run in ("eval", "run/barn"))
+    pd.testing.assert_frame_equal(*again)
+
+
 @pytest.mark.slow  # cloning, killed above, continues from the same kind of checkpoint
 def test_reinforcement_killed_and_resumed_ends_with_its_steps():
     def ready():
@@ -269,6 +291,10 @@ def test_reinforcement_killed_and_resumed_ends_with_its_steps():
         (["learner=ppo", "sim.slip=0.1"], "sim.slip is 0.1: the compiled step of many robots does not support it"),
         (["learner=sac", "learner.alpha=-1"], "learner.alpha is -1: must be at least 0"),
         (["learner=ppo", "learner.reward.succes=1"], "learner.reward.succes: no such key; did you mean"),
+        (["learner=sac", "guide=learned_subgoal"], "learner is sac: must be ppo, by which guide="),
+        (["learner=ppo", "guide=learned_subgoal", "guides={lme:1}"], "guides is {'lme': 1.0}: must be {} where the"),
+        (["learner=ppo", "guide=learned_subgoal", "guide.weights=x"], "guide.weights is x: lme learn makes the"),
+        (["device=gpu"], "device is gpu: must be auto or cpu or cuda"),
         (["threads=0"], "threads is 0: must be at least 1"),
         (["validation=0"], "validation is 0: must be at least 1"),
         (["name=a/b"], "name is 'a/b': must be a plain file name"),
@@ -294,6 +320,15 @@ def test_without_torch_learn_says_what_to_install(monkeypatch, capsys):
     monkeypatch.setattr(learn, "find_spec", lambda package: None)
     assert main(["learn", *IN_PROCESS]) == 2
     assert "lme learn needs torch: pip install 'torch" in capsys.readouterr().err
+
+
+def test_a_gpu_that_is_not_there_is_one_line(monkeypatch, capsys):
+    import torch
+
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
+    assert main(["learn", *IN_PROCESS, "device=cuda"]) == 2
+    assert "device is cuda: torch finds no GPU here; must be auto or cpu" in capsys.readouterr().err
+    assert not list(Path().iterdir())
 
 
 @pytest.mark.parametrize(

@@ -72,7 +72,7 @@ def test_the_torch_network_answers_as_the_planner_does(network):
 
 def test_every_weight_is_trained(network):
     output = network(*tensors(inputs(16)))
-    loss = mixture.log_density(output, torch.zeros(16, 2)).sum()
+    loss = output.log_density(torch.zeros(16, 2)).sum()
     gradients = torch.autograd.grad(loss, list(network.parameters()))
     assert all(bool((gradient != 0).any()) for gradient in gradients)
 
@@ -87,9 +87,7 @@ def test_density_by_hand():
     second = 0.75 * math.exp(-0.5 * (1.0 + 0.25)) / math.tau
     point = torch.tensor([[0.5, 0.0]])
     first = 0.25 * math.exp(-0.5 * 0.25) / math.tau
-    assert mixture.log_density(output, point).item() == pytest.approx(
-        math.log(first + second), abs=FLOAT32_LAYER
-    )
+    assert output.log_density(point).item() == pytest.approx(math.log(first + second), abs=FLOAT32_LAYER)
 
 
 def test_density_of_actions_sums_to_one():
@@ -104,7 +102,7 @@ def test_density_of_actions_sums_to_one():
 def test_actions_are_drawn_by_probability_with_their_deviation():
     output = one([math.log(0.25), math.log(0.75)], [[-3.0, 0.0], [3.0, 1.0]], [[0.1, 0.2], [0.3, 0.5]])
     many = mixture.MixtureBatch(*(value.expand(20_000, *value.shape[1:]) for value in output))
-    drawn = mixture.draw(many, torch.Generator().manual_seed(0))
+    drawn = many.draw(torch.Generator().manual_seed(0))
     right = drawn[drawn[:, 0] > 0]
     assert len(right) / len(drawn) == pytest.approx(0.75, abs=0.02)
     assert right.mean(0).numpy() == pytest.approx([3.0, 1.0], abs=0.02)

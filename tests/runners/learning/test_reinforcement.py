@@ -18,6 +18,7 @@ torch = pytest.importorskip("torch")
 from runners.learning import mixture  # noqa: E402
 from runners.learning.dclp import DclpCritic, DclpNetwork  # noqa: E402
 from runners.learning.driving import Driving, Experience  # noqa: E402
+from runners.learning.learnable import network_class  # noqa: E402
 from runners.learning.ppo_training import Batch, PpoStep, PpoTraining, advantages_of  # noqa: E402
 from runners.learning.reinforcement_training import Parts  # noqa: E402
 from runners.learning.sac_training import Replay, ReplaySteps, SacTraining, lower_value, next_features  # noqa: E402
@@ -51,11 +52,11 @@ def test_the_policy_learns_what_was_better():
     """Turning left was worth more than turning right: after some updates it is likelier."""
     torch.manual_seed(0)
     policy, critic = DclpNetwork(), DclpCritic(0)
-    learner = PpoTraining(PpoConfig(epochs=20, batch=32, lr=1e-3, kl_max=1e9))
+    learner = PpoTraining(PpoConfig(epochs=20, batch=32, kl_max=1e9))
     parts = Parts(
         {"critic": critic},
         {
-            "policy_optimiser": torch.optim.Adam(policy.parameters(), 1e-3),
+            "policy_optimiser": torch.optim.Adam(policy.parameters(), 2e-4),
             "critic_optimiser": torch.optim.Adam(critic.parameters(), 1e-3),
         },
         torch.Generator().manual_seed(0),
@@ -63,13 +64,13 @@ def test_the_policy_learns_what_was_better():
     inputs = features(64)
     with torch.no_grad():
         answer = policy(*inputs).with_min_sigma(0.1)
-        raw = mixture.draw(answer, parts.generator)
-        before = mixture.log_density(answer, raw)
+        raw = answer.draw(parts.generator)
+        before = answer.log_density(raw)
     left = (raw[:, 1] > 0).float()
     batch = Batch(inputs, raw, before, left, torch.full((64,), 7.0))
     learner._update(policy, parts, batch, learn_policy=True)
     with torch.no_grad():
-        change = mixture.log_density(policy(*inputs).with_min_sigma(0.1), raw) - before
+        change = policy(*inputs).with_min_sigma(0.1).log_density(raw) - before
         values = critic(*inputs)
     assert change[left > 0].mean() > 0.1 > -0.1 > change[left == 0].mean()
     assert abs(values.mean() - 7.0) < 2.0
@@ -79,7 +80,7 @@ def test_the_policy_learns_what_was_better():
 
 
 def test_replay_keeps_the_newest_steps():
-    replay = Replay(5)
+    replay = Replay(5, torch.device("cpu"))
     for first in (0, 3):
         numbers = torch.arange(first, first + 3).float()
         inputs = (numbers[:, None], numbers[:, None, None].expand(-1, 2, 2))
@@ -123,7 +124,7 @@ def test_the_worth_of_a_step_by_hand():
     wanted = learner._target_values(policy, parts, batch)
     with torch.no_grad():
         answer = policy(*inputs).with_min_sigma(0.1)
-        raw = mixture.draw(answer, torch.Generator().manual_seed(3))
+        raw = answer.draw(torch.Generator().manual_seed(3))
         follows = lower_value(targets, inputs, raw.tanh()) - 0.5 * mixture.log_density_of_actions(answer, raw)
     assert wanted.numpy() == pytest.approx([1.0 + 0.9 * follows[0].item(), -10.0], abs=FLOAT32_LAYER)
 
@@ -140,7 +141,9 @@ def config():
 
 def driving(config, curriculum=None, robots=3, part=0):
     places = [(list(config.training)[i % 2], 100_000 + i) for i in range(4)]
-    run = SimpleNamespace(config=config, network=DclpNetwork(), places=lambda first, count: places[:count])
+    choose = lambda first, count: places[:count]  # noqa: E731
+    network = network_class(config)()
+    run = SimpleNamespace(config=config, network=network, places=choose, device=torch.device("cpu"))
     return Driving(run, robots, 4, Reward(2.0, 10.0, -10.0), curriculum or Curriculum(), part)
 
 
@@ -186,3 +189,19 @@ def test_another_part_drives_other_episodes(config):
     speeds = [made.start(0)[1][:, 4] for made in (one, other, again)]
     torch.testing.assert_close(speeds[0], speeds[2])
     assert not torch.equal(speeds[0], speeds[1])
+
+
+def test_a_choice_of_a_guide_s_network_lasts_its_period():
+    """Robots that arrive within it stand still at their next start until the next choice, and are rewarded once."""
+    words = ["guide=learned_subgoal", "planner=simple", "learner=ppo", "training.fresh_hard.subset=fresh"]
+    with jobs_of("learn", *words) as job:
+        config = job().config
+    made = driving(config, Curriculum([9.8]), robots=6)
+    made.start(0)
+    ahead = torch.full((6,), 2)  # 1.6 m
+    found = made.step(ahead)
+    assert made._fleet._steps.tolist() == [3] * 6, "0.5 s are five periods: two to arrive, three at rest"
+    assert len(found.ended) == len(found.last[0]) == made.episodes > 0, "0.2 m are enough"
+    assert (made._views.twists[found.ended] == 0.0).all()
+    arrived = found.rewards[found.terminated]
+    assert ((arrived > 10.0) & (arrived < 11.0)).all()

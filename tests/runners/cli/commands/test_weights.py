@@ -28,6 +28,8 @@ def test_an_imported_network_is_listed_and_drives(source, capsys):
     out = capsys.readouterr().out
     assert "weights=published, ships with lme" in out
     assert "planner.weights=mine, outputs/weights/mine.npz" in out
+    assert "planner.weights=dclp_jackal, ships with lme" in out
+    assert "guide.weights=learned_subgoal, ships with lme" in out
     with jobs_of("eval", "planner=dclp_barn", "planner.weights=mine") as job:
         for guide in ("target", "lme", "global_path"):
             navigator(job(f"guide={guide}").config)

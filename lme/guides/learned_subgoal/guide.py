@@ -1,0 +1,48 @@
+"""A guide whose subgoals come from a network."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from lme.guides.learned_subgoal.interface import LearnedSubgoalConfig, SubgoalInterface, warn_if_untrained
+from lme.guides.learned_subgoal.network import SubgoalPolicy, draw
+from lme.guides.learned_subgoal.weights import TRAINED, read_weights
+from lme.resources import resource_dir
+from lme.robots import Robot
+from lme.types import Guidance, Observation
+
+SHIPPED = "learned_subgoal.npz"  # `lme learn experiment=learn/learned_subgoal` made it
+
+
+class LearnedSubgoal:
+    """Hierarchical reinforcement learning with intermediate targets: the upper level, for any planner.
+
+    Every `period` a network that was trained by PPO chooses a candidate of a polar grid around the robot, of those to
+    which a straight way is free. It is drawn by its probability. In between, the subgoal stays in place.
+    """
+
+    Config = LearnedSubgoalConfig
+
+    def __init__(self, config: LearnedSubgoalConfig, robot: Robot) -> None:
+        shipped = resource_dir("conf") / "network" / SHIPPED
+        weights = read_weights(shipped if config.weights is None else Path(config.weights))
+        self._network = SubgoalPolicy(weights)
+        self._interface = SubgoalInterface(config, robot)
+        self._left = 0
+        warn_if_untrained(robot, weights[TRAINED])
+
+    def reset(self, rng: np.random.Generator) -> None:
+        """Start a new episode; `rng` draws the candidates."""
+        self._rng, self._left = rng, 0
+        self._interface.clear()
+
+    def guide(self, observation: Observation) -> Guidance:
+        """The subgoal chosen now or in one of the last control periods."""
+        if self._left == 0:
+            seen = self._interface.features(observation, observation.target)
+            self._interface.choose(draw(self._network.logits(*seen), self._rng))
+            self._left = self._interface.steps
+        self._left -= 1
+        return self._interface.guidance(observation)

@@ -1,0 +1,134 @@
+"""Interface between a robot and its subgoal network: what the network sees, and what its choice means."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lme.errors import require
+from lme.guides.learned_subgoal.candidates import BEARINGS, RANGES, bearings, candidates
+from lme.guides.learned_subgoal.kernels import nearest_by_sector
+from lme.guides.learned_subgoal.weights import TOLD
+from lme.kernels.straight_ways import straight_ways
+from lme.policies.lme.maintenance import update_position
+from lme.robots import Robot
+from lme.sensing.scan_points import obstacle_points
+from lme.types import Floats, Guidance, Limits, Observation, Twist
+
+REACH = 5.0  # [m] farther returns count as this far
+_TARGET = 10.0  # [m] farther targets count as this far
+_LIMITS = (2.0, 4.0, 20.0, 25.0)  # limits of a robot that are 1 for the network: Jackal's
+_EDGE = 1e-6  # [rad] a bearing on the edge of the field of view is in it, whatever the rounding
+_ROUNDING = 1e-4  # of a bound, which a file holds as float32
+
+
+@dataclass(slots=True)
+class LearnedSubgoalConfig:
+    """The network's weights, how long a subgoal is kept, and when a candidate is free."""
+
+    weights: str | None = None  # path of an .npz; None: the network that ships with lme
+    period: float = 0.5  # [s] between two choices
+    margin: float = 0.05  # [m] distance of a straight way's sides and front to obstacle points
+    turn_margin: float = 0.02  # [m] distance of the outline in a turn
+
+    def __post_init__(self) -> None:
+        require("guide.period", self.period, above=0.0)
+        for key in ("margin", "turn_margin"):
+            require(f"guide.{key}", getattr(self, key), at_least=0.0)
+
+
+class SubgoalFeatures(NamedTuple):
+    """Inputs of the network, as `SubgoalPolicy.logits` takes them.
+
+    scan (BEARINGS,): nearest return about each bearing, 1 for `REACH` or none. free (CANDIDATES,): 1 for candidates to
+    which the robot can turn and drive straight, 0 for others. state (STATE_INPUTS,): distance, cos and sin of the
+    target; v, ω; the limits; the last subgoal.
+    """
+
+    scan: Floats
+    free: Floats
+    state: Floats
+
+
+class SubgoalInterface:
+    """The network's inputs for a robot, and the subgoal that its last choice means.
+
+    steps: control periods between two choices.
+    """
+
+    def __init__(self, config: LearnedSubgoalConfig, robot: Robot) -> None:
+        self._config, self._dt = config, robot.dt
+        self._mount, self._box = robot.lidar.mount, robot.footprint.box
+        self._candidates = candidates()
+        off_centre = np.abs(np.remainder(bearings() - robot.lidar.yaw + math.pi, math.tau) - math.pi)
+        self._in_view = np.repeat(off_centre <= robot.lidar.fov / 2 + _EDGE, len(RANGES))
+        self.steps = max(round(config.period * robot.control_rate), 1)
+        self.clear()
+
+    def clear(self) -> None:
+        """Start a new episode."""
+        self._subgoal: Floats = np.zeros((1, 2))
+        self._twist: Twist | None = None
+        self._new = self._blocked = False
+
+    def features(self, observation: Observation, target: Floats) -> SubgoalFeatures:
+        """The inputs of the network. target: (2,) in the robot frame [m]. Where nothing is free, all candidates are."""
+        self._follow(observation.twist)
+        config = self._config
+        points = obstacle_points(observation.scan, self._mount)
+        ways = straight_ways(self._candidates, points, self._box, config.margin, config.turn_margin)
+        free = ways & self._in_view
+        self._blocked = not free.any()
+        if self._blocked:
+            free = np.ones_like(free)
+        scan = nearest_by_sector(points, BEARINGS, REACH) / REACH
+        return SubgoalFeatures(scan, free.astype(np.float64), self._state(observation, target))
+
+    def choose(self, index: int) -> None:
+        """Take a candidate as the subgoal, in the control period of the last `features`."""
+        self._subgoal, self._new = self._candidates[index : index + 1], True
+
+    def guidance(self, observation: Observation) -> Guidance:
+        """The subgoal; called once per control period, after `choose` where there was one."""
+        new, self._new = self._new, False
+        if not new:
+            self._follow(observation.twist)
+        return Guidance(self._subgoal[0].copy(), None, new, self._blocked)
+
+    def _follow(self, twist: Twist) -> None:
+        """Keep the subgoal in place while the robot moves on."""
+        if self._twist is not None:
+            self._subgoal = update_position(self._subgoal, self._twist, twist, self._dt)
+        self._twist = twist
+
+    def _state(self, observation: Observation, target: Floats) -> Floats:
+        x, y = target.tolist()
+        away, bearing = math.hypot(x, y), math.atan2(y, x)
+        limits: Limits = observation.limits
+        v, omega = observation.twist
+        shares = [value / unit for value, unit in zip(limits.bounds, _LIMITS, strict=True)]
+        twist = [v / limits.v_max, omega / limits.omega_max]
+        last = (self._subgoal[0] / RANGES[-1]).tolist()
+        here = [min(away, _TARGET) / _TARGET, math.cos(bearing), math.sin(bearing)]
+        return np.array([*here, *twist, *shares, *last])
+
+
+def told_values(robot: Robot) -> Floats:
+    """The values of `TOLD` for a robot: (6,)."""
+    half_length, half_width, rounding = robot.footprint.box
+    return np.array([*robot.limits.bounds, 2 * (half_length + rounding), 2 * (half_width + rounding)])
+
+
+def warn_if_untrained(robot: Robot, trained: NDArray[np.float32]) -> None:
+    """Warn if the network was not trained for such a robot. trained: (6, 2), as `TRAINED`."""
+    for key, value, (low, high) in zip(TOLD, told_values(robot), trained, strict=True):
+        if not low - _ROUNDING <= value <= high + _ROUNDING:
+            span = f"{low:.3g} to {high:.3g}" if low < high else f"{low:.3g}"
+            warnings.warn(
+                f"robot has {key} {value:g}: this subgoal network was trained for {span}", stacklevel=4
+            )

@@ -1,0 +1,142 @@
+"""The subgoal network in torch: the same layers and the same numbers as `lme.guides.learned_subgoal.network`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import IO, cast
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor, nn
+
+from lme.guides.learned_subgoal.candidates import BEARINGS, RANGES, mirrored_bearings
+from lme.guides.learned_subgoal.interface import LearnedSubgoalConfig, SubgoalInterface, told_values
+from lme.guides.learned_subgoal.network import SLOPE
+from lme.guides.learned_subgoal.weights import (
+    LAYERS,
+    SHAPES,
+    TOLD,
+    TRAINED,
+    read_weights,
+    write_weights,
+)
+from lme.robots import Robot
+from runners.learning.choices import ChoiceBatch
+
+_MIRRORED_STATE = (
+    1,
+    1,
+    -1,
+    1,
+    -1,
+    1,
+    1,
+    1,
+    1,
+    1,
+    -1,
+)  # sine of the target, ω, y of the last subgoal change their sign
+
+
+class SubgoalBody(nn.Module):
+    """The layers of the network, with inputs besides those that it sees or with other outputs."""
+
+    def __init__(self, more_inputs: int, outputs: int) -> None:
+        super().__init__()
+        shapes = [SHAPES[f"{name}.kernel"] for name in LAYERS]
+        shapes[0] = (shapes[0][0] + more_inputs, shapes[0][1])
+        shapes[-1] = (shapes[-1][0], outputs)
+        layers = (nn.Linear(rows, columns) for rows, columns in shapes)
+        self.layers = nn.ModuleDict(dict(zip(LAYERS, layers, strict=True)))
+        for name in LAYERS:
+            nn.init.orthogonal_(self.layer(name).weight, 0.01 if name == LAYERS[-1] else 2.0**0.5)
+            nn.init.zeros_(self.layer(name).bias)
+
+    def layer(self, name: str) -> nn.Linear:
+        """One of `LAYERS`."""
+        return cast(nn.Linear, self.layers[name])
+
+    def output(self, scan: Tensor, free: Tensor, *more: Tensor) -> Tensor:
+        """scan: (B, BEARINGS), free: (B, CANDIDATES), more: (B, …), such as the state."""
+        ways = free.view(-1, BEARINGS, len(RANGES)).mean(-1)
+        values = torch.cat((scan, ways, *more), -1)
+        for name in LAYERS[:-1]:
+            values = nn.functional.leaky_relu(self.layer(name)(values), SLOPE)
+        found: Tensor = self.layer(LAYERS[-1])(values)
+        return found
+
+
+class SubgoalCritic(SubgoalBody):
+    """The value of a scene, from layers like the policy's."""
+
+    def __init__(self, actions: int) -> None:
+        super().__init__(actions, 1)
+
+    def forward(self, scan: Tensor, free: Tensor, state: Tensor, *actions: Tensor) -> Tensor:
+        """Values (B,) from the policy's features, and from actions (B, A) if the critic takes them."""
+        return self.output(scan, free, state, *actions)[:, 0]
+
+
+class SubgoalNetwork(SubgoalBody):
+    """The network that chooses subgoals. `weights` and `load` exchange the arrays of `SHAPES`."""
+
+    def __init__(self) -> None:
+        super().__init__(0, SHAPES[f"{LAYERS[-1]}.bias"][0])
+        self._trained = np.zeros((len(TOLD), 2), np.float32)
+
+    def forward(self, scan: Tensor, free: Tensor, state: Tensor) -> ChoiceBatch:
+        """scan: (B, BEARINGS), free: (B, CANDIDATES), state: (B, STATE_INPUTS), as `SubgoalFeatures`."""
+        return ChoiceBatch(self.output(scan, free, state).masked_fill(free == 0.0, -torch.inf))
+
+    @staticmethod
+    def interface(config: LearnedSubgoalConfig, robot: Robot) -> SubgoalInterface:
+        """The network's inputs for a robot, and the meaning of its choice."""
+        return SubgoalInterface(config, robot)
+
+    def trained_for(self, config: LearnedSubgoalConfig, robots: Iterable[Robot]) -> None:
+        """Store the robots for which the network is trained: those with the lowest and the highest values."""
+        told = [told_values(robot) for robot in robots]
+        self._trained = np.column_stack([np.min(told, axis=0), np.max(told, axis=0)]).astype(np.float32)
+
+    @staticmethod
+    def critic(actions: int) -> SubgoalCritic:
+        """A critic with the same inputs and `actions` numbers."""
+        return SubgoalCritic(actions)
+
+    def weights(self, sharpness: float = 1.0) -> dict[str, NDArray[np.float32]]:
+        """The arrays of a file. sharpness: of the draw of candidates, a factor on their logits."""
+        found: dict[str, NDArray[np.float32]] = {TRAINED: self._trained.copy()}
+        for name in LAYERS:
+            layer = self.layer(name)
+            found[f"{name}.kernel"] = np.ascontiguousarray(layer.weight.detach().cpu().numpy().T)
+            found[f"{name}.bias"] = layer.bias.detach().cpu().numpy().copy()
+        for part in ("kernel", "bias"):
+            found[f"{LAYERS[-1]}.{part}"] *= sharpness
+        return found
+
+    def load(self, weights: Mapping[str, NDArray[np.float32]]) -> None:
+        """Set the arrays of `SHAPES`."""
+        with torch.no_grad():
+            for name in LAYERS:
+                self.layer(name).weight.copy_(torch.from_numpy(weights[f"{name}.kernel"].T.copy()))
+                self.layer(name).bias.copy_(torch.from_numpy(weights[f"{name}.bias"]))
+
+    def mirror(self, features: tuple[Tensor, ...], actions: Tensor) -> tuple[tuple[Tensor, ...], Tensor]:
+        """Features and candidates (B,) with left and right swapped."""
+        scan, free, state = features
+        across = torch.from_numpy(mirrored_bearings()).to(scan.device)
+        turned = free.view(-1, BEARINGS, len(RANGES))[:, across].flatten(1)
+        chosen = across[actions // len(RANGES)] * len(RANGES) + actions % len(RANGES)
+        return (scan[:, across], turned, state * state.new_tensor(_MIRRORED_STATE)), chosen
+
+    @staticmethod
+    def read(path: Path) -> Mapping[str, NDArray[np.float32]]:
+        """The arrays of `SHAPES` in a file. Raises InputError."""
+        return read_weights(path)
+
+    @staticmethod
+    def write(weights: Mapping[str, NDArray[np.float32]], file: IO[bytes]) -> None:
+        """Write a file for `guide.weights`."""
+        write_weights(weights, file)
