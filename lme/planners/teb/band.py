@@ -28,7 +28,7 @@ class Way(NamedTuple):
     yaw: float
 
 
-class Band:
+class TimedBand:
     """Poses (N, 3), N ≥ 3, in the odometry frame and the time differences (N − 1,) [s] between them.
 
     Rösmann et al. 2012, "Trajectory modification considering dynamic constraints of autonomous robots" (ROBOTIK), as in

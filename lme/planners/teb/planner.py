@@ -12,7 +12,7 @@ from lme.kernels.obstacle_grid import TOUCHING
 from lme.planners.commands import limited
 from lme.planners.polyline import stretch
 from lme.planners.ros_dwa.local_costmap import LocalCostmap
-from lme.planners.teb.band import Band, Way
+from lme.planners.teb.band import TimedBand, Way
 from lme.planners.teb.config import TebConfig
 from lme.planners.teb.recovery import Horizon, Oscillation
 from lme.robots import Robot
@@ -37,7 +37,7 @@ class Teb:
         self._dt = robot.dt
         self._check_spacing = robot.footprint.r_min + config.costmap.footprint_padding  # [m]
         self.costmap = LocalCostmap(config.costmap, robot)
-        self.band = Band(config, robot.footprint.box)
+        self.band = TimedBand(config, robot.footprint.box)
         self._horizon = Horizon(config, robot.dt)
         self._oscillation = Oscillation(config, robot.dt, config.max_vel_x, config.max_vel_theta)
 

@@ -9,11 +9,14 @@ from itertools import pairwise
 from lme.planners.teb.config import TebConfig
 from lme.types import Twist
 
-_MANY = 10  # failures in a row that shorten the horizon further
+_MANY = 10  # failures in a row
 
 
 class Horizon:
-    """How much of the horizon is used: half of it for some time after a failure, a quarter after ten in a row."""
+    """How much of the horizon is used: half of it for some time after a failure, a quarter after ten in a row.
+
+    teb_local_planner says so too, but its code then uses three quarters.
+    """
 
     def __init__(self, config: TebConfig, dt: float) -> None:
         """`dt`: control period [s]."""
