@@ -22,7 +22,10 @@ from runners.config.overrides import CUSTOM
 ROBOT = "jackal"  # the longest scan, 720 beams
 WORLDS = [1000, 1003, 1006, 1009, 1011]  # fresh worlds, one of each density and smoothing
 WANTED = {("lme", "simple"): 6000, ("target", "dwa"): 2000}  # steps/s
-SLOW = {"mppi": 100}  # steps/s of planners that simulate thousands of trajectories
+SLOW = {
+    "mppi": 100,
+    "teb": 200,
+}  # steps/s of planners that simulate thousands of trajectories, or optimise one
 LEAST = 500
 
 LEFT_OUT = (

@@ -25,6 +25,7 @@ GUIDES = {  # of the published systems
     "eband": "global_path",
     "motion_tubes": "global_path",
     "mppi": "global_path",
+    "teb": "global_path",
 }
 FIXED = {  # other values than the textbook's that the search needs: room for trajectories at Jackal's speed
     "mppi": {"prune_distance": 4.0, "costmap.size": 12.0},

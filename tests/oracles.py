@@ -587,3 +587,90 @@ def nearest_by_sector_slow(points, sectors, reach):
         k = round(turns) % sectors
         found[k] = min(found[k], float(np.linalg.norm([x, y])))
     return np.array(found)
+
+
+def teb_errors(poses, times, twist, near, via, turn, box, bounds, weights):
+    """Errors of a timed elastic band, each times the root of its weight: one after the other, as in the papers."""
+    back, fastest, omega_max, alpha_v, alpha_omega, wanted, epsilon = bounds
+
+    def beyond(value, low, high):
+        return max(low + epsilon - value, 0.0) if value < low + epsilon else max(value - high + epsilon, 0.0)
+
+    def wrapped(angle):
+        return np.arctan2(np.sin(angle), np.cos(angle))
+
+    speeds, rates, errors = [], [], []
+    for (x0, y0, yaw0), (x1, y1, yaw1), t in zip(poses, poses[1:], times, strict=False):
+        ahead = np.cos(yaw0) * (x1 - x0) + np.sin(yaw0) * (y1 - y0)
+        speeds.append(np.hypot(x1 - x0, y1 - y0) / t * 100 * ahead / (1 + abs(100 * ahead)))
+        rates.append(wrapped(yaw1 - yaw0) / t)
+        aside = (np.cos(yaw0) + np.cos(yaw1)) * (y1 - y0) - (np.sin(yaw0) + np.sin(yaw1)) * (x1 - x0)
+        errors += [(weights[0], t), (weights[1], beyond(speeds[-1], -back, fastest))]
+        errors += [(weights[2], beyond(rates[-1], -omega_max, omega_max))]
+        errors += [(weights[5], aside), (weights[6], max(-ahead, 0.0))]
+        if len(speeds) <= 3:
+            errors.append((weights[9], max(-turn * wrapped(yaw1 - yaw0), 0.0)))
+    spans = [times[0], *(0.5 * (times[1:] + times[:-1])), times[-1]]
+    for values, start, most, weight in (
+        (speeds, twist[0], alpha_v, weights[3]),
+        (rates, twist[1], alpha_omega, weights[4]),
+    ):
+        changes = np.diff([start, *values, 0.0]) / spans
+        errors += [(weight, beyond(change, -most, most)) for change in changes]
+    for i, x, y in near:
+        errors.append((weights[7], max(wanted + epsilon - teb_clearance(poses[int(i)], x, y, box), 0.0)))
+    for i, x, y in via:
+        errors.append((weights[8], np.hypot(poses[int(i)][0] - x, poses[int(i)][1] - y)))
+    return np.array([np.sqrt(weight) * error for weight, error in errors])
+
+
+def teb_clearance(pose, x, y, box):
+    """Distance of a point from the footprint: to the box, or minus the way out of it, less the rounding."""
+    out = np.abs(_into(pose, np.array([x, y]))) - box[:2]
+    return (np.hypot(*np.maximum(out, 0.0)) if (out > 0.0).any() else out.max()) - box[2]
+
+
+def teb_resized(poses, times, wanted, hysteresis, fewest, most):
+    """Samples inserted in and deleted from plain lists, pass after pass."""
+    poses, times = [list(pose) for pose in poses], list(times)
+    for _ in range(100):
+        before, i = len(times), 0
+        added = False
+        while i < len(times):
+            if times[i] > wanted + hysteresis and len(times) < most:
+                if times[i] > 2 * wanted:
+                    (x0, y0, yaw0), (x1, y1, yaw1) = poses[i], poses[i + 1]
+                    yaw = np.arctan2(np.sin(yaw0) + np.sin(yaw1), np.cos(yaw0) + np.cos(yaw1))
+                    poses.insert(i + 1, [(x0 + x1) / 2, (y0 + y1) / 2, yaw])
+                    times[i : i + 1] = [times[i] / 2, times[i] / 2]
+                    added = True
+                    continue
+                if i + 1 < len(times):
+                    times[i + 1] += times[i] - wanted
+                times[i] = wanted
+            elif times[i] < wanted - hysteresis and len(times) > fewest:
+                added = True
+                if i + 1 < len(times):
+                    times[i : i + 2] = [times[i] + times[i + 1]]
+                    del poses[i + 1]
+                    continue
+                times[i - 1 :] = [times[i - 1] + times[i]]
+                del poses[i]
+            i += 1
+        if not added and len(times) == before:
+            break
+    return np.array(poses), np.array(times)
+
+
+def teb_near(poses, points, box, always, never):
+    """Rows (pose, x, y) of the obstacles that count: every pose with every point, sorted."""
+    rows = []
+    for i in range(1, len(poses) - 1):
+        distances = [teb_clearance(poses[i], x, y, box) for x, y in points]
+        rows += [(i, *points[k]) for k, away in enumerate(distances) if away < always]
+        far = [k for k, away in enumerate(distances) if always <= away <= never]
+        left = {k for k in far if _into(poses[i], points[k])[1] > 0}
+        for side in (left, set(far) - left):
+            if side:
+                rows.append((i, *points[min(side, key=distances.__getitem__)]))
+    return sorted(rows)

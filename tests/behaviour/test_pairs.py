@@ -75,11 +75,19 @@ OFF_LINE_OTHERS_M = 0.5
 ARRIVED_M = dict.fromkeys(LME, 0.51)  # its d1: nearer than this it takes the goal for reached and continues
 AT_GOAL_M, AT_REST_M_S = 0.2, 0.05
 STOPS_M = dict.fromkeys(("ros_dwa", "mppi", "mppi_tuned"), 0.3)  # their xy_goal_tolerance is 0.25 m
-SLOW_M_S = {"ros_dwa": 0.5, "mppi": 0.4}  # their own limit, which noise about it does not quite reach
+SLOW_M_S = {
+    "ros_dwa": 0.5,
+    "mppi": 0.4,
+    "teb": 0.7,
+}  # their own limit, which noise about it does not quite reach
 ON_CELLS = ("move_base", "nav2", "global_planner")
 HANDED = {
     "ros_dwa": "as in ROS, the first of equal scores wins, and turns to the right come first",
     "mppi_tuned": "a line of cells is another one backwards, so near obstacles other samples touch one",
+    **dict.fromkeys(
+        ("teb", "teb_tuned"),
+        "whether a sample goes or an obstacle counts may hang on the last bit of a number",
+    ),
 }
 MARGIN_M = 0.05  # the paper's planner drives within 9° of its subgoal: with r alone it may graze a wall
 NEAR = World(circles=np.array([[0.9, 0.25, 0.2], [0.7, -0.9, 0.2], [-0.2, 1.0, 0.2]]))

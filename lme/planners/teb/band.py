@@ -1,0 +1,129 @@
+"""The timed elastic band: begun along a path, moved on with the robot, optimised."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from lme.geometry.angles import wrap_angle
+from lme.planners.teb.config import TebConfig
+from lme.planners.teb.kernels.equations import Bounds, normal_equations
+from lme.planners.teb.kernels.samples import along, near_obstacles, resized
+from lme.planners.teb.optimizer import Equations, optimize
+from lme.types import Floats, Limits, Pose, Twist
+
+_PASSED = 10  # samples, at most, that the robot leaves behind in one period
+
+
+class Way(NamedTuple):
+    """The path ahead in the odometry frame.
+
+    points (P, 2), P ≥ 1, from the robot to the local goal, via (V, 2): points to pass [m]. yaw: at the goal [rad].
+    """
+
+    points: Floats
+    via: Floats
+    yaw: float
+
+
+class TimedBand:
+    """Poses (N, 3), N ≥ 3, in the odometry frame and the time differences (N − 1,) [s] between them.
+
+    Rösmann et al. 2012, "Trajectory modification considering dynamic constraints of autonomous robots" (ROBOTIK), as in
+    teb_local_planner. Both ends are fixed: the robot's pose and the local goal, where it stands.
+    """
+
+    def __init__(self, config: TebConfig, box: tuple[float, float, float]) -> None:
+        """`box`: half length, half width and rounding of the footprint [m]."""
+        self._config = config
+        self._box = box
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the band."""
+        self.poses: Floats = np.empty((0, 3))
+        self.times: Floats = np.empty(0)
+
+    def follow(self, way: Way, robot: Pose, limits: Limits) -> None:
+        """Move the ends to the robot and to the local goal, or begin anew if that one has jumped."""
+        goal = np.append(way.points[-1], way.yaw)
+        if len(self.poses) == 0 or self._jumped(goal):
+            v, omega = self._bounds(limits)[1:3]
+            self.poses, self.times = along(way.points, robot, way.yaw, v, omega)
+            return
+        passed = self._passed(robot)
+        self.poses = np.vstack([robot, self.poses[passed + 1 :]])
+        self.times = np.append(self.times[:1], self.times[passed + 1 :])
+        self.poses[-1] = goal
+
+    def optimize(self, via: Floats, points: Floats, twist: Twist, limits: Limits, turn: float) -> float:
+        """Adjust the band in `no_outer_iterations` rounds; its sum of squared errors, inf if it is lost.
+
+        Each round adds and removes samples and finds the obstacles (M, 2) near them anew, and the next one weighs these
+        more. turn: wanted direction of turns, 1 left, -1 right, 0 any.
+        """
+        config, bounds = self._config, self._bounds(limits)
+        always = config.min_obstacle_dist * config.obstacle_association_force_inclusion_factor
+        never = config.min_obstacle_dist * config.obstacle_association_cutoff_factor
+        sizes = (config.dt_ref, config.dt_hysteresis, config.min_samples, config.max_samples)
+        total = math.inf
+        for k in range(config.no_outer_iterations):
+            self.poses, self.times = resized(self.poses, self.times, *sizes)
+            near = near_obstacles(self.poses, points, self._box, always, never)
+            passes = self._passes(via)
+            weights = config.weights(config.weight_adapt_factor**k)
+            equations = _equations(twist, near, passes, turn, self._box, bounds, weights)
+            iterations = config.no_inner_iterations
+            self.poses, self.times, total = optimize(self.poses, self.times, equations, iterations)
+        return total
+
+    def command(self) -> tuple[float, float]:
+        """Velocity and turn rate of the first motion."""
+        (x, y, yaw), after = self.poses[0].tolist(), self.poses[1].tolist()
+        dx, dy = after[0] - x, after[1] - y
+        ahead = math.copysign(1.0, math.cos(yaw) * dx + math.sin(yaw) * dy)
+        dt = float(self.times[0])
+        return ahead * math.hypot(dx, dy) / dt, wrap_angle(after[2] - yaw) / dt
+
+    def _jumped(self, goal: Floats) -> bool:
+        """Whether the local goal is another one, or another way round."""
+        config, end = self._config, self.poses[-1]
+        away = math.hypot(goal[0] - end[0], goal[1] - end[1])
+        turned = abs(wrap_angle(goal[2] - end[2]))
+        return away >= config.force_reinit_new_goal_dist or turned >= config.force_reinit_new_goal_angular
+
+    def _passed(self, robot: Pose) -> int:
+        """The number of samples that the robot has passed: up to the first one after which they are farther."""
+        most = min(len(self.poses) - self._config.min_samples, _PASSED)
+        away = np.hypot(*(self.poses[: most + 1, :2] - robot[:2]).T)
+        farther = np.flatnonzero(np.diff(away) >= 0.0)
+        return int(farther[0]) if len(farther) else max(len(away) - 1, 0)
+
+    def _passes(self, via: Floats) -> Floats:
+        """Which pose is to pass each point (V, 2): (K, 3) [index, x, y], without the points near the robot."""
+        if len(via) == 0 or len(self.poses) < 3:
+            return np.empty((0, 3))
+        away = np.hypot(*(self.poses[:, None, :2] - via).transpose(2, 0, 1))
+        index = np.minimum(away.argmin(axis=0), len(self.poses) - 2)
+        passes: Floats = np.column_stack([index, via])[index > 0]
+        return passes
+
+    def _bounds(self, robot: Limits) -> Bounds:
+        """The configured limits within those of the robot, in the order of the normal equations."""
+        config = self._config
+        return (
+            min(config.max_vel_x_backwards, -robot.lowest),
+            min(config.max_vel_x, robot.v_max),
+            min(config.max_vel_theta, robot.omega_max),
+            min(config.acc_lim_x, robot.alpha_v),
+            min(config.acc_lim_theta, robot.alpha_omega),
+            config.min_obstacle_dist,
+            config.penalty_epsilon,
+        )
+
+
+def _equations(*others: Any) -> Equations:
+    """The normal equations of a band with these other arguments."""
+    return lambda poses, times: normal_equations(poses, times, *others)

@@ -1,0 +1,119 @@
+"""Timed elastic bands, as teb_local_planner drives them."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+import numpy as np
+
+from lme.geometry.frames import to_world
+from lme.kernels.obstacle_grid import TOUCHING
+from lme.planners.commands import limited
+from lme.planners.polyline import stretch
+from lme.planners.ros_dwa.local_costmap import LocalCostmap
+from lme.planners.teb.band import TimedBand, Way
+from lme.planners.teb.config import TebConfig
+from lme.planners.teb.recovery import Horizon, Oscillation
+from lme.robots import Robot
+from lme.types import Floats, Guidance, Observation, Pose, Twist
+
+_BEYOND = 3  # points of the path after the local goal that say its heading
+
+
+class Teb:
+    """A timed elastic band (Rösmann et al. 2012, 2013, DOI 10.1109/ECMR.2013.6698833) as in teb_local_planner of ROS 1.
+
+    A trajectory of poses and time differences along the path ahead is optimised for time, limits, nonholonomic motion,
+    distance to the obstacles of a local costmap, and distance to points of the path. It begins along the path, and
+    goes on from the last solution. The command is its first motion. If its first poses touch obstacles, or if it is
+    lost, the robot stops, and a new band begins, for some time along a shorter path.
+    """
+
+    Config = TebConfig
+
+    def __init__(self, config: TebConfig, robot: Robot) -> None:
+        self._config = config
+        self._dt = robot.dt
+        self._check_spacing = robot.footprint.r_min + config.costmap.footprint_padding  # [m]
+        self.costmap = LocalCostmap(config.costmap, robot)
+        self.band = TimedBand(config, robot.footprint.box)
+        self._horizon = Horizon(config, robot.dt)
+        self._oscillation = Oscillation(config, robot.dt, config.max_vel_x, config.max_vel_theta)
+
+    def reset(self, rng: np.random.Generator) -> None:
+        """Forget map, band and failures."""
+        self.costmap.reset()
+        self.band.reset()
+        self._horizon.reset()
+        self._oscillation.reset()
+
+    def plan(self, observation: Observation, guidance: Guidance) -> Twist:
+        """Command for one control period."""
+        self.costmap.update(observation)
+        if math.hypot(*observation.target) < self._config.xy_goal_tolerance:
+            self.band.reset()
+            return limited(0.0, 0.0, observation, self._dt)
+        feasible = self._optimize(observation, guidance)
+        self._horizon.record(failed=not feasible)
+        command = Twist(*self._saturated(*self.band.command())) if feasible else Twist(0.0, 0.0)
+        if not feasible:
+            self.band.reset()
+        self._oscillation.record(command, observation.twist.omega)
+        return limited(*command, observation, self._dt)
+
+    def _optimize(self, observation: Observation, guidance: Guidance) -> bool:
+        """Adjust the band; whether it is feasible."""
+        pose, limits = observation.odometry, observation.limits
+        way = self._way(observation, guidance)
+        self.band.follow(way, pose, limits)
+        turn = self._oscillation.turn
+        total = self.band.optimize(way.via, self._obstacles(pose), observation.twist, limits, turn)
+        most = self._config.divergence_detection_max_chi_squared
+        return math.isfinite(total) and (most is None or total <= most) and self._free()
+
+    def _way(self, observation: Observation, guidance: Guidance) -> Way:
+        """The path ahead, up to the horizon; a straight line to the subgoal if there is no path."""
+        config, line = self._config, guidance.path
+        if line is None or len(line) == 0:
+            line = np.vstack([np.zeros(2), guidance.subgoal])
+        end, spacing = config.max_global_plan_lookahead_dist * self._horizon.share, config.path_spacing
+        points = np.vstack([line[:1], stretch(line, 0.0, end, spacing)])
+        beyond = stretch(line, end, end + _BEYOND * spacing, spacing)
+        towards = beyond[-1] - points[-1] if len(beyond) else points[-1] - points[-2:][0]
+        yaw = observation.odometry.yaw + math.atan2(towards[1], towards[0])
+        step = max(round(config.global_plan_viapoint_sep / spacing), 1)
+        ahead = to_world(points, observation.odometry)
+        return Way(ahead[1:] if len(ahead) > 1 else ahead, ahead[step::step], yaw)
+
+    def _obstacles(self, pose: Pose) -> Floats:
+        """Centres (M, 2) of the occupied cells, but those far behind the robot, in the odometry frame [m]."""
+        low_i, low_j, cell = self.costmap.grid
+        i, j = np.nonzero(self.costmap.costs == TOUCHING)
+        points = np.column_stack([(i + low_i) * cell, (j + low_j) * cell])
+        dx, dy = points[:, 0] - pose.x, points[:, 1] - pose.y
+        ahead = math.cos(pose.yaw) * dx + math.sin(pose.yaw) * dy >= 0.0
+        return points[ahead | (np.hypot(dx, dy) <= self._config.costmap_obstacles_behind_robot_dist)]
+
+    def _free(self) -> bool:
+        """Whether the padded outline touches no obstacle at the first poses, nor between them."""
+        poses = self.band.poses[: self._config.feasibility_check_no_poses + 1]
+        if any(self._touches(pose) for pose in poses):
+            return False
+        for one, other in pairwise(poses):
+            way = other - one
+            way[2] = math.remainder(way[2], math.tau)
+            count = math.ceil(math.hypot(way[0], way[1]) / self._check_spacing)
+            if any(self._touches(one + way * k / count) for k in range(1, count)):
+                return False
+        return True
+
+    def _touches(self, pose: Floats) -> bool:
+        """Whether the padded outline touches an obstacle at a pose (3,)."""
+        return self.costmap.outline_cost(Pose(*pose.tolist())) < 0
+
+    def _saturated(self, v: float, omega: float) -> tuple[float, float]:
+        """The motion within the configured limits, which the optimisation may exceed."""
+        config = self._config
+        v = min(max(v, -config.max_vel_x_backwards), config.max_vel_x)
+        return v, min(max(omega, -config.max_vel_theta), config.max_vel_theta)
