@@ -37,9 +37,11 @@ def map_set(config: DriveConfig, worlds: Sequence[int] | None = None) -> MapSet:
 
 
 def navigator(config: SystemConfig, robot: Robot | None = None) -> Navigator:
-    """Guide and planner of a config, on its robot unless another is given."""
+    """Guide and planner of a config, with its filter, on its robot unless another is given."""
     robot = robot or config.robot
     planner = build(with_network(config.planner), "planner", robot)
+    if config.filter:
+        planner = build(config.filter, "filter", planner, robot)
     people = people_source(people_of(config), robot)
     return Navigator(build(config.guide, "guide", robot), planner, people=people)
 
