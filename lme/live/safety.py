@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from lme.geometry.frames import to_robot
 from lme.kernels.motion import drive
-from lme.planners.stopping_check import StoppingCheck, StoppingState
+from lme.planners.safety.check import StoppingCheck, StoppingState
 from lme.robots import Robot
 from lme.types import Floats, Pose, Twist
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from lme.guides.lme_plus import LmePlus
-from lme.planners.safety_filter import SafetyFilter
+from lme.planners.safety.filter import SafetyFilter
 from lme.planners.weighed import Weighing
 from runners.explainer.packer import Packer
 from runners.play.lane import Lane, Tasks

@@ -17,7 +17,7 @@ from lme.kernels.straight_ways import KEPT
 from lme.planners.commands import check_turn_samples, reachable, turn_shares
 from lme.planners.min_time.kernels import Estimate, Safety, best_twist, dynamic_window
 from lme.planners.min_time.lag import Lag
-from lme.planners.stopping_check import STILL, StoppingCheck, StoppingState
+from lme.planners.safety.check import STILL, StoppingCheck, StoppingState
 from lme.planners.weighed import Weighed
 from lme.robots import Robot
 from lme.sensing.scan_points import is_full_circle, obstacle_points

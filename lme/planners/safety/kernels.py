@@ -20,7 +20,7 @@ _LAG_STEP = 0.01  # [s] in which a lag is followed, as in `sim=fast`
 _STANDS = 1e-4  # [m] a robot with a lag stands if its outline has no further than this to go
 
 
-class Motion(NamedTuple):
+class StoppingMotion(NamedTuple):
     """How a robot answers to commands: limits (v_max, ω_max, α_v, α_ω), control period, late and lag [s].
 
     A command takes effect `late` before a whole number of periods has passed, 0 ≤ late < period. `lag`: time constant
@@ -50,7 +50,7 @@ def stopping_clearances(
     twist: tuple[float, float],
     under_way: Floats,
     tried: Floats,
-    motion: Motion | tuple[tuple[float, float, float, float], float, float, float],
+    motion: StoppingMotion | tuple[tuple[float, float, float, float], float, float, float],
     box: tuple[float, float, float],
     enough: float,
 ) -> Floats:
@@ -62,7 +62,7 @@ def stopping_clearances(
     first one that keeps `enough` are not looked at: they have NaN.
     """
     limits, period, late, lag = motion
-    named = Motion(limits, period, late, lag)
+    named = StoppingMotion(limits, period, late, lag)
     r_max = math.hypot(box[0], box[1]) + box[2]
     near = _near(points, r_max + enough + _farthest(twist, under_way, tried, named))
     state = _State(0.0, 0.0, 0.0, twist[0], twist[1], enough)
@@ -80,12 +80,12 @@ def stopping_clearances(
 def twist_after(
     twist: tuple[float, float],
     under_way: Floats,
-    motion: Motion | tuple[tuple[float, float, float, float], float, float, float],
+    motion: StoppingMotion | tuple[tuple[float, float, float, float], float, float, float],
 ) -> tuple[float, float]:
     """The twist when the commands under way (L, 2) have acted; see `stopping_clearances`."""
     limits, period, late, lag = motion
     state, nothing = _State(0.0, 0.0, 0.0, twist[0], twist[1], 1.0), np.empty((0, 2))
-    named = Motion(limits, period, late, lag)
+    named = StoppingMotion(limits, period, late, lag)
     state = _follow(nothing, state, under_way, True, named, (0.0, 0.0, 0.0), 0.0)
     return state.v, state.omega
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lme.kernels.stopping import Motion, stopping_clearances, twist_after
+from lme.planners.safety.kernels import StoppingMotion, stopping_clearances, twist_after
 from lme.robots import Footprint
 from lme.types import Floats, Limits, Twist
 
@@ -30,7 +30,7 @@ class StoppingCheck:
     """Says of commands whether the robot could still stop after them, and finds the nearest one of which that is true.
 
     It counts the commands under way itself. The robot can stop if these, and then zero until it stands, lead to no
-    contact of the outline with a point (`lme.kernels.stopping`).
+    contact of the outline with a point (`lme.planners.safety.kernels`).
     """
 
     def __init__(self, outline: Footprint, dt: float, latency: float = 0.0, lag: float = 0.0) -> None:
@@ -98,7 +98,7 @@ class StoppingCheck:
 
     def _motion(self, limits: Limits) -> tuple[tuple[float, float, float, float], float, float, float]:
         """A plain tuple: Numba takes a named one for another type."""
-        return (*Motion(limits.bounds, *self._times),)
+        return (*StoppingMotion(limits.bounds, *self._times),)
 
 
 def _plain(twist: Twist) -> tuple[float, float]:

@@ -8,12 +8,12 @@ import numpy as np
 
 from lme.errors import require
 from lme.planners.commands import finite
-from lme.planners.stopping_check import STILL, TOUCHING, StoppingCheck, StoppingState
+from lme.planners.safety.check import STILL, TOUCHING, StoppingCheck, StoppingState
 from lme.robots import Robot
 from lme.sensing.blind_arc import BlindArc
 from lme.types import Guidance, Observation, Planner, Twist
 
-_REMEMBERED = 3.0  # [m] reach of the memory of the blind arc
+_REACH, _CELL = 1.5, 0.02  # [m] of the memory of the blind arc, whose points are half a cell off or less
 
 
 @dataclass(slots=True)
@@ -43,13 +43,13 @@ class SafetyFilter:
         self.planner = planner
         self._margin = max(config.margin, TOUCHING)
         self._check = StoppingCheck(robot.hull, robot.dt, config.latency, config.lag)
-        self._blind = BlindArc(robot.lidar.mount, _REMEMBERED)
         self._mount = robot.lidar.mount
+        self._blind = BlindArc(self._mount, _REACH, _CELL)
 
     def reset(self, rng: np.random.Generator) -> None:
         """Start a new episode; `rng` is the planner's."""
         self._check.reset()
-        self._blind = BlindArc(self._mount, _REMEMBERED)
+        self._blind = BlindArc(self._mount, _REACH, _CELL)
         self.planner.reset(rng)
 
     def plan(self, observation: Observation, guidance: Guidance) -> Twist:
