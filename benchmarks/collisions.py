@@ -97,8 +97,9 @@ def _last_that_stops(trace: Trace) -> tuple[TracedStep, StoppingState, StoppingC
 def _touched(trace: Trace) -> Floats:
     """The place (2,) of an obstacle that is deepest in the outline at the end, in the world [m]."""
     places = _surfaces(trace, trace.end.pose)
-    box = (*map(float, trace.robot.hull.box),)
-    nearest: Floats = places[clearances(to_robot(places, trace.end.pose), box).argmin()]
+    half_length, half_width, rounding = map(float, trace.robot.hull.box)
+    at_robot = to_robot(places, trace.end.pose)
+    nearest: Floats = places[clearances(at_robot, (half_length, half_width, rounding)).argmin()]
     return nearest
 
 
@@ -113,7 +114,8 @@ def _surfaces(trace: Trace, pose: Pose) -> Floats:
         shares = np.linspace(0.0, 1.0, math.ceil(math.hypot(x1 - x0, y1 - y0) / _SURFACE) + 1)[:, None]
         parts.append((1.0 - shares) * [x0, y0] + shares * [x1, y1])
     points = np.vstack(parts)
-    return points[np.hypot(*(points - pose[:2]).T) < _REACH]
+    near: Floats = points[np.hypot(*(points - pose[:2]).T) < _REACH]
+    return near
 
 
 if __name__ == "__main__":
