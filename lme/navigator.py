@@ -7,7 +7,8 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from lme.errors import InputError, require
+from lme.errors import require
+from lme.planners.commands import finite
 from lme.policies.lme.explanation import Decision, Explanation
 from lme.sensing.people.source import PeopleSource
 from lme.types import Guidance, Guide, Observation, Planner, Pose, Twist
@@ -99,14 +100,4 @@ class Navigator:
         if math.hypot(*observation.target) < self.goal_tolerance:
             return Twist(0.0, 0.0)
         self.guidance = self.guide.guide(observation)
-        command = self.planner.plan(observation, self.guidance)
-        try:
-            v, omega = map(float, command)
-        except (TypeError, ValueError):
-            v = omega = math.nan
-        if not (math.isfinite(v) and math.isfinite(omega)):
-            name = type(self.planner).__name__
-            raise InputError(
-                f"{name}.plan returned {command!r}: must be (v [m/s], omega [rad/s]), both finite"
-            )
-        return Twist(v, omega)
+        return finite(self.planner.plan(observation, self.guidance), self.planner)

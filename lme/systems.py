@@ -13,10 +13,11 @@ from lme.presets import ablation_settings, configured, find_option, option
 from lme.resources import overlaid
 from lme.robots import Robot
 from lme.sensing.people.source import people_source
+from lme.types import Guide, Planner
 from lme.weight_files import PUBLISHED, learned_parameters, own_weights, with_network
 from lme.yaml_entry import read_yaml
 
-_PARTS = ("guide", "planner")
+_PARTS = ("guide", "planner", "filter")
 _OVERRIDE = re.compile(r"override /(\w+)")
 
 
@@ -37,8 +38,8 @@ def load_system(
     name: in `conf/system/`. robot: it drives this one. weights: as on the command line; None: the system's own.
     goal_tolerance: the robot stops within this distance of the target [m]. people: "truth": those in the
     observations; "tracked": those found in the scans; "none". changes: words of the command line, as
-    keywords: `guide` and `planner` by name or by the path of a YAML, `ablation` by name or several in a list, and any
-    key of guide or planner, such as "planner.latency".
+    keywords: `guide`, `planner` and `filter` by name or by the path of a YAML, `ablation` by name or several in a list,
+    and any key of these parts, such as "planner.latency".
 
     Call `reset(rng)` before each episode, and `act(observation)` in each control period.
 
@@ -56,8 +57,13 @@ def load_system(
     planner, place = option("planner", chosen["planner"], settings.get("planner"))
     guide_class, guide_config = configured(with_network(guide, "guide"), where)
     planner_class, planner_config = configured(with_network(planner), place)
-    guide_and_planner = guide_class(guide_config, robot), planner_class(planner_config, robot)
-    return Navigator(*guide_and_planner, goal_tolerance=goal_tolerance, people=people_source(people, robot))
+    made: Planner = planner_class(planner_config, robot)
+    filtered, its_place = option("filter", chosen.get("filter", "none"), settings.get("filter"))
+    if filtered:
+        filter_class, filter_config = configured(filtered, its_place)
+        made = filter_class(filter_config, made, robot)
+    guide_made: Guide = guide_class(guide_config, robot)
+    return Navigator(guide_made, made, goal_tolerance=goal_tolerance, people=people_source(people, robot))
 
 
 def _composed(name: str) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -81,8 +87,8 @@ def _nested(changes: Mapping[str, Any]) -> dict[str, Any]:
         if part not in _PARTS or not rest:
             known = [*_PARTS, "ablation", "weights", "goal_tolerance"]
             raise InputError(
-                f"{key} is unknown: {nearest(key, known)}must be one of {', '.join(known)}, or a key of guide or "
-                "planner, such as 'planner.latency'"
+                f"{key} is unknown: {nearest(key, known)}must be one of {', '.join(known)}, or a key of guide, "
+                "planner or filter, such as 'planner.latency'"
             )
         for name in reversed(rest):
             value = {name: value}

@@ -6,6 +6,8 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
+from lme.kernels.motion import drive
+
 HALF_DIAGONAL = np.sqrt(0.5)  # as in lme/policies/lme_plus/kernels/travel_time.py
 SLIDE_SWEEPS = 2  # as in lme/sim/skid/kernels.py
 
@@ -63,6 +65,36 @@ def sweep(poses, box, circles, edges):
             return 0.0, k
         least = min(least, clearance)
     return least, -1
+
+
+def followed(pose, twist, command, duration, limits_and_lag, footprint):
+    """Poses and the twist while one command acts, with the steps of lme/planners/safety/kernels.py."""
+    limits, lag = limits_and_lag
+    steps = max(int(np.ceil(duration / 0.01 - 1e-9)), 1) if lag else 1
+    goal, poses = np.clip(command, [-limits[0], -limits[1]], limits[:2]), []
+    for _ in range(steps):
+        wanted = goal + np.exp(-duration / steps / lag) * (np.array(twist) - goal) if lag else goal
+        way, twist = drive(pose, twist, (*wanted,), limits, duration / steps, 0.02, footprint.r_max)
+        pose = (*way[-1],)
+        poses.extend(way)
+    return poses, twist
+
+
+def stopping_clearance(points, twist, under_way, command, motion, footprint):
+    """Least distance to the points over every pose of the motion until the robot stands; 0 in contact."""
+    limits, period, late, lag = motion
+    circles, pose, least = np.column_stack([points, np.zeros(len(points))]), (0.0, 0.0, 0.0), np.inf
+    commands, durations = [*under_way, command], [period - late]
+    while commands or (np.abs(twist) @ [1.0, footprint.r_max]) > (1e-4 / lag if lag else 0.0):
+        acting = commands.pop(0) if commands else (0.0, 0.0)
+        for duration in durations:
+            way, twist = followed(pose, twist, acting, duration, (limits, lag), footprint)
+            clearance, contact = sweep(way, footprint.box, circles, [])
+            pose, least = (*way[-1],), min(least, clearance)
+            if contact >= 0:
+                return 0.0
+        durations = [late, period - late] if late else [period]
+    return least
 
 
 def footprint_clearance(pose, box, circles, edges):

@@ -10,6 +10,18 @@ from lme.errors import InputError, require
 from lme.types import Floats, Limits, Observation, Twist
 
 
+def finite(command: object, planner: object) -> Twist:
+    """The command of a planner. Raises InputError unless it is a pair of finite numbers."""
+    try:
+        v, omega = map(float, command)  # type: ignore[call-overload]
+    except (TypeError, ValueError):
+        v = omega = math.nan
+    if not (math.isfinite(v) and math.isfinite(omega)):
+        name = type(planner).__name__
+        raise InputError(f"{name}.plan returned {command!r}: must be (v [m/s], omega [rad/s]), both finite")
+    return Twist(v, omega)
+
+
 def limited(v: float, omega: float, observation: Observation, dt: float) -> Twist:
     """The command nearest to (v, ω) that the limits allow within one period of `dt` [s]."""
     return reachable(v, omega, observation.twist, observation.limits, dt)

@@ -11,19 +11,20 @@ from lme.kernels.polar_histogram import active_cells
 from lme.sensing.scan_points import is_full_circle, obstacle_points
 from lme.types import Bools, Floats, LaserScan, Observation, Pose
 
-_CELL = 0.05  # [m] cell size; one remembered point per cell
+_CELL = 0.05  # [m]
 _NONE = np.empty((0, 2))
 
 
 class BlindArc:
     """Remembers obstacle points in the odometry frame while they are within `reach` [m] and in the blind arc.
 
-    A lidar with a full circle has no blind arc.
+    One point is kept for all those in a cell of side `cell` [m], at their mean. A lidar with a full circle has no
+    blind arc.
     """
 
-    def __init__(self, mount: Pose, reach: float) -> None:
+    def __init__(self, mount: Pose, reach: float, cell: float = _CELL) -> None:
         self._mount = mount
-        self._reach = reach
+        self._reach, self._cell = reach, cell
         self._seen = _NONE  # in the odometry frame
 
     def points(self, observation: Observation) -> Floats:
@@ -37,7 +38,7 @@ class BlindArc:
         if len(self._seen) > 0:
             before = to_robot(self._seen, observation.odometry)
             points = np.concatenate((points, before[self._unseen(before, observation.scan)]))
-        self._seen = to_world(active_cells(points, _CELL, self._reach), observation.odometry)
+        self._seen = to_world(active_cells(points, self._cell, self._reach), observation.odometry)
         return points
 
     def _unseen(self, points: Floats, scan: LaserScan) -> Bools:

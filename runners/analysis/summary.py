@@ -57,7 +57,7 @@ METRICS = (
     Metric("path_irregularity_rad", "Irregularity [rad]", 2, spare=True),
     Metric("time_against_alone", "Time against alone", 2, of_successes=True, measured=True),
 )
-GROUP_KEYS = ("ablation", "weights", "scale", "sim", "crowd", "robot", "map", "subset", "seed")
+GROUP_KEYS = ("ablation", "weights", "scale", "filter", "sim", "crowd", "robot", "map", "subset", "seed")
 SETTING = ("robot", "map", "subset", "seed")  # the same for all systems of a fair comparison
 TIMES, DASH = "\u00d7", "\u2013"  # typographic signs that look like letters
 INTERVAL_HEADER = "95 % CI"
@@ -67,6 +67,7 @@ NAMED = (
     "ablation",
     "weights",
     "scale",
+    "filter",
     "sim",
     "crowd",
 )  # shown even if all rows have the same value, unless it is usual

@@ -37,9 +37,11 @@ def map_set(config: DriveConfig, worlds: Sequence[int] | None = None) -> MapSet:
 
 
 def navigator(config: SystemConfig, robot: Robot | None = None) -> Navigator:
-    """Guide and planner of a config, on its robot unless another is given."""
+    """Guide and planner of a config, with its filter, on its robot unless another is given."""
     robot = robot or config.robot
     planner = build(with_network(config.planner), "planner", robot)
+    if config.filter:
+        planner = build(config.filter, "filter", planner, robot)
     people = people_source(people_of(config), robot)
     guide = build(with_network(config.guide, "guide"), "guide", robot)
     return Navigator(guide, planner, people=people)

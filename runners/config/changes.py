@@ -18,6 +18,7 @@ GROUPS = (
     "map",
     "guide",
     "planner",
+    "filter",
     "ablation",
     "sim",
     "crowd",

@@ -31,13 +31,17 @@ class Explain(StrEnum):
 
 @dataclass(slots=True, kw_only=True)
 class SystemConfig:
-    """A guide and a planner on a robot. Groups that hold a `_target_` are checked against that class's Config."""
+    """A guide and a planner on a robot. Groups that hold a `_target_` are checked against that class's Config.
+
+    filter: what the planner's commands go through; empty for nothing.
+    """
 
     seed: int
     weights: str
     robot: Robot
     guide: dict[str, Any]
     planner: dict[str, Any]
+    filter: dict[str, Any] = field(default_factory=dict)
     ablation: dict[str, float] = field(default_factory=dict)
     system: dict[str, Any] = field(default_factory=dict)
 

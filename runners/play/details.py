@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from lme.guides.lme_plus import LmePlus
+from lme.planners.safety.filter import SafetyFilter
 from lme.planners.weighed import Weighing
 from runners.explainer.packer import Packer
 from runners.play.lane import Lane, Tasks
@@ -44,6 +45,7 @@ def _thoughts(
         return {}
     header: dict[str, Any] = {}
     guide, planner = episode.navigator.guide, episode.navigator.planner
+    planner = planner.planner if isinstance(planner, SafetyFilter) else planner
     if "arcs" in layers and isinstance(planner, Weighing):
         weighed = planner.weighed(moment.observation, moment.guidance)
         packer.add_singles("arcs", weighed.commands)

@@ -20,7 +20,7 @@ from runners.records.episode_record import RunLabels
 
 LANES = 4  # side by side
 
-_CHOSEN = ("robot", "map", "sim", "crowd", "system", "guide", "planner", "ablation")
+_CHOSEN = ("robot", "map", "sim", "crowd", "system", "guide", "planner", "filter", "ablation")
 
 
 def setup_of(

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from lme.errors import InputError
 
-GROUPS = ("system", "guide", "planner", "ablation", "robot", "map", "sim", "crowd")
+GROUPS = ("system", "guide", "planner", "filter", "ablation", "robot", "map", "sim", "crowd")
 KEYS = (*GROUPS, "weights", "people", "seed", "run", "scale")
 LONGEST = 300  # characters of a value
 MOST_FILES = 200  # that are offered

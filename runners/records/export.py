@@ -15,7 +15,13 @@ from runners.records.records import episode_tables
 if TYPE_CHECKING:
     import pyarrow as pa
 
-_RUN_COLUMNS = ("run_dir", "sim", "crowd", "scale")  # tell runs apart, as do changed keys, which have a dot
+_RUN_COLUMNS = (
+    "run_dir",
+    "sim",
+    "filter",
+    "crowd",
+    "scale",
+)  # tell runs apart, as do changed keys, which have a dot
 
 Write = Callable[
     [Iterable["pa.Table"], Any], int

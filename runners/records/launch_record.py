@@ -29,7 +29,7 @@ LAUNCH = "launch.json"
 # Keys that cannot change a result.
 NO_RESULTS = ("resume", "executor", "tracking", "system", "record", "explain")
 # Values of keys that older runs lack; left out, so that these can be resumed.
-DEFAULTS: dict[str, Any] = {"people": People.truth, "crowd": {}}
+DEFAULTS: dict[str, Any] = {"people": People.truth, "crowd": {}, "filter": {}}
 _SHOWN = 3  # most differing keys that a message names
 
 

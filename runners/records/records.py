@@ -267,16 +267,17 @@ def _run_columns(launches: Sequence[Launch | None]) -> list[dict[str, object]]:
 
 
 def _columns_of(launch: Launch, changed: Iterable[str]) -> dict[str, object]:
-    """sim: the simulator. crowd: people added to the worlds, if there are some. scale: factors on parameters. changes:
-    keys whose values differ from those in the files of the chosen options, as text. Every key that some run has
-    `changed` is a column too, by its dotted name. So are the numbers of worlds and episodes that the run was planned to
-    drive.
+    """sim: the simulator. filter: of the commands, if there is one. crowd: people added to the worlds, if any.
+    scale: factors on parameters. changes: keys whose values differ from those in the files of the chosen options, as
+    text. Every key that some run has `changed` is a column too, by its dotted name. So are the numbers of worlds and
+    episodes that the run was planned to drive.
     """
     values = dict(flatten(launch.configs[0]))
-    crowd = {"crowd": launch.choices[0]["crowd"]} if launch.configs[0].get("crowd") else {}
+    config, choices = launch.configs[0], launch.choices[0]
+    added = {group: choices[group] for group in ("filter", "crowd") if config.get(group)}
     return {
         "sim": launch.choices[0].get("sim", ""),
-        **crowd,
+        **added,
         "scale": scale_in_words(launch.configs[0].get("scale", {})),
         "changes": describe_changes(launch.changes[0]),
         **{key: str(values.get(key, "")) for key in changed},

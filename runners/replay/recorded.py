@@ -18,7 +18,7 @@ from runners.workers.recorder import WANTED
 
 TOPIC, TYPE = "/lme", "std_msgs/msg/String"
 GOAL, ODOM, SCAN = "/goal", "/odom", "/scan"
-GROUPS = ("robot", "guide", "planner")
+GROUPS = ("robot", "guide", "planner", "filter")
 
 
 class RecordedEpisode(NamedTuple):

@@ -47,6 +47,10 @@ def test_a_system_drives_as_on_the_command_line(name, job_of):
         (["system=lme", "ablation=[no_c_o,no_c_h]"], {"ablation": ["no_c_o", "no_c_h"]}),
         (["system=lme", "weights=skid"], {"weights": "skid"}),
         (
+            ["system=lme", "filter=stopping", "filter.margin=0.1"],
+            {"filter": "stopping", "filter.margin": 0.1},
+        ),
+        (
             ["system=lme", "guide.candidates.number=40", "planner.kp=1.0"],
             {"guide.candidates.number": 40, "planner.kp": 1.0},
         ),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections import deque
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -18,6 +17,7 @@ from lme.kernels.straight_ways import KEPT
 from lme.planners.commands import check_turn_samples, reachable, turn_shares
 from lme.planners.min_time.kernels import Estimate, Safety, best_twist, dynamic_window
 from lme.planners.min_time.lag import Lag
+from lme.planners.safety.check import STILL, StoppingCheck, StoppingState
 from lme.planners.weighed import Weighed
 from lme.robots import Robot
 from lme.sensing.scan_points import is_full_circle, obstacle_points
@@ -73,6 +73,8 @@ class MinTime:
     obstacle point before the robot has stopped. If none is safe, the robot brakes on its current arc. The points are
     those that the guide knows, else those of the scan. If the delay of commands is known, all this starts where the
     robot will be when the command takes effect. Tracked people are predicted at their current velocity.
+
+    A robot that can stop without touching a point gets no command after which it could not (docs/safety.md).
     """
 
     Config = MinTimeConfig
@@ -83,33 +85,45 @@ class MinTime:
         self._lag = Lag(config.lag, robot.dt)
         self._omega_share = turn_shares(config.omega_samples)
         self._v_share = np.linspace(0.0, 1.0, config.v_samples) ** 2  # more of them at low speed
+        self._check = StoppingCheck(robot.footprint, robot.dt, config.latency, config.lag)
         self.reset(np.random.default_rng(0))
 
     def reset(self, rng: np.random.Generator) -> None:
         """Forget the commands; `rng` is not used."""
-        periods = math.ceil(self._config.latency / self._robot.dt - 1e-9)
         self._left_to_back_up = 0.0  # [m] still to back up
-        self._under_way = deque([Twist(0.0, 0.0)] * periods, maxlen=periods)
+        self._check.reset()
 
     def plan(self, observation: Observation, guidance: Guidance) -> Twist:
         """Command for one control period."""
         may_back = self._config.back > 0.0 and (
             guidance.points is not None or is_full_circle(observation.scan)
         )
-        now = self._situation(observation, guidance)
+        here = self._here(observation, guidance)
+        now = self._ahead(here, observation.limits)
         wanted = self._choose(now, observation.limits)
         if may_back and (self._left_to_back_up > 0.0 or (guidance.blocked and not any(wanted))):
             wanted = self._back_up(now.points, observation.limits) or wanted
         reached = reachable(*wanted, now.twist, observation.limits, self._robot.dt)
         command = self._lag.command_for(reached, now.twist, observation.limits)
-        self._under_way.append(command)
+        command = self._stoppable(command, StoppingState(here.points, observation.twist, observation.limits))
+        self._check.sent(command)
         return command
 
-    def _situation(self, observation: Observation, guidance: Guidance) -> _Situation:
-        """The situation in which the next command takes effect."""
+    def _stoppable(self, command: Twist, now: StoppingState) -> Twist:
+        """The command, or the nearest after which the robot can still stop, if it can stop now."""
+        check = self._check
+        if check.stops(command, now) or not check.stops(STILL, now):
+            return command
+        return check.nearest(command, now) or STILL
+
+    def _here(self, observation: Observation, guidance: Guidance) -> _Situation:
+        """The situation now."""
         points, movers = self._obstacles(observation, guidance)
-        here = _Situation(guidance.subgoal, points, movers, _without_tiny_rates(observation.twist))
-        return self._predicted(here, observation.limits) if self._under_way else here
+        return _Situation(guidance.subgoal, points, movers, _without_tiny_rates(observation.twist))
+
+    def _ahead(self, here: _Situation, limits: Limits) -> _Situation:
+        """The situation in which the next command takes effect."""
+        return self._predicted(here, limits) if self._check.under_way else here
 
     def _obstacles(self, observation: Observation, guidance: Guidance) -> tuple[Floats, Floats]:
         """Points that do not move (M, 2), and movers (P, 5)."""
@@ -131,8 +145,9 @@ class MinTime:
     def _predict(self, now: Twist, limits: Limits) -> tuple[Pose, Twist]:
         """Pose in the current robot frame and twist when the next command takes effect."""
         pose, dt = Pose(0.0, 0.0, 0.0), self._robot.dt
-        rest = self._config.latency - (len(self._under_way) - 1) * dt  # of the oldest command
-        for k, command in enumerate(self._under_way):
+        under_way = self._check.under_way
+        rest = self._config.latency - (len(under_way) - 1) * dt  # of the oldest command
+        for k, command in enumerate(under_way):
             duration = dt if k else rest
             reached = self._lag.after(now, command, duration)
             motion = (*pose,), (*now,), (*reached,), limits.bounds  # plain tuples, as in `FastSimulator.step`
@@ -147,7 +162,8 @@ class MinTime:
 
     def weighed(self, observation: Observation, guidance: Guidance) -> Weighed:
         """See `lme.planners.weighed`: every arc with its expected time, but for backing up."""
-        now, limits = self._situation(observation, guidance), observation.limits
+        limits = observation.limits
+        now = self._ahead(self._here(observation, guidance), limits)
         share = 1.0 if any(self._best(now, limits, 1.0)) else _TIGHT
         v, omega, given = self._tried(now, limits, share)
         costs = np.array(

@@ -58,3 +58,19 @@ def test_a_full_circle_has_nothing_to_remember():
     seen = view(Pose(0, 0, 0), (0.5, 0.5), robot)
     assert np.array_equal(arc.points(seen), obstacle_points(seen.scan, robot.lidar.mount))
     assert len(arc.points(view(Pose(1.5, 0, 0), robot=robot))) == 0
+
+
+def test_smaller_cells_keep_more_and_more_exact_points():
+    wall, rough, fine = (
+        view(Pose(0, 0, 0), (0.3, -0.6)),
+        *(BlindArc(ROBOT.lidar.mount, 2.0, c) for c in (0.05, 0.01)),
+    )
+    seen = obstacle_points(wall.scan, ROBOT.lidar.mount)
+    behind = view(Pose(0.0, 0.0, 2.2))
+    off = []
+    for arc in (rough, fine):
+        arc.points(wall)
+        kept = arc.points(behind)
+        turned = kept @ np.array([[math.cos(2.2), math.sin(2.2)], [-math.sin(2.2), math.cos(2.2)]])
+        off.append(np.hypot(*(turned[:, None] - seen).T).min(axis=1).max())
+    assert off[1] < 0.01 < off[0]

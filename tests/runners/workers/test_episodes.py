@@ -108,6 +108,16 @@ def test_the_table_shows_what_was_measured(capsys):
     assert "person" not in Path("static/table.md").read_text(encoding="utf-8")
 
 
+def test_runs_with_and_without_a_filter_are_rows_of_their_own(capsys):
+    usual = ["map.worlds=[200]", "runs=1", "tracking=none", "executor=serial", "map.time_limit=3"]
+    assert main.main(["eval", "-m", *usual, "filter=none,stopping", "hydra.sweep.dir=swept"]) == 0
+    capsys.readouterr()
+    assert main.main(["table", "swept", "--format", "md"]) == 0
+    head, _, *rows = [line for line in capsys.readouterr().out.splitlines() if line.startswith("|")]
+    place = [cell.strip() for cell in head.split("|")].index("Filter")
+    assert [row.split("|")[place].strip() for row in rows if "(ours)" in row] == ["–", "stopping"]
+
+
 def test_runs_with_and_without_a_crowd_are_rows_of_their_own(capsys):
     usual = ["map.worlds=[200]", "runs=1", "tracking=none", "executor=serial"]
     assert main.main(["eval", *usual, "hydra.run.dir=alone"]) == 0

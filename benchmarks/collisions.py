@@ -1,0 +1,122 @@
+"""Counts the collisions of runs in static worlds, and says of each why it happened.
+
+    lme eval system=lme_plus map.subset=fresh map.fresh_seed=31 map.count=100000 runs=1 hydra.run.dir=many
+    python -m benchmarks.collisions many [RUN ...]
+
+Each collision is driven again. Its class is that of the step after the last state from which the robot could stop
+without touching anything that was seen (docs/safety.md):
+
+- command: the robot could not stop any more after the command;
+- not seen: no point was known where the robot then collided;
+- misplaced: with this command the robot stops before the known points, but not before the true obstacles;
+- moved otherwise: it would have stopped before these, too, so it did not move as commands and limits say;
+- never: there was no such state.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from lme.geometry.frames import to_robot
+from lme.kernels.arcs import clearances
+from lme.planners.safety.check import STILL, StoppingCheck, StoppingState
+from lme.sensing.blind_arc import BlindArc
+from lme.types import Floats, Outcome, Pose
+from runners.records.episode_record import EpisodeKey
+from runners.records.records import read_episodes, read_trajectories
+from runners.workers.trace import Trace, TracedStep, rerun_recorded
+
+_NEAR = 5.0  # [cm] a known point this close to the place of the collision is of the same obstacle
+_SURFACE = 0.005  # [m] between two points of an obstacle's surface
+_REACH = 3.0  # [m] obstacles that count
+
+
+def main() -> None:
+    """Print the report."""
+    words = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    words.add_argument("runs", type=Path, nargs="+", metavar="RUN", help="directory of a run of lme eval")
+    for run in words.parse_args().runs:
+        for line in report(run):
+            print(line, flush=True)
+
+
+def report(run_dir: Path) -> Iterator[str]:
+    """Yield the lines of the report in Markdown."""
+    episodes = read_episodes([run_dir])
+    struck = episodes[episodes["outcome"] == str(Outcome.COLLISION)]
+    yield f"{run_dir}: {len(struck)} collisions in {len(episodes)} episodes"
+    for world, run in struck[["world", "run"]].itertuples(index=False):
+        driven = read_trajectories([run_dir], [EpisodeKey(world, run)])
+        yield f"- world {world}, run {run}: {explained(rerun_recorded(run_dir, world, run, driven))}"
+
+
+def explained(trace: Trace) -> str:
+    """The class of a collision, and what it is concluded from."""
+    last = _last_that_stops(trace)
+    if last is None:
+        return "never: the robot could not stop before what it saw at any step"
+    step, now, check = last
+    place = _touched(trace)
+    ago = (
+        f"{trace.end.time - step.time:.1f} s before, at {now.twist.v:.2f} m/s and {now.twist.omega:.2f} rad/s"
+    )
+    if not check.stops(step.command, now):
+        return f"command: {ago}"
+    away = 100.0 * np.hypot(*(now.points - to_robot(place, step.pose)).T).min(initial=math.inf)
+    if away > _NEAR:
+        return f"not seen: {ago}; the nearest known point was {away:.0f} cm from the place"
+    true = now._replace(points=to_robot(_surfaces(trace, step.pose), step.pose))
+    name = "moved otherwise" if check.stops(step.command, true) else "misplaced"
+    return f"{name}: {ago}; the nearest known point was {away:.1f} cm from the place"
+
+
+def _last_that_stops(trace: Trace) -> tuple[TracedStep, StoppingState, StoppingCheck] | None:
+    """The last step from whose state the robot could stop, that state, and a check with its commands under way."""
+    robot, sim = trace.robot, trace.config.sim
+    delays = sim.get("latency", 0.0), sim.get("lag", 0.0)
+    found, check = None, StoppingCheck(robot.hull, robot.dt, *delays)
+    blind = BlindArc(robot.lidar.mount, _REACH)
+    for step in trace.steps:
+        points = step.guidance.points
+        points = blind.points(step.observation) if points is None else points
+        now = StoppingState(points, step.observation.twist, step.observation.limits)
+        if check.stops(STILL, now):
+            found = step, now, [*check.under_way]
+        check.sent(step.command)
+    if found is None:
+        return None
+    check.under_way.extend(found[2])
+    return found[0], found[1], check
+
+
+def _touched(trace: Trace) -> Floats:
+    """The place (2,) of an obstacle that is deepest in the outline at the end, in the world [m]."""
+    places = _surfaces(trace, trace.end.pose)
+    half_length, half_width, rounding = map(float, trace.robot.hull.box)
+    at_robot = to_robot(places, trace.end.pose)
+    nearest: Floats = places[clearances(at_robot, (half_length, half_width, rounding)).argmin()]
+    return nearest
+
+
+def _surfaces(trace: Trace, pose: Pose) -> Floats:
+    """Points (N, 2) of the obstacles' surfaces within reach of a pose, in the world [m]."""
+    world = trace.task.world
+    parts = [np.empty((0, 2))]
+    for x, y, r in world.circles:
+        angles = np.linspace(0.0, math.tau, math.ceil(math.tau * r / _SURFACE) + 1)
+        parts.append(np.column_stack((x + r * np.cos(angles), y + r * np.sin(angles))))
+    for x0, y0, x1, y1 in world.edges:
+        shares = np.linspace(0.0, 1.0, math.ceil(math.hypot(x1 - x0, y1 - y0) / _SURFACE) + 1)[:, None]
+        parts.append((1.0 - shares) * [x0, y0] + shares * [x1, y1])
+    points = np.vstack(parts)
+    near: Floats = points[np.hypot(*(points - pose[:2]).T) < _REACH]
+    return near
+
+
+if __name__ == "__main__":
+    main()

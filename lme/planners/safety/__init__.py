@@ -1,0 +1,5 @@
+"""Commands after which a robot can still stop (docs/safety.md): the check, and a filter around any planner."""
+
+from lme.planners.safety.filter import SafetyFilter
+
+__all__ = ["SafetyFilter"]

@@ -1,0 +1,69 @@
+"""A filter around any planner: after its command the robot can still stop before everything that was seen."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lme.errors import require
+from lme.planners.commands import finite
+from lme.planners.safety.check import STILL, TOUCHING, StoppingCheck, StoppingState
+from lme.robots import Robot
+from lme.sensing.blind_arc import BlindArc
+from lme.types import Guidance, Observation, Planner, Twist
+
+_REACH, _CELL = 1.5, 0.02  # [m] of the memory of the blind arc, whose points are half a cell off or less
+
+
+@dataclass(slots=True)
+class SafetyFilterConfig:
+    """What the filter keeps free, and how late commands act."""
+
+    margin: float = 0.01  # [m] distance from the outline that the robot keeps until it stands
+    latency: float = 0.0  # [s] known delay from a command to its effect
+    lag: float = 0.0  # [s] known time constant with which the velocity then approaches the command
+
+    def __post_init__(self) -> None:
+        for key in ("margin", "latency", "lag"):
+            require(f"filter.{key}", getattr(self, key), at_least=0.0)
+
+
+class SafetyFilter:
+    """A planner that sends another planner's command if the robot can stop after it, else the nearest such command.
+
+    If there is none, it brakes. A robot that is nearer to a point than `margin`, or cannot stop farther from it, must
+    not come nearer. The points are those that the guide knows, else those of the scan and of a memory of the lidar's
+    blind arc. The outline is the one that collides.
+    """
+
+    Config = SafetyFilterConfig
+
+    def __init__(self, config: SafetyFilterConfig, planner: Planner, robot: Robot) -> None:
+        self.planner = planner
+        self._margin = max(config.margin, TOUCHING)
+        self._check = StoppingCheck(robot.hull, robot.dt, config.latency, config.lag)
+        self._mount = robot.lidar.mount
+        self._blind = BlindArc(self._mount, _REACH, _CELL)
+
+    def reset(self, rng: np.random.Generator) -> None:
+        """Start a new episode; `rng` is the planner's."""
+        self._check.reset()
+        self._blind = BlindArc(self._mount, _REACH, _CELL)
+        self.planner.reset(rng)
+
+    def plan(self, observation: Observation, guidance: Guidance) -> Twist:
+        """Command for one control period. Raises InputError if the planner's is no pair of finite numbers."""
+        points = self._blind.points(observation) if guidance.points is None else guidance.points
+        v, omega = finite(self.planner.plan(observation, guidance), self.planner)
+        now = StoppingState(points, observation.twist, observation.limits)
+        command = self._filtered(Twist(max(v, now.limits.lowest), omega), now)
+        self._check.sent(command)
+        return command
+
+    def _filtered(self, wanted: Twist, now: StoppingState) -> Twist:
+        check, margin = self._check, self._margin
+        if check.clearance(wanted, now, margin) >= margin:
+            return wanted
+        kept = check.clearance(STILL, now, margin) - TOUCHING  # what braking keeps
+        return check.nearest(wanted, now, max(kept, TOUCHING)) or STILL

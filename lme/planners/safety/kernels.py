@@ -1,0 +1,176 @@
+"""Least distance between the outline and obstacle points until a robot that brakes stands.
+
+The motion is that of `sim=fast`: v and ω ramp to each command at their own limits (`lme.kernels.motion.drive`), and a
+drive with a lag approaches it with a time constant. A state is the points, the twist and the commands under way. It
+can be stopped if the commands under way, and then zero until the robot stands, lead to no contact. After one period of
+zero the rest of the same motion is left, so a state that can be stopped leads to another one.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from lme.kernels.motion import drive
+from lme.types import Floats
+
+_STEP = 0.02  # [m] no point of the outline moves further between two poses
+_LAG_STEP = 0.01  # [s] in which a lag is followed, as in `sim=fast`
+_STANDS = 1e-4  # [m] a robot with a lag stands if its outline has no further than this to go
+
+
+class StoppingMotion(NamedTuple):
+    """How a robot answers to commands: limits (v_max, ω_max, α_v, α_ω), control period, late and lag [s].
+
+    A command takes effect `late` before a whole number of periods has passed, 0 ≤ late < period. `lag`: time constant
+    with which v and ω then approach it.
+    """
+
+    limits: tuple[float, float, float, float]
+    period: float
+    late: float = 0.0
+    lag: float = 0.0
+
+
+class _State(NamedTuple):
+    """Pose [m, rad] and twist [m/s, rad/s] on the way, and the least distance up to here [m]."""
+
+    x: float
+    y: float
+    yaw: float
+    v: float
+    omega: float
+    least: float
+
+
+@njit(cache=True, error_model="numpy")
+def stopping_clearances(
+    points: Floats,
+    twist: tuple[float, float],
+    under_way: Floats,
+    tried: Floats,
+    motion: StoppingMotion | tuple[tuple[float, float, float, float], float, float, float],
+    box: tuple[float, float, float],
+    enough: float,
+) -> Floats:
+    """Least distance from outline to points with each command for a period, and then zero until the robot stands [m].
+
+    points (M, 2) in the robot frame [m]; twist (v, ω) now; under_way (L, 2): v and ω of the commands that were sent
+    and act before the next one, the oldest first; tried (N, 2): commands [m/s, rad/s]; box: footprint (half_length,
+    half_width, rounding) [m]. Returns (N,) distances, at most `enough` > 0 [m], and 0 for contact. Commands after the
+    first one that keeps `enough` are not looked at: they have NaN.
+    """
+    limits, period, late, lag = motion
+    named = StoppingMotion(limits, period, late, lag)
+    r_max = math.hypot(box[0], box[1]) + box[2]
+    near = _near(points, r_max + enough + _farthest(twist, under_way, tried, named))
+    state = _State(0.0, 0.0, 0.0, twist[0], twist[1], enough)
+    state = _follow(near, state, under_way, True, named, box, r_max)
+    found = np.full(len(tried), np.nan)
+    for n in range(len(tried)):
+        after = _follow(near, state, tried[n : n + 1], len(under_way) == 0, named, box, r_max)
+        found[n] = _brake(near, after, named, box, r_max)
+        if found[n] >= enough:
+            break
+    return found
+
+
+@njit(cache=True, error_model="numpy")
+def twist_after(
+    twist: tuple[float, float],
+    under_way: Floats,
+    motion: StoppingMotion | tuple[tuple[float, float, float, float], float, float, float],
+) -> tuple[float, float]:
+    """The twist when the commands under way (L, 2) have acted; see `stopping_clearances`."""
+    limits, period, late, lag = motion
+    state, nothing = _State(0.0, 0.0, 0.0, twist[0], twist[1], 1.0), np.empty((0, 2))
+    named = StoppingMotion(limits, period, late, lag)
+    state = _follow(nothing, state, under_way, True, named, (0.0, 0.0, 0.0), 0.0)
+    return state.v, state.omega
+
+
+@njit(cache=True, error_model="numpy")
+def _farthest(twist, under_way, tried, motion):
+    """How far the base drives at most [m]."""
+    top = abs(twist[0])
+    for commands in (under_way, tried):
+        for n in range(len(commands)):
+            top = max(top, min(abs(commands[n, 0]), motion.limits[0]))
+    commanded = (len(under_way) + 1) * motion.period
+    return top * (commanded + motion.lag + 0.5 * top / motion.limits[2])
+
+
+@njit(cache=True, error_model="numpy")
+def _near(points, reach):
+    """Points within reach of the origin (M, 2)."""
+    near, count = np.empty(points.shape), 0
+    for i in range(len(points)):
+        near[count] = points[i]
+        count += points[i, 0] * points[i, 0] + points[i, 1] * points[i, 1] <= reach * reach
+    return near[:count]
+
+
+@njit(cache=True, error_model="numpy")
+def _follow(near, state, commands, first, motion, box, r_max):
+    """The state after commands (N, 2), each for a period; `first`: what is left of it for the first one.
+
+    Commands change `late` before a period ends. Both times divide the motion, so that it is the same one period later.
+    """
+    for n in range(len(commands)):
+        command = (commands[n, 0], commands[n, 1])
+        if motion.late > 0.0 and not (first and n == 0):
+            state = _move(near, state, command, motion.late, motion, box, r_max)
+        state = _move(near, state, command, motion.period - motion.late, motion, box, r_max)
+    return state
+
+
+@njit(cache=True, error_model="numpy")
+def _brake(near, state, motion, box, r_max):
+    """The least distance when the robot stands."""
+    still = np.zeros((1, 2))
+    while state.least > 0.0 and _moves(state, motion, r_max):
+        state = _follow(near, state, still, False, motion, box, r_max)
+    return state.least
+
+
+@njit(cache=True, error_model="numpy")
+def _moves(state, motion, r_max):
+    """Whether the robot has some way to go until it stands."""
+    speed = abs(state.v) + r_max * abs(state.omega)
+    return speed > 0.0 and (motion.lag == 0.0 or speed * motion.lag > _STANDS)
+
+
+@njit(cache=True, error_model="numpy")
+def _move(near, state, command, duration, motion, box, r_max):
+    """The state after a command has acted for `duration` [s]; as it is after contact."""
+    steps = max(math.ceil(duration / _LAG_STEP - 1e-9), 1) if motion.lag > 0.0 else 1
+    dt = duration / steps
+    left = math.exp(-dt / motion.lag) if motion.lag > 0.0 else 0.0
+    pose, now, least = (state.x, state.y, state.yaw), (state.v, state.omega), state.least
+    v = min(max(command[0], -motion.limits[0]), motion.limits[0])
+    omega = min(max(command[1], -motion.limits[1]), motion.limits[1])
+    for _ in range(steps):
+        if least <= 0.0:
+            break
+        wanted = (v + left * (now[0] - v), omega + left * (now[1] - omega))
+        poses, now = drive(pose, now, wanted, motion.limits, dt, _STEP, r_max)
+        least = _clearance(poses, near, box, least)
+        pose = (poses[-1, 0], poses[-1, 1], poses[-1, 2])
+    return _State(pose[0], pose[1], pose[2], now[0], now[1], least)
+
+
+@njit(cache=True, error_model="numpy")
+def _clearance(poses, near, box, least):
+    """Least distance from the outline at any of the (K, 3) poses to a point, or `least` if that is less; 0: contact."""
+    half_length, half_width, rounding = box
+    before = (least + rounding) * (least + rounding)
+    square = before
+    for k in range(len(poses)):
+        x, y, cos, sin = poses[k, 0], poses[k, 1], math.cos(poses[k, 2]), math.sin(poses[k, 2])
+        for i in range(len(near)):
+            dx, dy = near[i, 0] - x, near[i, 1] - y
+            ahead = max(abs(cos * dx + sin * dy) - half_length, 0.0)
+            beside = max(abs(cos * dy - sin * dx) - half_width, 0.0)
+            square = min(square, ahead * ahead + beside * beside)
+    return max(math.sqrt(square) - rounding, 0.0) if square < before else least

@@ -1,0 +1,33 @@
+"""The invariant of docs/safety.md: from a state in which the robot can stop, the command leads to another one."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from lme.planners.min_time import MinTime
+from lme.planners.min_time.planner import MinTimeConfig
+from tests.stopping_states import random_steps
+
+
+def made(robot, latency=0.0, lag=0.0):
+    return MinTime(MinTimeConfig(latency=latency, lag=lag), robot)
+
+
+@settings(max_examples=40)
+@given(st.integers(0, 10**9))
+def test_from_a_state_in_which_the_robot_can_stop_the_command_leads_to_another_one(seed):
+    assert random_steps(made, np.random.default_rng(seed), 100).broken == 0
+
+
+@pytest.mark.slow
+def test_a_million_random_steps_keep_the_robot_able_to_stop():
+    steps = random_steps(made, np.random.default_rng(0), 1_000_000)
+    print(steps)
+    assert steps.broken == 0
+
+
+def test_without_the_check_the_invariant_does_not_hold(monkeypatch):
+    """So the random states do reach what the margins of the arcs alone do not cover."""
+    monkeypatch.setattr(MinTime, "_stoppable", lambda self, command, now: command)
+    assert random_steps(made, np.random.default_rng(0), 3000).broken > 0
