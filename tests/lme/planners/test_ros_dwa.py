@@ -219,7 +219,7 @@ def test_a_bad_value_is_one_line(changes, key):
         RosDwaConfig(**changes)
 
 
-@pytest.mark.parametrize("key", ["cell_size", "size", "obstacle_range"])
+@pytest.mark.parametrize("key", ["cell_size", "size", "obstacle_range", "update_rate"])
 def test_a_bad_value_of_the_map_is_one_line(key):
     with pytest.raises(InputError, match=f"planner.costmap.{key} is -1"):
         LocalCostmapConfig(**{key: -1.0})

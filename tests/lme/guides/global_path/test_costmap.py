@@ -219,6 +219,7 @@ def test_a_point_outside_counts_as_the_nearest_cell_on_the_grid():
         ({"raytrace_range": math.inf}, "guide.costmap.raytrace_range"),
         ({"footprint_padding": -0.1}, "guide.costmap.footprint_padding"),
         ({"observation_persistence": math.nan}, "guide.costmap.observation_persistence"),
+        ({"update_rate": 0.0}, "guide.costmap.update_rate is 0: must be greater than 0"),
         ({"cell_size": 0.001}, "guide.costmap.cell_size is 0.001"),
         ({"inflation_radius": 10.1}, "guide.costmap.inflation_radius is 10.1: .* at most 200 cells, 10 m"),
         ({"footprint_padding": 10.1}, "guide.costmap.footprint_padding is 10.1"),
