@@ -54,6 +54,11 @@ class Episode:
     decision_us: Floats
 
     @property
+    def speeds(self) -> Floats:
+        """(T,) executed speed ahead, a column of the trajectory [m/s]."""
+        return self.trajectory[:, TRAJECTORY_COLUMNS.index("v_mps")]
+
+    @property
     def turn_rates(self) -> Floats:
         """(T,) executed turn rate, a column of the trajectory [rad/s]."""
         return self.trajectory[:, TRAJECTORY_COLUMNS.index("omega_radps")]

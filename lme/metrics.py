@@ -11,6 +11,7 @@ from lme.errors import InputError
 from lme.types import Outcome
 
 Z_95 = 1.959963984540054  # two-sided 95 % quantile of the standard normal
+REVERSE_MPS = 0.05  # faster than this a robot backs up, slower it only settles
 
 
 def barn_metric(success: bool, time_s: float, optimal_time_s: float) -> float:
@@ -57,6 +58,12 @@ def last_extent(time: ArrayLike, positions: ArrayLike, seconds: float = 60.0) ->
     if not time.size:
         return 0.0
     return float(np.hypot(*np.ptp(positions[time >= time[-1] - seconds], axis=0)))
+
+
+def reverse_starts(v: ArrayLike) -> int:
+    """How often the robot begins to back up: its speed falls below −`REVERSE_MPS`. v: (T,) speed ahead [m/s]."""
+    backing = np.asarray(v, dtype=np.float64) < -REVERSE_MPS
+    return int(np.count_nonzero(backing[1:] & ~backing[:-1]))
 
 
 def reward(outcome: Outcome | str, steps: int, max_steps: int, crash: float, timeout: float) -> float:

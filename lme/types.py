@@ -81,7 +81,8 @@ class Observation(NamedTuple):
     the base frame at the start of the episode, for guides and planners that keep a map or a band; LME does not
     read it. pedestrians: (P, 4) of x, y [m], vx, vy [m/s] over ground, all in the robot frame, of those in sight, as a
     tracker of people would give them; empty without a tracker. Their returns are in the scan, too: planners take the
-    radius of a person from these. LME does not read it.
+    radius of a person from these. LME does not read it. scan_pose: pose of the base in the odometry frame when the scan
+    was taken; None: `odometry`. Only maps with an `update_rate` read it.
     """
 
     scan: LaserScan
@@ -90,6 +91,7 @@ class Observation(NamedTuple):
     limits: Limits
     odometry: Pose
     pedestrians: Floats = _NOBODY
+    scan_pose: Pose | None = None
 
 
 class Guidance(NamedTuple):

@@ -39,6 +39,12 @@ def compose(pose: Pose, child: Pose) -> Pose:
     return Pose(x, y, wrap_angle(pose[2] + child[2]))
 
 
+def between(a: Pose, b: Pose, share: float) -> Pose:
+    """The pose at a share of the way from `a` (0) to `b` (1), turning the shorter way."""
+    turn = wrap_angle(b.yaw - a.yaw)
+    return Pose(a.x + share * (b.x - a.x), a.y + share * (b.y - a.y), wrap_angle(a.yaw + share * turn))
+
+
 def _coordinates(points: Floats) -> Any:
     """x and y of points (..., 2); of a single point two numbers, which Python adds faster than numpy."""
     return points.T if points.ndim > 1 else points.tolist()

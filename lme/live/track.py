@@ -5,8 +5,7 @@ from __future__ import annotations
 from bisect import bisect_left, bisect_right
 from typing import NamedTuple
 
-from lme.geometry.angles import wrap_angle
-from lme.geometry.frames import relative
+from lme.geometry.frames import between, relative
 from lme.live.messages import SECOND
 from lme.types import Pose, Twist
 
@@ -73,12 +72,9 @@ class Track:
     def _between(self, k: int, stamp: int) -> StampedMotion:
         a, b = self._poses[k - 1], self._poses[k]
         share = (stamp - self._stamps[k - 1]) / (self._stamps[k] - self._stamps[k - 1])
-        turn = wrap_angle(b.yaw - a.yaw)
-        pose = Pose(a.x + share * (b.x - a.x), a.y + share * (b.y - a.y), wrap_angle(a.yaw + share * turn))
         (v, omega), (v_then, omega_then) = self._twist(k - 1), self._twist(k)
-        return StampedMotion(
-            stamp, pose, Twist(v + share * (v_then - v), omega + share * (omega_then - omega))
-        )
+        twist = Twist(v + share * (v_then - v), omega + share * (omega_then - omega))
+        return StampedMotion(stamp, between(a, b, share), twist)
 
     def _twist(self, k: int) -> Twist:
         """The twist that came with the pose, or the slope of the poses over the last fifth of a second."""

@@ -5,15 +5,28 @@ from __future__ import annotations
 import math
 from collections import deque
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lme.errors import require
-from lme.geometry.frames import compose, relative, to_robot, to_world
+from lme.geometry.frames import between, compose, relative, to_robot, to_world
 from lme.types import Floats, Pose, Twist
 
 Ranges = NDArray[np.float32]
+
+
+_NOT_NEGATIVE = (
+    "latency",
+    "odometry_age",
+    "lag",
+    "slip",
+    "odometry_error",
+    "scan_noise",
+    "goal_noise",
+    "goal_noise_yaw",
+)
 
 
 @dataclass(slots=True, kw_only=True)
@@ -21,6 +34,7 @@ class Disturbances:
     """Settings of the disturbances, the same in every simulator. By default there are none."""
 
     latency: float = 0.0  # [s] from a command to its effect
+    odometry_age: float = 0.0  # [s] of the measured pose and twist
     lag: float = 0.0  # [s] time constant with which the velocity then approaches the command
     slip: float = 0.0  # [-] standard deviation of each wheel's relative slip, drawn per control period
     odometry_error: float = (
@@ -33,7 +47,7 @@ class Disturbances:
     goal_rate: float | None = None  # [Hz] rate of goal fixes; None: one with every scan; 0: one, at the start
 
     def __post_init__(self) -> None:
-        for key in ("latency", "lag", "slip", "odometry_error", "scan_noise", "goal_noise", "goal_noise_yaw"):
+        for key in _NOT_NEGATIVE:
             require(f"sim.{key}", getattr(self, key), at_least=0.0)
         require("sim.scan_dropout", self.scan_dropout, at_least=0.0, at_most=1.0)
         if self.goal_rate is not None:
@@ -57,6 +71,37 @@ class Delay:
         while self._pending and self._pending[0][0] <= time:
             _, self._arrived = self._pending.popleft()
         return self._arrived
+
+
+class Measured(NamedTuple):
+    """True pose, and twist and odometry as the robot measures them, at one time."""
+
+    pose: Pose
+    twist: Twist
+    odometry: Pose
+
+
+class PastMotion:
+    """The motion some time ago, interpolated between observations; before the first one the first."""
+
+    def __init__(self, age: float) -> None:
+        """age: [s]; 0: the motion now."""
+        self._age = age
+        self._motions: deque[tuple[float, Measured]] = deque()
+
+    def at(self, time: float, motion: Measured) -> Measured:
+        """The motion at `time` − age [s]; `motion`: at `time`, which must not decrease from call to call."""
+        if self._age == 0.0:
+            return motion
+        self._motions.append((time, motion))
+        while len(self._motions) > 1 and self._motions[1][0] <= time - self._age:
+            self._motions.popleft()
+        (began, a), (ended, b) = self._motions[0], self._motions[min(1, len(self._motions) - 1)]
+        share = max(time - self._age - began, 0.0) / (ended - began) if ended > began else 0.0
+        v, omega = (x + share * (y - x) for x, y in zip(a.twist, b.twist, strict=True))
+        return Measured(
+            between(a.pose, b.pose, share), Twist(v, omega), between(a.odometry, b.odometry, share)
+        )
 
 
 class Odometry:

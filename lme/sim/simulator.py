@@ -7,13 +7,20 @@ from typing import NamedTuple, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from lme.geometry.frames import compose
+from lme.geometry.frames import compose, relative
 from lme.kernels.noise import add_noise
 from lme.kernels.raycast import cast, cast_grid
 from lme.robots import Robot
 from lme.sensing.resampling import resampled, tidied
 from lme.sim.crowd import Crowd
-from lme.sim.disturbances import Disturbances, Odometry, TargetEstimate, lose_beams
+from lme.sim.disturbances import (
+    Disturbances,
+    Measured,
+    Odometry,
+    PastMotion,
+    TargetEstimate,
+    lose_beams,
+)
 from lme.sim.mid360 import mid360_of
 from lme.sim.tracker import tracked
 from lme.types import Floats, LaserScan, Observation, Pose, Twist
@@ -83,6 +90,7 @@ class Sensors:
         self._rng = rng
         self._scan_rng, goal_rng = rng.spawn(2)
         self._odometry = Odometry(config.odometry_error, goal_rng.spawn(1)[0])
+        self._past = PastMotion(config.odometry_age)
         self._target = TargetEstimate(config, np.asarray(task.goal, dtype=np.float64), goal_rng)
         self._look_in(task)
         self._fired, self._mount = robot.lidar.native, robot.lidar.mount
@@ -112,9 +120,11 @@ class Sensors:
         """
         scan_pose = scan_pose or state.pose
         scan = self._scan(scan_pose, circles, edges)
-        twist, odometry = self._odometry.measured(twist, odometry)
-        target = self._target.seen_from(state.pose, odometry, state.time)
-        seen = Observation(scan, target, twist, self._limits, odometry)
+        now = Measured(state.pose, *self._odometry.measured(twist, odometry))
+        then = self._past.at(state.time, now)
+        target = self._target.seen_from(then.pose, then.odometry, state.time)
+        scanned_at = compose(now.odometry, relative(scan_pose, now.pose))
+        seen = Observation(scan, target, then.twist, self._limits, then.odometry, scan_pose=scanned_at)
         if crowd is None or not len(crowd):
             return seen
         lidar = compose(scan_pose, self._mount)

@@ -72,6 +72,8 @@ class EpisodeRecord(RunLabels):
     min_clearance_m: float
     final_distance_m: float
     last_minute_m: float
+    reversals: int
+    collision_in_reverse: int
     start_x_m: float
     start_y_m: float
     start_yaw_rad: float

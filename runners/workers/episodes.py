@@ -157,6 +157,10 @@ def record_of(
         min_clearance_m=episode.min_clearance,
         final_distance_m=episode.final_distance,
         last_minute_m=metrics.last_extent(episode.trajectory[:, 0], episode.trajectory[:, 1:3]),
+        reversals=metrics.reverse_starts(episode.speeds),
+        collision_in_reverse=int(
+            episode.outcome is Outcome.COLLISION and episode.speeds[-1] < -metrics.REVERSE_MPS
+        ),
         start_x_m=task.start.x,
         start_y_m=task.start.y,
         start_yaw_rad=task.start.yaw,

@@ -227,6 +227,13 @@ def test_every_part_of_lme_plus_is_removed_in_its_experiment(chosen):
     assert config.hydra.runtime.choices["system"] == "lme_plus"
 
 
+def test_maps_have_clocks_of_their_own_only_where_that_is_asked_for(chosen):
+    for name, rates in (("move_base_gazebo", (10.0, 20.0)), (None, (None, None))):
+        config = chosen("experiment", name) if name else chosen("system", "move_base")
+        assert (config.guide.costmap.update_rate, config.planner.costmap.update_rate) == rates
+        assert config.hydra.runtime.choices["system"] == "move_base"
+
+
 @pytest.mark.parametrize("option", [name for name in CATALOGUE.options("ablation") if name != "none"])
 def test_every_ablation_has_a_label_of_its_own(option):
     labels = ablations.labels()

@@ -14,6 +14,7 @@ from lme.metrics import (
     interval_over_worlds,
     mean_abs_domega,
     mean_std_over_runs,
+    reverse_starts,
     reward,
     spl,
     wilson_interval,
@@ -61,6 +62,11 @@ def test_spl_lies_between_zero_and_one(shortest, path, success):
 def test_smoothness_by_hand():
     assert mean_abs_domega([0.0, 0.4, 0.4, -0.2]) == pytest.approx((0.4 + 0.0 + 0.6) / 3, abs=KERNEL)
     assert mean_abs_domega([0.3]) == 0.0  # an episode that starts at the goal
+
+
+def test_reversals_by_hand():
+    assert reverse_starts([0.0, -0.04, -0.06, -0.5, -0.04, -0.2, 0.3, -0.3]) == 3
+    assert reverse_starts([-0.5]) == reverse_starts([]) == 0
 
 
 def test_reward_is_equation_1():

@@ -26,7 +26,8 @@ from lme.kernels.obstacle_grid import (
 from lme.kernels.outline import free_covered
 from lme.robots import Robot
 from lme.sensing.inflation import inflation_stamp
-from lme.types import Bools, Floats, Ints, Observation, Pose
+from lme.sensing.map_clock import MapInput
+from lme.types import Bools, Floats, Ints, Pose
 from lme.worlds.world import World
 
 Cell = tuple[int, int]
@@ -49,6 +50,7 @@ class CostmapConfig:
     footprint_padding: float = 0.1  # [m] added to the footprint's inner radius
     inflation_radius: float = 0.3  # [m] obstacles raise the cost up to here
     cost_scaling_factor: float = 10.0  # [1/m] decay of the cost with distance
+    update_rate: float | None = None  # [Hz] of the map's own clock; None: with every observation
 
     def __post_init__(self) -> None:
         for key in ("cell_size", "obstacle_range", "raytrace_range"):
@@ -61,6 +63,8 @@ class CostmapConfig:
             "cost_scaling_factor",
         ):
             require(f"guide.costmap.{key}", getattr(self, key), at_least=0.0)
+        if self.update_rate is not None:
+            require("guide.costmap.update_rate", self.update_rate, above=0.0)
 
 
 class Costmap:
@@ -73,7 +77,8 @@ class Costmap:
     def __init__(self, config: CostmapConfig, robot: Robot, goal: Floats) -> None:
         self._config = config
         self._lidar = robot.lidar.mount
-        self._keep = round(config.observation_persistence * robot.control_rate)  # [scans]
+        rate = min(config.update_rate or robot.control_rate, robot.control_rate)
+        self._keep = round(config.observation_persistence * rate)  # [scans]
         self._grid, size = _layout(config, goal)
         self.stamp = stamp(config, robot.footprint.r_min)
         self._outline = robot.footprint.outline(config.footprint_padding)
@@ -81,9 +86,9 @@ class Costmap:
         self.costs = np.zeros(size, dtype=np.uint8)
         self._scans = 0
 
-    def observe(self, observation: Observation) -> None:
+    def observe(self, taken: MapInput) -> None:
         """Mark the cells that the scan hits and clear those it passes; see `lme.kernels.obstacle_grid.observe`."""
-        scan, config = observation.scan, self._config
+        scan, config = taken.scan, self._config
         self._scans += 1
         observe(
             self._hits,
@@ -92,14 +97,14 @@ class Costmap:
             self.stamp,
             self._scans,
             self._keep,
-            compose(observation.odometry, self._lidar),
+            compose(taken.scan_pose, self._lidar),
             scan.ranges,
             (scan.angle_min, scan.angle_increment),
             (scan.range_min, scan.range_max, config.obstacle_range, config.raytrace_range),
             config.inf_is_valid,
         )
         if config.footprint_clearing:
-            free_covered(self._hits, self._outline, observation.odometry, self._grid)
+            free_covered(self._hits, self._outline, taken.pose, self._grid)
 
     def draw(self, world: World, start: Pose) -> None:
         """Mark the cells of the world's obstacles; `start`: pose of the odometry frame in the world."""

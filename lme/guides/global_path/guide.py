@@ -14,6 +14,7 @@ from lme.guides.global_path.kernels import departs, nearest_passable, search, st
 from lme.kernels.fan import fan_blocked
 from lme.kernels.obstacle_grid import INSCRIBED, TOUCHING
 from lme.robots import Robot
+from lme.sensing.map_clock import MapClock
 from lme.sensing.scan_points import obstacle_points
 from lme.types import Bools, Floats, Guidance, Observation, Pose
 from lme.worlds.world import World
@@ -72,9 +73,11 @@ class GlobalPath:
         self._period = max(1, round(robot.control_rate / config.replan_rate))
         self.cell_costs = _TABLE  # what the search pays for a cell of each cost
         self._world: tuple[World, Pose] | None = None
+        self._clock = MapClock(config.costmap.update_rate, robot.dt)
 
     def reset(self, rng: np.random.Generator) -> None:
         """Forget map and path."""
+        self._clock.reset(rng)
         self._world = None
         self.costmap: Costmap | None = None
         self._route: _Route | None = None
@@ -105,14 +108,16 @@ class GlobalPath:
         return Guidance(subgoal, path, switched, not route.found)
 
     def _updated(self, observation: Observation) -> Costmap:
-        """The map; an observed one includes this scan."""
+        """The map; an observed one is rebuilt if it is due."""
         if self.costmap is None:
             goal = to_world(observation.target, observation.odometry)
             self.costmap = Costmap(self._config.costmap, self._robot, goal)
             if self._config.global_map == "known":
                 self._draw(self.costmap)
         if self._config.global_map == "observed":
-            self.costmap.observe(observation)
+            taken = self._clock.due(observation)
+            if taken is not None:
+                self.costmap.observe(taken)
         return self.costmap
 
     def _draw(self, costmap: Costmap) -> None:

@@ -54,7 +54,7 @@ class Mppi:
     def reset(self, rng: np.random.Generator) -> None:
         """Forget map and controls."""
         self._rng = rng
-        self.costmap.reset()
+        self.costmap.reset(rng)
         self._forget()
 
     def plan(self, observation: Observation, guidance: Guidance) -> Twist:

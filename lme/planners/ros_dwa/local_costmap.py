@@ -12,6 +12,7 @@ from lme.kernels.obstacle_grid import Grid, Hits, inflate, lattice, observe
 from lme.kernels.outline import free_covered, outline_capacity, outline_cost
 from lme.robots import Robot
 from lme.sensing.inflation import inflation_stamp
+from lme.sensing.map_clock import MapClock, MapInput
 from lme.types import Observation, Pose
 
 
@@ -26,12 +27,15 @@ class LocalCostmapConfig:
     footprint_padding: float = 0.1  # [m] the outline of the footprint is moved out by this
     inflation_radius: float = 0.3  # [m] obstacles raise the cost up to here
     cost_scaling_factor: float = 10.0  # [1/m] decay of the cost with distance
+    update_rate: float | None = None  # [Hz] of the map's own clock; None: with every observation
 
     def __post_init__(self) -> None:
         for key in ("cell_size", "obstacle_range", "raytrace_range"):
             require(f"planner.costmap.{key}", getattr(self, key), above=0.0)
         for key in ("footprint_padding", "inflation_radius", "cost_scaling_factor"):
             require(f"planner.costmap.{key}", getattr(self, key), at_least=0.0)
+        if self.update_rate is not None:
+            require("planner.costmap.update_rate", self.update_rate, above=0.0)
         require("planner.costmap.size", self.size, above=0.0, at_most=1000.0 * self.cell_size)
         require("planner.costmap.inflation_radius", self.inflation_radius, at_most=self.size)
 
@@ -54,10 +58,15 @@ class LocalCostmap:
             config.cell_size, 0.0, inscribed, config.inflation_radius, config.cost_scaling_factor
         )
         self._cells = np.empty(outline_capacity(self.outline, config.cell_size), dtype=np.int64)
-        self.reset()
+        self._clock = MapClock(config.update_rate, robot.dt)
+        self._clear()
 
-    def reset(self) -> None:
-        """Forget all obstacles."""
+    def reset(self, rng: np.random.Generator) -> None:
+        """Forget all obstacles, and draw the phase of the map's clock."""
+        self._clock.reset(rng)
+        self._clear()
+
+    def _clear(self) -> None:
         side = 2 * self._half + 1
         self.grid: Grid = (-self._half, -self._half, self._config.cell_size)
         self.costs = np.zeros((side, side), dtype=np.uint8)
@@ -65,8 +74,13 @@ class LocalCostmap:
         self._scans = 0
 
     def update(self, observation: Observation) -> None:
-        """Move the map to the robot and take in the scan."""
-        scan, pose, config = observation.scan, observation.odometry, self._config
+        """Move the map to the robot and take in the scan, if the map is due."""
+        taken = self._clock.due(observation)
+        if taken is not None:
+            self._rebuild(taken)
+
+    def _rebuild(self, taken: MapInput) -> None:
+        scan, pose, config = taken.scan, taken.pose, self._config
         self._follow(pose)
         self._scans += 1
         observe(
@@ -76,7 +90,7 @@ class LocalCostmap:
             self._stamp,
             self._scans,
             0,
-            compose(pose, self._lidar),
+            compose(taken.scan_pose, self._lidar),
             scan.ranges,
             (scan.angle_min, scan.angle_increment),
             (scan.range_min, scan.range_max, config.obstacle_range, config.raytrace_range),

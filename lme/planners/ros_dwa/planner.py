@@ -67,7 +67,7 @@ class RosDwa:
 
     def reset(self, rng: np.random.Generator) -> None:
         """Forget map, plan and recoveries."""
-        self._costmap.reset()
+        self._costmap.reset(rng)
         self._search.reset()
         self._state = _State.PLANNING
         self._path: Floats | None = None  # (K, 2) in the odometry frame [m]

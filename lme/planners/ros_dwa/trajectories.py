@@ -105,7 +105,7 @@ class TrajectorySearch:
 
     def __init__(self, config: TrajectoriesConfig, robot: Robot, costmap: LocalCostmap) -> None:
         self._config = config
-        self._dt = robot.dt
+        self._dt, self._v_max = robot.dt, robot.v_max
         self._costmap = costmap
         cell = config.costmap.cell_size if config.meter_scoring else 1.0
         self._scales = (config.pdist_scale * cell, config.gdist_scale * cell, config.occdist_scale)
@@ -118,6 +118,8 @@ class TrajectorySearch:
         config = self._config
         fastest = max(config.max_vel_x, -config.escape_vel)
         reach = fastest * config.sim_time + config.heading_lookahead
+        if config.costmap.update_rate is not None:  # the robot is no longer in the middle
+            reach += self._v_max * (1.0 / config.costmap.update_rate + self._dt)
         cells = math.ceil(reach / config.costmap.cell_size) + 2
         middle = self._costmap.costs.shape[0] // 2
         return middle - cells, middle + cells + 1, middle - cells, middle + cells + 1

@@ -176,6 +176,29 @@ def test_the_true_map_must_be_given():
         guide.guide(observation())
 
 
+def test_a_map_with_a_rate_is_rebuilt_in_its_own_time():
+    """At 2 Hz, seen at 10 Hz, a wall that appears after the first look is on the map from the fifth look on at most."""
+    robot = stage()
+    robot.control_rate = 10.0
+    wall = World(segments=np.array([[1.0, -0.5, 1.0, 0.5]]))
+    simulator = FastSimulator(FastConfig(), robot)
+    empty, walled = (
+        simulator.reset(task(world, goal=(4.0, 0.0)), np.random.default_rng(0)) for world in (World(), wall)
+    )
+    seen_at = set()
+    for seed in range(12):
+        guide = GlobalPath(GlobalPathConfig(costmap=CostmapConfig(update_rate=2.0)), robot)
+        guide.reset(np.random.default_rng(seed))
+        guide.guide(empty)
+        looks = 0
+        while not guide.costmap.costs.any():
+            guide.guide(walled)
+            looks += 1
+        seen_at.add(looks)
+    assert seen_at <= {2, 3, 4, 5, 6}  # a map takes the scan of the look before
+    assert len(seen_at) > 2
+
+
 # Replanning
 
 

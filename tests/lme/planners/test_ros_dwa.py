@@ -75,6 +75,25 @@ def test_a_cell_is_free_as_soon_as_a_beam_passes_it_or_the_robot_stands_on_it():
     assert not (np.abs(occupied(costmap) - [1.2, 0.3]) < 0.15).all(axis=1).any()
 
 
+def test_a_map_on_its_own_clock_keeps_what_the_robot_has_driven_over_since():
+    """At 2 m/s the front of the padded outline, 0.31 m ahead, is 0.1 m farther after a step of 0.05 s.
+
+    The post's near side is at x = 0.35. A map that is rebuilt halfway is cleared up to x = 0.36 or less, so the post's
+    rest stays under the outline of the pose that is planned from; one that is rebuilt there is cleared up to 0.41.
+    """
+    post, there = World(circles=np.array([[0.4, 0.0, 0.05]])), Pose(0.1, 0.0, 0.0)
+    seed = next(k for k in range(100) if 0.2 < np.random.default_rng(k).spawn(1)[0].uniform() < 0.5)
+    costs = []
+    for config in (LocalCostmapConfig(update_rate=20.0), LocalCostmapConfig()):
+        costmap = LocalCostmap(config, JACKAL)
+        costmap.reset(np.random.default_rng(seed))
+        costmap.update(seen(post))
+        costmap.update(seen(post, pose=there)._replace(scan_pose=there))
+        costs.append(costmap.outline_cost(there))
+    assert costs[0] == -1
+    assert costs[1] >= 0
+
+
 def test_costs_forbid_the_centre_within_the_inscribed_radius():
     costmap = LocalCostmap(LocalCostmapConfig(), JACKAL)
     costmap.update(seen(POST))
@@ -200,7 +219,7 @@ def test_a_bad_value_is_one_line(changes, key):
         RosDwaConfig(**changes)
 
 
-@pytest.mark.parametrize("key", ["cell_size", "size", "obstacle_range"])
+@pytest.mark.parametrize("key", ["cell_size", "size", "obstacle_range", "update_rate"])
 def test_a_bad_value_of_the_map_is_one_line(key):
     with pytest.raises(InputError, match=f"planner.costmap.{key} is -1"):
         LocalCostmapConfig(**{key: -1.0})

@@ -8,10 +8,10 @@ import pytest
 
 from lme.errors import InputError
 from lme.geometry.frames import to_robot
-from lme.sim.disturbances import Disturbances, slipped
+from lme.sim.disturbances import Disturbances, Measured, PastMotion, slipped
 from lme.sim.fast import FastConfig, FastSimulator
 from lme.sim.physics import PhysicsConfig, PhysicsSimulator
-from lme.types import Twist
+from lme.types import Pose, Twist
 from tests.builders import CLUTTER, room, shipped, stage, task
 from tests.tolerances import KERNEL
 
@@ -20,6 +20,7 @@ BOTH = pytest.mark.parametrize("kind", list(KINDS))
 KEYS = {
     "latency": 0.05,
     "lag": 0.2,
+    "odometry_age": 0.02,
     "slip": 0.1,
     "odometry_error": 0.03,
     "scan_noise": 0.02,
@@ -219,6 +220,39 @@ def test_rare_fixes_alone_change_nothing_and_with_slip_they_drift(kind):
             assert error > 0.02
 
 
+def test_the_past_motion_is_interpolated_and_does_not_start_before_the_first():
+    past, truth = PastMotion(0.03), {}
+    for k in range(3):  # 1 m/s² from rest, seen every 0.05 s
+        pose = Pose(float(k), 0.0, 0.0)
+        truth[k] = Measured(pose, Twist(0.05 * k, 0.0), pose._replace(y=1.0))
+        then = past.at(0.05 * k, truth[k])
+        share = max(k - 0.6, 0.0)  # 0.03 s are 0.6 periods
+        assert then.pose == pytest.approx((share, 0.0, 0.0), abs=KERNEL)
+        assert then.twist == pytest.approx((0.05 * share, 0.0), abs=KERNEL)
+        assert then.odometry == pytest.approx((share, 1.0, 0.0), abs=KERNEL)
+
+
+def test_the_past_motion_may_be_older_than_a_period():
+    past = PastMotion(0.12)
+    poses = [past.at(0.05 * k, Measured(Pose(k, 0, 0), Twist(k, 0), Pose(k, 0, 0))).pose.x for k in range(6)]
+    assert poses == pytest.approx([0.0, 0.0, 0.0, 0.6, 1.6, 2.6], abs=KERNEL)
+
+
+@BOTH
+def test_an_old_pose_sees_the_target_from_where_it_was_and_knows_where_the_scan_was_taken(kind):
+    simulator, _ = started(kind, CLUTTER, goal=(5.0, 1.0), odometry_age=0.04)
+    for _ in range(4):
+        before = simulator.state.pose
+        seen = simulator.step(Twist(0.2, 0.3))
+    assert (
+        0.0
+        < math.dist(seen.odometry[:2], simulator.state.pose[:2])
+        < math.dist(before[:2], simulator.state.pose[:2])
+    )
+    assert seen.target == pytest.approx(to_robot(np.array([5.0, 1.0]), seen.odometry), abs=KERNEL)
+    assert seen.scan_pose == pytest.approx(tuple(simulator.state.pose), abs=KERNEL)
+
+
 @BOTH
 def test_arrival_is_judged_by_the_truth(kind):
     simulator, _ = started(kind, goal=(0.1, 0.0), goal_noise=5.0)
@@ -231,6 +265,7 @@ def test_arrival_is_judged_by_the_truth(kind):
     [
         ("latency", -0.1, "at least 0"),
         ("lag", -0.1, "at least 0"),
+        ("odometry_age", -0.1, "at least 0"),
         ("slip", math.nan, "at least 0"),
         ("odometry_error", -0.1, "at least 0"),
         ("scan_noise", math.inf, "finite"),

@@ -9,7 +9,7 @@ import pytest
 from lme.drivetrain import Response
 from lme.episode import run_episode
 from lme.errors import InputError
-from lme.geometry.frames import to_robot
+from lme.geometry.frames import compose, relative, to_robot
 from lme.robots import Contact
 from lme.sim.fast import FastConfig, FastSimulator
 from lme.sim.physics import PhysicsConfig, PhysicsSimulator
@@ -170,6 +170,19 @@ def test_a_scan_is_at_most_one_lidar_period_old():
     assert min(ages) > -0.003
     assert max(ages) < 0.053
     assert max(ages) - min(ages) > 0.02
+
+
+def test_a_scan_says_where_it_was_taken():
+    robot = dataclasses.replace(GAZEBO, lidar=dataclasses.replace(GAZEBO.lidar, noise_std=0.0))
+    for seed in range(3):
+        simulator, _ = skid(CLUTTER, robot, seed=seed, scan_rate=20.0, odometry_age=0.02, **CALM)
+        seen = driven(simulator, [(1.0, 0.6)] * 5)[-1]
+        other = FastSimulator(FastConfig(), dataclasses.replace(robot, contact=None))
+        # the wheels slide, so the odometry is off; where the scan was taken is known relative to it
+        now = simulator._sensors._past._motions[-1][1]
+        there = compose(simulator.state.pose, relative(seen.scan_pose, now.odometry))
+        again = other.reset(task(CLUTTER, start=there), np.random.default_rng(0))
+        np.testing.assert_allclose(seen.scan.ranges, again.scan.ranges, atol=RANGE)
 
 
 def test_without_a_scan_rate_the_scan_is_taken_at_the_current_pose():

@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ import pytest
 
 import lme
 from lme.social import SocialMeasures
+from lme.types import Twist
 from runners.cli import main
 from runners.records.episode_record import COLUMNS
 from tests.places import ROOT
@@ -32,10 +34,42 @@ def driven(*words, **keys):
     return lme.evaluate(*words, **{"runs": 1, "executor": "serial", "progress": False, **keys})
 
 
+class Backwards:
+    """Backs up, whatever is there."""
+
+    @dataclass
+    class Config:
+        """No settings."""
+
+    def __init__(self, config, robot):
+        pass
+
+    def reset(self, rng):
+        pass
+
+    def plan(self, observation, guidance):
+        return Twist(-0.5, 0.0)
+
+
 def test_static_worlds_have_no_social_columns():
     names = set(driven("map.worlds=[200]").columns)
     assert not names & set(SOCIAL)
     assert set(COLUMNS) <= names
+
+
+def test_backing_up_is_counted_and_so_is_a_collision_on_the_way():
+    words = (
+        "map.worlds=[200,201]",
+        "robot=jackal",
+        "planner=custom",
+        f"planner._target_={__name__}.Backwards",
+    )
+    frame = driven(*words)
+    assert (frame["outcome"] == "collision").all()
+    assert (frame["reversals"] == 1).all()
+    assert (frame["collision_in_reverse"] == 1).all()
+    ahead = driven("map.worlds=[200]")
+    assert (ahead["collision_in_reverse"] == 0).all()
 
 
 def test_worlds_with_people_have_them():

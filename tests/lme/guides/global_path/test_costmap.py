@@ -10,6 +10,7 @@ from lme.errors import InputError
 from lme.guides.global_path.costmap import Costmap, CostmapConfig, stamp
 from lme.guides.global_path.kernels import search
 from lme.kernels.obstacle_grid import HIGHEST, INSCRIBED, TOUCHING
+from lme.sensing.map_clock import MapInput
 from lme.sim.fast import FastConfig, FastSimulator
 from lme.types import Pose, Twist
 from lme.worlds.world import World
@@ -21,6 +22,11 @@ HERE = Pose(0.0, 0.0, 0.0)
 
 def costmap(robot=None, goal=(4.0, 0.0), **settings):
     return Costmap(CostmapConfig(**settings), robot or stage(), np.array(goal))
+
+
+def taken(observed, pose=None):
+    """What a map takes in at a pose, of the observation's if not given."""
+    return MapInput(observed.scan, observed.odometry, pose or observed.odometry)
 
 
 def occupied(grid):
@@ -59,7 +65,7 @@ def test_costs_of_new_hits_stand_at_once():
     grid = costmap()
     ranges = np.full(540, 15.0, np.float32)
     ranges[250:290] = 1.5
-    grid.observe(observation(ranges=ranges))
+    grid.observe(taken(observation(ranges=ranges)))
     at_once = grid.costs.copy()
     grid.refresh()
     assert (at_once > 0).any()
@@ -70,8 +76,8 @@ def test_costs_of_what_was_freed_go_with_the_next_refresh():
     grid = costmap(observation_persistence=0.0)
     ranges = np.full(540, 15.0, np.float32)
     ranges[250:290] = 1.5
-    grid.observe(observation(ranges=ranges))
-    grid.observe(observation())
+    grid.observe(taken(observation(ranges=ranges)))
+    grid.observe(taken(observation()))
     assert (grid.costs > 0).any()
     grid.refresh()
     assert not grid.costs.any()
@@ -138,7 +144,7 @@ def test_scans_mark_what_the_true_map_holds():
     seen += [simulator.step(Twist(0.3, 0.5)) for _ in range(8)]
     maps = [bare(), bare()]
     for observed in seen:
-        maps[0].observe(observed)
+        maps[0].observe(taken(observed))
     maps[1].draw(CLUTTER, start)
     for grid in maps:
         grid.refresh()
@@ -146,6 +152,20 @@ def test_scans_mark_what_the_true_map_holds():
     assert len(scanned) > 20
     gaps = np.linalg.norm(scanned[:, None] - drawn[None], axis=2).min(axis=1)
     assert gaps.max() <= 0.0501
+
+
+def test_a_map_is_cleared_where_the_robot_was_when_it_was_rebuilt():
+    robot = stage()  # a disc; the post is 0.5 m ahead of where the scan was taken
+    robot.footprint.radius = 0.2
+    seen = FastSimulator(FastConfig(), robot).reset(
+        task(World(circles=np.array([[0.5, 0.0, 0.05]])), goal=(5.0, 0.0)), np.random.default_rng(0)
+    )
+    clearing = {"footprint_clearing": True, "footprint_padding": 0.1, "observation_persistence": 0.0}
+    for x, left in ((0.0, True), (0.1, True), (0.5, False)):  # the padded disc reaches to x + 0.3
+        grid = costmap(robot, **clearing)
+        grid.observe(taken(seen, Pose(x, 0.0, 0.0)))
+        grid.refresh()
+        assert (len(np.argwhere(grid.costs == TOUCHING)) > 0) == left
 
 
 # The grid
@@ -161,11 +181,8 @@ def test_a_mirrored_scene_gives_the_mirrored_grid(seed, x, y):
     grids = []
     for side in (1, -1):
         grid = costmap(robot, goal=(x, side * y))
-        grid.observe(
-            observation(
-                ranges=ranges[::side], robot=robot, odometry=Pose(pose.x, side * pose.y, side * pose.yaw)
-            )
-        )
+        mirrored = Pose(pose.x, side * pose.y, side * pose.yaw)
+        grid.observe(taken(observation(ranges=ranges[::side], robot=robot, odometry=mirrored)))
         grids.append(grid)
     np.testing.assert_array_equal(grids[0].costs, grids[1].costs[:, ::-1])
     points = rng.uniform(-3, 3, (20, 2))
@@ -202,6 +219,7 @@ def test_a_point_outside_counts_as_the_nearest_cell_on_the_grid():
         ({"raytrace_range": math.inf}, "guide.costmap.raytrace_range"),
         ({"footprint_padding": -0.1}, "guide.costmap.footprint_padding"),
         ({"observation_persistence": math.nan}, "guide.costmap.observation_persistence"),
+        ({"update_rate": 0.0}, "guide.costmap.update_rate is 0: must be greater than 0"),
         ({"cell_size": 0.001}, "guide.costmap.cell_size is 0.001"),
         ({"inflation_radius": 10.1}, "guide.costmap.inflation_radius is 10.1: .* at most 200 cells, 10 m"),
         ({"footprint_padding": 10.1}, "guide.costmap.footprint_padding is 10.1"),

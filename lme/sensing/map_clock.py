@@ -1,0 +1,66 @@
+"""The clock of a map that is rebuilt in a thread of its own, as the costmaps of ROS are."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from lme.geometry.frames import between
+from lme.types import LaserScan, Observation, Pose
+
+
+class MapInput(NamedTuple):
+    """What a map is rebuilt from: a scan, and the robot's poses when it was taken and when the map is rebuilt.
+
+    Both poses are those of the base in the odometry frame.
+    """
+
+    scan: LaserScan
+    scan_pose: Pose
+    pose: Pose
+
+
+class MapClock:
+    """Says when a map is rebuilt, and from what.
+
+    Without a rate that is at every observation, from its scan, at its pose. With a rate [Hz] it is at a phase that is
+    drawn per episode, mostly between two observations: from the scan of the earlier one, at the pose in between. So
+    the planner plans from a newer pose than that of the map. A map that is rebuilt more than once between two
+    observations keeps the last time only. Time is counted in control periods of `dt` [s].
+
+    Source: ros-planning/navigation, costmap_2d_ros.cpp (mapUpdateLoop, updateMap) and obstacle_layer.cpp, which
+    projects a scan at its stamp, and takes it 0.05 s later at the earliest.
+    """
+
+    def __init__(self, rate: float | None, dt: float) -> None:
+        self._rate, self._dt = rate, dt
+        self._before: Observation | None = None
+
+    def reset(self, rng: np.random.Generator) -> None:
+        """Start a new episode. The phase is drawn from a stream of its own."""
+        self._before = None
+        self._time = 0.0
+        if self._rate is not None:
+            self._phase = rng.spawn(1)[0].uniform() / self._rate
+
+    def due(self, observation: Observation) -> MapInput | None:
+        """What the map is rebuilt from before this observation is planned on; None if it is not rebuilt.
+
+        The first observation is taken as it is, since a robot at rest has a map.
+        """
+        before, self._before = self._before, observation
+        if self._rate is None:
+            return MapInput(observation.scan, observation.odometry, observation.odometry)
+        if before is None:
+            return _input(observation, observation.odometry)
+        began, self._time = self._time, self._time + self._dt
+        last = self._phase + math.floor((self._time - self._phase) * self._rate) / self._rate
+        if last <= began:
+            return None
+        return _input(before, between(before.odometry, observation.odometry, (last - began) / self._dt))
+
+
+def _input(observation: Observation, pose: Pose) -> MapInput:
+    return MapInput(observation.scan, observation.scan_pose or observation.odometry, pose)
