@@ -13,9 +13,9 @@ _MANY = 10  # failures in a row
 
 
 class Horizon:
-    """How much of the horizon is used: half of it for some time after a failure, three quarters after ten in a row.
+    """How much of the horizon is used: half of it for some time after a failure, a quarter after ten in a row.
 
-    So does the code of teb_local_planner; its message speaks of a further reduction.
+    teb_local_planner says so too, but its code then uses three quarters.
     """
 
     def __init__(self, config: TebConfig, dt: float) -> None:
@@ -32,7 +32,7 @@ class Horizon:
         """The share of the horizon to use."""
         if self._left == 0:
             return 1.0
-        return 0.75 if self._in_a_row >= _MANY else 0.5
+        return 0.25 if self._in_a_row >= _MANY else 0.5
 
     def record(self, *, failed: bool) -> None:
         """Note whether this period gave no feasible band."""

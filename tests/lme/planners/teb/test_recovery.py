@@ -19,13 +19,13 @@ def test_a_failure_halves_the_horizon_for_ten_seconds():
     assert horizon.share == 1.0
 
 
-def test_ten_failures_in_a_row_leave_three_quarters():
+def test_ten_failures_in_a_row_leave_a_quarter():
     horizon = Horizon(TebConfig(), DT)
     for _ in range(9):
         horizon.record(failed=True)
     assert horizon.share == 0.5
     horizon.record(failed=True)
-    assert horizon.share == 0.75
+    assert horizon.share == 0.25
     horizon.record(failed=False)
     assert horizon.share == 0.5
     horizon.reset()
