@@ -42,8 +42,8 @@ class Teb:
         self._oscillation = Oscillation(config, robot.dt, config.max_vel_x, config.max_vel_theta)
 
     def reset(self, rng: np.random.Generator) -> None:
-        """Forget map, band and failures."""
-        self.costmap.reset()
+        """Forget map, band and failures; `rng` draws the phase of the map's clock."""
+        self.costmap.reset(rng)
         self.band.reset()
         self._horizon.reset()
         self._oscillation.reset()
