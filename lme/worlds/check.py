@@ -15,8 +15,13 @@ from lme.worlds.world import Task, World
 
 
 def check_task(task: Task, robot: Robot) -> None:
-    """Raise InputError if the robot collides at the start, or the goal is in an obstacle or too near one."""
+    """Raise InputError if the robot is not the task's or collides at the start, or an obstacle is near the goal."""
     where = f"map {task.map_name}, world {task.number}"
+    if task.robot and robot.name != task.robot:
+        raise InputError(
+            f"{where}: the map set draws a robot for every world, and the robot is {robot.name}: "
+            "must be driven with lme eval, or be another map"
+        )
     if footprint_clearance(task.world, robot.hull, task.start) <= 0.0:
         raise InputError(
             f"{where}: robot {robot.name} is in collision at the start {_place(task.start)}: "

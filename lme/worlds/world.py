@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Protocol, runtime_checkable
+from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
 from lme.kernels.edge_grid import NO_EDGES, EdgeGrid, edge_grid
 from lme.kernels.lattice.rectangles import NO_LATTICE, Lattice, lattice_of
+from lme.robots import Robot
 from lme.types import Floats, Pose
 from lme.worlds.movers import Mover
 
@@ -50,7 +52,8 @@ class World:
 class Task:
     """One navigation problem: a world, a start, a goal, and the rules of success.
 
-    measures: named properties of the world, such as difficulty, that are copied into the records.
+    measures: named properties of the world, such as difficulty, that are copied into the records. robot: the name of
+    the only robot that the task is for; empty for any.
     """
 
     map_name: str  # map set, e.g. "barn"
@@ -64,6 +67,7 @@ class Task:
     shortest_path_length: float  # [m] from start to goal
     optimal_time: float  # [s] the benchmark's own optimal traversal time OT
     measures: dict[str, float] = field(default_factory=dict)
+    robot: str = ""
 
 
 class MapSet(Protocol):
@@ -84,3 +88,24 @@ class Named(Protocol):
     @property
     def name(self) -> str:
         """What the records call the map."""
+
+
+class DrawnTask(NamedTuple):
+    """A task with the robot and the disturbances that were drawn for it.
+
+    disturbances: values by key of the simulator's config. columns: what was drawn, by name in the records, which put
+    `world_` before it.
+    """
+
+    task: Task
+    robot: Robot
+    disturbances: Mapping[str, float]
+    columns: Mapping[str, float | str]
+
+
+@runtime_checkable
+class DrawsRobots(Protocol):
+    """A map set with another robot and other disturbances in every world."""
+
+    def drawn(self, number: int) -> DrawnTask:
+        """Draw what is driven in world `number`; always the same."""

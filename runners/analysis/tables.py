@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from runners.analysis.failures import failed_section
+from runners.analysis.families import families_section
 from runners.analysis.summary import DASH, GROUP_KEYS, INTERVAL_HEADER, METRICS, Metric, Row, numbers
 from runners.analysis.table_notes import changed_notes, notes, title
 from runners.analysis.timeouts import timeouts_section
@@ -115,7 +116,7 @@ def write_tables(frame: pd.DataFrame, rows: Sequence[Row], run_dir: Path) -> lis
 
     `table.md` also says how long episodes timed out, and links to explainer pages of failed ones, if there are any.
     """
-    below = timeouts_section(frame) + failed_section(frame, run_dir)
+    below = families_section(frame) + timeouts_section(frame) + failed_section(frame, run_dir)
     texts = {
         "table.md": f"**{title(frame)}**\n\n{to_markdown(rows)}{below}",
         "table.csv": to_csv(rows),

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import cast
+from dataclasses import replace
+from typing import NamedTuple, cast
 
 from lme.errors import InputError, require
 from lme.navigator import Navigator
@@ -12,7 +13,7 @@ from lme.sensing.people.source import People, people_source
 from lme.sim.simulator import Simulator
 from lme.weight_files import with_network
 from lme.worlds.check import check_task
-from lme.worlds.world import MapSet
+from lme.worlds.world import DrawnTask, DrawsRobots, MapSet, Task
 from runners.config.instantiate import build, configured
 from runners.config.schema import DriveConfig, EpisodesConfig, SystemConfig
 
@@ -65,6 +66,33 @@ def simulator(config: DriveConfig) -> Simulator:
     return cast(Simulator, build(config.sim, "sim", config.robot))
 
 
+class Setting(NamedTuple):
+    """What an episode is driven with.
+
+    config: with the robot and the disturbances that the map set draws, if it does. drawn: columns of the records.
+    """
+
+    config: DriveConfig
+    task: Task
+    drawn: Mapping[str, float | str]
+
+
+def setting(config: DriveConfig, maps: MapSet, number: int) -> Setting:
+    """What is driven in world `number` of `maps`, the map set of the config. Raises InputError."""
+    if not isinstance(maps, DrawsRobots):
+        return Setting(config, maps.task(number), {})
+    drawn = maps.drawn(number)
+    return Setting(_with_drawn(config, drawn), drawn.task, drawn.columns)
+
+
+def _with_drawn(config: DriveConfig, drawn: DrawnTask) -> DriveConfig:
+    """The config with what was drawn. A planner that is told the simulator's delay is told the drawn one."""
+    sim, planner = {**config.sim, **drawn.disturbances}, config.planner
+    if "latency" in planner and planner["latency"] == config.sim["latency"]:
+        planner = {**planner, "latency": sim["latency"]}
+    return replace(config, robot=drawn.robot, sim=sim, planner=planner)
+
+
 def check_drive(config: EpisodesConfig, num_tasks: int | None = _CHECKED_TASKS) -> None:
     """Check a system and its first `num_tasks` tasks, or all of them for None. Raises InputError."""
     check_episodes(config, num_tasks)
@@ -78,5 +106,6 @@ def check_episodes(config: EpisodesConfig, num_tasks: int | None = _CHECKED_TASK
     configured(config.executor, "executor")
     maps = map_set(config)
     for number in maps.numbers[:num_tasks]:
-        check_task(maps.task(number), config.robot)
+        here = setting(config, maps, number)
+        check_task(here.task, here.config.robot)
     simulator(config)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from lme.worlds.world import MapSet, Named
+from lme.worlds.world import DrawsRobots, MapSet, Named
 from runners.config import systems
 from runners.config.ablations import SEVERAL
 from runners.config.build import people_of
@@ -10,6 +10,8 @@ from runners.config.job import Job
 from runners.config.overrides import CUSTOM
 from runners.config.schema import DriveConfig
 from runners.records.episode_record import CUSTOM_SUBSET, RunLabels
+
+DRAWN = "drawn"  # instead of the name of a robot, where every episode has another
 
 
 def run_labels(job: Job[DriveConfig], maps: MapSet) -> RunLabels:
@@ -23,7 +25,7 @@ def run_labels(job: Job[DriveConfig], maps: MapSet) -> RunLabels:
         global_map=str(config.guide.get("global_map", "")),
         ablation=_ablation(job),
         weights=job.weights,
-        robot=config.robot.name,
+        robot=DRAWN if isinstance(maps, DrawsRobots) else config.robot.name,
         map=maps.name if isinstance(maps, Named) else job.choices["map"],
         subset=CUSTOM_SUBSET if config.map.get("worlds") else str(config.map.get("subset", "")),
         people=str(people_of(config)),

@@ -22,11 +22,13 @@ from lme.sim.simulator import Simulator, State
 from lme.social import Company, without_people
 from lme.types import Guidance, Observation, Outcome, Twist
 from lme.worlds.check import check_task
-from lme.worlds.world import Task
+from lme.worlds.world import DrawsRobots, MapSet, Task
 from runners.config import build
 from runners.config.schema import DriveConfig
 from runners.records.episode_record import EpisodeKey, EpisodeRecord, EpisodeResult, RunLabels
 from runners.workers.recorder import Recorder, recording_path
+
+_Parts = Callable[[DriveConfig], tuple[Navigator, Simulator]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,18 +50,18 @@ class EpisodePayload:
 
 def initialise(payload: EpisodePayload) -> Callable[[EpisodeKey], EpisodeResult]:
     """Build everything once per process; return the function that runs one episode. Raises InputError."""
-    config, seed, robot = payload.config, payload.config.seed, payload.config.robot
+    seed = payload.config.seed
     _check_run_dir(payload.recordings)
-    maps = build.map_set(config)
-    navigator = build.navigator(config)
-    simulator = build.simulator(config)
-
-    _warm_up(replace(maps.task(maps.numbers[0]), time_limit=2 * robot.dt), navigator, simulator)
+    maps = build.map_set(payload.config)
+    parts = _parts(payload.config, maps)
+    _warm_up(build.setting(payload.config, maps, maps.numbers[0]), parts)
 
     def run(key: EpisodeKey) -> EpisodeResult:
         began = perf_counter()
-        task = maps.task(key.world)
+        config, task, drawn = build.setting(payload.config, maps, key.world)
+        robot = config.robot
         check_task(task, robot)
+        navigator, simulator = parts(config)
         company = Company(robot, simulator) if task.world.people else None
         with _recorder(payload.recordings, seed, key, robot) as recorder:
             observers = [observer for observer in (recorder, company) if observer is not None]
@@ -71,6 +73,8 @@ def initialise(payload: EpisodePayload) -> Callable[[EpisodeKey], EpisodeResult]
             rng = episode_rng(seed, key.world, key.run)
             alone = partial(run_episode, without_people(task), navigator, simulator, rng)
             record = replace(record, social=_social(company, episode, alone))
+        if drawn:
+            record = replace(record, world_measures={**record.world_measures, **drawn})
         return EpisodeResult(record, episode.trajectory)
 
     return run
@@ -115,9 +119,18 @@ def _recorder(
     return Recorder(recording_path(recordings.folder, key), about, robot)
 
 
-def _warm_up(task: Task, navigator: Navigator, simulator: Simulator) -> None:
+def _parts(config: DriveConfig, maps: MapSet) -> _Parts:
+    """From the config of an episode to navigator and simulator; these are built once unless robots are drawn."""
+    if isinstance(maps, DrawsRobots):
+        return lambda drawn: (build.navigator(drawn), build.simulator(drawn))
+    once = build.navigator(config), build.simulator(config)
+    return lambda _: once
+
+
+def _warm_up(here: build.Setting, parts: _Parts) -> None:
     """Drive a short episode that is not recorded: the first decisions load compiled code, which takes time."""
-    run_episode(task, navigator, simulator, np.random.default_rng(0))
+    task = replace(here.task, time_limit=2 * here.config.robot.dt)
+    run_episode(task, *parts(here.config), np.random.default_rng(0))
 
 
 def _social(company: Company, episode: Episode, drive_alone: Callable[[], Episode]) -> dict[str, float]:

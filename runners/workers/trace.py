@@ -90,8 +90,8 @@ class Trace(NamedTuple):
 
 def rerun(config: DriveConfig, world: int, run: int) -> Trace:
     """Run one episode of a config as `lme eval` does, and return its trace. Raises InputError."""
-    task, simulator = build.map_set(config, [world]).task(world), build.simulator(config)
-    navigator = build.navigator(config)
+    config, task, _ = build.setting(config, build.map_set(config, [world]), world)
+    navigator, simulator = build.navigator(config), build.simulator(config)
     tracer = _Tracer(simulator, navigator)
     episode = run_episode(task, navigator, simulator, episode_rng(config.seed, world, run), tracer)
     return Trace(config, world, run, config.robot, task, tuple(tracer.steps), tracer.end, episode)

@@ -161,3 +161,25 @@ def test_runs_with_and_without_a_crowd_are_rows_of_their_own(capsys):
     head, _, *rows = [line for line in capsys.readouterr().out.splitlines() if line.startswith("|")]
     place = [cell.strip() for cell in head.split("|")].index("Crowd")
     assert [row.split("|")[place].strip() for row in rows if "(ours)" in row] == ["–", "orca"]
+
+
+def test_the_cold_trial_drives_every_system_with_the_same_draws():
+    words = [
+        "experiment=cold_trial",
+        "map.trial_seed=7",
+        "map.worlds=[3,7]",
+        "map.subset=static",
+        "executor=serial",
+    ]
+    words += ["system=lme,simple", "tracking=none"]
+    assert main.main(["eval", *words, "hydra.sweep.dir=runs"]) == 0
+    paths = sorted(Path("runs").rglob("episodes.parquet"))
+    one, two = map(pd.read_parquet, paths)
+    assert main.main(["eval", *words, "resume=runs"]) == 0
+    pd.testing.assert_frame_equal(
+        pd.read_parquet(paths[0]), one, check_exact=True
+    )  # with its wall_s: not driven again
+    drawn = [name for name in one if name.startswith("world_")]
+    assert len(drawn) >= 19
+    pd.testing.assert_frame_equal(one[drawn], two[drawn], check_exact=True)
+    assert set(one["robot"]) == {"drawn"}
