@@ -66,7 +66,7 @@ def simulator(config: DriveConfig) -> Simulator:
     return cast(Simulator, build(config.sim, "sim", config.robot))
 
 
-class Setting(NamedTuple):
+class EpisodeSetting(NamedTuple):
     """What an episode is driven with.
 
     config: with the robot and the disturbances that the map set draws, if it does. drawn: columns of the records.
@@ -77,12 +77,12 @@ class Setting(NamedTuple):
     drawn: Mapping[str, float | str]
 
 
-def setting(config: DriveConfig, maps: MapSet, number: int) -> Setting:
+def setting(config: DriveConfig, maps: MapSet, number: int) -> EpisodeSetting:
     """What is driven in world `number` of `maps`, the map set of the config. Raises InputError."""
     if not isinstance(maps, DrawsRobots):
-        return Setting(config, maps.task(number), {})
+        return EpisodeSetting(config, maps.task(number), {})
     drawn = maps.drawn(number)
-    return Setting(_with_drawn(config, drawn), drawn.task, drawn.columns)
+    return EpisodeSetting(_with_drawn(config, drawn), drawn.task, drawn.columns)
 
 
 def _with_drawn(config: DriveConfig, drawn: DrawnTask) -> DriveConfig:

@@ -127,7 +127,7 @@ def _parts(config: DriveConfig, maps: MapSet) -> _Parts:
     return lambda _: once
 
 
-def _warm_up(here: build.Setting, parts: _Parts) -> None:
+def _warm_up(here: build.EpisodeSetting, parts: _Parts) -> None:
     """Drive a short episode that is not recorded: the first decisions load compiled code, which takes time."""
     task = replace(here.task, time_limit=2 * here.config.robot.dt)
     run_episode(task, *parts(here.config), np.random.default_rng(0))
