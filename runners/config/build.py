@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import NamedTuple, cast
+from typing import Any, NamedTuple, cast
 
 from lme.errors import InputError, require
 from lme.navigator import Navigator
@@ -86,11 +86,16 @@ def setting(config: DriveConfig, maps: MapSet, number: int) -> EpisodeSetting:
 
 
 def _with_drawn(config: DriveConfig, drawn: DrawnTask) -> DriveConfig:
-    """The config with what was drawn. A planner that is told the simulator's delay is told the drawn one."""
-    sim, planner = {**config.sim, **drawn.disturbances}, config.planner
-    if "latency" in planner and planner["latency"] == config.sim["latency"]:
-        planner = {**planner, "latency": sim["latency"]}
-    return replace(config, robot=drawn.robot, sim=sim, planner=planner)
+    """The config with what was drawn. A planner or filter that is told the simulator's delay is told the drawn one."""
+    sim = {**config.sim, **drawn.disturbances}
+
+    def told(part: Mapping[str, Any]) -> dict[str, Any]:
+        follows = "latency" in part and part["latency"] == config.sim["latency"]
+        return {**part, **({"latency": sim["latency"]} if follows else {})}
+
+    return replace(
+        config, robot=drawn.robot, sim=sim, planner=told(config.planner), filter=told(config.filter)
+    )
 
 
 def check_drive(config: EpisodesConfig, num_tasks: int | None = _CHECKED_TASKS) -> None:

@@ -7,7 +7,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lme.worlds.world import MapSet
+from lme.errors import InputError
+from lme.worlds.world import DrawsRobots, MapSet
 from runners.analysis import failures
 from runners.config import ablations, build, instantiate, systems, weights
 from runners.config.instantiate import configured
@@ -35,7 +36,22 @@ def validate(job: Job[EvalConfig]) -> None:
     """Check the job before anything runs. Raises InputError."""
     weights.check_scale(job.config.scale, job.config.guide)
     check_report(job)
+    _check_drawn(job)
     build.check_drive(job.config)
+
+
+def _check_drawn(job: Job[EvalConfig]) -> None:
+    """Raise InputError for what a map set that draws a robot for every episode cannot do."""
+    if not isinstance(build.map_set(job.config), DrawsRobots):
+        return
+    if job.config.record is Record.mcap:
+        raise InputError(
+            "record is mcap: must be none where the map draws a robot for every episode, as a recording holds one robot"
+        )
+    if "no_latency" in job.choices.get("ablation", ""):
+        raise InputError(
+            "ablation is no_latency: must be another one where the map draws the delay, which a planner then knows"
+        )
 
 
 def check_report(job: Job[ReportConfig]) -> None:
