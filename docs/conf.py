@@ -26,6 +26,7 @@ include_patterns = [
     "docs/**",
     "examples/*",
     "integrations/*/README.md",
+    "integrations/*/*/README.md",
     "maps/README.md",
 ]
 
