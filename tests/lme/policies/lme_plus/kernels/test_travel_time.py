@@ -103,8 +103,9 @@ def steps_across(points, robot, target, grid, pace):
     share = (pace.comfort - np.clip(d, pace.inner, pace.comfort)) / (pace.comfort - pace.inner)
     steps = grid.cell * (1.0 + pace.slowdown * share**2) / pace.v_max
     steps = np.where((d < pace.inner) & (far | (d < least)), np.inf, steps)
-    i, j = np.floor((target - (grid.x, grid.y)) / grid.cell).astype(int)
-    if 0 <= min(i, j) and max(i, j) < grid.size and d[i, j] < pace.inner:
+    at = (target - (grid.x, grid.y)) / grid.cell + 0.5
+    on_grid = ((at >= 1.0) & (at <= grid.size)).all()  # among the centres of its cells, as for the march
+    if on_grid and d[tuple((at - 0.5).astype(int))] < pace.inner:
         near = np.hypot(*(centres(grid) - target).transpose(2, 0, 1)) < 2.0 * pace.inner
         beside = np.isinf(steps) & near & (d > math.sqrt(0.5) * grid.cell)
         steps = np.where(beside, 20.0 * grid.cell / pace.v_max, steps)
