@@ -14,6 +14,7 @@ import pytest
 from lme.errors import InputError
 from runners.cli import main
 from runners.play import run
+from tests.hearing import hear_signals
 from tests.places import ROOT
 
 pytest.importorskip("uvicorn", reason="needs uvicorn: the extra play")
@@ -28,7 +29,13 @@ def started(tmp_path):
         command = [sys.executable, "-m", "runners.cli.main", "play", "browser=false", *words]
         settings = {**os.environ, "PYTHONPATH": str(ROOT), **environment}
         process = subprocess.Popen(
-            command, cwd=tmp_path, env=settings, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+            command,
+            cwd=tmp_path,
+            env=settings,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            preexec_fn=hear_signals,
         )
         running.append(process)
         lines = []
