@@ -471,6 +471,20 @@ def discs_in_sight(discs, velocities, ranges, angles, limits, lidar, base):
     return np.array(found).reshape(-1, 4)
 
 
+def disc(size):
+    """Cells (size, size) whose centre is within half the side of the grid, less a cell, of its middle, and its edge."""
+    along = np.arange(size) - (size - 1) / 2
+    inside = np.hypot(*np.meshgrid(along, along, indexing="ij")) <= size / 2 - 1
+    framed = np.pad(inside, 1)
+    around = [np.roll(framed, by, axis)[1:-1, 1:-1] for by in (1, -1) for axis in (0, 1)]
+    return inside, inside & ~np.all(around, axis=0)
+
+
+def within_disc(place, size):
+    """Whether a (row, column), from 1, is at least a cell's diagonal inside the disc."""
+    return np.hypot(*(np.asarray(place) - (size + 1) / 2)) <= size / 2 - 1 - np.sqrt(2.0)
+
+
 def travel_times(points, target, robot, grid, pace, leave):
     """Shortest times from the target over the cells to each of 32 neighbours: (size, size) [s]."""
     size, cell = grid.size, grid.cell
@@ -486,13 +500,14 @@ def travel_times(points, target, robot, grid, pace, leave):
     share = (pace.comfort - np.clip(d, pace.inner, pace.comfort)) / (pace.comfort - pace.inner)
     slowness = np.where(blocked, np.inf, (1 + pace.slowdown * share**2) / pace.v_max)
     straight = np.hypot(x - target[0], y - target[1]) / pace.v_max
-    first, last = grid.x + cell / 2, grid.x + (size - 0.5) * cell
-    if ((first <= np.asarray(target)) & (np.asarray(target) <= last)).all():
+    inside, edge = disc(size)
+    slowness[~inside] = np.inf
+    if within_disc((np.asarray(target) - (grid.x, grid.y)) / cell + 0.5, size):
         starts = (np.abs(x - target[0]) <= cell) & (np.abs(y - target[1]) <= cell)
     else:
         starts, leave = np.zeros((size, size), bool), True
     if leave:
-        starts |= np.pad(np.zeros((size - 2, size - 2), bool), 1, constant_values=True)
+        starts |= edge
     return _shortest_times(slowness * cell, np.where(starts, straight, np.inf))
 
 
@@ -517,7 +532,7 @@ def _shortest_times(costs, starts):
     return dijkstra(graph, indices=size * size)[:-1].reshape(size, size)
 
 
-def remember(memory, points, ranges, beams, mount, pose, square, reach, slack):
+def remember(memory, points, ranges, beams, mount, pose, square, reach, slack, range_max):
     """Point by point, with every beam's bearing."""
     placed = np.asarray(_outwards(pose, points)).reshape(-1, 2)
     lidar = _outwards(pose, np.array([mount[:2]]))[0]
@@ -533,7 +548,8 @@ def remember(memory, points, ranges, beams, mount, pose, square, reach, slack):
             k = int(away.argmin())
             inside = away[k] <= abs(beams[1]) / 2
             about = ranges[max(k - 1, 0) : k + 2]
-            if inside and (about > np.hypot(dx, dy) - slack).all():
+            in_range = np.hypot(dx, dy) + slack <= range_max
+            if inside and in_range and (about > np.hypot(dx, dy) - slack).all():
                 continue
         squares.setdefault(at, point)
     return np.array(list(squares.values())).reshape(-1, 2)
@@ -564,22 +580,22 @@ def _apart(one, other):
     return np.hypot(*(one[:, None] - other[None]).transpose(2, 0, 1))
 
 
-def march(slownesses, target, robot, size, cell_time, beyond, enclosed, buckets, gain):
+def march(slownesses, target, robot, size, cell_time, beyond, enclosed, buckets, gain, learned):
     """The untidy fast marching in its order, cell by cell, with a list for each bucket and nothing stored between."""
     times, tentative = np.full((2, size + 2, size + 2), np.inf)
-    rows = range(1, size + 1)
+    inside, edge = (np.pad(each, 1) for each in disc(size))
     (x, y), (rx, ry) = target, robot
     about = [(i, j) for i in (int(x), int(x) + 1) for j in (int(y), int(y) + 1)]
-    sources = [
-        at for at in about if 1.0 <= x <= size and 1.0 <= y <= size and at[0] in rows and at[1] in rows
-    ]
+    sources = about if within_disc(target, size) else []
+    at_target = len(sources)
     if not enclosed:
-        sources += [at for k in rows for at in ((1, k), (size, k), (k, 1), (k, size))]
+        sources = sources + [(int(i), int(j)) for i, j in np.argwhere(edge)]
     queue = [[] for _ in range(buckets)]
     first = np.floor(np.hypot(x - rx, y - ry)) - 2.0
-    for i, j in sources:
-        tentative[i, j] = np.hypot(i - x, j - y) * cell_time
-        key = np.hypot(i - x, j - y) + np.hypot(i - rx, j - ry) - first
+    for n, (i, j) in enumerate(sources):
+        time = np.hypot(i - x, j - y) * cell_time
+        tentative[i, j] = time if n < at_target else max(time, learned[i - 1, j - 1])
+        key = tentative[i, j] / cell_time + np.hypot(i - rx, j - ry) - first
         queue[min(int(key), buckets - 1)].append((i, j))
     here = tuple(min(max(int(at + 0.5), 1), size) for at in robot)
     bucket, stop = 0, buckets
@@ -594,11 +610,7 @@ def march(slownesses, target, robot, size, cell_time, beyond, enclosed, buckets,
         if at == here:
             stop = min(bucket + int(beyond / cell_time) + 1, buckets)
         for i, j in ((at[0], at[1] + 1), (at[0], at[1] - 1), (at[0] + 1, at[1]), (at[0] - 1, at[1])):
-            if (
-                i not in rows
-                or j not in rows
-                or times[at] >= min(times[i, j], tentative[i, j] - gain * cell_time)
-            ):
+            if not inside[i, j] or times[at] >= min(times[i, j], tentative[i, j] - gain * cell_time):
                 continue
             step = slownesses[i - 1, j - 1]
             a, b = min(times[i - 1, j], times[i + 1, j]), min(times[i, j - 1], times[i, j + 1])
@@ -706,3 +718,10 @@ def teb_near(poses, points, box, always, never):
             if side:
                 rows.append((i, *points[min(side, key=distances.__getitem__)]))
     return sorted(rows)
+
+
+def least_times(times, grid, here, most, v_max):
+    """What a search of all ways of up to `most` from `here` says of each cell and the frame about them."""
+    centres = [low + (np.arange(grid.size + 2) - 0.5) * grid.cell for low in (grid.x, grid.y)]
+    x, y = np.meshgrid(*centres, indexing="ij")
+    return np.minimum(times, most - np.hypot(x - here[0], y - here[1]) / v_max)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lme.errors import require
 from lme.geometry.frames import to_robot
@@ -28,6 +29,9 @@ _NOBODY = np.empty((0, 5))
 _AT_REST = 1e-6  # [m/s, rad/s] slower than this counts as 0
 _TIGHT = 0.75  # share of the margin that is kept if the robot could not move otherwise
 _BACKWARD = 0.25  # share of v_max at which the robot backs up
+_ARCS = 7  # on which it may back up
+_LATELY = 10.0  # [s] since the robot last began to back up: until then it does so again only after
+_PATIENCE = 1.0  # [s] of slow driving, in which it may turn out of a narrow place
 _SLOW = 0.05  # [s] extra cost of a command of speed 0 over one of v_max
 
 
@@ -41,7 +45,7 @@ class MinTimeConfig:
     margin_time: float = 0.1  # [s] further distance per speed of the outline
     brake: float = 3.0  # [m/s²] deceleration that the robot can rely on, at most its limit
     grip: float = 1.0  # [m/s²] greatest v·|ω|, the lateral acceleration
-    back: float = 0.3  # [m] distance that a stuck robot backs up; 0: never
+    back: float = 0.3  # [m] distance that a stuck robot backs up at least; 0: never
     latency: float = 0.0  # [s] known delay from a command to its effect
     lag: float = 0.0  # [s] known time constant with which the velocity then approaches the command
     v_samples: int = 7
@@ -70,7 +74,8 @@ class MinTime:
 
     Every pair (v, ω) that is reachable within a period is tried: it is held for some time, then the robot turns to the
     subgoal and drives there. An arc is safe if the exact footprint, with a margin that grows with speed, reaches no
-    obstacle point before the robot has stopped. If none is safe, the robot brakes on its current arc. The points are
+    obstacle point before the robot has stopped. If none is safe, the robot brakes on its current arc. Where the guide
+    finds no free way, and no command ahead is faster than backing up, the robot backs up on an arc. The points are
     those that the guide knows, else those of the scan. If the delay of commands is known, all this starts where the
     robot will be when the command takes effect. Tracked people are predicted at their current velocity.
 
@@ -83,7 +88,8 @@ class MinTime:
         self._config = config
         self._robot = robot
         self._lag = Lag(config.lag, robot.dt)
-        self._omega_share = turn_shares(config.omega_samples)
+        shares = turn_shares(config.omega_samples)
+        self._omega_share = shares * np.abs(shares)  # more of them near the present rate
         self._v_share = np.linspace(0.0, 1.0, config.v_samples) ** 2  # more of them at low speed
         self._check = StoppingCheck(robot.footprint, robot.dt, config.latency, config.lag)
         self.reset(np.random.default_rng(0))
@@ -91,6 +97,8 @@ class MinTime:
     def reset(self, rng: np.random.Generator) -> None:
         """Forget the commands; `rng` is not used."""
         self._left_to_back_up = 0.0  # [m] still to back up
+        self._slow_for = 0.0  # [s] with no free way and no command ahead faster than backing up
+        self._backed_up = math.inf  # [s] since it last began to
         self._check.reset()
 
     def plan(self, observation: Observation, guidance: Guidance) -> Twist:
@@ -101,13 +109,23 @@ class MinTime:
         here = self._here(observation, guidance)
         now = self._ahead(here, observation.limits)
         wanted = self._choose(now, observation.limits)
-        if may_back and (self._left_to_back_up > 0.0 or (guidance.blocked and not any(wanted))):
-            wanted = self._back_up(now.points, observation.limits) or wanted
+        if may_back and (self._left_to_back_up > 0.0 or self._is_stuck(wanted, guidance, observation.limits)):
+            wanted = self._back_up(now, observation.limits) or wanted
         reached = reachable(*wanted, now.twist, observation.limits, self._robot.dt)
         command = self._lag.command_for(reached, now.twist, observation.limits)
         command = self._stoppable(command, StoppingState(here.points, observation.twist, observation.limits))
         self._check.sent(command)
         return command
+
+    def _is_stuck(self, wanted: Twist, guidance: Guidance, limits: Limits) -> bool:
+        """Whether to begin to back up: at once, but not again and again where the robot turns out of a narrow place."""
+        slow = guidance.blocked and wanted.v < self._backward(limits)
+        self._slow_for = self._slow_for + self._robot.dt if slow else 0.0
+        self._backed_up += self._robot.dt
+        stuck = slow and (not any(wanted) or self._backed_up > _LATELY or self._slow_for > _PATIENCE)
+        if stuck:
+            self._backed_up = 0.0
+        return stuck
 
     def _stoppable(self, command: Twist, now: StoppingState) -> Twist:
         """The command, or the nearest after which the robot can still stop, if it can stop now."""
@@ -195,21 +213,55 @@ class MinTime:
         safety = Safety(margin, config.margin_time, brake, limits.alpha_omega, config.grip, config.lag)
         return v, omega, (subgoal, points, self._robot.footprint.box, (*estimate,), (*safety,), movers)
 
-    def _back_up(self, points: Floats, limits: Limits) -> Twist | None:
-        """Straight back for `back`, or as far as known points allow; None if they allow nothing."""
-        speed = min(_BACKWARD * limits.v_max, -limits.lowest)
-        if speed <= 0.0:
-            return None
-        stop = speed / min(self._config.brake, limits.alpha_v) + self._config.lag
-        horizon = np.array([self._robot.dt + stop])
-        margin, mirrored = np.array([_TIGHT * self._config.margin]), points * [-1.0, 1.0]
-        twist, box = np.array([[speed, 0.0]]), self._robot.footprint.box
-        if first_contacts(twist, mirrored, box, margin, horizon, horizon, KEPT)[0] < horizon[0]:
-            self._left_to_back_up = 0.0
-            return None
-        left = self._left_to_back_up if self._left_to_back_up > 0.0 else self._config.back
-        self._left_to_back_up = left - speed * self._robot.dt
-        return Twist(-speed, 0.0)
+    def _backward(self, limits: Limits) -> float:
+        """Speed at which the robot backs up [m/s]."""
+        return min(_BACKWARD * limits.v_max, -limits.lowest)
+
+    def _back_up(self, now: _Situation, limits: Limits) -> Twist | None:
+        """Back for at least `back`, on the safe arc with the least expected time to the subgoal; None: none is safe."""
+        speed = self._backward(limits)
+        omega = self._turns_back(speed, now.twist.omega, limits) if speed > 0.0 else np.empty(0)
+        for share in (1.0, _TIGHT):
+            safe = omega[self._is_safe_back(speed, omega, now.points, share, limits)]
+            if len(safe):
+                left = self._left_to_back_up if self._left_to_back_up > 0.0 else self._config.back
+                self._left_to_back_up = left - speed * self._robot.dt
+                return Twist(-speed, float(safe[self._times_back(speed, safe, now.subgoal, limits).argmin()]))
+        self._left_to_back_up = 0.0
+        return None
+
+    def _turns_back(self, speed: float, omega: float, limits: Limits) -> Floats:
+        """Turn rates (W,) within a period of `omega` at which the robot may back up [rad/s]; 0 if it is among them."""
+        (_, least), (_, most) = self._lag.reach(Twist(0.0, omega), limits)
+        change, grip = limits.alpha_omega * self._robot.dt, self._config.grip / speed
+        low, high = max(omega - change, least, -grip), min(omega + change, most, grip)
+        turns = np.linspace(low, high, _ARCS) if low < high else np.array([omega])
+        if low <= 0.0 <= high:
+            turns[np.abs(turns).argmin()] = 0.0
+        return turns
+
+    def _is_safe_back(
+        self, speed: float, omega: Floats, points: Floats, share: float, limits: Limits
+    ) -> NDArray[np.bool_]:
+        """Whether backing up at each turn rate (W,), and stopping, keeps a share of the margin: (W,)."""
+        config, box = self._config, self._robot.footprint.box
+        braking = speed / min(config.brake, limits.alpha_v)
+        stop = np.maximum(braking, np.abs(omega) / (2.0 * limits.alpha_omega)) + config.lag
+        horizons, margins = self._robot.dt + stop, np.full(len(omega), share * config.margin)
+        ahead = np.column_stack((np.full(len(omega), speed), -omega))  # backwards, among mirrored points
+        contacts = first_contacts(ahead, points * [-1.0, 1.0], box, margins, horizons, horizons, KEPT)
+        safe: NDArray[np.bool_] = contacts >= horizons
+        return safe
+
+    def _times_back(self, speed: float, omega: Floats, subgoal: Floats, limits: Limits) -> Floats:
+        """Expected time to the subgoal (W,) after having backed up at each turn rate for the horizon [s]."""
+        held = max(self._config.horizon, self._robot.dt)
+        half = 0.5 * omega * held
+        chord = -speed * held * np.sinc(half / math.pi)
+        x, y = subgoal[0] - chord * np.cos(half), subgoal[1] - chord * np.sin(half)
+        turn = np.abs((np.arctan2(y, x) - omega * held + math.pi) % (2.0 * math.pi) - math.pi)
+        times: Floats = np.hypot(x, y) / limits.v_max + self._config.turn * turn
+        return times
 
 
 def _without_tiny_rates(twist: Twist) -> Twist:

@@ -16,6 +16,7 @@ STILL = Twist(0.0, 0.0)
 TOUCHING = 1e-6  # [m] nearer counts as contact: far beyond rounding errors, and less than any scan resolves
 _V_SAMPLES, _OMEGA_SAMPLES = 9, 15  # of the commands among which the nearest one is looked for
 _ROUNDING = 1e-9  # [s]
+_NONE = np.empty((0, 2))
 
 
 class StoppingState(NamedTuple):
@@ -94,7 +95,9 @@ class StoppingCheck:
         return found
 
     def _sent(self) -> Floats:
-        return np.array(self.under_way, dtype=np.float64).reshape(-1, 2)
+        if not self.under_way:
+            return _NONE
+        return np.array(self.under_way, dtype=np.float64)
 
     def _motion(self, limits: Limits) -> tuple[tuple[float, float, float, float], float, float, float]:
         """A plain tuple: Numba takes a named one for another type."""

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lme.kernels.straight_ways import straight_ways
+from lme.kernels.straight_ways import reachable
 from lme.policies.distance import distances_to, turns
 from lme.policies.lme_plus.travel import Field
 from lme.types import Floats, Pose
@@ -62,12 +62,7 @@ def c_o(candidates: Floats, sight: Sight) -> Floats:
 
     If there is no such candidate, those that can be reached with the margins times `TIGHT` have 1/2.
     """
-    free = straight_ways(candidates, sight.points, sight.box, sight.margin, sight.turn_margin)
-    if free.any():
-        return free.astype(np.float64)
-    margins = TIGHT * sight.margin, TIGHT * sight.turn_margin
-    tight = straight_ways(candidates, sight.points, sight.box, *margins)
-    return 0.5 * tight.astype(np.float64)
+    return reachable(candidates, sight.points, sight.box, sight.margin, sight.turn_margin, TIGHT)
 
 
 CRITERIA: Mapping[str, Criterion] = {"a_reach": a_reach, "a_dev": a_dev, "a_rest": a_rest, "c_o": c_o}

@@ -16,13 +16,15 @@ from lme.policies.lme.explanation import Decision, Explanation, Step, explain
 from lme.policies.lme.maintenance import Choice, choose
 from lme.policies.lme.score import Parameters, rank
 from lme.policies.lme_plus.criteria import CRITERIA, Sight
+from lme.policies.lme_plus.learned_times import OTHER_TARGET, LearnedTimes
 from lme.policies.lme_plus.memory import Memory, MemoryConfig
-from lme.policies.lme_plus.travel import Travel, TravelConfig
+from lme.policies.lme_plus.travel import Field, Travel, TravelConfig
 from lme.robots import Robot
 from lme.types import Floats, Observation
 
 _NONE = np.empty((0, 2))
 _REACHABLE = tuple(CRITERIA).index("c_o")
+_SAME_TARGET = 0.1  # [m] by which the target may move before times are found anew
 
 
 @dataclass(slots=True)
@@ -35,10 +37,12 @@ class EscaperPlusConfig:
     travel: TravelConfig = field(default_factory=TravelConfig)
     margin: float = 0.08  # [m] distance of a straight way's sides and front to obstacle points
     turn_margin: float = 0.08  # [m] distance of the outline in a turn
+    every: int = 3  # decisions with the same expected times, if nobody is near and the target does not move
 
     def __post_init__(self) -> None:
         require("guide.margin", self.margin, at_least=0.0)
         require("guide.turn_margin", self.turn_margin, at_least=0.0)
+        require("guide.every", self.every, at_least=1)
 
 
 class LocalMinimumEscaperPlus:
@@ -58,6 +62,10 @@ class LocalMinimumEscaperPlus:
         """Start a new episode; `rng` draws the candidates."""
         self._rng = rng
         self._memory = Memory(self._config.memory, self._robot)
+        self._learned = LearnedTimes()
+        self._learned_for: Floats | None = None  # the target, in the carried frame
+        self._field: Field | None = None
+        self._age = 0  # decisions made with the field
         self.sight: Sight | None = None  # of the last decision
         self._subgoal: Floats | None = None  # in the carried frame
         self._last: Step | None = None
@@ -77,16 +85,18 @@ class LocalMinimumEscaperPlus:
         """Algorithm 1 of the paper, with the criteria of LME+."""
         pool = self._generate(observation, sight)
         candidates = len(pool)
-        old = None if self._subgoal is None else candidates
+        old = subgoal = None
         if self._subgoal is not None:
-            pool = np.concatenate((pool, to_robot(self._subgoal, sight.pose)[None]))
+            old, subgoal = candidates, to_robot(self._subgoal, sight.pose)
+            pool = np.concatenate((pool, subgoal[None]))
         features = np.array([criterion(pool, sight) for criterion in CRITERIA.values()])
         scores, new, blocked = rank(features, self._parameters.weights, candidates, _REACHABLE)
         choice = self._choose(pool, scores, new, old)
         if choice is not Choice.KEPT:
             self._subgoal = to_world(pool[new], sight.pose)
-        assert self._subgoal is not None
-        decision = Decision(to_robot(self._subgoal, sight.pose), choice, blocked)
+            subgoal = to_robot(self._subgoal, sight.pose)
+        assert subgoal is not None
+        decision = Decision(subgoal, choice, blocked)
         view, names, parameters = self._view(observation, sight), tuple(CRITERIA), self._parameters
         return Step(decision, names, parameters, observation.scan, view, pool, features, scores, new, old)
 
@@ -103,17 +113,33 @@ class LocalMinimumEscaperPlus:
 
     def _look(self, observation: Observation) -> Sight:
         config, robot, pose = self._config, self._robot, self._memory.pose
-        target = to_world(observation.target, pose)
-        times = self._travel.field(self._memory.points, target, np.array(pose[:2]), self._memory.people)
         return Sight(
             self._memory.known,
             pose,
-            times,
+            self._times(to_world(observation.target, pose), np.array(pose[:2])),
             robot.footprint.box,
             config.margin,
             config.turn_margin,
             robot.v_max,
         )
+
+    def _times(self, target: Floats, here: Floats) -> Field:
+        """The expected times of the last decisions, or new ones, if these are old or of another target."""
+        memory, field = self._memory, self._field
+        self._age += 1
+        old = self._age >= self._config.every or len(memory.people) > 0
+        if field is None or old or math.dist(target, field.target) > _SAME_TARGET:
+            learned = self._learned_of(target)
+            self._field = field = self._travel.field(memory.points, target, here, memory.people, learned)
+            self._age = 0
+        return field
+
+    def _learned_of(self, target: Floats) -> LearnedTimes:
+        """What was learned of the ways to a target."""
+        other = self._learned_for is None or math.dist(target, self._learned_for) > OTHER_TARGET
+        if other or not self._config.memory.kept:
+            self._learned, self._learned_for = LearnedTimes(), target
+        return self._learned
 
     def _generate(self, observation: Observation, sight: Sight) -> Floats:
         """Random candidates all around, places on the fastest way, and the target if it is in range."""
@@ -121,7 +147,7 @@ class LocalMinimumEscaperPlus:
         reach = min(config.max_range, observation.scan.range_max)
         parts = [sample(self._rng, config, reach, -math.pi, 2 * math.pi)]
         if self._config.structured:
-            parts.append(to_robot(sight.field.descent(reach), sight.pose))
+            parts.append(sight.field.descent(sight.pose, reach))
         if config.target and math.hypot(*observation.target) <= reach:
             parts.append(observation.target[None])
         return np.concatenate(parts)

@@ -13,11 +13,12 @@ from lme.kernels.movers import WIDEST, movers_among
 from lme.policies.lme_plus.kernels.carried_points import remember, squares_around
 from lme.robots import Robot
 from lme.sensing.scan_points import obstacle_points
-from lme.types import Floats, Observation, Pose, Twist
+from lme.types import Floats, Limits, Observation, Pose, Twist
 
-_NOBODY = np.empty((0, 6))
+_NOTHING, _NOBODY = np.empty((0, 2)), np.empty((0, 6))
 _STANDING = 0.05  # [m/s] slower people stand
 _SAME = 0.5  # [m] from where somebody stood a period ago: the same person
+_SORTED = 1.0  # [m] of way after which points near and far are sorted again
 _SLACK = 0.15  # [m] a beam that ends less than this before a remembered point has seen its surface again
 
 
@@ -26,7 +27,7 @@ class MemoryConfig:
     """How far and how finely points are remembered."""
 
     kept: bool = True  # false: only the points of the current scan
-    reach: float = 12.0  # [m] farther points are forgotten, and those of the scan left out
+    reach: float = 12.0  # [m] farther points are out of use until the robot comes nearer
     square: float = 0.05  # [m] one point per square of this side
     people: bool = True  # false: points of tracked people are kept like all others
 
@@ -39,8 +40,9 @@ class Memory:
     """Points seen so far, in a frame fixed to the ground that starts at the robot.
 
     The frame is carried by the mean twist of each control period (UpdatePos, paper §III.D, with the turn's middle
-    heading). It drifts like any dead reckoning, so only near and recent points can be relied on. A point is forgotten
-    as soon as the scan sees its place, so points behind obstacles and in the blind arc are kept.
+    heading); v and ω are taken to change at their limits of acceleration and then to hold. It drifts like any dead
+    reckoning, so only near and recent points can be relied on. A point is forgotten as soon as the scan sees its place,
+    so points behind obstacles and in the blind arc are kept, and far ones until the robot comes back.
     """
 
     def __init__(self, config: MemoryConfig, robot: Robot) -> None:
@@ -48,10 +50,15 @@ class Memory:
         self._dt = robot.dt
         self._mount = robot.lidar.mount
         self.pose = Pose(0.0, 0.0, 0.0)  # of the robot in the carried frame
-        self.points: Floats = np.empty((0, 2))  # in the carried frame
-        self.known: Floats = np.empty((0, 2))  # the same in the robot frame
-        self._taken = squares_around(config.reach, config.square)
-        self.seen: Floats = np.empty((0, 2))  # points of the last scan in the robot frame, sorted by bearing
+        self.points: Floats = _NOTHING  # in the carried frame
+        self.known: Floats = _NOTHING  # the same in the robot frame
+        self._far: Floats = _NOTHING  # out of reach, in the carried frame
+        self._sorted_at = self.pose
+        self._reach = (
+            config.reach + 2.0 * _SORTED
+        )  # the points of `reach` are all in, wherever they were sorted
+        self._taken = squares_around(self._reach, config.square)
+        self.seen: Floats = _NOTHING  # points of the last scan in the robot frame, sorted by bearing
         # (P, 6) x, y, vx, vy, radius of tracked people in the carried frame [m, m/s], and for how long they stand [s]
         self.people = _NOBODY
         self._twist: Twist | None = None
@@ -60,10 +67,12 @@ class Memory:
         """Advance one control period and take in the scan."""
         now, scan = observation.twist, observation.scan
         if self._twist is not None:
-            self.pose = _moved(self.pose, self._twist, now, self._dt)
+            self.pose = _moved(self.pose, self._twist, now, self._dt, observation.limits)
         self._twist = now
         self.seen = obstacle_points(scan, self._mount)
         still, theirs = self._without_people(observation.pedestrians)
+        if math.dist(self.pose[:2], self._sorted_at[:2]) >= _SORTED:
+            self._sort()
         self.points, self.known = remember(
             self._taken,
             self.points if self._config.kept else self.points[:0],
@@ -73,11 +82,20 @@ class Memory:
             (*self._mount,),
             (*self.pose,),  # plain tuples, which Numba recognises faster
             self._config.square,
-            self._config.reach,
+            self._reach,
             _SLACK,
+            scan.range_max,
         )
         if len(theirs):
             self.known = np.concatenate((self.known, theirs))
+
+    def _sort(self) -> None:
+        """Put the points that have come into reach among the near ones, and those that have left it among the far."""
+        self._sorted_at = self.pose
+        if self._config.kept:
+            points = np.concatenate((self.points, self._far))
+            near = np.hypot(*(points - self.pose[:2]).T) <= self._config.reach + _SORTED
+            self.points, self._far = points[near], points[~near]
 
     def _without_people(self, pedestrians: Floats) -> tuple[Floats, Floats]:
         """The scan's points that are not those of people (M, 2), and those that are; notes where the people are."""
@@ -101,8 +119,15 @@ class Memory:
         return np.where(known, before[same, 5] + self._dt, 0.0)
 
 
-def _moved(pose: Pose, before: Twist, now: Twist, dt: float) -> Pose:
+def _moved(pose: Pose, before: Twist, now: Twist, dt: float, limits: Limits) -> Pose:
     """The pose one control period later."""
-    distance, turn = (before.v + now.v) / 2 * dt, (before.omega + now.omega) / 2 * dt
+    distance = _way(before.v, now.v, limits.alpha_v, dt)
+    turn = _way(before.omega, now.omega, limits.alpha_omega, dt)
     middle = pose.yaw + turn / 2
     return Pose(pose.x + distance * math.cos(middle), pose.y + distance * math.sin(middle), pose.yaw + turn)
+
+
+def _way(before: float, now: float, alpha: float, dt: float) -> float:
+    """Integral over `dt` of a rate that changes from `before` to `now` at `alpha` and then holds."""
+    ramp = min(abs(now - before) / alpha, dt)
+    return (before + now) / 2 * ramp + now * (dt - ramp)

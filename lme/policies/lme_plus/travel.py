@@ -11,12 +11,13 @@ import numpy as np
 from lme.errors import require
 from lme.policies.lme_plus.kernels.travel_lookup import descend, rest_at
 from lme.policies.lme_plus.kernels.travel_time import Grid, travel_times, workspace
+from lme.policies.lme_plus.learned_times import LearnedTimes
 from lme.robots import Robot
 from lme.types import Floats, Pose
 
-BEYOND = 0.5  # [s] ways that take longer than the best by more than this are not searched
-_ITSELF = Pose(0.0, 0.0, 0.0)  # of the field's frame
+BEYOND = 1.0  # [s] ways that take longer than the best by more than this are not searched
 _EVERY = 3  # cells between two places on the way of steepest descent
+_ITSELF = Pose(0.0, 0.0, 0.0)  # of the field's frame
 _NOBODY = np.empty((0, 6))
 _LEAST_BAND = 0.05  # [m] of slower driving near obstacles, however wide the robot
 
@@ -42,7 +43,7 @@ class TravelConfig:
 
 
 class Field(NamedTuple):
-    """Expected times T of the cells of a grid [s], and the robot's. `here`, `target`: positions (2,) [m]."""
+    """Expected times T of the cells of a grid [s], and the robot's, which was `here`. here, target: (2,) [m]."""
 
     times: Floats
     robot_time: float
@@ -65,9 +66,9 @@ class Field(NamedTuple):
         """The same with times of its own, which stay when the next field is found."""
         return self._replace(times=self.times.copy())
 
-    def descent(self, length: float) -> Floats:
-        """Places on the robot's fastest way, for `length` [m]: (K, 2)."""
-        return descend(self.times, self.here, (*self.grid,), length, _EVERY)
+    def descent(self, pose: Pose, length: float) -> Floats:
+        """Places on the fastest way from `pose`, for `length` [m], in the frame at it: (K, 2)."""
+        return descend(self.times, (*pose,), (*self.grid,), length, _EVERY)
 
 
 class Travel:
@@ -84,19 +85,32 @@ class Travel:
         self._size = math.ceil(2.0 * reach / config.cell) + 1
         self._workspace = workspace(self._size, config.cell, comfort)
 
-    def field(self, points: Floats, target: Floats, here: Floats, people: Floats = _NOBODY) -> Field:
+    def field(
+        self,
+        points: Floats,
+        target: Floats,
+        here: Floats,
+        people: Floats = _NOBODY,
+        learned: LearnedTimes | None = None,
+    ) -> Field:
         """The field of a robot at `here` (2,), among `points` (M, 2), to its `target` (2,), valid until the next call.
 
         people (P, 6): x, y, vx, vy and radius of those who are no points, in the same frame [m, m/s], and for how long
-        they stand [s].
+        they stand [s]. learned: what earlier fields said of the places at the edge; this one's times are added, unless
+        there are people, who will not be there later.
         """
         x, y = (math.floor((at - self._reach) / self._cell) * self._cell for at in here.tolist())
         grid = Grid(x, y, self._cell, self._size)
-        given = (*self._workspace,), points, target, here, (*grid,), self._pace, self._crowd(people), BEYOND
+        learned = LearnedTimes() if learned is None else learned
+        scene = points, target, here, (*grid,), self._pace, self._crowd(people), *learned.around(grid)
+        given = (*self._workspace,), *scene, BEYOND
         time = travel_times(*given, False)
         if not math.isfinite(time):  # enclosed on the grid: perhaps there is a way around outside it
             time = travel_times(*given, True)
-        return Field(self._workspace.times, time, grid, here, target, self._pace[0])
+        field = Field(self._workspace.times, time, grid, here, target, self._pace[0])
+        if math.isfinite(time) and not len(people):
+            learned.learn(field.times, grid, here, target, time + BEYOND, field.v_max)
+        return field
 
     def _crowd(self, people: Floats) -> Floats:
         """People as `travel_times` takes them: (P, 6)."""

@@ -105,6 +105,14 @@ def test_without_memory_lme_plus_knows_only_the_current_scan():
     assert scan_alone < known  # a disc came into the blind arc
 
 
+def test_what_was_learned_of_the_ways_to_another_target_is_forgotten():
+    other, straight = guide(), guide()
+    for target in ((-30.0, 0.0), (30.0, 0.0)):
+        other.guide(observation(target=target))
+    straight.guide(observation(target=(30.0, 0.0)))
+    assert other.escaper.sight.field.robot_time == straight.escaper.sight.field.robot_time
+
+
 def test_a_seed_decides_everything():
     one, two, other = guide(seed=3), guide(seed=3), guide(seed=4)
     views = looks(CLUTTER)

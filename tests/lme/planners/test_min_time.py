@@ -128,6 +128,34 @@ def test_min_time_backs_up_as_far_as_configured_when_stuck():
     assert commands[:, 0].min() >= 0.0
 
 
+def front():
+    """A wall at the Jackal's front, nearer than any margin; free behind and beside."""
+    half_length, half_width, _ = JACKAL.footprint.box
+    return np.column_stack((np.full(15, half_length + 0.01), np.linspace(-half_width, half_width, 15)))
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_min_time_backs_up_on_an_arc_where_something_is_behind(side):
+    half_length, half_width, _ = JACKAL.footprint.box
+    points = np.concatenate((front(), [[-half_length - 0.1, side * (half_width - 0.02)]]))
+    commands, _, ways = follow(made(), JACKAL, (-3.0, -side * 1.0), points, 3, blocked=True)
+    assert commands[0, 0] < 0.0
+    assert side * commands[0, 1] > 0.0  # backwards, a turn to a side swings the rear to the other
+    track = np.concatenate(ways)
+    assert not touches(JACKAL, track, points)
+    assert side * track[-1, 1] < 0.0
+
+
+def test_min_time_backs_up_where_it_could_only_turn_but_not_again_within_a_second():
+    commands, _, _ = follow(made(), JACKAL, (3.0, 0.0), front(), 40, blocked=True)
+    backwards = commands[:, 0] < 0.0
+    assert backwards[0]
+    begins = np.flatnonzero(backwards & ~np.append(False, backwards[:-1]))
+    ends = np.flatnonzero(backwards & ~np.append(backwards[1:], False))
+    assert len(begins) > 1
+    assert (begins[1:] - ends[:-1]).min() * JACKAL.dt > 1.0
+
+
 @pytest.mark.parametrize(("v_min", "slowest"), [(-0.2, -0.2), (0.0, 0.0)])
 def test_min_time_backs_up_only_as_the_robot_can(v_min, slowest):
     robot = replace(JACKAL, v_min=v_min)

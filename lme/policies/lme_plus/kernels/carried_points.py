@@ -34,6 +34,7 @@ def remember(
     square: float,
     reach: float,
     slack: float,
+    range_max: float,
 ) -> tuple[Floats, Floats]:
     """Points of a scan and the remembered ones that it cannot see, one per square: (K, 2), and in the robot frame.
 
@@ -41,7 +42,8 @@ def remember(
     the scan, in the robot frame. ranges (B,), and beams: first bearing and increment [rad] in the lidar's frame, which
     is at `mount`. pose: of the robot in the carried frame. square [m]: side of the squares. A remembered point is
     dropped if it is farther than `reach` [m] from the robot, or if its beam and both neighbours reach it, or nearly
-    (`slack` [m]): then either a beam passed it, or the scan has a newer point of the same surface.
+    (`slack` [m]): then either a beam passed it, or the scan has a newer point of the same surface. Beams say nothing of
+    points that are not `slack` nearer than `range_max` [m].
     """
     half = _half(reach, square)
     first_i, first_j = math.floor(pose[0] / square) - half, math.floor(pose[1] / square) - half
@@ -65,7 +67,7 @@ def remember(
         if (x - pose[0]) ** 2 + (y - pose[1]) ** 2 > reach * reach:
             continue
         i, j = math.floor(x / square) - first_i, math.floor(y / square) - first_j
-        if taken[i, j] or _in_sight(x - lidar[0], y - lidar[1], first, beams[1], ranges, slack):
+        if taken[i, j] or _in_sight(x - lidar[0], y - lidar[1], first, beams[1], ranges, slack, range_max):
             continue
         taken[i, j] = True
         kept[count, 0], kept[count, 1] = x, y
@@ -80,7 +82,7 @@ def remember(
 
 
 @njit(cache=True, error_model="numpy")
-def _in_sight(dx, dy, first, increment, ranges, slack):
+def _in_sight(dx, dy, first, increment, ranges, slack, range_max):
     """Whether the beam nearest in angle and its neighbours end beyond the point, or less than `slack` before it."""
     turn = 2.0 * math.pi / abs(increment)
     beam = (math.atan2(dy, dx) - first) / increment
@@ -88,7 +90,10 @@ def _in_sight(dx, dy, first, increment, ranges, slack):
     middle = int(beam + 0.5)
     if middle >= len(ranges):
         return False
-    away = math.sqrt(dx * dx + dy * dy) - slack
+    distance = math.sqrt(dx * dx + dy * dy)
+    if distance + slack > range_max:
+        return False
+    away = distance - slack
     for beam in range(max(middle - 1, 0), min(middle + 2, len(ranges))):  # noqa: SIM110 (slow when compiled)
         if not ranges[beam] > away:
             return False

@@ -72,14 +72,17 @@ def times_at(times: Floats, places: Floats, grid: Grid | GridNumbers) -> Floats:
 
 
 @njit(cache=True, error_model="numpy")
-def descend(times: Floats, start: Floats, grid: Grid | GridNumbers, length: float, every: int) -> Floats:
-    """Places on the way of steepest descent of T from (2,) `start`, one per `every` cells: (K, 2) [m].
+def descend(
+    times: Floats, pose: tuple[float, float, float], grid: Grid | GridNumbers, length: float, every: int
+) -> Floats:
+    """Places on the way of steepest descent of T, one per `every` cells, in the frame at the pose: (K, 2) [m].
 
-    The way goes from cell to cell, for at most `length` [m].
+    The way goes from the pose's cell to cell, for at most `length` [m].
     """
     low_x, low_y, cell, size = grid
-    i = min(max(int((start[0] - low_x) / cell) + 1, 1), size)
-    j = min(max(int((start[1] - low_y) / cell) + 1, 1), size)
+    i = min(max(int((pose[0] - low_x) / cell) + 1, 1), size)
+    j = min(max(int((pose[1] - low_y) / cell) + 1, 1), size)
+    cos, sin = math.cos(pose[2]), math.sin(pose[2])
     most = int(length / cell)
     places = np.empty((most // every + 1, 2))
     count = 0
@@ -94,7 +97,7 @@ def descend(times: Floats, start: Floats, grid: Grid | GridNumbers, length: floa
             break
         i, j = i + di, j + dj
         if k % every == 0:
-            places[count, 0] = low_x + (i - 0.5) * cell
-            places[count, 1] = low_y + (j - 0.5) * cell
+            x, y = low_x + (i - 0.5) * cell - pose[0], low_y + (j - 0.5) * cell - pose[1]
+            places[count, 0], places[count, 1] = cos * x + sin * y, cos * y - sin * x
             count += 1
     return places[:count]

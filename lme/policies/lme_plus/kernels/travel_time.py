@@ -1,10 +1,13 @@
-"""Expected time to a target from every cell of a local grid, around obstacle points.
+"""Expected time to a target from every cell of a local disc, around obstacle points.
 
 The eikonal equation |∇T| = s is solved from the target outwards (fast marching: Sethian 1999, SIAM Review 41(2),
 DOI 10.1137/S0036144598347059), with buckets instead of a heap (Yatziv, Bartesaghi & Sapiro 2006, J. Comput. Phys.
 212(2), DOI 10.1016/j.jcp.2005.08.005). s is the time per metre. Cells are taken in the order of T plus the time that
 the straight line from the robot takes, as in A*, so cells far from every possible way of the robot are never
 visited. In this order a cell may come before one that it depends on; then its time is recomputed.
+
+At the edge of the disc the time is that of the straight line, or what earlier searches have learned of the place if
+that is more (Learning Real-Time A*, Korf 1990, Artificial Intelligence 42(2-3), DOI 10.1016/0004-3702(90)90054-4).
 """
 
 import math
@@ -25,7 +28,10 @@ _GAIN = 0.1  # times for a cell by which a known time must improve to be recompu
 
 
 class Grid(NamedTuple):
-    """`size` × `size` square cells of side `cell` [m]. x, y: the corner with the lowest coordinates [m]."""
+    """`size` × `size` square cells of side `cell` [m], of which those of the largest disc inside the frame are used.
+
+    x, y: the corner with the lowest coordinates [m].
+    """
 
     x: float
     y: float
@@ -57,7 +63,8 @@ class Pace(NamedTuple):
 class Workspace(NamedTuple):
     """Arrays that `travel_times` uses again, so that a call costs only as much as it visits. W = size + 2, C = W².
 
-    times (W, W): the result [s]. tentative (C,): the least times so far [s]; −inf where no way leads. steps (C,): time
+    times (W, W): the result [s]. tentative (C,): the least times so far [s]; −inf where no way leads, so outside the
+    disc. edge (E,): the cells of the disc with a neighbour outside it. steps (C,): time
     across a cell [s], 0 if not known yet. away (C,): distance from the robot [cells], if the step is known. squares,
     taken, marks: see `nearest_points.draw`. nodes (2, N): a cell that was put into a bucket, and the next node of that
     bucket. walls (C,): cells that were seen to be no passage. used (2,): number of nodes and of walls.
@@ -73,14 +80,15 @@ class Workspace(NamedTuple):
     nodes: NDArray[np.int32]
     walls: NDArray[np.int32]
     used: NDArray[np.int64]
+    edge: NDArray[np.int32]
 
 
 def workspace(size: int, cell: float, comfort: float) -> Workspace:
     """A workspace for grids of `size` × `size` cells of side `cell` [m], and one comfort [m]."""
-    wide, padded = size + 2, size + 2 * pad(comfort, cell)
+    wide, padded, disc = size + 2, size + 2 * pad(comfort, cell), _disc(size)
     return Workspace(
         times=np.full((wide, wide), np.inf),
-        tentative=np.pad(np.full((size, size), np.inf), 1, constant_values=-np.inf).ravel(),
+        tentative=np.where(disc, np.inf, -np.inf).ravel(),
         steps=np.zeros(wide * wide),
         away=np.empty(wide * wide),
         squares=np.full((padded, padded), np.inf),
@@ -89,7 +97,28 @@ def workspace(size: int, cell: float, comfort: float) -> Workspace:
         nodes=np.empty((2, 5 * wide * wide), np.int32),
         walls=np.empty(wide * wide, np.int32),
         used=np.zeros(2, np.int64),
+        edge=np.flatnonzero(_edge(disc)).astype(np.int32),
     )
+
+
+def _disc(size: int) -> Bools:
+    """Whether each of (size + 2, size + 2) cells is in the disc."""
+    along = np.arange(size + 2) - (size + 1) / 2
+    inside: Bools = np.hypot(along[:, None], along) <= disc_radius(size)
+    return inside
+
+
+def _edge(disc: Bools) -> Bools:
+    """Which cells of the disc have one of their four neighbours outside it."""
+    inner = np.zeros_like(disc)
+    inner[1:-1, 1:-1] = disc[:-2, 1:-1] & disc[2:, 1:-1] & disc[1:-1, :-2] & disc[1:-1, 2:]
+    return disc & ~inner
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def disc_radius(size: int) -> float:
+    """Radius of the disc [cells]; one cell less than would fit, so that what is known reaches beyond its edge."""
+    return 0.5 * size - 1.0
 
 
 @njit(cache=True, error_model="numpy")
@@ -101,6 +130,8 @@ def travel_times(
     grid: Grid | GridNumbers,
     pace: Pace | PaceNumbers,
     people: Floats,
+    learned: Floats,
+    corner: tuple[int, int],
     beyond: float,
     leave: bool,
 ) -> float:
@@ -108,25 +139,28 @@ def travel_times(
 
     points (M, 2); target (2,), robot (2,), in the frame of the grid [m]. people (P, 6): x, y, vx, vy [m, m/s], the
     radius within which they are in the way [m], and the time per metre that it costs to be there when they are [s/m];
-    the robot is expected at a place after the time of the straight way. A way that leaves the grid is straight and
-    free from there to the target; to a target on the grid, ways leave it only if `leave` is true. Only ways from the
-    robot that take at most `beyond` [s] more than the best are searched; cells on no such way are inf, as are those
-    without passage. Python passes plain tuples: Numba needs 5 µs more to recognise each named one.
+    the robot is expected at a place after the time of the straight way. learned (A, B): the least times known before
+    [s], where `corner` is that of the grid's frame. A way that leaves the disc is straight and free from there to the
+    target, or takes what was learned of the cell at its edge if that is more; to a target in the disc, ways leave it
+    only if `leave` is true. Only ways from the robot that take at most `beyond` [s] more than the best are searched;
+    cells on no such way are inf, as are those without passage. Python passes plain tuples: Numba needs 5 µs more to
+    recognise each named one.
     """
-    named = Workspace(*work), points, target, robot, Grid(*grid), Pace(*pace), people
+    named = Workspace(*work), points, target, robot, Grid(*grid), Pace(*pace), people, learned, corner
     time: float = _solve(*named, beyond, leave)
     return time
 
 
 @njit(cache=True, error_model="numpy")
-def _solve(work, points, target, robot, grid, pace, people, beyond, leave):
+def _solve(work, points, target, robot, grid, pace, people, learned, corner, beyond, leave):
     x, y = (target[0] - grid.x) / grid.cell + 0.5, (target[1] - grid.y) / grid.cell + 0.5
     rx, ry = (robot[0] - grid.x) / grid.cell + 0.5, (robot[1] - grid.y) / grid.cell + 0.5
     place = grid.x, grid.y, grid.cell, grid.size
     marks, nearest = draw(work.squares, work.taken, work.marks, points, robot, place, pace.comfort)
     least = min(nearest, pace.inner) - HALF_DIAGONAL * grid.cell
-    inside = 1.0 <= x <= grid.size and 1.0 <= y <= grid.size
-    time = _march(work, (x, y), (rx, ry), grid, pace, people, least, beyond, inside and not leave)
+    inside = _inside(x, y, grid.size)
+    enclosed = inside and not leave
+    time = _march(work, (x, y), (rx, ry), grid, pace, people, learned, corner, least, beyond, enclosed)
     erase(work.squares, work.taken, work.marks, marks, pace.comfort, grid.cell)
     return time
 
@@ -146,8 +180,8 @@ def _clear(work):
 
 
 @njit(cache=True, error_model="numpy")
-def _march(work, target, robot, grid, pace, people, least, beyond, enclosed):
-    """Solve the equation from the target, or also from the edge of the grid unless the ways are `enclosed` in it.
+def _march(work, target, robot, grid, pace, people, learned, corner, least, beyond, enclosed):
+    """Solve the equation from the target, or also from the edge of the disc unless the ways are `enclosed` in it.
 
     target, robot: (row, column). least [m]: distance that a passage near the robot must have.
     """
@@ -160,14 +194,16 @@ def _march(work, target, robot, grid, pace, people, least, beyond, enclosed):
     cells, follow, walls, squares = work.nodes[0], work.nodes[1], work.walls, work.squares
     border = pad(pace.comfort, grid.cell) - 1
     beside = _beside(squares, border, x, y, grid, pace)
-    count = _sources(cells, x, y, grid.size, enclosed)
+    at_target, count = _sources(cells, work.edge, x, y, grid.size, enclosed)
     heads = np.full(BUCKETS, -1, np.int32)
     first = math.floor(math.hypot(x - rx, y - ry)) - 2.0  # no key is less
     for n in range(count):
         i, j = cells[n] // wide, cells[n] % wide
-        away = math.hypot(i - x, j - y)
-        tentative[cells[n]] = away * cell_time
-        bucket = min(int(away + math.hypot(i - rx, j - ry) - first), BUCKETS - 1)
+        time = math.hypot(i - x, j - y) * cell_time
+        if n >= at_target:
+            time = max(time, learned[i + corner[0], j + corner[1]])
+        tentative[cells[n]] = time
+        bucket = min(int(time / cell_time + math.hypot(i - rx, j - ry) - first), BUCKETS - 1)
         follow[n], heads[bucket] = heads[bucket], n
     bucket, stop, least_gain, blocked = 0, BUCKETS, _GAIN * cell_time, 0
     node = heads[0]
@@ -232,7 +268,7 @@ def _march(work, target, robot, grid, pace, people, least, beyond, enclosed):
 @njit(cache=True, error_model="numpy")
 def _beside(squares, border, x, y, grid, pace):
     """Squared distance up to which ways lead to a target that has no passage [cells²]; 0 if it has."""
-    if 1.0 <= x <= grid.size and 1.0 <= y <= grid.size:
+    if _inside(x, y, grid.size):
         square = squares[int(x + 0.5) + border, int(y + 0.5) + border] * grid.cell * grid.cell
         if square < pace.inner * pace.inner:
             return 4.0 * pace.inner * pace.inner / (grid.cell * grid.cell)
@@ -240,21 +276,27 @@ def _beside(squares, border, x, y, grid, pace):
 
 
 @njit(cache=True, error_model="numpy")
-def _sources(cells, x, y, size, enclosed):
-    """Put the cells whose time is known, about the target and at the edge, into `cells`; their number."""
-    wide = size + 2
-    count = 0
-    if 1.0 <= x <= size and 1.0 <= y <= size:
-        for i in range(int(x), min(int(x) + 2, size + 1)):
-            for j in range(int(y), min(int(y) + 2, size + 1)):
-                cells[count] = i * wide + j
-                count += 1
+def _sources(cells, edge, x, y, size, enclosed):
+    """Put the cells whose time is known into `cells`; how many are about the target, and how many with the edge."""
+    at_target = 0
+    if _inside(x, y, size):
+        for i in range(int(x), int(x) + 2):
+            for j in range(int(y), int(y) + 2):
+                cells[at_target] = i * (size + 2) + j
+                at_target += 1
+    count = at_target
     if not enclosed:
-        for k in range(1, size + 1):
-            for at in (wide + k, size * wide + k, k * wide + 1, k * wide + size):
-                cells[count] = at
-                count += 1
-    return count
+        for at in edge:
+            cells[count] = at
+            count += 1
+    return at_target, count
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _inside(x, y, size):
+    """Whether a (row, column) is in the disc by at least the diagonal of a cell, so that the cells about it are."""
+    middle = 0.5 * (size + 1.0)
+    return math.hypot(x - middle, y - middle) <= disc_radius(size) - 2.0 * HALF_DIAGONAL
 
 
 @njit(cache=True, error_model="numpy", inline="always")

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from lme.errors import InputError
+from lme.geometry.frames import to_world
 from lme.policies.lme_plus.travel import BEYOND, Travel, TravelConfig
+from lme.types import Pose
 from tests.builders import stage
 from tests.tolerances import ARRIVAL_CELLS, ARRIVAL_SHARE
 
@@ -45,7 +47,8 @@ def test_without_a_way_the_rest_is_the_time_of_the_straight_line():
 
 
 def test_the_way_down_ends_at_the_target():
-    way = field().descent(8.0)
+    pose = Pose(*HERE, 0.4)
+    way = to_world(field().descent(pose, 8.0), pose)
     assert np.hypot(*(way[-1] - (5.0, -7.0))) <= 4 * CONFIG.cell  # every third cell is a place
     assert np.abs(way[:, 1] + 7.0).max() <= 2 * CONFIG.cell
 

@@ -15,7 +15,7 @@ from tests.tolerances import KERNEL
 
 HERE = Pose(0.0, 0.0, 0.0)
 NOTHING = np.empty((0, 2))
-SLACK = 0.15
+SLACK, RANGE_MAX = 0.15, 15.0
 
 
 def kept(
@@ -28,13 +28,14 @@ def kept(
     pose=HERE,
     square=0.05,
     reach=8.0,
+    range_max=RANGE_MAX,
 ):
     """What is remembered of `memory`, and of the scan's `points`; the beams go all around unless told."""
     memory, points = (np.array(each, dtype=float).reshape(-1, 2) for each in (memory, points))
     beams = first, 2 * math.pi / len(ranges) if increment is None else increment
     ranges = np.asarray(ranges, dtype=np.float32)
     taken = squares_around(reach, square)
-    return remember(taken, memory, points, ranges, beams, mount, pose, square, reach, SLACK)[0]
+    return remember(taken, memory, points, ranges, beams, mount, pose, square, reach, SLACK, range_max)[0]
 
 
 @settings(max_examples=100)
@@ -59,8 +60,9 @@ def test_carried_points_agree_with_the_slow_twin(seed, full_circle, clockwise):
         rng.uniform(0.05, 1.0),
         3.5,
         SLACK,
+        rng.choice([2.0, 3.0, RANGE_MAX]),
     )
-    taken = squares_around(*given_[-2:-4:-1])
+    taken = squares_around(*given_[-3:-5:-1])
     kept_, around = remember(taken, *given_)
     np.testing.assert_allclose(kept_, oracles.remember(*given_), rtol=0, atol=KERNEL)
     np.testing.assert_allclose(around, to_robot(kept_, pose), rtol=0, atol=KERNEL)
@@ -98,6 +100,13 @@ def test_points_in_the_blind_arc_stay(sense):
 def test_an_invalid_beam_clears_no_point_but_one_without_a_return_does(unseen):
     assert len(kept([[2.0, 0.0]], np.full(360, unseen))) == 1
     assert len(kept([[2.0, 0.0]], np.full(360, np.inf))) == 0
+
+
+def test_no_return_says_nothing_of_points_that_are_out_of_range():
+    assert kept([[4.8, 0.0], [4.9, 0.0], [5.2, 0.0]], np.full(360, np.inf), range_max=5.0).tolist() == [
+        [4.9, 0.0],
+        [5.2, 0.0],
+    ]
 
 
 def test_far_points_are_forgotten_and_those_of_the_scan_left_out():

@@ -7,8 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from lme.geometry.frames import to_world
 from lme.policies.lme_plus.kernels.travel_lookup import descend, times_at
 from lme.policies.lme_plus.kernels.travel_time import BUCKETS, Grid, Pace, travel_times, workspace
+from lme.types import Pose
 from tests import oracles
 from tests.tolerances import ARRIVAL_CELLS, ARRIVAL_SHARE, KERNEL
 
@@ -17,17 +19,18 @@ GRID = Grid(-2.5, -2.5, CELL, SIZE)
 PACE = Pace(v_max=2.0, inner=0.25, comfort=0.5, slowdown=2.0, room=0.3)
 EVEN = PACE._replace(comfort=0.2501, slowdown=0.0)  # one speed wherever there is passage
 CELL_TIME = CELL / PACE.v_max
-NOTHING, NOBODY = np.empty((0, 2)), np.empty((0, 6))
+NOTHING, NOBODY, UNKNOWN = np.empty((0, 2)), np.empty((0, 6)), np.zeros((SIZE + 2, SIZE + 2))
+DISC = oracles.disc(SIZE)[0]
 ALL = 1e3  # [s] beyond the best: every way is searched
 SEEDS = st.integers(0, 10**6)
 
 
-def times(points, target, robot=(0.0, 0.0), grid=GRID, pace=PACE, beyond=ALL, leave=False):
+def times(points, target, robot=(0.0, 0.0), grid=GRID, pace=PACE, beyond=ALL, leave=False, learned=UNKNOWN):
     given = (np.array(each, dtype=float).reshape(-1, 2) for each in (points, target, robot))
     points, target, robot = given
     work = workspace(grid.size, grid.cell, pace.comfort)
     return work.times, travel_times(
-        (*work,), points, target[0], robot[0], (*grid,), (*pace,), NOBODY, beyond, leave
+        (*work,), points, target[0], robot[0], (*grid,), (*pace,), NOBODY, learned, (0, 0), beyond, leave
     )
 
 
@@ -49,7 +52,7 @@ def near(time):
 def scene(seed, count=6):
     """Points away from the edge and the target, one per cell, a target and a robot."""
     rng = np.random.default_rng(seed)
-    robot, target = rng.uniform(-2.2, 2.2, 2), rng.uniform(-2.2, 2.2, 2) * rng.choice([1.0, 3.0])
+    robot, target = rng.uniform(-1.6, 1.6, 2), rng.uniform(-1.6, 1.6, 2) * rng.choice([1.0, 3.0])
     points = rng.uniform(-1.8, 1.8, (rng.integers(0, count + 1), 2))
     points = points[np.unique(np.floor(points / CELL), axis=0, return_index=True)[1]]
     return points[np.hypot(*(points - target).T) > 0.6], target, robot
@@ -73,19 +76,22 @@ def test_times_are_exactly_those_of_the_plain_march_and_a_workspace_forgets(seed
     work = workspace(grid.size, grid.cell, pace.comfort)
     rng = np.random.default_rng(seed)
     for _ in range(2):  # the second time in the arrays of the first
-        robot, target = rng.uniform(-1.2, 1.2, 2), rng.uniform(-1.2, 1.2, 2) * rng.choice([1.0, 3.0])
+        robot, target = rng.uniform(-0.9, 0.9, 2), rng.uniform(-0.9, 0.9, 2) * rng.choice([1.0, 3.0])
         beside = target + rng.uniform(-0.4, 0.4, (rng.integers(2), 2))
         points = np.concatenate(
             (robot + rng.uniform(-0.4, 0.4, (1, 2)), rng.uniform(-1.6, 1.6, (9, 2)), beside)
         )
         points = points[np.sort(np.unique(np.floor(points / CELL), axis=0, return_index=True)[1])]
         people = people_of(rng, rng.integers(3))
-        best = travel_times((*work,), points, target, robot, (*grid,), (*pace,), people, beyond, leave)
+        known = rng.uniform(0.0, 9.0, (50, 60)) * (rng.random((50, 60)) < 0.5)
+        scene_ = points, target, robot, (*grid,), (*pace,), people, known, (7, 11)
+        best = travel_times((*work,), *scene_, beyond, leave)
         steps = steps_across(points, robot, target, grid, pace) + waits(people, robot, grid, pace)
         at, here = ((place + 1.5) / CELL + 0.5 for place in (target, robot))
-        enclosed = not leave and ((at >= 1.0) & (at <= grid.size)).all()
+        enclosed = not leave and oracles.within_disc(at, grid.size)
         stops = beyond, enclosed, BUCKETS, 0.1
-        field, slow = oracles.march(steps, at, here, grid.size, CELL / pace.v_max, *stops)
+        learned = known[8 : 8 + grid.size, 12 : 12 + grid.size]
+        field, slow = oracles.march(steps, at, here, grid.size, CELL / pace.v_max, *stops, learned)
         np.testing.assert_allclose(work.times, field, rtol=0.0, atol=KERNEL)
         assert best == slow == math.inf or abs(best - slow) <= KERNEL
 
@@ -103,9 +109,9 @@ def steps_across(points, robot, target, grid, pace):
     share = (pace.comfort - np.clip(d, pace.inner, pace.comfort)) / (pace.comfort - pace.inner)
     steps = grid.cell * (1.0 + pace.slowdown * share**2) / pace.v_max
     steps = np.where((d < pace.inner) & (far | (d < least)), np.inf, steps)
-    at = (target - (grid.x, grid.y)) / grid.cell + 0.5
-    on_grid = ((at >= 1.0) & (at <= grid.size)).all()  # among the centres of its cells, as for the march
-    if on_grid and d[tuple((at - 0.5).astype(int))] < pace.inner:
+    at = (target - (grid.x, grid.y)) / grid.cell
+    i, j = np.floor(at).astype(int)
+    if oracles.within_disc(at + 0.5, grid.size) and d[i, j] < pace.inner:
         near = np.hypot(*(centres(grid) - target).transpose(2, 0, 1)) < 2.0 * pace.inner
         beside = np.isinf(steps) & near & (d > math.sqrt(0.5) * grid.cell)
         steps = np.where(beside, 20.0 * grid.cell / pace.v_max, steps)
@@ -141,7 +147,8 @@ def test_cells_that_are_not_searched_are_on_no_good_way(seed, beyond):
 def test_in_the_open_times_are_those_of_straight_lines_inside_and_outside_the_grid(target):
     field, robot_time = times(NOTHING, target)
     straight = np.hypot(*(centres() - target).transpose(2, 0, 1)) / PACE.v_max
-    assert (np.abs(inside(field) - straight) <= near(np.minimum(straight, 5.0))).all()
+    assert (np.abs(inside(field) - straight) <= near(np.minimum(straight, 5.0)))[DISC].all()
+    assert np.isinf(inside(field)[~DISC]).all()
     assert robot_time == pytest.approx(math.hypot(*target) / PACE.v_max, abs=near(2.0))
 
 
@@ -162,7 +169,7 @@ def test_without_a_passage_the_travel_time_is_infinite():
     field, robot_time = times(wall, (2.0, 0.0))
     assert math.isinf(robot_time)
     assert np.isinf(inside(field)[:30]).all()
-    assert np.isfinite(inside(field)[35:]).all()
+    assert np.isfinite(inside(field)[35:][DISC[35:]]).all()
     assert np.isinf(field[[0, -1]]).all()
     assert np.isinf(field[:, [0, -1]]).all()
 
@@ -179,7 +186,7 @@ def test_a_ring_encloses_the_robot(radius):
 def test_a_way_may_leave_the_grid_if_asked():
     wall = np.column_stack((np.full(100, 0.5), np.linspace(-2.5, 2.5, 100)))
     _, around = times(wall, (2.0, 0.0), leave=True)
-    assert 2 * math.hypot(1.0, 2.5) / PACE.v_max <= around < math.inf
+    assert (math.hypot(0.25, 2.3) + math.hypot(1.75, 2.3)) / PACE.v_max <= around < math.inf
 
 
 def test_a_robot_too_near_to_a_point_has_a_way_out_but_no_other_place_does():
@@ -252,22 +259,24 @@ def test_times_are_of_the_cells_that_have_one():
 @given(SEEDS)
 def test_the_way_down_falls_at_every_place_and_ends_at_the_target(seed):
     points, target, robot = scene(seed)
-    target = np.clip(target, -2.2, 2.2)
+    target = np.clip(target, -1.5, 1.5)
     field, robot_time = times(points, target, robot)
-    way = descend(field, robot, GRID, 50.0, 1)
+    pose = Pose(*robot, 0.7)
+    found = descend(field, (*pose,), GRID, 50.0, 1)
+    way = to_world(found, pose)
     if math.isinf(robot_time):
         return
     levels = [field[tuple(np.floor((place + 2.5) / CELL).astype(int) + 1)] for place in (robot, *way)]
     assert (np.diff(levels) < 0.0).all()
     assert np.hypot(*(way[-1] - target if len(way) else robot - target)) <= 1.5 * CELL
-    np.testing.assert_array_equal(descend(field, robot, GRID, 50.0, 3), way[2::3])
-    short = descend(field, robot, GRID, 0.75, 1)
-    np.testing.assert_array_equal(short, way[:7])
+    np.testing.assert_array_equal(descend(field, (*pose,), GRID, 50.0, 3), found[2::3])
+    short = descend(field, (*pose,), GRID, 0.75, 1)
+    np.testing.assert_array_equal(short, found[:7])
 
 
 def test_descending_from_an_infinite_time_gives_no_way():
     field = np.full((SIZE + 2, SIZE + 2), np.inf)
-    assert descend(field, np.zeros(2), GRID, 5.0, 3).shape == (0, 2)
+    assert descend(field, (0.0, 0.0, 0.0), GRID, 5.0, 3).shape == (0, 2)
 
 
 def test_people_are_time_and_not_walls():
@@ -281,9 +290,9 @@ def test_people_are_time_and_not_walls():
         (*GRID,),
         (*PACE,),
     )
-    free = travel_times(*given, NOBODY, ALL, False)
-    standing = travel_times(*given, np.array([[1.0, 0.0, 0.0, 0.0, 0.5, 3.0]]), ALL, False)
-    leaving = travel_times(*given, np.array([[1.0, 0.0, 0.0, 2.0, 0.5, 3.0]]), ALL, False)
+    free = travel_times(*given, NOBODY, UNKNOWN, (0, 0), ALL, False)
+    standing = travel_times(*given, np.array([[1.0, 0.0, 0.0, 0.0, 0.5, 3.0]]), UNKNOWN, (0, 0), ALL, False)
+    leaving = travel_times(*given, np.array([[1.0, 0.0, 0.0, 2.0, 0.5, 3.0]]), UNKNOWN, (0, 0), ALL, False)
     assert standing == pytest.approx(free + 3.0, rel=0.1)  # 1 m at 3 s/m
     assert leaving == pytest.approx(free, abs=0.02)
 
@@ -297,3 +306,14 @@ def test_a_target_beside_a_wall_is_approached_from_its_own_side():
     i, j = np.unravel_index(passage.argmin(), passage.shape)
     assert centres()[i, j] == pytest.approx([1.0 - PACE.inner, 0.0], abs=1.5 * CELL)
     assert not np.isfinite(inside(field)[centres()[..., 0] > 1.1]).any()
+
+
+def test_the_way_beyond_the_edge_takes_as_long_as_was_learned_of_the_cell_there():
+    target, ahead, little, inner = (30.0, 0.0), *np.zeros((3, SIZE + 2, SIZE + 2))
+    ahead[SIZE // 2 :, 11:41], little[SIZE // 2 :], inner[11:41, 11:41] = 99.0, 9.0, 99.0
+    free, around = times(NOTHING, target)[1], times(NOTHING, target, learned=ahead)[1]
+    assert free == pytest.approx(15.0, abs=near(2.0))
+    assert free + 0.1 < around < 17.0  # past the places on which it takes 99 s
+    assert times(NOTHING, target, learned=little)[1] == free  # less than the straight way
+    assert times(NOTHING, target, learned=inner)[1] == free  # not at the edge
+    assert times(NOTHING, (1.0, 0.0), learned=ahead)[1] == times(NOTHING, (1.0, 0.0))[1]
