@@ -4,7 +4,7 @@ KERNEL = 1e-9  # a fast function against its slow twin: rounding in float64, not
 RANGE = 4e-6  # [m] a float32 range of up to 30 m, and where a beam grazes a disc
 
 MIRROR = 1e-3  # [m, rad] after seconds of driving in a mirrored world: scans are float32
-MIRROR_ON_CELLS = 0.05  # [m], [rad] the same along a path on cells, whose search is not exactly symmetric
+MIRROR_ON_CELLS = 0.25  # [m], [rad] the same along a path on cells, which does not mirror exactly
 
 FLOAT32_LAYER = 1e-5  # of sums of a hundred products near 1 in float32
 NETWORK = 1e-4  # actions of eight such layers

@@ -43,6 +43,9 @@ class StoppingCheck:
         late = periods * dt - latency
         self._times = dt, late if late > _ROUNDING else 0.0, lag
         self.under_way: deque[Twist] = deque(maxlen=periods)
+        self._tested = np.empty(
+            (1, 2)
+        )  # the command that is checked: a new array would take longer than the check
         self.reset()
 
     def reset(self) -> None:
@@ -55,7 +58,8 @@ class StoppingCheck:
 
     def clearance(self, command: Twist, now: StoppingState, enough: float = TOUCHING) -> float:
         """Least distance to a point with this command, until the robot stands [m]; at most `enough`."""
-        return float(self._clearances(np.array([command], dtype=np.float64), now, enough)[0])
+        self._tested[0, 0], self._tested[0, 1] = command
+        return float(self._clearances(self._tested, now, enough)[0])
 
     def stops(self, command: Twist, now: StoppingState) -> bool:
         """Whether the robot can stop after the command without contact. After zero: whether it can stop now."""

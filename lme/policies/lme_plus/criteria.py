@@ -1,22 +1,24 @@
 """The criteria of LME+ (docs/lme_plus.md). Each is a time [s], an angle [rad] or a yes or no; larger is better.
 
 Each takes (N, 2) candidates in the robot frame and a `Sight`, and returns (N,) unweighted values. The first line of
-each docstring is shown in explainer pages.
+each docstring is shown in explainer pages. They are compiled, and `ranked` computes all of them in one call.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numba import njit
 
 from lme.kernels.straight_ways import reachable
 from lme.policies.distance import distances_to, turns
-from lme.policies.lme_plus.travel import Field
+from lme.policies.lme.score import rank
+from lme.policies.lme_plus.kernels.travel_lookup import rest_at
+from lme.policies.lme_plus.travel import BEYOND, Field
 from lme.types import Floats, Pose
 
-_ORIGIN = np.zeros(2)
 TIGHT = 0.75  # share of the margins that is kept if there is no other way
 
 
@@ -35,15 +37,23 @@ class Sight(NamedTuple):
     turn_margin: float
     v_max: float
 
+    def plain(self) -> tuple[Any, ...]:
+        """The same in plain tuples: Numba takes named ones for other types, and needs longer to recognise them."""
+        times, robot_time, grid, *places = self.field
+        field = times, robot_time, (*grid,), *places
+        return self.points, (*self.pose,), field, self.box, self.margin, self.turn_margin, self.v_max
+
 
 Criterion = Callable[[Floats, Sight], Floats]
 
 
+@njit(cache=True, error_model="numpy")
 def a_reach(candidates: Floats, sight: Sight) -> Floats:
     """Time to reach: minus the time of the straight way to the candidate at full speed [s]. Nearer is better."""
-    return -distances_to(candidates, _ORIGIN) / sight.v_max
+    return -distances_to(candidates, np.zeros(2)) / sight.v_max
 
 
+@njit(cache=True, error_model="numpy")
 def a_dev(candidates: Floats, sight: Sight) -> Floats:
     """Directional deviation: minus the angle to turn to face the candidate [rad]. Straight ahead is best.
 
@@ -52,11 +62,15 @@ def a_dev(candidates: Floats, sight: Sight) -> Floats:
     return -turns(candidates)
 
 
+@njit(cache=True, error_model="numpy")
 def a_rest(candidates: Floats, sight: Sight) -> Floats:
     """Rest of the way: minus the expected time from the candidate to the target, around all that is known [s]."""
-    return -sight.field.rest(candidates, sight.pose)
+    field = sight.field
+    ends = field.robot_time, BEYOND, field.here, field.target, field.v_max
+    return -rest_at(field.times, candidates, sight.pose, field.grid, *ends)
 
 
+@njit(cache=True, error_model="numpy")
 def c_o(candidates: Floats, sight: Sight) -> Floats:
     """Collision-free reachability: 1 if the footprint can turn to the candidate and drive straight there, else 0.
 
@@ -66,3 +80,20 @@ def c_o(candidates: Floats, sight: Sight) -> Floats:
 
 
 CRITERIA: Mapping[str, Criterion] = {"a_reach": a_reach, "a_dev": a_dev, "a_rest": a_rest, "c_o": c_o}
+
+
+@njit(cache=True, error_model="numpy")
+def ranked(
+    pool: Floats, sight: Sight | tuple[Any, ...], weights: Floats, candidates: int
+) -> tuple[Floats, Floats, int, bool]:
+    """The criteria (C, N) of (N, 2) points, their S (N,), the best candidate's index, and whether none is reachable.
+
+    The first points are the candidates. sight: `Sight.plain`. See `lme.policies.lme.score.rank`.
+    """
+    points, pose, field, box, margin, turn_margin, v_max = sight
+    named = Sight(points, pose, Field(*field), box, margin, turn_margin, v_max)
+    features = np.empty((4, len(pool)))
+    features[0], features[1] = a_reach(pool, named), a_dev(pool, named)
+    features[2], features[3] = a_rest(pool, named), c_o(pool, named)
+    scores, new, blocked = rank(features, weights, candidates, 3)
+    return features, scores, new, blocked

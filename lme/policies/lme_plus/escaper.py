@@ -14,8 +14,8 @@ from lme.policies.lme.candidates import CandidateConfig, sample
 from lme.policies.lme.criteria import View
 from lme.policies.lme.explanation import Decision, Explanation, Step, explain
 from lme.policies.lme.maintenance import Choice, choose
-from lme.policies.lme.score import Parameters, rank
-from lme.policies.lme_plus.criteria import CRITERIA, Sight
+from lme.policies.lme.score import Parameters
+from lme.policies.lme_plus.criteria import CRITERIA, Sight, ranked
 from lme.policies.lme_plus.learned_times import OTHER_TARGET, LearnedTimes
 from lme.policies.lme_plus.memory import Memory, MemoryConfig
 from lme.policies.lme_plus.travel import Field, Travel, TravelConfig
@@ -23,7 +23,6 @@ from lme.robots import Robot
 from lme.types import Floats, Observation
 
 _NONE = np.empty((0, 2))
-_REACHABLE = tuple(CRITERIA).index("c_o")
 _SAME_TARGET = 0.1  # [m] by which the target may move before times are found anew
 
 
@@ -89,8 +88,7 @@ class LocalMinimumEscaperPlus:
         if self._subgoal is not None:
             old, subgoal = candidates, to_robot(self._subgoal, sight.pose)
             pool = np.concatenate((pool, subgoal[None]))
-        features = np.array([criterion(pool, sight) for criterion in CRITERIA.values()])
-        scores, new, blocked = rank(features, self._parameters.weights, candidates, _REACHABLE)
+        features, scores, new, blocked = ranked(pool, sight.plain(), self._parameters.weights, candidates)
         choice = self._choose(pool, scores, new, old)
         if choice is not Choice.KEPT:
             self._subgoal = to_world(pool[new], sight.pose)

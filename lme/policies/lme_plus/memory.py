@@ -10,7 +10,7 @@ import numpy as np
 from lme.errors import require
 from lme.geometry.frames import to_world
 from lme.kernels.movers import WIDEST, movers_among
-from lme.policies.lme_plus.kernels.carried_points import remember, squares_around
+from lme.policies.lme_plus.kernels.carried_points import remember, split, squares_around
 from lme.robots import Robot
 from lme.sensing.scan_points import obstacle_points
 from lme.types import Floats, Limits, Observation, Pose, Twist
@@ -94,8 +94,7 @@ class Memory:
         self._sorted_at = self.pose
         if self._config.kept:
             points = np.concatenate((self.points, self._far))
-            near = np.hypot(*(points - self.pose[:2]).T) <= self._config.reach + _SORTED
-            self.points, self._far = points[near], points[~near]
+            self.points, self._far = split(points, self.pose[:2], self._config.reach + _SORTED)
 
     def _without_people(self, pedestrians: Floats) -> tuple[Floats, Floats]:
         """The scan's points that are not those of people (M, 2), and those that are; notes where the people are."""

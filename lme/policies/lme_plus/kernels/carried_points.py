@@ -98,3 +98,12 @@ def _in_sight(dx, dy, first, increment, ranges, slack, range_max):
         if not ranges[beam] > away:
             return False
     return True
+
+
+@njit(cache=True, error_model="numpy")
+def split(points: Floats, place: tuple[float, float], reach: float) -> tuple[Floats, Floats]:
+    """The points (N, 2) within `reach` of a place [m], and the others, each in their order."""
+    near = np.empty(len(points), np.bool_)
+    for n in range(len(points)):
+        near[n] = math.hypot(points[n, 0] - place[0], points[n, 1] - place[1]) <= reach
+    return points[near], points[~near]
