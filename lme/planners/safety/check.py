@@ -43,9 +43,7 @@ class StoppingCheck:
         late = periods * dt - latency
         self._times = dt, late if late > _ROUNDING else 0.0, lag
         self.under_way: deque[Twist] = deque(maxlen=periods)
-        self._tested = np.empty(
-            (1, 2)
-        )  # the command that is checked: a new array would take longer than the check
+        self._tested = np.empty((1, 2))  # the command that `clearance` is asked for
         self.reset()
 
     def reset(self) -> None:

