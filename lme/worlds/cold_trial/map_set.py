@@ -27,7 +27,7 @@ class ColdTrialConfig:
 
     subset: str = STATIC  # static | dynabarn
     trial_seed: int = 0  # seed of everything that is drawn
-    count: int = 2000  # numbers 0, 1, …
+    count: int = 500  # numbers 0, 1, …
     worlds: list[int] | None = None  # numbers to drive instead of all
     paths: list[str] | None = (
         None  # ROS maps of buildings (.yaml), or folders of them; None: generated floor plans
