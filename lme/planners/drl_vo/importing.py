@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import io
-import struct
 import zipfile
-import zlib
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -15,16 +13,12 @@ from numpy.typing import NDArray
 from lme.array_file import check_finite
 from lme.errors import InputError
 from lme.planners.drl_vo.architecture import Shape, checked_sizes, shapes
-from lme.planners.drl_vo.torch_file import DamagedError, TorchFile
+from lme.planners.drl_vo.torch_file import DAMAGE, DamagedError, TorchFile
 from lme.planners.drl_vo.weights import TOLD, TRAINED
 
 POLICY = "policy.pth"
 _PUBLISHED = {"v_max": 0.5, "omega_max": 2.0}  # [m/s, rad/s] the authors' training environment
 _POLICY_MAX = 2**30  # [bytes]; the published one has about 20 MB
-_DAMAGE = (
-    zipfile.BadZipFile, zipfile.LargeZipFile, zlib.error, struct.error, EOFError, RuntimeError, ValueError,
-    OverflowError, NotImplementedError, MemoryError,
-)  # fmt: skip
 
 
 def import_archive(path: Path) -> dict[str, NDArray[np.float32]]:
@@ -40,7 +34,7 @@ def import_archive(path: Path) -> dict[str, NDArray[np.float32]]:
         raise
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
-    except _DAMAGE as error:
+    except DAMAGE as error:
         raise InputError(
             f"{path}: is not an archive of a DRL-VO network by Stable-Baselines3 ({error})"
         ) from None

@@ -8,13 +8,19 @@ from __future__ import annotations
 
 import math
 import pickletools
+import struct
 import zipfile
+import zlib
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+DAMAGE = (  # what zipfile and `TorchFile` raise on a damaged file, besides OSError
+    zipfile.BadZipFile, zipfile.LargeZipFile, zlib.error, struct.error, EOFError, RuntimeError, ValueError,
+    OverflowError, NotImplementedError, MemoryError,
+)  # fmt: skip
 PICKLE_MAX = 2**20  # [bytes] of the description; the published one has 20 kB
 _NUMBERS_MAX = 2**28  # [bytes] of one tensor
 _DICTIONARY, _TENSOR = "collections OrderedDict", "torch._utils _rebuild_tensor_v2"

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import struct
 import zipfile
-import zlib
 from pathlib import Path
 
 import numpy as np
@@ -12,13 +10,8 @@ from numpy.typing import NDArray
 
 from lme.array_file import check_finite
 from lme.errors import InputError
-from lme.planners.drl_vo.torch_file import TorchFile
+from lme.planners.drl_vo.torch_file import DAMAGE, TorchFile
 from lme.planners.lics.weights import SHAPES, WHAT
-
-_DAMAGE = (
-    zipfile.BadZipFile, zipfile.LargeZipFile, zlib.error, struct.error, EOFError, RuntimeError, ValueError,
-    OverflowError, NotImplementedError, MemoryError,
-)  # fmt: skip
 
 
 def import_state(path: Path) -> dict[str, NDArray[np.float32]]:
@@ -41,7 +34,7 @@ def import_state(path: Path) -> dict[str, NDArray[np.float32]]:
         raise
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
-    except _DAMAGE as error:
+    except DAMAGE as error:
         raise InputError(f"{path}: is not {WHAT} that PyTorch saved ({error})") from None
     check_finite(weights, str(path))
     return weights
