@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from lme.policies.lme_plus.kernels.learned_times import learn
-from lme.policies.lme_plus.kernels.travel_time import Grid
+from lme.policies.lme_plus.kernels.travel_grid import Grid
 from lme.types import Floats
 
 OTHER_TARGET = 1.0  # [m] by which the target may move before what was learned of the ways to it is forgotten

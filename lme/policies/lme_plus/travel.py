@@ -9,8 +9,9 @@ from typing import NamedTuple
 import numpy as np
 
 from lme.errors import require
+from lme.policies.lme_plus.kernels.travel_grid import Grid, workspace
 from lme.policies.lme_plus.kernels.travel_lookup import descend, rest_at
-from lme.policies.lme_plus.kernels.travel_time import Grid, travel_times, workspace
+from lme.policies.lme_plus.kernels.travel_time import travel_times
 from lme.policies.lme_plus.learned_times import LearnedTimes
 from lme.robots import Robot
 from lme.types import Floats, Pose

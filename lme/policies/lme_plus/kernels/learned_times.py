@@ -4,7 +4,7 @@ import math
 
 from numba import njit
 
-from lme.policies.lme_plus.kernels.travel_time import GridNumbers, disc_radius
+from lme.policies.lme_plus.kernels.travel_grid import GridNumbers, disc_radius
 from lme.types import Floats
 
 

@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numba import njit
 
-from lme.policies.lme_plus.kernels.travel_time import Grid, GridNumbers
+from lme.policies.lme_plus.kernels.travel_grid import Grid, GridNumbers
 from lme.types import Floats
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lme.policies.lme_plus.kernels.travel_time import Grid
+from lme.policies.lme_plus.kernels.travel_grid import Grid
 from lme.policies.lme_plus.learned_times import OTHER_TARGET, LearnedTimes
 from lme.policies.lme_plus.travel import Travel, TravelConfig
 from tests import oracles

@@ -8,8 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lme.geometry.frames import to_world
+from lme.policies.lme_plus.kernels.travel_grid import Grid, Pace, workspace
 from lme.policies.lme_plus.kernels.travel_lookup import descend, times_at
-from lme.policies.lme_plus.kernels.travel_time import BUCKETS, Grid, Pace, travel_times, workspace
+from lme.policies.lme_plus.kernels.travel_time import BUCKETS, travel_times
 from lme.types import Pose
 from tests import oracles
 from tests.tolerances import ARRIVAL_CELLS, ARRIVAL_SHARE, KERNEL
