@@ -71,7 +71,10 @@ def serve(session: Session, port: int, browser: bool) -> None:
 
 
 def bound(port: int) -> socket.socket:
-    """A socket on this machine alone. Raises InputError if the port cannot be used."""
+    """A socket that listens on this machine alone: a browser may call before the server runs, and waits for it.
+
+    Raises InputError if the port cannot be used.
+    """
     if not 0 <= port < 65536:
         raise InputError(f"port is {port}: must be 1 to 65535, or 0 for any that is free")
     # asyncio sends small messages at once only over sockets that say that they are TCP; otherwise each takes 40 ms more
@@ -79,6 +82,7 @@ def bound(port: int) -> socket.socket:
     listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
         listener.bind((HOST, port))
+        listener.listen()
     except OSError as error:
         listener.close()
         raise InputError(

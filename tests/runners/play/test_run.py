@@ -113,9 +113,13 @@ def test_without_the_extra_it_says_what_to_install(monkeypatch, capsys):
     assert re.search(r"needs the packages .*uvicorn.*: pip install 'starlette", capsys.readouterr().err)
 
 
-def test_the_server_is_on_this_machine_alone():
+def test_a_browser_may_call_before_the_server_runs_and_on_this_machine_alone():
     with run.bound(0) as listener:
-        assert listener.getsockname()[0] == "127.0.0.1"
+        host, port = listener.getsockname()
+        assert host == "127.0.0.1"
+        socket.create_connection((host, port), timeout=5).close()
+        with pytest.raises(InputError, match="port=0 for any"):
+            run.bound(port)
     with pytest.raises(InputError, match="must be 1 to 65535"):
         run.bound(-1)
 
