@@ -127,7 +127,7 @@ def press(page, *keys):
     settle(page)
 
 
-def until(page, condition, seconds=10):
+def until(page, condition, seconds=30):
     """Wait until a condition of the page holds; Playwright's own way needs the `eval` that the page forbids."""
     end = time.monotonic() + seconds
     while not page.evaluate(condition):

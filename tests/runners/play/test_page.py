@@ -84,7 +84,7 @@ def drag(page, start, *places):
     for place in places:
         page.mouse.move(*at(page, *place), steps=3)
     page.mouse.up()
-    until(page, "!play.sending && !play.pending")
+    until(page, "!play.sending")
     settle(page)
 
 
@@ -109,7 +109,7 @@ def test_a_whole_drive(serve):
     page = served.page
     page.select_option("#speed", "20")
     page.keyboard.press("Space")
-    until(page, "play.ended && play.step === play.last && !play.playing", seconds=30)
+    until(page, "play.ended && play.step === play.last && !play.playing")
     assert page.text_content("#choice") == "success"
     assert "success" in page.text_content(".caption")
     assert page.text_content("#results-rows tr td") == "1"
@@ -219,7 +219,7 @@ def test_everything_can_be_done_by_keyboard(serve):
         page.keyboard.press("t")
     assert page.evaluate("play.selected") == "goal"
     page.keyboard.press("ArrowLeft")
-    until(page, "play.situation.revision > 2")
+    until(page, "!play.sending")
     assert np.hypot(*np.subtract(session.script.at(0).goal, (10.5, 4.0))) == pytest.approx(0.1)
     page.keyboard.press("Escape")
     page.keyboard.press("ArrowRight")
