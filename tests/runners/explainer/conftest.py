@@ -1,4 +1,4 @@
-"""Episodes, their pages, and a browser that is opened once."""
+"""Episodes, their pages, and a browser that is opened once for each test module."""
 
 import shutil
 import time
@@ -41,7 +41,7 @@ def page_file(trace, tmp_path_factory):
     return path
 
 
-@pytest.fixture(scope="package")
+@pytest.fixture(scope="module")  # not wider: others import it, and two at a time are refused
 def browser():
     playwright = pytest.importorskip("playwright.sync_api", reason="needs playwright")
     program = next(filter(None, map(shutil.which, BROWSERS)), None)
@@ -89,7 +89,7 @@ def open_page(browser):
         page.context.close()
 
 
-@pytest.fixture(scope="package")
+@pytest.fixture(scope="module")
 def shared(browser, page_file):
     page = opened(browser, page_file)
     yield page
