@@ -79,6 +79,12 @@ class Buildings:
         measures = {"building": float(building), **task.measures}
         return replace(task, map_name=self._name, number=number, measures=measures)
 
+    def way(self, number: int) -> Floats:
+        """As `Room.way`."""
+        check_chosen(number, self._numbers, "configuration", self._name)
+        building, configuration = divmod(number, self.config.configurations)
+        return self._room(building).way(configuration)
+
     def _room(self, building: int) -> _MeasuredRoom:
         if building not in self._rooms:
             count = self.config.configurations

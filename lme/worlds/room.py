@@ -13,6 +13,7 @@ import numpy as np
 
 from lme.errors import InputError, require
 from lme.resources import resource_dir
+from lme.types import Floats
 from lme.worlds.bitmap import is_picture, read_bitmap, read_ros_map
 from lme.worlds.floor_plan import FloorPlan
 from lme.worlds.rules import DrawnRules, check_chosen, map_path
@@ -96,6 +97,16 @@ class Room:
             speed=self.config.speed,
             measures={"straight_m": straight, "detour": length / straight},
         )
+
+    def way(self, number: int) -> Floats:
+        """(P, 2) points at which the shortest path of configuration `number` turns, both ends included [m].
+
+        It is the one on the lattice: a disc of `config.radius` fits at its points. Raises InputError for a number
+        that was not chosen.
+        """
+        check_chosen(number, self.numbers, "configuration", self._name)
+        start, goal = self._configurations[number]
+        return self._space.way(np.array(start[:2]), goal)
 
     def _available_numbers(self) -> range:
         return range(self.config.configurations)

@@ -90,6 +90,14 @@ class Named(Protocol):
         """What the records call the map."""
 
 
+@runtime_checkable
+class Surveyed(Protocol):
+    """A map set that knows the way whose length the optimal time counts."""
+
+    def way(self, number: int) -> Floats:
+        """(P, 2) points at which the way of world `number` turns, start and goal included [m]."""
+
+
 class DrawnTask(NamedTuple):
     """A task with the robot and the disturbances that were drawn for it.
 

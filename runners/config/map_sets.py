@@ -6,11 +6,9 @@ import re
 from collections.abc import Sequence
 from typing import Any, NamedTuple, cast
 
-import numpy as np
-
 from lme.errors import InputError, nearest
 from lme.types import Floats
-from lme.worlds.world import MapSet, Task
+from lme.worlds.world import MapSet, Surveyed, Task
 from runners.config import catalogue
 from runners.config.worlds import parse_worlds
 
@@ -50,17 +48,8 @@ def choose(words: Sequence[str]) -> Chosen:
 
 
 def known_path(maps: MapSet, task: Task) -> Floats | None:
-    """(P, 2) the way from start to goal that the optimal time counts [m]; None where only its length is known.
-
-    BARN's leads through the middles of its cells; the scripts that score measure it (−0.15, −0.10) m off them.
-    """
-    from lme.worlds.barn.generator import CELL_M, ORIGIN_X_M, ORIGIN_Y_M
-    from lme.worlds.barn.map_set import Barn
-
-    if not isinstance(maps, Barn):
-        return None
-    cells = maps.layout(task.number).path * CELL_M + np.array([ORIGIN_X_M, ORIGIN_Y_M])
-    return np.vstack([[task.start.x, task.start.y], cells, task.goal])
+    """(P, 2) the way from start to goal that the optimal time counts [m]; None where only its length is known."""
+    return maps.way(task.number) if isinstance(maps, Surveyed) else None
 
 
 def _numbers(word: str) -> list[int]:

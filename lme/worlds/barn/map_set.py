@@ -13,9 +13,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from lme.errors import InputError, nearest, require
-from lme.types import Pose
+from lme.types import Floats, Pose
 from lme.worlds.barn.files import find_worlds
-from lme.worlds.barn.generator import official_recipes
+from lme.worlds.barn.generator import CELL_M, ORIGIN_X_M, ORIGIN_Y_M, official_recipes
 from lme.worlds.barn.hard import hard_layout
 from lme.worlds.barn.layouts import Layout, fresh_layout, official_layout, published_layout
 from lme.worlds.barn.path import OPTIMAL_SPEED_M_S, benchmark_length
@@ -75,6 +75,14 @@ class Barn:
     def task(self, number: int) -> Task:
         """Build world `number`. Raises InputError for a broken published file."""
         return self._task(number, self.layout(number))
+
+    def way(self, number: int) -> Floats:
+        """(P, 2) the benchmark's path through world `number` with start and goal [m].
+
+        It leads through the middles of its cells; the scripts that score measure it (−0.15, −0.10) m off them.
+        """
+        cells = self.layout(number).path * CELL_M + np.array([ORIGIN_X_M, ORIGIN_Y_M])
+        return np.vstack([self.config.start[:2], cells, self.config.goal])
 
     def layout(self, number: int) -> Layout:
         """Cylinders, grid, the benchmark's path and the recipe of world `number`."""

@@ -18,7 +18,7 @@ def main(argv: list[str]) -> int:
     from runners.experiments.figure import draw_sweep, figure, validate
 
     words = _to_overrides(argv)
-    _check_beside_run(words)
+    _check_driving(words)
     _check_swept(words)
     return launch(Command("figure", figure, validate, draw_sweep), words)
 
@@ -38,19 +38,23 @@ def _expand_key(word: str) -> str:
     return f"{_SHORT[key]}={value}" if key in _SHORT else word
 
 
-def _check_beside_run(words: list[str]) -> None:
-    """Raise InputError for a key that has no meaning when recorded episodes are drawn."""
+def _check_driving(words: list[str]) -> None:
+    """Raise InputError for a key that says what to drive, when recorded episodes or maps alone are drawn."""
     from lme.errors import InputError
     from runners.config import catalogue
 
     given = {_key(word): word for word in words if "=" in word}
-    if "run" not in given or given["run"].endswith("=null"):
+    if given.get("figure") == "figure=maps":
+        why = "figure=maps drives nothing; the maps are those of figure.maps, e.g. figure.maps=['env1 3 radius=0.2']"
+    elif given.get("run", "run=null") != "run=null":
+        why = "the episodes of run= were driven with its own config"
+    else:
         return
     configs = catalogue.shipped()
     driving = {*configs.groups("figure"), *(key.name for key in configs.keys("figure"))} - _BESIDE_RUN
     for key, word in given.items():
         if key.partition(".")[0] in driving:
-            raise InputError(f"{word}: the episodes of run= were driven with its own config; omit it")
+            raise InputError(f"{word}: {why}; omit it")
 
 
 def _check_swept(words: list[str]) -> None:

@@ -60,6 +60,7 @@ def test_a_pair_is_that_of_map_file(folder):
             assert task.world is same.world  # read once
             assert (task.goal_tolerance, task.time_limit) == (same.goal_tolerance, same.time_limit)
             assert {key: task.measures[key] for key in same.measures} == same.measures
+            assert maps.way(number).tolist() == room.way(k).tolist()
 
 
 def test_only_the_buildings_of_the_chosen_numbers_are_read(folder):

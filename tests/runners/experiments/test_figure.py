@@ -69,6 +69,7 @@ def test_an_own_map_set_need_not_name_its_worlds(tmp_path, monkeypatch):
     [
         (["trajectorys"], ["figure=trajectorys: no such option", "did you mean trajectories?"]),
         (["run=nowhere"], ["nowhere is not a directory"]),
+        (["maps", "map=env1"], ["map=env1: figure=maps drives nothing; the maps are those of figure.maps"]),
         (["run=nowhere", "map=env1"], ["map=env1: the episodes of run= were driven with its own config"]),
         (["world=a"], ["world has 'a': must be numbers and ranges from 0 on"]),
         (["world=300"], ["300", "0 to 299"]),

@@ -93,8 +93,19 @@ def test_the_path_through_a_barn_world_keeps_clear_and_has_the_length_that_count
     assert length == pytest.approx(task.shortest_path_length, abs=2 * np.hypot(0.15, 0.10))
 
 
+@pytest.mark.parametrize("words", [["env1", "3"], ["env2", "3"]])
+def test_the_path_through_a_room_keeps_clear_and_has_the_length_that_counts(words):
+    chosen = choose([*words, "radius=0.2"])
+    task = chosen.maps.task(chosen.worlds[0])
+    path = known_path(chosen.maps, task)
+    assert path[[0, -1]].tolist() == [list(task.start[:2]), task.goal.tolist()]
+    assert min(point_clearance(task.world, point) for point in path) >= 0.2
+    length = np.hypot(*np.diff(path, axis=0).T).sum()
+    assert length == pytest.approx(task.shortest_path_length, abs=2 * chosen.maps.config.grid)
+
+
 def test_sets_without_a_known_path_have_none():
-    chosen = choose(["env1"])
+    chosen = choose(["traps"])
     assert known_path(chosen.maps, chosen.maps.task(0)) is None
 
 
