@@ -7,7 +7,7 @@ Unknown space is free.
 
 from __future__ import annotations
 
-import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -41,7 +41,7 @@ class CostmapConfig:
     """Size of the grid, marking and clearing by scans, and inflation of obstacles."""
 
     cell_size: float = 0.05  # [m]
-    margin: float = 5.0  # [m] around the box of start and goal; paths stay inside
+    margin: float = 20.0  # [m] around the box of start, goal and known obstacles; paths stay inside
     obstacle_range: float = 2.5  # [m] hits up to here are marked
     raytrace_range: float = 3.0  # [m] beams clear cells up to here
     observation_persistence: float = 1.0  # [s] after a hit, a cell is not cleared for this time
@@ -68,27 +68,34 @@ class CostmapConfig:
 
 
 class Costmap:
-    """Seen or known obstacles around a start at the origin and a goal.
+    """Seen or known obstacles around a start at the origin.
 
     costs: (I, J) uint8; `TOUCHING` and `INSCRIBED` forbid a cell, costs up to `HIGHEST` do not. stamp: of `stamp`, the
     costs around an occupied cell from the next scan or `refresh` on.
     """
 
-    def __init__(self, config: CostmapConfig, robot: Robot, goal: Floats) -> None:
+    def __init__(self, config: CostmapConfig, robot: Robot, places: Floats) -> None:
+        """places: (N, 2) the goal, and whatever else must be on the grid [m]."""
         self._config = config
         self._lidar = robot.lidar.mount
         rate = min(config.update_rate or robot.control_rate, robot.control_rate)
         self._keep = round(config.observation_persistence * rate)  # [scans]
-        self._grid, size = _layout(config, goal)
+        self._grid, size = _layout(config, places)
         self.stamp = stamp(config, robot.footprint.r_min)
         self._outline = robot.footprint.outline(config.footprint_padding)
+        own = np.hypot(*(self._outline - np.array(self._lidar[:2])).T).max()
+        self._around = config.obstacle_range + float(own) + config.cell_size  # [m] of the lidar: what changes
         self._hits = np.zeros(size, dtype=np.int32)
         self.costs = np.zeros(size, dtype=np.uint8)
+        self._low = self._high = np.array(self.cell(np.zeros(2)))  # of the box around all obstacles so far
+        self._reach = 0  # [cells] of the widest stamp so far
         self._scans = 0
 
     def observe(self, taken: MapInput) -> None:
         """Mark the cells that the scan hits and clear those it passes; see `lme.kernels.obstacle_grid.observe`."""
         scan, config = taken.scan, self._config
+        lidar = compose(taken.scan_pose, self._lidar)
+        self._extend([self.cell(np.array(lidar[:2]) + side) for side in (-self._around, self._around)])
         self._scans += 1
         observe(
             self._hits,
@@ -97,14 +104,16 @@ class Costmap:
             self.stamp,
             self._scans,
             self._keep,
-            compose(taken.scan_pose, self._lidar),
+            lidar,
             scan.ranges,
             (scan.angle_min, scan.angle_increment),
             (scan.range_min, scan.range_max, config.obstacle_range, config.raytrace_range),
             config.inf_is_valid,
         )
         if config.footprint_clearing:
-            free_covered(self._hits, self._outline, taken.pose, self._grid)
+            window = self.window([])
+            low = (self._grid[0] + window[0].start, self._grid[1] + window[1].start, self._grid[2])
+            free_covered(self._hits[window], self._outline, taken.pose, low)
 
     def draw(self, world: World, start: Pose) -> None:
         """Mark the cells of the world's obstacles; `start`: pose of the odometry frame in the world."""
@@ -114,10 +123,22 @@ class Costmap:
         draw_edges(self._hits, self._grid, ends.reshape(-1, 4))
         for polygon in world.polygons:
             self._fill(to_robot(polygon, start))
+        self._extend(np.argwhere(self._hits))
 
     def refresh(self) -> None:
         """Recompute the costs from the current obstacles."""
-        inflate(self._hits, self.stamp, self.costs)
+        window = self.window([])
+        inflate(self._hits[window], self.stamp, self.costs[window])
+
+    def window(self, cells: Sequence[Cell]) -> tuple[slice, slice]:
+        """The part of the grid with these cells, all obstacles and their costs, and one free cell around these.
+
+        No cheapest path between the cells leaves it: drawn back to its edge, a path is no longer and costs no more.
+        """
+        self._reach = max(self._reach, int(np.abs(self.stamp[:, :2]).max()))
+        ends = np.array([self._low - self._reach - 1, self._high + self._reach + 1, *cells])
+        low, high = np.maximum(ends.min(axis=0), 0), np.minimum(ends.max(axis=0) + 1, self.costs.shape)
+        return slice(int(low[0]), int(high[0])), slice(int(low[1]), int(high[1]))
 
     def cell(self, point: Floats) -> Cell:
         """Array index of the cell that contains a point (2,) [m], or of the nearest cell of the grid."""
@@ -135,6 +156,11 @@ class Costmap:
         on_grid = ((index >= 0) & (index < self.costs.shape)).all(axis=1)
         i, j = np.where(on_grid[:, None], index, 0).T
         return np.asarray((self.costs[i, j] >= INSCRIBED) & on_grid, dtype=np.bool_)
+
+    def _extend(self, cells: Sequence[Cell] | Ints) -> None:
+        """Let the box around all obstacles hold these cells (N, 2)."""
+        ends = np.array([self._low, self._high, *cells])
+        self._low, self._high = ends.min(axis=0), ends.max(axis=0)
 
     def _fill(self, polygon: Floats) -> None:
         """Mark the cells whose centres lie in a polygon (V, 2); only those around it are looked at."""
@@ -162,18 +188,25 @@ def stamp(config: CostmapConfig, r_min: float) -> Ints:
     )
 
 
-def _layout(config: CostmapConfig, goal: Floats) -> tuple[Grid, tuple[int, int]]:
-    """The grid around start and goal, and its shape (I, J)."""
-    cells = [math.ceil((config.margin + abs(side)) / config.cell_size) for side in goal]
-    margin = math.ceil(config.margin / config.cell_size)
-    if (margin + cells[0]) * (margin + cells[1]) > _MOST_CELLS:
+def ends_of(world: World, start: Pose) -> Floats:
+    """(N, 2) points in the odometry frame between which all obstacles lie [m]; `start` as in `Costmap.draw`."""
+    middles, radii = to_robot(world.circles[:, :2], start), world.circles[:, 2:]
+    return np.vstack([to_robot(world.edges.reshape(-1, 2), start), middles - radii, middles + radii])
+
+
+def _layout(config: CostmapConfig, places: Floats) -> tuple[Grid, tuple[int, int]]:
+    """The grid around the origin and the places (N, 2), and its shape (I, J)."""
+    ends = np.vstack([np.zeros(2), places])
+    below, above = (
+        np.ceil((config.margin + side) / config.cell_size) for side in (-ends.min(axis=0), ends.max(axis=0))
+    )
+    size = [int(cells) + 1 for cells in below + above]
+    if size[0] * size[1] > _MOST_CELLS:
         raise InputError(
             f"guide.costmap.cell_size is {config.cell_size:g}: a map of start and goal with a margin of "
             f"{config.margin:g} m has over {_MOST_CELLS:,} cells: must be larger, or guide.costmap.margin smaller"
         )
-    low = [-margin if side >= 0.0 else -wide for side, wide in zip(goal, cells, strict=True)]
-    size = [margin + wide + 1 for wide in cells]
-    return (low[0], low[1], config.cell_size), (size[0], size[1])
+    return (-int(below[0]), -int(below[1]), config.cell_size), (size[0], size[1])
 
 
 def _inside(points: Floats, polygon: Floats) -> Bools:

@@ -9,7 +9,7 @@ import numpy as np
 
 from lme.errors import InputError, require
 from lme.geometry.frames import to_robot, to_world
-from lme.guides.global_path.costmap import Costmap, CostmapConfig
+from lme.guides.global_path.costmap import Costmap, CostmapConfig, ends_of
 from lme.guides.global_path.kernels import departs, nearest_passable, search, straighten, trace
 from lme.kernels.fan import fan_blocked
 from lme.kernels.obstacle_grid import INSCRIBED, TOUCHING
@@ -110,22 +110,24 @@ class GlobalPath:
     def _updated(self, observation: Observation) -> Costmap:
         """The map; an observed one is rebuilt if it is due."""
         if self.costmap is None:
-            goal = to_world(observation.target, observation.odometry)
-            self.costmap = Costmap(self._config.costmap, self._robot, goal)
-            if self._config.global_map == "known":
-                self._draw(self.costmap)
+            self.costmap = self._begun(to_world(observation.target, observation.odometry))
         if self._config.global_map == "observed":
             taken = self._clock.due(observation)
             if taken is not None:
                 self.costmap.observe(taken)
         return self.costmap
 
-    def _draw(self, costmap: Costmap) -> None:
+    def _begun(self, goal: Floats) -> Costmap:
+        """The map before the first scan: empty, or the true one."""
+        if self._config.global_map == "observed":
+            return Costmap(self._config.costmap, self._robot, goal[None])
         if self._world is None:
             raise InputError(
                 "guide.global_map is 'known', but no map was given: must be 'observed', or call read_map after reset"
             )
+        costmap = Costmap(self._config.costmap, self._robot, np.vstack([goal, ends_of(*self._world)]))
         costmap.draw(*self._world)
+        return costmap
 
     def _obstructed(self, route: _Route, costmap: Costmap) -> bool:
         """Whether a point of the path ahead has become forbidden since planning."""
@@ -149,7 +151,11 @@ class GlobalPath:
         From a forbidden start it leads straight to the nearest passable cell, and likewise to a forbidden target;
         it ends at that cell if the robot would touch an obstacle at the target.
         """
-        costs, here, there = costmap.costs, costmap.cell(robot), costmap.cell(target)
+        here, there = costmap.cell(robot), costmap.cell(target)
+        window = costmap.window([here, there])
+        low = (window[0].start, window[1].start)
+        costs = np.ascontiguousarray(costmap.costs[window])
+        here, there = (here[0] - low[0], here[1] - low[1]), (there[0] - low[0], there[1] - low[1])
         start = nearest_passable(costs, self.cell_costs, here, there)
         goal = nearest_passable(costs, self.cell_costs, there, here)
         if start[0] < 0:
@@ -158,7 +164,7 @@ class GlobalPath:
         cells = trace(g, costs, self.cell_costs, start, goal)
         if len(cells) == 0:
             return None
-        way = costmap.points(straighten(cells, g, costs, self.cell_costs))
+        way = costmap.points(straighten(cells, g, costs, self.cell_costs) + np.array(low))
         way = way[1:] if start == here else way
         way = way[:-1] if goal == there else way
         touching = costs[there] == TOUCHING

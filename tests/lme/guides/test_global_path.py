@@ -9,7 +9,7 @@ import lme.guides.global_path.guide as module
 from lme.episode import run_episode
 from lme.errors import InputError
 from lme.geometry.frames import to_robot, to_world
-from lme.guides.global_path.costmap import CostmapConfig
+from lme.guides.global_path.costmap import Costmap, CostmapConfig
 from lme.guides.global_path.guide import GlobalPath, GlobalPathConfig
 from lme.navigator import Navigator
 from lme.planners.simple import Simple, SimpleConfig
@@ -133,6 +133,37 @@ def test_without_a_way_the_path_is_the_straight_line_and_the_robot_waits():
     assert guidance.path[-1] == pytest.approx([4.0, 0.0])
     assert np.abs(guidance.path[:, 1]).max() < KERNEL
     assert guidance.subgoal == pytest.approx([0.0, 0.0])
+
+
+@pytest.mark.parametrize(("global_map", "half"), [("observed", 9.0), ("known", 9.0), ("known", 60.0)])
+def test_a_path_may_lead_far_around(global_map, half):
+    """Round the far end of a wall across the way; a true map is on the grid as a whole, however long the wall."""
+    wall = World(segments=np.array([[2.0, -half, 2.0, half - 1.0]]))
+    guide = global_path(global_map=global_map, costmap=CostmapConfig(obstacle_range=25.0))
+    robot = stage()
+    robot.lidar.range_max = 30.0
+    guide.read_map(wall, HERE)
+    guidance = guide.guide(first_view(wall, robot))
+    assert not guidance.blocked
+    assert half - 1.2 < guidance.path[:, 1].max() < half
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_what_is_left_out_of_the_search_changes_no_path(seed):
+    """The search sees only the part of the map around obstacles and ends: see `Costmap.window`."""
+    rng = np.random.default_rng(seed)
+    walls = rng.uniform(-1.0, 5.0, (rng.integers(1, 6), 4))
+    world = World(segments=walls + np.where(walls[:, :1] > 4.0, rng.uniform(-3.0, 3.0), 0.0))
+    goal, paths = rng.uniform(-4.0, 4.0, 2), []
+    for everything in (False, True):
+        guide = global_path(global_map="known")
+        guide.read_map(world, HERE)
+        with pytest.MonkeyPatch.context() as patch:
+            if everything:
+                patch.setattr(Costmap, "window", lambda self, cells: (slice(0, None), slice(0, None)))
+            paths.append(guide.guide(first_view(World(), goal=goal)).path)
+    np.testing.assert_array_equal(*paths)
 
 
 def test_a_sealed_box_ends_in_a_timeout():

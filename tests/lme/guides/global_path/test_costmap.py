@@ -21,7 +21,7 @@ HERE = Pose(0.0, 0.0, 0.0)
 
 
 def costmap(robot=None, goal=(4.0, 0.0), **settings):
-    return Costmap(CostmapConfig(**settings), robot or stage(), np.array(goal))
+    return Costmap(CostmapConfig(**settings), robot or stage(), np.array([goal]))
 
 
 def taken(observed, pose=None):
