@@ -143,6 +143,39 @@ def draw_edges(hits: Hits, grid: Grid, edges: Floats) -> None:
 
 
 @njit(cache=True, error_model="numpy")
+def draw_polygon(hits: Hits, grid: Grid, polygon: Floats) -> None:
+    """Mark the cells whose centres lie in a polygon (V, 2) by the even–odd rule, in place.
+
+    A line of cells changes sides where it crosses an edge.
+    """
+    cell, rows, last = grid[2], hits.shape[0], len(polygon) - 1
+    low = max(lattice(polygon[:, 1].min() / cell) - grid[1], 0)
+    high = min(lattice(polygon[:, 1].max() / cell) - grid[1], hits.shape[1] - 1)
+    changes = np.zeros(
+        (rows + 1, max(high - low + 1, 0)), np.bool_
+    )  # [i, j]: between cells i − 1 and i of line j
+    for k in range(len(polygon)):
+        (x0, y0), (x1, y1) = polygon[k], polygon[k + 1 if k < last else 0]
+        first = max(lattice(min(y0, y1) / cell) - grid[1], low)
+        for j in range(first, min(lattice(max(y0, y1) / cell) - grid[1], high) + 1):
+            y = (j + grid[1]) * cell
+            if (y < y0) != (y < y1):
+                x = x0 + (x1 - x0) * (y - y0) / (y1 - y0)
+                i = min(max(math.ceil(x / cell) - grid[0], 0), rows)
+                while i > 0 and (i - 1 + grid[0]) * cell >= x:
+                    i -= 1
+                while i < rows and (i + grid[0]) * cell < x:
+                    i += 1
+                changes[i, j - low] ^= True
+    for j in range(low, high + 1):
+        inside = False
+        for i in range(rows - 1, -1, -1):
+            inside ^= changes[i + 1, j - low]
+            if inside:
+                hits[i, j] = 1
+
+
+@njit(cache=True, error_model="numpy")
 def _occupy(hits, grid, i, j):
     """Mark lattice cell (i, j) if it is on the grid."""
     a, b = i - grid[0], j - grid[1]

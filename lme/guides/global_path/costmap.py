@@ -19,6 +19,7 @@ from lme.kernels.obstacle_grid import (
     Grid,
     draw_discs,
     draw_edges,
+    draw_polygon,
     inflate,
     lattice,
     observe,
@@ -122,7 +123,7 @@ class Costmap:
         draw_discs(self._hits, self._grid, circles)
         draw_edges(self._hits, self._grid, ends.reshape(-1, 4))
         for polygon in world.polygons:
-            self._fill(to_robot(polygon, start))
+            draw_polygon(self._hits, self._grid, to_robot(polygon, start))
         self._extend(np.argwhere(self._hits))
 
     def refresh(self) -> None:
@@ -162,13 +163,6 @@ class Costmap:
         ends = np.array([self._low, self._high, *cells])
         self._low, self._high = ends.min(axis=0), ends.max(axis=0)
 
-    def _fill(self, polygon: Floats) -> None:
-        """Mark the cells whose centres lie in a polygon (V, 2); only those around it are looked at."""
-        low = np.array(self.cell(polygon.min(axis=0)))
-        high = np.array(self.cell(polygon.max(axis=0))) + 1
-        centres = self.points(np.moveaxis(np.indices(high - low, dtype=np.int64), 0, -1) + low)
-        self._hits[low[0] : high[0], low[1] : high[1]][_inside(centres, polygon)] = 1
-
 
 def stamp(config: CostmapConfig, r_min: float) -> Ints:
     """Costs around one occupied cell, (K, 3) rows (di, dj, cost), for a footprint of inner radius r_min [m].
@@ -207,13 +201,3 @@ def _layout(config: CostmapConfig, places: Floats) -> tuple[Grid, tuple[int, int
             f"{config.margin:g} m has over {_MOST_CELLS:,} cells: must be larger, or guide.costmap.margin smaller"
         )
     return (-int(below[0]), -int(below[1]), config.cell_size), (size[0], size[1])
-
-
-def _inside(points: Floats, polygon: Floats) -> Bools:
-    """Whether each of the points (..., 2) lies in the polygon (V, 2), by the even–odd rule: (...)."""
-    inside = np.zeros(points.shape[:-1], dtype=np.bool_)
-    for (x0, y0), (x1, y1) in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
-        spans = (points[..., 1] < y0) != (points[..., 1] < y1)
-        if y0 != y1:
-            inside ^= spans & (points[..., 0] < x0 + (x1 - x0) * (points[..., 1] - y0) / (y1 - y0))
-    return inside

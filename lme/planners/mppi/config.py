@@ -110,7 +110,7 @@ class MppiConfig:
     gamma: float = 0.015
     prune_distance: float = 1.7  # [m]
     path_spacing: float = 0.03  # [m]
-    xy_goal_tolerance: float = 0.25  # [m]
+    xy_goal_tolerance: float = 0.15  # [m]
     constraint: WeightConfig = field(default_factory=WeightConfig)
     cost: ObstacleCostConfig = field(default_factory=ObstacleCostConfig)
     goal: GoalCostConfig = field(default_factory=GoalCostConfig)

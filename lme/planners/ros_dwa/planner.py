@@ -27,7 +27,7 @@ _STEP = 0.017  # [rad] between the checks of a turn; rotate_recovery's sim_granu
 class RosDwaConfig(TrajectoriesConfig):
     """Settings of move_base and TrajectoryPlannerROS, with the names and the BARN Challenge's values of ROS."""
 
-    xy_goal_tolerance: float = 0.25  # [m]
+    xy_goal_tolerance: float = 0.15  # [m]
     yaw_goal_tolerance: float = 0.157  # [rad]
     planner_patience: float = 5.0  # [s]
     controller_patience: float = 15.0  # [s]

@@ -131,7 +131,7 @@ def test_with_no_free_sample_it_begins_anew_and_stops(monkeypatch):
 
 def test_near_the_target_it_stops():
     made = planner()
-    view = observation(target=(0.2, 0.0), twist=Twist(0.3, 0.1), odometry=Pose(1.0, 2.0, 0.3), robot=JACKAL)
+    view = observation(target=(0.12, 0.0), twist=Twist(0.3, 0.1), odometry=Pose(1.0, 2.0, 0.3), robot=JACKAL)
     assert plan(made, view) == Twist(0.0, 0.0)
 
 

@@ -9,7 +9,7 @@ from scipy.ndimage import distance_transform_edt
 from lme.errors import InputError
 from lme.guides.global_path.costmap import Costmap, CostmapConfig, stamp
 from lme.guides.global_path.kernels import search
-from lme.kernels.obstacle_grid import HIGHEST, INSCRIBED, TOUCHING
+from lme.kernels.obstacle_grid import HIGHEST, INSCRIBED, TOUCHING, draw_polygon
 from lme.sensing.map_clock import MapInput
 from lme.sim.fast import FastConfig, FastSimulator
 from lme.types import Pose, Twist
@@ -108,6 +108,23 @@ def test_a_disc_smaller_than_a_cell_occupies_one():
     grid.draw(World(circles=np.array([[1.0, 0.5, 0.001]])), HERE)
     grid.refresh()
     assert occupied(grid) == pytest.approx(np.array([[1.0, 0.5]]))
+
+
+@settings(max_examples=50, deadline=None)
+@given(SEEDS, st.booleans())
+def test_a_polygon_occupies_the_cells_whose_centres_lie_in_it(seed, on_centres):
+    rng = np.random.default_rng(seed)
+    polygon = rng.uniform(-3.0, 5.0, (rng.integers(3, 9), 2))  # it may cross itself, and leave the grid
+    polygon = 0.05 * np.round(polygon / 0.05) if on_centres else polygon
+    hits, grid = np.zeros((90, 70), np.int32), (-30, -20, 0.05)
+    draw_polygon(hits, grid, polygon)
+    x, y = ((np.arange(count) + low) * 0.05 for count, low in zip(hits.shape, grid[:2], strict=True))
+    inside = np.zeros(hits.shape, bool)
+    for (x0, y0), (x1, y1) in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
+        crossed = (y < y0) != (y < y1)
+        where = x0 + (x1 - x0) * (y - y0) / np.where(crossed, y1 - y0, 1.0)
+        inside ^= crossed & (x[:, None] < where)
+    np.testing.assert_array_equal(hits != 0, inside)
 
 
 @settings(max_examples=30)
