@@ -151,9 +151,8 @@ def draw_polygon(hits: Hits, grid: Grid, polygon: Floats) -> None:
     cell, rows, last = grid[2], hits.shape[0], len(polygon) - 1
     low = max(lattice(polygon[:, 1].min() / cell) - grid[1], 0)
     high = min(lattice(polygon[:, 1].max() / cell) - grid[1], hits.shape[1] - 1)
-    changes = np.zeros(
-        (rows + 1, max(high - low + 1, 0)), np.bool_
-    )  # [i, j]: between cells i − 1 and i of line j
+    # [i, j]: whether a line j changes sides between its cells i − 1 and i
+    changes = np.zeros((rows + 1, max(high - low + 1, 0)), np.bool_)
     for k in range(len(polygon)):
         (x0, y0), (x1, y1) = polygon[k], polygon[k + 1 if k < last else 0]
         first = max(lattice(min(y0, y1) / cell) - grid[1], low)

@@ -85,7 +85,7 @@ class Costmap:
         self.stamp = stamp(config, robot.footprint.r_min)
         self._outline = robot.footprint.outline(config.footprint_padding)
         own = np.hypot(*(self._outline - np.array(self._lidar[:2])).T).max()
-        self._around = config.obstacle_range + float(own) + config.cell_size  # [m] of the lidar: what changes
+        self._around = config.obstacle_range + float(own) + config.cell_size  # [m] that a scan changes
         self._hits = np.zeros(size, dtype=np.int32)
         self.costs = np.zeros(size, dtype=np.uint8)
         self._low = self._high = np.array(self.cell(np.zeros(2)))  # of the box around all obstacles so far
@@ -160,7 +160,7 @@ class Costmap:
 
     def _extend(self, cells: Sequence[Cell] | Ints) -> None:
         """Let the box around all obstacles hold these cells (N, 2)."""
-        ends = np.array([self._low, self._high, *cells])
+        ends = np.vstack([self._low, self._high, cells])
         self._low, self._high = ends.min(axis=0), ends.max(axis=0)
 
 
