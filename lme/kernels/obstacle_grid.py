@@ -48,8 +48,8 @@ def observe(
     pose: of the lidar in the frame of the grid. ranges (B,) [m]; angles (angle_min, angle_increment) [rad];
     spans (range_min, range_max, obstacle_range, raytrace_range) [m]. A hit beyond obstacle_range marks no free
     cell, but refreshes a marked one if `keep` > 0. Cells beyond raytrace_range are not cleared, nor cells hit by
-    this scan or one of the last `keep`. A beam with a range ≥ range_max clears its cells if `inf_is_valid`; one
-    below range_min or NaN is ignored.
+    this scan or one of the last `keep`. A beam with a range ≥ range_max clears its cells, up to range_max, if
+    `inf_is_valid`; one below range_min or NaN is ignored.
     New hits raise costs; the costs of cleared hits remain until `inflate`.
     """
     range_min, range_max = np.float32(spans[0]), np.float32(spans[1])
@@ -69,7 +69,7 @@ def observe(
     for k in range(len(ranges)):
         if ranges[k] >= range_min and (inf_is_valid or ranges[k] < range_max):
             bearing = pose[2] + angles[0] + k * angles[1]
-            length = min(ranges[k], spans[3])
+            length = min(ranges[k], range_max, spans[3])
             _free(hits, grid, number - keep, pose, math.cos(bearing), math.sin(bearing), length)
 
 

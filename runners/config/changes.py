@@ -46,7 +46,7 @@ def changed_keys(config: DictConfig, choices: Mapping[str, str], catalogue: Cata
             dotted = f"{node}.{key}"
             if not _is_shown(node, key) and not (key in written and _equal(written[key], value)):
                 changes[dotted] = resolved.get(dotted, value)
-    return changes | _changed_people(config)
+    return changes | _changed_people(config) | _changed_costmap_range(config)
 
 
 def _changed_people(config: DictConfig) -> dict[str, Any]:
@@ -54,6 +54,12 @@ def _changed_people(config: DictConfig) -> dict[str, Any]:
     schema: Any = OmegaConf.get_type(config)
     default = next((each.default for each in fields(schema) if each.name == "people"), None)
     return {} if default is None or config.people == default else {"people": str(config.people)}
+
+
+def _changed_costmap_range(config: DictConfig) -> dict[str, Any]:
+    """The range of a guide's map of scans, if it is not the guide's own."""
+    given = OmegaConf.select(config, "costmap_range")
+    return {} if given is None or "costmap" not in config.guide else {"costmap_range": given}
 
 
 def _is_shown(node: str, key: str) -> bool:

@@ -88,9 +88,13 @@ class ReportConfig(EpisodesConfig):
 
 @dataclass(slots=True, kw_only=True)
 class EvalConfig(ReportConfig):
-    """`lme eval`. people: whom the system sees. scale: factors on the guide's parameters, by name."""
+    """`lme eval`. people: whom the system sees. scale: factors on the guide's parameters, by name.
+
+    costmap_range: [m] up to which a guide's map marks and clears what scans see; None: the guide's own ranges.
+    """
 
     people: People = People.truth
+    costmap_range: float | None = None
     scale: dict[str, float] = field(default_factory=dict)
 
 
@@ -264,13 +268,19 @@ COMMANDS: dict[str, type[SystemConfig]] = {
 
 
 def register() -> None:
-    """Make the schemas and the resolvers `parameters` and `sweep` known to Hydra; safe to call again."""
+    """Make the schemas and the resolvers `parameters`, `sweep` and `first` known to Hydra; safe to call again."""
     from runners.config.weights import parameters
 
     for command, schema in COMMANDS.items():
         ConfigStore.instance().store(name=f"{command}_schema", node=schema)
     OmegaConf.register_new_resolver("parameters", parameters, replace=True)
     OmegaConf.register_new_resolver("sweep", _sweep, replace=True)
+    OmegaConf.register_new_resolver("first", _first, replace=True)
+
+
+def _first(value: Any, otherwise: Any) -> Any:
+    """The value, or `otherwise` if it is None."""
+    return otherwise if value is None else value
 
 
 def _sweep(options: Sequence[str], without: Collection[str] = ()) -> str:

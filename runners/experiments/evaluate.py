@@ -41,9 +41,24 @@ def validate(job: Job[EvalConfig]) -> None:
 
 
 def _check_drawn(job: Job[EvalConfig]) -> None:
-    """Raise InputError for what a map set that draws a robot for every episode cannot do."""
-    if not isinstance(build.map_set(job.config), DrawsRobots):
+    """Raise InputError for what a map set that draws a robot for every episode cannot do, or would not use."""
+    maps = build.map_set(job.config)
+    if not isinstance(maps, DrawsRobots):
         return
+    if job.choices.get("crowd", "none") != "none":
+        raise InputError(
+            f"crowd is {job.choices['crowd']}: must be none where the map draws a robot for every episode"
+        )
+    told = {
+        "planner.latency",
+        "filter.latency",
+        *(f"sim.{key}" for key in maps.drawn(maps.numbers[0]).disturbances),
+    }
+    for key, value in {**_chosen_robot(job), **job.changes}.items():
+        if key in told or key.partition(".")[0] == "robot":
+            raise InputError(
+                f"{key} is {value}: must be left out where the map draws it for every episode (map.ranges)"
+            )
     if job.config.record is Record.mcap:
         raise InputError(
             "record is mcap: must be none where the map draws a robot for every episode, as a recording holds one robot"
@@ -52,6 +67,12 @@ def _check_drawn(job: Job[EvalConfig]) -> None:
         raise InputError(
             "ablation is no_latency: must be another one where the map draws the delay, which a planner then knows"
         )
+
+
+def _chosen_robot(job: Job[EvalConfig]) -> dict[str, str]:
+    """The robot that the command line names, if it does."""
+    words = (word.lstrip("+").partition("=") for word in job.overrides)
+    return {key: value for key, _, value in words if key == "robot"}
 
 
 def check_report(job: Job[ReportConfig]) -> None:

@@ -22,7 +22,7 @@ class DrlVoConfig:
     no_return: float = 0.0  # [m] range of a beam without return
     pedestrians: bool = True  # show the pedestrians to the network
     lookahead: float = 2.0  # [m] of the sub-goal
-    goal_margin: float = 0.9  # [m] the robot stops this close to the goal
+    goal_margin: float = 0.15  # [m] the robot stops this close to the goal
     stop_range: float = 0.4  # [m] at shorter ranges ahead it turns in place
     stop_turn: float = 0.7  # [rad/s] this fast
     v_max: float = 0.5  # [m/s] of the greatest output

@@ -77,6 +77,12 @@ def test_a_beam_without_a_return_frees_cells_only_if_it_is_valid(nothing):
     assert cells(beams([nothing], beams([1.0]), number=2, inf_is_valid=False)) == {(10, 0)}
 
 
+def test_a_beam_without_a_return_frees_nothing_beyond_the_lidars_range():
+    far = beams([2.0], spans=(0.1, 10.0, 5.0, 5.0))
+    assert cells(beams([math.inf], far.copy(), number=2, spans=(0.1, 1.5, 5.0, 5.0))) == {(20, 0)}
+    assert cells(beams([math.inf], far, number=2, spans=(0.1, 2.5, 5.0, 5.0))) == set()
+
+
 def test_a_hit_beyond_obstacle_range_keeps_its_cell_if_hits_persist():
     marked = beams([2.7], spans=(0.1, 10.0, 5.0, 5.0))
     assert cells(beams([2.7], marked.copy(), number=2, keep=1)) == {(27, 0)}

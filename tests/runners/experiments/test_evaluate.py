@@ -9,6 +9,11 @@ from runners.cli.main import main
     ("word", "message"),
     [
         ("record=mcap", "record is mcap: must be none where the map draws a robot for every episode"),
+        ("robot=go2", "robot is go2: must be left out where the map draws it for every episode (map.ranges)"),
+        ("robot.v_max=1", "robot.v_max is 1.0: must be left out"),
+        ("sim.slip=0.3", "sim.slip is 0.3: must be left out"),
+        ("planner.latency=0", "planner.latency is 0: must be left out"),
+        ("crowd=orca", "crowd is orca: must be none"),
         ("ablation=no_latency", "ablation is no_latency: must be another one where the map draws the delay"),
     ],
 )

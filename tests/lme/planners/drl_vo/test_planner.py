@@ -140,12 +140,12 @@ def test_while_no_path_is_found_the_sub_goal_stays(file):
 
 def test_drl_vo_stops_near_the_end_of_the_path_or_near_the_target(file):
     planner, _ = made(file)
-    for end, stops in ((0.89, True), (0.91, False)):
+    for end, stops in ((0.14, True), (0.16, False)):
         point = np.array([end, 0.0])
         along = Guidance(point, np.vstack([np.zeros(2), point]))
         assert (planner.plan(seen(target=(end, 0.3)), along) == (0.0, 0.0)) == stops
         assert (planner.plan(seen(target=(end, 0.0)), Guidance(point)) == (0.0, 0.0)) == stops
-    near_subgoal = Guidance(np.array([0.5, 0.0]))
+    near_subgoal = Guidance(np.array([0.1, 0.0]))
     assert planner.plan(seen(target=(5.0, 0.0)), near_subgoal).v > 0.0
 
 
