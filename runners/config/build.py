@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple, TypeVar, cast
 
 from lme.errors import InputError, require
 from lme.navigator import Navigator
@@ -16,6 +16,8 @@ from lme.worlds.check import check_task
 from lme.worlds.world import DrawnTask, DrawsRobots, MapSet, Task
 from runners.config.instantiate import build, configured
 from runners.config.schema import DriveConfig, EpisodesConfig, SystemConfig
+
+C = TypeVar("C", bound=DriveConfig)
 
 _CHECKED_TASKS = (
     20  # before anything runs; the others when they are driven, since a task may be slow to build
@@ -86,16 +88,22 @@ def setting(config: DriveConfig, maps: MapSet, number: int) -> EpisodeSetting:
 
 
 def _with_drawn(config: DriveConfig, drawn: DrawnTask) -> DriveConfig:
-    """The config with what was drawn. A planner or filter that is told the simulator's delay is told the drawn one."""
-    sim = {**config.sim, **drawn.disturbances}
+    """The config with what was drawn."""
+    return replace(with_disturbances(config, drawn.disturbances), robot=drawn.robot)
+
+
+def with_disturbances(config: C, values: Mapping[str, float]) -> C:
+    """The config with other values of its simulator.
+
+    A planner or filter that is told the simulator's delay is told the new one.
+    """
+    sim = {**config.sim, **values}
 
     def told(part: Mapping[str, Any]) -> dict[str, Any]:
         follows = "latency" in part and part["latency"] == config.sim["latency"]
         return {**part, **({"latency": sim["latency"]} if follows else {})}
 
-    return replace(
-        config, robot=drawn.robot, sim=sim, planner=told(config.planner), filter=told(config.filter)
-    )
+    return replace(config, sim=sim, planner=told(config.planner), filter=told(config.filter))
 
 
 def check_drive(config: EpisodesConfig, num_tasks: int | None = _CHECKED_TASKS) -> None:

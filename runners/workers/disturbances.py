@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lme.errors import InputError, require
+from runners.config.build import with_disturbances
 
 if TYPE_CHECKING:
     from runners.config.schema import TrainConfig
@@ -16,12 +17,12 @@ _DISTURBANCES = 0x6469  # seeds the draw separately from the episode
 
 
 def disturbed(config: TrainConfig, world: int) -> TrainConfig:
-    """The config with the simulator's values drawn for a world; the same for every candidate."""
+    """The config with the disturbances drawn for a world; the same for every candidate."""
     rng = np.random.default_rng(np.random.SeedSequence([config.seed, world, _DISTURBANCES]))
     drawn = {
         key: float(rng.uniform(*bounds)) for key, bounds in asdict(config.disturbances).items() if bounds
     }
-    return replace(config, sim={**config.sim, **drawn})
+    return with_disturbances(config, drawn)
 
 
 def check_disturbances(config: TrainConfig) -> None:

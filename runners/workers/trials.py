@@ -69,20 +69,24 @@ def initialise(families: Mapping[str, TrainConfig]) -> Callable[[Attempt], Score
 
     @lru_cache(maxsize=64)
     def simulator(family: str, world: int | None) -> Simulator:
-        config = families[family]
-        return build.simulator(config if world is None else disturbed(config, world))
+        return build.simulator(within(families[family], world))
 
     @lru_cache(maxsize=2 * len(families))  # the episodes of a candidate come one after the other
-    def navigator(family: str, values: Values) -> Navigator:
-        return build.navigator(with_values(families[family], dict(values)))
+    def navigator(family: str, values: Values, world: int | None) -> Navigator:
+        return build.navigator(within(with_values(families[family], dict(values)), world))
+
+    def within(config: TrainConfig, world: int | None) -> TrainConfig:
+        return config if world is None else disturbed(config, world)
 
     def run(attempt: Attempt) -> Score:
         family, world = attempt.family, attempt.world
         config, here = families[family], task(family, world)
         # Every candidate gets the same random numbers, so two rewards differ by the parameters alone.
         rng = np.random.default_rng(np.random.SeedSequence([config.seed, world, 0]))
-        drive = simulator(family, world if config.disturbances.any else None)
-        episode = run_episode(here, navigator(family, attempt.values), drive, rng)
+        drawn = world if config.disturbances.any else None
+        told = drawn if config.disturbances.latency else None  # a planner may know the delay of its world
+        pilot, drive = navigator(family, attempt.values, told), simulator(family, drawn)
+        episode = run_episode(here, pilot, drive, rng)
         reward = episode_reward(config, here.time_limit, str(episode.outcome), episode.steps)
         return Score(attempt.trial, world, str(episode.outcome), episode.steps, reward, family)
 

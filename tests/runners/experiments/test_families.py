@@ -93,6 +93,13 @@ def test_disturbances_are_drawn_for_each_world_and_the_same_for_every_candidate(
     assert disturbed(found(job, "map=env1")["env1"], 3).sim == config.sim
 
 
+def test_a_planner_that_knows_the_delay_knows_the_drawn_one(job):
+    words = "map=env1", "guide=lme_plus", "planner=min_time", "disturbances={latency: [0.02, 0.1]}"
+    drawn = disturbed(found(job, *words)["env1"], 3)
+    assert drawn.planner["latency"] == drawn.sim["latency"] > 0.0
+    assert disturbed(found(job, *words, "planner.latency=0.2")["env1"], 3).planner["latency"] == 0.2
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [
