@@ -162,7 +162,7 @@ def measure(group: pd.DataFrame, system: str, keys: dict[str, str]) -> Row:
         column = _metric_column(group, metric.key)
         if column is not None:
             chosen = (successes | (not metric.of_successes)) & (column.notna() | (not metric.measured))
-            mean, std = mean_std_over_runs(column[chosen], group["run"][chosen])
+            mean, std = mean_std_over_runs(column, group["run"], chosen)
             stats[metric.key] = mean, std if runs > 1 else math.nan
     return Row(
         label=f"{system} (ours)",

@@ -248,6 +248,15 @@ def test_a_row_says_how_much_of_an_unfinished_run_was_driven(kept, planned, name
         assert name in text
 
 
+def test_the_rate_of_an_unfinished_run_lies_in_its_interval():
+    """A hundred successes and, in a second run, one failure."""
+    whole = records(("success",) * 100, runs=1)
+    second = records(("collision",), runs=1).assign(run=1)
+    row = summarise(pd.concat([whole, second]), systems={})[0]
+    assert row.stats["success"] == (pytest.approx(100 / 101), 0.5)
+    assert row.interval[0] < row.stats["success"][0] < row.interval[1]
+
+
 def test_runs_of_different_worlds_in_one_row_were_to_drive_all_of_them():
     one = records(runs=1, planned_worlds=10, planned_episodes=10)
     two = one.assign(world=one["world"] + 50, run_dir="two")
