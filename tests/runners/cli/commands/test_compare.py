@@ -11,7 +11,7 @@ import pytest
 from lme.episode import TRAJECTORY_COLUMNS
 from runners.analysis import paired
 from runners.analysis.run_names import names
-from runners.analysis.shared_worlds import ComparedRun
+from runners.analysis.shared_worlds import ComparedRun, same_worlds
 from runners.cli import main
 from runners.cli.commands import compare
 from runners.records.episode_record import EpisodeResult
@@ -128,6 +128,55 @@ def test_worlds_of_one_number_that_are_not_the_same_are_left_out(tmp_path, job, 
     text = said(capsys, one, tmp_path / "b", "--into", tmp_path / "into")
     assert "15 shared worlds; left out: 5 worlds with another start, goal or layout" in text
     assert "Not every run has a launch.json" in text
+
+
+def same(one, other):
+    """The worlds that two runs share, numbered from 0, given a measure of each world."""
+    runs = [
+        ComparedRun(
+            Path("run"),
+            pd.DataFrame({"world": range(len(values)), "map": "barn", "run": 0, "world_measure": values}),
+        )
+        for values in (one, other)
+    ]
+    return same_worlds(*runs)
+
+
+def test_measures_that_are_texts_tell_worlds_apart():
+    assert same(["disc", "disc", None], ["disc", "rectangle", None]) == {0, 2}
+    assert same(["disc", None], [None, "disc"]) == set()
+
+
+def test_measures_that_are_numbers_tell_worlds_apart_but_for_rounding():
+    nan = float("nan")
+    assert same([1.0, 1.0, nan, nan], [1.0 + 1e-9, 1.1, nan, 1.0]) == {0, 2}
+    assert same([1.0, 1.0], ["disc", 1.0]) == {1}
+
+
+def test_runs_of_the_cold_trial_are_compared(tmp_path, job, capsys):
+    """Some measures of its worlds are texts."""
+    measures = {"family": "rooms", "footprint": "disc", "v_max": 1.5}
+    runs = [
+        write(tmp_path / system, job(), system=system, worlds=(1, 2), world_measures=measures)
+        for system in ("LME", "DWA")
+    ]
+    assert "DWA (2 worlds, 4 pairs" in said(capsys, *runs, "--into", tmp_path / "into")
+
+
+def test_worlds_with_people_are_not_those_without(tmp_path, job, capsys):
+    """Only one of the runs has the number of people."""
+    empty = write(tmp_path / "empty", job(), worlds=(1, 2))
+    crowd = [
+        write(
+            tmp_path / system, job("crowd=orca"), system=system, worlds=(1, 2), world_measures={"people": 3.0}
+        )
+        for system in ("LME", "DWA")
+    ]
+    text = said(capsys, *crowd, empty, "--into", tmp_path / "into")
+    assert "DWA (2 worlds, 4 pairs" in text
+    assert "empty shares no episode with another run" in text
+    assert main.main(["compare", empty, crowd[0]]) == 2
+    assert "LME drove barn with crowd orca, 2 worlds from 1 to 2" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
