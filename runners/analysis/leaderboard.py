@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 from lme.worlds.barn.subsets import FRESH, OFFICIAL
 from runners.analysis.paired import METRIC, interval_of_mean
-from runners.analysis.summary import USUAL, Row, as_text, measure, numbers
+from runners.analysis.summary import Row, as_text, measure, numbers, usual
 from runners.config.changes import describe_changes
 from runners.config.flatten import flatten
 from runners.records.append_log import APPEND_LOG
@@ -128,7 +128,7 @@ def _read(run_dir: Path, frame: pd.DataFrame) -> _ReadRun:
     changes = launch.changes[0] if launch else {}
     map_set, subset, robot = (_text(frame, key) for key in ("map", "subset", "robot"))
     named = {key: _text(frame, key) for key in _NAMED}
-    own = [f"{key} {value}" for key, value in named.items() if value not in USUAL]
+    own = [f"{key} {value}" for key, value in named.items() if value not in usual(key)]
     config = launch.configs[0] if launch else {}
     of_setting = {key: config[key] for key in PLACES if key in config}
     if subset == CUSTOM_SUBSET and isinstance(of_setting.get("map"), dict):

@@ -224,6 +224,19 @@ def test_two_runs_of_one_config_are_not_added_up():
     ]
 
 
+def test_whom_the_system_sees_is_a_column_unless_it_is_everybody():
+    """Nobody is unusual here, though `none` is the usual value of other columns."""
+    seen = {people: records(people=people, run_dir=people) for people in ("truth", "none")}
+    assert [row.keys for row in summarise(seen["truth"], systems={})] == [{}]
+    assert [row.keys for row in summarise(seen["none"], systems={})] == [{"people": "none"}]
+    both = pd.concat([*seen.values(), *(part.assign(system="Other") for part in seen.values())])
+    rows = summarise(both, systems={})
+    assert [(row.label, row.keys) for row in rows] == [
+        (f"{system} (ours)", {"people": people}) for system in ("LME", "Other") for people in seen
+    ]
+    assert "| System | People |" in to_markdown(rows)
+
+
 def test_an_ablation_alone_is_still_named():
     rows = summarise(records(ablation="no_c_o"), systems=SYSTEMS)
     assert rows[0].keys == {"ablation": "no_c_o"}

@@ -190,6 +190,9 @@ def test_worlds_with_people_are_not_those_without(tmp_path, job, capsys):
         (["sim=physics"], {}, "Driven under different conditions: sim: fast | physics."),
         (["sim.latency=0.1"], {}, "Driven under different conditions: sim.latency: 0 | 0.1."),
         (["map.time_limit=60"], {}, "Driven under different conditions: map.time_limit: 100 | 60."),
+        (["filter=stopping"], {}, "Driven under different conditions: filter: none | stopping."),
+        (["crowd=orca"], {}, "Driven under different conditions: crowd: none | orca."),
+        (["people=none"], {"people": "none"}, "Driven under different conditions: people: truth | none."),
         (["map.worlds=[7]"], {}, ""),
         (["runs=9"], {}, "Not finished:"),
     ],
@@ -200,6 +203,27 @@ def test_compare_says_which_conditions_differ(tmp_path, job, capsys, words, colu
     text = said(capsys, one, other, "--into", tmp_path / "into")
     assert note in text
     assert ("Driven under different" in text) == note.startswith("Driven under different")
+
+
+def test_the_filter_the_crowd_and_whom_a_system_sees_are_named(tmp_path, job, capsys):
+    words = ("crowd=orca", "people=none")
+    runs = [
+        write(tmp_path / name, job(*words, *more), worlds=(1, 2), people="none")
+        for name, more in (("a", []), ("b", ["filter=stopping"]))
+    ]
+    text = said(capsys, *runs, "--into", tmp_path / "into")
+    assert "LME · people none · barn · jackal · crowd orca Differences from: no filter Measure" in text
+    assert "filter stopping (2 worlds" in text
+    runs = [write(tmp_path / name, None, worlds=(1, 2), people=name) for name in ("truth", "none")]
+    assert "people none (2 worlds" in said(capsys, *runs, "--into", tmp_path / "into")
+
+
+def test_a_filter_is_unknown_without_a_launch_record(tmp_path, job, capsys):
+    runs = [
+        write(tmp_path / "a", None, worlds=(1, 2)),
+        write(tmp_path / "b", job("filter=stopping"), worlds=(1, 2)),
+    ]
+    assert "filter: unknown | stopping" in said(capsys, *runs, "--into", tmp_path / "into")
 
 
 def test_runs_of_several_maps_are_compared_map_by_map(tmp_path, job, capsys):
