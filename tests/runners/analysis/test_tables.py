@@ -103,6 +103,10 @@ def test_one_run_has_no_deviation():
         ({"planned_worlds": 11, "planned_episodes": 22}, False),
         ({"planned_worlds": 10, "planned_episodes": 30}, True),
         ({"ablation": "no_c_o"}, False),
+        ({"filter": "stopping"}, False),
+        ({"crowd": "orca"}, False),
+        ({"people": "none"}, False),
+        ({"people": "truth"}, True),
         ({"weights": "mine"}, True),
         ({"map": "elsewhere"}, False),
         ({"system": "Other"}, False),
@@ -170,6 +174,17 @@ def test_a_swept_key_that_no_record_holds_is_a_column():
     assert [row.label for row in rows] == ["LME (ours)", "LME (published)", "LME (ours)"]
     assert [row.keys for row in rows] == [{"sim.latency": "0.0"}, {"sim.latency": ""}, {"sim.latency": "0.1"}]
     assert not any(row.changes for row in rows)  # the column says it
+
+
+def test_the_published_row_follows_the_run_without_filter_and_crowd():
+    others = [records(filter="stopping", run_dir="two"), records(crowd="orca", run_dir="three")]
+    rows = summarise(pd.concat([records(), *others]), systems=SYSTEMS)
+    assert [(row.label, *row.keys.values()) for row in rows] == [
+        ("LME (ours)", "", ""),
+        ("LME (published)", "", ""),
+        ("LME (ours)", "stopping", ""),
+        ("LME (ours)", "", "orca"),
+    ]
 
 
 def test_a_key_changed_in_all_runs_is_named_and_hides_the_published_rows():
