@@ -131,16 +131,25 @@ def interval_over_worlds(successes: ArrayLike, worlds: ArrayLike) -> tuple[float
     return wilson_interval(rate * effective, effective)
 
 
-def mean_std_over_runs(values: ArrayLike, runs: ArrayLike) -> tuple[float, float]:
+def mean_std_over_runs(
+    values: ArrayLike, runs: ArrayLike, chosen: ArrayLike | None = None
+) -> tuple[float, float]:
     """Mean and population standard deviation of the means of the runs: the paper's a ± b.
 
-    values: (N,). runs: (N,) run number of each value. (NaN, NaN) if N is 0. Table II's ± are population
-    standard deviations over 3 runs of 100 worlds (over 2 in the rows LME-DWA and LME-DRL).
+    values: (N,), one for each episode. runs: (N,) run number of each. chosen: (N,) booleans, the values that count;
+    None for all. (NaN, NaN) if none does. Where runs have unequal numbers of episodes, as when one is not finished,
+    the mean is that over episodes: else a run of one episode would weigh as much as one of a hundred. Table II's ± are
+    population standard deviations over 3 runs of 100 worlds (over 2 in the rows LME-DWA and LME-DRL).
     """
     values, runs = np.asarray(values, dtype=np.float64), np.asarray(runs)
+    counts = np.ones(values.shape, dtype=bool) if chosen is None else np.asarray(chosen, dtype=bool)
     if values.shape != runs.shape:
         raise InputError(f"values has shape {values.shape}, runs {runs.shape}: must be the same")
-    if values.size == 0:
+    if values.shape != counts.shape:
+        raise InputError(f"values has shape {values.shape}, chosen {counts.shape}: must be the same")
+    if not counts.any():
         return math.nan, math.nan
-    means = [values[runs == run].mean() for run in np.unique(runs)]
-    return float(np.mean(means)), float(np.std(means))
+    _, episodes = np.unique(runs, return_counts=True)
+    means = [values[counts & (runs == run)].mean() for run in np.unique(runs[counts])]
+    mean = np.mean(means) if len(set(episodes)) == 1 else values[counts].mean()
+    return float(mean), float(np.std(means))

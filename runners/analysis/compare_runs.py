@@ -217,9 +217,8 @@ def _describe_unshared(reference: ComparedRun, run: ComparedRun, shared: frozens
 
 
 def _describe_worlds(run: ComparedRun) -> str:
-    """ "barn, 20 worlds from 0 to 285, run 0"; "runs 0 to 2" for several."""
+    """ "barn with crowd orca, 20 worlds from 0 to 285, run 0"; "runs 0 to 2" for several."""
     numbers, runs = run.worlds, sorted({number for _, number in run.episodes})
     times = f"run {runs[0]}" if len(runs) == 1 else f"runs {runs[0]} to {runs[-1]}"
-    return (
-        f"{run.text('map')}, {counted(len(numbers), 'world')} from {min(numbers)} to {max(numbers)}, {times}"
-    )
+    place = run.text("map") + (f" with crowd {run.text('crowd')}" if run.text("crowd") else "")
+    return f"{place}, {counted(len(numbers), 'world')} from {min(numbers)} to {max(numbers)}, {times}"

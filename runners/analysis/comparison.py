@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from runners.analysis import paired
 from runners.analysis.paired import Block, Difference, interval, signed
-from runners.analysis.summary import DASH, METRICS, SETTING, SMOOTHNESS, USUAL, Row, as_text, row_keys
+from runners.analysis.summary import DASH, METRICS, SETTING, SMOOTHNESS, Row, as_text, row_keys, usual
 from runners.analysis.table_notes import title
 from runners.config.wording import markdown_table
 from runners.records.whole_file import write_atomically
@@ -87,7 +87,7 @@ def _names(frame: pd.DataFrame, keys: list[str]) -> pd.Series:
     for key in keys:
         values = as_text(frame[key])
         if values.nunique() > 1:
-            names = names + (f", {key} " + values).where(~values.isin(USUAL), "")
+            names = names + (f", {key} " + values).where(~values.isin(usual(key)), "")
     return names
 
 

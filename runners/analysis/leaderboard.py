@@ -1,7 +1,7 @@
 """The leaderboard: many runs as systems × settings. Runs under different conditions never share a cell silently.
 
-A setting is a map set, a robot and a simulator with all their keys. A system is a guide and a planner with all theirs,
-and what changes them: ablation, weights, scale.
+A setting is a map set, a robot, a simulator and a crowd with all their keys. A system is a guide, a planner and a
+filter with all theirs, whom it sees (`people`), and what changes it: ablation, weights, scale.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 from lme.worlds.barn.subsets import FRESH, OFFICIAL
 from runners.analysis.paired import METRIC, interval_of_mean
-from runners.analysis.summary import USUAL, Row, as_text, measure, numbers
+from runners.analysis.summary import Row, as_text, measure, numbers, usual
 from runners.config.changes import describe_changes
 from runners.config.flatten import flatten
 from runners.records.append_log import APPEND_LOG
@@ -27,10 +27,10 @@ from runners.records.parquet import EPISODES
 if TYPE_CHECKING:
     import pandas as pd
 
-PLACES = ("map", "robot", "sim")  # parts of the config that make a setting
+PLACES = ("map", "robot", "sim", "crowd")  # parts of the config that make a setting
 UNKNOWN = "unknown"  # the simulator of a run without a launch record
-SYSTEM = ("guide", "planner", "ablation", "weights", "scale")  # parts of the config that make a system
-_NAMED = ("ablation", "weights", "scale")  # columns that are part of a system's name
+SYSTEM = ("guide", "planner", "filter", "people", "ablation", "weights", "scale")  # parts that make a system
+_NAMED = ("ablation", "weights", "scale", "filter", "people")  # columns that are part of a system's name
 _MAX_KEYS = 4  # that a name shows to tell it from others
 _DIGITS = 9  # figures that agree to these digits count as equal
 
@@ -127,8 +127,6 @@ def _read(run_dir: Path, frame: pd.DataFrame) -> _ReadRun:
     launch = read_launch(run_dir)
     changes = launch.changes[0] if launch else {}
     map_set, subset, robot = (_text(frame, key) for key in ("map", "subset", "robot"))
-    named = {key: _text(frame, key) for key in _NAMED}
-    own = [f"{key} {value}" for key, value in named.items() if value not in USUAL]
     config = launch.configs[0] if launch else {}
     of_setting = {key: config[key] for key in PLACES if key in config}
     if subset == CUSTOM_SUBSET and isinstance(of_setting.get("map"), dict):
@@ -137,11 +135,12 @@ def _read(run_dir: Path, frame: pd.DataFrame) -> _ReadRun:
     system_keys = dict(flatten({key: config[key] for key in SYSTEM if key in config}))
     sim = _text(frame, "sim") if launch else UNKNOWN
     traits = _changed(changes, setting_keys) if launch else (f"no launch record: {run_dir}",)
+    crowd, own = _unusual(frame, ("crowd",)), _unusual(frame, _NAMED)
     return _ReadRun(
         run_dir,
         frame,
         launch,
-        Setting(map_set, subset, robot, sim, traits),
+        Setting(map_set, subset, robot, sim, (*crowd, *traits)),
         BoardSystem(_text(frame, "system"), (*own, *_changed(changes, system_keys))),
         setting_keys,
         system_keys,
@@ -165,9 +164,15 @@ def _text(frame: pd.DataFrame, column: str) -> str:
     return str(as_text(frame[column]).iloc[0]) if column in frame else ""
 
 
+def _unusual(frame: pd.DataFrame, columns: Iterable[str]) -> tuple[str, ...]:
+    """The columns whose value a name has to show, each as text, such as "filter stopping"."""
+    values = {key: _text(frame, key) for key in columns}
+    return tuple(f"{key} {value}" for key, value in values.items() if value not in usual(key))
+
+
 def _changed(changes: Mapping[str, Any], part: Mapping[str, Any]) -> tuple[str, ...]:
-    """The changed keys of a part of the config, each as text."""
-    return _each_as_text({key: value for key, value in changes.items() if key in part})
+    """The changed keys of a part of the config that are no columns of a name, each as text."""
+    return _each_as_text({key: changes[key] for key in changes if key in part and key not in _NAMED})
 
 
 def _each_as_text(values: Mapping[str, Any]) -> tuple[str, ...]:

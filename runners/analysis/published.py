@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 PUBLISHED_IN = {"barn": "Gazebo", "barn_official50": "Gazebo"}  # the paper ran its other maps in ROS Stage
 BARN_SUBSET = "lab100"  # the worlds of the paper's BARN figures, as far as is known
 _BARN_PLACES = {BARN_SUBSET: "barn", "official50": "barn_official50"}  # what conf/system/ calls these subsets
+_AS_PUBLISHED = {"ablation": "none", "filter": "none", "crowd": "none", "people": "truth"}
 TEXTS = ("robots", "source", "formula")  # of published figures, besides metrics
 
 
@@ -52,12 +53,13 @@ def figures(systems: Mapping[str, System]) -> dict[tuple[str, PublishedSetting],
 def setting_of(group: pd.DataFrame) -> PublishedSetting | None:
     """The setting whose published figures can be compared with these records; None if no figures can.
 
-    Only the complete method is compared, with any weights and no changed key, on all worlds of the map; on BARN on
-    all of `lab100` or `official50`.
+    Only the complete method is compared, with any weights, no filter, no crowd and no changed key, on all worlds of the
+    map; on BARN on all of `lab100` or `official50`.
     """
-    known = [key for key in ("ablation", "scale", "changes", "map", "subset", "robot") if key in group]
-    first = {key: str(group[key].iloc[0]) for key in known}
-    whole = first.get("ablation", "none") == "none" and not (first.get("scale") or first.get("changes"))
+    known = [key for key in (*_AS_PUBLISHED, "scale", "changes", "map", "subset", "robot") if key in group]
+    first = {key: str(group[key].iloc[0]) for key in known if group[key].notna().iloc[0]}
+    options = all(first.get(key, "") in ("", usual) for key, usual in _AS_PUBLISHED.items())
+    whole = options and not (first.get("scale") or first.get("changes"))
     place, subset = first.get("map", ""), first.get("subset", "")
     if place == "barn":
         place = _BARN_PLACES.get(subset, "")

@@ -7,12 +7,24 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from runners.analysis.shared_worlds import ComparedRun
-from runners.analysis.summary import USUAL, changed_columns
+from runners.analysis.summary import changed_columns, usual
 from runners.config.flatten import flatten
 from runners.records.launch_record import Launch
 
 _BARE = ("system", "map", "robot")  # whose values say what they are
-_COLUMNS = ("system", "ablation", "weights", "scale", "map", "robot", "sim", "seed")
+_COLUMNS = (
+    "system",
+    "ablation",
+    "weights",
+    "scale",
+    "filter",
+    "people",
+    "map",
+    "robot",
+    "sim",
+    "crowd",
+    "seed",
+)
 _MOST = 4  # parts of a name
 _WHICH_WORLDS = (
     "runs",
@@ -43,7 +55,7 @@ def heading(runs: Sequence[ComparedRun]) -> str:
         for column in _columns(runs)
         if column != "seed" and all(run.text(column) == first.text(column) for run in others)
     ]
-    return " · ".join(_part(first, column) for column in common if first.text(column) not in USUAL)
+    return " · ".join(_part(first, column) for column in common if first.text(column) not in usual(column))
 
 
 def differing_keys(launches: Sequence[Launch]) -> dict[str, list[Any]]:
@@ -55,13 +67,14 @@ def differing_keys(launches: Sequence[Launch]) -> dict[str, list[Any]]:
 
 
 def differing_conditions(keys: Mapping[str, Sequence[Any]], runs: Sequence[ComparedRun]) -> list[str]:
-    """Conditions, besides their systems, that differ between the runs: robot, simulator, rules of the map.
+    """Conditions, besides guides and planners, that differ between the runs: robot, simulator, rules of the map, added
+    people, the filter, whom the system sees.
 
     keys: those that differ, if they are known.
     """
     found = []
-    for group in ("robot", "sim", "map"):
-        values = list(dict.fromkeys(run.text(group) for run in runs))
+    for group in ("robot", "sim", "map", "crowd", "filter", "people"):
+        values = list(dict.fromkeys(_condition(run, group) for run in runs))
         if len(values) > 1:
             found.append(f"{group}: {_listed(values)}")
             continue
@@ -70,13 +83,19 @@ def differing_conditions(keys: Mapping[str, Sequence[Any]], runs: Sequence[Compa
     return found
 
 
+def _condition(run: ComparedRun, group: str) -> str:
+    """The option of a run; records of a run with a launch record hold a crowd and a filter only if there is one."""
+    has_none = group in ("crowd", "filter") and run.text("sim")
+    return run.text(group) or ("none" if has_none else "")
+
+
 def _telling(runs: Sequence[ComparedRun]) -> list[str]:
     """The columns that differ, without what others say already: the usual weights of a system, and equal keys of two
     groups with the same values, such as robot.v_max and planner.v_max.
     """
     values = {column: tuple(run.text(column) for run in runs) for column in _columns(runs)}
     differing = {column: each for column, each in values.items() if len(set(each)) > 1}
-    if "system" in differing and set(differing.get("weights", ())) <= USUAL:
+    if "system" in differing and set(differing.get("weights", ())) <= usual("weights"):
         differing.pop("weights", None)
     told = {(column.rpartition(".")[2], each): column for column, each in reversed(differing.items())}
     return [column for column in differing if column in told.values()]

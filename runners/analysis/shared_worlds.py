@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lme.types import Bools
+
 if TYPE_CHECKING:
     import pandas as pd
 
@@ -68,15 +70,32 @@ def _with_pairs(worlds: frozenset[int], one: ComparedRun, other: ComparedRun) ->
 
 
 def same_worlds(one: ComparedRun, other: ComparedRun) -> frozenset[int]:
-    """The numbers under which both drove the same task: the same map set, start, goal and measures of the world."""
+    """The numbers under which both drove the same task: the same map set, start, goal and measures of the world.
+
+    A measure that only one of them has, such as the number of people, tells their worlds apart.
+    """
     numbers = sorted(one.worlds & other.worlds)
     if one.text("map") != other.text("map") or not numbers:
         return frozenset()
-    names = [name for name in one.frame if name in _TASK or name.startswith(_MEASURE)]
-    names = [name for name in names if name in other.frame]
+    both = [name for name in _TASK if name in one.frame and name in other.frame]
+    measures = dict.fromkeys(name for run in (one, other) for name in run.frame if name.startswith(_MEASURE))
     first, second = (
-        run.frame.drop_duplicates("world").set_index("world").loc[numbers, names].to_numpy(float)
+        run.frame.drop_duplicates("world").set_index("world").reindex(numbers, columns=[*both, *measures])
         for run in (one, other)
     )
-    same = np.isclose(first, second, rtol=0.0, atol=_SAME, equal_nan=True).all(axis=1)
+    same = np.ones(len(numbers), dtype=bool)
+    for name in first:
+        same &= _alike(first[name], second[name])
     return frozenset(number for number, alike in zip(numbers, same, strict=True) if alike)
+
+
+def _alike(one: pd.Series, other: pd.Series) -> Bools:
+    """Where two columns agree: numbers but for rounding, texts exactly. A missing value is like another."""
+    from pandas.api.types import is_numeric_dtype
+
+    one, other = one.infer_objects(), other.infer_objects()
+    if is_numeric_dtype(one) and is_numeric_dtype(other):
+        first, second = one.to_numpy(float), other.to_numpy(float)
+        near: Bools = np.isclose(first, second, rtol=0.0, atol=_SAME, equal_nan=True)
+        return near
+    return np.asarray((one == other) | (one.isna() & other.isna()))

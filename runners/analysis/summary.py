@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple
 
 from lme.metrics import interval_over_worlds, mean_std_over_runs
+from lme.sensing.people.source import People
 from runners.analysis import published
 from runners.config import ablations
 from runners.config.systems import System
@@ -57,7 +58,19 @@ METRICS = (
     Metric("path_irregularity_rad", "Irregularity [rad]", 2, spare=True),
     Metric("time_against_alone", "Time against alone", 2, of_successes=True, measured=True),
 )
-GROUP_KEYS = ("ablation", "weights", "scale", "filter", "sim", "crowd", "robot", "map", "subset", "seed")
+GROUP_KEYS = (
+    "ablation",
+    "weights",
+    "scale",
+    "filter",
+    "people",
+    "sim",
+    "crowd",
+    "robot",
+    "map",
+    "subset",
+    "seed",
+)
 SETTING = ("robot", "map", "subset", "seed")  # the same for all systems of a fair comparison
 TIMES, DASH = "\u00d7", "\u2013"  # typographic signs that look like letters
 INTERVAL_HEADER = "95 % CI"
@@ -68,10 +81,12 @@ NAMED = (
     "weights",
     "scale",
     "filter",
+    "people",
     "sim",
     "crowd",
 )  # shown even if all rows have the same value, unless it is usual
-USUAL = frozenset({"none", "published", "lme_plus", "fast", ""})  # LME+ has no other weight set of ours
+_USUAL = frozenset({"none", "published", "lme_plus", "fast", ""})  # LME+ has no other weight set of ours
+_USUAL_PEOPLE = frozenset({str(People.truth), ""})  # none: the system sees nobody
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,7 +177,7 @@ def measure(group: pd.DataFrame, system: str, keys: dict[str, str]) -> Row:
         column = _metric_column(group, metric.key)
         if column is not None:
             chosen = (successes | (not metric.of_successes)) & (column.notna() | (not metric.measured))
-            mean, std = mean_std_over_runs(column[chosen], group["run"][chosen])
+            mean, std = mean_std_over_runs(column, group["run"], chosen)
             stats[metric.key] = mean, std if runs > 1 else math.nan
     return Row(
         label=f"{system} (ours)",
@@ -195,12 +210,17 @@ def row_keys(frame: pd.DataFrame) -> list[str]:
     keys = [
         key
         for key in [*(key for key in GROUP_KEYS if key in frame), *changed_columns(frame)]
-        if (key in NAMED and not set(as_text(frame[key])) <= USUAL) or _varies(frame, key)
+        if (key in NAMED and not set(as_text(frame[key])) <= usual(key)) or _varies(frame, key)
     ]
     if "run_dir" in frame and frame.duplicated(["system", *keys, "world", "run"]).any():
         # two runs of the same config, or of configs that differ in a key without a column
         keys.append("run_dir")
     return keys
+
+
+def usual(key: str) -> frozenset[str]:
+    """The values of a column that need not be shown."""
+    return _USUAL_PEOPLE if key == "people" else _USUAL
 
 
 def changed_columns(frame: pd.DataFrame) -> list[str]:

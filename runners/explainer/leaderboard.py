@@ -17,8 +17,8 @@ FILTERS = {"map": "Map set", "robot": "Robot", "sim": "Simulator"}
 _SCRIPTS = ("theme.js", "leaderboard.js")
 _STYLES = ("index.css", "leaderboard.css")
 _NOTES = (
-    "Below each map set, robot and simulator, with all their keys, are the systems that were driven there: a guide and "
-    "a planner with all theirs. Runs that differ in any key are never averaged.",
+    "Below each map set, robot, simulator and crowd, with all their keys, are the systems that were driven there: a "
+    "guide, a planner and a filter with all theirs, and whom they see. Runs that differ in any key are never averaged.",
     f"Interval of success: {INTERVAL_NOTE}",
     "Interval of the BARN metric: bootstrap over worlds; it has no width where all worlds agree.",
     f"Time is the mean over successful episodes. n: episodes; below it, worlds {TIMES} runs.",

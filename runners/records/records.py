@@ -32,7 +32,7 @@ from runners.records.append_log import (
     read_log,
 )
 from runners.records.episode_record import KEY_COLUMNS, EpisodeKey, EpisodeResult
-from runners.records.launch_record import Launch, read_launch
+from runners.records.launch_record import DEFAULTS, Launch, read_launch
 from runners.records.parquet import (
     EPISODES,
     entries_in_files,
@@ -182,8 +182,15 @@ def read_episodes(run_dirs: Sequence[Path]) -> pd.DataFrame:
     frames = []
     for table, columns in episode_tables(run_dirs):
         frame = table.to_pandas()
-        frames.append(frame.assign(**{key: columns[key] for key in columns if key not in frame}))
+        added = {key: columns[key] for key in columns if key not in frame}
+        frames.append(frame.assign(**{**added, "people": _people(frame)}))
     return pd.concat(frames, ignore_index=True)
+
+
+def _people(frame: pd.DataFrame) -> pd.Series | str:
+    """Whom the system saw in each episode; before records had this column it was whoever was there."""
+    truth = str(DEFAULTS["people"])
+    return frame["people"].fillna(truth) if "people" in frame else truth
 
 
 def episode_tables(run_dirs: Sequence[Path]) -> list[tuple[pa.Table, dict[str, object]]]:

@@ -167,9 +167,32 @@ def test_mean_and_std_over_runs_reproduce_the_papers_deviation():
     assert round(std, 4) == 0.0094
 
 
-def test_mean_over_runs_weighs_runs_not_episodes():
-    mean, std = mean_std_over_runs([1.0, 1.0, 1.0, 0.0], [0, 0, 0, 1])
-    assert (mean, std) == (0.5, 0.5)
+def test_the_mean_over_runs_weighs_runs_if_they_have_as_many_episodes():
+    """Whether or not all episodes count: times are those of successes."""
+    values, runs = [1.0, 1.0, 1.0, 0.0, 9.0, 9.0], [0, 0, 0, 1, 1, 1]
+    assert mean_std_over_runs(values, runs, [True] * 4 + [False] * 2) == (0.5, 0.5)
+    assert mean_std_over_runs(values, runs, [True] * 3 + [False] * 3) == (1.0, 0.0)
+
+
+def test_the_mean_over_unfinished_runs_weighs_episodes():
+    assert mean_std_over_runs([1.0, 1.0, 1.0, 0.0], [0, 0, 0, 1]) == (0.75, 0.5)
+    assert mean_std_over_runs([1.0, 1.0, 1.0, 0.0], [0, 0, 0, 1], [True, False, False, True]) == (0.5, 0.5)
+
+
+@given(st.lists(st.tuples(st.integers(1, 200), st.booleans()), min_size=1, max_size=3))
+def test_the_mean_over_runs_lies_in_its_interval(runs):
+    """However many worlds each run drove; it succeeds in all or in none."""
+    worlds = np.concatenate([np.arange(driven) for driven, _ in runs])
+    numbers = np.repeat(np.arange(len(runs)), [driven for driven, _ in runs])
+    successes = np.array([succeeds for _, succeeds in runs])[numbers]
+    low, high = interval_over_worlds(successes, worlds)
+    assert low - KERNEL <= mean_std_over_runs(successes, numbers)[0] <= high + KERNEL
+
+
+def test_a_mean_over_runs_of_nothing_and_of_unequal_lengths():
     assert all(math.isnan(value) for value in mean_std_over_runs([], []))
-    with pytest.raises(InputError, match="shape"):
+    assert all(math.isnan(value) for value in mean_std_over_runs([1.0], [0], [False]))
+    with pytest.raises(InputError, match="runs"):
         mean_std_over_runs([1.0], [0, 1])
+    with pytest.raises(InputError, match="chosen"):
+        mean_std_over_runs([1.0], [0], [True, False])

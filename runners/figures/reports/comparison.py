@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from runners.analysis import published
-from runners.analysis.summary import DASH, INTERVAL_HEADER, INTERVAL_NOTE, USUAL, Row
+from runners.analysis.summary import DASH, INTERVAL_HEADER, INTERVAL_NOTE, Row, usual
 from runners.analysis.table_notes import title
 from runners.figures.parts.style import GRID, INK, SKY, STYLES, new_figure, save
 
@@ -138,7 +138,7 @@ def _label(figure: Figure, axes: Axes, rows: Sequence[Row], of: int, heading: st
     ]
     figure.legend(handles=keys, loc="outside upper right", ncols=3, frameon=False, fontsize=8, labelcolor=INK)
     heading = " · ".join(
-        [heading, *(f"{key} {value}" for key, value in shared.items() if value not in USUAL)]
+        [heading, *(f"{key} {value}" for key, value in shared.items() if value not in usual(key))]
     )
     figure.suptitle(heading, fontsize=10.5, color=INK, x=0.01, ha="left")
     figure.supxlabel("\n".join(_notes(rows, of)), fontsize=7, color=INK, x=0.01, ha="left")
@@ -167,7 +167,7 @@ def _shared_keys(rows: Sequence[Row]) -> dict[str, str]:
 
 def _name(row: Row, shared: Container[str]) -> str:
     """The name of a row with its keys, without those that all share and without usual values."""
-    keys = {key: value for key, value in row.keys.items() if key not in shared and value not in USUAL}
+    keys = {key: value for key, value in row.keys.items() if key not in shared and value not in usual(key)}
     parts = [row.name, *(f"{key} {value}" for key, value in keys.items())]
     return f" {DASH} ".join(parts) + ("" if row.global_planner == "no" else " *")
 

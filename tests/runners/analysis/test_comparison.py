@@ -58,6 +58,19 @@ def test_other_weights_make_a_row_of_their_own():
     assert list(study.rows) == ["LME", "Other, weights mine"]
 
 
+def test_whom_the_systems_see_is_a_setting_and_not_the_folder():
+    parts = [
+        part.assign(people=people, run_dir=f"{system}{people}")
+        for system, part in (("LME", LME), ("Other", OTHER))
+        for people in ("truth", "none")
+    ]
+    studies = comparison.studies(frame(*parts))
+    assert [study.place.split(" · ")[0] for study in studies] == ["people truth", "people none"]
+    assert [list(study.changes) for study in studies] == [["Other"], ["Other"]]
+    (study,) = comparison.studies(frame(parts[0], parts[3]))
+    assert list(study.rows) == ["LME", "Other, people none"]
+
+
 def test_the_setting_is_what_all_rows_have_in_common():
     values = ((LME, "0.3"), (OTHER, "0"))
     parts = [part.assign(**{"map.count": "4", "planner.back": value}) for part, value in values]

@@ -104,6 +104,31 @@ def test_changed_keys_of_the_system_are_in_its_name_and_not_in_the_settings(boar
     assert len({entry.setting for entry in found.values()}) == 1
 
 
+def test_a_crowd_is_part_of_the_setting_and_a_filter_and_people_of_the_system(board):
+    found = board(
+        usual=([], {}),
+        crowd=(["crowd=orca", "crowd.density=0.1"], {}),
+        force=(["crowd=social_force"], {}),
+        filter=(["filter=stopping"], {}),
+        margin=(["filter=stopping", "filter.margin=0.05"], {}),
+        nobody=(["people=none"], {"people": "none"}),
+        tracked=(["people=tracked"], {"people": "tracked"}),
+    )
+    assert {entry.repeats for entry in found.values()} == {1}
+    assert found["usual"].setting.traits == found["usual"].system.traits == ()
+    assert found["crowd"].setting.traits == ("crowd orca", "crowd.density=0.1")
+    assert found["force"].setting.traits == ("crowd social_force",)
+    assert found["crowd"].system == found["force"].system == found["usual"].system
+    assert found["filter"].system.name == "LME, filter stopping"
+    assert found["margin"].system.name == "LME, filter stopping, filter.margin=0.05"
+    assert found["nobody"].system.name == "LME, people none"
+    assert found["tracked"].system.name == "LME, people tracked"
+    alike = ("usual", "filter", "margin", "nobody", "tracked")
+    assert len({found[name].setting for name in alike}) == 1
+    assert found["margin"].config["filter.margin"] == 0.05
+    assert found["crowd"].config["crowd.motion"] == "orca"
+
+
 def test_parameters_that_no_name_tells_apart_are_named(board):
     """Weights of two files of one name."""
     found = board(one=([], {}), two=([], {}))

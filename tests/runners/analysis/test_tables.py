@@ -103,6 +103,10 @@ def test_one_run_has_no_deviation():
         ({"planned_worlds": 11, "planned_episodes": 22}, False),
         ({"planned_worlds": 10, "planned_episodes": 30}, True),
         ({"ablation": "no_c_o"}, False),
+        ({"filter": "stopping"}, False),
+        ({"crowd": "orca"}, False),
+        ({"people": "none"}, False),
+        ({"people": "truth"}, True),
         ({"weights": "mine"}, True),
         ({"map": "elsewhere"}, False),
         ({"system": "Other"}, False),
@@ -172,6 +176,17 @@ def test_a_swept_key_that_no_record_holds_is_a_column():
     assert not any(row.changes for row in rows)  # the column says it
 
 
+def test_the_published_row_follows_the_run_without_filter_and_crowd():
+    others = [records(filter="stopping", run_dir="two"), records(crowd="orca", run_dir="three")]
+    rows = summarise(pd.concat([records(), *others]), systems=SYSTEMS)
+    assert [(row.label, *row.keys.values()) for row in rows] == [
+        ("LME (ours)", "", ""),
+        ("LME (published)", "", ""),
+        ("LME (ours)", "stopping", ""),
+        ("LME (ours)", "", "orca"),
+    ]
+
+
 def test_a_key_changed_in_all_runs_is_named_and_hides_the_published_rows():
     frame = records(
         changes="robot.v_max=1.0, sim.latency=0.1", **{"robot.v_max": "1.0", "sim.latency": "0.1"}
@@ -224,6 +239,19 @@ def test_two_runs_of_one_config_are_not_added_up():
     ]
 
 
+def test_whom_the_system_sees_is_a_column_unless_it_is_everybody():
+    """Nobody is unusual here, though `none` is the usual value of other columns."""
+    seen = {people: records(people=people, run_dir=people) for people in ("truth", "none")}
+    assert [row.keys for row in summarise(seen["truth"], systems={})] == [{}]
+    assert [row.keys for row in summarise(seen["none"], systems={})] == [{"people": "none"}]
+    both = pd.concat([*seen.values(), *(part.assign(system="Other") for part in seen.values())])
+    rows = summarise(both, systems={})
+    assert [(row.label, row.keys) for row in rows] == [
+        (f"{system} (ours)", {"people": people}) for system in ("LME", "Other") for people in seen
+    ]
+    assert "| System | People |" in to_markdown(rows)
+
+
 def test_an_ablation_alone_is_still_named():
     rows = summarise(records(ablation="no_c_o"), systems=SYSTEMS)
     assert rows[0].keys == {"ablation": "no_c_o"}
@@ -246,6 +274,15 @@ def test_a_row_says_how_much_of_an_unfinished_run_was_driven(kept, planned, name
     assert any("is not finished" in note for note in notes(rows)) == ("of" in name)
     for text in (to_markdown(rows), tables.to_csv(rows), to_latex(rows), to_html(rows)):
         assert name in text
+
+
+def test_the_rate_of_an_unfinished_run_lies_in_its_interval():
+    """A hundred successes and, in a second run, one failure."""
+    whole = records(("success",) * 100, runs=1)
+    second = records(("collision",), runs=1).assign(run=1)
+    row = summarise(pd.concat([whole, second]), systems={})[0]
+    assert row.stats["success"] == (pytest.approx(100 / 101), 0.5)
+    assert row.interval[0] < row.stats["success"][0] < row.interval[1]
 
 
 def test_runs_of_different_worlds_in_one_row_were_to_drive_all_of_them():

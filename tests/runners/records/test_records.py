@@ -191,6 +191,7 @@ def test_the_append_log_of_another_version_is_resumed(tmp_path):
     frame, steps = read_episodes([tmp_path]), read_trajectories([tmp_path])
     assert frame["luck"][0] == 0.5
     assert frame["time_s"].isna().tolist() == [True, False]
+    assert frame["people"].tolist() == ["truth", "truth"]
     assert list(frame.columns).index("wall_s") < list(frame.columns).index("luck")
     old = steps[steps["world"] == 1]
     assert old["x_m"].tolist() == [0.1, 0.2]

@@ -11,7 +11,7 @@ import pytest
 from lme.episode import TRAJECTORY_COLUMNS
 from runners.analysis import paired
 from runners.analysis.run_names import names
-from runners.analysis.shared_worlds import ComparedRun
+from runners.analysis.shared_worlds import ComparedRun, same_worlds
 from runners.cli import main
 from runners.cli.commands import compare
 from runners.records.episode_record import EpisodeResult
@@ -130,6 +130,55 @@ def test_worlds_of_one_number_that_are_not_the_same_are_left_out(tmp_path, job, 
     assert "Not every run has a launch.json" in text
 
 
+def same(one, other):
+    """The worlds that two runs share, numbered from 0, given a measure of each world."""
+    runs = [
+        ComparedRun(
+            Path("run"),
+            pd.DataFrame({"world": range(len(values)), "map": "barn", "run": 0, "world_measure": values}),
+        )
+        for values in (one, other)
+    ]
+    return same_worlds(*runs)
+
+
+def test_measures_that_are_texts_tell_worlds_apart():
+    assert same(["disc", "disc", None], ["disc", "rectangle", None]) == {0, 2}
+    assert same(["disc", None], [None, "disc"]) == set()
+
+
+def test_measures_that_are_numbers_tell_worlds_apart_but_for_rounding():
+    nan = float("nan")
+    assert same([1.0, 1.0, nan, nan], [1.0 + 1e-9, 1.1, nan, 1.0]) == {0, 2}
+    assert same([1.0, 1.0], ["disc", 1.0]) == {1}
+
+
+def test_runs_of_the_cold_trial_are_compared(tmp_path, job, capsys):
+    """Some measures of its worlds are texts."""
+    measures = {"family": "rooms", "footprint": "disc", "v_max": 1.5}
+    runs = [
+        write(tmp_path / system, job(), system=system, worlds=(1, 2), world_measures=measures)
+        for system in ("LME", "DWA")
+    ]
+    assert "DWA (2 worlds, 4 pairs" in said(capsys, *runs, "--into", tmp_path / "into")
+
+
+def test_worlds_with_people_are_not_those_without(tmp_path, job, capsys):
+    """Only one of the runs has the number of people."""
+    empty = write(tmp_path / "empty", job(), worlds=(1, 2))
+    crowd = [
+        write(
+            tmp_path / system, job("crowd=orca"), system=system, worlds=(1, 2), world_measures={"people": 3.0}
+        )
+        for system in ("LME", "DWA")
+    ]
+    text = said(capsys, *crowd, empty, "--into", tmp_path / "into")
+    assert "DWA (2 worlds, 4 pairs" in text
+    assert "empty shares no episode with another run" in text
+    assert main.main(["compare", empty, crowd[0]]) == 2
+    assert "LME drove barn with crowd orca, 2 worlds from 1 to 2" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("words", "columns", "note"),
     [
@@ -141,6 +190,9 @@ def test_worlds_of_one_number_that_are_not_the_same_are_left_out(tmp_path, job, 
         (["sim=physics"], {}, "Driven under different conditions: sim: fast | physics."),
         (["sim.latency=0.1"], {}, "Driven under different conditions: sim.latency: 0 | 0.1."),
         (["map.time_limit=60"], {}, "Driven under different conditions: map.time_limit: 100 | 60."),
+        (["filter=stopping"], {}, "Driven under different conditions: filter: none | stopping."),
+        (["crowd=orca"], {}, "Driven under different conditions: crowd: none | orca."),
+        (["people=none"], {"people": "none"}, "Driven under different conditions: people: truth | none."),
         (["map.worlds=[7]"], {}, ""),
         (["runs=9"], {}, "Not finished:"),
     ],
@@ -151,6 +203,27 @@ def test_compare_says_which_conditions_differ(tmp_path, job, capsys, words, colu
     text = said(capsys, one, other, "--into", tmp_path / "into")
     assert note in text
     assert ("Driven under different" in text) == note.startswith("Driven under different")
+
+
+def test_the_filter_the_crowd_and_whom_a_system_sees_are_named(tmp_path, job, capsys):
+    words = ("crowd=orca", "people=none")
+    runs = [
+        write(tmp_path / name, job(*words, *more), worlds=(1, 2), people="none")
+        for name, more in (("a", []), ("b", ["filter=stopping"]))
+    ]
+    text = said(capsys, *runs, "--into", tmp_path / "into")
+    assert "LME · people none · barn · jackal · crowd orca Differences from: no filter Measure" in text
+    assert "filter stopping (2 worlds" in text
+    runs = [write(tmp_path / name, None, worlds=(1, 2), people=name) for name in ("truth", "none")]
+    assert "people none (2 worlds" in said(capsys, *runs, "--into", tmp_path / "into")
+
+
+def test_a_filter_is_unknown_without_a_launch_record(tmp_path, job, capsys):
+    runs = [
+        write(tmp_path / "a", None, worlds=(1, 2)),
+        write(tmp_path / "b", job("filter=stopping"), worlds=(1, 2)),
+    ]
+    assert "filter: unknown | stopping" in said(capsys, *runs, "--into", tmp_path / "into")
 
 
 def test_runs_of_several_maps_are_compared_map_by_map(tmp_path, job, capsys):

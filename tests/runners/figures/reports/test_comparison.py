@@ -77,3 +77,12 @@ def test_the_heading_says_once_what_all_rows_of_ours_share(tmp_path, monkeypatch
     assert figure._suptitle.get_text().endswith(" · sim skid")
     names = [label.get_text() for label in figure.axes[0].get_yticklabels()]
     assert names == ["LME – seed 0", "LME – seed 1", "LME (published)"]
+
+
+def test_a_row_says_that_its_system_sees_nobody(tmp_path, monkeypatch):
+    drawn = []
+    monkeypatch.setattr(comparison, "save", lambda figure, *_: drawn.append(figure) or [])
+    rows = [Row("LME", {"people": people}, {"success": (0.5, math.nan)}) for people in ("truth", "none")]
+    comparison.comparison_figure(records(), rows, tmp_path)
+    names = [label.get_text() for label in drawn[0].axes[0].get_yticklabels()]
+    assert names == ["LME", "LME – people none"]
