@@ -17,7 +17,7 @@ from lme.worlds.indoor.cells import CELL_M
 from lme.worlds.indoor.corridors import corridors
 from lme.worlds.indoor.floor_plans import floor_plans
 from lme.worlds.indoor.offices import offices
-from lme.worlds.rules import PacedRules, check_chosen
+from lme.worlds.rules import PacedRules, check_chosen, path_measures
 from lme.worlds.sampling import Configuration, FreeSpace
 from lme.worlds.starts import STAGE_RADIUS
 from lme.worlds.world import Task, World
@@ -96,7 +96,7 @@ class Indoor:
             site.goal.copy(),
             length=site.length,
             speed=config.speed,
-            measures={"straight_m": straight, "detour": site.length / straight},
+            measures=path_measures(site.length, straight),
         )
 
 
