@@ -11,6 +11,8 @@ from lme.errors import InputError, require
 from lme.types import Floats, Pose
 from lme.worlds.world import Task, World
 
+MOST_WORLDS = 10_000_000  # of a map set, which lists their numbers
+
 
 @dataclass(slots=True)
 class TaskRules:
@@ -97,7 +99,7 @@ class DrawnRules(PacedRules):
 
     def __post_init__(self) -> None:
         PacedRules.__post_init__(self)  # super() fails in a dataclass with slots
-        require("map.configurations", self.configurations, at_least=1)
+        require("map.configurations", self.configurations, at_least=1, at_most=MOST_WORLDS)
         for key in ("sample_seed", "min_distance", "margin"):
             require(f"map.{key}", getattr(self, key), at_least=0.0)
         if self.radius is not None:

@@ -10,7 +10,7 @@ import numpy as np
 
 from lme.errors import require
 from lme.types import Floats, Pose
-from lme.worlds.rules import PacedRules, check_chosen, path_measures
+from lme.worlds.rules import MOST_WORLDS, PacedRules, check_chosen, path_measures
 from lme.worlds.sampling import FreeSpace
 from lme.worlds.world import Task, World
 
@@ -32,7 +32,7 @@ class StartsConfig(PacedRules):
 
     def __post_init__(self) -> None:
         PacedRules.__post_init__(self)  # super() fails in a dataclass with slots
-        require("map.starts", self.starts, at_least=1)
+        require("map.starts", self.starts, at_least=1, at_most=MOST_WORLDS)
         require("map.start_seed", self.start_seed, at_least=0)
         require("map.lateral", self.lateral, at_least=0.0, at_most=0.5)
         require("map.turn", self.turn, at_least=0.0, at_most=math.pi)
