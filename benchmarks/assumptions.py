@@ -17,6 +17,7 @@ from pathlib import Path
 import pandas as pd
 import yaml
 
+from benchmarks.command import run_main
 from runners.config import catalogue
 
 CHANGES = (
@@ -140,4 +141,4 @@ def episodes(change: str, seeds: Sequence[int], out: Path) -> pd.DataFrame | Non
 
 
 if __name__ == "__main__":
-    main()
+    run_main(main)

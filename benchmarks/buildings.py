@@ -20,6 +20,7 @@ import yaml
 from PIL import Image, ImageDraw
 from scipy import ndimage
 
+from benchmarks.command import check_named, run_main
 from benchmarks.kernels import measure
 from benchmarks.recording import parser, show
 from benchmarks.speed import machine
@@ -58,6 +59,7 @@ def main() -> None:
     words = parser(__doc__, "buildings")
     words.add_argument("map", nargs="?", type=Path, help="a ROS map (.yaml) instead of the drawn floor plan")
     given = words.parse_args()
+    check_named("MAP", given.map)
     with tempfile.TemporaryDirectory() as folder:
         show(report(given.map or draw_map(Path(folder))), "buildings", given.record)
 
@@ -219,4 +221,4 @@ def draw_map(folder: Path) -> Path:
 
 
 if __name__ == "__main__":
-    main()
+    run_main(main)

@@ -22,6 +22,7 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.command import run_main
 from lme.geometry.frames import to_robot
 from lme.kernels.arcs import clearances
 from lme.planners.safety.check import STILL, StoppingCheck, StoppingState
@@ -119,4 +120,4 @@ def _surfaces(trace: Trace, pose: Pose) -> Floats:
 
 
 if __name__ == "__main__":
-    main()
+    run_main(main)

@@ -14,6 +14,7 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 
+from benchmarks.command import run_main
 from benchmarks.recording import parser, show
 from benchmarks.speed import machine
 from lme.presets import load_map_set, load_robot
@@ -127,4 +128,4 @@ def building(name: str, settings: Settings) -> list[float]:
 
 
 if __name__ == "__main__":
-    main()
+    run_main(main)

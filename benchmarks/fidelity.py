@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from benchmarks.command import run_main
 from benchmarks.recording import parser, show
 from benchmarks.speed import machine
 from lme.episode import Episode, run_episode
@@ -245,4 +246,4 @@ def navigator(robot: Robot, guide: str) -> Navigator:
 
 
 if __name__ == "__main__":
-    main()
+    run_main(main)

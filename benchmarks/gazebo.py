@@ -16,6 +16,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from benchmarks.command import check_named, run_main
 from benchmarks.recording import parser, show
 from benchmarks.speed import machine
 from runners.analysis.gazebo import Agreement, Rates, agreement, read_log
@@ -24,13 +25,14 @@ if TYPE_CHECKING:
     import pandas as pd
 
 LOGS = ("barn/dwa_out.txt", "facts/gazebo_logs/bobae3_default.txt")  # the organisers' own, another machine's
+SHARED = Path("../shared")
 WORDS = ("system=move_base", "robot.control_rate=20", "map=barn", "map.subset=official50")
 
 
 def main() -> None:
     """Print the report, and write it with --record."""
     options = parser(__doc__, "gazebo")
-    options.add_argument("--shared", type=Path, default=Path("../shared"), help="folder of the logs")
+    options.add_argument("--shared", type=Path, help=f"folder of the logs; default: {SHARED}")
     options.add_argument(
         "--log", action="append", metavar="FILE[:BLOCK]", help=f"default: {' and '.join(LOGS)}"
     )
@@ -42,12 +44,16 @@ def main() -> None:
         help="words for lme eval, instead of the default's where they have the same key",
     )
     given = options.parse_args()
+    check_named("--shared", given.shared)
+    folder = given.shared or SHARED
+    for name in given.log or ():
+        check_named("--log", _file(folder, name))
     names = given.log or list(LOGS)
-    absent = [name for name in names if not _file(given.shared, name).is_file()]
+    absent = [name for name in names if not _file(folder, name).is_file()]
     if absent:
-        print(f"Skipped: {given.shared} has no {', '.join(absent)}; give the logs' folder with --shared.")
+        print(f"Skipped: {folder} has no {', '.join(absent)}; give the logs' folder with --shared.")
         return
-    logs = {name: read_log(_file(given.shared, name), name.partition(":")[2] or None) for name in names}
+    logs = {name: read_log(_file(folder, name), name.partition(":")[2] or None) for name in names}
     show(report(with_defaults([f"runs={given.runs}", *given.words]), logs), "gazebo", given.record)
 
 
@@ -105,4 +111,4 @@ def _file(folder: Path, name: str) -> Path:
 
 
 if __name__ == "__main__":
-    main()
+    run_main(main)

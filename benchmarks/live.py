@@ -20,6 +20,7 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.command import run_main
 from benchmarks.recording import parser, show
 from benchmarks.speed import machine
 from lme.live.messages import SECOND, stamp_of
@@ -127,4 +128,4 @@ def _isolate(version: int, folder: str, stack: contextlib.ExitStack) -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run_main(main)

@@ -14,6 +14,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from benchmarks.command import run_main
 from benchmarks.recording import parser, show
 from benchmarks.speed import machine
 from runners.config.command_line import compose
@@ -108,4 +109,4 @@ def _program() -> str:
 
 
 if __name__ == "__main__":
-    main()
+    run_main(main)

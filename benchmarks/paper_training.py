@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.command import run_main
 from benchmarks.recording import parser, show
 from benchmarks.speed import machine
 from benchmarks.weights import table
@@ -74,4 +75,4 @@ def _spread(folder: Path, seeds: range, place: str) -> str:
 
 
 if __name__ == "__main__":
-    main()
+    run_main(main)

@@ -23,6 +23,7 @@ import numpy as np
 import pymunk
 import yaml
 
+from benchmarks.command import run_main
 from benchmarks.kernels import measure
 from benchmarks.recording import parser, show
 from benchmarks.speed import machine
@@ -227,4 +228,4 @@ def _disc_block(sides: int = 16) -> str:
 
 
 if __name__ == "__main__":
-    main()
+    run_main(main)

@@ -11,6 +11,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from benchmarks.command import run_main
 from benchmarks.recording import parser, show
 from benchmarks.speed import machine
 from lme.episode import run_episode
@@ -79,4 +80,4 @@ def row(composer: Composer, guide: str, planner: str) -> str:
 
 
 if __name__ == "__main__":
-    main()
+    run_main(main)

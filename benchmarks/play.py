@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.command import run_main
 from runners.play.desk import Desk
 from runners.play.run import bound
 from runners.play.server import application
@@ -108,4 +109,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run_main(main)

@@ -14,6 +14,7 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
+from benchmarks.command import run_main
 from benchmarks.recording import parser, show
 from benchmarks.speed import machine
 
@@ -61,4 +62,4 @@ def lme(folder: str, *words: str) -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run_main(main)

@@ -18,6 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from benchmarks.command import run_main
 from benchmarks.recording import RESULTS, parser, show
 from benchmarks.speed import machine
 from benchmarks.watching import RUN, Watched, watch
@@ -222,4 +223,4 @@ def draw(sizes: Sequence[Size], stem: Path) -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run_main(main)

@@ -20,6 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.command import run_main
 from benchmarks.kernels import kernel_rows, measure
 from benchmarks.recording import parser, show
 from benchmarks.step import step_rows
@@ -193,4 +194,4 @@ def cpu_info() -> list[str]:
 
 
 if __name__ == "__main__":
-    main()
+    run_main(main)

@@ -11,6 +11,7 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
+from benchmarks.command import run_main
 from benchmarks.recording import parser, show
 from benchmarks.speed import machine, timed
 
@@ -70,4 +71,4 @@ def search_time(journal: Path) -> float:
 
 
 if __name__ == "__main__":
-    main()
+    run_main(main)

@@ -15,6 +15,7 @@ from typing import Any
 
 import yaml
 
+from benchmarks.command import run_main
 from lme.resources import resource_dir
 
 GUIDES = {  # of the published systems
@@ -102,4 +103,4 @@ def _short(value: float | None) -> str:
 
 
 if __name__ == "__main__":
-    main()
+    run_main(main)

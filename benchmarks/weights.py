@@ -17,6 +17,7 @@ from pathlib import Path
 import pandas as pd
 import yaml
 
+from benchmarks.command import run_main
 from benchmarks.recording import parser, show
 from benchmarks.speed import machine
 from runners.analysis.paired import interval_of_mean
@@ -118,4 +119,4 @@ def lme(*words: str) -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run_main(main)

@@ -48,8 +48,11 @@ def load_robot(robot: str | Path) -> Robot:
 def load_map_set(name: str, settings: Mapping[str, Any] | None = None, robot: Robot | None = None) -> MapSet:
     """The map set of `conf/map/NAME.yaml`, with other values for some of its keys.
 
-    A `radius` of null becomes that of the robot. Raises InputError for an unknown name or key, or a wrong value.
+    A `radius` of null becomes that of the robot. Raises InputError for an unknown name or key, a wrong value,
+    or a key that the map set would not use.
     """
+    from lme.worlds.barn.subsets import check_given
+
     values, place = option("map", name, settings)
     if "radius" in values and values["radius"] is None:
         if robot is None:
@@ -57,6 +60,7 @@ def load_map_set(name: str, settings: Mapping[str, Any] | None = None, robot: Ro
                 "map.radius is null: must be given if robots are drawn at random, at least that of the largest"
             )
         values["radius"] = robot.hull.r_max
+    check_given(settings or {}, values)
     target, config = configured(values, place)
     made: MapSet = target(config)
     return made

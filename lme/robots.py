@@ -13,6 +13,8 @@ from lme.drivetrain import Drivetrain, Response
 from lme.errors import InputError, require
 from lme.types import Floats, Limits, Pose
 
+_MOST_BEAMS = 100_000  # of a lidar
+
 
 @dataclass(slots=True)
 class Footprint:
@@ -112,13 +114,13 @@ class Lidar:
     cloud: Cloud | None = None
 
     def __post_init__(self) -> None:
-        require("robot.lidar.num_beams", self.num_beams, above=1)
+        require("robot.lidar.num_beams", self.num_beams, above=1, at_most=_MOST_BEAMS)
         require("robot.lidar.fov", self.fov, above=0.0, at_most=2 * math.pi + 1e-6)
         require("robot.lidar.range_min", self.range_min, at_least=0.0)
         require("robot.lidar.range_max", self.range_max, above=self.range_min)
         require("robot.lidar.noise_std", self.noise_std, at_least=0.0)
         if self.native_beams is not None:
-            require("robot.lidar.native_beams", self.native_beams, above=1)
+            require("robot.lidar.native_beams", self.native_beams, above=1, at_most=_MOST_BEAMS)
         if self.cloud is not None and (self.native_beams is not None or not self.full_circle):
             raise InputError(
                 f"robot.lidar.cloud is set with fov {self.fov:g} rad and native_beams {self.native_beams}: "

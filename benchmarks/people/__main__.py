@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.command import check_named, run_main
 from benchmarks.people.driving import drive
 from benchmarks.people.labels import Labels, labels, read
 from benchmarks.people.moving import labels_of, read_drive, tracked_in_sector
@@ -27,6 +28,7 @@ from lme.sensing.people.tracks import Tracks
 
 NOISE = ("sim.slip=0.05", "sim.scan_noise=0.02")
 SCORED = (5, 6, 7)  # of the seven recordings
+SHARED = Path("../shared")
 MOVING = Path("bags", "general_tracking_moving_1.bag")
 _COLUMNS = ("recall", "precision", "mota", "switches", "false", "median", "rms")
 
@@ -34,15 +36,18 @@ _COLUMNS = ("recall", "precision", "mota", "switches", "false", "median", "rms")
 def main() -> None:
     """Print the report, and write it with --record."""
     options = parser(__doc__, "people")
-    options.add_argument("--shared", type=Path, default=Path("../shared"), help="folder of the recordings")
+    options.add_argument("--shared", type=Path, help=f"folder of the recordings; default: {SHARED}")
     options.add_argument("--worlds", default="0-59", help="of DynaBARN")
     options.add_argument("--part", nargs="*", default=["dynabarn", "static", "real", "moving"])
     options.add_argument(
         "--moving", type=Path, help=f"recording of a robot that drives; default: SHARED/{MOVING}"
     )
     given = options.parse_args()
-    moving = given.moving or given.shared / MOVING
-    show(report(given.shared, given.worlds, given.part, moving), "people", given.record)
+    check_named("--shared", given.shared)
+    check_named("--moving", given.moving)
+    shared = given.shared or SHARED
+    moving = given.moving or shared / MOVING
+    show(report(shared, given.worlds, given.part, moving), "people", given.record)
 
 
 def report(shared: Path, worlds: str, parts: list[str], moving: Path) -> Iterator[str]:
@@ -128,4 +133,4 @@ def _shown(value: float, digits: int) -> str:
 
 
 if __name__ == "__main__":
-    main()
+    run_main(main)

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.command import run_main
 from benchmarks.people.labels import Recording, read
 from benchmarks.people.tracked import tracked
 from lme.sensing.people.tracks import Tracks
@@ -86,4 +87,4 @@ def _pictures(recording: Recording, tracks: list[Tracks], scans: Ints) -> Iterat
 
 
 if __name__ == "__main__":
-    main()
+    run_main(main)

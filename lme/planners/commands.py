@@ -9,6 +9,8 @@ import numpy as np
 from lme.errors import InputError, require
 from lme.types import Floats, Limits, Observation, Twist
 
+MOST_SAMPLES = 1001  # of v and of ω: a planner holds values of every pair
+
 
 def finite(command: object, planner: object) -> Twist:
     """The command of a planner. Raises InputError unless it is a pair of finite numbers."""
@@ -62,7 +64,7 @@ def towards(wanted: float, rate: float, alpha: float, dt: float) -> float:
 
 def check_turn_samples(number: int) -> None:
     """Raise InputError unless this number of turn rates, `planner.omega_samples`, can have 0 in its middle."""
-    require("planner.omega_samples", number, at_least=3)
+    require("planner.omega_samples", number, at_least=3, at_most=MOST_SAMPLES)
     if number % 2 == 0:
         raise InputError(
             f"planner.omega_samples is {number}: must be odd, so that the robot may drive straight"

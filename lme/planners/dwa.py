@@ -10,7 +10,7 @@ import numpy as np
 
 from lme.errors import require
 from lme.kernels.arcs import clearances, contact_times
-from lme.planners.commands import approach, check_turn_samples, limited, turn_shares
+from lme.planners.commands import MOST_SAMPLES, approach, check_turn_samples, limited, turn_shares
 from lme.planners.weighed import Weighed
 from lme.robots import Robot
 from lme.sensing.scan_points import obstacle_points
@@ -39,7 +39,7 @@ class DwaConfig:
         require("planner.clear_way", self.clear_way, above=0.0)
         if self.heading_time is not None:
             require("planner.heading_time", self.heading_time, above=0.0)
-        require("planner.v_samples", self.v_samples, at_least=2)
+        require("planner.v_samples", self.v_samples, at_least=2, at_most=MOST_SAMPLES)
         check_turn_samples(self.omega_samples)
 
 

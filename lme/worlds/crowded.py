@@ -75,7 +75,7 @@ class CrowdedConfig(Walking):
         self.check("crowd")
         require("crowd.density", self.density, above=0.0, at_most=4.0)
         if self.count is not None:
-            require("crowd.count", self.count, at_least=1)
+            require("crowd.count", self.count, at_least=1, at_most=1000)
         for key in ("crowd_seed", "clear", "walk"):
             require(f"crowd.{key}", getattr(self, key), at_least=0.0)
 

@@ -12,7 +12,6 @@ from lme.errors import InputError
 from lme.types import Floats, Pose
 from lme.worlds.room import Room, RoomConfig
 from lme.worlds.sampling import Configuration
-from lme.worlds.starts import check_apart
 
 
 @dataclass(slots=True)
@@ -70,7 +69,6 @@ class MapFile(Room):
             goal = self._space.draw_partner(self._rng(number), place, self.config.min_distance)
         else:
             goal = np.array(given)
-            check_apart(f"map {self._name}", math.dist(place, goal), self.config)
         yaw = start[2] if len(start) == 3 else math.atan2(goal[1] - place[1], goal[0] - place[0])
         return Configuration(Pose(start[0], start[1], yaw), goal)
 

@@ -16,7 +16,7 @@ from lme.resources import resource_dir
 from lme.types import Floats
 from lme.worlds.bitmap import is_picture, read_bitmap, read_ros_map
 from lme.worlds.floor_plan import FloorPlan
-from lme.worlds.rules import DrawnRules, check_chosen, map_path
+from lme.worlds.rules import DrawnRules, check_chosen, map_path, path_measures
 from lme.worlds.sampling import Configuration, FreeSpace
 from lme.worlds.shapes import floor_plan
 from lme.worlds.starts import STAGE_RADIUS
@@ -81,7 +81,7 @@ class Room:
     def task(self, number: int) -> Task:
         """Configuration `number`; its shortest path is computed once.
 
-        Raises InputError for a number that was not chosen.
+        Raises InputError for a number that was not chosen, and as `TaskRules.task` does.
         """
         check_chosen(number, self.numbers, "configuration", self._name)
         start, goal = self._configurations[number]
@@ -95,7 +95,7 @@ class Room:
             goal,
             length=length,
             speed=self.config.speed,
-            measures={"straight_m": straight, "detour": length / straight},
+            measures=path_measures(length, straight),
         )
 
     def way(self, number: int) -> Floats:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,6 +10,8 @@ from pathlib import Path
 from lme.errors import InputError, require
 from lme.types import Floats, Pose
 from lme.worlds.world import Task, World
+
+MOST_WORLDS = 10_000_000  # of a map set, which lists their numbers
 
 
 @dataclass(slots=True)
@@ -49,7 +52,14 @@ class TaskRules:
         """A task with these rules.
 
         goal: (2,) [m]. length: of the shortest path [m]; the optimal time is `length` at `speed` [m/s].
+        Raises InputError for a start that is within the goal tolerance.
         """
+        straight = math.dist(start[:2], goal)
+        if straight <= self.goal_tolerance:
+            raise InputError(
+                f"map {map_name}, world {number}: the start lies {straight:.3g} m from the goal, within "
+                f"map.goal_tolerance = {self.goal_tolerance:g} m: must be further away"
+            )
         return Task(
             map_name=map_name,
             number=number,
@@ -89,12 +99,17 @@ class DrawnRules(PacedRules):
 
     def __post_init__(self) -> None:
         PacedRules.__post_init__(self)  # super() fails in a dataclass with slots
-        require("map.configurations", self.configurations, at_least=1)
+        require("map.configurations", self.configurations, at_least=1, at_most=MOST_WORLDS)
         for key in ("sample_seed", "min_distance", "margin"):
             require(f"map.{key}", getattr(self, key), at_least=0.0)
         if self.radius is not None:
             require("map.radius", self.radius, above=0.0)
         require("map.grid", self.grid, above=0.0)
+
+
+def path_measures(length: float, straight: float) -> dict[str, float]:
+    """Measures of a task: how far the goal is in a straight line [m], and how much longer the path is."""
+    return {"straight_m": straight, "detour": length / straight if straight else 1.0}
 
 
 def map_path(given: str, right: str) -> Path:

@@ -21,7 +21,7 @@ from lme.types import Floats, Pose
 from lme.worlds.crowded import Walking
 from lme.worlds.floor_plan import FloorPlan, enclosed
 from lme.worlds.movers import Mover
-from lme.worlds.rules import PacedRules, check_chosen
+from lme.worlds.rules import MOST_WORLDS, PacedRules, check_chosen
 from lme.worlds.sampling import FreeSpace
 from lme.worlds.starts import STAGE_RADIUS
 from lme.worlds.world import Task, World
@@ -73,7 +73,7 @@ class SocialConfig(PacedRules, Walking):
         self.check("map")
         if self.kind not in SCENES:
             raise InputError(f"map.kind is {self.kind!r}: must be one of {', '.join(SCENES)}")
-        require("map.count", self.count, at_least=1)
+        require("map.count", self.count, at_least=1, at_most=MOST_WORLDS)
         require("map.scene_seed", self.scene_seed, at_least=0)
         if self.density is not None:
             require("map.density", self.density, above=0.0, at_most=4.0)

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lme.errors import InputError, require
+from lme.errors import require
 from lme.types import Floats, Pose
-from lme.worlds.rules import PacedRules, check_chosen
+from lme.worlds.rules import MOST_WORLDS, PacedRules, check_chosen, path_measures
 from lme.worlds.sampling import FreeSpace
 from lme.worlds.world import Task, World
 
@@ -32,7 +32,7 @@ class StartsConfig(PacedRules):
 
     def __post_init__(self) -> None:
         PacedRules.__post_init__(self)  # super() fails in a dataclass with slots
-        require("map.starts", self.starts, at_least=1)
+        require("map.starts", self.starts, at_least=1, at_most=MOST_WORLDS)
         require("map.start_seed", self.start_seed, at_least=0)
         require("map.lateral", self.lateral, at_least=0.0, at_most=0.5)
         require("map.turn", self.turn, at_least=0.0, at_most=math.pi)
@@ -65,10 +65,8 @@ class Starts:
         check_chosen(number, self._numbers, "start", self._name)
         start = drawn_start(self._start, self._goal, self.config, number)
         straight = math.dist(start[:2], self._goal)
-        where = f"map {self._name}, start {number}"
-        check_apart(where, straight, self.config)
         world, space = self._place(number)
-        length = space.checked_length(where, start, self._goal)
+        length = space.checked_length(f"map {self._name}, start {number}", start, self._goal)
         return self.config.task(
             self._name,
             number,
@@ -77,7 +75,7 @@ class Starts:
             self._goal.copy(),
             length=length,
             speed=self.config.speed,
-            measures={"straight_m": straight, "detour": length / straight},
+            measures=path_measures(length, straight),
         )
 
 
@@ -89,12 +87,3 @@ def drawn_start(start: Floats, goal: Floats, config: StartsConfig, number: int) 
     step = aside * config.lateral
     x, y = start[0] - step * math.sin(ahead), start[1] + step * math.cos(ahead)
     return Pose(float(x), float(y), ahead + turned * config.turn)
-
-
-def check_apart(where: str, straight: float, rules: PacedRules) -> None:
-    """Raise InputError if a start `straight` [m] from its goal is within the goal tolerance."""
-    if straight <= rules.goal_tolerance:
-        raise InputError(
-            f"{where}: the start lies {straight:.3g} m from the goal, within map.goal_tolerance "
-            f"= {rules.goal_tolerance:g} m: must be further away"
-        )

@@ -18,7 +18,6 @@ from lme.errors import InputError, require
 from lme.types import Floats, Pose
 from lme.worlds.movers import Mover
 from lme.worlds.rules import PacedRules, check_chosen, map_path
-from lme.worlds.starts import check_apart
 from lme.worlds.world import Task, World
 
 CLEAR = 1.0  # [m] nobody is nearer to the robot's start at first
@@ -105,7 +104,6 @@ class RecordedPeople:
         way = self._goal - self._start
         x, y = self._start.tolist()
         length = float(np.hypot(*way))
-        check_apart(f"map {self._name}, world {number}", length, config)
         people = self._people(number)
         return config.task(
             self._name,

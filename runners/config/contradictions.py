@@ -6,21 +6,19 @@ from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 from hydra.core.override_parser.types import Override
-from omegaconf import DictConfig
+from omegaconf import DictConfig, OmegaConf
 
 from lme.errors import InputError
-from lme.worlds.barn.subsets import OFFICIAL
+from lme.worlds.barn.subsets import FRESH_KEYS, OFFICIAL, TARGET, check_given, is_idle
 from runners.config.catalogue import Catalogue
 from runners.config.overrides import text_of
 from runners.config.unused_weights import check_weights
-
-_BARN = "lme.worlds.barn.Barn"
 
 
 def refuse_contradictions(
     given: Sequence[Override], configs: Collection[DictConfig], catalogue: Catalogue
 ) -> None:
-    """Raise InputError for a key with two values, worlds outside the subset given with them, and unused weights.
+    """Raise InputError for a key with two values, worlds outside the subset given with them, and what no job uses.
 
     given: the overrides as they were typed. configs: of the jobs that they make. catalogue: of the options.
     """
@@ -32,14 +30,26 @@ def refuse_contradictions(
     if {"map.subset", "map.worlds"} <= set(texts):
         for config in configs:
             _check_worlds(config.map)
+    for key in texts:
+        _check_fresh(key, configs)
     if "weights" in texts:
         check_weights(texts["weights"], configs, catalogue)
+
+
+def _check_fresh(key: str, configs: Collection[DictConfig]) -> None:
+    """A key of fresh worlds is in vain if no job drives any; in a sweep of subsets some jobs may have no use for it."""
+    node, _, name = key.rpartition(".")
+    if name not in FRESH_KEYS:
+        return
+    found = [OmegaConf.select(config, node) for config in configs]
+    if found and all(OmegaConf.is_dict(each) and is_idle(name, each) for each in found):
+        check_given([name], found[0], node)
 
 
 def _check_worlds(barn: Mapping[str, Any]) -> None:
     """Fresh worlds have no end, and a number needs its subset to say which kind of them is meant."""
     subset, worlds = barn.get("subset"), barn.get("worlds")
-    if barn.get("_target_") != _BARN or not worlds or subset == "all" or subset not in OFFICIAL:
+    if barn.get("_target_") != TARGET or not worlds or subset == "all" or subset not in OFFICIAL:
         return
     outside = [str(number) for number in worlds if number not in set(OFFICIAL[subset]())]
     if outside:

@@ -31,6 +31,7 @@ def choose(words: Sequence[str]) -> Chosen:
     `map.key=value` is the same as `key=value`, and `0-5` are six numbers. Raises InputError for a name, a number or a
     setting that is not there, or not right.
     """
+    from lme.worlds.barn.subsets import check_given
     from runners.config.instantiate import build
 
     name, *what = words or [""]
@@ -39,7 +40,9 @@ def choose(words: Sequence[str]) -> Chosen:
         raise InputError(f"map set {name!r} is unknown: {nearest(name, known)}There are {', '.join(known)}")
     settings = [word for word in what if "=" in word]
     numbers = list(dict.fromkeys(number for word in what if "=" not in word for number in _numbers(word)))
-    node = _node(name, [setting.removeprefix("map.") for setting in settings])
+    settings = [setting.removeprefix("map.") for setting in settings]
+    node = _node(name, settings)
+    check_given((setting.partition("=")[0] for setting in settings), node)
     if numbers:
         node["worlds"] = numbers
     maps = cast(MapSet, build(node, "map"))

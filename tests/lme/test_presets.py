@@ -98,6 +98,14 @@ def test_a_map_set_is_what_hydra_makes_of_its_file(path):
     assert made.task(number).optimal_time == expected.task(number).optimal_time
 
 
+def test_keys_of_fresh_worlds_are_refused_with_official_ones():
+    assert load_map_set("barn", {"subset": "fresh", "count": 2, "fresh_seed": 5}).numbers == (1000, 1001)
+    assert load_map_set("social", {"count": 2}, load_robot("stage")).numbers == (0, 1)
+    for keys in ({"count": 100}, {"subset": "hard100", "fresh_seed": 5}):
+        with pytest.raises(InputError, match=r"^map\.\w+ is \d+ with map\.subset=\w+: must be left out, or"):
+            load_map_set("barn", keys)
+
+
 @pytest.mark.parametrize("name", ["fast", "physics", "skid"])
 def test_a_simulator_is_what_hydra_makes_of_its_file(name):
     with initialize_config_dir(str(ROOT / "conf"), version_base=None):

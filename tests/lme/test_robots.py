@@ -30,8 +30,8 @@ def test_a_limit_must_be_positive_and_finite(key, value):
 @pytest.mark.parametrize(
     ("key", "value", "bound"),
     [
-        ("num_beams", 0, "greater than 1"),
-        ("num_beams", 1, "greater than 1"),
+        ("num_beams", 0, "greater than 1 and at most 100000"),
+        ("num_beams", 1, "greater than 1 and at most 100000"),
         ("fov", 0.0, "greater than 0 and at most 6.28319"),
         ("fov", -1.0, "greater than 0 and at most 6.28319"),
         ("fov", 360.0, "greater than 0 and at most 6.28319"),

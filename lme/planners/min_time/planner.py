@@ -15,7 +15,7 @@ from lme.kernels.arcs import first_contacts
 from lme.kernels.motion import drive
 from lme.kernels.movers import WIDEST, movers_among
 from lme.kernels.straight_ways import KEPT
-from lme.planners.commands import check_turn_samples, reachable, turn_shares
+from lme.planners.commands import MOST_SAMPLES, check_turn_samples, reachable, turn_shares
 from lme.planners.min_time.kernels import Estimate, Safety, best_twist, dynamic_window
 from lme.planners.min_time.lag import Lag
 from lme.planners.safety.check import STILL, StoppingCheck, StoppingState
@@ -56,7 +56,7 @@ class MinTimeConfig:
             require(f"planner.{key}", getattr(self, key), at_least=0.0)
         for key in ("horizon", "brake", "grip"):
             require(f"planner.{key}", getattr(self, key), above=0.0)
-        require("planner.v_samples", self.v_samples, at_least=2)
+        require("planner.v_samples", self.v_samples, at_least=2, at_most=MOST_SAMPLES)
         check_turn_samples(self.omega_samples)
 
 

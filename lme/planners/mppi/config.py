@@ -127,9 +127,9 @@ class MppiConfig:
             require(f"planner.{key}", getattr(self, key), at_least=0.0)
         for key in ("vx_min", "ax_min"):
             require(f"planner.{key}", getattr(self, key), at_most=0.0)
-        require("planner.time_steps", self.time_steps, at_least=_SHORTEST)
-        for key in ("batch_size", "iteration_count"):
-            require(f"planner.{key}", getattr(self, key), at_least=1)
+        require("planner.time_steps", self.time_steps, at_least=_SHORTEST, at_most=500)
+        require("planner.batch_size", self.batch_size, at_least=1, at_most=50_000)
+        require("planner.iteration_count", self.iteration_count, at_least=1)
         for critic in _CRITICS:
             require(f"planner.{critic}.cost_weight", getattr(self, critic).cost_weight, at_least=0.0)
         for critic, (key, least) in _COUNTS.items():

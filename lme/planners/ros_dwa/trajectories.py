@@ -37,6 +37,8 @@ _NOT_NEGATIVE = (
     "escape_reset_theta",
 )
 
+_MOST_SAMPLES = 201  # of v and of ω: all poses of every pair's trajectory are held
+
 
 @dataclass(slots=True)
 class TrajectoriesConfig:
@@ -72,7 +74,7 @@ class TrajectoriesConfig:
         require("planner.min_vel_x", self.min_vel_x, at_most=self.max_vel_x)
         require("planner.escape_vel", self.escape_vel, at_most=0.0)
         for key in ("vx_samples", "vtheta_samples"):
-            require(f"planner.{key}", getattr(self, key), at_least=2)
+            require(f"planner.{key}", getattr(self, key), at_least=2, at_most=_MOST_SAMPLES)
 
 
 @dataclass(slots=True)

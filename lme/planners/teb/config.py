@@ -110,7 +110,7 @@ class TebConfig:
             most = self.divergence_detection_max_chi_squared
             require("planner.divergence_detection_max_chi_squared", most, above=0.0)
         require("planner.min_samples", self.min_samples, at_least=2)
-        require("planner.max_samples", self.max_samples, at_least=self.min_samples)
+        require("planner.max_samples", self.max_samples, at_least=self.min_samples, at_most=10_000)
         for key in ("no_inner_iterations", "no_outer_iterations"):
             require(f"planner.{key}", getattr(self, key), at_least=1)
 

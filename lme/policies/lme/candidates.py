@@ -24,7 +24,7 @@ class CandidateConfig:
     target: bool = True  # add the target itself as a candidate if it is in view and free
 
     def __post_init__(self) -> None:
-        require("guide.candidates.number", self.number, at_least=1)
+        require("guide.candidates.number", self.number, at_least=1, at_most=100_000)
         require("guide.candidates.max_range", self.max_range, above=0.0)
         if self.distribution not in DISTRIBUTIONS:
             raise InputError(

@@ -20,7 +20,7 @@ from lme.worlds.barn.hard import hard_layout
 from lme.worlds.barn.layouts import Layout, fresh_layout, official_layout, published_layout
 from lme.worlds.barn.path import OPTIMAL_SPEED_M_S, benchmark_length
 from lme.worlds.barn.subsets import FRESH, OFFICIAL, SUBSETS
-from lme.worlds.rules import TaskRules, check_chosen
+from lme.worlds.rules import MOST_WORLDS, TaskRules, check_chosen
 from lme.worlds.world import Task, World
 
 FIRST_FRESH = 1000  # number of the first fresh world, so that records never mix them with official ones
@@ -50,7 +50,7 @@ class BarnConfig(TaskRules):
             raise InputError(
                 f"map.source is {self.source}: must be null with map.subset={self.subset}, which is generated"
             )
-        require("map.count", self.count, at_least=1)
+        require("map.count", self.count, at_least=1, at_most=MOST_WORLDS)
         require("map.fresh_seed", self.fresh_seed, at_least=0)
         _check_numbers("map.start", self.start, "three finite numbers: x, y [m], yaw [rad]", 3)
         _check_numbers("map.goal", self.goal, "two finite numbers: x, y [m]", 2)

@@ -13,7 +13,7 @@ from lme.robots import Robot
 from lme.worlds.check import check_task
 from lme.worlds.cold_trial.families import DYNABARN, STATIC, Place, check_paths, families, task_in
 from lme.worlds.cold_trial.ranges import TrialRanges, columns_of, drawn_disturbances, drawn_robot
-from lme.worlds.rules import check_chosen
+from lme.worlds.rules import MOST_WORLDS, check_chosen
 from lme.worlds.world import DrawnTask, Task
 
 NAME = "cold_trial"
@@ -42,7 +42,7 @@ class ColdTrialConfig:
         if self.subset not in (STATIC, DYNABARN):
             raise InputError(f"map.subset is {self.subset!r}: must be {STATIC} or {DYNABARN}")
         require("map.trial_seed", self.trial_seed, at_least=0)
-        require("map.count", self.count, at_least=1)
+        require("map.count", self.count, at_least=1, at_most=MOST_WORLDS)
         require("map.passage_margin", self.passage_margin, at_least=0.0)
         require("map.start_margin", self.start_margin, at_least=0.0)
         require("map.time_factor", self.time_factor, at_least=1.0)

@@ -17,7 +17,7 @@ from lme.worlds.indoor.cells import CELL_M
 from lme.worlds.indoor.corridors import corridors
 from lme.worlds.indoor.floor_plans import floor_plans
 from lme.worlds.indoor.offices import offices
-from lme.worlds.rules import PacedRules, check_chosen
+from lme.worlds.rules import MOST_WORLDS, PacedRules, check_chosen, path_measures
 from lme.worlds.sampling import Configuration, FreeSpace
 from lme.worlds.starts import STAGE_RADIUS
 from lme.worlds.world import Task, World
@@ -49,7 +49,7 @@ class IndoorConfig(PacedRules):
         PacedRules.__post_init__(self)  # super() fails in a dataclass with slots
         if self.kind not in KINDS:
             raise InputError(f"map.kind is {self.kind!r}: must be one of {', '.join(KINDS)}")
-        require("map.count", self.count, at_least=1)
+        require("map.count", self.count, at_least=1, at_most=MOST_WORLDS)
         for key in ("building_seed", "min_distance", "margin"):
             require(f"map.{key}", getattr(self, key), at_least=0.0)
         require("map.max_distance", self.max_distance, at_least=self.min_distance)
@@ -96,7 +96,7 @@ class Indoor:
             site.goal.copy(),
             length=site.length,
             speed=config.speed,
-            measures={"straight_m": straight, "detour": site.length / straight},
+            measures=path_measures(site.length, straight),
         )
 
 

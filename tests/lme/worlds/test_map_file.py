@@ -98,8 +98,14 @@ def test_a_place_between_lattice_points_is_free_if_the_disc_fits(tmp_path):
             "map hall, configuration 0: no path from the start to the goal is wide enough for a disc of radius 0.2 m",
         ),
         ({"start": [9.0, 1.0]}, "map.min_distance is 3 m: must be a distance"),
-        ({"start": [1.0, 1.0], "goal": [1.0, 1.1]}, "map hall: the start lies 0.1 m from the goal, within"),
-        ({"start": [1.0, 1.0], "goal": [1.0, 1.0]}, "map hall: the start lies 0 m from the goal, within"),
+        (
+            {"start": [1.0, 1.0], "goal": [1.0, 1.1]},
+            "map hall, world 0: the start lies 0.1 m from the goal, within",
+        ),
+        (
+            {"start": [1.0, 1.0], "goal": [1.0, 1.0]},
+            "map hall, world 0: the start lies 0 m from the goal, within",
+        ),
         (
             {"start": [1.0, 1.0], "goal": [9.0, 5.0], "worlds": [3]},
             "map.worlds is [3]: must be null or [0], since",

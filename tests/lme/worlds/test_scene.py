@@ -289,13 +289,6 @@ def test_a_start_that_is_not_free_says_so(tmp_path, start, right):
         Scene(SceneConfig(path=str(path), radius=0.2, lateral=0.0)).task(0)
 
 
-def test_a_start_at_the_goal_is_refused():
-    with pytest.raises(
-        InputError, match=r"start 0: the start lies 6\.4 m from the goal, within map\.goal_tolerance"
-    ):
-        scene("real1", goal_tolerance=6.5).task(0)
-
-
 @pytest.mark.parametrize("shape", ["radius: 0.25", "outline: [[0.25, 1], [0.25, -1], [-1, 0]]"])
 @pytest.mark.parametrize(("x", "refused"), [(1.44, True), (1.46, False)])
 def test_a_start_where_a_mover_stands_is_refused(tmp_path, shape, x, refused):

@@ -599,6 +599,15 @@ def test_a_run_of_listed_worlds_is_resumed_by_their_range(probe):
         ),
         (["map.subset=hard100", "map.worlds=190-220"], "asks for 190, 191, 192, 193, 194 and 5 more, which"),
         (["-m", "map.subset=all,official50", "map.worlds=1"], "1, which map.subset=official50 does not hold"),
+        (
+            ["map.count=3"],
+            "map.count is 3 with map.subset=lab100: must be left out, or map.subset be fresh or fresh_hard; "
+            "map.worlds=0-9 chooses worlds",
+        ),
+        (
+            ["-m", "map.subset=all,hard100", "map.fresh_seed=0"],
+            "map.fresh_seed is 0 with map.subset=all: must be left out, or map.subset be fresh or fresh_hard",
+        ),
     ],
 )
 def test_contradicting_arguments_are_refused(probe, words, said):
@@ -622,6 +631,11 @@ def test_contradicting_arguments_are_refused(probe, words, said):
         ["map.subset=official50", "map.worlds=[0,6]"],
         ["map.subset=all", "map.worlds=[1,2]"],
         ["map.subset=fresh", "map.worlds=[1005]"],
+        ["map.subset=fresh", "map.count=3", "map.fresh_seed=5"],
+        ["-m", "map.subset=lab100,fresh_hard", "map.count=3"],
+        ["-m", "map.subset=lab100,hard100"],
+        ["map=social", "map.count=3"],
+        ["experiment=sensitivity", "hydra.mode=RUN", "map.count=3"],
         ["map=env1", "map.worlds=[1,2]"],
     ],
 )

@@ -179,6 +179,10 @@ def test_more_worlds_than_a_sheet_holds_are_still_a_table(capsys):
         (["barn", "5-2"], "^map.worlds has 5-2: the range runs backwards; must be 2-5"),
         (["bran"], "did you mean barn"),
         (["barn", "subst=all"], "did you mean subset"),
+        (
+            ["barn", "count=3"],
+            "map.count is 3 with map.subset=lab100: must be left out, or map.subset be fresh",
+        ),
         (["barn", "subset=["], "subset=.: must be key=value"),
         (["file"], "map.path is null"),
         (["building"], "map.paths is null"),
