@@ -7,6 +7,7 @@ import pytest
 
 from lme.errors import InputError
 from runners.cli.main import main
+from runners.figures.parts import driven_runs
 from runners.figures.parts.driven_runs import chosen_world, read_runs
 from tests.places import ROOT
 
@@ -43,6 +44,30 @@ def test_records_are_drawn_without_driving(sweep, tmp_path, monkeypatch, capsys)
     assert Path("again/trajectories.svg").read_text().startswith("<?xml")
     assert not list(Path("again").glob("*.parquet"))
     assert capsys.readouterr().out.split() == ["again/trajectories.svg"]
+
+
+@pytest.mark.parametrize("words", [[], ["moment=3", "figure.subgoals=faded"]])
+def test_paths_without_their_steps_are_driven_again(sweep, tmp_path, monkeypatch, words):
+    monkeypatch.chdir(tmp_path)
+    shutil.copytree(sweep, "bare")
+    for path in Path("bare").glob("?/trajectories.parquet"):
+        path.unlink()
+    for run, place in ((sweep, "before"), ("bare", "after")):
+        drawn = ["trajectories", f"run={run}", "formats=[png]", f"hydra.run.dir={place}", *words]
+        assert main(["figure", *drawn]) == 0
+    before, after = (Path(place, "trajectories.png").read_bytes() for place in ("before", "after"))
+    assert after == before
+
+
+def test_only_the_worlds_asked_for_are_driven_again(sweep, tmp_path, monkeypatch):
+    shutil.copytree(sweep / "0", tmp_path / "bare")
+    (tmp_path / "bare" / "trajectories.parquet").unlink()
+    (run,) = read_runs([tmp_path / "bare"])
+    assert run.steps([205]).empty
+    driven = run.steps([206])
+    assert len(driven) == run.frame["steps"].iloc[0] + 1
+    monkeypatch.setattr(driven_runs, "step_tables", None)
+    assert run.steps([206]).equals(driven)
 
 
 def test_nobody_asked_for_a_world_so_the_first_is_driven(tmp_path, monkeypatch):
