@@ -77,6 +77,7 @@ class Trajectories:
     Config = TrajectoriesFigureConfig
     name = "trajectories"
     drives = True
+    guided = None
 
     def __init__(self, config: TrajectoriesFigureConfig) -> None:
         self._config = config

@@ -22,6 +22,8 @@ from runners.workers.trace import Trace, rerun_recorded
 if TYPE_CHECKING:
     import pandas as pd
 
+    from runners.figures.parts.moment import Guided
+
 
 class DrivenRun:
     """One run. frame: its records, one row per episode.
@@ -77,11 +79,13 @@ class DrivenRun:
 class Kind(Protocol):
     """A kind of figure: one file in `runners/figures/kinds/` and one YAML in `conf/figure/`.
 
-    name: stem of its files. drives: whether it needs episodes.
+    name: stem of its files. drives: whether it needs episodes. guided: the guide whose decisions it draws; None if it
+    draws any system.
     """
 
     name: str
     drives: bool
+    guided: Guided | None
 
     def draw(
         self, runs: Sequence[DrivenRun], worlds: Sequence[int], stem: Path, formats: Sequence[str]

@@ -7,6 +7,7 @@ import pytest
 
 from lme.errors import InputError
 from runners.cli.main import main
+from runners.experiments import evaluate
 from runners.figures.parts import driven_runs
 from runners.figures.parts.driven_runs import chosen_world, read_runs
 from tests.places import ROOT
@@ -87,6 +88,30 @@ def test_an_own_map_set_need_not_name_its_worlds(tmp_path, monkeypatch):
     assert main(["figure", *words, *WORDS]) == 0
     (job,) = read_runs([Path("out")])
     assert job.frame["world"].tolist() == [0]
+
+
+@pytest.mark.parametrize(
+    ("kind", "words", "guide"),
+    [
+        ("expected_time", ["guide=lme"], "lme_plus"),
+        ("method", ["system=dwa"], "lme"),
+        ("features", ["system=dwa"], "lme"),
+    ],
+)
+def test_another_guide_is_refused_before_it_drives(tmp_path, monkeypatch, capsys, kind, words, guide):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(evaluate, "drive", None)
+    assert main(["figure", kind, "world=206", *words, *WORDS]) == 2
+    assert f": {kind} draws how LME" in (error := capsys.readouterr().err)
+    assert f"choose guide={guide}, or" in error
+    assert not list(Path("outputs").glob("figure/*"))
+
+
+def test_a_sweep_leaves_out_what_another_guide_guides(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    words = ["features", "-m", "system=simple,lme", "step=2", "map.world=206", "hydra.sweep.dir=out"]
+    assert main(["figure", *words, *WORDS]) == 0
+    assert Path("out/features.png").is_file()
 
 
 @pytest.mark.parametrize(
