@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import reprlib
 from collections.abc import Hashable, Sequence
 from pathlib import Path
@@ -13,6 +14,8 @@ import yaml
 
 from lme.errors import InputError, nearest
 from lme.types import Floats
+
+_EXPONENT = re.compile(r"([-+]?\d+)(?:\.(\d*))?[eE]([-+]?)(\d+)")  # of a number with one
 
 
 def read_yaml(path: Path) -> object:
@@ -95,7 +98,8 @@ class Entry:
 
     def mistake(self, key: str, right: str) -> InputError:
         """The error for a wrong value. right: what it must be."""
-        return InputError(f"{self.place}: {key} is {_shorten(self._value.get(key))}: must be {right}")
+        value = self._value.get(key)
+        return InputError(f"{self.place}: {key} is {_shorten(value)}: must be {right}{_as_number(value)}")
 
 
 class _UniqueKeys(yaml.SafeLoader):
@@ -128,6 +132,18 @@ def _numbers(value: object, count: int) -> list[float] | None:
         return None
     numbers = [number for item in value if (number := _number(item)) is not None]
     return numbers if len(numbers) == count else None
+
+
+def _as_number(value: object) -> str:
+    """How to write the first text of a value that looks like a number, such as 1e9: YAML 1.1 wants point and sign."""
+    if isinstance(value, list):
+        return next(filter(None, map(_as_number, value)), "")
+    match = _EXPONENT.fullmatch(value) if isinstance(value, str) else None
+    if match is None:
+        return ""
+    whole, fraction, sign, exponent = match.groups(default="")
+    number = f"{whole}.{fraction or '0'}e{sign or '+'}{exponent}"
+    return "" if number == value else f"; YAML reads {value} as a text: write {number}"
 
 
 def _shorten(value: object) -> str:

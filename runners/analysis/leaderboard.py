@@ -8,12 +8,14 @@ from __future__ import annotations
 
 import json
 import shlex
+import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
+from lme.errors import InputError
 from lme.worlds.barn.subsets import FRESH, OFFICIAL
 from runners.analysis.paired import METRIC, interval_of_mean
 from runners.analysis.summary import Row, as_text, measure, numbers, usual
@@ -228,7 +230,11 @@ def _last_written(run_dir: Path) -> str:
 
 def _command(run_dir: Path, launch: Launch | None) -> str:
     """The command line, without flags; that of `lme train` or `lme learn` for the evaluation at its end."""
-    parent = read_launch(run_dir.parent)
+    try:
+        parent = read_launch(run_dir.parent)
+    except InputError as error:  # it says nothing about the run but how it was started
+        warnings.warn(str(error), stacklevel=2)
+        parent = None
     above = parent if parent is not None and not parent.multirun else None
     given = above or launch
     return shlex.join(["lme", given.command, *given.overrides]) if given else ""

@@ -76,11 +76,14 @@ def _with_resumed(command: str, given: arguments.Arguments) -> tuple[arguments.A
     directory = _resume_path(given.overrides)
     if directory is None:
         return given, None
-    saved = launch_record.read_launch(directory)
+    try:
+        saved = launch_record.read_launch(directory)
+    except InputError as error:
+        raise InputError(f"resume={error}") from error
     if saved is None:
-        raise InputError(
-            f"resume={directory}: {_explain_missing_run(directory)}; give true, or the directory of a run"
-        )
+        lacking = f"holds no {launch_record.LAUNCH}, so it is not a run"
+        problem = lacking if directory.is_dir() else "no such directory"
+        raise InputError(f"resume={directory}: {problem}; give true, or the directory of a run")
     if saved.command != command:
         hint = resume_command(saved.command, directory)
         raise InputError(
@@ -123,21 +126,6 @@ def _in_todays_words(
                 f"{former.today(_key(word), name, configs)}; {run_directories.one_by_one(saved.command, directory)}"
             )
     return now
-
-
-def _explain_missing_run(directory: Path) -> str:
-    try:
-        found = directory.is_dir()
-    except OSError as error:
-        return f"cannot be read ({error.strerror})"
-    if not found:
-        return "no such directory"
-    damaged = (directory / launch_record.LAUNCH).is_file()
-    return (
-        f"its {launch_record.LAUNCH} is damaged"
-        if damaged
-        else f"holds no {launch_record.LAUNCH}, so it is not a run"
-    )
 
 
 def _key(override: str) -> str:

@@ -121,7 +121,20 @@ def _unknown(key: str, known: set[str], config: DictConfig, composer: Composer) 
         names = sorted({*names, *composer.slots})
     others = {name for name in known if not name.startswith("hydra")} | set(composer.slots)
     hint = nearest(key, {name for name in others if nearest(_last(key), [_last(name)])})
+    if parent and not names:
+        return InputError(f"{key}: no such key; {hint}{_empty(parent, config, composer)}")
     return InputError(f"{key}: no such key; {hint}{parent or composer.config_name} holds: {', '.join(names)}")
+
+
+def _empty(group: str, config: DictConfig, composer: Composer) -> str:
+    """Why a part of the config has no keys, and what to do if it is a group that has others."""
+    option = chosen(config.hydra).get(group, "")
+    filled = [
+        name for name in composer.catalogue.options(group) if composer.catalogue.keys(f"{group}/{name}")
+    ]
+    if not option or not filled:
+        return f"{group} is empty"
+    return f"{group}={option} has no keys: choose {group}={' or '.join(filled)} first"
 
 
 def _last(key: str) -> str:

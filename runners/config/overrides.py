@@ -112,7 +112,11 @@ def _check_options(override: Override, composer: Composer) -> None:
             continue
         if isinstance(option, list) and group not in SEVERAL_OPTIONS:
             raise _takes_one(group, [str(name) for name in option])
-        for name in option if isinstance(option, list) else [option]:
+        names = option if isinstance(option, list) else [option]
+        twice = next((name for name in names if names.count(name) > 1), None)
+        if twice is not None:
+            raise InputError(f"{text_of(override)}: names {twice} twice; omit one")
+        for name in names:
             if str(name) not in known and not _in_subfolder(group, str(name), composer):
                 _refuse_former(group, str(name), composer.catalogue)
                 raise InputError(

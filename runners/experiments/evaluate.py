@@ -159,9 +159,8 @@ def report(maps: MapSet, job: Job[EvalConfig]) -> tuple[pd.DataFrame, list[Row],
     frame = read_episodes([run_dir])
     rows = summarise(frame, systems=systems.systems(job.folders), labels=ablations.labels(job.folders))
     tables = write_tables(frame, rows, run_dir)
-    picture = run_dir / "trajectories.png"
-    draw_run(frame, run_dir, maps, picture)
-    return frame, rows, [*tables, picture, run_dir / EPISODES]
+    picture = draw_run(frame, run_dir, maps, run_dir / "trajectories.png")
+    return frame, rows, [*tables, *picture, run_dir / EPISODES]
 
 
 def _film(config: EvalConfig, maps: MapSet, run_dir: Path) -> list[Path]:

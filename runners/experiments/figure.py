@@ -17,6 +17,7 @@ from runners.experiments import evaluate
 from runners.experiments.labels import run_labels
 from runners.experiments.resume_hint import resume_hint
 from runners.figures.parts.driven_runs import Kind, read_runs
+from runners.figures.parts.moment import check_guided
 from runners.figures.parts.style import FORMATS
 from runners.records.launch_record import LAUNCH
 from runners.records.records import find_runs
@@ -38,8 +39,10 @@ def validate(job: Job[FigureConfig]) -> None:
 
 def figure(job: Job[FigureConfig]) -> None:
     """Drive the episodes that the figure shows; draw the figure too, unless the job is part of a sweep."""
-    drives = job.config.run is None and _kind(job.config).drives
+    kind = _kind(job.config)
+    drives = job.config.run is None and kind.drives
     if drives:
+        _check_guide(job, kind)
         _drive(job)
     if job.sweep_dir is not None:
         return
@@ -76,6 +79,17 @@ def _draw(config: FigureConfig, driven: Sequence[Path], folder: Path) -> None:
         raise InputError(f"run is {config.run}: there is no {LAUNCH} with its config, so it cannot be drawn")
     paths = kind.draw(driven_runs, worlds_of(config.world), folder / kind.name, config.formats)
     print("\n".join(map(str, paths)))
+
+
+def _check_guide(job: Job[FigureConfig], kind: Kind) -> None:
+    """Raise InputError, before the drive, if the figure does not draw this guide. That of a sweep leaves it out."""
+    if kind.guided is None or job.sweep_dir is not None:
+        return
+    try:
+        check_guided([job.config], kind.name, kind.guided)
+    except InputError:
+        _remove_unless_drawn(job.run_dir)
+        raise
 
 
 def _drive(job: Job[FigureConfig]) -> None:

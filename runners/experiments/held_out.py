@@ -34,17 +34,23 @@ def held_out_places(job: Job[HeldOutConfig]) -> Places:
 
 
 def evaluate_held_out(
-    job: Job[HeldOutConfig], places: Places, values: Mapping[str, Any], weights: str, below: str = ""
+    job: Job[HeldOutConfig],
+    places: Places,
+    values: Mapping[str, Any],
+    weights: str,
+    what: str,
+    below: str = "",
 ) -> pd.DataFrame:
     """Evaluate values on every held-out map, and return the records.
 
     places: configs by name, each with its map and robot. values: by dotted config key. weights: the name that the
-    records have as `weights`. Every map has its own directory in `below`, in that of the training.
+    records have as `weights`. what: the values are, in words. Every map has its own directory in `below`, in that of
+    the training.
     """
     from runners.records.records import read_episodes
 
     for place, config in places.items():
-        _evaluate_on(place, _evaluation(job, config, values, place, weights, below), values)
+        _evaluate_on(place, _evaluation(job, config, values, place, weights, below), values, what)
     return read_episodes([job.run_dir / below / place for place in places])
 
 
@@ -124,9 +130,10 @@ def _changes(job: Job[HeldOutConfig], place: str, own_robot: bool) -> dict[str, 
     return found
 
 
-def _evaluate_on(place: str, job: Job[EvalConfig], values: Mapping[str, Any]) -> None:
+def _evaluate_on(place: str, job: Job[EvalConfig], values: Mapping[str, Any], what: str) -> None:
     config, maps = job.config, build.map_set(job.config)
-    print(f"Now {len(maps.numbers)} worlds of {place} that training never saw, {config.runs} runs each")
+    worlds = f"{len(maps.numbers)} worlds of {place} that training never saw"
+    print(f"Now {what}: {worlds}, {config.runs} runs each")
     job.run_dir.mkdir(parents=True, exist_ok=True)
     launch_of("eval", [job], [], False, None).write(job.run_dir)
     labels = replace(run_labels(job, maps), map=place)

@@ -66,7 +66,7 @@ def learn(job: Job[LearnConfig]) -> None:
         run = _run_learner(job)
         files = [*_register(job, run, {}), _picture(run)]
         network = {f"{learned_part(config)}.weights": str(run_dir / NETWORK)}
-        frame = evaluate_held_out(job, held_out_places(job), network, config.weights)
+        frame = evaluate_held_out(job, held_out_places(job), network, config.weights, "the network")
         report_held_out(job, frame)
         _register(job, run, _rates_by_map(frame))
     pages = [page for place in frame["run_dir"].unique() for page in failures.folder(Path(place))]

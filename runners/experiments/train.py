@@ -125,11 +125,12 @@ def _evaluate(job: Job[TrainConfig], places: Places, found: Found) -> tuple[pd.D
     """
     import pandas as pd
 
-    start = with_rewards(places, evaluate_held_out(job, places, {}, job.weights, below=_START))
+    start = with_rewards(places, evaluate_held_out(job, places, {}, job.weights, "the start", _START))
     if found.number == START:
         report_held_out(job, start)
         return start, start
-    frame = with_rewards(places, evaluate_held_out(job, places, found.values, weights_name(job)))
+    driven = evaluate_held_out(job, places, found.values, weights_name(job), "the result")
+    frame = with_rewards(places, driven)
     report_held_out(job, pd.concat([start, frame], ignore_index=True))
     return start, frame
 

@@ -19,7 +19,7 @@ from runners.play.session import Entrant, Script, Session, Setup, Source
 from runners.play.setups import explicit
 from runners.records.episode_record import EpisodeKey, RunLabels
 from runners.records.launch_record import LAUNCH, Launch, read_launch
-from runners.workers.trace import SAME_M
+from runners.workers.trace import another_path, is_same_drive
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -44,8 +44,9 @@ def open_episode(path: Path, word: str | None, step: int | None) -> Session:
 
 def _of_run(run_dir: Path, word: str | None) -> Session:
     from runners.explainer.pages import keys_of, select_episodes
-    from runners.records.records import read_episodes, read_trajectories
+    from runners.records.records import find_runs, read_episodes, read_record, read_trajectories
 
+    find_runs([run_dir])
     launch = read_launch(run_dir)
     if launch is None:
         raise InputError(f"{run_dir}: has no {LAUNCH}, so its episodes cannot be played")
@@ -55,13 +56,9 @@ def _of_run(run_dir: Path, word: str | None) -> Session:
     key = keys_of(select_episodes(episodes, [word]))[0] if word else _first_failed(episodes)
     labels = RunLabels(**{name: str(episodes.iloc[0].get(name, "")) for name in RunLabels.__annotations__})
     session = _driven(_setup(launch, labels, key), run_dir / SCRIPT)
-    recorded = read_trajectories([run_dir], [key])[["x_m", "y_m"]].to_numpy(float)
-    driven = np.array([frame.row[1:3] for frame in session.lanes[0].frames])
-    if recorded.shape != driven.shape or not np.allclose(recorded, driven, rtol=0.0, atol=SAME_M):
-        raise InputError(
-            f"{run_dir}: {key} takes another path when it is driven again, so another version of lme or of its "
-            "libraries recorded the run: run it again with lme eval"
-        )
+    steps, driven = read_trajectories([run_dir], [key]), session.lanes[0].episode()
+    if driven is None or not is_same_drive(driven, steps, read_record(run_dir, key)):
+        raise another_path(run_dir, key)
     return session
 
 

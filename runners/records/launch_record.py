@@ -75,7 +75,7 @@ class Launch:
     def write(self, directory: Path) -> None:
         """Write `launch.json` atomically. A run that is resumed keeps its `started` and its `code`.
 
-        Raises InputError if the directory cannot be written.
+        Raises InputError if the directory cannot be written, or if a damaged one is there.
         """
         fields, before = dataclasses.asdict(self), read_launch(directory)
         if before is not None and before.fingerprint == self.fingerprint:
@@ -88,12 +88,20 @@ class Launch:
 
 
 def read_launch(directory: Path) -> Launch | None:
-    """The launch of a run directory; None if it does not hold a readable one."""
+    """The launch of a run directory; None if it holds none. Raises InputError for one that is damaged."""
     try:
-        launch = Launch(**json.loads((directory / LAUNCH).read_text(encoding="utf-8")))
-    except (OSError, ValueError, TypeError, RecursionError):
+        text = (directory / LAUNCH).read_bytes()
+    except (FileNotFoundError, NotADirectoryError, ValueError):  # ValueError: no name of a file
         return None
-    return launch if _is_complete(launch) else None
+    except OSError as error:
+        raise InputError(f"{directory}: its {LAUNCH} cannot be read ({error.strerror})") from error
+    try:
+        launch = Launch(**json.loads(text))
+    except (ValueError, TypeError, RecursionError):
+        launch = None
+    if launch is None or not _is_complete(launch):
+        raise InputError(f"{directory}: its {LAUNCH} is damaged: restore or remove it")
+    return launch
 
 
 def recorded_config(values: Mapping[str, Any]) -> RecordedConfig:

@@ -36,6 +36,11 @@ def keys_of(run_dir: Path) -> set[EpisodeKey]:
     return _keys_in(read_table(path, KEY_COLUMNS)) if path.is_file() else set()
 
 
+def lacks_steps(run_dir: Path) -> bool:
+    """Whether the file with the control steps was deleted."""
+    return (run_dir / EPISODES).is_file() and not (run_dir / TRAJECTORIES).is_file()
+
+
 def keys_not_in(log: AppendLog, done: Collection[EpisodeKey]) -> set[EpisodeKey]:
     """Keys of the append log that are not `done`."""
     return {key for world, run in log.keys.tolist() if (key := EpisodeKey(world, run)) not in done}

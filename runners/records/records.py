@@ -216,6 +216,19 @@ def episode_tables(run_dirs: Sequence[Path]) -> list[tuple[pa.Table, dict[str, o
     return found
 
 
+def read_record(run_dir: Path, key: EpisodeKey) -> dict[str, Any]:
+    """The record of one episode by column. Raises InputError if the run has none."""
+    import pyarrow.compute as pc
+
+    with log_of(run_dir) as log:
+        table = episode_table(run_dir, log)
+    found = table.filter((pc.field("world") == key.world) & (pc.field("run") == key.run)).to_pylist()
+    if not found:
+        raise InputError(f"{run_dir}: has no episode of {key}: {EPISODES} lists its episodes")
+    record: dict[str, Any] = found[0]
+    return record
+
+
 def read_trajectories(
     run_dirs: Sequence[Path], episodes: Collection[EpisodeKey] | None = None
 ) -> pd.DataFrame:

@@ -177,7 +177,7 @@ def _check_path(path: Path) -> None:
     if path.suffix not in SUFFIXES:
         raise InputError(
             f"bag {path}: must be a ROS recording, one of {', '.join(SUFFIXES)}, or its folder, "
-            "or a CARMEN log (.log, .log.gz)"
+            "or a CARMEN log (.log, .clf, .log.gz, .clf.gz)"
         )
     try:
         with path.open("rb") as file:

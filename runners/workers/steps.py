@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import contextlib
-import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,13 +12,13 @@ import numpy as np
 
 from lme.episode import TRAJECTORY_COLUMNS
 from lme.errors import InputError
-from runners.records.episode_record import EpisodeKey, EpisodeRecord, EpisodeResult, RunLabels
+from runners.records.episode_record import EpisodeKey, EpisodeResult, RunLabels
 from runners.records.launch_record import LAUNCH, read_launch
 from runners.records.parquet import TRAJECTORIES, trajectory_table
 from runners.records.records import log_of
 from runners.workers.episodes import EpisodePayload, initialise
 from runners.workers.executor import Map, ProcessConfig, ProcessExecutor
-from runners.workers.trace import SAME_M
+from runners.workers.trace import another_path, check_repeatable, ends_alike
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -44,7 +43,7 @@ def step_tables(run_dir: Path, rows: Mapping[EpisodeKey, Mapping[str, Any]]) -> 
             kept = set(map(EpisodeKey, table["world"].to_pylist(), table["run"].to_pylist()))
             missing = [key for key in block if key not in kept]
             if missing:
-                drive = drive or workers.enter_context(_driver(run_dir, rows[missing[0]]))
+                drive = drive or workers.enter_context(_driver(run_dir, rows))
                 again = [_table(_checked(result, rows, run_dir)) for result in drive(missing)]
                 joined = pa.concat_tables([table, *again], promote_options="permissive")
                 table = joined.sort_by([(name, "ascending") for name in ("world", "run", "step")])
@@ -52,15 +51,19 @@ def step_tables(run_dir: Path, rows: Mapping[EpisodeKey, Mapping[str, Any]]) -> 
 
 
 @contextlib.contextmanager
-def _driver(run_dir: Path, row: Mapping[str, Any]) -> Iterator[Map]:
-    """Give a `map` that drives episodes of a run, in processes. row: of any episode; all share its labels."""
+def _driver(run_dir: Path, rows: Mapping[EpisodeKey, Mapping[str, Any]]) -> Iterator[Map]:
+    """Give a `map` that drives these episodes of a run, in processes. rows: their records, with the same labels."""
     launch = read_launch(run_dir)
     if launch is None:
         raise InputError(
             f"{run_dir}: has no {TRAJECTORIES} with all steps, and no {LAUNCH} to drive its episodes again"
         )
+    key, row = next(iter(rows.items()))
+    check_repeatable(launch, run_dir, key)
     labels = RunLabels(**{field.name: str(row.get(field.name, "")) for field in fields(RunLabels)})
-    payload = EpisodePayload(launch.config, labels, None)
+    worlds = sorted({key.world for key in rows})  # lme figure drives some that its config does not choose
+    config = replace(launch.config, map={**launch.config.map, "worlds": worlds})
+    payload = EpisodePayload(config, labels, None)
     with ProcessExecutor(ProcessConfig()).open(initialise, payload) as run_all:
         yield run_all
 
@@ -69,21 +72,10 @@ def _checked(
     result: EpisodeResult, rows: Mapping[EpisodeKey, Mapping[str, Any]], run_dir: Path
 ) -> EpisodeResult:
     """The result. Raises InputError unless the drive equals its record."""
-    row = rows[result.record.key]
-    if not _matches(result.record, row):
-        raise InputError(
-            f"{run_dir}: {result.record.key} takes another path when it is driven again, so another version of lme "
-            "or of its libraries recorded the run: its steps are lost; run it again with lme eval"
-        )
+    new = result.record
+    if not ends_alike(rows[new.key], new.outcome, new.steps, new.path_length_m, new.final_distance_m):
+        raise another_path(run_dir, new.key)
     return result
-
-
-def _matches(record: EpisodeRecord, row: Mapping[str, Any]) -> bool:
-    same = (record.outcome, record.steps) == (row["outcome"], row["steps"])
-    lengths = ("path_length_m", "final_distance_m")
-    return same and all(
-        math.isclose(getattr(record, name), row[name], rel_tol=0.0, abs_tol=SAME_M) for name in lengths
-    )
 
 
 def _table(result: EpisodeResult) -> pa.Table:

@@ -6,8 +6,10 @@ function of its config, world and run, so it can be run again and observed.
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -23,6 +25,8 @@ from lme.worlds.world import Task
 from runners.config import build
 from runners.config.schema import DriveConfig
 from runners.records import launch_record
+from runners.records.episode_record import EpisodeKey
+from runners.records.records import read_record
 from runners.workers.episodes import episode_rng
 
 if TYPE_CHECKING:
@@ -98,7 +102,7 @@ def rerun(config: DriveConfig, world: int, run: int) -> Trace:
 
 
 def rerun_recorded(run_dir: Path, world: int, run: int, trajectories: pd.DataFrame) -> Trace:
-    """Run a recorded episode again, and compare it with the run's `trajectories`.
+    """Run a recorded episode again, and compare it with the run's `trajectories`, or without these with its record.
 
     Raises InputError if the run has no config or no such episode, or if the paths differ because another version of
     the program recorded the run.
@@ -106,25 +110,51 @@ def rerun_recorded(run_dir: Path, world: int, run: int, trajectories: pd.DataFra
     launch = launch_record.read_launch(run_dir)
     if launch is None:
         raise InputError(f"{run_dir}: has no {launch_record.LAUNCH}, so its episodes cannot be run again")
+    key = EpisodeKey(world, run)
+    check_repeatable(launch, run_dir, key)
+    steps = trajectories[(trajectories["world"] == world) & (trajectories["run"] == run)]
+    record = read_record(run_dir, key) if steps.empty else {}
+    trace = rerun(launch.config, world, run)
+    if not is_same_drive(trace.episode, steps, record):
+        raise another_path(run_dir, key)
+    return trace
+
+
+def check_repeatable(launch: launch_record.Launch, run_dir: Path, key: EpisodeKey) -> None:
+    """Raise InputError if the config of a run does not say how its worlds changed."""
     if launch.command == "play":
         raise InputError(
             f"{run_dir}: its world changed during the drive, so only lme play can drive it again: "
-            f"lme play {run_dir} {world}/{run}"
+            f"lme play {run_dir} {key.world}/{key.run}"
         )
-    steps = trajectories[(trajectories["world"] == world) & (trajectories["run"] == run)]
+
+
+def is_same_drive(driven: Episode | Drive, steps: pd.DataFrame, record: Mapping[str, Any]) -> bool:
+    """Whether an episode took the path of its recorded steps; without steps, whether it ends as its record says."""
     if steps.empty:
-        raise InputError(
-            f"{run_dir}: has no episode of world {world}, run {run}: episodes.parquet lists its episodes"
+        return isinstance(driven, Episode) and ends_alike(
+            record, str(driven.outcome), driven.steps, driven.path_length, driven.final_distance
         )
-    trace = rerun(launch.config, world, run)
-    recorded = steps[["x_m", "y_m"]].to_numpy(float)
-    driven = trace.episode.trajectory[:, 1:3]
-    if recorded.shape != driven.shape or not np.allclose(recorded, driven, rtol=0.0, atol=SAME_M):
-        raise InputError(
-            f"{run_dir}: world {world}, run {run} takes another path when it is driven again, so another version of "
-            "lme or of its libraries recorded the run: run it again with lme eval"
-        )
-    return trace
+    recorded, path = steps[["x_m", "y_m"]].to_numpy(float), driven.trajectory[:, 1:3]
+    return recorded.shape == path.shape and np.allclose(recorded, path, rtol=0.0, atol=SAME_M)
+
+
+def ends_alike(
+    record: Mapping[str, Any], outcome: str, steps: int, path_length_m: float, final_distance_m: float
+) -> bool:
+    """Whether an episode ended as its record says."""
+    lengths = {"path_length_m": path_length_m, "final_distance_m": final_distance_m}
+    return (outcome, steps) == (record["outcome"], record["steps"]) and all(
+        math.isclose(value, record[name], rel_tol=0.0, abs_tol=SAME_M) for name, value in lengths.items()
+    )
+
+
+def another_path(run_dir: Path, key: EpisodeKey) -> InputError:
+    """Another version of the program drives an episode differently."""
+    return InputError(
+        f"{run_dir}: {key} takes another path when it is driven again, so another version of lme or of its "
+        "libraries recorded the run: run it again with lme eval"
+    )
 
 
 class _Tracer:

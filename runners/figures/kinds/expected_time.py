@@ -48,24 +48,6 @@ CLIPPED = (5, 100)  # [percentile] ends of the colour scale of scores
 SAME_M = 1e-6  # [m] a known point this near to one of the scan is that point
 
 
-class ExpectedTime:
-    """The field of expected times in the robot frame with the heading up, and what is decided on it."""
-
-    Config = StepConfig
-    name = "expected_time"
-    drives = True
-
-    def __init__(self, config: StepConfig) -> None:
-        self._config = config
-
-    def draw(
-        self, runs: Sequence[DrivenRun], worlds: Sequence[int], stem: Path, formats: Sequence[str]
-    ) -> list[Path]:
-        """Draw one picture per run guided by LME+ and per requested world; return the paths."""
-        found = shots(runs, worlds, self._config.step, self.name, LME_PLUS)
-        return draw_shots(found, expected_time_figure, stem, formats)
-
-
 def telling_step(trace: Trace) -> int:
     """The step of the most telling decision: the switch to a better subgoal with the longest detour.
 
@@ -76,6 +58,25 @@ def telling_step(trace: Trace) -> int:
 
 
 LME_PLUS = Guided(LmePlus, "LME+", "lme_plus", telling_step)
+
+
+class ExpectedTime:
+    """The field of expected times in the robot frame with the heading up, and what is decided on it."""
+
+    Config = StepConfig
+    name = "expected_time"
+    drives = True
+    guided = LME_PLUS
+
+    def __init__(self, config: StepConfig) -> None:
+        self._config = config
+
+    def draw(
+        self, runs: Sequence[DrivenRun], worlds: Sequence[int], stem: Path, formats: Sequence[str]
+    ) -> list[Path]:
+        """Draw one picture per run guided by LME+ and per requested world; return the paths."""
+        found = shots(runs, worlds, self._config.step, self.name, self.guided)
+        return draw_shots(found, expected_time_figure, stem, formats)
 
 
 def sights(trace: Trace, last: int) -> list[Sight]:

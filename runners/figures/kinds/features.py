@@ -17,7 +17,7 @@ from lme.types import Bools, Floats
 from runners.figures.parts import robot_view as view
 from runners.figures.parts.driven_runs import DrivenRun
 from runners.figures.parts.feature_page import FeaturePage
-from runners.figures.parts.moment import Shot, StepConfig, candidate_reach, draw_shots, shots
+from runners.figures.parts.moment import LME, Shot, StepConfig, candidate_reach, draw_shots, shots
 from runners.figures.parts.robot_view_key import draw_key
 from runners.figures.parts.style import BLUE, INK, symbol
 
@@ -74,6 +74,7 @@ class Features:
     Config = FeaturesConfig
     name = "features"
     drives = True
+    guided = LME
 
     def __init__(self, config: FeaturesConfig) -> None:
         self._config = config

@@ -72,6 +72,7 @@ class Maps:
     Config = MapsConfig
     name = "maps"
     drives = False
+    guided = None
 
     def __init__(self, config: MapsConfig) -> None:
         """Raises InputError for a map set, a world or a setting that does not exist."""

@@ -17,6 +17,7 @@ from lme.types import Floats, Pose
 from runners.figures.parts import robot_view as view
 from runners.figures.parts.driven_runs import DrivenRun
 from runners.figures.parts.moment import (
+    LME,
     Shot,
     StepConfig,
     candidate_reach,
@@ -46,6 +47,7 @@ class Method:
     Config = StepConfig
     name = "method"
     drives = True
+    guided = LME
 
     def __init__(self, config: StepConfig) -> None:
         self._config = config

@@ -32,6 +32,7 @@ from runners.figures.parts.places import DrivenPlace, places
 from runners.figures.parts.scene import Box, common_box, legend_keys, same_size, scale_bar
 from runners.figures.parts.stage import SUBGOAL, stage_keys
 from runners.figures.parts.style import INK, LEGEND_ORDER, STYLES, Style, new_figure, save
+from runners.figures.reports.paths import without_steps
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -76,6 +77,7 @@ class Trajectories:
     Config = TrajectoriesFigureConfig
     name = "trajectories"
     drives = True
+    guided = None
 
     def __init__(self, config: TrajectoriesFigureConfig) -> None:
         self._config = config
@@ -96,11 +98,11 @@ class Trajectories:
 def side_by_side_figure(frame: pd.DataFrame, run_dirs: Sequence[Path], folder: Path) -> list[Path]:
     """Draw the paths of every run of a sweep, save them in `folder` as PNG and PDF, and return the paths.
 
-    Draws nothing for a single system, or for more systems than fit on a page.
+    Draws nothing for a single system, or for more systems than fit on a page; warns if steps were deleted.
     """
     runs = runs_of(frame, run_dirs)
     columns = len(_labels(runs))
-    if not 1 < columns <= COLUMNS:
+    if not 1 < columns <= COLUMNS or without_steps(run_dirs):
         return []
     rows = _rows(runs, places(runs)[:ROWS], Look())
     return save(_draw_page(rows, Look(), PANEL_IN * columns), folder / NAME, ("png", "pdf"))

@@ -45,6 +45,7 @@ class Video:
     Config = VideoConfig
     name = "video"
     drives = True
+    guided = None
 
     def __init__(self, config: VideoConfig) -> None:
         self._config = config

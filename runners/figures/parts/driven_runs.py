@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
-from dataclasses import asdict
+from collections.abc import Collection, Sequence
+from dataclasses import asdict, astuple
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
@@ -14,11 +14,15 @@ from lme.worlds.world import MapSet
 from runners.config import build
 from runners.config.schema import RecordedConfig
 from runners.records import launch_record
+from runners.records.episode_record import KEY_COLUMNS, EpisodeKey
 from runners.records.records import find_runs, read_episodes, read_trajectories
+from runners.workers.steps import step_tables
 from runners.workers.trace import Trace, rerun_recorded
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    from runners.figures.parts.moment import Guided
 
 
 class DrivenRun:
@@ -49,8 +53,23 @@ class DrivenRun:
 
     @cached_property
     def trajectories(self) -> pd.DataFrame:
-        """One row per control step of all episodes."""
+        """One row per recorded control step of all episodes."""
         return read_trajectories([self.run_dir])
+
+    def steps(self, worlds: Collection[int]) -> pd.DataFrame:
+        """One row per control step in these worlds. Episodes that lack theirs are driven again, once.
+
+        Raises InputError if that is not possible.
+        """
+        import pandas as pd
+
+        kept = {*map(tuple, self.trajectories[list(KEY_COLUMNS)].drop_duplicates().to_numpy().tolist())}
+        rows = self.frame[self.frame["world"].isin(worlds)].to_dict("records")
+        lacking = {key: row for row in rows if astuple(key := EpisodeKey.of(row)) not in kept}
+        if lacking:
+            again = (table.to_pandas() for table in step_tables(self.run_dir, lacking))
+            self.trajectories = pd.concat([*([self.trajectories] if kept else []), *again])
+        return self.trajectories[self.trajectories["world"].isin(worlds)]
 
     def trace(self, world: int, run: int) -> Trace:
         """Drive an episode again and return its trace. Raises InputError if that is not possible."""
@@ -60,11 +79,13 @@ class DrivenRun:
 class Kind(Protocol):
     """A kind of figure: one file in `runners/figures/kinds/` and one YAML in `conf/figure/`.
 
-    name: stem of its files. drives: whether it needs episodes.
+    name: stem of its files. drives: whether it needs episodes. guided: the guide whose decisions it draws; None if it
+    draws any system.
     """
 
     name: str
     drives: bool
+    guided: Guided | None
 
     def draw(
         self, runs: Sequence[DrivenRun], worlds: Sequence[int], stem: Path, formats: Sequence[str]

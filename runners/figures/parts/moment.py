@@ -87,15 +87,20 @@ def shots(
     step: of the decision; None: the most telling one. figure: name of the kind, for messages. Raises InputError if
     no run is left, or if an episode has no such step.
     """
-    guided = [driven for driven in runs if _is_guided(driven, by)]
-    if not guided:
-        guides = ", ".join(sorted({_target(driven.config) for driven in runs}))
+    check_guided([driven.config for driven in runs], figure, by)
+    guided = [driven for driven in runs if _is_guided(driven.config, by)]
+    asked: list[list[int]] = [[world] for world in worlds] or [[]]
+    return [_shot(driven, world, step, by) for driven in guided for world in asked]
+
+
+def check_guided(configs: Sequence[SystemConfig], figure: str, by: Guided) -> None:
+    """Raise InputError if another guide guides all of the systems. figure: name of the kind."""
+    if not any(_is_guided(config, by) for config in configs):
+        guides = ", ".join(sorted(set(map(_target, configs))))
         raise InputError(
             f"guide is {guides}: {figure} draws how {by.label} scores candidates; "
             f"choose guide={by.option}, or a run of {by.label}"
         )
-    asked: list[list[int]] = [[world] for world in worlds] or [[]]
-    return [_shot(driven, world, step, by) for driven in guided for world in asked]
 
 
 def candidate_reach(trace: Trace) -> float:
@@ -175,8 +180,8 @@ def _gain(why: Explanation, name: str) -> float:
     return float(why.features[row, why.new] - why.old_features[row])
 
 
-def _is_guided(driven: DrivenRun, by: Guided) -> bool:
-    cls, _ = configured(driven.config.guide, "guide")
+def _is_guided(config: SystemConfig, by: Guided) -> bool:
+    cls, _ = configured(config.guide, "guide")
     return isinstance(cls, type) and issubclass(cls, by.cls)
 
 

@@ -66,7 +66,7 @@ def episodes_of(run: DrivenRun, place: DrivenPlace) -> pd.DataFrame:
 
 def steps_of(run: DrivenRun, place: DrivenPlace) -> pd.DataFrame:
     """The control steps of a run in a place."""
-    return run.trajectories[run.trajectories["world"].isin(place.numbers)]
+    return run.steps(place.numbers)
 
 
 def draw_panel(axes: Axes, panel: Panel, look: Look, box: Box) -> None:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import shlex
+import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -25,6 +27,7 @@ from runners.figures.parts.scene import (
 )
 from runners.figures.parts.style import INK, LEGEND_ORDER, STYLES, new_figure, save
 from runners.records.episode_record import EpisodeKey
+from runners.records.parquet import TRAJECTORIES, lacks_steps
 from runners.records.records import read_trajectories
 
 if TYPE_CHECKING:
@@ -63,15 +66,31 @@ class _Place(NamedTuple):
         return bool(np.ptp(extremes(first), axis=0).max() > BUILDING_M)
 
 
-def draw_run(frame: pd.DataFrame, run_dir: Path, maps: MapSet, path: Path) -> None:
-    """Draw the paths of a run in a sample of its worlds, reading only those.
+def draw_run(frame: pd.DataFrame, run_dir: Path, maps: MapSet, path: Path) -> list[Path]:
+    """Draw the paths of a run in a sample of its worlds, reading only those. Returns the files.
 
-    frame: from `read_episodes`. maps: holds at least the worlds of `sample_worlds`.
+    Warns, and draws nothing, if the steps were deleted. frame: from `read_episodes`. maps: holds at least the worlds
+    of `sample_worlds`.
     """
+    if without_steps([run_dir]):
+        return []
     worlds = {number: maps.task(number) for number in sample_worlds(frame)}
     failures = (key for place in _places(frame, worlds) for key in place.failures)
     episodes = list(dict.fromkeys([*sample_episodes(frame), *failures]))
     trajectories_figure(frame, read_trajectories([run_dir], episodes), worlds, path)
+    return [path]
+
+
+def without_steps(run_dirs: Sequence[Path]) -> bool:
+    """Whether the steps of a run were deleted, so that its paths cannot be drawn without driving. Warns if so."""
+    found = next((run_dir for run_dir in run_dirs if lacks_steps(run_dir)), None)
+    if found is None:
+        return False
+    command = f"lme figure trajectories run={shlex.quote(str(found))}"
+    warnings.warn(
+        f"{found}: has no {TRAJECTORIES}, so no paths are drawn; {command} drives them again", stacklevel=3
+    )
+    return True
 
 
 def trajectories_figure(

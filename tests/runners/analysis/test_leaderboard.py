@@ -39,6 +39,13 @@ def test_a_run_has_its_figures_and_what_it_was_driven_with(board):
     assert (entry.repeats, entry.shown) == (1, True)
 
 
+def test_a_run_keeps_its_place_if_the_launch_above_it_is_damaged(board, tmp_path):
+    (tmp_path / "launch.json").write_text("{")
+    with pytest.warns(UserWarning, match=r"its launch\.json is damaged"):
+        entry = board(one=([], {}))["one"]
+    assert entry.command == "lme eval"
+
+
 def test_other_robots_simulators_and_maps_are_other_settings(board):
     ways = (
         [],

@@ -249,11 +249,11 @@ def test_a_directory_with_an_interpolation_of_nothing(probe, key):
     ("word", "said"),
     [
         ("hydra.run.dir=locked/x", "output directory locked/x: cannot be read (Permission denied): choose"),
-        ("resume=locked/x", "resume=locked/x: cannot be read (Permission denied); give true, or"),
+        ("resume=locked/x", "resume=locked/x: its launch.json cannot be read (Permission denied)"),
     ],
 )
 def test_a_directory_that_cannot_be_read(probe, monkeypatch, word, said):
-    for name in ("glob", "is_dir", "read_text"):  # root, who may run the tests, can read everything
+    for name in ("glob", "is_dir", "read_bytes"):  # root, who may run the tests, can read everything
         monkeypatch.setattr(Path, name, denied_below("locked", getattr(Path, name)))
     with pytest.raises(InputError, match=re.escape(said)):
         probe.launch(word)

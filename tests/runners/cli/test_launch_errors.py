@@ -75,6 +75,16 @@ def _never(job):
             ["several values for a key of Hydra's own; must be -m seed=1,2 to sweep it"],
         ),
         ("hydra.verbose=true,false", ["several values for a key of Hydra's own; must be one value"]),
+        (
+            "ablation=[no_c_o,no_c_t,no_c_o]",
+            ["ablation=[no_c_o,no_c_t,no_c_o]: names no_c_o twice; omit one"],
+        ),
+        (
+            "crowd.density=0.1",
+            ["crowd.density: no such key; crowd=none has no keys: choose crowd=orca or social_force first"],
+        ),
+        ("filter.x=1", ["filter.x: no such key; filter=none has no keys: choose filter=stopping first"]),
+        ("hydra.job.env_set.x=1", ["hydra.job.env_set.x: no such key; hydra.job.env_set is empty"]),
         ("robots=jackal", ["robots: no such key; did you mean robot? eval holds: ablation, "]),
         ("sed=1", ["sed: no such key; did you mean seed?"]),
         ("+sed=1", ["sed: no such key; did you mean seed?"]),

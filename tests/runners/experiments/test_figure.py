@@ -7,6 +7,8 @@ import pytest
 
 from lme.errors import InputError
 from runners.cli.main import main
+from runners.experiments import evaluate
+from runners.figures.parts import driven_runs
 from runners.figures.parts.driven_runs import chosen_world, read_runs
 from tests.places import ROOT
 
@@ -45,6 +47,30 @@ def test_records_are_drawn_without_driving(sweep, tmp_path, monkeypatch, capsys)
     assert capsys.readouterr().out.split() == ["again/trajectories.svg"]
 
 
+@pytest.mark.parametrize("words", [[], ["moment=3", "figure.subgoals=faded"]])
+def test_paths_without_their_steps_are_driven_again(sweep, tmp_path, monkeypatch, words):
+    monkeypatch.chdir(tmp_path)
+    shutil.copytree(sweep, "bare")
+    for path in Path("bare").glob("?/trajectories.parquet"):
+        path.unlink()
+    for run, place in ((sweep, "before"), ("bare", "after")):
+        drawn = ["trajectories", f"run={run}", "formats=[png]", f"hydra.run.dir={place}", *words]
+        assert main(["figure", *drawn]) == 0
+    before, after = (Path(place, "trajectories.png").read_bytes() for place in ("before", "after"))
+    assert after == before
+
+
+def test_only_the_worlds_asked_for_are_driven_again(sweep, tmp_path, monkeypatch):
+    shutil.copytree(sweep / "0", tmp_path / "bare")
+    (tmp_path / "bare" / "trajectories.parquet").unlink()
+    (run,) = read_runs([tmp_path / "bare"])
+    assert run.steps([205]).empty
+    driven = run.steps([206])
+    assert len(driven) == run.frame["steps"].iloc[0] + 1
+    monkeypatch.setattr(driven_runs, "step_tables", None)
+    assert run.steps([206]).equals(driven)
+
+
 def test_nobody_asked_for_a_world_so_the_first_is_driven(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert main(["figure", "trajectories", "map=env1", "robot=stage", "hydra.run.dir=out", *WORDS]) == 0
@@ -62,6 +88,30 @@ def test_an_own_map_set_need_not_name_its_worlds(tmp_path, monkeypatch):
     assert main(["figure", *words, *WORDS]) == 0
     (job,) = read_runs([Path("out")])
     assert job.frame["world"].tolist() == [0]
+
+
+@pytest.mark.parametrize(
+    ("kind", "words", "guide"),
+    [
+        ("expected_time", ["guide=lme"], "lme_plus"),
+        ("method", ["system=dwa"], "lme"),
+        ("features", ["system=dwa"], "lme"),
+    ],
+)
+def test_another_guide_is_refused_before_it_drives(tmp_path, monkeypatch, capsys, kind, words, guide):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(evaluate, "drive", None)
+    assert main(["figure", kind, "world=206", *words, *WORDS]) == 2
+    assert f": {kind} draws how LME" in (error := capsys.readouterr().err)
+    assert f"choose guide={guide}, or" in error
+    assert not list(Path("outputs").glob("figure/*"))
+
+
+def test_a_sweep_leaves_out_what_another_guide_guides(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    words = ["features", "-m", "system=simple,lme", "step=2", "map.world=206", "hydra.sweep.dir=out"]
+    assert main(["figure", *words, *WORDS]) == 0
+    assert Path("out/features.png").is_file()
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,7 @@
 """A sweep over systems: one table, one chart, one tracked run above its jobs'."""
 
 import json
+import shutil
 from pathlib import Path
 
 import pandas as pd
@@ -50,6 +51,15 @@ def test_the_chart_is_there_and_table_redraws_it(sweep, capsys):
     assert differences.read_text() == paired
     assert "Paired differences from LME, barn" in capsys.readouterr().out
     assert (sweep[0] / "table.md").read_text() == table
+
+
+def test_a_sweep_without_the_steps_of_a_job_has_a_table_but_no_paths(sweep, tmp_path):
+    copy = shutil.copytree(sweep[0], tmp_path / "copy")
+    (copy / "1" / "trajectories.parquet").unlink()
+    (copy / "side_by_side.png").unlink()
+    with pytest.warns(UserWarning, match=r"1: has no trajectories\.parquet, so no paths are drawn"):
+        assert main(["table", str(copy)]) == 0
+    assert not (copy / "side_by_side.png").exists()
 
 
 def test_the_paths_stand_side_by_side(sweep):

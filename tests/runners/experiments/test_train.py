@@ -80,7 +80,8 @@ def test_a_run_leaves_its_study_weights_pictures_and_evaluation(trained):
         "parallel_coordinates.png",
     }
     assert names >= {"env1", "table.md", "launch.json"}
-    assert "2 worlds of env1 that training never saw" in said
+    for what in ("the start", "the result"):
+        assert f"Now {what}: 2 worlds of env1 that training never saw, 1 runs each" in said
     assert "Best of 7 trials" in said
 
 

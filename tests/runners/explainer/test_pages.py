@@ -24,7 +24,7 @@ from runners.records import launch_record
 from runners.records.episode_record import COLUMNS, EpisodeKey, EpisodeRecord, EpisodeResult
 from runners.records.records import RecordWriter, read_episodes, read_trajectories
 from runners.workers.executor import SerialConfig, SerialExecutor
-from runners.workers.trace import rerun
+from runners.workers.trace import rerun, rerun_recorded
 from tests.made_runs import write_run
 
 # In eight seconds world 230 is driven and world 207 is not.
@@ -161,6 +161,47 @@ def test_pages_that_cannot_be_made_are_one_warning_of_a_finished_run(run, drawn)
         pages.make_requested_pages(Explain.all, run, SerialExecutor(SerialConfig()))
     assert len(caught) == 1
     assert files(run) == ["230-0.html", "index.html"]
+
+
+def test_an_episode_whose_steps_were_deleted_is_explained(run, drawn, capsys):
+    assert main(["explain", str(run), "207", "--text"]) == 0
+    before = capsys.readouterr()
+    (run / "trajectories.parquet").unlink()
+    assert main(["explain", str(run), "207", "--text"]) == 0
+    assert capsys.readouterr() == before
+    pages.make_requested_pages(Explain.all, run, SerialExecutor(SerialConfig()))
+    assert drawn == [ARRIVED]  # the other page is there
+    records = pd.read_parquet(run / "episodes.parquet")
+    records.assign(path_length_m=1.0).to_parquet(run / "episodes.parquet")
+    assert main(["explain", str(run), "207", "--text"]) == 2
+    assert "world 207, run 0 takes another path when it is driven again" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("command", "words"),
+    [
+        ("explain", ["{run}", "207", "--text"]),
+        ("explain", ["{run}"]),
+        ("figure", ["features", "run={run}"]),
+        ("table", ["{run}"]),
+        ("compare", ["{run}/../other", "{run}"]),
+        ("eval", ["resume={run}"]),
+        ("play", ["{run}"]),
+    ],
+)
+def test_a_damaged_launch_record_is_called_damaged(run, driven, monkeypatch, command, words, capsys):
+    shutil.copytree(driven, run.parent / "other")
+    monkeypatch.chdir(run.parent)
+    (run / "launch.json").write_text("{")
+    assert main([command, *(word.format(run=run) for word in words)]) == 2
+    error = capsys.readouterr().err
+    assert error.endswith(f"{run}: its launch.json is damaged: restore or remove it\n")
+    assert error.count("\n") == 1
+
+
+def test_a_record_of_no_episode_is_refused(run):
+    with pytest.raises(InputError, match=r"has no episode of world 9, run 0: episodes\.parquet lists"):
+        rerun_recorded(run, 9, 0, read_trajectories([run]))
 
 
 def spoil(run_dir):

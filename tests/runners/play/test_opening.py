@@ -1,8 +1,10 @@
 """Recorded episodes, taken over; and what is saved of a session."""
 
 import json
+import shutil
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from lme.errors import InputError
@@ -66,14 +68,27 @@ def test_what_is_not_there_is_one_line(run_dir, word, step, problem):
 
 
 def test_a_record_of_another_version_is_refused(run_dir, tmp_path):
-    import shutil
-
     other = shutil.copytree(run_dir, tmp_path / "other")
     launch = json.loads((other / "launch.json").read_text())
     launch["configs"][0]["seed"] = 5
     (other / "launch.json").write_text(json.dumps(launch))
     with pytest.raises(InputError, match="another path"):
         open_episode(other, "1/0", None)
+
+
+def test_an_episode_whose_steps_were_deleted_opens(run_dir, tmp_path):
+    other = shutil.copytree(run_dir, tmp_path / "other")
+    (other / "trajectories.parquet").unlink()
+    assert ways(open_episode(other, "1/1", 0)) == ways(open_episode(run_dir, "1/1", 0))
+    records = pd.read_parquet(other / "episodes.parquet")
+    records.assign(path_length_m=1.0).to_parquet(other / "episodes.parquet")
+    with pytest.raises(InputError, match="another path"):
+        open_episode(other, "1/1", 0)
+
+
+def test_a_folder_that_does_not_exist_is_no_directory(tmp_path):
+    with pytest.raises(InputError, match="gone is not a directory: give a run directory"):
+        open_episode(tmp_path / "gone", "3", None)
 
 
 def test_words_that_name_an_episode_come_first():

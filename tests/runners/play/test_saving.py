@@ -74,6 +74,10 @@ def test_a_record_of_a_world_that_changed_is_played_again_with_its_changes(sessi
     assert main.main(["explain", str(saved.path), "0/0"]) == 2
     assert "lme play" in capsys.readouterr().err
     assert main.main(["table", str(saved.path)]) == 0
+    (folder / saved.path / "trajectories.parquet").unlink()
+    assert ways(open_episode(folder / saved.path, "0/0", 20)) == ways(session)
+    assert main.main(["export", str(saved.path), "--steps"]) == 2
+    assert "only lme play can drive it again: lme play" in capsys.readouterr().err
 
 
 def test_an_episode_of_a_map_set_keeps_its_world_in_its_record(session_of, folder):

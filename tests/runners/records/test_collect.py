@@ -58,17 +58,19 @@ def test_a_run_that_cannot_be_read_is_left_out_with_a_reason(outputs, path, cont
 @pytest.mark.parametrize("content", ["{", "[]", '{"configs": [], "command": "eval"}'])
 def test_a_damaged_launch_record_takes_no_other_run_away(outputs, content):
     (outputs / "eval" / "one" / "launch.json").write_text(content)
-    assert len(collect([outputs]).frames) == 3
+    frames, problems = collect([outputs])
+    assert len(frames) == 2
+    assert problems == [f"{outputs / 'eval' / 'one'}: its launch.json is damaged: restore or remove it"]
 
 
 @pytest.mark.parametrize("scale", ["x", {"a_close": {}}, [1.0]])
-def test_a_launch_record_with_a_damaged_scale_is_none(outputs, scale):
+def test_a_launch_record_with_a_damaged_scale_is_damaged(outputs, scale):
     path = outputs / "eval" / "one" / "launch.json"
     launch = json.loads(path.read_text())
     launch["configs"][0]["scale"] = scale
     path.write_text(json.dumps(launch))
-    assert read_launch(path.parent) is None
-    assert len(collect([outputs]).frames) == 3
+    with pytest.raises(InputError, match=r"its launch\.json is damaged"):
+        read_launch(path.parent)
 
 
 def test_a_folder_without_runs_is_named(tmp_path):

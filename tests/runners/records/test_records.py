@@ -419,4 +419,5 @@ def test_json_that_is_nested_too_deep_is_damage(tmp_path, nested):
     with pytest.raises(InputError, match="line 1 is not an episode record"):
         read_episodes([tmp_path])
     (tmp_path / LAUNCH).write_text(nested)
-    assert read_launch(tmp_path) is None
+    with pytest.raises(InputError, match=r"its launch\.json is damaged"):
+        read_launch(tmp_path)

@@ -1,6 +1,7 @@
 """Which folders are jobs of a sweep, and whether a run may be resumed."""
 
 import json
+import re
 
 import pytest
 
@@ -67,12 +68,30 @@ def test_a_run_directory_of_another_config_is_refused_with_advice(tmp_path, now,
         {"job": "0"},
     ],
 )
-def test_a_launch_with_a_value_of_another_kind_is_none(tmp_path, damage):
+def test_a_launch_with_a_value_of_another_kind_is_damaged(tmp_path, damage):
     launch().write(tmp_path)
     assert read_launch(tmp_path) == launch()
     values = json.loads((tmp_path / LAUNCH).read_text())
     (tmp_path / LAUNCH).write_text(json.dumps(values | damage))
+    with pytest.raises(InputError, match=re.escape(f"{tmp_path}: its launch.json is damaged: restore or ")):
+        read_launch(tmp_path)
+
+
+@pytest.mark.parametrize("content", [b"", b"{", b"[]", b"\xff\xfe", b'{"a":' * 100_000])
+def test_a_launch_that_is_no_record_is_damaged(tmp_path, content):
     assert read_launch(tmp_path) is None
+    assert read_launch(tmp_path / "no\0name") is None
+    (tmp_path / LAUNCH).write_bytes(content)
+    with pytest.raises(InputError, match=r"its launch\.json is damaged"):
+        read_launch(tmp_path)
+    with pytest.raises(InputError, match=r"its launch\.json is damaged"):
+        make_fresh(launch(), tmp_path)
+
+
+def test_a_launch_that_is_a_folder_cannot_be_read(tmp_path):
+    (tmp_path / LAUNCH).mkdir()
+    with pytest.raises(InputError, match=r"its launch\.json cannot be read \(Is a directory\)"):
+        read_launch(tmp_path)
 
 
 @pytest.mark.parametrize("hold", [RecordWriter, locked])

@@ -11,7 +11,8 @@ from lme.errors import InputError
 from lme.live.frames import FramesConfig
 from lme.live.messages import SECOND, scan_of
 from runners.cli.commands.replay import main
-from runners.replay.carmen import CarmenLog
+from runners.replay.bags import Bag
+from runners.replay.carmen import ENDINGS, CarmenLog
 from runners.replay.opening import open_recording
 from runners.replay.recording import inspect
 from runners.replay.topics import BagTopicsConfig, choose
@@ -90,6 +91,14 @@ def test_times_that_are_no_use_become_an_order(tmp_path, times):
 def test_of_two_kinds_of_lines_the_more_frequent_counts(tmp_path):
     log = CarmenLog(write(tmp_path / "a.log", [*robotlaser_lines()[:3], *flaser_lines()]))
     assert [topic.number for topic in log.topics()] == [len(way()), len(way()), 1]
+
+
+def test_the_endings_are_those_that_a_message_names(tmp_path):
+    path = tmp_path / "picture.png"
+    path.touch()
+    with pytest.raises(InputError) as error:
+        Bag(path)
+    assert str(error.value).endswith(f"or a CARMEN log ({', '.join(ENDINGS)})")
 
 
 def test_a_part_of_a_log(tmp_path):

@@ -24,6 +24,18 @@ def test_table_prints_one_run_and_rewrites_its_files(tmp_path, capsys):
     assert {"table.csv", "table.tex", "trajectories.png"} <= {path.name for path in tmp_path.iterdir()}
 
 
+def test_a_run_without_its_steps_keeps_its_picture(tmp_path):
+    with jobs_of() as job:
+        write_run(tmp_path, job=job())
+    (tmp_path / "trajectories.parquet").unlink()
+    (tmp_path / "trajectories.png").write_text("as it was")
+    command = f"lme figure trajectories run={tmp_path}"
+    said = f"{tmp_path}: has no trajectories.parquet, so no paths are drawn; {command} drives them again"
+    with pytest.warns(UserWarning, match=said):
+        assert table.main([str(tmp_path)]) == 0
+    assert (tmp_path / "trajectories.png").read_text() == "as it was"
+
+
 @pytest.mark.parametrize("style", ["rich", "csv", "tex"])
 def test_every_format_of_an_unfinished_run_without_a_config(tmp_path, capsys, style, monkeypatch):
     monkeypatch.setenv("COLUMNS", "200")
