@@ -57,9 +57,10 @@ def _changed_people(config: DictConfig) -> dict[str, Any]:
 
 
 def _changed_costmap_range(config: DictConfig) -> dict[str, Any]:
-    """The range of a guide's map of scans, if it is not the guide's own."""
-    given = OmegaConf.select(config, "costmap_range")
-    return {} if given is None or "costmap" not in config.guide else {"costmap_range": given}
+    """The ranges of a guide's map of scans, if they follow `costmap_range`."""
+    if OmegaConf.select(config, "costmap_range") is None or "costmap" not in config.guide:
+        return {}
+    return {f"guide.costmap.{key}": config.guide.costmap[key] for key in ("obstacle_range", "raytrace_range")}
 
 
 def _is_shown(node: str, key: str) -> bool:

@@ -24,9 +24,10 @@ def test_maps_of_scans_have_their_own_ranges_unless_told(system, own):
 
 def test_it_is_named_as_a_change_where_there_is_a_map():
     with jobs_of("eval", *SMALL) as job:
-        assert job("system=kul_fm_tuned", "costmap_range=8").changes["costmap_range"] == 8.0
-        assert "costmap_range" not in job("system=kul_fm_tuned").changes
-        assert "costmap_range" not in job("system=lme", "costmap_range=8").changes
+        ranges = {"guide.costmap.obstacle_range": 8.0, "guide.costmap.raytrace_range": 8.0}
+        assert ranges.items() <= job("system=kul_fm_tuned", "costmap_range=8").changes.items()
+        assert not ranges.keys() & job("system=kul_fm_tuned").changes.keys()
+        assert not ranges.keys() & job("system=lme", "costmap_range=8").changes.keys()
 
 
 def test_buildings_and_the_cold_trial_let_maps_reach_as_far_as_lme_plus_remembers():
