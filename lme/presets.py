@@ -22,7 +22,9 @@ if TYPE_CHECKING:
     from lme.worlds.world import MapSet
 
 _Part = TypeVar("_Part")
-_DEFAULT = re.compile(r"\$\{oc\.select:[\w.]+,(.*)\}")  # of a key that takes another's value if there is one
+_DEFAULT = re.compile(
+    r"\$\{(?:oc\.select|given):[\w.]+,(.*)\}"
+)  # of a key that takes another's value if there is one
 _WHOLE = re.compile(r"^#\s*@package\s+_global_\s*$", re.MULTILINE)
 
 _KINDS: dict[Any, tuple[Callable[[Any], bool], str]] = {
@@ -153,6 +155,8 @@ def _with_base(path: Path, group: str) -> object:
 
 
 def _without_reference(value: object) -> object:
+    if isinstance(value, dict):
+        return {key: _without_reference(each) for key, each in value.items()}
     found = _DEFAULT.fullmatch(value) if isinstance(value, str) else None
     return value if found is None else yaml.safe_load(found[1])
 

@@ -129,7 +129,9 @@ def test_a_beam_without_a_hit_frees_the_cells_that_its_segment_cuts(seed):
     pose, length = Pose(*rng.uniform(-5, 5, 2), rng.uniform(-4, 4)), rng.uniform(0.1, 3)
     if seed % 4 == 0:
         pose = Pose(pose.x, pose.y, rng.integers(-2, 3) * math.pi / 2)
-    hits = beams([length], np.ones((91, 91), np.int32), number=2, pose=pose, spans=(0.01, 0.02, 0.02, 3.0))
+    hits = beams(
+        [math.inf], np.ones((91, 91), np.int32), number=2, pose=pose, spans=(0.01, length, 0.02, 3.0)
+    )
     length = float(np.float32(length))
     freed = np.argwhere(hits == 0) - 45
     inner, outer = (cut_cells(pose, length, slack) for slack in (-1e-6, 1e-6))
