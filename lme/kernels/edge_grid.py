@@ -199,6 +199,9 @@ def _first_of(x, y, turn, beam, dx, dy, far, edges, first, last):
         across_end = end_x * beam[1] - end_y * beam[0]
         if (across_start > 0.0) != (across_end > 0.0):
             distance = (start_x * end_y - start_y * end_x) / (across_start - across_end)
-            if distance >= 0.0:
+            behind = (
+                ax * dx + ay * dy < -_SURE and bx * dx + by * dy < -_SURE
+            )  # on the beam's line, by rounding
+            if distance >= 0.0 and not behind:
                 far = min(far, distance)
     return far
