@@ -22,9 +22,8 @@ if TYPE_CHECKING:
     from lme.worlds.world import MapSet
 
 _Part = TypeVar("_Part")
-_DEFAULT = re.compile(
-    r"\$\{(?:oc\.select|given):[\w.]+,(.*)\}"
-)  # of a key that takes another's value if there is one
+# of a key that takes another's value if there is one
+_DEFAULT = re.compile(r"\$\{(?:oc\.select|given):[\w.]+,(.*)\}")
 _WHOLE = re.compile(r"^#\s*@package\s+_global_\s*$", re.MULTILINE)
 
 _KINDS: dict[Any, tuple[Callable[[Any], bool], str]] = {

@@ -199,9 +199,8 @@ def _first_of(x, y, turn, beam, dx, dy, far, edges, first, last):
         across_end = end_x * beam[1] - end_y * beam[0]
         if (across_start > 0.0) != (across_end > 0.0):
             distance = (start_x * end_y - start_y * end_x) / (across_start - across_end)
-            behind = (
-                ax * dx + ay * dy < -_SURE and bx * dx + by * dy < -_SURE
-            )  # on the beam's line, by rounding
+            # by rounding, an edge behind may seem to be met where its line and the beam's are one
+            behind = ax * dx + ay * dy < -_SURE and bx * dx + by * dy < -_SURE
             if distance >= 0.0 and not behind:
                 far = min(far, distance)
     return far

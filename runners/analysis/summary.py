@@ -58,33 +58,14 @@ METRICS = (
     Metric("path_irregularity_rad", "Irregularity [rad]", 2, spare=True),
     Metric("time_against_alone", "Time against alone", 2, of_successes=True, measured=True),
 )
-GROUP_KEYS = (
-    "ablation",
-    "weights",
-    "scale",
-    "filter",
-    "people",
-    "sim",
-    "crowd",
-    "robot",
-    "map",
-    "subset",
-    "seed",
-)
+# shown even if all rows have the same value, unless it is usual
+NAMED = ("ablation", "weights", "scale", "filter", "people", "sim", "crowd")
 SETTING = ("robot", "map", "subset", "seed")  # the same for all systems of a fair comparison
+GROUP_KEYS = (*NAMED, *SETTING)
 TIMES, DASH = "\u00d7", "\u2013"  # typographic signs that look like letters
 INTERVAL_HEADER = "95 % CI"
 INTERVAL_NOTE = "Wilson interval of the success rate; worlds are independent, runs of one world are not."
 GLOBAL_PLANNER = {"": "no", "observed": "yes", "known": "yes, true map"}  # by the guide's global_map
-NAMED = (
-    "ablation",
-    "weights",
-    "scale",
-    "filter",
-    "people",
-    "sim",
-    "crowd",
-)  # shown even if all rows have the same value, unless it is usual
 _USUAL = frozenset({"none", "published", "lme_plus", "fast", ""})  # LME+ has no other weight set of ours
 _USUAL_PEOPLE = frozenset({str(People.truth), ""})  # none: the system sees nobody
 
