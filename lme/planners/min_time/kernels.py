@@ -20,8 +20,9 @@ _HOLDS = 5  # number of times for which a command is tried, from one period to t
 class Estimate(NamedTuple):
     """How the time to a subgoal is estimated. Times [s], v_max [m/s].
 
-    A command is held for some time up to `horizon`. Then the robot turns to the subgoal, which takes `turn` [s/rad],
-    and drives there at v_max. `slow`: added for a command of speed 0, in proportion less for faster ones.
+    A command is held for some time up to `horizon`, and then its turn is braked. From the heading that this leads to,
+    the robot turns to the subgoal, which takes `turn` [s/rad], and drives there at v_max. `slow`: added for a command
+    of speed 0, in proportion less for faster ones.
     """
 
     v_max: float
@@ -109,7 +110,7 @@ def _best(v, omega, subgoal, points, box, estimate, safety, movers):
         braking = max(speed / (2.0 * safety.brake), abs(rate) / (2.0 * safety.alpha_omega))
         stops[n] = estimate.period + braking + safety.lag
     near = within_reach(twists, points, box, margins, stops + estimate.horizon, KEPT)
-    holds, moves = _held(omega, estimate)
+    holds, moves = _held(omega, estimate, safety.alpha_omega)
     bounds = _least_times(v, omega, subgoal, holds, moves, estimate, safety)
     best, chosen = np.inf, 0
     reach = r_max + box[2] + safety.margin
@@ -131,18 +132,20 @@ def _best(v, omega, subgoal, points, box, estimate, safety, movers):
 
 
 @njit(cache=True, error_model="numpy")
-def _held(omega, estimate):
-    """Times for which a command is held (K,) [s], and, for each turn rate, cosine, sine and chord of its arc (W, K, 3).
+def _held(omega, estimate, alpha_omega):
+    """Times for which a command is held (K,) [s], and what each turn rate then does (W, K, 4).
 
-    Half of the turn has this cosine and sine. The chord is that of an arc of length 1.
+    That is cosine and sine of half of the turn, the chord of an arc of length 1, and the heading in which the robot
+    comes to face when the turn is braked at alpha_omega [rad/s²].
     """
-    holds, moves = np.empty(_HOLDS), np.empty((len(omega), _HOLDS, 3))
+    holds, moves = np.empty(_HOLDS), np.empty((len(omega), _HOLDS, 4))
     for k in range(_HOLDS):
         holds[k] = estimate.period + (estimate.horizon - estimate.period) * k / (_HOLDS - 1)
         for w in range(len(omega)):
             half = 0.5 * omega[w] * holds[k]
             moves[w, k, 0], moves[w, k, 1] = math.cos(half), math.sin(half)
             moves[w, k, 2] = moves[w, k, 1] / half if abs(half) > 1e-6 else 1.0
+            moves[w, k, 3] = omega[w] * (holds[k] + abs(omega[w]) / (2.0 * alpha_omega))
     return holds, moves
 
 
@@ -218,7 +221,7 @@ def _time_to(subgoal, v, omega, free, holds, moves, estimate):
         straight = held + math.sqrt(x * x + y * y) / estimate.v_max
         if straight >= least:
             continue  # with the turn it is no less
-        bearing = math.atan2(y, x) - omega * held
+        bearing = math.atan2(y, x) - moves[k, 3]
         bearing -= 2.0 * math.pi * math.floor(bearing / (2.0 * math.pi) + 0.5)
         least = min(least, straight + estimate.turn * abs(bearing))
     return least + estimate.slow * (1.0 - v / estimate.v_max)

@@ -259,7 +259,8 @@ class MinTime:
         half = 0.5 * omega * held
         chord = -speed * held * np.sinc(half / math.pi)
         x, y = subgoal[0] - chord * np.cos(half), subgoal[1] - chord * np.sin(half)
-        turn = np.abs((np.arctan2(y, x) - omega * held + math.pi) % (2.0 * math.pi) - math.pi)
+        heading = omega * (held + np.abs(omega) / (2.0 * limits.alpha_omega))
+        turn = np.abs((np.arctan2(y, x) - heading + math.pi) % (2.0 * math.pi) - math.pi)
         times: Floats = np.hypot(x, y) / limits.v_max + self._config.turn * turn
         return times
 

@@ -15,11 +15,12 @@ from numba import njit
 from lme.kernels.straight_ways import reachable
 from lme.policies.distance import distances_to, turns
 from lme.policies.lme.score import rank
-from lme.policies.lme_plus.kernels.travel_lookup import rest_at
+from lme.policies.lme_plus.kernels.travel_lookup import rest_at, turns_at
 from lme.policies.lme_plus.travel import BEYOND, Field
 from lme.types import Floats, Pose
 
 TIGHT = 0.75  # share of the margins that is kept if there is no other way
+NARROW_SHARE = 0.25  # share of the margins that is kept if the fastest way is a narrow passage
 
 
 class Sight(NamedTuple):
@@ -55,11 +56,13 @@ def a_reach(candidates: Floats, sight: Sight) -> Floats:
 
 @njit(cache=True, error_model="numpy")
 def a_dev(candidates: Floats, sight: Sight) -> Floats:
-    """Directional deviation: minus the angle to turn to face the candidate [rad]. Straight ahead is best.
+    """Directional deviation: minus the turns to the candidate and from there to the fastest way on [rad].
 
-    Eq. 3 of the paper, as in LME.
+    The first turn is Eq. 3 of the paper, as in LME.
     """
-    return -turns(candidates)
+    field = sight.field
+    ends = field.robot_time, BEYOND, field.here, field.target, field.v_max
+    return -turns(candidates) - turns_at(field.times, candidates, sight.pose, field.grid, *ends)
 
 
 @njit(cache=True, error_model="numpy")

@@ -15,13 +15,14 @@ from lme.policies.lme.criteria import View
 from lme.policies.lme.explanation import Decision, Explanation, Step, explain
 from lme.policies.lme.maintenance import Choice, choose
 from lme.policies.lme.score import Parameters
-from lme.policies.lme_plus.criteria import CRITERIA, Sight, ranked
+from lme.policies.lme_plus.criteria import CRITERIA, NARROW_SHARE, Sight, ranked
 from lme.policies.lme_plus.learned_times import OTHER_TARGET, LearnedTimes
 from lme.policies.lme_plus.memory import Memory, MemoryConfig
 from lme.policies.lme_plus.travel import Field, Travel, TravelConfig
 from lme.robots import Robot
-from lme.types import Floats, Observation
+from lme.types import Floats, Observation, Pose
 
+_NAMES = tuple(CRITERIA)
 _NONE = np.empty((0, 2))
 _SAME_TARGET = 0.1  # [m] by which the target may move before times are found anew
 
@@ -53,7 +54,7 @@ class LocalMinimumEscaperPlus:
         """parameters: a weight for each criterion by name, d1 [m], and d2, in the unit of the score."""
         self._robot = robot
         self._config = config or EscaperPlusConfig()
-        self._parameters = Parameters.from_mapping(parameters, tuple(CRITERIA))
+        self._parameters = Parameters.from_mapping(parameters, _NAMES)
         self._travel = Travel(self._config.travel, robot, self._config.memory.reach, self._config.margin)
         self.reset(np.random.default_rng(0))
 
@@ -72,31 +73,29 @@ class LocalMinimumEscaperPlus:
     def decide(self, observation: Observation) -> tuple[Decision, Floats]:
         """Advance one control period; the subgoal, and all known obstacle points (M, 2), in the robot frame [m]."""
         self._memory.see(observation)
-        self.sight = sight = self._look(observation)
-        self._last = step = self._step(observation, sight)
-        return step.decision, sight.points
+        self.sight, way = self._look(observation)
+        self._last = step = self._step(observation, self.sight, way)
+        return step.decision, self.sight.points
 
     def explanation(self) -> Explanation | None:
         """All quantities behind the last decision; None before the first."""
         return None if self._last is None else explain(self._last)
 
-    def _step(self, observation: Observation, sight: Sight) -> Step:
-        """Algorithm 1 of the paper, with the criteria of LME+."""
-        pool = self._generate(observation, sight)
-        candidates = len(pool)
-        old = subgoal = None
-        if self._subgoal is not None:
-            old, subgoal = candidates, to_robot(self._subgoal, sight.pose)
-            pool = np.concatenate((pool, subgoal[None]))
+    def _step(self, observation: Observation, sight: Sight, way: Floats) -> Step:
+        """Algorithm 1 of the paper, with the criteria of LME+. way (K, 2): places on the fastest way."""
+        subgoal = None if self._subgoal is None else to_robot(self._subgoal, sight.pose)
+        pool = self._generate(observation, way, subgoal)
+        candidates = len(pool) - (subgoal is not None)
         features, scores, new, blocked = ranked(pool, sight.plain(), self._parameters.weights, candidates)
+        old = None if subgoal is None else candidates
         choice = self._choose(pool, scores, new, old)
         if choice is not Choice.KEPT:
             self._subgoal = to_world(pool[new], sight.pose)
             subgoal = to_robot(self._subgoal, sight.pose)
         assert subgoal is not None
         decision = Decision(subgoal, choice, blocked)
-        view, names, parameters = self._view(observation, sight), tuple(CRITERIA), self._parameters
-        return Step(decision, names, parameters, observation.scan, view, pool, features, scores, new, old)
+        view, parameters = self._view(observation, sight), self._parameters
+        return Step(decision, _NAMES, parameters, observation.scan, view, pool, features, scores, new, old)
 
     def _choose(self, pool: Floats, scores: Floats, new: int, old: int | None) -> Choice:
         if old is None:
@@ -109,25 +108,26 @@ class LocalMinimumEscaperPlus:
         radius = self._robot.footprint.r_min + sight.margin
         return View(self._memory.seen, observation.target, radius, _NONE, None, "every")
 
-    def _look(self, observation: Observation) -> Sight:
+    def _look(self, observation: Observation) -> tuple[Sight, Floats]:
+        """Input of the criteria, and places on the fastest way (K, 2), in the robot frame."""
         config, robot, pose = self._config, self._robot, self._memory.pose
-        return Sight(
-            self._memory.known,
-            pose,
-            self._times(to_world(observation.target, pose), np.array(pose[:2])),
-            robot.footprint.box,
-            config.margin,
-            config.turn_margin,
-            robot.v_max,
-        )
+        field = self._times(to_world(observation.target, pose), pose)
+        way, narrow = field.descent(pose, self._reach(observation))
+        share = NARROW_SHARE if narrow else 1.0
+        margins = share * config.margin, share * config.turn_margin
+        return Sight(self._memory.known, pose, field, robot.footprint.box, *margins, robot.v_max), way
 
-    def _times(self, target: Floats, here: Floats) -> Field:
+    def _reach(self, observation: Observation) -> float:
+        """How far candidates may be [m]."""
+        return min(self._config.candidates.max_range, observation.scan.range_max)
+
+    def _times(self, target: Floats, pose: Pose) -> Field:
         """The expected times of the last decisions, or new ones, if these are old or of another target."""
         memory, field = self._memory, self._field
         self._age += 1
         old = self._age >= self._config.every or len(memory.people) > 0
         if field is None or old or math.dist(target, field.target) > _SAME_TARGET:
-            learned = self._learned_of(target)
+            learned, here = self._learned_of(target), np.array(pose[:2])
             self._field = field = self._travel.field(memory.points, target, here, memory.people, learned)
             self._age = 0
         return field
@@ -139,13 +139,14 @@ class LocalMinimumEscaperPlus:
             self._learned, self._learned_for = LearnedTimes(), target
         return self._learned
 
-    def _generate(self, observation: Observation, sight: Sight) -> Floats:
-        """Random candidates all around, places on the fastest way, and the target if it is in range."""
-        config = self._config.candidates
-        reach = min(config.max_range, observation.scan.range_max)
+    def _generate(self, observation: Observation, way: Floats, subgoal: Floats | None) -> Floats:
+        """Random candidates all around, places on the fastest way, the target if it is in range; then the subgoal."""
+        config, reach = self._config.candidates, self._reach(observation)
         parts = [sample(self._rng, config, reach, -math.pi, 2 * math.pi)]
         if self._config.structured:
-            parts.append(sight.field.descent(sight.pose, reach))
+            parts.append(way)
         if config.target and math.hypot(*observation.target) <= reach:
             parts.append(observation.target[None])
+        if subgoal is not None:
+            parts.append(subgoal[None])
         return np.concatenate(parts)

@@ -11,12 +11,13 @@ import numpy as np
 from lme.errors import require
 from lme.policies.lme_plus.kernels.travel_grid import Grid, workspace
 from lme.policies.lme_plus.kernels.travel_lookup import descend, rest_at
-from lme.policies.lme_plus.kernels.travel_time import travel_times
+from lme.policies.lme_plus.kernels.travel_time import NARROW, travel_times
 from lme.policies.lme_plus.learned_times import LearnedTimes
 from lme.robots import Robot
 from lme.types import Floats, Pose
 
 BEYOND = 1.0  # [s] ways that take longer than the best by more than this are not searched
+_STEEP = 0.5 * NARROW  # times as steep as at v_max: the way is a narrow passage, also if it is a diagonal
 _EVERY = 3  # cells between two places on the way of steepest descent
 _ITSELF = Pose(0.0, 0.0, 0.0)  # of the field's frame
 _NOBODY = np.empty((0, 6))
@@ -29,7 +30,8 @@ class TravelConfig:
 
     cell: float = 0.15  # [m] side of a cell
     comfort: float = 0.345  # [m] from the outline; with obstacles farther away the robot drives at v_max
-    slowdown: float = 2.0  # [-] in the narrowest passage it takes 1 + this times as long
+    slowdown: float = 2.0  # [-] in a passage that just leaves the margin it takes 1 + this times as long
+    narrow: bool = True  # passages that leave less than the margin are ways of last resort, not closed
     patience: float = (
         10.0  # [s] for which who stands is expected to stay, at least; else for as long as up to now
     )
@@ -67,9 +69,10 @@ class Field(NamedTuple):
         """The same with times of its own, which stay when the next field is found."""
         return self._replace(times=self.times.copy())
 
-    def descent(self, pose: Pose, length: float) -> Floats:
-        """Places on the fastest way from `pose`, for `length` [m], in the frame at it: (K, 2)."""
-        return descend(self.times, (*pose,), (*self.grid,), length, _EVERY)
+    def descent(self, pose: Pose, length: float) -> tuple[Floats, bool]:
+        """Places on the fastest way from `pose`, for `length` [m], in the frame at it: (K, 2), and if it is narrow."""
+        places, steepest = descend(self.times, (*pose,), (*self.grid,), length, _EVERY)
+        return places, steepest * self.v_max > _STEEP
 
 
 class Travel:
@@ -78,11 +81,12 @@ class Travel:
     def __init__(self, config: TravelConfig, robot: Robot, reach: float, margin: float) -> None:
         """margin: distance that passages must leave on each side [m]."""
         inner = robot.footprint.r_min + margin
+        tight = robot.footprint.r_min if config.narrow else inner
         comfort = max(robot.footprint.r_min + config.comfort, inner + _LEAST_BAND)
         room = robot.footprint.r_max + config.cell
         self._cell, self._reach = config.cell, reach
         self._berth, self._patience = inner + config.personal_space, config.patience
-        self._pace = robot.v_max, inner, comfort, config.slowdown, room  # a `Pace`
+        self._pace = robot.v_max, tight, inner, comfort, config.slowdown, room  # a `Pace`
         self._size = math.ceil(2.0 * reach / config.cell) + 1
         self._workspace = workspace(self._size, config.cell, comfort)
 

@@ -149,7 +149,7 @@ def _draw_field(axes: Axes, sight: Sight) -> Any:
     lines = axes.contour(x, y, known, levels=levels, colors=INK, linewidths=0.4, zorder=1)
     whole = np.round(levels / (levels[1] - levels[0])) % NAMED == 0
     axes.clabel(lines, levels[whole], fontsize=7, fmt="%g s")
-    way = view.upwards(sight.field.descent(sight.pose, 2.0 * grid.cell * grid.size))
+    way = view.upwards(sight.field.descent(sight.pose, 2.0 * grid.cell * grid.size)[0])
     axes.plot(*np.vstack([[0.0, 0.0], way]).T, color=INK, linestyle="--", linewidth=1.2, zorder=5)
     return mesh
 

@@ -23,20 +23,22 @@ class Grid(NamedTuple):
 
 
 GridNumbers = tuple[float, float, float, int]  # a Grid as a plain tuple
-PaceNumbers = tuple[float, float, float, float, float]  # a Pace as a plain tuple
+PaceNumbers = tuple[float, float, float, float, float, float]  # a Pace as a plain tuple
 
 
 class Pace(NamedTuple):
     """The robot's expected speed at a place, by the distance d of the nearest obstacle point [m].
 
     d ≥ comfort: v_max [m/s]. From there down to d = inner the time per metre grows with the square of the difference,
-    up to (1 + slowdown) times. d < inner: no passage. If the robot is nearer to a point than that, its own distance,
-    less half a cell's diagonal, takes the place of `inner` within `room` [m] of it, and is as slow as `inner`. If the
-    target is nearer to a point than that, ways of up to 2 inner lead to it where no point is in the cell itself. They
-    take so long that the robot is expected to come as near as there is passage.
+    up to (1 + slowdown) times. inner > d ≥ tight: `NARROW` times as long as at v_max. d < tight: no passage. If the
+    robot is nearer to a point than `inner`, its own distance, less half a cell's diagonal, takes the place of `inner`
+    within `room` [m] of it, and is as slow as `inner`. If the target is nearer to a point than `inner`, ways of up to
+    2 inner lead to it where no point is in the cell itself. They take so long that the robot is expected to come as
+    near as there is passage.
     """
 
     v_max: float
+    tight: float
     inner: float
     comfort: float
     slowdown: float

@@ -8,6 +8,8 @@ from numba import njit
 from lme.policies.lme_plus.kernels.travel_grid import Grid, GridNumbers
 from lme.types import Floats
 
+_STEP = 4  # cells between a place and those that tell in which direction T falls there
+
 
 @njit(cache=True, error_model="numpy")
 def rest_at(
@@ -28,14 +30,68 @@ def rest_at(
     """
     places = _placed(places, pose)
     out = times_at(times, places, grid)
-    known = robot_time < np.inf
+    most = robot_time + beyond
+    apart = here if most < np.inf else target
+    apart_x, apart_y = apart[0], apart[1]
     for n in range(len(places)):
         if out[n] == np.inf:
-            apart = here if known else target
-            dx, dy = places[n, 0] - apart[0], places[n, 1] - apart[1]
-            straight = math.sqrt(dx * dx + dy * dy) / v_max
-            out[n] = max(robot_time + beyond - straight, 0.0) if known else straight
+            out[n] = _not_searched(places[n, 0] - apart_x, places[n, 1] - apart_y, most, v_max)
     return out
+
+
+@njit(cache=True, error_model="numpy")
+def _not_searched(dx, dy, most, v_max):
+    """The least time of a place that a search of ways of up to `most` [s] has no time of [s].
+
+    dx, dy: from the robot [m]; from the target if the robot has no way, and `most` is inf.
+    """
+    straight = math.sqrt(dx * dx + dy * dy) / v_max
+    return max(most - straight, 0.0) if most < np.inf else straight
+
+
+@njit(cache=True, error_model="numpy")
+def turns_at(
+    times: Floats,
+    places: Floats,
+    pose: tuple[float, float, float],
+    grid: Grid | GridNumbers,
+    robot_time: float,
+    beyond: float,
+    here: Floats,
+    target: Floats,
+    v_max: float,
+) -> Floats:
+    """Angles between the straight ways from `pose` to (N, 2) places in its frame and the steepest descents of T there.
+
+    From 0 to π [rad]: (N,). T is that of `rest_at`, but of cells: those `_STEP` cells to each side of the place's own.
+    0 at places nearer to the target or the grid's edge than that, and at those that the search did not reach: there the
+    least possible T falls straight on from the robot.
+    """
+    low_x, low_y, cell, size = grid
+    most, away = robot_time + beyond, _STEP * cell
+    apart = here if most < np.inf else target
+    apart_x, apart_y, to_x, to_y = apart[0], apart[1], target[0], target[1]
+    placed, out = _placed(places, pose), np.zeros(len(places))
+    for n in range(len(places)):
+        x, y = placed[n, 0], placed[n, 1]
+        i, j = math.floor((x - low_x) / cell) + 1, math.floor((y - low_y) / cell) + 1
+        inside = _STEP < i <= size - _STEP and _STEP < j <= size - _STEP
+        if not inside or times[i, j] == np.inf or (x - to_x) ** 2 + (y - to_y) ** 2 < away * away:
+            continue
+        dx, dy = low_x + (i - 0.5) * cell - apart_x, low_y + (j - 0.5) * cell - apart_y
+        down_x = _or_least(times[i - _STEP, j], dx - away, dy, most, v_max)
+        down_x -= _or_least(times[i + _STEP, j], dx + away, dy, most, v_max)
+        down_y = _or_least(times[i, j - _STEP], dx, dy - away, most, v_max)
+        down_y -= _or_least(times[i, j + _STEP], dx, dy + away, most, v_max)
+        x, y = x - pose[0], y - pose[1]
+        out[n] = abs(math.atan2(x * down_y - y * down_x, x * down_x + y * down_y))
+    return out
+
+
+@njit(cache=True, error_model="numpy")
+def _or_least(time, dx, dy, most, v_max):
+    """The time, or if the search has none, the least possible, as in `_not_searched` [s]."""
+    return time if time < np.inf else _not_searched(dx, dy, most, v_max)
 
 
 @njit(cache=True, error_model="numpy")
@@ -74,10 +130,10 @@ def times_at(times: Floats, places: Floats, grid: Grid | GridNumbers) -> Floats:
 @njit(cache=True, error_model="numpy")
 def descend(
     times: Floats, pose: tuple[float, float, float], grid: Grid | GridNumbers, length: float, every: int
-) -> Floats:
+) -> tuple[Floats, float]:
     """Places on the way of steepest descent of T, one per `every` cells, in the frame at the pose: (K, 2) [m].
 
-    The way goes from the pose's cell to cell, for at most `length` [m].
+    The way goes from the pose's cell to cell, for at most `length` [m]. Returns the steepest descent on it, too [s/m].
     """
     low_x, low_y, cell, size = grid
     i = min(max(int((pose[0] - low_x) / cell) + 1, 1), size)
@@ -85,7 +141,7 @@ def descend(
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
     most = int(length / cell)
     places = np.empty((most // every + 1, 2))
-    count = 0
+    count, most_fall = 0, 0.0
     for k in range(1, most + 1):
         steepest, di, dj = 0.0, 0, 0
         for a in range(-1, 2):
@@ -95,9 +151,9 @@ def descend(
                     steepest, di, dj = fall, a, b
         if di == 0 and dj == 0:
             break
-        i, j = i + di, j + dj
+        i, j, most_fall = i + di, j + dj, max(most_fall, steepest)
         if k % every == 0:
             x, y = low_x + (i - 0.5) * cell - pose[0], low_y + (j - 0.5) * cell - pose[1]
             places[count, 0], places[count, 1] = cos * x + sin * y, cos * y - sin * x
             count += 1
-    return places[:count]
+    return places[:count], most_fall / cell

@@ -30,6 +30,7 @@ from lme.types import Floats
 BUCKETS = 4096  # each as wide as the time for one cell at v_max; later times share the last one
 _NEIGHBOURS = 4
 HALF_DIAGONAL = math.sqrt(0.5)  # of a cell; no place in it is farther from its centre
+NARROW = 100.0  # [-] times as long as at v_max: a passage that leaves less than the margin
 _BESIDE = 20.0  # [-] times as long as at v_max: the way from the nearest passage to a target that has none
 _GAIN = 0.1  # times for a cell by which a known time must improve to be recomputed
 
@@ -147,7 +148,11 @@ def _march(work, target, robot, grid, pace, people, learned, corner, least, beyo
                 away = math.sqrt((i - rx) ** 2 + (j - ry) ** 2)
                 square = squares[i + border, j + border] * grid.cell * grid.cell
                 step = grid.cell * _slowness(square, away * grid.cell, least, pace)
-                if step == np.inf and (i - x) ** 2 + (j - y) ** 2 < beside and square > 0.5 * grid.cell**2:
+                if (
+                    step > _BESIDE * cell_time
+                    and (i - x) ** 2 + (j - y) ** 2 < beside
+                    and square > 0.5 * grid.cell**2
+                ):
                     step = _BESIDE * cell_time
                 if len(people):
                     place = grid.x + (i - 0.5) * grid.cell, grid.y + (j - 0.5) * grid.cell
@@ -229,7 +234,7 @@ def _slowness(square, away, least, pace):
     d = math.sqrt(square)
     if d < pace.inner:
         if d < least or away > pace.room:
-            return np.inf
+            return NARROW / pace.v_max if d >= pace.tight else np.inf
         d = pace.inner
     share = (pace.comfort - d) / (pace.comfort - pace.inner)
     return (1.0 + pace.slowdown * share * share) / pace.v_max

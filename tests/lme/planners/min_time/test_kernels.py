@@ -75,6 +75,16 @@ def test_the_best_command_meets_nobody():
     assert more(chosen, coming) < more((2.0, 0.0), coming)
 
 
+def test_a_turn_is_braked_in_time():
+    """At 2 rad/s and 1 rad/s² a robot turns on by 2 rad. To face a subgoal 1 rad away it brakes, 3 rad away not yet."""
+    slow = SAFETY._replace(alpha_omega=1.0)
+    rates = np.array([1.9, 2.0, 2.1])
+    for bearing, chosen in ((1.0, 1.9), (3.0, 2.1)):
+        subgoal = 3.0 * np.array([math.cos(bearing), math.sin(bearing)])
+        found = best_twist(np.array([0.0]), rates, subgoal, NOTHING, JACKAL, ESTIMATE, slow, NOBODY)
+        assert found[1] == chosen
+
+
 def test_whom_it_cannot_stand_before_costs_by_the_speed_that_is_left():
     reach = math.hypot(*JACKAL[:2]) + SAFETY.margin + 0.3
     ahead = [reach + 0.6, 0.0, 0.0, 0.0, 0.3]  # stands; from 2 m/s the robot stands after .2 + .67 m

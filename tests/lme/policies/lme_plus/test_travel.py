@@ -48,7 +48,9 @@ def test_without_a_way_the_rest_is_the_time_of_the_straight_line():
 
 def test_the_way_down_ends_at_the_target():
     pose = Pose(*HERE, 0.4)
-    way = to_world(field().descent(pose, 8.0), pose)
+    places, narrow = field().descent(pose, 8.0)
+    way = to_world(places, pose)
+    assert not narrow
     assert np.hypot(*(way[-1] - (5.0, -7.0))) <= 4 * CONFIG.cell  # every third cell is a place
     assert np.abs(way[:, 1] + 7.0).max() <= 2 * CONFIG.cell
 
@@ -60,6 +62,18 @@ def test_a_kept_field_stays_when_the_next_one_is_found():
     travel.field(NOTHING, np.array([3.0, -1.0]), HERE)
     assert kept.rest(HERE[None]) == before
     assert found.rest(HERE[None]) != before  # the arrays are used again
+
+
+@pytest.mark.parametrize(("open_", "passes"), [(True, True), (False, False)])
+def test_a_passage_that_leaves_less_than_the_margin_is_narrow_or_closed(open_, passes):
+    half = stage().footprint.r_min + 0.04  # between the margin and nothing
+    beside = np.concatenate((np.arange(half, 30.0, 0.05), -np.arange(half, 30.0, 0.05)))
+    wall = np.column_stack((np.full(len(beside), 4.0), beside - 7.0))
+    travel = Travel(TravelConfig(narrow=open_), stage(), 8.0, 0.08)
+    found = travel.field(wall, np.array([5.0, -7.0]), HERE)
+    places, narrow = found.descent(Pose(*HERE, 0.0), 5.0)
+    assert narrow == passes
+    assert (len(places) > 0 and to_world(places, Pose(*HERE, 0.0))[:, 0].max() > 4.0) == passes
 
 
 @pytest.mark.parametrize(("key", "value"), [("cell", 0), ("comfort", 0), ("slowdown", -1)])

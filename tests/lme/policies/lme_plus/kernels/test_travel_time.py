@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from lme.geometry.frames import to_world
 from lme.policies.lme_plus.kernels.travel_grid import Grid, Pace, workspace
-from lme.policies.lme_plus.kernels.travel_lookup import descend, times_at
+from lme.policies.lme_plus.kernels.travel_lookup import descend, times_at, turns_at
 from lme.policies.lme_plus.kernels.travel_time import BUCKETS, travel_times
 from lme.types import Pose
 from tests import oracles
@@ -17,7 +17,7 @@ from tests.tolerances import ARRIVAL_CELLS, ARRIVAL_SHARE, KERNEL
 
 CELL, SIZE = 0.1, 50
 GRID = Grid(-2.5, -2.5, CELL, SIZE)
-PACE = Pace(v_max=2.0, inner=0.25, comfort=0.5, slowdown=2.0, room=0.3)
+PACE = Pace(v_max=2.0, tight=0.25, inner=0.25, comfort=0.5, slowdown=2.0, room=0.3)
 EVEN = PACE._replace(comfort=0.2501, slowdown=0.0)  # one speed wherever there is passage
 CELL_TIME = CELL / PACE.v_max
 NOTHING, NOBODY, UNKNOWN = np.empty((0, 2)), np.empty((0, 6)), np.zeros((SIZE + 2, SIZE + 2))
@@ -71,9 +71,9 @@ def test_times_are_those_of_shortest_ways(seed, leave):
 
 
 @settings(max_examples=25)
-@given(SEEDS, st.booleans(), st.sampled_from([0.0, 0.5, ALL]))
-def test_times_are_exactly_those_of_the_plain_march_and_a_workspace_forgets(seed, leave, beyond):
-    grid, pace = Grid(-1.5, -1.5, CELL, 30), PACE._replace(room=0.4)
+@given(SEEDS, st.booleans(), st.sampled_from([0.0, 0.5, ALL]), st.sampled_from([0.2, 0.25]))
+def test_times_are_exactly_those_of_the_plain_march_and_a_workspace_forgets(seed, leave, beyond, tight):
+    grid, pace = Grid(-1.5, -1.5, CELL, 30), PACE._replace(room=0.4, tight=tight)
     work = workspace(grid.size, grid.cell, pace.comfort)
     rng = np.random.default_rng(seed)
     for _ in range(2):  # the second time in the arrays of the first
@@ -109,12 +109,13 @@ def steps_across(points, robot, target, grid, pace):
     far = np.hypot(*(centres(grid) - robot).transpose(2, 0, 1)) > pace.room
     share = (pace.comfort - np.clip(d, pace.inner, pace.comfort)) / (pace.comfort - pace.inner)
     steps = grid.cell * (1.0 + pace.slowdown * share**2) / pace.v_max
-    steps = np.where((d < pace.inner) & (far | (d < least)), np.inf, steps)
+    narrow = np.where(d < pace.tight, np.inf, 100.0 * grid.cell / pace.v_max)
+    steps = np.where((d < pace.inner) & (far | (d < least)), narrow, steps)
     at = (target - (grid.x, grid.y)) / grid.cell
     i, j = np.floor(at).astype(int)
     if oracles.within_disc(at + 0.5, grid.size) and d[i, j] < pace.inner:
         near = np.hypot(*(centres(grid) - target).transpose(2, 0, 1)) < 2.0 * pace.inner
-        beside = np.isinf(steps) & near & (d > math.sqrt(0.5) * grid.cell)
+        beside = (steps > 20.0 * grid.cell / pace.v_max) & near & (d > math.sqrt(0.5) * grid.cell)
         steps = np.where(beside, 20.0 * grid.cell / pace.v_max, steps)
     return steps
 
@@ -203,8 +204,25 @@ def test_near_obstacles_travel_takes_longer_by_up_to_the_slowdown():
     along = np.linspace(-2.5, 2.5, 200)
     walls = np.concatenate([np.column_stack((along, np.full(200, y))) for y in (-0.3, 0.2)])
     for inner, passes in ((0.2499, True), (0.28, False)):
-        _, between = times(walls, (2.05, -0.05), (-2.05, -0.05), pace=PACE._replace(inner=inner, comfort=1.0))
+        pace = PACE._replace(tight=inner, inner=inner, comfort=1.0)
+        _, between = times(walls, (2.05, -0.05), (-2.05, -0.05), pace=pace)
         assert between == (pytest.approx(3 * 4.1 / PACE.v_max, rel=0.03) if passes else math.inf)
+
+
+@pytest.mark.parametrize(("tight", "passes"), [(0.24, True), (0.26, False)])
+def test_a_passage_narrower_than_the_margin_is_a_way_of_last_resort(tight, passes):
+    along = np.linspace(-0.5, 0.5, 60)
+    walls = np.concatenate([np.column_stack((along, np.full(60, y))) for y in (-0.3, 0.2)])
+    beside = np.column_stack((np.zeros(500), np.linspace(-25.0, 25.0, 500)))
+    beside = beside[np.abs(beside[:, 1] + 0.05) > 0.25]
+    pace = PACE._replace(tight=tight, inner=0.3, comfort=0.5)
+    field, through = times(np.concatenate((walls, beside)), (2.05, -0.05), (-2.05, -0.05), pace=pace)
+    narrow = 1.0 + 2.0 * math.sqrt(0.3**2 - 0.25**2)  # [m] with less than `inner` on both sides
+    exact = (4.1 + 99.0 * narrow) / PACE.v_max
+    assert through == (pytest.approx(exact, rel=0.1) if passes else math.inf)
+    places, steepest = descend(field, (-2.05, -0.05, 0.0), GRID, 5.0, 3)
+    assert (steepest * PACE.v_max > 50.0) == passes
+    assert len(places) == (13 if passes else 0)
 
 
 TURNS = {
@@ -256,6 +274,51 @@ def test_times_are_of_the_cells_that_have_one():
     assert times_at(field, places, GRID).tolist() == [3.0, 3.0, math.inf, math.inf]
 
 
+def cells_of(places):
+    """Row and column of places, from 0."""
+    return np.floor((np.asarray(places) + 2.5) / CELL).astype(int)
+
+
+def rest_of(field, cell, robot_time, beyond, robot, target, v_max):
+    """T of a cell, or the least that it can be."""
+    time = inside(field)[tuple(cell)] if (cell >= 0).all() and (cell < SIZE).all() else math.inf
+    centre = (cell + 0.5) * CELL - 2.5
+    if math.isfinite(time):
+        return time
+    if math.isinf(robot_time):
+        return math.dist(centre, target) / v_max
+    return max(robot_time + beyond - math.dist(centre, robot) / v_max, 0.0)
+
+
+@settings(max_examples=25)
+@given(SEEDS)
+def test_turns_at_places_are_those_to_the_steepest_descent(seed):
+    points, target, robot = scene(seed)
+    field, robot_time = times(points, target, robot, beyond=1.0)
+    pose, places = Pose(*robot, 0.7), np.random.default_rng(seed).uniform(-1.5, 1.5, (20, 2))
+    ends = robot_time, 1.0, robot, target, PACE.v_max
+    found = turns_at(field, places, (*pose,), GRID, *ends)
+    for place, turn in zip(to_world(places, pose), found, strict=True):
+        around = [cells_of(place) + step for step in (np.array([[4, 0], [-4, 0], [0, 4], [0, -4]]))]
+        more_x, less_x, more_y, less_y = (rest_of(field, cell, *ends) for cell in around)
+        down, way = (less_x - more_x, less_y - more_y), place - robot
+        expected = abs(np.angle(complex(*down) / complex(*way))) if any(down) else 0.0
+        cell = cells_of(place)
+        searched = (cell >= 4).all() and (cell < SIZE - 4).all() and math.isfinite(inside(field)[tuple(cell)])
+        counts = searched and math.dist(place, target) >= 4.0 * CELL
+        assert turn == pytest.approx(expected if counts else 0.0, abs=1e-9)
+
+
+def test_in_the_open_the_turn_at_a_place_is_that_to_the_target():
+    field, robot_time = times(NOTHING, (-1.5, 0.0), (1.0, 0.0))
+    places = np.array(
+        [[0.8, 0.0], [0.0, 1.0], [-1.0, 0.0], [-2.3, 0.0], [1.4, 0.0]]
+    )  # the last two: near an end
+    ends = robot_time, ALL, np.array([1.0, 0.0]), np.array([-1.5, 0.0]), PACE.v_max
+    found = turns_at(field, places, (1.0, 0.0, 0.0), GRID, *ends)
+    assert found == pytest.approx([math.pi, math.pi / 2 + math.atan(1 / 2.5), 0.0, 0.0, 0.0], abs=0.1)
+
+
 @settings(max_examples=25)
 @given(SEEDS)
 def test_the_way_down_falls_at_every_place_and_ends_at_the_target(seed):
@@ -263,21 +326,25 @@ def test_the_way_down_falls_at_every_place_and_ends_at_the_target(seed):
     target = np.clip(target, -1.5, 1.5)
     field, robot_time = times(points, target, robot)
     pose = Pose(*robot, 0.7)
-    found = descend(field, (*pose,), GRID, 50.0, 1)
+    found, steepest = descend(field, (*pose,), GRID, 50.0, 1)
     way = to_world(found, pose)
     if math.isinf(robot_time):
         return
-    levels = [field[tuple(np.floor((place + 2.5) / CELL).astype(int) + 1)] for place in (robot, *way)]
+    levels = [field[tuple(cells_of(place) + 1)] for place in (robot, *way)]
     assert (np.diff(levels) < 0.0).all()
+    lengths = np.hypot(*np.diff(np.vstack((cells_of(robot), cells_of(way))), axis=0).T) * CELL
+    assert steepest == pytest.approx((-np.diff(levels) / lengths).max(initial=0.0), rel=1e-9)
     assert np.hypot(*(way[-1] - target if len(way) else robot - target)) <= 1.5 * CELL
-    np.testing.assert_array_equal(descend(field, (*pose,), GRID, 50.0, 3), found[2::3])
-    short = descend(field, (*pose,), GRID, 0.75, 1)
+    np.testing.assert_array_equal(descend(field, (*pose,), GRID, 50.0, 3)[0], found[2::3])
+    short, _ = descend(field, (*pose,), GRID, 0.75, 1)
     np.testing.assert_array_equal(short, found[:7])
 
 
 def test_descending_from_an_infinite_time_gives_no_way():
     field = np.full((SIZE + 2, SIZE + 2), np.inf)
-    assert descend(field, (0.0, 0.0, 0.0), GRID, 5.0, 3).shape == (0, 2)
+    places, steepest = descend(field, (0.0, 0.0, 0.0), GRID, 5.0, 3)
+    assert places.shape == (0, 2)
+    assert steepest == 0.0
 
 
 def test_people_are_time_and_not_walls():
