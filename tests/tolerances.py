@@ -26,4 +26,5 @@ LIVE_TIME = (
 # Times from cell to cell against straight lines: the first-order scheme has its error near the target and at corners.
 ARRIVAL_SHARE = 0.07  # [-] relative
 ARRIVAL_CELLS = 3.0  # times for a cell
+MIRROR_TURN = 0.3  # [rad] of the fall of such times
 MIRROR_TIME = 1.0  # [s] expected times of a robot with 0.5 m/s on cells of 15 cm, which do not mirror

@@ -109,7 +109,9 @@ class MinTime:
         here = self._here(observation, guidance)
         now = self._ahead(here, observation.limits)
         wanted = self._choose(now, observation.limits)
-        if may_back and (self._left_to_back_up > 0.0 or self._is_stuck(wanted, guidance, observation.limits)):
+        if may_back and (
+            self._left_to_back_up > 0.0 or self._is_stuck(wanted, guidance, now, observation.limits)
+        ):
             wanted = self._back_up(now, observation.limits) or wanted
         reached = reachable(*wanted, now.twist, observation.limits, self._robot.dt)
         command = self._lag.command_for(reached, now.twist, observation.limits)
@@ -117,12 +119,18 @@ class MinTime:
         self._check.sent(command)
         return command
 
-    def _is_stuck(self, wanted: Twist, guidance: Guidance, limits: Limits) -> bool:
-        """Whether to begin to back up: at once, but not again and again where the robot turns out of a narrow place."""
-        slow = guidance.blocked and wanted.v < self._backward(limits)
+    def _is_stuck(self, wanted: Twist, guidance: Guidance, now: _Situation, limits: Limits) -> bool:
+        """Whether to begin to back up: at once, but not again and again where the robot turns out of a narrow place.
+
+        Where the guide has a free way, only who has stood for a while is stuck, and not who waits among movers.
+        """
+        stands = not any(wanted)
+        blocked = guidance.blocked and wanted.v < self._backward(limits)
+        slow = blocked or (stands and not len(now.movers))
         self._slow_for = self._slow_for + self._robot.dt if slow else 0.0
         self._backed_up += self._robot.dt
-        stuck = slow and (not any(wanted) or self._backed_up > _LATELY or self._slow_for > _PATIENCE)
+        lately, waited = self._backed_up <= _LATELY, self._slow_for > _PATIENCE
+        stuck = (blocked and (stands or not lately or waited)) or (slow and waited and not lately)
         if stuck:
             self._backed_up = 0.0
         return stuck

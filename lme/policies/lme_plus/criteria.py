@@ -20,7 +20,7 @@ from lme.policies.lme_plus.travel import BEYOND, Field
 from lme.types import Floats, Pose
 
 TIGHT = 0.75  # share of the margins that is kept if there is no other way
-NARROW_SHARE = 0.25  # share of the margins that is kept if the fastest way is a narrow passage
+NARROW_SHARE = 0.5  # share of the margins that is kept if the fastest way is a narrow passage
 
 
 class Sight(NamedTuple):
@@ -40,8 +40,8 @@ class Sight(NamedTuple):
 
     def plain(self) -> tuple[Any, ...]:
         """The same in plain tuples: Numba takes named ones for other types, and needs longer to recognise them."""
-        times, robot_time, grid, *places = self.field
-        field = times, robot_time, (*grid,), *places
+        times, narrow, robot_time, grid, *places = self.field
+        field = times, narrow, robot_time, (*grid,), *places
         return self.points, (*self.pose,), field, self.box, self.margin, self.turn_margin, self.v_max
 
 
@@ -61,8 +61,7 @@ def a_dev(candidates: Floats, sight: Sight) -> Floats:
     The first turn is Eq. 3 of the paper, as in LME.
     """
     field = sight.field
-    ends = field.robot_time, BEYOND, field.here, field.target, field.v_max
-    return -turns(candidates) - turns_at(field.times, candidates, sight.pose, field.grid, *ends)
+    return -turns(candidates) - turns_at(field.times, candidates, sight.pose, field.grid, field.target)
 
 
 @njit(cache=True, error_model="numpy")

@@ -18,12 +18,15 @@ from lme.policies.lme.score import Parameters
 from lme.policies.lme_plus.criteria import CRITERIA, NARROW_SHARE, Sight, ranked
 from lme.policies.lme_plus.learned_times import OTHER_TARGET, LearnedTimes
 from lme.policies.lme_plus.memory import Memory, MemoryConfig
-from lme.policies.lme_plus.travel import Field, Travel, TravelConfig
+from lme.policies.lme_plus.travel import NARROW, Field, Travel, TravelConfig
 from lme.robots import Robot
 from lme.types import Floats, Observation, Pose
 
 _NAMES = tuple(CRITERIA)
 _NONE = np.empty((0, 2))
+_BEFORE = 1.0  # [m] ahead of the robot, where it tries a narrow passage
+_TRIED = 10.0  # [s] before narrow passages, after which they are expected to take twice as long
+_MOST = 5.0  # times that this is done
 _SAME_TARGET = 0.1  # [m] by which the target may move before times are found anew
 
 
@@ -66,6 +69,7 @@ class LocalMinimumEscaperPlus:
         self._learned_for: Floats | None = None  # the target, in the carried frame
         self._field: Field | None = None
         self._age = 0  # decisions made with the field
+        self._tried = 0.0  # [s] spent before narrow passages on the way to the target
         self.sight: Sight | None = None  # of the last decision
         self._subgoal: Floats | None = None  # in the carried frame
         self._last: Step | None = None
@@ -105,15 +109,16 @@ class LocalMinimumEscaperPlus:
 
     def _view(self, observation: Observation, sight: Sight) -> View:
         """What an explanation shows: the points of the scan and the target; LME+ has no history and no blockage."""
-        radius = self._robot.footprint.r_min + sight.margin
+        radius = self._robot.footprint.r_min + self._config.margin
         return View(self._memory.seen, observation.target, radius, _NONE, None, "every")
 
     def _look(self, observation: Observation) -> tuple[Sight, Floats]:
         """Input of the criteria, and places on the fastest way (K, 2), in the robot frame."""
         config, robot, pose = self._config, self._robot, self._memory.pose
         field = self._times(to_world(observation.target, pose), pose)
-        way, narrow = field.descent(pose, self._reach(observation))
-        share = NARROW_SHARE if narrow else 1.0
+        way, ahead = field.descent(pose, self._reach(observation))
+        self._tried += robot.dt if ahead < _BEFORE else 0.0
+        share = NARROW_SHARE if math.isfinite(ahead) else 1.0
         margins = share * config.margin, share * config.turn_margin
         return Sight(self._memory.known, pose, field, robot.footprint.box, *margins, robot.v_max), way
 
@@ -128,13 +133,16 @@ class LocalMinimumEscaperPlus:
         old = self._age >= self._config.every or len(memory.people) > 0
         if field is None or old or math.dist(target, field.target) > _SAME_TARGET:
             learned, here = self._learned_of(target), np.array(pose[:2])
-            self._field = field = self._travel.field(memory.points, target, here, memory.people, learned)
+            narrow = NARROW * 2.0 ** min(self._tried / _TRIED, _MOST)
+            given = memory.points, target, here, memory.people, learned, narrow
+            self._field = field = self._travel.field(*given)
             self._age = 0
         return field
 
     def _learned_of(self, target: Floats) -> LearnedTimes:
         """What was learned of the ways to a target."""
         other = self._learned_for is None or math.dist(target, self._learned_for) > OTHER_TARGET
+        self._tried = 0.0 if other else self._tried
         if other or not self._config.memory.kept:
             self._learned, self._learned_for = LearnedTimes(), target
         return self._learned

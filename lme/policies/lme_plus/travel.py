@@ -9,16 +9,17 @@ from typing import NamedTuple
 import numpy as np
 
 from lme.errors import require
-from lme.policies.lme_plus.kernels.travel_grid import Grid, workspace
+from lme.policies.lme_plus.kernels.travel_grid import Grid, Pace, workspace
 from lme.policies.lme_plus.kernels.travel_lookup import descend, rest_at
-from lme.policies.lme_plus.kernels.travel_time import NARROW, travel_times
+from lme.policies.lme_plus.kernels.travel_time import travel_times
 from lme.policies.lme_plus.learned_times import LearnedTimes
 from lme.robots import Robot
-from lme.types import Floats, Pose
+from lme.types import Bools, Floats, Pose
 
 BEYOND = 1.0  # [s] ways that take longer than the best by more than this are not searched
-_STEEP = 0.5 * NARROW  # times as steep as at v_max: the way is a narrow passage, also if it is a diagonal
+NARROW = 100.0  # [-] times as long as at v_max it takes in a passage that leaves less than the margin
 _EVERY = 3  # cells between two places on the way of steepest descent
+_WINDING = 4.0  # times the reach: as far as a way in the grid is followed
 _ITSELF = Pose(0.0, 0.0, 0.0)  # of the field's frame
 _NOBODY = np.empty((0, 6))
 _LEAST_BAND = 0.05  # [m] of slower driving near obstacles, however wide the robot
@@ -46,9 +47,13 @@ class TravelConfig:
 
 
 class Field(NamedTuple):
-    """Expected times T of the cells of a grid [s], and the robot's, which was `here`. here, target: (2,) [m]."""
+    """Expected times T of the cells of a grid [s], and the robot's, which was `here`. here, target: (2,) [m].
+
+    narrow: which of the cells leave less than the margin, row by row with the grid's frame, as in `times`.
+    """
 
     times: Floats
+    narrow: Bools
     robot_time: float
     grid: Grid
     here: Floats
@@ -67,12 +72,16 @@ class Field(NamedTuple):
 
     def kept(self) -> Field:
         """The same with times of its own, which stay when the next field is found."""
-        return self._replace(times=self.times.copy())
+        return self._replace(times=self.times.copy(), narrow=self.narrow.copy())
 
-    def descent(self, pose: Pose, length: float) -> tuple[Floats, bool]:
-        """Places on the fastest way from `pose`, for `length` [m], in the frame at it: (K, 2), and if it is narrow."""
-        places, steepest = descend(self.times, (*pose,), (*self.grid,), length, _EVERY)
-        return places, steepest * self.v_max > _STEEP
+    def descent(self, pose: Pose, length: float) -> tuple[Floats, float]:
+        """Places on the fastest way from `pose`, for `length` [m], in the frame at it: (K, 2).
+
+        Returns also how far ahead the way gets narrow [m]; inf: nowhere.
+        """
+        grid = (*self.grid,)
+        found: tuple[Floats, float] = descend(self.times, self.narrow, (*pose,), grid, length, _EVERY)
+        return found
 
 
 class Travel:
@@ -86,7 +95,7 @@ class Travel:
         room = robot.footprint.r_max + config.cell
         self._cell, self._reach = config.cell, reach
         self._berth, self._patience = inner + config.personal_space, config.patience
-        self._pace = robot.v_max, tight, inner, comfort, config.slowdown, room  # a `Pace`
+        self._pace = Pace(robot.v_max, tight, inner, comfort, config.slowdown, NARROW, room)
         self._size = math.ceil(2.0 * reach / config.cell) + 1
         self._workspace = workspace(self._size, config.cell, comfort)
 
@@ -97,25 +106,36 @@ class Travel:
         here: Floats,
         people: Floats = _NOBODY,
         learned: LearnedTimes | None = None,
+        narrow: float = NARROW,
     ) -> Field:
         """The field of a robot at `here` (2,), among `points` (M, 2), to its `target` (2,), valid until the next call.
 
         people (P, 6): x, y, vx, vy and radius of those who are no points, in the same frame [m, m/s], and for how long
         they stand [s]. learned: what earlier fields said of the places at the edge; this one's times are added, unless
-        there are people, who will not be there later.
+        there are people, who will not be there later. narrow: times as long as at v_max it takes in narrow passages.
         """
         x, y = (math.floor((at - self._reach) / self._cell) * self._cell for at in here.tolist())
         grid = Grid(x, y, self._cell, self._size)
         learned = LearnedTimes() if learned is None else learned
-        scene = points, target, here, (*grid,), self._pace, self._crowd(people), *learned.around(grid)
+        pace, crowd = (*self._pace._replace(narrow=narrow),), self._crowd(people)
+        scene = points, target, here, (*grid,), pace, crowd, *learned.around(grid)
         given = (*self._workspace,), *scene, BEYOND
-        time = travel_times(*given, False)
-        if not math.isfinite(time):  # enclosed on the grid: perhaps there is a way around outside it
-            time = travel_times(*given, True)
-        field = Field(self._workspace.times, time, grid, here, target, self._pace[0])
+        work, places = self._workspace, (grid, here, target, self._pace.v_max)
+        field = Field(work.times, work.narrow, travel_times(*given, False), *places)
+        if self._is_no_good(field):  # perhaps there is a better way around outside the grid
+            field = Field(work.times, work.narrow, travel_times(*given, True), *places)
+        time = field.robot_time
         if math.isfinite(time) and not len(people):
             learned.learn(field.times, grid, here, target, time + BEYOND, field.v_max)
         return field
+
+    def _is_no_good(self, field: Field) -> bool:
+        """Whether the grid has no way, or only a narrow one, to a target that is in it."""
+        if math.dist(field.here, field.target) > self._reach:
+            return False
+        x, y = field.here.tolist()
+        _, ahead = field.descent(Pose(x, y, 0.0), _WINDING * self._reach)
+        return math.isinf(field.robot_time) or math.isfinite(ahead)
 
     def _crowd(self, people: Floats) -> Floats:
         """People as `travel_times` takes them: (P, 6)."""

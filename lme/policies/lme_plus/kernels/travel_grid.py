@@ -23,14 +23,14 @@ class Grid(NamedTuple):
 
 
 GridNumbers = tuple[float, float, float, int]  # a Grid as a plain tuple
-PaceNumbers = tuple[float, float, float, float, float, float]  # a Pace as a plain tuple
+PaceNumbers = tuple[float, float, float, float, float, float, float]  # a Pace as a plain tuple
 
 
 class Pace(NamedTuple):
     """The robot's expected speed at a place, by the distance d of the nearest obstacle point [m].
 
     d ≥ comfort: v_max [m/s]. From there down to d = inner the time per metre grows with the square of the difference,
-    up to (1 + slowdown) times. inner > d ≥ tight: `NARROW` times as long as at v_max. d < tight: no passage. If the
+    up to (1 + slowdown) times. inner > d ≥ tight: `narrow` times as long as at v_max. d < tight: no passage. If the
     robot is nearer to a point than `inner`, its own distance, less half a cell's diagonal, takes the place of `inner`
     within `room` [m] of it, and is as slow as `inner`. If the target is nearer to a point than `inner`, ways of up to
     2 inner lead to it where no point is in the cell itself. They take so long that the robot is expected to come as
@@ -42,6 +42,7 @@ class Pace(NamedTuple):
     inner: float
     comfort: float
     slowdown: float
+    narrow: float
     room: float
 
 
@@ -49,15 +50,17 @@ class Workspace(NamedTuple):
     """Arrays that `travel_times` uses again, so that a call costs only as much as it visits. W = size + 2, C = W².
 
     times (W, W): the result [s]. tentative (C,): the least times so far [s]; −inf where no way leads, so outside the
-    disc. edge (E,): the cells of the disc with a neighbour outside it. steps (C,): time
-    across a cell [s], 0 if not known yet. away (C,): distance from the robot [cells], if the step is known. squares,
-    taken, marks: see `nearest_points.draw`. nodes (2, N): a cell that was put into a bucket, and the next node of that
-    bucket. walls (C,): cells that were seen to be no passage. used (2,): number of nodes and of walls.
+    disc. edge (E,): the cells of the disc with a neighbour outside it. steps (C,): time across a cell [s], 0 if not
+    known yet. narrow (C,): whether d < inner there, if the step is known. away (C,): distance from the robot [cells],
+    likewise. squares, taken, marks: see `nearest_points.draw`. nodes (2, N): a cell that was put into a bucket, and the
+    next node of that bucket. walls (C,): cells that were seen to be no passage. used (2,): number of nodes and of
+    walls.
     """
 
     times: Floats
     tentative: Floats
     steps: Floats
+    narrow: Bools
     away: Floats
     squares: Floats
     taken: Bools
@@ -75,6 +78,7 @@ def workspace(size: int, cell: float, comfort: float) -> Workspace:
         times=np.full((wide, wide), np.inf),
         tentative=np.where(disc, np.inf, -np.inf).ravel(),
         steps=np.zeros(wide * wide),
+        narrow=np.zeros(wide * wide, np.bool_),
         away=np.empty(wide * wide),
         squares=np.full((padded, padded), np.inf),
         taken=np.zeros((size, size), np.bool_),

@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 
 from lme.policies.lme_plus.kernels.travel_grid import Grid, GridNumbers
-from lme.types import Floats
+from lme.types import Bools, Floats
 
 _STEP = 4  # cells between a place and those that tell in which direction T falls there
 
@@ -30,23 +30,14 @@ def rest_at(
     """
     places = _placed(places, pose)
     out = times_at(times, places, grid)
-    most = robot_time + beyond
-    apart = here if most < np.inf else target
-    apart_x, apart_y = apart[0], apart[1]
+    known = robot_time < np.inf
     for n in range(len(places)):
         if out[n] == np.inf:
-            out[n] = _not_searched(places[n, 0] - apart_x, places[n, 1] - apart_y, most, v_max)
+            apart = here if known else target
+            dx, dy = places[n, 0] - apart[0], places[n, 1] - apart[1]
+            straight = math.sqrt(dx * dx + dy * dy) / v_max
+            out[n] = max(robot_time + beyond - straight, 0.0) if known else straight
     return out
-
-
-@njit(cache=True, error_model="numpy")
-def _not_searched(dx, dy, most, v_max):
-    """The least time of a place that a search of ways of up to `most` [s] has no time of [s].
-
-    dx, dy: from the robot [m]; from the target if the robot has no way, and `most` is inf.
-    """
-    straight = math.sqrt(dx * dx + dy * dy) / v_max
-    return max(most - straight, 0.0) if most < np.inf else straight
 
 
 @njit(cache=True, error_model="numpy")
@@ -55,43 +46,36 @@ def turns_at(
     places: Floats,
     pose: tuple[float, float, float],
     grid: Grid | GridNumbers,
-    robot_time: float,
-    beyond: float,
-    here: Floats,
     target: Floats,
-    v_max: float,
 ) -> Floats:
     """Angles between the straight ways from `pose` to (N, 2) places in its frame and the steepest descents of T there.
 
-    From 0 to π [rad]: (N,). T is that of `rest_at`, but of cells: those `_STEP` cells to each side of the place's own.
-    0 at places nearer to the target or the grid's edge than that, and at those that the search did not reach: there the
-    least possible T falls straight on from the robot.
+    From 0 to π [rad]: (N,). T is that of cells: those `_STEP` cells to each side of the place's own, or on one side
+    only where the search did not reach the other. 0 at places that it did not reach, and nearer than that to the target
+    or the grid's edge.
     """
     low_x, low_y, cell, size = grid
-    most, away = robot_time + beyond, _STEP * cell
-    apart = here if most < np.inf else target
-    apart_x, apart_y, to_x, to_y = apart[0], apart[1], target[0], target[1]
+    to_x, to_y, near = target[0], target[1], (_STEP * cell) ** 2
     placed, out = _placed(places, pose), np.zeros(len(places))
     for n in range(len(places)):
         x, y = placed[n, 0], placed[n, 1]
         i, j = math.floor((x - low_x) / cell) + 1, math.floor((y - low_y) / cell) + 1
         inside = _STEP < i <= size - _STEP and _STEP < j <= size - _STEP
-        if not inside or times[i, j] == np.inf or (x - to_x) ** 2 + (y - to_y) ** 2 < away * away:
+        if not inside or times[i, j] == np.inf or (x - to_x) ** 2 + (y - to_y) ** 2 < near:
             continue
-        dx, dy = low_x + (i - 0.5) * cell - apart_x, low_y + (j - 0.5) * cell - apart_y
-        down_x = _or_least(times[i - _STEP, j], dx - away, dy, most, v_max)
-        down_x -= _or_least(times[i + _STEP, j], dx + away, dy, most, v_max)
-        down_y = _or_least(times[i, j - _STEP], dx, dy - away, most, v_max)
-        down_y -= _or_least(times[i, j + _STEP], dx, dy + away, most, v_max)
+        down_x = _fall(times[i - _STEP, j], times[i, j], times[i + _STEP, j])
+        down_y = _fall(times[i, j - _STEP], times[i, j], times[i, j + _STEP])
         x, y = x - pose[0], y - pose[1]
         out[n] = abs(math.atan2(x * down_y - y * down_x, x * down_x + y * down_y))
     return out
 
 
 @njit(cache=True, error_model="numpy")
-def _or_least(time, dx, dy, most, v_max):
-    """The time, or if the search has none, the least possible, as in `_not_searched` [s]."""
-    return time if time < np.inf else _not_searched(dx, dy, most, v_max)
+def _fall(before, here, after):
+    """By how much T falls from one side of a cell to the other; from the side that has one, twice."""
+    if before < np.inf:
+        return before - after if after < np.inf else 2.0 * (before - here)
+    return 2.0 * (here - after) if after < np.inf else 0.0
 
 
 @njit(cache=True, error_model="numpy")
@@ -129,11 +113,17 @@ def times_at(times: Floats, places: Floats, grid: Grid | GridNumbers) -> Floats:
 
 @njit(cache=True, error_model="numpy")
 def descend(
-    times: Floats, pose: tuple[float, float, float], grid: Grid | GridNumbers, length: float, every: int
+    times: Floats,
+    narrow: Bools,
+    pose: tuple[float, float, float],
+    grid: Grid | GridNumbers,
+    length: float,
+    every: int,
 ) -> tuple[Floats, float]:
     """Places on the way of steepest descent of T, one per `every` cells, in the frame at the pose: (K, 2) [m].
 
-    The way goes from the pose's cell to cell, for at most `length` [m]. Returns the steepest descent on it, too [s/m].
+    The way goes from the pose's cell to cell, for at most `length` [m]. Returns also how far on it the first of the
+    `narrow` cells (W²,) is [m], but for the pose's own and the next; inf: none.
     """
     low_x, low_y, cell, size = grid
     i = min(max(int((pose[0] - low_x) / cell) + 1, 1), size)
@@ -141,7 +131,7 @@ def descend(
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
     most = int(length / cell)
     places = np.empty((most // every + 1, 2))
-    count, most_fall = 0, 0.0
+    count, way, ahead = 0, 0.0, np.inf
     for k in range(1, most + 1):
         steepest, di, dj = 0.0, 0, 0
         for a in range(-1, 2):
@@ -151,9 +141,11 @@ def descend(
                     steepest, di, dj = fall, a, b
         if di == 0 and dj == 0:
             break
-        i, j, most_fall = i + di, j + dj, max(most_fall, steepest)
+        i, j, way = i + di, j + dj, way + cell * math.sqrt(di * di + dj * dj)
+        if k > 1 and ahead == np.inf and narrow[i * (size + 2) + j]:
+            ahead = way
         if k % every == 0:
             x, y = low_x + (i - 0.5) * cell - pose[0], low_y + (j - 0.5) * cell - pose[1]
             places[count, 0], places[count, 1] = cos * x + sin * y, cos * y - sin * x
             count += 1
-    return places[:count], most_fall / cell
+    return places[:count], ahead

@@ -30,7 +30,6 @@ from lme.types import Floats
 BUCKETS = 4096  # each as wide as the time for one cell at v_max; later times share the last one
 _NEIGHBOURS = 4
 HALF_DIAGONAL = math.sqrt(0.5)  # of a cell; no place in it is farther from its centre
-NARROW = 100.0  # [-] times as long as at v_max: a passage that leaves less than the margin
 _BESIDE = 20.0  # [-] times as long as at v_max: the way from the nearest passage to a target that has none
 _GAIN = 0.1  # times for a cell by which a known time must improve to be recomputed
 
@@ -86,7 +85,7 @@ def _clear(work):
     for n in range(work.used[0]):
         at = work.nodes[0, n]
         times[at] = work.tentative[at] = np.inf
-        work.steps[at] = 0.0
+        work.steps[at], work.narrow[at] = 0.0, False
     for n in range(work.used[1]):
         at = work.walls[n]
         work.tentative[at], work.steps[at] = np.inf, 0.0
@@ -105,6 +104,7 @@ def _march(work, target, robot, grid, pace, people, learned, corner, least, beyo
     rx, ry = robot
     here = min(max(int(rx + 0.5), 1), grid.size) * wide + min(max(int(ry + 0.5), 1), grid.size)
     final, tentative, steps, far = work.times.ravel(), work.tentative, work.steps, work.away
+    narrow = work.narrow
     cells, follow, walls, squares = work.nodes[0], work.nodes[1], work.walls, work.squares
     border = pad(pace.comfort, grid.cell) - 1
     beside = _beside(squares, border, x, y, grid, pace)
@@ -148,8 +148,10 @@ def _march(work, target, robot, grid, pace, people, learned, corner, least, beyo
                 away = math.sqrt((i - rx) ** 2 + (j - ry) ** 2)
                 square = squares[i + border, j + border] * grid.cell * grid.cell
                 step = grid.cell * _slowness(square, away * grid.cell, least, pace)
+                tight = square < pace.inner * pace.inner
                 if (
-                    step > _BESIDE * cell_time
+                    tight
+                    and step > _BESIDE * cell_time
                     and (i - x) ** 2 + (j - y) ** 2 < beside
                     and square > 0.5 * grid.cell**2
                 ):
@@ -157,7 +159,7 @@ def _march(work, target, robot, grid, pace, people, learned, corner, least, beyo
                 if len(people):
                     place = grid.x + (i - 0.5) * grid.cell, grid.y + (j - 0.5) * grid.cell
                     step += grid.cell * _in_the_way(place, away * cell_time, people)
-                steps[near], far[near] = step, away
+                steps[near], far[near], narrow[near] = step, away, tight
                 if step == np.inf:
                     walls[blocked] = near
                     blocked += 1
@@ -234,7 +236,7 @@ def _slowness(square, away, least, pace):
     d = math.sqrt(square)
     if d < pace.inner:
         if d < least or away > pace.room:
-            return NARROW / pace.v_max if d >= pace.tight else np.inf
+            return pace.narrow / pace.v_max if d >= pace.tight else np.inf
         d = pace.inner
     share = (pace.comfort - d) / (pace.comfort - pace.inner)
     return (1.0 + pace.slowdown * share * share) / pace.v_max

@@ -14,6 +14,7 @@ from tests.tolerances import ARRIVAL_CELLS, ARRIVAL_SHARE
 
 NOTHING, HERE = np.empty((0, 2)), np.array([3.0, -7.0])
 CONFIG = TravelConfig()
+BEYOND_DOOR = HERE + np.array([4.0, 0.0])
 
 
 def field(points=NOTHING, target=(5.0, -7.0), reach=8.0, margin=0.08):
@@ -48,9 +49,9 @@ def test_without_a_way_the_rest_is_the_time_of_the_straight_line():
 
 def test_the_way_down_ends_at_the_target():
     pose = Pose(*HERE, 0.4)
-    places, narrow = field().descent(pose, 8.0)
+    places, ahead = field().descent(pose, 8.0)
     way = to_world(places, pose)
-    assert not narrow
+    assert ahead == math.inf
     assert np.hypot(*(way[-1] - (5.0, -7.0))) <= 4 * CONFIG.cell  # every third cell is a place
     assert np.abs(way[:, 1] + 7.0).max() <= 2 * CONFIG.cell
 
@@ -64,16 +65,39 @@ def test_a_kept_field_stays_when_the_next_one_is_found():
     assert found.rest(HERE[None]) != before  # the arrays are used again
 
 
-@pytest.mark.parametrize(("open_", "passes"), [(True, True), (False, False)])
-def test_a_passage_that_leaves_less_than_the_margin_is_narrow_or_closed(open_, passes):
-    half = stage().footprint.r_min + 0.04  # between the margin and nothing
-    beside = np.concatenate((np.arange(half, 30.0, 0.05), -np.arange(half, 30.0, 0.05)))
-    wall = np.column_stack((np.full(len(beside), 4.0), beside - 7.0))
-    travel = Travel(TravelConfig(narrow=open_), stage(), 8.0, 0.08)
-    found = travel.field(wall, np.array([5.0, -7.0]), HERE)
-    places, narrow = found.descent(Pose(*HERE, 0.0), 5.0)
-    assert narrow == passes
-    assert (len(places) > 0 and to_world(places, Pose(*HERE, 0.0))[:, 0].max() > 4.0) == passes
+def closed_room(half):
+    """Points of a room of 4 m about `HERE` whose only exit, to the right, leaves `half` [m] on each side."""
+    along = np.arange(-2.0, 2.0, 0.05)
+    sides = [np.column_stack((along, np.full(80, y))) for y in (-2.0, 2.0)]
+    sides.append(np.column_stack((np.full(80, -2.0), along)))
+    door = np.concatenate((np.arange(half, 2.0, 0.05), -np.arange(half, 2.0, 0.05)))
+    return HERE + np.concatenate((*sides, np.column_stack((np.full(len(door), 2.0), door))))
+
+
+@pytest.mark.parametrize("narrow", [True, False])
+def test_a_passage_that_leaves_less_than_the_margin_is_narrow_or_closed(narrow):
+    points = closed_room(stage().footprint.r_min + 0.04)
+    found = Travel(TravelConfig(narrow=narrow), stage(), 8.0, 0.08).field(points, BEYOND_DOOR, HERE)
+    assert math.isfinite(found.robot_time) == narrow
+    places, ahead = found.descent(Pose(*HERE, 0.0), 5.0)
+    assert ahead == (pytest.approx(2.0, abs=0.3) if narrow else math.inf)
+    assert (len(places) > 0 and places[:, 0].max() > 2.5) == narrow
+
+
+def test_a_narrow_passage_takes_as_long_as_is_asked_for():
+    points, travel = closed_room(stage().footprint.r_min + 0.04), Travel(CONFIG, stage(), 8.0, 0.08)
+    times = [travel.field(points, BEYOND_DOOR, HERE, narrow=narrow).robot_time for narrow in (100.0, 200.0)]
+    assert times[1] - times[0] == pytest.approx(times[0], rel=0.3)  # nearly all of it is that of the passage
+
+
+def test_a_way_round_outside_the_grid_is_better_than_a_narrow_passage():
+    half = stage().footprint.r_min + 0.04
+    beside = np.concatenate((np.arange(half, 7.0, 0.05), -np.arange(half, 30.0, 0.05)))
+    wall = HERE + np.column_stack((np.full(len(beside), 1.0), beside))
+    found = field(wall)
+    _, ahead = found.descent(Pose(*HERE, 0.0), 5.0)
+    assert ahead == math.inf
+    assert 14.0 / stage().v_max < found.robot_time < 20.0 / stage().v_max
 
 
 @pytest.mark.parametrize(("key", "value"), [("cell", 0), ("comfort", 0), ("slowdown", -1)])

@@ -17,22 +17,31 @@ from tests.tolerances import ARRIVAL_CELLS, ARRIVAL_SHARE, KERNEL
 
 CELL, SIZE = 0.1, 50
 GRID = Grid(-2.5, -2.5, CELL, SIZE)
-PACE = Pace(v_max=2.0, tight=0.25, inner=0.25, comfort=0.5, slowdown=2.0, room=0.3)
+PACE = Pace(v_max=2.0, tight=0.25, inner=0.25, comfort=0.5, slowdown=2.0, narrow=100.0, room=0.3)
 EVEN = PACE._replace(comfort=0.2501, slowdown=0.0)  # one speed wherever there is passage
 CELL_TIME = CELL / PACE.v_max
 NOTHING, NOBODY, UNKNOWN = np.empty((0, 2)), np.empty((0, 6)), np.zeros((SIZE + 2, SIZE + 2))
+NOWHERE = np.zeros((SIZE + 2) ** 2, np.bool_)  # is narrow
 DISC = oracles.disc(SIZE)[0]
 ALL = 1e3  # [s] beyond the best: every way is searched
 SEEDS = st.integers(0, 10**6)
 
 
-def times(points, target, robot=(0.0, 0.0), grid=GRID, pace=PACE, beyond=ALL, leave=False, learned=UNKNOWN):
+def search(points, target, robot=(0.0, 0.0), grid=GRID, pace=PACE, beyond=ALL, leave=False, learned=UNKNOWN):
+    """The times, which cells are narrow, and the robot's time."""
     given = (np.array(each, dtype=float).reshape(-1, 2) for each in (points, target, robot))
     points, target, robot = given
     work = workspace(grid.size, grid.cell, pace.comfort)
-    return work.times, travel_times(
+    time = travel_times(
         (*work,), points, target[0], robot[0], (*grid,), (*pace,), NOBODY, learned, (0, 0), beyond, leave
     )
+    return work.times, work.narrow, time
+
+
+def times(*scene, **settings):
+    """The times, and the robot's."""
+    field, _, time = search(*scene, **settings)
+    return field, time
 
 
 def inside(field):
@@ -216,13 +225,20 @@ def test_a_passage_narrower_than_the_margin_is_a_way_of_last_resort(tight, passe
     beside = np.column_stack((np.zeros(500), np.linspace(-25.0, 25.0, 500)))
     beside = beside[np.abs(beside[:, 1] + 0.05) > 0.25]
     pace = PACE._replace(tight=tight, inner=0.3, comfort=0.5)
-    field, through = times(np.concatenate((walls, beside)), (2.05, -0.05), (-2.05, -0.05), pace=pace)
-    narrow = 1.0 + 2.0 * math.sqrt(0.3**2 - 0.25**2)  # [m] with less than `inner` on both sides
-    exact = (4.1 + 99.0 * narrow) / PACE.v_max
+    field, narrow, through = search(np.concatenate((walls, beside)), (2.05, -0.05), (-2.05, -0.05), pace=pace)
+    length = 1.0 + 2.0 * math.sqrt(0.3**2 - 0.25**2)  # [m] with less than `inner` on both sides
+    exact = (4.1 + 99.0 * length) / PACE.v_max
     assert through == (pytest.approx(exact, rel=0.1) if passes else math.inf)
-    places, steepest = descend(field, (-2.05, -0.05, 0.0), GRID, 5.0, 3)
-    assert (steepest * PACE.v_max > 50.0) == passes
+    places, ahead = descend(field, narrow, (-2.05, -0.05, 0.0), GRID, 5.0, 3)
+    assert ahead == (pytest.approx(2.05 - length / 2, abs=1.5 * CELL) if passes else math.inf)
     assert len(places) == (13 if passes else 0)
+
+
+def test_the_cells_beside_the_robot_are_not_ahead_of_it():
+    wall = np.column_stack((np.linspace(-1.0, 1.0, 100), np.full(100, 0.2)))  # nearer than `inner`
+    field, narrow, _ = search(wall, (2.0, 0.0))
+    assert inside(narrow.reshape(field.shape))[25, 25]
+    assert descend(field, narrow, (0.0, 0.0, 0.0), GRID, 5.0, 3)[1] == math.inf
 
 
 TURNS = {
@@ -279,44 +295,47 @@ def cells_of(places):
     return np.floor((np.asarray(places) + 2.5) / CELL).astype(int)
 
 
-def rest_of(field, cell, robot_time, beyond, robot, target, v_max):
-    """T of a cell, or the least that it can be."""
-    time = inside(field)[tuple(cell)] if (cell >= 0).all() and (cell < SIZE).all() else math.inf
-    centre = (cell + 0.5) * CELL - 2.5
-    if math.isfinite(time):
-        return time
-    if math.isinf(robot_time):
-        return math.dist(centre, target) / v_max
-    return max(robot_time + beyond - math.dist(centre, robot) / v_max, 0.0)
+def fall(field, cell, axis):
+    """By how much T falls along an axis about a cell (row, column), from 0."""
+    step = 4 * np.eye(2, dtype=int)[axis]
+    before, here, after = (inside(field)[tuple(at)] for at in (cell - step, cell, cell + step))
+    if math.isinf(before):
+        return 0.0 if math.isinf(after) else 2.0 * (here - after)
+    return 2.0 * (before - here) if math.isinf(after) else before - after
 
 
 @settings(max_examples=25)
 @given(SEEDS)
 def test_turns_at_places_are_those_to_the_steepest_descent(seed):
     points, target, robot = scene(seed)
-    field, robot_time = times(points, target, robot, beyond=1.0)
+    field, _ = times(points, target, robot, beyond=1.0)
     pose, places = Pose(*robot, 0.7), np.random.default_rng(seed).uniform(-1.5, 1.5, (20, 2))
-    ends = robot_time, 1.0, robot, target, PACE.v_max
-    found = turns_at(field, places, (*pose,), GRID, *ends)
+    found = turns_at(field, places, (*pose,), GRID, target)
     for place, turn in zip(to_world(places, pose), found, strict=True):
-        around = [cells_of(place) + step for step in (np.array([[4, 0], [-4, 0], [0, 4], [0, -4]]))]
-        more_x, less_x, more_y, less_y = (rest_of(field, cell, *ends) for cell in around)
-        down, way = (less_x - more_x, less_y - more_y), place - robot
-        expected = abs(np.angle(complex(*down) / complex(*way))) if any(down) else 0.0
-        cell = cells_of(place)
+        cell, way = cells_of(place), place - robot
         searched = (cell >= 4).all() and (cell < SIZE - 4).all() and math.isfinite(inside(field)[tuple(cell)])
-        counts = searched and math.dist(place, target) >= 4.0 * CELL
-        assert turn == pytest.approx(expected if counts else 0.0, abs=1e-9)
+        if not searched or math.dist(place, target) < 4.0 * CELL:
+            assert turn == 0.0
+            continue
+        down = fall(field, cell, 0), fall(field, cell, 1)
+        expected = abs(np.angle(complex(*down) / complex(*way))) if any(down) else 0.0
+        assert turn == pytest.approx(expected, abs=1e-9)
 
 
 def test_in_the_open_the_turn_at_a_place_is_that_to_the_target():
-    field, robot_time = times(NOTHING, (-1.5, 0.0), (1.0, 0.0))
+    field, _ = times(NOTHING, (-1.5, 0.0), (1.0, 0.0))
     places = np.array(
         [[0.8, 0.0], [0.0, 1.0], [-1.0, 0.0], [-2.3, 0.0], [1.4, 0.0]]
     )  # the last two: near an end
-    ends = robot_time, ALL, np.array([1.0, 0.0]), np.array([-1.5, 0.0]), PACE.v_max
-    found = turns_at(field, places, (1.0, 0.0, 0.0), GRID, *ends)
+    found = turns_at(field, places, (1.0, 0.0, 0.0), GRID, np.array([-1.5, 0.0]))
     assert found == pytest.approx([math.pi, math.pi / 2 + math.atan(1 / 2.5), 0.0, 0.0, 0.0], abs=0.1)
+
+
+def test_along_a_wall_there_is_no_turn():
+    wall = np.column_stack((np.linspace(-2.4, 2.4, 200), np.full(200, 0.45)))
+    field, _ = times(wall, (2.2, 0.0), (-2.0, 0.0), beyond=1.0)
+    places = np.column_stack((np.arange(0.8, 3.0, 0.2), np.zeros(11)))
+    assert (turns_at(field, places, (-2.0, 0.0, 0.0), GRID, np.array([2.2, 0.0])) < 0.3).all()
 
 
 @settings(max_examples=25)
@@ -326,25 +345,23 @@ def test_the_way_down_falls_at_every_place_and_ends_at_the_target(seed):
     target = np.clip(target, -1.5, 1.5)
     field, robot_time = times(points, target, robot)
     pose = Pose(*robot, 0.7)
-    found, steepest = descend(field, (*pose,), GRID, 50.0, 1)
+    found, _ = descend(field, NOWHERE, (*pose,), GRID, 50.0, 1)
     way = to_world(found, pose)
     if math.isinf(robot_time):
         return
     levels = [field[tuple(cells_of(place) + 1)] for place in (robot, *way)]
     assert (np.diff(levels) < 0.0).all()
-    lengths = np.hypot(*np.diff(np.vstack((cells_of(robot), cells_of(way))), axis=0).T) * CELL
-    assert steepest == pytest.approx((-np.diff(levels) / lengths).max(initial=0.0), rel=1e-9)
     assert np.hypot(*(way[-1] - target if len(way) else robot - target)) <= 1.5 * CELL
-    np.testing.assert_array_equal(descend(field, (*pose,), GRID, 50.0, 3)[0], found[2::3])
-    short, _ = descend(field, (*pose,), GRID, 0.75, 1)
+    np.testing.assert_array_equal(descend(field, NOWHERE, (*pose,), GRID, 50.0, 3)[0], found[2::3])
+    short, _ = descend(field, NOWHERE, (*pose,), GRID, 0.75, 1)
     np.testing.assert_array_equal(short, found[:7])
 
 
 def test_descending_from_an_infinite_time_gives_no_way():
     field = np.full((SIZE + 2, SIZE + 2), np.inf)
-    places, steepest = descend(field, (0.0, 0.0, 0.0), GRID, 5.0, 3)
+    places, ahead = descend(field, NOWHERE, (0.0, 0.0, 0.0), GRID, 5.0, 3)
     assert places.shape == (0, 2)
-    assert steepest == 0.0
+    assert ahead == math.inf
 
 
 def test_people_are_time_and_not_walls():
