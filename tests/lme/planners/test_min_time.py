@@ -128,6 +128,13 @@ def test_min_time_backs_up_as_far_as_configured_when_stuck():
     assert commands[:, 0].min() >= 0.0
 
 
+def test_min_time_backs_up_once_in_a_while_where_it_stands_although_the_guide_has_a_way():
+    commands, _, ways = follow(made(), JACKAL, (3.0, 0.0), wedge(), 30)
+    backwards = np.flatnonzero(commands[:, 0] < 0.0)
+    assert round(1.0 / JACKAL.dt) <= backwards[0] <= round(1.0 / JACKAL.dt) + 2
+    assert not touches(JACKAL, np.concatenate(ways), wedge())
+
+
 def front():
     """A wall at the Jackal's front, nearer than any margin; free behind and beside."""
     half_length, half_width, _ = JACKAL.footprint.box
@@ -178,6 +185,15 @@ def test_min_time_backs_up_neither_into_obstacles_nor_into_the_unknown():
         observation(ranges=near, robot=JACKAL), Guidance(np.array([3.0, 0.0]), blocked=True)
     )
     assert command.v >= 0.0
+
+
+def test_min_time_backs_up_with_a_turn_that_it_can_brake():
+    """From 1.5 rad/s at 1 rad/s² the robot turns on by 1.1 rad, past a subgoal to which .4 rad are left."""
+    robot = replace(JACKAL, alpha_omega=1.0)
+    planner, limits = made(robot), robot.limits
+    rates = np.array([0.5, 1.5])
+    times = planner._times_back(0.2, rates, 5.0 * np.array([math.cos(0.8), math.sin(0.8)]), limits)
+    assert times[0] < times[1]
 
 
 @pytest.mark.parametrize("delay", [1, 3])

@@ -1,6 +1,9 @@
 """Criteria in one call: each has its own values, and the best candidate is that of the paper's score."""
 
+import math
+
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -11,6 +14,16 @@ from lme.types import Pose
 from tests.builders import stage
 
 WEIGHTS = np.array([1.0, 0.3, 1.0, 1000.0])
+
+
+def test_a_dev_counts_the_turn_to_a_place_and_the_turn_at_it():
+    robot, target = stage(), np.array([-4.0, 0.0])
+    field = Travel(TravelConfig(), robot, 8.0, 0.08).field(np.empty((0, 2)), target, np.zeros(2))
+    sight = Sight(np.empty((0, 2)), Pose(0.0, 0.0, 0.0), field, robot.footprint.box, 0.08, 0.08, robot.v_max)
+    ahead, behind, target_itself = CRITERIA["a_dev"](np.array([[0.15, 0.0], [-1.0, 0.0], target]), sight)
+    assert ahead == pytest.approx(-math.pi, abs=0.1)  # the turn is put off
+    assert behind == pytest.approx(-math.pi, abs=0.1)  # it comes first
+    assert target_itself == -math.pi
 
 
 @settings(max_examples=30)

@@ -1,4 +1,4 @@
-"""Dead ends longer than the reach of the memory: what was learned of their places leads out of them."""
+"""Drives of LME+: out of dead ends longer than its memory, through and past narrow doors, to a target behind."""
 
 import numpy as np
 import pytest
@@ -29,3 +29,53 @@ def test_lme_plus_leaves_dead_ends_that_are_longer_than_its_memory_reaches(walls
         there, navigator, FastSimulator(FastConfig(), robot), np.random.default_rng(seed)
     )
     assert episode.outcome is Outcome.SUCCESS
+
+
+def wall_with_door(half):
+    """A room of 12 × 10 m with a wall at x = 6 whose door, at y = 5.05, leaves `half` on each side."""
+    room = [(0, 0, 12, 0), (12, 0, 12, 10), (12, 10, 0, 10), (0, 10, 0, 0)]
+    return [*room, (6, 0, 6, 5.05 - half), (6, 5.05 + half, 6, 10)]
+
+
+def driven(name, walls, start, goal, seed=0, time_limit=60.0):
+    """The outcome, and how far the robot has turned in all [rad]."""
+    robot = without_errors(shipped(name))
+    simulator, turned = FastSimulator(FastConfig(), robot), []
+
+    class Turns:
+        def decided(self, observation, guidance, command, state):
+            turned.append(abs(state.twist.omega) * robot.dt)
+
+        def ended(self, observation, state):
+            pass
+
+    there = task(World(segments=np.array(walls, dtype=float)), start, goal, time_limit=time_limit)
+    navigator, rng = lme.load_system("lme_plus", robot), np.random.default_rng(seed)
+    episode = lme.run_episode(there, navigator, simulator, rng, Turns())
+    return episode.outcome, sum(turned)
+
+
+@pytest.mark.parametrize("name", ["jackal", "turtlebot2"])
+def test_lme_plus_drives_through_a_door_that_leaves_less_than_its_margin(name):
+    half = shipped(name).footprint.r_min + 0.07
+    outcomes = [
+        driven(name, wall_with_door(half), Pose(2.0, 4.0, 0.0), (10.0, 6.0), seed)[0] for seed in range(3)
+    ]
+    assert outcomes == [Outcome.SUCCESS] * 3
+
+
+@pytest.mark.parametrize("more", [0.01, 0.035])
+def test_lme_plus_goes_round_where_it_cannot_pass_a_door(more):
+    """The way round, by a wide door 18 m away, leaves the disc in which the target is."""
+    half = shipped("jackal").footprint.r_min + more
+    walls = [(-2, -16, 20, -16), (20, -16, 20, 26), (20, 26, -2, 26), (-2, 26, -2, -16)]
+    walls += [(6, -13, 6, 5.075 - half), (6, 5.075 + half, 6, 26)]
+    outcome, _ = driven("jackal", walls, Pose(2.0, 5.0, 0.0), (10.0, 6.0), time_limit=120.0)
+    assert outcome is Outcome.SUCCESS
+
+
+@pytest.mark.parametrize("name", ["jackal", "turtlebot2"])
+def test_a_target_behind_costs_one_turn(name):
+    outcome, turned = driven(name, ROOM, Pose(30.0, 15.0, np.pi), (34.5, 15.0))
+    assert outcome is Outcome.SUCCESS
+    assert np.pi - 0.1 < turned < np.pi + 0.5
