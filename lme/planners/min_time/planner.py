@@ -122,11 +122,12 @@ class MinTime:
     def _is_stuck(self, wanted: Twist, guidance: Guidance, now: _Situation, limits: Limits) -> bool:
         """Whether to begin to back up: at once, but not again and again where the robot turns out of a narrow place.
 
-        Where the guide has a free way, only who has stood for a while is stuck, and not who waits among movers.
+        Where the guide has a free way, only who has stood for a while is stuck, but not at the subgoal or among movers.
         """
         stands = not any(wanted)
         blocked = guidance.blocked and wanted.v < self._backward(limits)
-        slow = blocked or (stands and not len(now.movers))
+        waits = len(now.movers) > 0 or math.hypot(*now.subgoal) <= self._config.back
+        slow = blocked or (stands and not waits)
         self._slow_for = self._slow_for + self._robot.dt if slow else 0.0
         self._backed_up += self._robot.dt
         lately, waited = self._backed_up <= _LATELY, self._slow_for > _PATIENCE
