@@ -130,8 +130,8 @@ class MinTime:
         slow = blocked or (stands and not waits)
         self._slow_for = self._slow_for + self._robot.dt if slow else 0.0
         self._backed_up += self._robot.dt
-        lately, waited = self._backed_up <= _LATELY, self._slow_for > _PATIENCE
-        stuck = (blocked and (stands or not lately or waited)) or (slow and waited and not lately)
+        long_ago, waited = self._backed_up > _LATELY, self._slow_for > _PATIENCE
+        stuck = (blocked and (stands or long_ago or waited)) or (slow and long_ago and waited)
         if stuck:
             self._backed_up = 0.0
         return stuck

@@ -21,14 +21,8 @@ TWO = [(3, 9, 28, 9), (30, 9, 57, 9), (57, 9, 57, 12), (57, 12, 3, 12), (3, 12, 
 )
 @pytest.mark.parametrize("seed", range(3))
 def test_lme_plus_leaves_dead_ends_that_are_longer_than_its_memory_reaches(walls, start, goal, seed):
-    robot = without_errors(shipped("turtlebot2"))
-    world = World(segments=np.array(ROOM + walls, dtype=float))
-    there = task(world, Pose(*start, 0.0), goal, time_limit=900.0)
-    navigator = lme.load_system("lme_plus", robot)
-    episode = lme.run_episode(
-        there, navigator, FastSimulator(FastConfig(), robot), np.random.default_rng(seed)
-    )
-    assert episode.outcome is Outcome.SUCCESS
+    outcome, _ = driven("turtlebot2", ROOM + walls, Pose(*start, 0.0), goal, seed, time_limit=900.0)
+    assert outcome is Outcome.SUCCESS
 
 
 def wall_with_door(half):

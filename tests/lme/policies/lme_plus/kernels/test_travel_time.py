@@ -324,9 +324,8 @@ def test_turns_at_places_are_those_to_the_steepest_descent(seed):
 
 def test_in_the_open_the_turn_at_a_place_is_that_to_the_target():
     field, _ = times(NOTHING, (-1.5, 0.0), (1.0, 0.0))
-    places = np.array(
-        [[0.8, 0.0], [0.0, 1.0], [-1.0, 0.0], [-2.3, 0.0], [1.4, 0.0]]
-    )  # the last two: near an end
+    near_an_end = [[-2.3, 0.0], [1.4, 0.0]]
+    places = np.array([[0.8, 0.0], [0.0, 1.0], [-1.0, 0.0], *near_an_end])
     found = turns_at(field, places, (1.0, 0.0, 0.0), GRID, np.array([-1.5, 0.0]))
     assert found == pytest.approx([math.pi, math.pi / 2 + math.atan(1 / 2.5), 0.0, 0.0, 0.0], abs=0.1)
 
