@@ -15,6 +15,7 @@ from lme.types import Floats
 
 STRAIGHT = 1e-6  # [1/m] smaller curvatures are straight: an error of 0.05 mm after 10 m
 EDGE = 1e-9  # [m] overlap of edges at their corners, so that no point passes between them
+_RINGS = 128  # around the origin, into which points are sorted
 SLACK = (
     0.9  # share of its current distance that a point inside the margin must keep; 1 would forbid all motion
 )
@@ -64,7 +65,7 @@ def first_contacts(
 ) -> Floats:
     """`contact_times` for compiled callers; a point inside the margin must keep `slack` of its distance.
 
-    Points are sorted by distance, so that a contact ends the search early.
+    Points are sorted by distance, coarsely, so that a contact ends the search early.
     """
     near = within_reach(twists, points, box, margins, horizons, slack)
     times = np.empty(len(twists))
@@ -82,7 +83,7 @@ def within_reach(
     horizons: Floats,
     slack: float,
 ) -> tuple[Floats, Floats, Floats]:
-    """What `first_contact` needs for any of the twists: near points, their distances, and what they must keep [m]."""
+    """What `first_contact` needs for any of the twists: near points, rising least distances, what they must keep [m]."""
     r_max = math.hypot(box[0], box[1]) + box[2] + margins.max()
     near, ranges = _nearest_first(points, _reach(twists, horizons) + r_max)
     return near, ranges, slack * clearances(near, box)
@@ -121,13 +122,25 @@ def _reach(twists, horizons):
 
 @njit(cache=True, error_model="numpy")
 def _nearest_first(points, reach):
-    """Points within reach of the origin, nearest first (M, 2), and their distances (M,)."""
-    ranges = np.empty(len(points))
+    """Points within reach of the origin, sorted into rings (M, 2), and the inner radius of each one's ring (M,)."""
+    scale = _RINGS / max(reach, EDGE)
+    ring_of, start = np.empty(len(points), np.int64), np.zeros(_RINGS + 2, np.int64)
     for i in range(len(points)):
-        ranges[i] = math.sqrt(points[i, 0] * points[i, 0] + points[i, 1] * points[i, 1])
-    within = np.flatnonzero(ranges <= reach)
-    order = within[np.argsort(ranges[within])]
-    return points[order], ranges[order]
+        away = math.sqrt(points[i, 0] * points[i, 0] + points[i, 1] * points[i, 1])
+        ring_of[i] = min(int(away * scale), _RINGS) if away <= reach else -1
+    for i in range(len(points)):
+        if ring_of[i] >= 0:
+            start[ring_of[i] + 1] += 1
+    for ring in range(_RINGS + 1):
+        start[ring + 1] += start[ring]
+    near, ranges = np.empty((start[_RINGS + 1], 2)), np.empty(start[_RINGS + 1])
+    for i in range(len(points)):
+        ring = ring_of[i]
+        if ring >= 0:
+            at = start[ring]
+            start[ring] = at + 1
+            near[at, 0], near[at, 1], ranges[at] = points[i, 0], points[i, 1], (ring - EDGE) / scale
+    return near, ranges
 
 
 @njit(cache=True, error_model="numpy")

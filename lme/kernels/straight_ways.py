@@ -23,10 +23,8 @@ def straight_ways(
     sides and the front keep `margin` [m] on the straight way, the whole outline keeps `turn_margin` [m] in the turn. A
     point that is already nearer must just not come any nearer.
     """
-    away = np.sqrt(points[:, 0] ** 2 + points[:, 1] ** 2)
-    blocked = _blocked_ahead(places, points, away, box, margin)
-    reach = math.hypot(box[0], box[1]) + box[2] + turn_margin
-    near = points[away < reach]
+    blocked = _blocked_ahead(places, points, box, margin)
+    near, _ = _split(points, math.hypot(box[0], box[1]) + box[2] + turn_margin, np.inf)
     if box[0] > 0.0 and len(near):
         turns = np.array([[0.0, 1.0], [0.0, -1.0]])
         margins, zeros, full = np.full(2, turn_margin), np.zeros(2), np.full(2, 2.0 * math.pi)
@@ -59,20 +57,43 @@ def reachable(
 
 
 @njit(cache=True, error_model="numpy")
-def _blocked_ahead(places, points, away, box, margin):
-    """Whether a point is on the straight way to each place, for a robot that faces it. away (M,): of the points."""
+def _blocked_ahead(places, points, box, margin):
+    """Whether a point is on the straight way to each place, for a robot that faces it: (N,)."""
     width = box[1] + box[2] + margin
     ahead = max(box[0] - box[1], 0.0)  # reach of the front beyond the half disc at the end of the swept strip
     ends, origin = np.empty(places.shape), np.zeros(2)
-    for n in range(len(places)):
-        stretch = 1.0 + ahead / max(math.hypot(places[n, 0], places[n, 1]), 1e-3)
-        ends[n, 0], ends[n, 1] = stretch * places[n, 0], stretch * places[n, 1]
-    beside = away < width
     farthest = 0.0
-    for n in range(len(ends)):
-        farthest = max(farthest, math.sqrt(ends[n, 0] ** 2 + ends[n, 1] ** 2))
-    beyond = away > (1.0 + _ROUNDING) * (farthest + width)  # too far for any of the ways
-    blocked = fan_blocked(origin, ends, points[~(beside | beyond)], width)
-    if beside.any():
-        blocked |= fan_blocked(origin, ends, points[beside], KEPT * away[beside].min())
+    for n in range(len(places)):
+        away = math.sqrt(places[n, 0] * places[n, 0] + places[n, 1] * places[n, 1])
+        stretch = 1.0 + ahead / max(away, 1e-3)
+        ends[n, 0], ends[n, 1] = stretch * places[n, 0], stretch * places[n, 1]
+        farthest = max(farthest, stretch * away)
+    beside, before = _split(points, width, (1.0 + _ROUNDING) * (farthest + width))
+    blocked = fan_blocked(origin, ends, before, width)
+    if len(beside):
+        blocked |= fan_blocked(origin, ends, beside, KEPT * _least_distance(beside))
     return blocked
+
+
+@njit(cache=True, error_model="numpy")
+def _split(points, near, far):
+    """The points nearer to the origin than `near`, and the others up to `far` [m], in their order: two of (M, 2)."""
+    inner, outer = np.empty(points.shape), np.empty(points.shape)
+    i, j = 0, 0
+    for n in range(len(points)):
+        x, y = points[n, 0], points[n, 1]
+        away = math.sqrt(x * x + y * y)
+        inner[i, 0], inner[i, 1] = x, y
+        outer[j, 0], outer[j, 1] = x, y
+        i += away < near
+        j += near <= away <= far
+    return inner[:i], outer[:j]
+
+
+@njit(cache=True, error_model="numpy")
+def _least_distance(points):
+    """Distance of the nearest of the (M, 2) points from the origin [m]."""
+    least = np.inf
+    for n in range(len(points)):
+        least = min(least, points[n, 0] * points[n, 0] + points[n, 1] * points[n, 1])
+    return math.sqrt(least)
