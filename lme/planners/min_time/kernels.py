@@ -7,6 +7,7 @@ import numpy as np
 from numba import njit
 
 from lme.kernels.arcs import first_contact, within_reach
+from lme.kernels.bearing import unsigned_bearing
 from lme.kernels.straight_ways import KEPT
 from lme.types import Floats
 
@@ -14,6 +15,7 @@ FORESEEN = 1.5  # [s] over which motion at constant velocity is predicted
 _MEETING = 10.0  # [s] cost of an immediate meeting
 _STRIKING = 5.0  # [s/(m/s)] cost of the speed at which one is met although the robot brakes
 _STEP = 0.1  # [s] between two places on an arc that are checked
+_ROUNDING = 1e-9  # [s] more than any rounding error of a time
 _HOLDS = 5  # number of times for which a command is tried, from one period to the horizon
 
 
@@ -36,82 +38,133 @@ class Safety(NamedTuple):
     """What makes a command safe.
 
     Along its arc the outline, grown by margin + margin_time · (v + r_max |ω|), touches no point for one period and the
-    time to stop, at `brake` [m/s²] and alpha_omega [rad/s²]. v · |ω| is at most `grip` [m/s²], if a slower command is
-    in reach. The drive answers with a time constant of `lag` [s], by which the robot stops later.
+    time to stop, at `brake` [m/s²] and the turn acceleration in use [rad/s²]. v · |ω| is at most `grip` [m/s²], if a
+    slower command is in reach. The drive answers with a time constant of `lag` [s], by which the robot stops later.
     """
 
     margin: float
     margin_time: float
     brake: float
-    alpha_omega: float
     grip: float
     lag: float = 0.0
 
 
-@njit(cache=True, error_model="numpy")
-def dynamic_window(
-    twist: tuple[float, float],
-    least: tuple[float, float],
-    most: tuple[float, float],
-    alphas: tuple[float, float],
-    period: float,
-    v_share: Floats,
-    omega_share: Floats,
-) -> tuple[Floats, Floats]:
-    """Speeds v ≥ 0 (V,) and turn rates (W,) within a period of the twist [m/s, rad/s].
+class Window(NamedTuple):
+    """What can be commanded within a period.
 
-    least, most: v and ω that the drive can reach; alphas: alpha_v and alpha_omega, within which they are tried. The
-    turn rate nearest to 0 is set to 0 if 0 is among them. v_share (V,) from 0 to 1, omega_share (W,) from −1 to 1.
+    twist: v and ω now; least, most: those that the drive can reach [m/s, rad/s]; alphas: the limits alpha_v and
+    alpha_omega [m/s², rad/s²]. Farther than `near` [m] from every point, and where nothing moves, ω changes at no more
+    than `calm` [rad/s²].
     """
-    alpha_v, alpha_omega = alphas
-    slowest = max(max(twist[0] - alpha_v * period, 0.0), least[0])
-    v = slowest + (max(min(twist[0] + alpha_v * period, most[0]), slowest) - slowest) * v_share
-    change = alpha_omega * period
-    low, high = max(twist[1] - change, least[1]), min(twist[1] + change, most[1])
-    omega = (low + high) / 2.0 + (high - low) / 2.0 * omega_share
+
+    twist: tuple[float, float]
+    least: tuple[float, float]
+    most: tuple[float, float]
+    alphas: tuple[float, float]
+    calm: float
+    near: float
+
+
+WindowNumbers = tuple[
+    tuple[float, float], tuple[float, float], tuple[float, float], tuple[float, float], float, float
+]  # a Window as a plain tuple, which Numba recognises faster
+EstimateNumbers = tuple[float, float, float, float, float]  # likewise an Estimate
+SafetyNumbers = tuple[float, float, float, float, float]  # and a Safety
+
+
+@njit(cache=True, error_model="numpy")
+def best_command(
+    window: WindowNumbers,
+    shares: tuple[Floats, Floats],
+    subgoal: Floats,
+    points: Floats,
+    box: tuple[float, float, float],
+    estimate: EstimateNumbers,
+    safety: SafetyNumbers,
+    movers: Floats,
+) -> tuple[float, float, float, float]:
+    """`best_twist` of all commands of `tried`, and the least speed among these [m/s]."""
+    v, omega, alpha = tried(window, shares, estimate[2], points, box, movers)
+    best = best_twist(v, omega, alpha, subgoal, points, box, estimate, safety, movers)
+    return best[0], best[1], best[2], v[0]
+
+
+@njit(cache=True, error_model="numpy")
+def tried(
+    window: WindowNumbers,
+    shares: tuple[Floats, Floats],
+    period: float,
+    points: Floats,
+    box: tuple[float, float, float],
+    movers: Floats,
+) -> tuple[Floats, Floats, float]:
+    """Speeds v ≥ 0 (V,) and turn rates (W,) within a period [m/s, rad/s], and the turn acceleration in use [rad/s²].
+
+    The turn rate nearest to 0 is set to 0 if 0 is among them. shares: of v (V,) from 0 to 1, of ω (W,) from −1 to 1.
+    """
+    twist, least, most, alphas, calm, near = window
+    alpha = alphas[1]
+    if calm < alpha and len(movers) == 0 and not _is_near(points, box, near):
+        alpha = calm
+    slowest = max(max(twist[0] - alphas[0] * period, 0.0), least[0])
+    v = slowest + (max(min(twist[0] + alphas[0] * period, most[0]), slowest) - slowest) * shares[0]
+    low, high = max(twist[1] - alpha * period, least[1]), min(twist[1] + alpha * period, most[1])
+    omega = (low + high) / 2.0 + (high - low) / 2.0 * shares[1]
     if low <= 0.0 <= high:
         omega[np.abs(omega).argmin()] = 0.0
-    return v, omega
+    return v, omega, alpha
+
+
+@njit(cache=True, error_model="numpy")
+def _is_near(points, box, near):
+    """Whether one of the points is nearer to the outline than that [m]."""
+    grown = near + box[2]
+    for i in range(len(points)):
+        dx, dy = max(abs(points[i, 0]) - box[0], 0.0), max(abs(points[i, 1]) - box[1], 0.0)
+        if dx * dx + dy * dy < grown * grown:
+            return True
+    return False
 
 
 @njit(cache=True, error_model="numpy")
 def best_twist(
     v: Floats,
     omega: Floats,
+    alpha_omega: float,
     subgoal: Floats,
     points: Floats,
     box: tuple[float, float, float],
-    estimate: Estimate | tuple[float, ...],
-    safety: Safety | tuple[float, ...],
+    estimate: EstimateNumbers,
+    safety: SafetyNumbers,
     movers: Floats,
 ) -> tuple[float, float, float]:
     """(v, ω) of the safe command with the least expected time to the subgoal, and that time [s]; inf: none is safe.
 
-    v (V,), rising, and omega (W,): all pairs are tried [m/s, rad/s]. subgoal (2,), points (M, 2): in the robot frame
-    [m]. box: footprint (half_length, half_width, rounding) [m]. movers (P, 5): x, y, vx, vy and radius of what moves
-    [m, m/s]. A command on whose arc one of them meets the robot's disc within `FORESEEN` [s] costs up to `_MEETING`
-    [s] more: the sooner, the more. If the robot would meet them on the arc, and also if it brakes, the command costs
-    more by the speed that is left then: who cannot get past stands in time (passive safety, Macek et al. 2009,
-    "Towards safe vehicle navigation in dynamic urban scenarios", Automatika 50).
+    v (V,), rising, and omega (W,): all pairs are tried [m/s, rad/s]. alpha_omega: turn acceleration [rad/s²]. subgoal
+    (2,), points (M, 2): in the robot frame [m]. box: footprint (half_length, half_width, rounding) [m]. movers (P, 5):
+    x, y, vx, vy and radius of what moves [m, m/s]. A command on whose arc one of them meets the robot's disc within
+    `FORESEEN` [s] costs up to `_MEETING` [s] more: the sooner, the more. If the robot would meet them on the arc, and
+    also if it brakes, the command costs more by the speed that is left then: who cannot get past stands in time
+    (passive safety, Macek et al. 2009, "Towards safe vehicle navigation in dynamic urban scenarios", Automatika 50).
     """
     named = Estimate(*estimate), Safety(*safety)
-    found: tuple[float, float, float] = _best(v, omega, subgoal, points, box, *named, movers)
+    found: tuple[float, float, float] = _best(v, omega, alpha_omega, subgoal, points, box, *named, movers)
     return found
 
 
 @njit(cache=True, error_model="numpy")
-def _best(v, omega, subgoal, points, box, estimate, safety, movers):
+def _best(v, omega, alpha_omega, subgoal, points, box, estimate, safety, movers):
     count, r_max = len(v) * len(omega), math.hypot(box[0], box[1])  # a turning disc stays in its place
     twists, margins, stops = np.empty((count, 2)), np.empty(count), np.empty(count)
     for n in range(count):
         speed, rate = v[n // len(omega)], omega[n % len(omega)]
         twists[n, 0], twists[n, 1] = speed, rate
         margins[n] = safety.margin + safety.margin_time * (speed + r_max * abs(rate))
-        braking = max(speed / (2.0 * safety.brake), abs(rate) / (2.0 * safety.alpha_omega))
+        braking = max(speed / (2.0 * safety.brake), abs(rate) / (2.0 * alpha_omega))
         stops[n] = estimate.period + braking + safety.lag
     near = within_reach(twists, points, box, margins, stops + estimate.horizon, KEPT)
-    holds, moves = _held(omega, estimate, safety.alpha_omega)
-    bounds = _least_times(v, omega, subgoal, holds, moves, estimate, safety)
+    holds, moves = _held(omega, estimate, alpha_omega)
+    bounds = _least_times(v, omega, subgoal, holds, moves, estimate, safety.grip)
     best, chosen = np.inf, 0
     reach = r_max + box[2] + safety.margin
     while True:  # the most promising one first, so that few arcs are checked
@@ -150,16 +203,28 @@ def _held(omega, estimate, alpha_omega):
 
 
 @njit(cache=True, error_model="numpy")
-def _least_times(v, omega, subgoal, holds, moves, estimate, safety):
-    """The time of each command if no obstacle ends it [s]; inf: no grip."""
-    times = np.full(len(v) * len(omega), np.inf)
-    for n in range(len(times)):
-        speed, rate = v[n // len(omega)], omega[n % len(omega)]
-        if speed * abs(rate) > safety.grip and speed > v[0]:
-            continue
-        time = _time_to(subgoal, speed, rate, np.inf, holds, moves[n % len(omega)], estimate)
-        if time == time:
-            times[n] = time
+def _least_times(v, omega, subgoal, holds, moves, estimate, grip):
+    """The time of each command if no obstacle ends it, less `_ROUNDING` [s]; inf: no grip. Faster than `_time_to`."""
+    count = len(v) * len(omega)
+    x, y, heading = np.empty((3, _HOLDS, count))
+    for k in range(_HOLDS):
+        for n in range(count):
+            w = n % len(omega)
+            chord = v[n // len(omega)] * holds[k] * moves[w, k, 2]
+            x[k, n], y[k, n] = subgoal[0] - chord * moves[w, k, 0], subgoal[1] - chord * moves[w, k, 1]
+            heading[k, n] = moves[w, k, 3]
+    times = np.full(count, np.inf)
+    for k in range(_HOLDS):
+        for n in range(count):  # without branches, so that it is vectorised
+            turn = math.copysign(unsigned_bearing(x[k, n], y[k, n]), y[k, n]) - heading[k, n]
+            turn = abs(turn - 2.0 * math.pi * math.floor(turn / (2.0 * math.pi) + 0.5))
+            straight = holds[k] + math.sqrt(x[k, n] * x[k, n] + y[k, n] * y[k, n]) / estimate.v_max
+            times[n] = min(times[n], straight + estimate.turn * turn)
+    for n in range(count):
+        speed = v[n // len(omega)]
+        times[n] += estimate.slow * (1.0 - speed / estimate.v_max) - _ROUNDING
+        if speed * abs(omega[n % len(omega)]) > grip and speed > v[0]:
+            times[n] = np.inf
     return times
 
 

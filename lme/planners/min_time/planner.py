@@ -16,7 +16,7 @@ from lme.kernels.motion import drive
 from lme.kernels.movers import WIDEST, movers_among
 from lme.kernels.straight_ways import KEPT
 from lme.planners.commands import MOST_SAMPLES, check_turn_samples, reachable, turn_shares
-from lme.planners.min_time.kernels import Estimate, Safety, best_twist, dynamic_window
+from lme.planners.min_time.kernels import Estimate, Safety, Window, best_command, best_twist, tried
 from lme.planners.min_time.lag import Lag
 from lme.planners.safety.check import STILL, StoppingCheck, StoppingState
 from lme.planners.weighed import Weighed
@@ -45,6 +45,10 @@ class MinTimeConfig:
     margin_time: float = 0.1  # [s] further distance per speed of the outline
     brake: float = 3.0  # [m/s²] deceleration that the robot can rely on, at most its limit
     grip: float = 1.0  # [m/s²] greatest v·|ω|, the lateral acceleration
+    calm: float = 10.0  # [rad/s²] greatest turn acceleration, but near obstacles and where people move
+    near: float = (
+        0.15  # [m] distance of the footprint to obstacle points at which it uses all that the robot has
+    )
     back: float = 0.3  # [m] distance that a stuck robot backs up at least; 0: never
     latency: float = 0.0  # [s] known delay from a command to its effect
     lag: float = 0.0  # [s] known time constant with which the velocity then approaches the command
@@ -52,9 +56,9 @@ class MinTimeConfig:
     omega_samples: int = 15  # odd, so that one of them is in the middle
 
     def __post_init__(self) -> None:
-        for key in ("turn", "margin", "margin_time", "back", "latency", "lag"):
+        for key in ("turn", "margin", "margin_time", "near", "back", "latency", "lag"):
             require(f"planner.{key}", getattr(self, key), at_least=0.0)
-        for key in ("horizon", "brake", "grip"):
+        for key in ("horizon", "brake", "grip", "calm"):
             require(f"planner.{key}", getattr(self, key), above=0.0)
         require("planner.v_samples", self.v_samples, at_least=2, at_most=MOST_SAMPLES)
         check_turn_samples(self.omega_samples)
@@ -89,8 +93,8 @@ class MinTime:
         self._robot = robot
         self._lag = Lag(config.lag, robot.dt)
         shares = turn_shares(config.omega_samples)
-        self._omega_share = shares * np.abs(shares)  # more of them near the present rate
-        self._v_share = np.linspace(0.0, 1.0, config.v_samples) ** 2  # more of them at low speed
+        slow_ones = np.linspace(0.0, 1.0, config.v_samples) ** 2  # more of them at low speed
+        self._shares = slow_ones, shares * np.abs(shares)  # and near the present turn rate
         self._check = StoppingCheck(robot.footprint, robot.dt, config.latency, config.lag)
         self.reset(np.random.default_rng(0))
 
@@ -192,35 +196,37 @@ class MinTime:
         limits = observation.limits
         now = self._ahead(self._here(observation, guidance), limits)
         share = 1.0 if any(self._best(now, limits, 1.0)) else _TIGHT
-        v, omega, given = self._tried(now, limits, share)
+        ahead, *given = self._given(now, limits, share)
+        v, omega, alpha = tried(ahead, self._shares, self._robot.dt, given[1], given[2], now.movers)
         costs = np.array(
-            [[best_twist(v[[i]], omega[[j]], *given)[2] for j in range(len(omega))] for i in range(len(v))]
+            [
+                [best_twist(v[[i]], omega[[j]], alpha, *given)[2] for j in range(len(omega))]
+                for i in range(len(v))
+            ]
         )
         costs[(v[:, None] * np.abs(omega) > self._config.grip) & (v > v[0])[:, None]] = np.inf
         commands = np.stack(np.broadcast_arrays(v[:, None], omega), axis=-1).reshape(-1, 2)
         return Weighed(commands, costs.ravel(), self._config.horizon)
 
     def _best(self, situation: _Situation, limits: Limits, share: float) -> Twist:
-        v, omega, given = self._tried(situation, limits, share)
-        best_v, best_omega, time = best_twist(v, omega, *given)
+        window, *given = self._given(situation, limits, share)
+        v, omega, time, slowest = best_command(window, self._shares, *given)
         if math.isfinite(time):
-            return Twist(best_v, best_omega)
+            return Twist(v, omega)
         now = situation.twist
-        return Twist(0.0, now.omega * float(v[0]) / now.v if now.v > 0.0 else 0.0)
+        return Twist(0.0, now.omega * slowest / now.v if now.v > 0.0 else 0.0)
 
-    def _tried(
-        self, situation: _Situation, limits: Limits, share: float
-    ) -> tuple[Floats, Floats, tuple[Any, ...]]:
-        """The speeds (V,) and turn rates (W,) that are tried, and what else `best_twist` takes."""
+    def _given(self, situation: _Situation, limits: Limits, share: float) -> tuple[Any, ...]:
+        """What `best_command` takes, but for the shares; all in plain tuples."""
         config, dt = self._config, self._robot.dt
         subgoal, points, movers, now = situation
         least, most = self._lag.reach(now, limits)
         alphas = limits.alpha_v, limits.alpha_omega
-        v, omega = dynamic_window((*now,), (*least,), (*most,), alphas, dt, self._v_share, self._omega_share)
+        window = Window((*now,), (*least,), (*most,), alphas, config.calm, config.near)
         estimate = Estimate(limits.v_max, config.turn, dt, max(config.horizon, dt), _SLOW)
-        margin, brake = share * config.margin, min(config.brake, limits.alpha_v)
-        safety = Safety(margin, config.margin_time, brake, limits.alpha_omega, config.grip, config.lag)
-        return v, omega, (subgoal, points, self._robot.footprint.box, (*estimate,), (*safety,), movers)
+        brake = min(config.brake, limits.alpha_v)
+        safety = Safety(share * config.margin, config.margin_time, brake, config.grip, config.lag)
+        return (*window,), subgoal, points, self._robot.footprint.box, (*estimate,), (*safety,), movers
 
     def _backward(self, limits: Limits) -> float:
         """Speed at which the robot backs up [m/s]."""

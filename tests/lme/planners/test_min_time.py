@@ -24,7 +24,7 @@ from tests.tolerances import KERNEL
 
 JACKAL = without_errors(shipped("jackal"))
 ROBOTS = [JACKAL, stage()]
-NOTHING, NO_EDGES = np.empty((0, 2)), np.empty((0, 4))
+NOTHING, NO_EDGES, NOBODY = np.empty((0, 2)), np.empty((0, 4)), np.empty((0, 4))
 STEP = 0.01  # [m] between two poses of the slow sweep
 
 
@@ -194,6 +194,41 @@ def test_min_time_backs_up_with_a_turn_that_it_can_brake():
     rates = np.array([0.5, 1.5])
     times = planner._times_back(0.2, rates, 5.0 * np.array([math.cos(0.8), math.sin(0.8)]), limits)
     assert times[0] < times[1]
+
+
+AGILE = stage(omega_max=4.0, alpha_omega=25.0)  # a disc, so that it can turn beside any point
+
+
+def first_turn(points=NOTHING, people=NOBODY, robot=AGILE, **config):
+    """By how much the turn rate is asked to change, per second, for a subgoal beside a robot at rest [rad/s²]."""
+    seen = observation((0.0, 3.0), robot=robot)._replace(pedestrians=people)
+    command = made(robot, **config).plan(seen, Guidance(np.array([0.0, 3.0]), points=points))
+    return command.omega / robot.dt
+
+
+def test_min_time_turns_calmly_in_the_open_and_with_all_it_has_near_obstacles_and_people():
+    behind = AGILE.footprint.r_max + np.array([0.14, 0.16])
+    assert first_turn() == pytest.approx(10.0, abs=KERNEL)
+    assert first_turn(np.array([[-behind[1], 0.0]])) == pytest.approx(10.0, abs=KERNEL)
+    assert first_turn(np.array([[-behind[0], 0.0]])) > 15.0
+    assert first_turn(people=np.array([[-6.0, 0.0, 0.1, 0.0]])) > 15.0
+    assert first_turn(calm=25.0) > 15.0
+    assert first_turn(robot=stage(alpha_omega=5.0)) == pytest.approx(5.0, abs=KERNEL)
+
+
+@settings(max_examples=50)
+@given(st.integers(0, 10**6))
+def test_the_command_is_the_best_of_all_that_are_tried(seed):
+    rng = np.random.default_rng(seed)
+    points = rng.uniform(-2.0, 2.0, (12, 2))
+    points = points[np.hypot(*points.T) > JACKAL.footprint.r_max + 0.05]
+    seen = observation(
+        rng.uniform(-4.0, 4.0, 2), twist=Twist(*rng.uniform([0.0, -1.0], [2.0, 1.0])), robot=JACKAL
+    )
+    guidance, planner = Guidance(seen.target, points=points), made(back=0.0)
+    commands, costs, _ = planner.weighed(seen, guidance)
+    if np.isfinite(costs).any():
+        assert planner.plan(seen, guidance) == pytest.approx(commands[np.argmin(costs)], abs=KERNEL)
 
 
 @pytest.mark.parametrize("delay", [1, 3])
