@@ -83,7 +83,7 @@ def within_reach(
     horizons: Floats,
     slack: float,
 ) -> tuple[Floats, Floats, Floats]:
-    """What `first_contact` needs for any of the twists: near points, rising least distances, what they must keep [m]."""
+    """What `first_contact` needs for any twist: near points, rising least distances, what they must keep [m]."""
     r_max = math.hypot(box[0], box[1]) + box[2] + margins.max()
     near, ranges = _nearest_first(points, _reach(twists, horizons) + r_max)
     return near, ranges, slack * clearances(near, box)
