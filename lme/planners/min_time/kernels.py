@@ -53,8 +53,8 @@ class Window(NamedTuple):
     """What can be commanded within a period.
 
     twist: v and ω now; least, most: those that the drive can reach [m/s, rad/s]; alphas: the limits alpha_v and
-    alpha_omega [m/s², rad/s²]. Farther than `near` [m] from every point, and where nothing moves, ω changes at no more
-    than `calm` [rad/s²].
+    alpha_omega [m/s², rad/s²]. Farther than `near` [m] from every point, and where nothing moves, ω differs from what
+    it is, or from what was last `asked` for [rad/s], by no more than `calm` [rad/s²] allow: a drive may lag behind.
     """
 
     twist: tuple[float, float]
@@ -63,10 +63,11 @@ class Window(NamedTuple):
     alphas: tuple[float, float]
     calm: float
     near: float
+    asked: float
 
 
 WindowNumbers = tuple[
-    tuple[float, float], tuple[float, float], tuple[float, float], tuple[float, float], float, float
+    tuple[float, float], tuple[float, float], tuple[float, float], tuple[float, float], float, float, float
 ]  # a Window as a plain tuple, which Numba recognises faster
 EstimateNumbers = tuple[float, float, float, float, float]  # likewise an Estimate
 SafetyNumbers = tuple[float, float, float, float, float]  # and a Safety
@@ -102,13 +103,15 @@ def tried(
 
     The turn rate nearest to 0 is set to 0 if 0 is among them. shares: of v (V,) from 0 to 1, of ω (W,) from −1 to 1.
     """
-    twist, least, most, alphas, calm, near = window
+    twist, least, most, alphas, calm, near, asked = window
     alpha = alphas[1]
     if calm < alpha and len(movers) == 0 and not _is_near(points, box, near):
         alpha = calm
     slowest = max(max(twist[0] - alphas[0] * period, 0.0), least[0])
     v = slowest + (max(min(twist[0] + alphas[0] * period, most[0]), slowest) - slowest) * shares[0]
-    low, high = max(twist[1] - alpha * period, least[1]), min(twist[1] + alpha * period, most[1])
+    from_low, from_high = min(twist[1], asked), max(twist[1], asked)
+    low = max(from_low - alpha * period, twist[1] - alphas[1] * period, least[1])
+    high = min(from_high + alpha * period, twist[1] + alphas[1] * period, most[1])
     omega = (low + high) / 2.0 + (high - low) / 2.0 * shares[1]
     if low <= 0.0 <= high:
         omega[np.abs(omega).argmin()] = 0.0

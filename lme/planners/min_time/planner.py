@@ -100,6 +100,7 @@ class MinTime:
 
     def reset(self, rng: np.random.Generator) -> None:
         """Forget the commands; `rng` is not used."""
+        self._asked = 0.0  # [rad/s] the turn rate last asked for
         self._left_to_back_up = 0.0  # [m] still to back up
         self._slow_for = 0.0  # [s] with no free way and no command ahead faster than backing up
         self._backed_up = math.inf  # [s] since it last began to
@@ -118,6 +119,7 @@ class MinTime:
         ):
             wanted = self._back_up(now, observation.limits) or wanted
         reached = reachable(*wanted, now.twist, observation.limits, self._robot.dt)
+        self._asked = float(reached.omega)
         command = self._lag.command_for(reached, now.twist, observation.limits)
         command = self._stoppable(command, StoppingState(here.points, observation.twist, observation.limits))
         self._check.sent(command)
@@ -222,7 +224,7 @@ class MinTime:
         subgoal, points, movers, now = situation
         least, most = self._lag.reach(now, limits)
         alphas = limits.alpha_v, limits.alpha_omega
-        window = Window((*now,), (*least,), (*most,), alphas, config.calm, config.near)
+        window = Window((*now,), (*least,), (*most,), alphas, config.calm, config.near, self._asked)
         estimate = Estimate(limits.v_max, config.turn, dt, max(config.horizon, dt), _SLOW)
         brake = min(config.brake, limits.alpha_v)
         safety = Safety(share * config.margin, config.margin_time, brake, config.grip, config.lag)

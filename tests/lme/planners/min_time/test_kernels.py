@@ -14,13 +14,15 @@ from tests.tolerances import KERNEL
 MEETING, STRIKING, STEP = 10.0, 5.0, 0.1  # as in lme/planners/min_time/kernels.py
 JACKAL, DISC = (0.21, 0.155, 0.0), (0.0, 0.0, 0.2)
 ESTIMATE = Estimate(v_max=2.0, turn=0.5, period=0.1, horizon=0.5, slow=0.05)
-SAFETY = Safety(margin=0.05, margin_time=0.1, brake=3.0, alpha_omega=8.0, grip=100.0)
+SAFETY = Safety(margin=0.05, margin_time=0.1, brake=3.0, grip=100.0)
+ALPHA = 8.0  # [rad/s²]
 NOTHING, NOBODY = np.empty((0, 2)), np.empty((0, 5))
 
 
 def best(v, omega, movers, box=JACKAL, subgoal=(3.0, 0.5)):
-    rates = (np.array(each, dtype=float) for each in (v, omega, subgoal))
-    return best_twist(*rates, NOTHING, box, ESTIMATE, SAFETY, np.array(movers, dtype=float).reshape(-1, 5))
+    v, omega, subgoal = (np.array(each, dtype=float) for each in (v, omega, subgoal))
+    rest = ESTIMATE, SAFETY, np.array(movers, dtype=float).reshape(-1, 5)
+    return best_twist(v, omega, ALPHA, subgoal, NOTHING, box, *rest)
 
 
 def more(twist, movers, box=JACKAL):
@@ -77,11 +79,10 @@ def test_the_best_command_meets_nobody():
 
 def test_a_turn_is_braked_in_time():
     """At 2 rad/s and 1 rad/s² a robot turns on by 2 rad. To face a subgoal 1 rad away it brakes, 3 rad away not yet."""
-    slow = SAFETY._replace(alpha_omega=1.0)
     rates = np.array([1.9, 2.0, 2.1])
     for bearing, chosen in ((1.0, 1.9), (3.0, 2.1)):
         subgoal = 3.0 * np.array([math.cos(bearing), math.sin(bearing)])
-        found = best_twist(np.array([0.0]), rates, subgoal, NOTHING, JACKAL, ESTIMATE, slow, NOBODY)
+        found = best_twist(np.array([0.0]), rates, 1.0, subgoal, NOTHING, JACKAL, ESTIMATE, SAFETY, NOBODY)
         assert found[1] == chosen
 
 
@@ -99,7 +100,7 @@ def test_the_best_of_all_pairs_is_the_best_of_each_alone(seed, box, people):
     v, omega = np.sort(rng.uniform(0.0, 2.0, 4)), rng.uniform(-2.0, 2.0, 5)
     subgoal, points = rng.uniform(-3.0, 3.0, 2), rng.uniform(-2.0, 2.0, (rng.integers(0, 40), 2))
     movers = np.column_stack((rng.uniform(-3.0, 3.0, (people, 4)), np.full(people, 0.3)))
-    given_ = subgoal, points, box, (*ESTIMATE,), (*SAFETY,), movers
+    given_ = ALPHA, subgoal, points, box, (*ESTIMATE,), (*SAFETY,), movers
     alone = [best_twist(np.array([a]), np.array([b]), *given_) for a in v for b in omega]
     best = min(alone, key=lambda found: found[2])  # the first of equal ones
     found = best_twist(v, omega, *given_)
