@@ -16,9 +16,7 @@ from lme.types import Floats
 STRAIGHT = 1e-6  # [1/m] smaller curvatures are straight: an error of 0.05 mm after 10 m
 EDGE = 1e-9  # [m] overlap of edges at their corners, so that no point passes between them
 _RINGS = 128  # around the origin, into which points are sorted
-SLACK = (
-    0.9  # share of its current distance that a point inside the margin must keep; 1 would forbid all motion
-)
+SLACK = 0.9  # share of its distance that a point inside the margin must keep; 1 would forbid all motion
 
 
 def contact_times(

@@ -71,7 +71,7 @@ def _blocked_ahead(places, points, box, margin):
     beside, before = _split(points, width, (1.0 + _ROUNDING) * (farthest + width))
     blocked = fan_blocked(origin, ends, before, width)
     if len(beside):
-        blocked |= fan_blocked(origin, ends, beside, KEPT * _least_distance(beside))
+        blocked |= fan_blocked(origin, ends, beside, KEPT * math.sqrt((beside**2).sum(axis=1).min()))
     return blocked
 
 
@@ -88,12 +88,3 @@ def _split(points, near, far):
         i += away < near
         j += near <= away <= far
     return inner[:i], outer[:j]
-
-
-@njit(cache=True, error_model="numpy")
-def _least_distance(points):
-    """Distance of the nearest of the (M, 2) points from the origin [m]."""
-    least = np.inf
-    for n in range(len(points)):
-        least = min(least, points[n, 0] * points[n, 0] + points[n, 1] * points[n, 1])
-    return math.sqrt(least)

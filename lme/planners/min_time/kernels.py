@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from lme.kernels.arcs import first_contact, within_reach
+from lme.kernels.arcs import clearances, first_contact, within_reach
 from lme.kernels.bearing import unsigned_bearing
 from lme.kernels.straight_ways import KEPT
 from lme.types import Floats
@@ -85,7 +85,7 @@ def best_command(
     movers: Floats,
 ) -> tuple[float, float, float, float]:
     """`best_twist` of all commands of `tried`, and the least speed among these [m/s]."""
-    v, omega, alpha = tried(window, shares, estimate[2], points, box, movers)
+    v, omega, alpha = tried(window, shares, Estimate(*estimate).period, points, box, movers)
     best = best_twist(v, omega, alpha, subgoal, points, box, estimate, safety, movers)
     return best[0], best[1], best[2], v[0]
 
@@ -105,7 +105,7 @@ def tried(
     """
     twist, least, most, alphas, calm, near, asked = window
     alpha = alphas[1]
-    if calm < alpha and len(movers) == 0 and not _is_near(points, box, near):
+    if calm < alpha and len(movers) == 0 and not (clearances(points, box) < near).any():
         alpha = calm
     slowest = max(max(twist[0] - alphas[0] * period, 0.0), least[0])
     v = slowest + (max(min(twist[0] + alphas[0] * period, most[0]), slowest) - slowest) * shares[0]
@@ -116,17 +116,6 @@ def tried(
     if low <= 0.0 <= high:
         omega[np.abs(omega).argmin()] = 0.0
     return v, omega, alpha
-
-
-@njit(cache=True, error_model="numpy")
-def _is_near(points, box, near):
-    """Whether one of the points is nearer to the outline than that [m]."""
-    grown = near + box[2]
-    for i in range(len(points)):
-        dx, dy = max(abs(points[i, 0]) - box[0], 0.0), max(abs(points[i, 1]) - box[1], 0.0)
-        if dx * dx + dy * dy < grown * grown:
-            return True
-    return False
 
 
 @njit(cache=True, error_model="numpy")
