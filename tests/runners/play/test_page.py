@@ -301,7 +301,7 @@ def test_an_episode_is_taken_over(serve, tmp_path):
     served = serve(session=session)
     page = served.page
     assert state(page)["step"] == session.shown > 0
-    assert state(page)["last"] == frames - 1
+    until(page, f"play.last === {frames - 1}")
     page.select_option("#set-system", "lme_plus")
     until(page, "play.situation.lanes[0].system === 'LME+'")
     forward(page, 2000)
