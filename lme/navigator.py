@@ -97,7 +97,7 @@ class Navigator:
         if self.people is not None:
             observation = self.people.seen(observation, time)
         self.observation = observation
-        if math.hypot(*observation.target) < self.goal_tolerance:
+        if math.hypot(*observation.target.tolist()) < self.goal_tolerance:
             return Twist(0.0, 0.0)
         self.guidance = self.guide.guide(observation)
         return finite(self.planner.plan(observation, self.guidance), self.planner)

@@ -8,7 +8,7 @@ from scipy.spatial import cKDTree
 
 from lme.kernels.motion import drive
 
-HALF_DIAGONAL = np.sqrt(0.5)  # as in lme/policies/lme_plus/kernels/travel_time.py
+HALF_DIAGONAL = np.sqrt(0.5)  # of a cell, as in lme/policies/lme_plus/kernels/passages.py
 SLIDE_SWEEPS = 2  # as in lme/sim/skid/kernels.py
 
 
@@ -478,6 +478,30 @@ def disc(size):
     framed = np.pad(inside, 1)
     around = [np.roll(framed, by, axis)[1:-1, 1:-1] for by in (1, -1) for axis in (0, 1)]
     return inside, inside & ~np.all(around, axis=0)
+
+
+def passages(points, grid, pace):
+    """Half of the width of the narrow passage about each cell (size, size) [m], by all pairs of points; 0: none."""
+    size, cell, corner = grid.size, grid.cell, np.array((grid.x, grid.y))
+    half, ring = np.zeros((size, size)), [(a, b) for a in range(-2, 3) for b in range(-2, 3)]
+    ring = [each for each in ring if 2.0 <= np.hypot(*each) < 2.5]
+    centres = corner[:, None, None] + (np.indices((size + 4, size + 4)) - 1.5) * cell
+    d = np.hypot(*(centres[..., None] - points.T[:, None, None])).min(axis=-1, initial=np.inf)
+    inside = [p for p in points if (np.abs((p - corner) / cell - size / 2) < size / 2).all()]
+    for i, j in np.argwhere((d < pace.inner) & (d >= max(pace.tight - HALF_DIAGONAL * cell, 0.5 * cell))):
+        if not (2 <= i < size + 2 and 2 <= j < size + 2):
+            continue
+        around = [(d[i + a, j + b], d[i, j] + 0.9 * cell * np.hypot(a, b)) for a, b in ring]
+        ways = [p - centres[:, i, j] for p in inside]
+        nearest = min(ways, key=np.linalg.norm, default=np.full(2, np.inf))
+        if (
+            any(there >= min(most, pace.comfort) for there, most in around)
+            or np.hypot(*nearest) > d[i, j] + 1e-12
+        ):
+            continue
+        widths = [np.linalg.norm(way - nearest) for way in ways if way @ nearest < 0.0]
+        half[i - 2, j - 2] = min(widths, default=np.inf) / 2
+    return np.where(half < pace.inner, half, 0.0)
 
 
 def within_disc(place, size):

@@ -16,7 +16,7 @@ from lme.kernels.motion import drive
 from lme.kernels.movers import WIDEST, movers_among
 from lme.kernels.straight_ways import KEPT
 from lme.planners.commands import MOST_SAMPLES, check_turn_samples, reachable, turn_shares
-from lme.planners.min_time.kernels import Estimate, Safety, Window, best_command, best_twist, tried
+from lme.planners.min_time.kernels import best_command, best_twist, tried
 from lme.planners.min_time.lag import Lag
 from lme.planners.safety.check import STILL, StoppingCheck, StoppingState
 from lme.planners.weighed import Weighed
@@ -132,7 +132,7 @@ class MinTime:
         """
         stands = not any(wanted)
         blocked = guidance.blocked and wanted.v < self._backward(limits)
-        waits = len(now.movers) > 0 or math.hypot(*now.subgoal) <= self._config.back
+        waits = len(now.movers) > 0 or math.hypot(*now.subgoal.tolist()) <= self._config.back
         slow = blocked or (stands and not waits)
         self._slow_for = self._slow_for + self._robot.dt if slow else 0.0
         self._backed_up += self._robot.dt
@@ -219,16 +219,16 @@ class MinTime:
         return Twist(0.0, now.omega * slowest / now.v if now.v > 0.0 else 0.0)
 
     def _given(self, situation: _Situation, limits: Limits, share: float) -> tuple[Any, ...]:
-        """What `best_command` takes, but for the shares; all in plain tuples."""
+        """What `best_command` takes, but for the shares: its `Window`, `Estimate` and `Safety` in plain tuples."""
         config, dt = self._config, self._robot.dt
         subgoal, points, movers, now = situation
         least, most = self._lag.reach(now, limits)
         alphas = limits.alpha_v, limits.alpha_omega
-        window = Window((*now,), (*least,), (*most,), alphas, config.calm, config.near, self._asked)
-        estimate = Estimate(limits.v_max, config.turn, dt, max(config.horizon, dt), _SLOW)
+        window = (*now,), (*least,), (*most,), alphas, config.calm, config.near, self._asked
+        estimate = limits.v_max, config.turn, dt, max(config.horizon, dt), _SLOW
         brake = min(config.brake, limits.alpha_v)
-        safety = Safety(share * config.margin, config.margin_time, brake, config.grip, config.lag)
-        return (*window,), subgoal, points, self._robot.footprint.box, (*estimate,), (*safety,), movers
+        safety = share * config.margin, config.margin_time, brake, config.grip, config.lag
+        return window, subgoal, points, self._robot.footprint.box, estimate, safety, movers
 
     def _backward(self, limits: Limits) -> float:
         """Speed at which the robot backs up [m/s]."""

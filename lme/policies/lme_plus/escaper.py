@@ -92,7 +92,7 @@ class LocalMinimumEscaperPlus:
         candidates = len(pool) - (subgoal is not None)
         features, scores, new, blocked = ranked(pool, sight.plain(), self._parameters.weights, candidates)
         old = None if subgoal is None else candidates
-        choice = self._choose(pool, scores, new, old)
+        choice = self._choose(subgoal, scores, new)
         if choice is not Choice.KEPT:
             self._subgoal = to_world(pool[new], sight.pose)
             subgoal = to_robot(self._subgoal, sight.pose)
@@ -101,11 +101,12 @@ class LocalMinimumEscaperPlus:
         view, parameters = self._view(observation, sight), self._parameters
         return Step(decision, _NAMES, parameters, observation.scan, view, pool, features, scores, new, old)
 
-    def _choose(self, pool: Floats, scores: Floats, new: int, old: int | None) -> Choice:
-        if old is None:
+    def _choose(self, subgoal: Floats | None, scores: Floats, new: int) -> Choice:
+        """Whether to switch from the subgoal, whose score is the last, to the candidate `new`."""
+        if subgoal is None:
             return Choice.FIRST
-        distance, parameters = math.hypot(*pool[old]), self._parameters
-        return choose(distance, scores[old], scores[new], parameters.d1, parameters.d2)
+        distance, parameters = math.hypot(*subgoal.tolist()), self._parameters
+        return choose(distance, scores[-1], scores[new], parameters.d1, parameters.d2)
 
     def _view(self, observation: Observation, sight: Sight) -> View:
         """What an explanation shows: the points of the scan and the target; LME+ has no history and no blockage."""
@@ -131,7 +132,7 @@ class LocalMinimumEscaperPlus:
         memory, field = self._memory, self._field
         self._age += 1
         old = self._age >= self._config.every or len(memory.people) > 0
-        if field is None or old or math.dist(target, field.target) > _SAME_TARGET:
+        if field is None or old or _apart(target, field.target) > _SAME_TARGET:
             learned, here = self._learned_of(target), np.array(pose[:2])
             narrow = NARROW * 2.0 ** min(self._tried / _TRIED, _MOST)
             given = memory.points, target, here, memory.people, learned, narrow
@@ -141,7 +142,7 @@ class LocalMinimumEscaperPlus:
 
     def _learned_of(self, target: Floats) -> LearnedTimes:
         """What was learned of the ways to a target."""
-        other = self._learned_for is None or math.dist(target, self._learned_for) > OTHER_TARGET
+        other = self._learned_for is None or _apart(target, self._learned_for) > OTHER_TARGET
         self._tried = 0.0 if other else self._tried
         if other or not self._config.memory.kept:
             self._learned, self._learned_for = LearnedTimes(), target
@@ -153,8 +154,13 @@ class LocalMinimumEscaperPlus:
         parts = [sample(self._rng, config, reach, -math.pi, 2 * math.pi)]
         if self._config.structured:
             parts.append(way)
-        if config.target and math.hypot(*observation.target) <= reach:
+        if config.target and math.hypot(*observation.target.tolist()) <= reach:
             parts.append(observation.target[None])
         if subgoal is not None:
             parts.append(subgoal[None])
         return np.concatenate(parts)
+
+
+def _apart(a: Floats, b: Floats) -> float:
+    """Distance of two points (2,) [m]; of Python's numbers, which take a fifth of the time of numpy's."""
+    return math.dist(a.tolist(), b.tolist())

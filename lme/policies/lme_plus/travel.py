@@ -49,7 +49,8 @@ class TravelConfig:
 class Field(NamedTuple):
     """Expected times T of the cells of a grid [s], and the robot's, which was `here`. here, target: (2,) [m].
 
-    narrow: which of the cells leave less than the margin, row by row with the grid's frame, as in `times`.
+    narrow: which of the cells are in a passage that leaves less than the margin, row by row with the grid's frame, as
+    in `times`.
     """
 
     times: Floats
@@ -131,7 +132,7 @@ class Travel:
 
     def _is_no_good(self, field: Field) -> bool:
         """Whether the grid has no way, or only a narrow one, to a target that is in it."""
-        if math.dist(field.here, field.target) > self._reach:
+        if math.dist(field.here.tolist(), field.target.tolist()) > self._reach:
             return False
         x, y = field.here.tolist()
         _, ahead = field.descent(Pose(x, y, 0.0), _WINDING * self._reach)

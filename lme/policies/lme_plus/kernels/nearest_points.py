@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from lme.types import Bools, Floats
+from lme.types import Floats
 
 _LANES = 8  # columns that are drawn at once; a fixed number, so that the compiler makes vectors of them
 _ROUNDING = 1e-6  # [cells] that a window is wider
@@ -22,19 +22,22 @@ def pad(comfort: float, cell: float) -> int:
 @njit(cache=True, error_model="numpy")
 def draw(
     squares: Floats,
-    taken: Bools,
+    first: NDArray[np.int32],
+    following: NDArray[np.int32],
     marks: NDArray[np.int32],
     points: Floats,
     robot: Floats,
     grid: tuple[float, float, float, int],
     comfort: float,
+    inner: float,
 ) -> tuple[int, float]:
-    """Lower `squares` to the distances from points that are less than `comfort` [m] away; changes the first three.
+    """Lower `squares` to the distances from points that are less than `comfort` [m] away; changes the first four.
 
     squares: squared distance of each cell's centre to the nearest point [cells²], the grid's cells and `pad` more on
-    all sides; `taken` (size, size), all false. points (M, 2), robot (2,) in the frame of the grid (x, y, cell, size).
-    Of several points in a cell the first counts. Returns the number of `marks` (≥ M,), which `erase` needs, and the
-    robot's distance to the nearest point [m].
+    all sides. Of several points in a cell only the first counts where it is `inner` [m] or more away (inner ≤ comfort).
+    first (size, size), all −1, becomes the index of one point in each cell, and following (≥ M,) that of the next one
+    in the same cell; −1: none. points (M, 2), robot (2,) in the frame of the grid (x, y, cell, size). Returns the
+    number of `marks` (≥ M,), which `erase` needs, and the robot's distance to the nearest point [m].
     """
     low_x, low_y, cell, size = grid
     span, half, border = _span(comfort, cell), _half(comfort, cell), pad(comfort, cell)
@@ -45,16 +48,19 @@ def draw(
         if not (-span <= i < size + span and -span <= j < size + span):
             continue
         nearest = min(nearest, (points[m, 0] - robot[0]) ** 2 + (points[m, 1] - robot[1]) ** 2)
+        alone, reach = True, half
         if 0 <= i < size and 0 <= j < size:
-            if taken[i, j]:
-                continue
-            taken[i, j] = True
-        marks[count] = (i - half + border) * squares.shape[1] + j - half + border
-        count += 1
-        for first in range(0, 2 * half + 1, _LANES):
-            left = j - half + first
+            following[m], first[i, j] = first[i, j], m
+            alone = following[m] < 0
+        if not alone:
+            reach = _half(inner, cell)
+        else:
+            marks[count] = (i - half + border) * squares.shape[1] + j - half + border
+            count += 1
+        for lane in range(0, half + reach + 1, _LANES):  # from where the first point's window begins
+            left = j - half + lane
             middle = left + 0.5
-            for a in range(i - half, i + half + 1):
+            for a in range(i - reach, i + reach + 1):
                 across = (a + 0.5 - x) ** 2
                 row = squares[a + border, left + border : left + border + _LANES]
                 for k in range(_LANES):
@@ -65,19 +71,24 @@ def draw(
 
 @njit(cache=True, error_model="numpy")
 def erase(
-    squares: Floats, taken: Bools, marks: NDArray[np.int32], count: int, comfort: float, cell: float
+    squares: Floats,
+    first: NDArray[np.int32],
+    marks: NDArray[np.int32],
+    count: int,
+    comfort: float,
+    cell: float,
 ) -> None:
-    """Undo `draw`: `squares` is infinite again and `taken` false."""
+    """Undo `draw`: `squares` is infinite again and `first` −1."""
     half, border, wide = _half(comfort, cell), pad(comfort, cell), squares.shape[1]
-    size = len(taken)
+    size = len(first)
     for n in range(count):
         top, left = marks[n] // wide, marks[n] % wide
         i, j = top + half - border, left + half - border
         if 0 <= i < size and 0 <= j < size:
-            taken[i, j] = False
-        for first in range(0, 2 * half + 1, _LANES):
+            first[i, j] = -1
+        for lane in range(0, 2 * half + 1, _LANES):
             for a in range(top, top + 2 * half + 1):
-                row = squares[a, left + first : left + first + _LANES]
+                row = squares[a, left + lane : left + lane + _LANES]
                 for k in range(_LANES):
                     row[k] = np.inf
 

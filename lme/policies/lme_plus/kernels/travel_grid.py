@@ -30,11 +30,12 @@ class Pace(NamedTuple):
     """The robot's expected speed at a place, by the distance d of the nearest obstacle point [m].
 
     d ≥ comfort: v_max [m/s]. From there down to d = inner the time per metre grows with the square of the difference,
-    up to (1 + slowdown) times. inner > d ≥ tight: `narrow` times as long as at v_max. d < tight: no passage. If the
-    robot is nearer to a point than `inner`, its own distance, less half a cell's diagonal, takes the place of `inner`
-    within `room` [m] of it, and is as slow as `inner`. If the target is nearer to a point than `inner`, ways of up to
-    2 inner lead to it where no point is in the cell itself. They take so long that the robot is expected to come as
-    near as there is passage.
+    up to (1 + slowdown) times, and from there down to d = tight with the difference, up to `narrow` times. d < tight:
+    no passage. Between points on two sides, d is half of the distance between these (`passages.half_width`). Within
+    `room` [m] of a robot that is nearer to a point than `inner`, places that are as near as it, but for half a cell's
+    diagonal, are passable, and in a passage between two sides as slow as d = inner: the robot is in it. If the target
+    is nearer to a point than `inner`, ways of up to 2 inner lead to it where no point is in the cell itself. They take
+    so long that the robot is expected to come as near as there is passage.
     """
 
     v_max: float
@@ -51,10 +52,10 @@ class Workspace(NamedTuple):
 
     times (W, W): the result [s]. tentative (C,): the least times so far [s]; −inf where no way leads, so outside the
     disc. edge (E,): the cells of the disc with a neighbour outside it. steps (C,): time across a cell [s], 0 if not
-    known yet. narrow (C,): whether d < inner there, if the step is known. away (C,): distance from the robot [cells],
-    likewise. squares, taken, marks: see `nearest_points.draw`. nodes (2, N): a cell that was put into a bucket, and the
-    next node of that bucket. walls (C,): cells that were seen to be no passage. used (2,): number of nodes and of
-    walls.
+    known yet. narrow (C,): whether a cell is in a narrow passage, between points on two sides, if its step is known.
+    away (C,): distance from the robot [cells], likewise. squares, first, marks: see `nearest_points.draw`. nodes
+    (2, N): a cell that was put into a bucket, and the next node of that bucket. walls (C,): cells that were seen to be
+    no passage. used (2,): number of nodes and of walls.
     """
 
     times: Floats
@@ -63,7 +64,7 @@ class Workspace(NamedTuple):
     narrow: Bools
     away: Floats
     squares: Floats
-    taken: Bools
+    first: NDArray[np.int32]
     marks: NDArray[np.int32]
     nodes: NDArray[np.int32]
     walls: NDArray[np.int32]
@@ -81,7 +82,7 @@ def workspace(size: int, cell: float, comfort: float) -> Workspace:
         narrow=np.zeros(wide * wide, np.bool_),
         away=np.empty(wide * wide),
         squares=np.full((padded, padded), np.inf),
-        taken=np.zeros((size, size), np.bool_),
+        first=np.full((size, size), -1, np.int32),
         marks=np.empty(padded * padded, np.int32),
         nodes=np.empty((2, 5 * wide * wide), np.int32),
         walls=np.empty(wide * wide, np.int32),

@@ -123,7 +123,7 @@ def descend(
     """Places on the way of steepest descent of T, one per `every` cells, in the frame at the pose: (K, 2) [m].
 
     The way goes from the pose's cell to cell, for at most `length` [m]. Returns also how far on it the first of the
-    `narrow` cells (W²,) is [m], but for the pose's own and the next; inf: none.
+    `narrow` cells (W²,) is [m]; inf: none.
     """
     low_x, low_y, cell, size = grid
     i = min(max(int((pose[0] - low_x) / cell) + 1, 1), size)
@@ -131,7 +131,7 @@ def descend(
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
     most = int(length / cell)
     places = np.empty((most // every + 1, 2))
-    count, way, ahead = 0, 0.0, np.inf
+    count, way, ahead = 0, 0.0, 0.0 if narrow[i * (size + 2) + j] else np.inf
     for k in range(1, most + 1):
         steepest, di, dj = 0.0, 0, 0
         for a in range(-1, 2):
@@ -142,7 +142,7 @@ def descend(
         if di == 0 and dj == 0:
             break
         i, j, way = i + di, j + dj, way + cell * math.sqrt(di * di + dj * dj)
-        if k > 1 and ahead == np.inf and narrow[i * (size + 2) + j]:
+        if ahead == np.inf and narrow[i * (size + 2) + j]:
             ahead = way
         if k % every == 0:
             x, y = low_x + (i - 0.5) * cell - pose[0], low_y + (j - 0.5) * cell - pose[1]

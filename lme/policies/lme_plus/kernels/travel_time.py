@@ -17,6 +17,7 @@ import numpy as np
 from numba import njit
 
 from lme.policies.lme_plus.kernels.nearest_points import draw, erase, pad
+from lme.policies.lme_plus.kernels.passages import HALF_DIAGONAL, half_width, may_be_passage
 from lme.policies.lme_plus.kernels.travel_grid import (
     Grid,
     GridNumbers,
@@ -29,8 +30,8 @@ from lme.types import Floats
 
 BUCKETS = 4096  # each as wide as the time for one cell at v_max; later times share the last one
 _NEIGHBOURS = 4
-HALF_DIAGONAL = math.sqrt(0.5)  # of a cell; no place in it is farther from its centre
 _BESIDE = 20.0  # [-] times as long as at v_max: the way from the nearest passage to a target that has none
+_TINY = 1e-9  # [m] instead of a band without width
 _GAIN = 0.1  # times for a cell by which a known time must improve to be recomputed
 
 
@@ -69,12 +70,17 @@ def _solve(work, points, target, robot, grid, pace, people, learned, corner, bey
     x, y = (target[0] - grid.x) / grid.cell + 0.5, (target[1] - grid.y) / grid.cell + 0.5
     rx, ry = (robot[0] - grid.x) / grid.cell + 0.5, (robot[1] - grid.y) / grid.cell + 0.5
     place = grid.x, grid.y, grid.cell, grid.size
-    marks, nearest = draw(work.squares, work.taken, work.marks, points, robot, place, pace.comfort)
+    following = np.empty(len(points), np.int32)
+    lists = work.first, following, work.marks
+    marks, nearest = draw(work.squares, *lists, points, robot, place, pace.comfort, pace.inner)
     least = min(nearest, pace.inner) - HALF_DIAGONAL * grid.cell
     inside = _inside(x, y, grid.size)
     enclosed = inside and not leave
-    time = _march(work, (x, y), (rx, ry), grid, pace, people, learned, corner, least, beyond, enclosed)
-    erase(work.squares, work.taken, work.marks, marks, pace.comfort, grid.cell)
+    obstacles = points, following, work.first
+    time = _march(
+        work, obstacles, (x, y), (rx, ry), grid, pace, people, learned, corner, least, beyond, enclosed
+    )
+    erase(work.squares, work.first, work.marks, marks, pace.comfort, grid.cell)
     return time
 
 
@@ -93,7 +99,7 @@ def _clear(work):
 
 
 @njit(cache=True, error_model="numpy")
-def _march(work, target, robot, grid, pace, people, learned, corner, least, beyond, enclosed):
+def _march(work, obstacles, target, robot, grid, pace, people, learned, corner, least, beyond, enclosed):
     """Solve the equation from the target, or also from the edge of the disc unless the ways are `enclosed` in it.
 
     target, robot: (row, column). least [m]: distance that a passage near the robot must have.
@@ -104,7 +110,8 @@ def _march(work, target, robot, grid, pace, people, learned, corner, least, beyo
     rx, ry = robot
     here = min(max(int(rx + 0.5), 1), grid.size) * wide + min(max(int(ry + 0.5), 1), grid.size)
     final, tentative, steps, far = work.times.ravel(), work.tentative, work.steps, work.away
-    narrow = work.narrow
+    narrow, passable = work.narrow, pace.tight < pace.inner
+    least_half, most = pace.tight / grid.cell, pace.comfort / grid.cell
     cells, follow, walls, squares = work.nodes[0], work.nodes[1], work.walls, work.squares
     border = pad(pace.comfort, grid.cell) - 1
     beside = _beside(squares, border, x, y, grid, pace)
@@ -147,8 +154,10 @@ def _march(work, target, robot, grid, pace, people, learned, corner, least, beyo
                 i, j = int(near) // wide, int(near) % wide
                 away = math.sqrt((i - rx) ** 2 + (j - ry) ** 2)
                 square = squares[i + border, j + border] * grid.cell * grid.cell
-                step = grid.cell * _slowness(square, away * grid.cell, least, pace)
-                tight = square < pace.inner * pace.inner
+                tight, half = square < pace.inner * pace.inner, 0.0
+                if tight and passable and may_be_passage(squares, i + border, j + border, least_half, most):
+                    half = half_width(i - 1, j - 1, squares, border + 1, obstacles, grid, pace)
+                step = grid.cell * _slowness(max(square, half * half), half, away * grid.cell, least, pace)
                 if (
                     tight
                     and step > _BESIDE * cell_time
@@ -159,7 +168,7 @@ def _march(work, target, robot, grid, pace, people, learned, corner, least, beyo
                 if len(people):
                     place = grid.x + (i - 0.5) * grid.cell, grid.y + (j - 0.5) * grid.cell
                     step += grid.cell * _in_the_way(place, away * cell_time, people)
-                steps[near], far[near], narrow[near] = step, away, tight
+                steps[near], far[near], narrow[near] = step, away, half > 0.0
                 if step == np.inf:
                     walls[blocked] = near
                     blocked += 1
@@ -229,14 +238,18 @@ def _eikonal(a, b, step):
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def _slowness(square, away, least, pace):
+def _slowness(square, half, away, least, pace):
     """Time per metre [s/m] by squared distance to the nearest point and distance to the robot; inf: no passage."""
     if square >= pace.comfort * pace.comfort:
         return 1.0 / pace.v_max
     d = math.sqrt(square)
     if d < pace.inner:
-        if d < least or away > pace.room:
-            return pace.narrow / pace.v_max if d >= pace.tight else np.inf
+        beside = d >= least and away <= pace.room
+        if d < pace.tight and not beside:
+            return np.inf
+        if half == 0.0 or not beside:
+            share = (pace.inner - max(d, pace.tight)) / max(pace.inner - pace.tight, _TINY)
+            return (1.0 + pace.slowdown + (pace.narrow - 1.0 - pace.slowdown) * share) / pace.v_max
         d = pace.inner
     share = (pace.comfort - d) / (pace.comfort - pace.inner)
     return (1.0 + pace.slowdown * share * share) / pace.v_max

@@ -51,11 +51,21 @@ def driven(name, walls, start, goal, seed=0, time_limit=60.0):
 
 @pytest.mark.parametrize("name", ["jackal", "turtlebot2"])
 def test_lme_plus_drives_through_a_door_that_leaves_less_than_its_margin(name):
-    half = shipped(name).footprint.r_min + 0.07
-    outcomes = [
-        driven(name, wall_with_door(half), Pose(2.0, 4.0, 0.0), (10.0, 6.0), seed)[0] for seed in range(3)
-    ]
+    walls = wall_with_door(shipped(name).footprint.r_min + 0.07)
+    there = Pose(2.0, 4.0, 0.0), (10.0, 6.0)
+    outcomes = [driven(name, walls, *there, seed, time_limit=120.0)[0] for seed in range(3)]
     assert outcomes == [Outcome.SUCCESS] * 3
+
+
+@pytest.mark.parametrize("turn", [0.2, 0.5])
+def test_lme_plus_drives_through_a_narrow_door_in_a_slanted_wall(turn):
+    """The cells of its grid lie across the wall, and the door leaves 5 cm on each side."""
+    cos, sin = np.cos(turn), np.sin(turn)
+    half = shipped("turtlebot2").footprint.r_min + 0.05
+    sides = [(6 - away * sin, 5 + away * cos) for away in (-4.9, -half, half, 4.9)]
+    walls = [*wall_with_door(4.0)[:4], (*sides[0], *sides[1]), (*sides[2], *sides[3])]
+    outcome, _ = driven("turtlebot2", walls, Pose(3.0, 3.0, 0.0), (9.0, 7.0), time_limit=120.0)
+    assert outcome is Outcome.SUCCESS
 
 
 @pytest.mark.parametrize("more", [0.01, 0.035])
