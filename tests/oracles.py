@@ -487,20 +487,20 @@ def passages(points, grid, pace):
     ring = [each for each in ring if 2.0 <= np.hypot(*each) < 2.5]
     centres = corner[:, None, None] + (np.indices((size + 4, size + 4)) - 1.5) * cell
     d = np.hypot(*(centres[..., None] - points.T[:, None, None])).min(axis=-1, initial=np.inf)
-    inside = [p for p in points if (np.abs((p - corner) / cell - size / 2) < size / 2).all()]
+    of_cell = np.floor((points - corner) / cell)
+    inside = ((of_cell >= 0) & (of_cell < size)).all(axis=1)
+    points, of_cell = points[inside], of_cell[inside]
     for i, j in np.argwhere((d < pace.inner) & (d >= max(pace.tight - HALF_DIAGONAL * cell, 0.5 * cell))):
         if not (2 <= i < size + 2 and 2 <= j < size + 2):
             continue
         around = [(d[i + a, j + b], d[i, j] + 0.9 * cell * np.hypot(a, b)) for a, b in ring]
-        ways = [p - centres[:, i, j] for p in inside]
-        nearest = min(ways, key=np.linalg.norm, default=np.full(2, np.inf))
-        if (
-            any(there >= min(most, pace.comfort) for there, most in around)
-            or np.hypot(*nearest) > d[i, j] + 1e-12
-        ):
+        ways = points - centres[:, i, j]
+        near = ways[(np.abs(of_cell - (i - 2, j - 2)) <= int(d[i, j] / cell + 0.5)).all(axis=1)]
+        if any(there >= min(most, pace.comfort) for there, most in around) or not len(near):
             continue
-        widths = [np.linalg.norm(way - nearest) for way in ways if way @ nearest < 0.0]
-        half[i - 2, j - 2] = min(widths, default=np.inf) / 2
+        nearest = min(near, key=np.linalg.norm)
+        widths = np.linalg.norm(ways[ways @ nearest < 0.0] - nearest, axis=1)
+        half[i - 2, j - 2] = widths.min(initial=np.inf) / 2
     return np.where(half < pace.inner, half, 0.0)
 
 

@@ -34,7 +34,7 @@ def draw(
     """Lower `squares` to the distances from points that are less than `comfort` [m] away; changes the first four.
 
     squares: squared distance of each cell's centre to the nearest point [cells²], the grid's cells and `pad` more on
-    all sides. Of several points in a cell only the first counts where it is `inner` [m] or more away (inner ≤ comfort).
+    all sides. Of several points in a cell all but the first may not count where they are `inner` [m] away (≤ comfort).
     first (size, size), all −1, becomes the index of one point in each cell, and following (≥ M,) that of the next one
     in the same cell; −1: none. points (M, 2), robot (2,) in the frame of the grid (x, y, cell, size). Returns the
     number of `marks` (≥ M,), which `erase` needs, and the robot's distance to the nearest point [m].

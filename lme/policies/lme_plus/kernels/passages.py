@@ -27,8 +27,8 @@ def half_width(
 
     The cell is in row i and column j of the grid, from 0. squares, and obstacles, which are points (M, 2), following
     (M,) and first (size, size): see `nearest_points.draw`; `border` cells of squares are around the grid. One of the
-    two points is the nearest to the cell's centre, at least half a cell away. The other is on the other side, so the
-    angle between them is more than a right one, and less than 2 `inner` from it.
+    two points is the nearest in the grid to the cell's centre, at least half a cell away. The other is on the other
+    side, so the angle between them is more than a right one, and less than 2 `inner` from it.
     """
     (points, following, first), (low_x, low_y, cell, size) = obstacles, grid
     square = squares[i + border, j + border]
