@@ -8,7 +8,7 @@ from scipy.spatial import cKDTree
 
 from lme.kernels.motion import drive
 
-HALF_DIAGONAL = np.sqrt(0.5)  # of a cell, as in lme/policies/lme_plus/kernels/passages.py
+HALF_DIAGONAL = np.sqrt(0.5)  # of a cell, as in lme/policies/lme_plus/kernels/travel_grid.py
 SLIDE_SWEEPS = 2  # as in lme/sim/skid/kernels.py
 
 

@@ -132,7 +132,7 @@ class Travel:
 
     def _is_no_good(self, field: Field) -> bool:
         """Whether the grid has no way, or only a narrow one, to a target that is in it."""
-        if math.dist(field.here.tolist(), field.target.tolist()) > self._reach:
+        if apart(field.here, field.target) > self._reach:
             return False
         x, y = field.here.tolist()
         _, ahead = field.descent(Pose(x, y, 0.0), _WINDING * self._reach)
@@ -149,3 +149,8 @@ class Travel:
         )  # who has stood for long will stand for as long again
         wait = np.minimum(2.0 * reach / np.maximum(speed, 1e-9), leaves)
         return np.column_stack((people[:, :4], reach, wait / (2.0 * reach)))
+
+
+def apart(a: Floats, b: Floats) -> float:
+    """Distance of two points (2,) [m]; of Python's numbers, which take a fifth of the time of numpy's."""
+    return math.dist(a.tolist(), b.tolist())

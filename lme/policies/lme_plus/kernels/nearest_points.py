@@ -41,22 +41,22 @@ def draw(
     """
     low_x, low_y, cell, size = grid
     span, half, border = _span(comfort, cell), _half(comfort, cell), pad(comfort, cell)
-    nearest, count = np.inf, 0
+    near, nearest, count = _half(inner, cell), np.inf, 0
     for m in range(len(points)):
         x, y = (points[m, 0] - low_x) / cell, (points[m, 1] - low_y) / cell
         i, j = math.floor(x), math.floor(y)
         if not (-span <= i < size + span and -span <= j < size + span):
             continue
         nearest = min(nearest, (points[m, 0] - robot[0]) ** 2 + (points[m, 1] - robot[1]) ** 2)
-        alone, reach = True, half
-        if 0 <= i < size and 0 <= j < size:
-            following[m], first[i, j] = first[i, j], m
-            alone = following[m] < 0
-        if not alone:
-            reach = _half(inner, cell)
+        inside = 0 <= i < size and 0 <= j < size
+        if inside and first[i, j] >= 0:
+            reach = near
         else:
+            reach = half
             marks[count] = (i - half + border) * squares.shape[1] + j - half + border
             count += 1
+        if inside:
+            following[m], first[i, j] = first[i, j], m
         for lane in range(0, half + reach + 1, _LANES):  # from where the first point's window begins
             left = j - half + lane
             middle = left + 0.5

@@ -6,10 +6,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from lme.policies.lme_plus.kernels.travel_grid import Grid, Pace
+from lme.policies.lme_plus.kernels.travel_grid import HALF_DIAGONAL, Grid, Pace
 from lme.types import Floats
 
-HALF_DIAGONAL = math.sqrt(0.5)  # of a cell; no place in it is farther from its centre
 _ONE_SIDED = 0.9  # share of the way from points on one side alone by which they are then farther at least
 
 

@@ -1,5 +1,6 @@
 """What the search for expected times works on: a grid, the robot's pace in it, and arrays that are used again."""
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -8,6 +9,8 @@ from numpy.typing import NDArray
 
 from lme.policies.lme_plus.kernels.nearest_points import pad
 from lme.types import Bools, Floats
+
+HALF_DIAGONAL = math.sqrt(0.5)  # of a cell; no place in it is farther from its centre
 
 
 class Grid(NamedTuple):

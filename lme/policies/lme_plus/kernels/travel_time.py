@@ -17,8 +17,9 @@ import numpy as np
 from numba import njit
 
 from lme.policies.lme_plus.kernels.nearest_points import draw, erase, pad
-from lme.policies.lme_plus.kernels.passages import HALF_DIAGONAL, half_width, may_be_passage
+from lme.policies.lme_plus.kernels.passages import half_width, may_be_passage
 from lme.policies.lme_plus.kernels.travel_grid import (
+    HALF_DIAGONAL,
     Grid,
     GridNumbers,
     Pace,

@@ -24,9 +24,8 @@ def test_distances_agree_with_those_to_all_points_and_are_erased(seed, comfort, 
     rng = np.random.default_rng(seed)
     size, corner, robot, inner = 20, rng.uniform(-5.0, 5.0, 2), rng.uniform(-2.0, 2.0, 2), share * comfort
     points = corner + rng.uniform(-0.5, size * cell + 0.5, (rng.integers(0, 12), 2))
-    points = np.concatenate(
-        (points, points + rng.normal(0.0, 0.1 * cell, points.shape))
-    )  # some in the same cells
+    beside = points + rng.normal(0.0, 0.1 * cell, points.shape)  # most in the same cells
+    points = np.concatenate((points, beside))
     of_cell = np.floor((points - corner) / cell)
     within = ((of_cell >= 0) & (of_cell < size)).all(axis=1)
     counts = ~within
