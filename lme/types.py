@@ -99,7 +99,8 @@ class Guidance(NamedTuple):
 
     subgoal: (2,) in the robot frame [m]. path: (K, 2) in the robot frame [m] if the guide plans one.
     switched: the guide has switched to another subgoal. blocked: the guide found no free path. points: (M, 2) all
-    obstacle points that the guide knows, in the robot frame [m], if it remembers some that are not in the scan.
+    obstacle points that the guide knows, in the robot frame [m], if it remembers some that are not in the scan. way:
+    (K, 2) places on the way that it expects to be the fastest, in the robot frame [m], if it plans no path.
     """
 
     subgoal: Floats
@@ -107,6 +108,7 @@ class Guidance(NamedTuple):
     switched: bool = False
     blocked: bool = False
     points: Floats | None = None
+    way: Floats | None = None
 
 
 class Outcome(StrEnum):

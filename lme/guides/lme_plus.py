@@ -36,9 +36,9 @@ class LmePlus:
         self.escaper.reset(rng)
 
     def guide(self, observation: Observation) -> Guidance:
-        """The subgoal with the least expected time, and the known obstacle points."""
-        decision, points = self.escaper.decide(observation)
-        return Guidance(decision.subgoal, None, decision.choice.switched, decision.blocked, points)
+        """The subgoal with the least expected time, the known obstacle points, and the fastest way."""
+        decision, points, way = self.escaper.decide(observation)
+        return Guidance(decision.subgoal, None, decision.choice.switched, decision.blocked, points, way)
 
     def explanation(self) -> Explanation | None:
         """All quantities behind the last decision; None before the first."""

@@ -10,6 +10,7 @@ from lme.errors import InputError, require
 from lme.types import Floats, Limits, Observation, Twist
 
 MOST_SAMPLES = 1001  # of v and of ω: a planner holds values of every pair
+_AT_REST = 1e-6  # [m/s, rad/s] slower than this counts as 0
 
 
 def finite(command: object, planner: object) -> Twist:
@@ -22,6 +23,12 @@ def finite(command: object, planner: object) -> Twist:
         name = type(planner).__name__
         raise InputError(f"{name}.plan returned {command!r}: must be (v [m/s], omega [rad/s]), both finite")
     return Twist(v, omega)
+
+
+def without_tiny_rates(twist: Twist) -> Twist:
+    """The twist without rates that are too small to matter; their quotients would overflow."""
+    v, omega = twist
+    return Twist(v if abs(v) > _AT_REST else 0.0, omega if abs(omega) > _AT_REST else 0.0)
 
 
 def limited(v: float, omega: float, observation: Observation, dt: float) -> Twist:

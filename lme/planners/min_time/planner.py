@@ -15,9 +15,16 @@ from lme.kernels.arcs import first_contacts
 from lme.kernels.motion import drive
 from lme.kernels.movers import WIDEST, movers_among
 from lme.kernels.straight_ways import KEPT
-from lme.planners.commands import MOST_SAMPLES, check_turn_samples, reachable, turn_shares
+from lme.planners.commands import (
+    MOST_SAMPLES,
+    check_turn_samples,
+    reachable,
+    turn_shares,
+    without_tiny_rates,
+)
 from lme.planners.min_time.kernels import best_command, best_twist, tried
 from lme.planners.min_time.lag import Lag
+from lme.planners.min_time.multi_point_turn import MultiPointTurn
 from lme.planners.safety.check import STILL, StoppingCheck, StoppingState
 from lme.planners.weighed import Weighed
 from lme.robots import Robot
@@ -26,7 +33,6 @@ from lme.types import Floats, Guidance, Limits, Observation, Pose, Twist
 
 _STEP = 0.05  # [m] of the prediction over the latency
 _NOBODY = np.empty((0, 5))
-_AT_REST = 1e-6  # [m/s, rad/s] slower than this counts as 0
 _TIGHT = 0.75  # share of the margin that is kept if the robot could not move otherwise
 _BACKWARD = 0.25  # share of v_max at which the robot backs up
 _ARCS = 7  # on which it may back up
@@ -46,17 +52,16 @@ class MinTimeConfig:
     brake: float = 3.0  # [m/s²] deceleration that the robot can rely on, at most its limit
     grip: float = 1.0  # [m/s²] greatest v·|ω|, the lateral acceleration
     calm: float = 10.0  # [rad/s²] greatest turn acceleration, but near obstacles and where people move
-    near: float = (
-        0.15  # [m] distance of the footprint to obstacle points at which it uses all that the robot has
-    )
+    near: float = 0.15  # [m] distance to obstacle points at which it uses all that the robot has
     back: float = 0.3  # [m] distance that a stuck robot backs up at least; 0: never
+    multi_point: float = 2.0  # [s] without a free way after which it makes a multi-point turn; 0: never
     latency: float = 0.0  # [s] known delay from a command to its effect
     lag: float = 0.0  # [s] known time constant with which the velocity then approaches the command
     v_samples: int = 7
     omega_samples: int = 15  # odd, so that one of them is in the middle
 
     def __post_init__(self) -> None:
-        for key in ("turn", "margin", "margin_time", "near", "back", "latency", "lag"):
+        for key in ("turn", "margin", "margin_time", "near", "back", "multi_point", "latency", "lag"):
             require(f"planner.{key}", getattr(self, key), at_least=0.0)
         for key in ("horizon", "brake", "grip", "calm"):
             require(f"planner.{key}", getattr(self, key), above=0.0)
@@ -79,9 +84,9 @@ class MinTime:
     Every pair (v, ω) that is reachable within a period is tried: it is held for some time, then the robot turns to the
     subgoal and drives there. An arc is safe if the exact footprint, with a margin that grows with speed, reaches no
     obstacle point before the robot has stopped. If none is safe, the robot brakes on its current arc. Where the guide
-    finds no free way, and no command ahead is faster than backing up, the robot backs up on an arc. The points are
-    those that the guide knows, else those of the scan. If the delay of commands is known, all this starts where the
-    robot will be when the command takes effect. Tracked people are predicted at their current velocity.
+    finds no free way, and no command ahead is faster than backing up, the robot backs up on an arc; later, it makes a
+    `MultiPointTurn`. The points are those that the guide knows, else those of the scan. If the delay of commands is
+    known, all this starts where the robot will be then. Tracked people are predicted at their current velocity.
 
     A robot that can stop without touching a point gets no command after which it could not (docs/safety.md).
     """
@@ -96,6 +101,7 @@ class MinTime:
         slow_ones = np.linspace(0.0, 1.0, config.v_samples) ** 2  # more of them at low speed
         self._shares = slow_ones, shares * np.abs(shares)  # and near the present turn rate
         self._check = StoppingCheck(robot.footprint, robot.dt, config.latency, config.lag)
+        self._turn = MultiPointTurn(robot.footprint, robot.dt, config.multi_point, config.margin)
         self.reset(np.random.default_rng(0))
 
     def reset(self, rng: np.random.Generator) -> None:
@@ -105,25 +111,38 @@ class MinTime:
         self._slow_for = 0.0  # [s] with no free way and no command ahead faster than backing up
         self._backed_up = math.inf  # [s] since it last began to
         self._check.reset()
+        self._turn.reset()
 
     def plan(self, observation: Observation, guidance: Guidance) -> Twist:
         """Command for one control period."""
-        may_back = self._config.back > 0.0 and (
-            guidance.points is not None or is_full_circle(observation.scan)
-        )
-        here = self._here(observation, guidance)
-        now = self._ahead(here, observation.limits)
-        wanted = self._choose(now, observation.limits)
-        if may_back and (
-            self._left_to_back_up > 0.0 or self._is_stuck(wanted, guidance, now, observation.limits)
-        ):
-            wanted = self._back_up(now, observation.limits) or wanted
-        reached = reachable(*wanted, now.twist, observation.limits, self._robot.dt)
+        here, limits = self._here(observation, guidance), observation.limits
+        now = self._ahead(here, limits)
+        sees_back = guidance.points is not None or is_full_circle(observation.scan)
+        turn = self._multi_point_turn(guidance, now, limits)
+        wanted = turn or self._wanted(guidance, now, limits, self._config.back > 0.0 and sees_back)
+        reached = reachable(*wanted, now.twist, limits, self._robot.dt)
         self._asked = float(reached.omega)
-        command = self._lag.command_for(reached, now.twist, observation.limits)
-        command = self._stoppable(command, StoppingState(here.points, observation.twist, observation.limits))
+        command = self._lag.command_for(reached, now.twist, limits)
+        command = self._stoppable(command, StoppingState(here.points, observation.twist, limits))
         self._check.sent(command)
         return command
+
+    def _multi_point_turn(self, guidance: Guidance, now: _Situation, limits: Limits) -> Twist | None:
+        """The command of a multi-point turn, if the guide knows what is around the robot and nobody moves near it."""
+        if guidance.points is None or guidance.way is None or len(now.movers):
+            self._turn.reset()
+            return None
+        command = self._turn.command(guidance.blocked, now.points, guidance.way, now.twist, limits)
+        if command is not None:
+            self._left_to_back_up = 0.0
+        return command
+
+    def _wanted(self, guidance: Guidance, now: _Situation, limits: Limits, may_back: bool) -> Twist:
+        """The best command, or one back if the robot is stuck and may."""
+        wanted = self._choose(now, limits)
+        if may_back and (self._left_to_back_up > 0.0 or self._is_stuck(wanted, guidance, now, limits)):
+            return self._back_up(now, limits) or wanted
+        return wanted
 
     def _is_stuck(self, wanted: Twist, guidance: Guidance, now: _Situation, limits: Limits) -> bool:
         """Whether to begin to back up: at once, but not again and again where the robot turns out of a narrow place.
@@ -151,8 +170,8 @@ class MinTime:
 
     def _here(self, observation: Observation, guidance: Guidance) -> _Situation:
         """The situation now."""
-        points, movers = self._obstacles(observation, guidance)
-        return _Situation(guidance.subgoal, points, movers, _without_tiny_rates(observation.twist))
+        twist = without_tiny_rates(observation.twist)
+        return _Situation(guidance.subgoal, *self._obstacles(observation, guidance), twist)
 
     def _ahead(self, here: _Situation, limits: Limits) -> _Situation:
         """The situation in which the next command takes effect."""
@@ -186,7 +205,7 @@ class MinTime:
             motion = (*pose,), (*now,), (*reached,), limits.bounds  # plain tuples, as in `FastSimulator.step`
             way, twist = drive(*motion, duration, _STEP, self._robot.footprint.r_max)
             pose, now = Pose(*way[-1].tolist()), Twist(*twist)
-        return pose, _without_tiny_rates(now)
+        return pose, without_tiny_rates(now)
 
     def _choose(self, now: _Situation, limits: Limits) -> Twist:
         """The best command with all of the margin; if that is to stand still, with `_TIGHT` of it."""
@@ -223,8 +242,7 @@ class MinTime:
         config, dt = self._config, self._robot.dt
         subgoal, points, movers, now = situation
         least, most = self._lag.reach(now, limits)
-        alphas = limits.alpha_v, limits.alpha_omega
-        window = (*now,), (*least,), (*most,), alphas, config.calm, config.near, self._asked
+        window = (*now,), (*least,), (*most,), limits.bounds[2:], config.calm, config.near, self._asked
         estimate = limits.v_max, config.turn, dt, max(config.horizon, dt), _SLOW
         brake = min(config.brake, limits.alpha_v)
         safety = share * config.margin, config.margin_time, brake, config.grip, config.lag
@@ -280,9 +298,3 @@ class MinTime:
         turn = np.abs((np.arctan2(y, x) - heading + math.pi) % (2.0 * math.pi) - math.pi)
         times: Floats = np.hypot(x, y) / limits.v_max + self._config.turn * turn
         return times
-
-
-def _without_tiny_rates(twist: Twist) -> Twist:
-    """The twist without rates that are too small to matter; their quotients would overflow."""
-    v, omega = twist
-    return Twist(v if abs(v) > _AT_REST else 0.0, omega if abs(omega) > _AT_REST else 0.0)

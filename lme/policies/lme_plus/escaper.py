@@ -18,6 +18,7 @@ from lme.policies.lme.score import Parameters
 from lme.policies.lme_plus.criteria import CRITERIA, NARROW_SHARE, Sight, ranked
 from lme.policies.lme_plus.learned_times import OTHER_TARGET, LearnedTimes
 from lme.policies.lme_plus.memory import Memory, MemoryConfig
+from lme.policies.lme_plus.stuck_places import StuckPlaces
 from lme.policies.lme_plus.travel import NARROW, Field, Travel, TravelConfig, apart
 from lme.robots import Robot
 from lme.types import Floats, Observation, Pose
@@ -41,11 +42,15 @@ class EscaperPlusConfig:
     margin: float = 0.08  # [m] distance of a straight way's sides and front to obstacle points
     turn_margin: float = 0.08  # [m] distance of the outline in a turn
     every: int = 3  # decisions with the same expected times, if nobody is near and the target does not move
+    stuck: float = (
+        10.0  # [-] times as long as the robot was stuck before a place, the way through it takes longer
+    )
 
     def __post_init__(self) -> None:
         require("guide.margin", self.margin, at_least=0.0)
         require("guide.turn_margin", self.turn_margin, at_least=0.0)
         require("guide.every", self.every, at_least=1)
+        require("guide.stuck", self.stuck, at_least=0.0)
 
 
 class LocalMinimumEscaperPlus:
@@ -70,16 +75,23 @@ class LocalMinimumEscaperPlus:
         self._field: Field | None = None
         self._age = 0  # decisions made with the field
         self._tried = 0.0  # [s] spent before narrow passages on the way to the target
+        self._stuck = StuckPlaces(self._robot.dt, self._config.stuck)  # on the way to the target
         self.sight: Sight | None = None  # of the last decision
         self._subgoal: Floats | None = None  # in the carried frame
         self._last: Step | None = None
 
-    def decide(self, observation: Observation) -> tuple[Decision, Floats]:
-        """Advance one control period; the subgoal, and all known obstacle points (M, 2), in the robot frame [m]."""
+    def decide(self, observation: Observation) -> tuple[Decision, Floats, Floats]:
+        """Advance one control period.
+
+        Returns the subgoal, all known obstacle points (M, 2), and places on the fastest way (K, 2), in the robot frame
+        [m].
+        """
         self._memory.see(observation)
         self.sight, way = self._look(observation)
         self._last = step = self._step(observation, self.sight, way)
-        return step.decision, self.sight.points
+        if step.decision.blocked and not len(self._memory.people):
+            self._stuck.wait(to_world(way[0], self.sight.pose) if len(way) else np.array(self.sight.pose[:2]))
+        return step.decision, self.sight.points, way
 
     def explanation(self) -> Explanation | None:
         """All quantities behind the last decision; None before the first."""
@@ -135,7 +147,7 @@ class LocalMinimumEscaperPlus:
         if field is None or old or apart(target, field.target) > _SAME_TARGET:
             learned, here = self._learned_of(target), np.array(pose[:2])
             narrow = NARROW * 2.0 ** min(self._tried / _TRIED, _MOST)
-            given = memory.points, target, here, memory.people, learned, narrow
+            given = memory.points, target, here, memory.people, learned, narrow, self._stuck.rows
             self._field = field = self._travel.field(*given)
             self._age = 0
         return field
@@ -143,7 +155,9 @@ class LocalMinimumEscaperPlus:
     def _learned_of(self, target: Floats) -> LearnedTimes:
         """What was learned of the ways to a target."""
         other = self._learned_for is None or apart(target, self._learned_for) > OTHER_TARGET
-        self._tried = 0.0 if other else self._tried
+        if other:
+            self._tried = 0.0
+            self._stuck.forget()
         if other or not self._config.memory.kept:
             self._learned, self._learned_for = LearnedTimes(), target
         return self._learned

@@ -175,6 +175,18 @@ def test_min_time_never_backs_up_with_back_of_zero():
     assert commands[:, 0].min() >= 0.0
 
 
+@pytest.mark.parametrize(("way", "person"), [(True, False), (False, False), (True, True)])
+def test_min_time_makes_a_multi_point_turn_if_the_guide_tells_the_way_and_nobody_is_near(way, person):
+    planner = made(back=0.0, multi_point=1.0)
+    people = np.array([[1.0, 0.0, 0.0, 0.0]]) if person else NOBODY
+    guidance = Guidance(np.array([3.0, 0.0]), blocked=True, points=wedge())
+    guidance = guidance._replace(way=np.array([[-0.5, 0.0], [-1.0, 0.0]]) if way else None)
+    view = observation(guidance.subgoal, robot=JACKAL)._replace(pedestrians=people)
+    commands = np.array([planner.plan(view, guidance) for _ in range(round(1.5 / JACKAL.dt))])
+    assert commands[: round(0.9 / JACKAL.dt), 0].min() >= 0.0
+    assert (commands[-1, 0] < 0.0) == (way and not person)
+
+
 def test_min_time_backs_up_neither_into_obstacles_nor_into_the_unknown():
     behind = np.array([[-JACKAL.footprint.box[0] - 0.02, 0.0]])
     points = np.concatenate((wedge(), behind))

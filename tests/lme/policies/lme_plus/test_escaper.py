@@ -80,6 +80,17 @@ def test_lme_plus_goes_round_where_it_cannot_pass_a_door(more):
     assert outcome is Outcome.SUCCESS
 
 
+# A corridor of .8 m, in which a Go2 of .7 m cannot turn, closed at x = 11.
+LANE = [(6, 5.4, 11, 5.4), (11, 5.4, 11, 4.6), (11, 4.6, 6, 4.6)]
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_lme_plus_leaves_a_dead_end_in_which_a_long_robot_cannot_turn(seed):
+    there = Pose(10.4, 5.0, 0.0), (2.0, 6.0)
+    outcome, _ = driven("go2", HALL + LANE, *there, seed, time_limit=90.0)
+    assert outcome is Outcome.SUCCESS
+
+
 @pytest.mark.parametrize("name", ["jackal", "turtlebot2"])
 def test_a_target_behind_costs_one_turn(name):
     outcome, turned = driven(name, ROOM, Pose(30.0, 15.0, np.pi), (34.5, 15.0))

@@ -1,0 +1,152 @@
+"""Strokes that lead a robot out of a place in which it cannot turn: a search in x, y and heading."""
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from lme.types import Floats
+
+STROKE = 0.025  # [m] forwards or back in one step
+_HEADINGS = 96  # in a full turn
+TURN = 2.0 * math.pi / _HEADINGS  # [rad] in one step
+_STEPS = ((1, 0), (-1, 0), (0, 1), (0, -1))
+_CELL = 0.02  # [m] places in the same cell, with the same heading, count as one
+_FAR = 75  # cells from the robot on each side that are searched
+_MOST = 150_000  # poses that are searched
+_THERE = 0.2  # [m]
+_ROUNDING = 1e-6  # [m]
+
+
+@njit(cache=True, error_model="numpy")
+def way_out(
+    points: Floats,
+    box: tuple[float, float, float],
+    margin: float,
+    room: float,
+    along: Floats,
+    backwards: bool,
+) -> tuple[NDArray[np.int8], bool]:
+    """The fewest steps to where all points are at least `room` [m] from the robot's centre: (K, 2); and True.
+
+    A step is a row: 1, forwards by `STROKE`, or −1, back, or 0; and 1, to the left by `TURN`, or −1, to the right, or
+    0. points (M, 2): in the robot frame [m]; box: footprint (half_length, half_width, rounding) [m], which keeps
+    `margin` [m]; a point that is nearer must just not come any nearer. backwards: whether the robot can drive back. If
+    no such place is found, the steps lead to `_THERE` from the place `along` (2,) [m], with False; none, if none do.
+    """
+    wide = 2 * _FAR + 1
+    seen = np.zeros((wide, wide, _HEADINGS), np.bool_)
+    poses, steps, before = np.zeros((_MOST, 3)), np.zeros((_MOST, 2), np.int8), np.zeros(_MOST, np.int64)
+    near = _nearest_first(points, _FAR * _CELL + room)
+    kept = _kept(near, box, margin)
+    if _has_room(near, poses[0], room):
+        return steps[:0], True
+    seen[_FAR, _FAR, 0] = True
+    head, count, there = 0, 1, 0
+    while head < count < _MOST - len(_STEPS):
+        for k in range(-1, len(_STEPS)):  # first the step that led here, so that the strokes are few
+            ahead, turn = _STEPS[k] if k >= 0 else (steps[head, 0], steps[head, 1])
+            if ahead == turn == 0 or (ahead < 0 and not backwards):
+                continue
+            yaw = poses[head, 2] + turn * TURN
+            x = poses[head, 0] + ahead * STROKE * math.cos(yaw)
+            y = poses[head, 1] + ahead * STROKE * math.sin(yaw)
+            i, j = math.floor(x / _CELL + 0.5) + _FAR, math.floor(y / _CELL + 0.5) + _FAR
+            heading = math.floor(yaw / TURN + 0.5) % _HEADINGS
+            if not (0 <= i < wide and 0 <= j < wide) or seen[i, j, heading]:
+                continue
+            poses[count, 0], poses[count, 1], poses[count, 2] = x, y, yaw
+            if not _keeps(near, kept, poses[count], box):
+                continue
+            seen[i, j, heading] = True
+            steps[count, 0], steps[count, 1], before[count] = ahead, turn, head
+            if _has_room(near, poses[count], room):
+                return _from_start(steps, before, count), True
+            if there == 0 and (x - along[0]) ** 2 + (y - along[1]) ** 2 < _THERE * _THERE:
+                there = count
+            count += 1
+        head += 1
+    return _from_start(steps, before, there), False
+
+
+def poses_after(steps: NDArray[np.int8]) -> Floats:
+    """x, y [m] and yaw [rad] after each of the steps (K, 2) from the origin: (K, 3)."""
+    yaw = TURN * np.cumsum(steps[:, 1])
+    ahead = STROKE * steps[:, 0]
+    return np.column_stack((np.cumsum(ahead * np.cos(yaw)), np.cumsum(ahead * np.sin(yaw)), yaw))
+
+
+@njit(cache=True, error_model="numpy")
+def keeps_on_stroke(
+    points: Floats, box: tuple[float, float, float], margin: float, ahead: float, turn: float
+) -> bool:
+    """Whether points (M, 2) keep `margin` as in `way_out`, while the robot drives `ahead` [m] or turns [rad]."""
+    kept = _kept(points, box, margin)
+    number = max(math.ceil(abs(ahead) / STROKE), math.ceil(abs(turn) / TURN))
+    pose = np.zeros(3)
+    for k in range(1, number + 1):
+        pose[0], pose[2] = ahead * k / number, turn * k / number
+        if not _keeps(points, kept, pose, box):
+            return False
+    return True
+
+
+@njit(cache=True, error_model="numpy")
+def _nearest_first(points, reach):
+    """The points within reach of the origin, sorted by distance: a near one ends the search of `_keeps` early."""
+    squares = points[:, 0] ** 2 + points[:, 1] ** 2
+    order = np.argsort(squares)
+    return points[order[: np.searchsorted(squares[order], reach * reach)]]
+
+
+@njit(cache=True, error_model="numpy")
+def _kept(points, box, margin):
+    """The distance that each point keeps from the footprint: the margin, or less if it is nearer now [m]."""
+    kept = np.empty(len(points))
+    for m in range(len(points)):
+        kept[m] = min(margin, _distance(points[m, 0], points[m, 1], box) - _ROUNDING)
+    return kept
+
+
+@njit(cache=True, error_model="numpy")
+def _keeps(points, kept, pose, box):
+    """Whether all points are as far from the footprint at a pose as they have to be."""
+    cos, sin = math.cos(pose[2]), math.sin(pose[2])
+    for m in range(len(points)):
+        x, y = points[m, 0] - pose[0], points[m, 1] - pose[1]
+        if _distance(cos * x + sin * y, cos * y - sin * x, box) < kept[m]:
+            return False
+    return True
+
+
+@njit(cache=True, error_model="numpy")
+def _distance(x, y, box):
+    """Distance of a point in the robot frame from the footprint, negative inside [m]."""
+    ahead, aside = abs(x) - box[0], abs(y) - box[1]
+    if ahead > 0.0 and aside > 0.0:
+        return math.sqrt(ahead * ahead + aside * aside) - box[2]
+    return max(ahead, aside) - box[2]
+
+
+@njit(cache=True, error_model="numpy")
+def _has_room(points, pose, room):
+    """Whether no point is nearer than `room` to a pose."""
+    for m in range(len(points)):
+        x, y = points[m, 0] - pose[0], points[m, 1] - pose[1]
+        if x * x + y * y < room * room:
+            return False
+    return True
+
+
+@njit(cache=True, error_model="numpy")
+def _from_start(steps, before, last):
+    """The steps that lead from the first pose to the last one."""
+    count, at = 0, last
+    while at > 0:
+        count, at = count + 1, before[at]
+    way, at = np.empty((count, 2), np.int8), last
+    while at > 0:
+        count -= 1
+        way[count], at = steps[at], before[at]
+    return way

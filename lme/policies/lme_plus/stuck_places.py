@@ -1,0 +1,47 @@
+"""Places before which the robot was stuck, which take longer from then on."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lme.types import Floats
+
+_AFTER = 2.0  # [s] before a place in all, from which it counts
+_SAME = 0.5  # [m] between two places that count as one
+_RADIUS = 0.3  # [m] around a place, where the way takes longer
+
+
+class StuckPlaces:
+    """Places on the fastest way in front of which no candidate could be reached, in the carried frame.
+
+    A body that is longer than wide may not get where a disc of its inner radius can. So expected times do not know of
+    such places until it has tried. The way through one takes longer by as long as the robot was stuck before it, times
+    `cost`. So it takes another way at some time, however much longer that is.
+
+    rows: (S, 6) x, y, velocity 0, radius [m], and time per metre [s/m], as `kernels.travel_time` takes people.
+    """
+
+    def __init__(self, dt: float, cost: float) -> None:
+        """dt: control period [s]."""
+        self._dt = dt
+        self._cost = cost
+        self.forget()
+
+    def forget(self) -> None:
+        """Forget all places, for another target."""
+        self._places, self._waited = np.empty((0, 2)), np.empty(0)  # [m], and how long before each [s]
+        self.rows: Floats = np.empty((0, 6))
+
+    def wait(self, place: Floats) -> None:
+        """Count one control period that the robot is stuck before a place (2,) [m]."""
+        known = np.flatnonzero(np.hypot(*(self._places - place).T) < _SAME)
+        if len(known):
+            self._waited[known[0]] += self._dt
+        else:
+            self._places = np.vstack((self._places, place))
+            self._waited = np.append(self._waited, self._dt)
+        stuck = self._waited > _AFTER
+        slower = self._cost * self._waited[stuck] / (2.0 * _RADIUS)
+        self.rows = np.column_stack(
+            (self._places[stuck], np.zeros((len(slower), 2)), np.full(len(slower), _RADIUS), slower)
+        )
