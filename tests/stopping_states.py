@@ -120,7 +120,8 @@ def _beside(rng, robot, number):
 def _asked(planner, rng, robot, now):
     turn, far = rng.uniform(-math.pi, math.pi), rng.uniform(0.1, 4.0)
     subgoal = far * np.array([math.cos(turn), math.sin(turn)])
-    guidance = Guidance(subgoal, points=now.points, blocked=bool(rng.random() < 0.2))
+    way = np.outer([-0.4, -0.8, -1.2], subgoal / far)
+    guidance = Guidance(subgoal, points=now.points, blocked=bool(rng.random() < 0.2), way=way)
     return planner.plan(observation(twist=now.twist, robot=robot), guidance)
 
 

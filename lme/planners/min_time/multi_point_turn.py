@@ -15,10 +15,10 @@ from lme.types import Floats, Limits, Twist
 
 _CLOSE = 0.4  # share of the margin that is kept
 _ROOM = 2.0  # times the margin that the circle around the robot needs to turn on the spot
-_SPEED = 0.25  # share of v_max
-_RATE = 0.5  # share of omega_max
-_DONE = 1e-3  # [m, rad] with less than this left, a stroke is over
-_AT_REST = 1e-3  # [m/s, rad/s]
+_SPEED, _MOST_SPEED = 0.25, 0.2  # share of v_max, at most [m/s]
+_RATE, _MOST_RATE = 0.5, 0.5  # share of omega_max, at most [rad/s]
+_DONE = 0.005  # [m, rad] with less than this left, a stroke is over
+_AT_REST = 0.02  # [m/s, rad/s] slower than this the robot rests, as far as its odometry tells
 _NOWHERE = np.full(2, np.inf)
 _ALONG = 1  # which place on the way it goes to where there is no room
 
@@ -78,7 +78,7 @@ class MultiPointTurn:
 
     def _is_free(self, points: Floats) -> bool:
         """Whether what is left of the stroke is free."""
-        (ahead, turn), left = self._strokes[0], self._left[0]
+        (ahead, turn), left = self._strokes[0], max(self._left[0], 0.0)
         return bool(keeps_on_stroke(points, self._box, self._close, ahead * left, turn * left))
 
     def _find(self, points: Floats, way: Floats, limits: Limits) -> None:
@@ -98,9 +98,11 @@ class MultiPointTurn:
     def _along(self, now: Twist, limits: Limits) -> Twist:
         """The command on the stroke, so that the robot stands at its end."""
         (ahead, turn), left = self._strokes[0], self._left[0]
-        speed = min(_SPEED * limits.v_max, -limits.lowest) if ahead < 0 else _SPEED * limits.v_max
+        left = left if left > _DONE else 0.0  # who has overshot does not come back
+        speed, rate = min(_SPEED * limits.v_max, _MOST_SPEED), min(_RATE * limits.omega_max, _MOST_RATE)
+        speed = min(speed, -limits.lowest) if ahead < 0 else speed
         v = approach(ahead * left, now.v, speed, limits.alpha_v, self._dt)
-        omega = approach(turn * left, now.omega, _RATE * limits.omega_max, limits.alpha_omega, self._dt)
+        omega = approach(turn * left, now.omega, rate, limits.alpha_omega, self._dt)
         return Twist(v, omega)
 
 

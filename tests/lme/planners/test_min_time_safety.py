@@ -11,7 +11,8 @@ from tests.stopping_states import random_steps
 
 
 def made(robot, latency=0.0, lag=0.0):
-    return MinTime(MinTimeConfig(latency=latency, lag=lag), robot)
+    """It makes multi-point turns as soon as the guide is blocked."""
+    return MinTime(MinTimeConfig(latency=latency, lag=lag, multi_point=1e-6), robot)
 
 
 @settings(max_examples=40)

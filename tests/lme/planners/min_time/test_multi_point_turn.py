@@ -25,19 +25,25 @@ def turn(after=AFTER):
     return MultiPointTurn(LONG, DT, after, MARGIN)
 
 
-def follow(points, way, steps=400, limits=LIMITS, appears=None):
-    """Commands from being stuck until no turn is under way, and all poses; `appears`: points from step 40 on."""
+def follow(points, way, steps=400, limits=LIMITS, appears=None, lag=0.0, noise=0.0):
+    """Commands from being stuck until no turn is under way, and all poses.
+
+    appears: points from step 40 on. lag: unknown time constant of the drive [s]; noise: of the odometry [m/s, rad/s].
+    """
+    rng, share = np.random.default_rng(0), 1.0 - math.exp(-DT / lag) if lag else 1.0
     made, pose, twist = turn(), Pose(0.0, 0.0, 0.0), STILL
     commands, poses = [], []
     for k in range(steps):
         points = np.concatenate((points, appears)) if k == 40 and appears is not None else points
         on = way[np.hypot(*(way - pose[:2]).T).argmin() :]  # a guide's way begins at the robot
-        command = made.command(True, to_robot(points, pose), to_robot(on, pose), twist, limits)
+        odometry = Twist(*rng.normal(twist, noise))
+        command = made.command(True, to_robot(points, pose), to_robot(on, pose), odometry, limits)
         if command is None and commands:
             break
         if command is not None:
             commands.append(reachable(*command, twist, limits, DT))
-            driven, twist = drive(pose, twist, commands[-1], limits.bounds, DT, 0.01, LONG.r_max)
+            reached = np.add(twist, share * np.subtract(commands[-1], twist))
+            driven, twist = drive(pose, twist, (*reached,), limits.bounds, DT, 0.01, LONG.r_max)
             poses.extend(driven)
             pose, twist = Pose(*driven[-1].tolist()), Twist(*twist)
     return commands, np.array(poses)
@@ -63,6 +69,15 @@ def test_where_no_room_is_near_the_robot_goes_back_along_the_way_until_there_is(
     assert not touches(poses, points)
     assert poses[-1, 0] < -4.0
     assert abs(math.remainder(poses[-1, 2] - math.pi, 2.0 * math.pi)) < 0.1
+
+
+@pytest.mark.parametrize(("lag", "noise"), [(0.2, 0.0), (0.5, 0.0), (0.0, 0.005), (0.2, 0.005)])
+def test_strokes_end_though_the_drive_lags_behind_and_its_odometry_is_noisy(lag, noise):
+    exact, _ = follow(dead_end(0.6), BACK)
+    commands, poses = follow(dead_end(0.6), BACK, lag=lag, noise=noise)
+    assert len(commands) < 2 * len(exact)
+    assert not touches(poses, dead_end(0.6))
+    assert abs(math.remainder(poses[-1, 2] - math.pi, 2.0 * math.pi)) < 0.3
 
 
 def test_a_point_that_turns_up_on_a_stroke_changes_the_way():
