@@ -13,10 +13,10 @@ _HEADINGS = 96  # in a full turn
 TURN = 2.0 * math.pi / _HEADINGS  # [rad] in one step
 _STEPS = ((1, 0), (-1, 0), (0, 1), (0, -1))
 _CELL = 0.02  # [m] places in the same cell, with the same heading, count as one
-_FAR = 75  # cells from the robot on each side that are searched
+_FAR = 75  # cells around the robot that are searched
 _MOST = 150_000  # poses that are searched
-_THERE = 0.2  # [m]
-_ROUNDING = 1e-6  # [m]
+_THERE = 0.2  # [m] from a place that is to be reached
+_ROUNDING = 1e-6  # [m] by which rounding may bring a point nearer
 
 
 @njit(cache=True, error_model="numpy")
@@ -25,23 +25,24 @@ def way_out(
     box: tuple[float, float, float],
     margin: float,
     room: float,
-    along: Floats,
+    place: Floats,
     backwards: bool,
 ) -> tuple[NDArray[np.int8], bool]:
-    """The fewest steps to where all points are at least `room` [m] from the robot's centre: (K, 2); and True.
+    """A few steps to where all points are at least `room` [m] from the robot's centre: (K, 2); and True.
 
     A step is a row: 1, forwards by `STROKE`, or −1, back, or 0; and 1, to the left by `TURN`, or −1, to the right, or
     0. points (M, 2): in the robot frame [m]; box: footprint (half_length, half_width, rounding) [m], which keeps
-    `margin` [m]; a point that is nearer must just not come any nearer. backwards: whether the robot can drive back. If
-    no such place is found, the steps lead to `_THERE` from the place `along` (2,) [m], with False; none, if none do.
+    `margin` [m]; a point that is nearer must just not come any nearer. backwards: whether the robot can drive back. The
+    search is breadth-first, up to 1.5 m from the robot and in `_MOST` poses. If it finds no such place, the steps lead
+    to `_THERE` from the `place` (2,) [m], with False; none, if none do.
     """
-    wide = 2 * _FAR + 1
+    r_max = math.hypot(box[0], box[1]) + box[2]
+    near = _nearest_first(points, (_FAR + 1) * _CELL + max(room, r_max + margin))
+    if _has_room(near, np.zeros(3), room):
+        return np.empty((0, 2), np.int8), True
+    kept, wide = _kept(near, box, margin), 2 * _FAR + 1
     seen = np.zeros((wide, wide, _HEADINGS), np.bool_)
     poses, steps, before = np.zeros((_MOST, 3)), np.zeros((_MOST, 2), np.int8), np.zeros(_MOST, np.int64)
-    near = _nearest_first(points, _FAR * _CELL + room)
-    kept = _kept(near, box, margin)
-    if _has_room(near, poses[0], room):
-        return steps[:0], True
     seen[_FAR, _FAR, 0] = True
     head, count, there = 0, 1, 0
     while head < count < _MOST - len(_STEPS):
@@ -52,18 +53,18 @@ def way_out(
             yaw = poses[head, 2] + turn * TURN
             x = poses[head, 0] + ahead * STROKE * math.cos(yaw)
             y = poses[head, 1] + ahead * STROKE * math.sin(yaw)
-            i, j = math.floor(x / _CELL + 0.5) + _FAR, math.floor(y / _CELL + 0.5) + _FAR
-            heading = math.floor(yaw / TURN + 0.5) % _HEADINGS
-            if not (0 <= i < wide and 0 <= j < wide) or seen[i, j, heading]:
+            i, j = math.floor(x / _CELL + 0.5), math.floor(y / _CELL + 0.5)
+            cell = i + _FAR, j + _FAR, math.floor(yaw / TURN + 0.5) % _HEADINGS
+            if i * i + j * j > _FAR * _FAR or seen[cell]:
                 continue
             poses[count, 0], poses[count, 1], poses[count, 2] = x, y, yaw
             if not _keeps(near, kept, poses[count], box):
                 continue
-            seen[i, j, heading] = True
+            seen[cell] = True
             steps[count, 0], steps[count, 1], before[count] = ahead, turn, head
             if _has_room(near, poses[count], room):
                 return _from_start(steps, before, count), True
-            if there == 0 and (x - along[0]) ** 2 + (y - along[1]) ** 2 < _THERE * _THERE:
+            if there == 0 and (x - place[0]) ** 2 + (y - place[1]) ** 2 < _THERE * _THERE:
                 there = count
             count += 1
         head += 1

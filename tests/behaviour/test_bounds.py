@@ -6,7 +6,7 @@ import pytest
 
 from lme.errors import InputError
 from lme.planners.dwa import DwaConfig
-from lme.planners.min_time.planner import MinTimeConfig
+from lme.planners.min_time.config import MinTimeConfig
 from lme.planners.mppi.config import MppiConfig
 from lme.planners.ros_dwa.trajectories import TrajectoriesConfig
 from lme.planners.teb.config import TebConfig

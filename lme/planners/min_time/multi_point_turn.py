@@ -8,6 +8,7 @@ from collections import deque
 
 import numpy as np
 
+from lme.geometry.angles import wrap_angle
 from lme.kernels.way_out import STROKE, TURN, keeps_on_stroke, poses_after, way_out
 from lme.planners.commands import approach
 from lme.robots import Footprint
@@ -17,64 +18,91 @@ _CLOSE = 0.4  # share of the margin that is kept
 _ROOM = 2.0  # times the margin that the circle around the robot needs to turn on the spot
 _SPEED, _MOST_SPEED = 0.25, 0.2  # share of v_max, at most [m/s]
 _RATE, _MOST_RATE = 0.5, 0.5  # share of omega_max, at most [rad/s]
-_DONE = 0.005  # [m, rad] with less than this left, a stroke is over
-_AT_REST = 0.02  # [m/s, rad/s] slower than this the robot rests, as far as its odometry tells
+_LEAST_BACK = 0.05  # [m/s] who can only drive back slower is taken not to drive back
+_DONE = 0.01  # [m, rad] with less than this left, a stroke is over
+_RESTS = 0.05  # [m/s, rad/s] slower than this the robot stands, as far as its odometry tells
+_BRAKING = 1.0  # [s] after which it is taken to stand, whatever its odometry tells
+_LATE, _LATER = 5.0, 2.0  # a stroke is given up after this times its duration, and [s] more
+_PLACE = 1  # which place on the fastest way it goes to where there is no room
 _NOWHERE = np.full(2, np.inf)
-_ALONG = 1  # which place on the way it goes to where there is no room
+_STILL = Twist(0.0, 0.0)
 
 
 class MultiPointTurn:
-    """Leads a robot that has had no free way for some time to a place in which it can turn on the spot, and turns it.
+    """Leads a robot that has had no free way for some time to a place with room to turn on the spot, and turns it.
 
     A body that is longer than wide gets by arcs into places that it can leave only by strokes. A search in x, y and
-    heading finds the fewest steps to a place with room (`way_out`), and the strokes are driven one after the other.
-    There the robot turns to the fastest way on. Without a place with room near it, it goes back along the fastest way
-    until there is one. A new search is made where a point turns up on a stroke.
+    heading finds a few steps to a place with room (`way_out`), and the strokes are driven one after the other, to the
+    end. There the robot turns to the fastest way. Without a place with room near it, it goes to a place on the fastest
+    way, forwards or back, and searches again; so it does where a point turns up on a stroke. A stroke that takes far
+    too long, as of a robot that does not move, ends the turn. With a known delay, progress is that of the commands.
     """
 
     def __init__(self, footprint: Footprint, dt: float, after: float, margin: float) -> None:
-        """after: for how long there is no free way [s], 0: never; margin: to obstacle points [m]."""
+        """dt: control period [s]; after: for how long there is no free way [s], 0: never; margin: to points [m]."""
         self._dt = dt
         self._after = after
         self._box = footprint.box
         self._close = _CLOSE * margin
         self._room = footprint.r_max + _ROOM * margin
         self.reset()
+        self._load()
 
     def reset(self) -> None:
         """Forget for how long there was no free way, and the strokes."""
         self._blocked_for = 0.0  # [s] longer than not
-        self._before = Twist(0.0, 0.0)
+        self._before = _STILL
+        self._braking = 0.0  # [s] for which it was to stand
         self._strokes: deque[tuple[int, int]] = deque()  # signs of v and ω, one of them 0
         self._left: deque[float] = deque()  # of each stroke [m, rad]
+        self._time_left = 0.0  # [s] of the first stroke
         self._goes_on = False  # there is no room at the end of the strokes
 
     def command(self, blocked: bool, points: Floats, way: Floats, now: Twist, limits: Limits) -> Twist | None:
         """Advance one period, in which the guide found no free way or did; None: no turn is under way.
 
-        points (M, 2): obstacles; way (K, 2): places on the fastest way, in the robot frame [m]; now: the twist.
+        points (M, 2): obstacles; way (K, 2): places on the fastest way, in the robot frame [m]; now: the twist [m/s,
+        rad/s]. While the robot comes to rest, the command is zero.
         """
-        self._count(now)
+        self._count(now, limits)
         if not self._strokes:
             self._blocked_for = max(self._blocked_for + (self._dt if blocked else -self._dt), 0.0)
-            if not self._goes_on and not self._blocked_for > self._after > 0.0:
+            begins = self._after > 0.0 and self._blocked_for > self._after
+            if not begins and not self._goes_on:
                 return None
         if not self._strokes or not self._is_free(points):
-            if not _rests(now):
-                return Twist(0.0, 0.0)
+            if not self._stands(now):
+                return _STILL
             self._find(points, way, limits)
-        return self._along(now, limits) if self._strokes else None
+        return self._on_stroke(now, limits) if self._strokes else None
 
-    def _count(self, now: Twist) -> None:
+    def _count(self, now: Twist, limits: Limits) -> None:
         """Subtract what was driven in the last period; the next stroke begins when the robot has come to rest."""
         before, self._before = self._before, now
+        if not self._strokes:
+            return
+        ahead, turn = self._strokes[0]
+        driven = ahead * (before.v + now.v) + turn * (before.omega + now.omega)
+        self._left[0] -= 0.5 * driven * self._dt
+        self._time_left -= self._dt
+        if self._left[0] < _DONE and self._stands(now):
+            self._strokes.popleft()
+            self._left.popleft()
+            self._begin(limits)
+        elif self._time_left < 0.0:
+            self.reset()
+
+    def _stands(self, now: Twist) -> bool:
+        """Whether the robot, which is to stand, does."""
+        self._braking += self._dt
+        return max(abs(now.v), abs(now.omega)) < _RESTS or self._braking > _BRAKING
+
+    def _begin(self, limits: Limits) -> None:
+        """Begin with the first stroke that is left, if one is."""
+        self._braking = 0.0
         if self._strokes:
-            ahead, turn = self._strokes[0]
-            driven = ahead * (before.v + now.v) + turn * (before.omega + now.omega)
-            self._left[0] -= 0.5 * driven * self._dt
-            if self._left[0] < _DONE and _rests(now):
-                self._strokes.popleft()
-                self._left.popleft()
+            rate = _rates(limits)[0 if self._strokes[0][0] else 1]
+            self._time_left = _LATE * self._left[0] / rate + _LATER
 
     def _is_free(self, points: Floats) -> bool:
         """Whether what is left of the stroke is free."""
@@ -84,8 +112,9 @@ class MultiPointTurn:
     def _find(self, points: Floats, way: Floats, limits: Limits) -> None:
         """Look for strokes from where the robot stands."""
         self.reset()
-        along = way[min(_ALONG, len(way) - 1)] if len(way) else _NOWHERE
-        steps, room = way_out(points, self._box, self._close, self._room, along, limits.lowest < 0.0)
+        place = way[min(_PLACE, len(way) - 1)] if len(way) else _NOWHERE
+        backwards = limits.lowest <= -_LEAST_BACK
+        steps, room = way_out(points, self._box, self._close, self._room, place, backwards)
         for (ahead, turn), same in itertools.groupby(map(tuple, steps.tolist())):
             self._strokes.append((ahead, turn))
             self._left.append(len(list(same)) * (STROKE if ahead else TURN))
@@ -94,24 +123,29 @@ class MultiPointTurn:
             angle = _turn_to(way, poses_after(steps)[-1])
             self._strokes.append((0, 1 if angle > 0.0 else -1))
             self._left.append(abs(angle))
+        self._begin(limits)
 
-    def _along(self, now: Twist, limits: Limits) -> Twist:
+    def _on_stroke(self, now: Twist, limits: Limits) -> Twist:
         """The command on the stroke, so that the robot stands at its end."""
-        (ahead, turn), left = self._strokes[0], self._left[0]
-        left = left if left > _DONE else 0.0  # who has overshot does not come back
-        speed, rate = min(_SPEED * limits.v_max, _MOST_SPEED), min(_RATE * limits.omega_max, _MOST_RATE)
-        speed = min(speed, -limits.lowest) if ahead < 0 else speed
+        (ahead, turn), (speed, rate) = self._strokes[0], _rates(limits)
+        left = self._left[0] if self._left[0] > _DONE else 0.0  # who has overshot does not come back
         v = approach(ahead * left, now.v, speed, limits.alpha_v, self._dt)
-        omega = approach(turn * left, now.omega, rate, limits.alpha_omega, self._dt)
-        return Twist(v, omega)
+        return Twist(v, approach(turn * left, now.omega, rate, limits.alpha_omega, self._dt))
+
+    def _load(self) -> None:
+        """Load the compiled search now: a robot that is stuck should not have to wait for it."""
+        point = np.array([[self._room, 0.0]])
+        way_out(0.99 * point, self._box, self._close, self._room, _NOWHERE, True)
+        keeps_on_stroke(point, self._box, self._close, STROKE, 0.0)
+
+
+def _rates(limits: Limits) -> tuple[float, float]:
+    """Speed [m/s] and turn rate [rad/s] on strokes; the planner limits both by what the robot can do."""
+    return min(_SPEED * limits.v_max, _MOST_SPEED), min(_RATE * limits.omega_max, _MOST_RATE)
 
 
 def _turn_to(way: Floats, pose: Floats) -> float:
     """How far a robot at the pose (3,) has to turn to look along the way (K, 2) [rad]."""
     nearest = int(np.hypot(*(way - pose[:2]).T).argmin())
     x, y = way[min(nearest + 1, len(way) - 1)] - pose[:2]
-    return math.remainder(math.atan2(y, x) - pose[2], 2.0 * math.pi)
-
-
-def _rests(now: Twist) -> bool:
-    return max(abs(now.v), abs(now.omega)) < _AT_REST
+    return wrap_angle(math.atan2(y, x) - float(pose[2]))

@@ -3,25 +3,18 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lme.errors import require
 from lme.geometry.frames import to_robot
 from lme.kernels.arcs import first_contacts
 from lme.kernels.motion import drive
 from lme.kernels.movers import WIDEST, movers_among
 from lme.kernels.straight_ways import KEPT
-from lme.planners.commands import (
-    MOST_SAMPLES,
-    check_turn_samples,
-    reachable,
-    turn_shares,
-    without_tiny_rates,
-)
+from lme.planners.commands import reachable, turn_shares, without_tiny_rates
+from lme.planners.min_time.config import MinTimeConfig
 from lme.planners.min_time.kernels import best_command, best_twist, tried
 from lme.planners.min_time.lag import Lag
 from lme.planners.min_time.multi_point_turn import MultiPointTurn
@@ -41,41 +34,14 @@ _PATIENCE = 1.0  # [s] of slow driving, in which it may turn out of a narrow pla
 _SLOW = 0.05  # [s] extra cost of a command of speed 0 over one of v_max
 
 
-@dataclass(slots=True)
-class MinTimeConfig:
-    """Estimate of the time to the subgoal, safety, and sampling of the commands."""
-
-    horizon: float = 0.5  # [s] a command is held for up to this time
-    turn: float = 0.5  # [s/rad] expected time to turn to the subgoal after that
-    margin: float = 0.05  # [m] distance to obstacle points at rest
-    margin_time: float = 0.1  # [s] further distance per speed of the outline
-    brake: float = 3.0  # [m/s²] deceleration that the robot can rely on, at most its limit
-    grip: float = 1.0  # [m/s²] greatest v·|ω|, the lateral acceleration
-    calm: float = 10.0  # [rad/s²] greatest turn acceleration, but near obstacles and where people move
-    near: float = 0.15  # [m] distance to obstacle points at which it uses all that the robot has
-    back: float = 0.3  # [m] distance that a stuck robot backs up at least; 0: never
-    multi_point: float = 2.0  # [s] without a free way after which it makes a multi-point turn; 0: never
-    latency: float = 0.0  # [s] known delay from a command to its effect
-    lag: float = 0.0  # [s] known time constant with which the velocity then approaches the command
-    v_samples: int = 7
-    omega_samples: int = 15  # odd, so that one of them is in the middle
-
-    def __post_init__(self) -> None:
-        for key in ("turn", "margin", "margin_time", "near", "back", "multi_point", "latency", "lag"):
-            require(f"planner.{key}", getattr(self, key), at_least=0.0)
-        for key in ("horizon", "brake", "grip", "calm"):
-            require(f"planner.{key}", getattr(self, key), above=0.0)
-        require("planner.v_samples", self.v_samples, at_least=2, at_most=MOST_SAMPLES)
-        check_turn_samples(self.omega_samples)
-
-
 class _Situation(NamedTuple):
-    """What a command is chosen for: subgoal (2,), points (M, 2) and movers (P, 5) in the robot frame, and twist."""
+    """What a command is chosen for: subgoal (2,), points (M, 2), movers (P, 5) and way (K, 2) in the robot frame."""
 
     subgoal: Floats
     points: Floats
     movers: Floats
     twist: Twist
+    way: Floats | None
 
 
 class MinTime:
@@ -128,13 +94,14 @@ class MinTime:
         return command
 
     def _multi_point_turn(self, guidance: Guidance, now: _Situation, limits: Limits) -> Twist | None:
-        """The command of a multi-point turn, if the guide knows what is around the robot and nobody moves near it."""
-        if guidance.points is None or guidance.way is None or len(now.movers):
+        """The command of a multi-point turn, if the guide knows points and the way, and nobody is in sight."""
+        if guidance.points is None or now.way is None or len(now.movers):
             self._turn.reset()
             return None
-        command = self._turn.command(guidance.blocked, now.points, guidance.way, now.twist, limits)
+        command = self._turn.command(guidance.blocked, now.points, now.way, now.twist, limits)
         if command is not None:
-            self._left_to_back_up = 0.0
+            self._left_to_back_up = self._slow_for = 0.0
+            self._backed_up += self._robot.dt
         return command
 
     def _wanted(self, guidance: Guidance, now: _Situation, limits: Limits, may_back: bool) -> Twist:
@@ -171,7 +138,7 @@ class MinTime:
     def _here(self, observation: Observation, guidance: Guidance) -> _Situation:
         """The situation now."""
         twist = without_tiny_rates(observation.twist)
-        return _Situation(guidance.subgoal, *self._obstacles(observation, guidance), twist)
+        return _Situation(guidance.subgoal, *self._obstacles(observation, guidance), twist, guidance.way)
 
     def _ahead(self, here: _Situation, limits: Limits) -> _Situation:
         """The situation in which the next command takes effect."""
@@ -192,7 +159,8 @@ class MinTime:
         movers, latency = now.movers.copy(), self._config.latency
         movers[:, :2] = to_robot(movers[:, :2] + latency * movers[:, 2:4], pose)
         movers[:, 2:4] = to_robot(movers[:, 2:4], Pose(0.0, 0.0, pose.yaw))
-        return _Situation(to_robot(now.subgoal, pose), to_robot(now.points, pose), movers, twist)
+        way = None if now.way is None else to_robot(now.way, pose)
+        return _Situation(to_robot(now.subgoal, pose), to_robot(now.points, pose), movers, twist, way)
 
     def _predict(self, now: Twist, limits: Limits) -> tuple[Pose, Twist]:
         """Pose in the current robot frame and twist when the next command takes effect."""
@@ -213,7 +181,7 @@ class MinTime:
         return wide if any(wide) else self._best(now, limits, _TIGHT)
 
     def weighed(self, observation: Observation, guidance: Guidance) -> Weighed:
-        """See `lme.planners.weighed`: every arc with its expected time, but for backing up."""
+        """See `lme.planners.weighed`: every arc with its expected time, but for backing up and multi-point turns."""
         limits = observation.limits
         now = self._ahead(self._here(observation, guidance), limits)
         share = 1.0 if any(self._best(now, limits, 1.0)) else _TIGHT
@@ -240,7 +208,7 @@ class MinTime:
     def _given(self, situation: _Situation, limits: Limits, share: float) -> tuple[Any, ...]:
         """What `best_command` takes, but for the shares: its `Window`, `Estimate` and `Safety` in plain tuples."""
         config, dt = self._config, self._robot.dt
-        subgoal, points, movers, now = situation
+        subgoal, points, movers, now, _ = situation
         least, most = self._lag.reach(now, limits)
         window = (*now,), (*least,), (*most,), limits.bounds[2:], config.calm, config.near, self._asked
         estimate = limits.v_max, config.turn, dt, max(config.horizon, dt), _SLOW

@@ -28,6 +28,7 @@ _NONE = np.empty((0, 2))
 _BEFORE = 1.0  # [m] ahead of the robot, where it tries a narrow passage
 _TRIED = 10.0  # [s] before narrow passages, after which they are expected to take twice as long
 _MOST = 5.0  # times that this is done
+_STANDS = 0.05  # [m/s] slower than this the robot stands
 _SAME_TARGET = 0.1  # [m] by which the target may move before times are found anew
 
 
@@ -42,9 +43,7 @@ class EscaperPlusConfig:
     margin: float = 0.08  # [m] distance of a straight way's sides and front to obstacle points
     turn_margin: float = 0.08  # [m] distance of the outline in a turn
     every: int = 3  # decisions with the same expected times, if nobody is near and the target does not move
-    stuck: float = (
-        10.0  # [-] times as long as the robot was stuck before a place, the way through it takes longer
-    )
+    stuck: float = 10.0  # [-] times as long as it was stuck before a place, the way through takes longer
 
     def __post_init__(self) -> None:
         require("guide.margin", self.margin, at_least=0.0)
@@ -89,8 +88,9 @@ class LocalMinimumEscaperPlus:
         self._memory.see(observation)
         self.sight, way = self._look(observation)
         self._last = step = self._step(observation, self.sight, way)
-        if step.decision.blocked and not len(self._memory.people):
-            self._stuck.wait(to_world(way[0], self.sight.pose) if len(way) else np.array(self.sight.pose[:2]))
+        stands = abs(observation.twist.v) < _STANDS
+        if step.decision.blocked and stands and len(way) and not len(self._memory.people):
+            self._stuck.wait(to_world(way[0], self.sight.pose))
         return step.decision, self.sight.points, way
 
     def explanation(self) -> Explanation | None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from lme.policies.distance import distances_to
 from lme.types import Floats
 
 _AFTER = 2.0  # [s] before a place in all, from which it counts
@@ -18,7 +19,7 @@ class StuckPlaces:
     such places until it has tried. The way through one takes longer by as long as the robot was stuck before it, times
     `cost`. So it takes another way at some time, however much longer that is.
 
-    rows: (S, 6) x, y, velocity 0, radius [m], and time per metre [s/m], as `kernels.travel_time` takes people.
+    rows: (S, 6) x, y [m], velocity 0, radius [m] and time per metre [s/m], as `kernels.travel_time` takes people.
     """
 
     def __init__(self, dt: float, cost: float) -> None:
@@ -34,9 +35,11 @@ class StuckPlaces:
 
     def wait(self, place: Floats) -> None:
         """Count one control period that the robot is stuck before a place (2,) [m]."""
-        known = np.flatnonzero(np.hypot(*(self._places - place).T) < _SAME)
-        if len(known):
-            self._waited[known[0]] += self._dt
+        if self._cost == 0.0:
+            return
+        away = distances_to(self._places, place)
+        if len(away) and away.min() < _SAME:
+            self._waited[away.argmin()] += self._dt
         else:
             self._places = np.vstack((self._places, place))
             self._waited = np.append(self._waited, self._dt)

@@ -115,7 +115,8 @@ class Travel:
         people (P, 6): x, y, vx, vy and radius of those who are no points, in the same frame [m, m/s], and for how long
         they stand [s]. learned: what earlier fields said of the places at the edge; this one's times are added, unless
         there are people, who will not be there later. narrow: times as long as at v_max it takes in narrow passages.
-        stuck (S, 6): places that take longer (`stuck_places`).
+        stuck (S, 6): places that take longer, `StuckPlaces.rows`. Of people and such places at one place the longest
+        time counts.
         """
         x, y = (math.floor((at - self._reach) / self._cell) * self._cell for at in here.tolist())
         grid = Grid(x, y, self._cell, self._size)

@@ -9,7 +9,8 @@ import lme.policies.lme_plus.escaper
 from lme.episode import run_episode
 from lme.guides.lme_plus import LmePlus, LmePlusConfig
 from lme.navigator import Navigator
-from lme.planners.min_time.planner import MinTime, MinTimeConfig
+from lme.planners.min_time.config import MinTimeConfig
+from lme.planners.min_time.planner import MinTime
 from lme.policies.lme.candidates import CandidateConfig
 from lme.policies.lme.maintenance import Choice
 from lme.policies.lme.reasons import reason, reasons
@@ -54,6 +55,13 @@ def drive(world, robot=JACKAL, goal=(6.0, 0.0), seed=0, time_limit=40.0, **setti
     navigator.act = tell
     job = task(world, goal=goal, time_limit=time_limit)
     return run_episode(job, navigator, FastSimulator(FastConfig(), robot), np.random.default_rng(seed)), steps
+
+
+def test_it_tells_the_planner_the_fastest_way():
+    way = guide().guide(observation((4.0, 0.0))).way
+    assert np.abs(way[:, 1]).max() < 0.3
+    assert (np.diff(way[:, 0]) > 0.0).all()
+    assert 3.0 < way[-1, 0] < 4.2
 
 
 def looks(world, robot=None, steps=8):

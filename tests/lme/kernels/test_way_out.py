@@ -39,8 +39,8 @@ def outlines(points, pose=(0.0, 0.0, 0.0)):
     return np.where(outside > 0.0, outside, beyond.max(axis=1)) - LONG.box[2]
 
 
-def out(points, along=NOWHERE, backwards=True):
-    return way_out(points, LONG.box, MARGIN, ROOM, along, backwards)
+def out(points, place=NOWHERE, backwards=True):
+    return way_out(points, LONG.box, MARGIN, ROOM, place, backwards)
 
 
 def check(points, steps):
@@ -83,7 +83,7 @@ def test_the_fewest_steps_lead_straight_back_out_of_a_corridor():
 
 
 def test_without_room_nearby_the_steps_lead_along_the_way():
-    steps, room = out(dead_end(4.0), along=np.array([-1.0, 0.0]))
+    steps, room = out(dead_end(4.0), place=np.array([-1.0, 0.0]))
     assert not room
     assert (steps == [-1, 0]).all()
     assert len(steps) in (32, 33)
@@ -92,8 +92,18 @@ def test_without_room_nearby_the_steps_lead_along_the_way():
     assert len(steps) == 0
 
 
+@pytest.mark.parametrize("turned", np.linspace(0.0, math.pi / 2, 7))
+def test_a_corridor_without_room_has_none_whatever_its_direction(turned):
+    along = np.arange(-4.0, 4.0, 0.02)
+    walls = np.concatenate([np.column_stack((along, np.full(len(along), y))) for y in (-0.45, 0.45)])
+    points = to_robot(walls, Pose(0.0, 0.0, turned))
+    steps, room = out(points)
+    assert not room
+    assert len(steps) == 0
+
+
 def test_a_robot_that_cannot_back_up_stays_in_a_dead_end():
-    steps, room = out(dead_end(0.5), along=np.array([-1.0, 0.0]), backwards=False)
+    steps, room = out(dead_end(0.5), place=np.array([-1.0, 0.0]), backwards=False)
     assert not room
     assert len(steps) == 0
 
@@ -123,6 +133,7 @@ def test_a_point_inside_the_footprint_does_not_come_further_in():
 def test_no_point_comes_nearer_than_the_margin_or_than_it_is(seed):
     rng = np.random.default_rng(seed)
     points = rng.uniform(-0.7, 0.7, (rng.integers(1, 25), 2))
+    points = np.concatenate((points, rng.uniform(-2.2, 2.2, (rng.integers(0, 150), 2))))
     steps, room = out(points)
     check(points, steps)
     if room:

@@ -13,7 +13,8 @@ from lme.errors import InputError
 from lme.geometry.frames import to_robot
 from lme.kernels.collision import sweep
 from lme.kernels.motion import drive as moved_by
-from lme.planners.min_time.planner import MinTime, MinTimeConfig
+from lme.planners.min_time.config import MinTimeConfig
+from lme.planners.min_time.planner import MinTime
 from lme.sim.fast import FastConfig, FastSimulator
 from lme.types import Guidance, Outcome, Pose, Twist
 from lme.worlds.movers import Mover
@@ -329,7 +330,14 @@ def test_any_scan_gives_a_command_within_the_limits(value):
 
 @pytest.mark.parametrize(
     ("key", "value"),
-    [("horizon", 0), ("brake", -1), ("latency", -0.1), ("v_samples", 1), ("omega_samples", 4)],
+    [
+        ("horizon", 0),
+        ("brake", -1),
+        ("multi_point", -1),
+        ("latency", -0.1),
+        ("v_samples", 1),
+        ("omega_samples", 4),
+    ],
 )
 def test_mistakes_are_named(key, value):
     with pytest.raises(InputError, match=f"planner.{key} is {value}"):

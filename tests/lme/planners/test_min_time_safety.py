@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lme.planners.min_time import MinTime
-from lme.planners.min_time.planner import MinTimeConfig
+from lme.planners.min_time.config import MinTimeConfig
 from tests.stopping_states import random_steps
 
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from lme.planners.min_time import MinTime
+from lme.planners.min_time.config import MinTimeConfig
 from lme.planners.min_time.lag import Lag
-from lme.planners.min_time.planner import MinTimeConfig
 from lme.sim.fast import FastConfig, FastSimulator
 from lme.types import Guidance, Limits, Twist
 from lme.worlds.world import World

@@ -125,9 +125,50 @@ def test_a_moving_robot_first_comes_to_rest():
 
 
 def test_without_a_way_there_is_no_last_turn():
+    found = []
+    for way in (NO_WAY, DOWN):
+        made = turn()
+        for _ in range(20):
+            made.command(True, pocket(0.46, 0.45), way, STILL, LIMITS)
+        found.append(list(made._strokes))
+    assert found[0]
+    assert found[1][:-1] == found[0]
+
+
+def commands_of(blocked, twist, seconds=60.0):
+    """Commands to a robot in a dead end that is not blocked any more after 3 s, as its odometry tells `twist`."""
     made = turn()
-    commands = [made.command(True, pocket(0.46, 0.45), NO_WAY, STILL, LIMITS) for _ in range(20)]
-    assert commands[-1] is not None
+    return [
+        made.command(blocked or k * DT < 3.0, dead_end(0.5), BACK, twist, LIMITS)
+        for k in range(round(seconds / DT))
+    ]
+
+
+def test_a_robot_that_does_not_move_is_asked_for_something_else_in_the_end():
+    commands = commands_of(False, STILL)
+    assert commands[20].v < 0.0
+    assert commands[-1] is None
+
+
+def test_a_robot_whose_odometry_never_tells_that_it_stands_turns_all_the_same():
+    commands = commands_of(True, Twist(0.0, 0.06))
+    assert sum(command is not None and command.v < 0.0 for command in commands) > 40
+
+
+def test_a_robot_that_may_not_back_up_any_more_gives_up():
+    made, limits = turn(), LIMITS
+    for k in range(400):
+        command = made.command(True, dead_end(0.5), BACK, STILL, limits)
+        limits = LIMITS._replace(v_min=0.0) if k > 20 else LIMITS
+    assert command is None
+
+
+def test_reset_ends_a_turn():
+    made = turn()
+    for _ in range(20):
+        made.command(True, dead_end(0.5), BACK, STILL, LIMITS)
+    made.reset()
+    assert made.command(True, dead_end(0.5), BACK, STILL, LIMITS) is None
 
 
 def test_zero_turns_it_off():

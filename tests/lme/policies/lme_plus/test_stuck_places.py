@@ -44,5 +44,11 @@ def test_for_another_target_all_are_forgotten():
     assert len(made.rows) == 0
 
 
-def test_a_cost_of_zero_makes_no_place_slower():
-    assert seconds(waited(HERE, times=[100], cost=0.0).rows[0]) == 0.0
+def test_the_nearest_place_counts():
+    beside, between = np.add(HERE, [0.6, 0.0]), np.add(HERE, [0.4, 0.0])
+    rows = waited(HERE, beside, between, times=[10, 10, 10]).rows
+    assert rows[:, :2].tolist() == [beside.tolist()]
+
+
+def test_a_cost_of_zero_keeps_no_place():
+    assert len(waited(HERE, times=[100], cost=0.0).rows) == 0
