@@ -102,7 +102,7 @@ class MultiPointTurn:
         self._braking = 0.0
         if self._strokes:
             rate = _rates(limits)[0 if self._strokes[0][0] else 1]
-            self._time_left = _LATE * self._left[0] / rate + _LATER
+            self._time_left = _LATE * self._left[0] / max(rate, _RESTS) + _LATER
 
     def _is_free(self, points: Floats) -> bool:
         """Whether what is left of the stroke is free."""

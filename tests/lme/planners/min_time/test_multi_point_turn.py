@@ -163,6 +163,13 @@ def test_a_robot_that_may_not_back_up_any_more_gives_up():
     assert command is None
 
 
+def test_a_robot_that_may_not_move_is_asked_for_nothing_and_gives_up():
+    made, halted = turn(), LIMITS._replace(v_max=0.0, omega_max=0.0)
+    commands = [made.command(k * DT < 3.0, pocket(0.46, 0.45), DOWN, STILL, halted) for k in range(2000)]
+    assert {command for command in commands if command is not None} == {STILL}
+    assert commands[-1] is None
+
+
 def test_reset_ends_a_turn():
     made = turn()
     for _ in range(20):
