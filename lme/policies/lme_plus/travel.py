@@ -122,7 +122,8 @@ class Travel:
         grid = Grid(x, y, self._cell, self._size)
         learned = LearnedTimes() if learned is None else learned
         pace = (*self._pace._replace(narrow=narrow),)
-        crowd = np.concatenate((self._crowd(people), stuck))
+        crowd = self._crowd(people)
+        crowd = np.concatenate((crowd, stuck)) if len(stuck) else crowd
         scene = points, target, here, (*grid,), pace, crowd, *learned.around(grid)
         given = (*self._workspace,), *scene, BEYOND
         work, places = self._workspace, (grid, here, target, self._pace.v_max)
