@@ -9,8 +9,8 @@ from collections import deque
 import numpy as np
 
 from lme.geometry.angles import wrap_angle
-from lme.kernels.way_out import STROKE, TURN, keeps_on_stroke, poses_after, way_out
 from lme.planners.commands import approach
+from lme.planners.min_time.kernels.way_out import STROKE, TURN, keeps_on_stroke, poses_after, way_out
 from lme.robots import Footprint
 from lme.types import Floats, Limits, Twist
 

@@ -15,7 +15,7 @@ from lme.kernels.movers import WIDEST, movers_among
 from lme.kernels.straight_ways import KEPT
 from lme.planners.commands import reachable, turn_shares, without_tiny_rates
 from lme.planners.min_time.config import MinTimeConfig
-from lme.planners.min_time.kernels import best_command, best_twist, tried
+from lme.planners.min_time.kernels.best_command import best_command, best_twist, tried
 from lme.planners.min_time.lag import Lag
 from lme.planners.min_time.multi_point_turn import MultiPointTurn
 from lme.planners.safety.check import STILL, StoppingCheck, StoppingState
