@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
 import math
 from collections import deque
@@ -11,6 +12,7 @@ import numpy as np
 from lme.geometry.angles import wrap_angle
 from lme.planners.commands import approach
 from lme.planners.min_time.kernels.way_out import STROKE, TURN, keeps_on_stroke, poses_after, way_out
+from lme.planners.safety.check import STILL
 from lme.robots import Footprint
 from lme.types import Floats, Limits, Twist
 
@@ -25,7 +27,6 @@ _BRAKING = 1.0  # [s] after which it is taken to stand, whatever its odometry te
 _LATE, _LATER = 5.0, 2.0  # a stroke is given up after this times its duration, and [s] more
 _PLACE = 1  # which place on the fastest way it goes to where there is no room
 _NOWHERE = np.full(2, np.inf)
-_STILL = Twist(0.0, 0.0)
 
 
 class MultiPointTurn:
@@ -46,12 +47,13 @@ class MultiPointTurn:
         self._close = _CLOSE * margin
         self._room = footprint.r_max + _ROOM * margin
         self.reset()
-        self._load()
+        if after > 0.0:
+            _load()
 
     def reset(self) -> None:
         """Forget for how long there was no free way, and the strokes."""
         self._blocked_for = 0.0  # [s] longer than not
-        self._before = _STILL
+        self._before = STILL
         self._braking = 0.0  # [s] for which it was to stand
         self._strokes: deque[tuple[int, int]] = deque()  # signs of v and ω, one of them 0
         self._left: deque[float] = deque()  # of each stroke [m, rad]
@@ -72,7 +74,7 @@ class MultiPointTurn:
                 return None
         if not self._strokes or not self._is_free(points):
             if not self._stands(now):
-                return _STILL
+                return STILL
             self._find(points, way, limits)
         return self._on_stroke(now, limits) if self._strokes else None
 
@@ -132,11 +134,13 @@ class MultiPointTurn:
         v = approach(ahead * left, now.v, speed, limits.alpha_v, self._dt)
         return Twist(v, approach(turn * left, now.omega, rate, limits.alpha_omega, self._dt))
 
-    def _load(self) -> None:
-        """Load the compiled search now: a robot that is stuck should not have to wait for it."""
-        point = np.array([[self._room, 0.0]])
-        way_out(0.99 * point, self._box, self._close, self._room, _NOWHERE, True)
-        keeps_on_stroke(point, self._box, self._close, STROKE, 0.0)
+
+@functools.cache
+def _load() -> None:
+    """Load the compiled search, once in a process: a robot that is stuck should not have to wait for it."""
+    point, box = np.array([[0.4, 0.0]]), (0.3, 0.2, 0.0)
+    way_out(point, box, 0.02, 0.41, _NOWHERE, True)
+    keeps_on_stroke(point, box, 0.02, STROKE, 0.0)
 
 
 def _rates(limits: Limits) -> tuple[float, float]:
