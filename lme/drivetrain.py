@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 
 from lme.errors import InputError, require
+from lme.plausibility import check_fields
 
 
 @dataclass(slots=True)
@@ -23,6 +24,7 @@ class Controller:
     def __post_init__(self) -> None:
         for field in fields(self):
             require(f"robot.drivetrain.controller.{field.name}", getattr(self, field.name), above=0.0)
+        check_fields("robot.drivetrain.controller", self)
 
 
 @dataclass(slots=True)
@@ -50,6 +52,7 @@ class Drivetrain:
                 f"robot.drivetrain.com_x is {self.com_x:g} m: must lie between the axles, "
                 f"within ±{self.wheel_base / 2:g}"
             )
+        check_fields("robot.drivetrain", self)
 
 
 @dataclass(slots=True)
@@ -68,3 +71,4 @@ class Response:
             require(f"robot.response.{key}", getattr(self, key), above=0.0)
         for key in ("delay_v", "delay_omega"):
             require(f"robot.response.{key}", getattr(self, key), at_least=0.0)
+        check_fields("robot.response", self)

@@ -11,6 +11,7 @@ import numpy as np
 
 from lme.drivetrain import Drivetrain, Response
 from lme.errors import InputError, require
+from lme.plausibility import check_fields, check_mount
 from lme.types import Floats, Limits, Pose
 
 _MOST_BEAMS = 100_000  # of a lidar
@@ -36,6 +37,7 @@ class Footprint:
         for key in ("radius", "length", "width"):
             if getattr(self, key) is not None:
                 require(f"{self.key}.{key}", getattr(self, key), above=0.0)
+        check_fields(self.key, self)
 
     @property
     def box(self) -> tuple[float, float, float]:
@@ -85,6 +87,7 @@ class Cloud:
         require("robot.lidar.cloud.min_height", self.min_height)
         require("robot.lidar.cloud.max_height", self.max_height, above=self.min_height)
         require("robot.lidar.cloud.duration", self.duration, above=0.0)
+        check_fields("robot.lidar.cloud", self)
 
 
 @dataclass(slots=True)
@@ -119,6 +122,8 @@ class Lidar:
         require("robot.lidar.range_min", self.range_min, at_least=0.0)
         require("robot.lidar.range_max", self.range_max, above=self.range_min)
         require("robot.lidar.noise_std", self.noise_std, at_least=0.0)
+        for key in ("x", "y", "yaw"):
+            require(f"robot.lidar.{key}", getattr(self, key))
         if self.native_beams is not None:
             require("robot.lidar.native_beams", self.native_beams, above=1, at_most=_MOST_BEAMS)
         if self.cloud is not None and (self.native_beams is not None or not self.full_circle):
@@ -126,6 +131,7 @@ class Lidar:
                 f"robot.lidar.cloud is set with fov {self.fov:g} rad and native_beams {self.native_beams}: "
                 "a cloud makes a full circle (fov 2π) without native_beams"
             )
+        check_fields("robot.lidar", self)
 
     @property
     def native(self) -> Lidar:
@@ -184,6 +190,8 @@ class Robot:
             raise InputError(
                 "robot.drivetrain and robot.response are both set: must be one, and null for the other"
             )
+        check_fields("robot", self)
+        check_mount("robot.lidar", self.lidar.x, self.lidar.y, max(self.footprint.r_max, self.hull.r_max))
 
     @property
     def hull(self) -> Footprint:

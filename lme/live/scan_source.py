@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from lme import plausibility
 from lme.errors import InputError, require
 from lme.live.messages import is_cloud, planar_matrix, scan_of
 from lme.live.track import StampedMotion
@@ -47,6 +48,8 @@ class ScanConfig:
             raise InputError(f"scan.lidar is {self.lidar!r}: must be one of {', '.join(LIDARS)}")
         if self.mount is not None:
             _matrix(self.mount)
+            for key, angle in zip(("roll", "pitch", "yaw"), self.mount[3:], strict=True):
+                plausibility.check(f"scan.mount.{key}", angle)
         if self.range_min is not None:
             require("scan.range_min", self.range_min, at_least=0.0)
         if self.range_max is not None:

@@ -10,6 +10,7 @@ import numpy as np
 from lme.errors import require
 from lme.geometry.frames import relative
 from lme.kernels.motion import drive, even_limits
+from lme.plausibility import check_fields
 from lme.robots import Robot
 from lme.sim.crowd import Crowd
 from lme.sim.disturbances import Disturbances
@@ -32,6 +33,7 @@ class FastConfig(Disturbances):
     def __post_init__(self) -> None:
         Disturbances.__post_init__(self)
         require("sim.max_step", self.max_step, above=0.0)
+        check_fields("sim", self)
 
 
 class FastSimulator:

@@ -11,6 +11,7 @@ import numpy as np
 import pymunk
 
 from lme.errors import require
+from lme.plausibility import check_fields
 from lme.robots import Footprint, Robot
 from lme.sim.crowd import Crowd
 from lme.sim.disturbances import Disturbances
@@ -40,6 +41,7 @@ class PhysicsConfig(Disturbances):
         require("sim.substep", self.substep, above=0.0)
         if self.grip is not None:
             require("sim.grip", self.grip, above=0.0)
+        check_fields("sim", self)
 
 
 class PhysicsSimulator:

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, UnidentifiedImageError
 
+from lme import plausibility
 from lme.errors import InputError
 from lme.types import Bools, Floats, Pose
 from lme.worlds.contours import outlines
@@ -47,6 +48,8 @@ def read_ros_map(path: Path, unknown_is_obstacle: bool) -> FloorPlan:
         raise entry.mistake("image", "the name of a picture next to this file, or its path")
     resolution = entry.number("resolution", above=0.0)
     origin = Pose(*entry.numbers("origin", "x, y, yaw", 3))
+    plausibility.check(f"{path}: resolution", resolution)
+    plausibility.check(f"{path}: origin.yaw", origin.yaw)
     if entry.value("mode", "trinary") != "trinary":
         raise entry.mistake("mode", "trinary, the only mode that is supported")
     try:

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from lme import plausibility
 from lme.errors import InputError, require
 from lme.types import Floats
 from lme.worlds.floor_plan import FloorPlan
@@ -45,6 +46,8 @@ class Walking:
         for key in ("walking_speed", "body_radius"):
             require(f"{group}.{key}", getattr(self, key), above=0.0)
         require(f"{group}.speed_spread", self.speed_spread, at_least=0.0, at_most=self.walking_speed / 3.0)
+        for key in ("walking_speed", "body_radius"):
+            plausibility.check(f"{group}.{key}", getattr(self, key))
 
     def person(
         self, rng: np.random.Generator, path: Floats, repeat: str, speed: float | None = None

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lme import plausibility
 from lme.errors import InputError, require
 from lme.types import Floats
 
@@ -58,6 +59,8 @@ class Mover:
         for key in ("radius", "speed", "turn_rate", "starts_within", "waits_within"):
             if getattr(self, key) is not None:
                 require(f"mover.{key}", getattr(self, key), above=0.0)
+        if self.radius is not None:
+            plausibility.check_fields("mover", self)
         require("mover.start_after", self.start_after, at_least=0.0)
         if self.trigger is not None:
             self._check_trigger(self.trigger)

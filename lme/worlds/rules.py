@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
+from lme import plausibility
 from lme.errors import InputError, require
 from lme.types import Floats, Pose
 from lme.worlds.world import Task, World
@@ -27,6 +28,8 @@ class TaskRules:
         for key in ("goal_tolerance", "time_limit"):
             require(f"map.{key}", getattr(self, key), above=0.0)
         require("map.clock_distance", self.clock_distance, at_least=0.0)
+        for key in ("goal_tolerance", "time_limit"):
+            plausibility.check(f"map.{key}", getattr(self, key))
         chosen = self.worlds
         if chosen is not None and (not chosen or len(set(chosen)) < len(chosen) or min(chosen) < 0):
             raise InputError(

@@ -3,6 +3,7 @@
 import dataclasses
 import functools
 import importlib
+import warnings
 
 import pytest
 import yaml
@@ -55,7 +56,11 @@ def _fields(config_class, prefix=""):
 def test_every_option_composes(chosen, group, option):
     config = without_hydra(chosen(group, option))
     assert not OmegaConf.missing_keys(config)
-    assert launch_record.identity(OmegaConf.to_object(config))
+    with warnings.catch_warnings():
+        warnings.filterwarnings("error", message=".*usually", category=UserWarning)  # of lme.plausibility
+        assert launch_record.identity(OmegaConf.to_object(config))
+        if "_target_" in CATALOGUE.values(f"{group}/{option}"):
+            configured(config[group], group)
 
 
 @pytest.mark.parametrize(

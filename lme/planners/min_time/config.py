@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from lme import plausibility
 from lme.errors import require
 from lme.planners.commands import MOST_SAMPLES, check_turn_samples
 
@@ -34,3 +35,5 @@ class MinTimeConfig:
             require(f"planner.{key}", getattr(self, key), above=0.0)
         require("planner.v_samples", self.v_samples, at_least=2, at_most=MOST_SAMPLES)
         check_turn_samples(self.omega_samples)
+        for key in ("latency", "lag"):
+            plausibility.check(f"planner.{key}", getattr(self, key))

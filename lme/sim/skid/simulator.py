@@ -9,6 +9,7 @@ import numpy as np
 
 from lme.errors import InputError, require
 from lme.geometry.frames import relative
+from lme.plausibility import check_fields
 from lme.robots import Robot
 from lme.sim.crowd import Crowd
 from lme.sim.disturbances import Delay, Disturbances, slip_factors
@@ -41,6 +42,7 @@ class SkidConfig(Disturbances):
         require("sim.check_time", self.check_time, above=0.0)
         if self.scan_rate is not None:
             require("sim.scan_rate", self.scan_rate, above=0.0)
+        check_fields("sim", self)
 
 
 class SkidSimulator:

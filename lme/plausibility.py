@@ -1,0 +1,151 @@
+"""What values of robots, maps, people and simulators usually are, in one place: another is probably in another unit.
+
+Outside the usual range a value gets a warning; where no robot can be so, it is an error. Both name the value, its unit
+and the usual range. Whether a value makes sense at all, such as a negative length, is checked where it is read.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+import warnings
+from collections.abc import Mapping
+from dataclasses import fields
+from typing import Any, NamedTuple
+
+from lme.errors import InputError
+
+
+class Usual(NamedTuple):
+    """The usual range of a quantity, ends included, and the possible one. hint: the mistake that is likely."""
+
+    unit: str
+    low: float
+    high: float
+    least: float = -math.inf
+    most: float = math.inf
+    hint: str = ""
+
+
+_MM = "is it in millimetres or centimetres?"
+_DEGREES = "is it in degrees?"
+_MS = "is it in milliseconds?"
+_TURN = 2 * math.pi
+_DELAY = Usual("s", 0.0, 2.0, most=60.0, hint=_MS)
+_SHARE = Usual("", 0.0, 1.0, most=10.0)
+_GAIN = Usual("", 0.3, 1.5, 0.01, 100.0)
+_ANGLE = Usual("rad", -_TURN, _TURN, hint=_DEGREES)
+_WALK = Usual("m/s", 0.02, 5.0, 1e-4, 1e3, _MM)
+_BEYOND, _FAR = 0.2, 10.0  # [m] past the outline: the end of a boom, and where nothing can be mounted
+
+USUAL: Mapping[str, Usual] = {  # by the last part of the key
+    # robots
+    "v_max": Usual("m/s", 0.02, 10.0, 1e-3, 100.0, _MM),
+    "v_min": Usual("m/s", -10.0, 0.0, -100.0, 0.0, _MM),
+    "omega_max": Usual("rad/s", 0.05, 12.0, 1e-3, 1e3, _DEGREES),
+    "alpha_v": Usual("m/s²", 0.05, 50.0, 1e-4, 1e6),
+    "alpha_omega": Usual("rad/s²", 0.05, 100.0, 1e-4, 1e6, _DEGREES),
+    "control_rate": Usual("Hz", 1.0, 200.0, 0.1, 1000.0, "is it a period in seconds?"),
+    "radius": Usual("m", 0.02, 6.0, 1e-3, 100.0, _MM),
+    "length": Usual("m", 0.02, 12.0, 1e-3, 100.0, _MM),
+    "width": Usual("m", 0.02, 6.0, 1e-3, 100.0, _MM),
+    "collision_radius": Usual("m", 0.02, 7.0, 1e-3, 200.0, _MM),
+    # lidars
+    "fov": Usual("rad", 0.2, _TURN + 1e-6, 0.01),
+    "range_min": Usual("m", 0.0, 1.0, hint=_MM),
+    "range_max": Usual("m", 0.5, 300.0, 0.01, 1e6, _MM),
+    "noise_std": Usual("m", 0.0, 0.3, most=100.0, hint=_MM),
+    "yaw": _ANGLE,
+    "roll": _ANGLE,
+    "pitch": _ANGLE,
+    "height": Usual("m", 0.02, 5.0, most=100.0, hint=_MM),
+    "min_height": Usual("m", -2.0, 3.0, -100.0, 100.0, _MM),
+    "max_height": Usual("m", 0.0, 10.0, -100.0, 1e6, _MM),
+    "duration": Usual("s", 0.005, 2.0, 1e-4, 60.0, _MS),
+    # drivetrains, and measured responses
+    "mass": Usual("kg", 0.05, 3000.0, 1e-3, 1e6, "is it in grams?"),
+    "inertia": Usual("kg m²", 1e-5, 5000.0, 1e-9, 1e9),
+    "track": Usual("m", 0.02, 6.0, 1e-3, 100.0, _MM),
+    "wheel_base": Usual("m", 0.0, 6.0, most=100.0, hint=_MM),
+    "wheel_radius": Usual("m", 0.005, 1.0, 1e-3, 100.0, _MM),
+    "wheel_width": Usual("m", 0.0, 1.0, most=100.0, hint=_MM),
+    "com_height": Usual("m", 0.0, 3.0, most=100.0, hint=_MM),
+    "friction": Usual("", 0.05, 2.0, 1e-3, 100.0),
+    "separation_multiplier": Usual("", 0.5, 4.0, 0.01, 100.0),
+    "timeout": Usual("s", 0.02, 5.0, 1e-3, hint=_MS),
+    "gain_v": _GAIN,
+    "gain_omega": _GAIN,
+    "delay_v": _DELAY,
+    "delay_omega": _DELAY,
+    # simulators
+    "latency": _DELAY,
+    "odometry_age": _DELAY,
+    "lag": _DELAY,
+    "slip": _SHARE,
+    "odometry_error": _SHARE,
+    "scan_noise": Usual("m", 0.0, 0.5, most=100.0, hint=_MM),
+    "goal_noise": Usual("m", 0.0, 5.0, most=1e4, hint=_MM),
+    "goal_noise_yaw": Usual("rad", 0.0, 1.0, most=100.0, hint=_DEGREES),
+    "yaw_noise": Usual("rad", 0.0, 0.5, most=100.0, hint=_DEGREES),
+    "goal_rate": Usual("Hz", 0.0, 1000.0, most=1e6),
+    "scan_rate": Usual("Hz", 0.5, 200.0, 0.1, 1e4),
+    "grip": Usual("", 0.05, 2.0, 1e-4, 1e6),
+    "max_step": Usual("m", 1e-4, 0.2, 1e-6, hint=_MM),
+    "substep": Usual("s", 1e-4, 0.1, 1e-5, hint=_MS),
+    "check_time": Usual("s", 1e-4, 0.1, 1e-5, hint=_MS),
+    # maps and people
+    "resolution": Usual("m per cell", 1e-3, 1.0, 1e-5, 1e3, _MM),
+    "goal_tolerance": Usual("m", 1e-3, 10.0, hint=_MM),
+    "time_limit": Usual("s", 0.1, 1e5, hint=_MS),
+    "walking_speed": _WALK,
+    "speed": _WALK,
+    "body_radius": Usual("m", 0.05, 1.0, 1e-3, 100.0, _MM),
+}
+
+
+def check(key: str, value: float) -> None:
+    """Warn of a value outside the usual range of its key; raise InputError for one outside the possible range.
+
+    key: dotted; its last part, or word, is a key of `USUAL`.
+    """
+    usual = USUAL[re.split(r"[. ]", key)[-1]]
+    if usual.low <= value <= usual.high:
+        return
+    hint = f"; {usual.hint}" if usual.hint else ""
+    said = f"{key} is {_with_unit(value, usual)}"
+    normal = f"usually {_between(usual.low, usual.high, usual)}{hint}"
+    if not usual.least <= value <= usual.most:
+        raise InputError(f"{said}: must be {_between(usual.least, usual.most, usual)}, and is {normal}")
+    warnings.warn(f"{said}: it is {normal}", stacklevel=2)
+
+
+def check_fields(prefix: str, values: Any) -> None:
+    """Check every number of a dataclass whose name is a key of `USUAL`. prefix: of the fields, dotted."""
+    for field in fields(values):
+        value = getattr(values, field.name)
+        if field.name in USUAL and isinstance(value, int | float):
+            check(f"{prefix}.{field.name}", value)
+
+
+def check_mount(key: str, x: float, y: float, reach: float) -> None:
+    """Check a sensor's place on a robot. reach: from the base to the farthest point of the outline [m]."""
+    away, usual, most = math.hypot(x, y), reach + _BEYOND, reach + _FAR
+    said = f"{key} is mounted {away:.3g} m from the base of a robot that ends at {reach:.3g} m"
+    if away > most:
+        raise InputError(
+            f"{said}: must be at most {most:.3g} m from it, and is usually at most {usual:.3g} m; {_MM}"
+        )
+    if away > usual:
+        warnings.warn(f"{said}: it is usually at most {usual:.3g} m from it; {_MM}", stacklevel=2)
+
+
+def _with_unit(value: float, usual: Usual) -> str:
+    return f"{value:.6g} {usual.unit}".rstrip()
+
+
+def _between(low: float, high: float, usual: Usual) -> str:
+    if math.isinf(low):
+        return f"at most {_with_unit(high, usual)}"
+    if math.isinf(high):
+        return f"at least {_with_unit(low, usual)}"
+    return f"from {low:.4g} to {_with_unit(high, usual)}"
