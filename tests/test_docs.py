@@ -1,9 +1,13 @@
 """What the documents promise: assumed values are listed, links lead somewhere, commands compose, Python blocks run."""
 
+import argparse
 import ast
+import importlib
+import pkgutil
 import re
 import runpy
 import shlex
+from collections.abc import Collection
 from pathlib import Path
 
 import pytest
@@ -46,7 +50,9 @@ COMPOSED = (
     "figure",
     "live",
     "play",
+    "replay",
 )  # from a config; the other commands take files
+PARSED = [name for name in main.command_files() if name not in COMPOSED]
 BLOCKS = [
     pytest.param(page, code, id=f"{page}-{number}")
     for page in PAGES
@@ -59,13 +65,13 @@ BLOCKS = [
 RUNNING = [block for block in BLOCKS if block.values[0] not in NEEDS_FILES]
 
 
-def _commands(page: Path) -> list[tuple[str, ...]]:
-    """The words after `lme` of every command in a block, and of those in the text, that is composed from a config."""
+def _commands(page: Path, names: Collection[str] = COMPOSED) -> list[tuple[str, ...]]:
+    """The words after `lme` of every command in a block, and of those in the text that have a key, with these names."""
     text = (ROOT / page).read_text(encoding="utf-8").replace("\\\n", " ")
     blocks = re.findall(r"^```(?:sh)?\n(.*?)^```$", text, re.DOTALL | re.MULTILINE)
     written = [line.rstrip(" &") for block in blocks for line in block.splitlines()]
     written += [" ".join(inline.split()) for inline in re.findall(r"`(lme (?!live)[^`]*=[^`]*)`", text)]
-    found = [re.match(rf"(?:\w+=\S+ )?lme ((?:{'|'.join(COMPOSED)})(?: .*)?)$", line) for line in written]
+    found = [re.match(rf"\s*(?:\w+=\S+ )?lme ((?:{'|'.join(names)})(?: .*)?)$", line) for line in written]
     commands = [tuple(shlex.split(each[1], comments=True)) for each in found if each and "…" not in each[1]]
     return [command for command in commands if not {"--help", "system=NAME"} & {*command}]
 
@@ -167,11 +173,42 @@ def _one_of_its_jobs(command: tuple[str, ...]) -> list[str]:
             assert value.rpartition("/")[2] in configs.choices("experiment", command[0]), f"no {word}"
         if key in configs.groups(command[0]):
             assert {*values[:-1]} <= {*configs.options(key)}, f"no option: {word}"
-        if key not in ("resume", "-m"):
+        if key not in ("resume", "-m", "list"):
             words.append(f"{key}={values[-1]}" if value else word)
         if key == "experiment" and command[0] == "eval":
             words.append("hydra.mode=RUN")
     return words
+
+
+def test_every_other_command_parses(monkeypatch):
+    """Those that take files: `argparse` accepts their words, and then no more is done."""
+    parse = argparse.ArgumentParser.parse_known_args
+
+    class AcceptedError(Exception):
+        """The words are those of the command."""
+
+    def accept(parser, *given, **more):
+        arguments, rest = parse(parser, *given, **more)
+        if rest:
+            return arguments, rest
+        raise AcceptedError
+
+    monkeypatch.setattr(argparse.ArgumentParser, "parse_known_args", accept)
+    commands = {words for page in PAGES if page.name != "CHANGELOG.md" for words in _commands(page, PARSED)}
+    assert len(commands) > 30
+    for name, *words in commands:
+        words = words[: words.index(">")] if ">" in words else words
+        command = importlib.import_module(f"runners.cli.commands.{name}")
+        with pytest.raises(AcceptedError):
+            command.main(words)
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if page.name != "CHANGELOG.md"], ids=str)
+def test_every_dotted_name_leads_to_something(page):
+    text = (ROOT / page).read_text(encoding="utf-8")
+    for name in re.findall(r"`((?:lme|runners)(?:\.\w+)+)\b[^`]*`", text):
+        if not name.endswith(".launch"):  # a file of roslaunch
+            pkgutil.resolve_name(name)
 
 
 def test_readmes_snippet_prints_a_subgoal_and_the_reason_for_it(capsys):
