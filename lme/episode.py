@@ -14,6 +14,7 @@ from lme.geometry.angles import wrap_angle
 from lme.geometry.frames import to_world
 from lme.kernels.motion import time_beyond, travelled
 from lme.navigator import Navigator
+from lme.returned import ReturnedError, checked_observation
 from lme.sim.simulator import Changeable, Simulator, State
 from lme.types import Floats, Guidance, Observation, Outcome, Twist
 from lme.worlds.world import Task
@@ -109,9 +110,11 @@ class RunningEpisode:
         self.navigator, self.simulator = navigator, simulator
         navigator.reset(navigator_rng)
         navigator.read_map(task.world, task.start)
-        self.observation = simulator.reset(task, simulator_rng)
+        observation = simulator.reset(task, simulator_rng)
         self.decision_us = 0.0
         self._log = _Log(task, simulator)
+        self._ships = type(simulator).__module__.startswith("lme.sim.")
+        self.observation = self._checked(observation)
 
     def outcome(self) -> Outcome | None:
         """The outcome; None while the episode continues."""
@@ -142,8 +145,18 @@ class RunningEpisode:
 
     def move(self, command: Twist) -> None:
         """Drive for one control period."""
-        self.observation = self.simulator.step(command)
+        observation = self.simulator.step(command)
         self._log.moved()
+        self.observation = self._checked(observation)
+
+    def _checked(self, observation: Observation) -> Observation:
+        """What a simulator returns; one of a user's own is checked. Raises InputError, which names the step."""
+        if self._ships:
+            return observation
+        try:
+            return checked_observation(observation, self.simulator.state, self.simulator)
+        except ReturnedError as error:
+            raise InputError(f"step {self._log.steps}: {error}") from error
 
     def episode(self) -> Episode:
         """The result. Call it at the end."""
@@ -206,6 +219,11 @@ class _Log:
         self._rows: list[tuple[float, ...]] = []
         self._decision_us: list[float] = []
 
+    @property
+    def steps(self) -> int:
+        """Decisions so far."""
+        return len(self._decision_us)
+
     def outcome(self) -> Outcome | None:
         """The outcome; None while the episode continues."""
         return self._progress.outcome(self._simulator.state)
@@ -235,7 +253,7 @@ class _Log:
             outcome=outcome,
             time=self._progress.time(state),
             path_length=self._progress.path_length,
-            steps=len(self._decision_us),
+            steps=self.steps,
             switches=self._switches,
             no_free_candidate=self._no_free_candidate,
             min_clearance=self._progress.min_clearance,

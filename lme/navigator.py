@@ -7,9 +7,9 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from lme.errors import require
-from lme.planners.commands import finite
+from lme.errors import InputError, require
 from lme.policies.lme.explanation import Decision, Explanation
+from lme.returned import ReturnedError, checked_command, checked_guidance, checked_people
 from lme.sensing.people.source import PeopleSource
 from lme.types import Guidance, Guide, Observation, Planner, Pose, Twist
 from lme.worlds.world import World
@@ -70,6 +70,7 @@ class Navigator:
             None  # of the last step, with the people whom guide and planner saw
         )
         self.guidance: Guidance | None = None  # of the last step
+        self._steps = 0
 
     def reset(self, rng: np.random.Generator) -> None:
         """Start a new episode. Guide and planner get separate random streams."""
@@ -79,6 +80,7 @@ class Navigator:
         if self.people is not None:
             self.people.reset()
         self.guidance = self.observation = None
+        self._steps = 0
 
     def read_map(self, world: World, start: Pose) -> None:
         """Give the true map to the guide if it is a `MapReader`."""
@@ -90,14 +92,22 @@ class Navigator:
         return self.guide.explanation() if isinstance(self.guide, Explainable) else None
 
     def act(self, observation: Observation, time: float | None = None) -> Twist:
-        """Velocity command for one control period. Raises InputError unless it is a pair of finite numbers.
+        """Velocity command for one control period.
 
+        Raises InputError, which names the step, if guide, planner or source of people return what cannot be used.
         time: when the scan was taken [s], on any clock; None: one control period after the last one.
         """
+        self._steps += 1
+        try:
+            return self._act(observation, time)
+        except ReturnedError as error:
+            raise InputError(f"step {self._steps}: {error}") from error
+
+    def _act(self, observation: Observation, time: float | None) -> Twist:
         if self.people is not None:
-            observation = self.people.seen(observation, time)
+            observation = checked_people(self.people.seen(observation, time), self.people)
         self.observation = observation
         if math.hypot(*observation.target.tolist()) < self.goal_tolerance:
             return Twist(0.0, 0.0)
-        self.guidance = self.guide.guide(observation)
-        return finite(self.planner.plan(observation, self.guidance), self.planner)
+        self.guidance = checked_guidance(self.guide.guide(observation), self.guide)
+        return checked_command(self.planner.plan(observation, self.guidance), self.planner)

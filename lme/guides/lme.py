@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
@@ -14,6 +13,7 @@ from lme.policies.lme.escaper import PAPER_CRITERIA, EscaperConfig, LocalMinimum
 from lme.policies.lme.explanation import Explanation
 from lme.robots import Robot
 from lme.types import Guidance, Observation
+from lme.user_code import import_module
 from lme.weight_files import PUBLISHED, learned_parameters
 
 
@@ -58,8 +58,8 @@ def _load(paths: Mapping[str, str]) -> dict[str, Criterion]:
     for name, path in paths.items():
         module, _, attribute = path.rpartition(".")
         try:
-            loaded[name] = getattr(importlib.import_module(module), attribute)
-        except (ImportError, AttributeError, ValueError) as error:
+            loaded[name] = getattr(import_module(module), attribute)
+        except (InputError, AttributeError, ValueError) as error:
             raise InputError(
                 f"guide.criteria.{name} is {path!r}: must be the dotted path of a function ({error})"
             ) from error

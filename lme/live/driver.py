@@ -24,6 +24,7 @@ from lme.live.track import StampedMotion
 from lme.navigator import Navigator
 from lme.robots import Robot
 from lme.types import Floats
+from lme.user_code import show_traceback, user_error
 
 _ANY_TIME = 1 << 62  # [ns]
 
@@ -137,7 +138,9 @@ class LiveDriver:
         except NotReadyError as why:
             self._last = self._standing_step(now, str(why), why.state)
         except Exception as error:
-            self._last = self._standing_step(now, f"{type(error).__name__}: {error}")
+            show_traceback(error)
+            why = user_error(error) or f"{type(error).__name__}: {error}"
+            self._last = self._standing_step(now, why)
         return self._last
 
     def stop(self, reason: str) -> LiveStep:

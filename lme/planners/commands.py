@@ -13,18 +13,6 @@ MOST_SAMPLES = 1001  # of v and of ω: a planner holds values of every pair
 _AT_REST = 1e-6  # [m/s, rad/s] slower than this counts as 0
 
 
-def finite(command: object, planner: object) -> Twist:
-    """The command of a planner. Raises InputError unless it is a pair of finite numbers."""
-    try:
-        v, omega = map(float, command)  # type: ignore[call-overload]
-    except (TypeError, ValueError):
-        v = omega = math.nan
-    if not (math.isfinite(v) and math.isfinite(omega)):
-        name = type(planner).__name__
-        raise InputError(f"{name}.plan returned {command!r}: must be (v [m/s], omega [rad/s]), both finite")
-    return Twist(v, omega)
-
-
 def without_tiny_rates(twist: Twist) -> Twist:
     """The twist without rates that are too small to matter; their quotients would overflow."""
     v, omega = twist

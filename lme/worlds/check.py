@@ -7,8 +7,10 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
+from lme import plausibility
 from lme.errors import InputError
 from lme.kernels.collision import sweep
+from lme.returned import checked_array
 from lme.robots import Footprint, Robot
 from lme.types import Floats, Pose
 from lme.worlds.world import Task, World
@@ -16,7 +18,7 @@ from lme.worlds.world import Task, World
 
 def check_task(task: Task, robot: Robot) -> None:
     """Raise InputError if the robot is not the task's or collides at the start, or an obstacle is near the goal."""
-    where = f"map {task.map_name}, world {task.number}"
+    where = _check_numbers(task)
     if task.robot and robot.name != task.robot:
         raise InputError(
             f"{where}: the map set draws a robot for every world, and the robot is {robot.name}: "
@@ -38,6 +40,27 @@ def check_task(task: Task, robot: Robot) -> None:
             f"{where}: the goal {_place(task.goal)} is {clearance:.3g} m from an obstacle: must be at least "
             f"{robot.hull.r_min:.3g} m, the inner radius of robot {robot.name}"
         )
+
+
+def _check_numbers(task: Task) -> str:
+    """Raise InputError for a task of a user's own map set that is none, or whose numbers are not; its map and world."""
+    if not isinstance(task, Task):
+        raise InputError(f"the map set gives {task!r:.80} for a world: must be a lme.worlds.world.Task")
+    where, world = f"map {task.map_name}, world {task.number}", task.world
+    if not isinstance(task.start, Pose):
+        raise InputError(f"{where}: the start is {task.start!r:.80}: must be an lme.Pose")
+    rules = task.goal_tolerance, task.time_limit, task.clock_distance
+    lengths = task.shortest_path_length, task.optimal_time
+    checked_array(task.start, (3,), f"{where}: has a start", "(x [m], y [m], yaw [rad])")
+    checked_array(task.goal, (2,), f"{where}: has a goal", "(x [m], y [m])")
+    checked_array(
+        rules, (3,), f"{where}: has rules", "(goal_tolerance [m], time_limit [s], clock_distance [m])"
+    )
+    checked_array(lengths, (2,), f"{where}: has lengths", "(shortest_path_length [m], optimal_time [s])")
+    checked_array(world.circles, (None, 3), f"{where}: has circles", "rows of (x, y, radius) [m]")
+    checked_array(world.edges, (None, 4), f"{where}: has walls", "rows of (x0, y0, x1, y1) [m]")
+    plausibility.check(f"{where}: start.yaw", task.start.yaw)
+    return where
 
 
 def point_clearance(world: World, point: Floats) -> float:

@@ -46,6 +46,7 @@ def overview(commands: Mapping[str, str]) -> str:
             *(f"  {example}" for example in _EXAMPLES),
             "",
             "Every command explains itself: lme COMMAND --help.",
+            "LME_TRACEBACK=1 lme COMMAND shows the traceback of an error in your own planner, criterion, …",
             'Completion by tab: eval "$(lme completion bash)", or zsh.',
         ]
     )

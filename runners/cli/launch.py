@@ -14,6 +14,7 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from lme.errors import InputError
+from lme.user_code import explained, show_traceback
 from runners.cli import hydra_jobs, show
 from runners.cli.interrupts import status_of
 from runners.cli.os_errors import explain_os_error
@@ -29,6 +30,7 @@ from runners.workers import server
 
 _PROCESSES = "runners.workers.executor.ProcessExecutor"
 _DIRECTORY_KEYS = ("hydra.run.dir", "hydra.sweep.dir")
+_FAILED = 1  # the exit status of a failed episode, and of what failed outside the program
 _HYDRAS_OWN = ("outputs/${now:", "multirun/${now:")  # where Hydra writes by default
 
 
@@ -234,12 +236,14 @@ class _Task:
         schema.register()
         try:
             self.command.run(self._job(config))
-        except (InputError, OSError, RuntimeError) as error:
-            status = _status(error)
+        except (Exception, SystemExit) as error:  # a user's own class may raise anything
+            own = explained(error)
+            status = _FAILED if own else _status(error)
             if status is None:
                 raise
-            print(f"lme {self.command.name}: {explain_os_error(error) or error}", file=sys.stderr)
-            if isinstance(error, EpisodeError) or os.getpid() != self.process:
+            print(f"lme {self.command.name}: {own or explain_os_error(error) or error}", file=sys.stderr)
+            show_traceback(error)
+            if own or isinstance(error, EpisodeError) or os.getpid() != self.process:
                 return status
             raise SystemExit(status) from error
         return 0
@@ -264,7 +268,7 @@ def _relative(path: Path) -> Path:
     return path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path
 
 
-def _status(error: Exception) -> int | None:
+def _status(error: BaseException) -> int | None:
     """The exit status of a run that an error ended; None for an error of the program itself.
 
     2: a user's mistake. 1: a failed episode, or a reason outside the program, such as a full disk or a killed worker.
@@ -275,4 +279,4 @@ def _status(error: Exception) -> int | None:
     if isinstance(error, InputError):
         return 2
     known = isinstance(error, EpisodeError | RecordsWriteError | WorkerDiedError)
-    return 1 if explain_os_error(error) or known else None
+    return _FAILED if explain_os_error(error) or known else None

@@ -21,6 +21,7 @@ from pathlib import Path
 import lme
 from lme.errors import InputError, nearest
 from lme.resources import resource_dir
+from lme.user_code import explained, show_traceback
 from runners.cli import commands, help
 from runners.cli.interrupts import status_of, terminable
 from runners.cli.missing_packages import explain_missing
@@ -41,22 +42,31 @@ def main(argv: Sequence[str] | None = None) -> int:
             return status
     except InputError as error:
         print(f"lme {name}: {error}" if name in known else f"lme: {error}", file=sys.stderr)
+        show_traceback(error)
         return 2
     except KeyboardInterrupt as interrupt:
         return status_of(interrupt)
     except BrokenPipeError:  # `lme … | head`: the reader has closed the pipe
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
-    except (ModuleNotFoundError, OSError) as error:
-        said = (
-            explain_missing(error, name)
-            if isinstance(error, ModuleNotFoundError)
-            else explain_os_error(error)
-        )
+    except (Exception, SystemExit) as error:
+        said = explained(error) or _explain(error, name)
         if not said:
             raise
         print(f"lme {name}: {said}", file=sys.stderr)
+        show_traceback(error)
         return 1
+
+
+def _explain(error: BaseException, command: str) -> str:
+    """What to say of a failed episode, or of a reason outside the program; empty for an error of lme."""
+    from runners.workers.executor import EpisodeError
+
+    if isinstance(error, EpisodeError):
+        return str(error)
+    if isinstance(error, ModuleNotFoundError):
+        return explain_missing(error, command)
+    return explain_os_error(error) if isinstance(error, OSError) else ""
 
 
 def _collect_rarely() -> None:

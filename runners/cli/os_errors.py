@@ -9,7 +9,7 @@ from runners.records.whole_file import DISK_FULL
 _FORBIDDEN = (errno.EROFS, errno.EACCES, errno.EPERM)
 
 
-def explain_os_error(error: Exception) -> str:
+def explain_os_error(error: BaseException) -> str:
     """What to say of a full disk, and of a place that may not be used; empty for any other error."""
     if not isinstance(error, OSError):
         return ""

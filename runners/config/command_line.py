@@ -13,6 +13,7 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from lme.errors import InputError
+from lme.user_code import user_error
 from runners.config import arguments, contradictions, diagnosis, worlds
 from runners.config.composer import COMPOSING, Composer, without_hydra
 from runners.config.hydra_errors import keys_beside, translate_error, unknown_key
@@ -100,6 +101,11 @@ def _validated(config: DictConfig, words: Sequence[str], composer: Composer, val
     except OmegaConfBaseException as error:
         mistake = translate_error(error, OmegaConf.get_type(config))
         raise diagnosis.add_location(mistake, config, words, composer) from error
+    except (Exception, SystemExit) as error:  # a user's own class may raise anything
+        said = user_error(error)
+        if not said:
+            raise
+        raise InputError(said) from error
     return job
 
 

@@ -7,7 +7,6 @@ against its fields, and the class is called with an instance of it.
 from __future__ import annotations
 
 import dataclasses
-import importlib
 from collections.abc import Mapping
 from typing import Any
 
@@ -15,6 +14,7 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import ConfigKeyError, OmegaConfBaseException
 
 from lme.errors import InputError, nearest
+from lme.user_code import import_module
 from runners.config.hydra_errors import describe_expected, full_key, translate_error
 
 
@@ -88,8 +88,8 @@ def _class(target: Any, key: str) -> Any:
         )
     module_name, _, name = target.rpartition(".")
     try:
-        module = importlib.import_module(module_name)
-    except ImportError as error:
+        module = import_module(module_name)
+    except InputError as error:
         raise InputError(f"{key}._target_ is {target}: cannot be imported ({error})") from error
     cls = getattr(module, name, None)
     if cls is None:

@@ -11,6 +11,7 @@ from typing import Any
 
 from lme.errors import InputError
 from lme.types import Pose
+from lme.user_code import show_traceback, user_error
 from runners.config.catalogue import SHIPPED
 from runners.play.details import LAYERS, detail_message
 from runners.play.drawing import FARTHEST, item_of
@@ -57,8 +58,12 @@ class Desk:
         except InputError as error:
             yield json.dumps({"type": "error", "text": str(error)})
         except Exception as error:  # of a class of the user's own, or of lme: the page lives on
-            traceback.print_exc()
-            yield json.dumps({"type": "error", "text": f"{type(error).__name__}: {error}"})
+            said = user_error(error)
+            if said:
+                show_traceback(error)
+            else:
+                traceback.print_exc()
+            yield json.dumps({"type": "error", "text": said or f"{type(error).__name__}: {error}"})
         yield from self._news()
         yield from self._more
         self._more = []

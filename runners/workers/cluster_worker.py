@@ -35,7 +35,7 @@ class WorkerSetup(WorkerPlugin):
                 run = self._build_once(get_worker())
                 for item in items:
                     results.append(run(item))
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             return results, to_portable_error(error, item)
         return results, None
 

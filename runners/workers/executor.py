@@ -26,6 +26,7 @@ from multiprocessing.process import BaseProcess
 from typing import Any
 
 from lme.errors import InputError, require
+from lme.user_code import explained
 from runners.workers import server
 
 Item = Any  # anything that pickles; messages name it by its str()
@@ -37,7 +38,12 @@ _JOIN_S = 5.0
 
 
 class EpisodeError(RuntimeError):
-    """An episode failed for a reason other than a user's mistake. The message names its world and run."""
+    """An episode failed for a reason other than a user's mistake. The message names its world and run.
+
+    trace: the traceback, where a user's own code failed; otherwise it is in the message.
+    """
+
+    trace = ""
 
 
 class WorkerDiedError(RuntimeError):
@@ -67,14 +73,14 @@ class SerialExecutor:
         """Give a `map` for several lists of items; `initialise` is called once."""
         try:
             run = initialise(payload)
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             raise to_portable_error(error, None) from error
 
         def run_all(items: Iterable[Item]) -> Iterator[Any]:
             for item in items:
                 try:
                     result = run(item)
-                except Exception as error:
+                except (Exception, SystemExit) as error:  # a user's own planner may call `exit`
                     raise to_portable_error(error, item) from error
                 yield result
 
@@ -247,7 +253,7 @@ def _work(coordinator: Connection, initialise: Initialise, payload: Any) -> None
     with contextlib.suppress(EOFError, BrokenPipeError, ConnectionResetError):
         try:
             run = initialise(payload)
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             coordinator.recv()
             coordinator.send((to_portable_error(error, None), None))
             return
@@ -257,17 +263,25 @@ def _work(coordinator: Connection, initialise: Initialise, payload: Any) -> None
             answer: tuple[Exception | None, Any]
             try:
                 answer = None, run(item)
-            except Exception as error:
+            except (Exception, SystemExit) as error:
                 answer = to_portable_error(error, item), None
             coordinator.send(answer)
 
 
-def to_portable_error(error: Exception, item: Item | None) -> Exception:
-    """The error that the coordinator raises: an InputError stays one, any other carries its traceback as text."""
+def to_portable_error(error: BaseException, item: Item | None) -> Exception:
+    """The error that the coordinator raises, which names the item.
+
+    An InputError stays one. An error of a user's own code is explained in a line, any other carries its traceback.
+    """
     where = "" if item is None else f"{item}: "
     if isinstance(error, InputError):
         return InputError(f"{where}{error}")
-    return EpisodeError(f"{where}{type(error).__name__}: {error}\n{traceback.format_exc()}")
+    said = explained(error)
+    if not said:
+        return EpisodeError(f"{where}{type(error).__name__}: {error}\n{traceback.format_exc()}")
+    portable = EpisodeError(f"{where}{said}")
+    portable.trace = traceback.format_exc()
+    return portable
 
 
 def _cause(exit_code: int | None) -> str:

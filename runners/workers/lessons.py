@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from lme.envs.episodes import WORLDS_KEPT
 from lme.episode import run_episode
 from lme.navigator import MapReader, Navigator
+from lme.returned import checked_command, checked_guidance
 from lme.robots import Robot
 from lme.types import Floats, Guide, Observation, Planner, Pose, Twist
 from lme.weight_files import with_network
@@ -168,8 +169,10 @@ class TeachingNavigator(Navigator):
     def act(self, observation: Observation, time: float | None = None) -> Twist:
         command = super().act(observation, time)
         assert self.guidance is not None
-        told = self.guidance if self._guide is None else self._guide.guide(observation)
-        advice = self._expert.plan(observation, told)
+        told = self.guidance
+        if self._guide is not None:
+            told = checked_guidance(self._guide.guide(observation), self._guide)
+        advice = checked_command(self._expert.plan(observation, told), self._expert)
         assert self._student.seen is not None
         self._features.append(self._student.seen)
         self._actions.append(self._student.interface.action(advice, observation))

@@ -72,13 +72,13 @@ def test_mistakes_in_a_custom_planner_are_reported(folder, mistake):
     assert "did you mean MyPlanner?" in mistake("planner._target_=my_module.MyPlaner")
     (folder / "bad.py").write_text(MODULE.replace("2.0 * np", "np.nan * np"), encoding="utf-8")
     said = mistake("planner._target_=bad.MyPlanner")
-    assert "MyPlanner.plan returned" in said
+    assert "step 1: bad.MyPlanner.plan returned" in said
     assert "Traceback" not in said
 
 
 def test_an_error_of_the_planner_is_shown_where_it_happened_and_ends_its_job_alone(folder, mistake):
     (folder / "bad.py").write_text(MODULE.replace("return self.speed", "return 1 / 0 * self.speed"))
     said = mistake("-m", "planner._target_=bad.MyPlanner", "seed=0,1", status=1)
-    assert said.count("lme eval: ZeroDivisionError: division by zero") == 2
-    assert 'bad.py", line' in said
+    assert len(re.findall(r"lme eval: bad\.py:\d+: ZeroDivisionError: division by zero \(", said)) == 2
+    assert "Traceback" not in said
     assert "HYDRA_FULL_ERROR" not in said

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from lme.errors import require
-from lme.planners.commands import finite
 from lme.planners.safety.check import STILL, TOUCHING, StoppingCheck, StoppingState
+from lme.plausibility import check_fields
+from lme.returned import checked_command
 from lme.robots import Robot
 from lme.sensing.blind_arc import BlindArc
 from lme.types import Guidance, Observation, Planner, Twist
@@ -27,6 +28,7 @@ class SafetyFilterConfig:
     def __post_init__(self) -> None:
         for key in ("margin", "latency", "lag"):
             require(f"filter.{key}", getattr(self, key), at_least=0.0)
+        check_fields("filter", self)
 
 
 class SafetyFilter:
@@ -55,7 +57,7 @@ class SafetyFilter:
     def plan(self, observation: Observation, guidance: Guidance) -> Twist:
         """Command for one control period. Raises InputError if the planner's is no pair of finite numbers."""
         points = self._blind.points(observation) if guidance.points is None else guidance.points
-        v, omega = finite(self.planner.plan(observation, guidance), self.planner)
+        v, omega = checked_command(self.planner.plan(observation, guidance), self.planner)
         now = StoppingState(points, observation.twist, observation.limits)
         command = self._filtered(Twist(max(v, now.limits.lowest), omega), now)
         self._check.sent(command)

@@ -20,6 +20,7 @@ from lme.policies.lme.maintenance import Choice, History, choose, update_positio
 from lme.policies.lme.parameter_file import read_parameters
 from lme.policies.lme.score import CRITERIA, Parameters, rank
 from lme.policies.lme.surmount import RULES, find_blockage
+from lme.returned import checked_values
 from lme.robots import Robot
 from lme.sensing.scan_points import is_full_circle, obstacle_points
 from lme.types import Floats, Observation, Twist
@@ -62,7 +63,10 @@ class LocalMinimumEscaper:
         self._mount, self._radius, self._dt = robot.lidar.mount, robot.r, robot.dt
         self._config = config or EscaperConfig()
         self._names = tuple(criteria)
-        self._criteria = tuple(criteria.values())
+        self._criteria = tuple(
+            criterion if criterion is PAPER_CRITERIA.get(name) else _checked(criterion)
+            for name, criterion in criteria.items()
+        )
         self._reachable = self._names.index("c_o")
         self._parameters = Parameters.from_mapping(parameters, self._names)
         self.reset(np.random.default_rng(0))
@@ -157,6 +161,11 @@ class LocalMinimumEscaper:
             return Choice.FIRST
         distance = math.hypot(*self._subgoal.tolist())
         return choose(distance, scores[-1], scores[new], self._parameters.d1, self._parameters.d2)
+
+
+def _checked(criterion: Criterion) -> Criterion:
+    """A user's own criterion that raises ReturnedError unless it gives each candidate a finite number."""
+    return lambda candidates, view: checked_values(criterion(candidates, view), len(candidates), criterion)
 
 
 def _in_view(point: Floats, reach: float, bearing_min: float, fov: float) -> bool:

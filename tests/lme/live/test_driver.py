@@ -43,10 +43,10 @@ def test_an_event_during_a_decision_stops_the_driver(rig, command):
 @pytest.mark.parametrize(
     ("command", "reason"),
     [
-        (Twist(math.nan, 0.0), "InputError: Puppet.plan returned Twist(v=nan, omega=0.0)"),
+        (Twist(math.nan, 0.0), "Puppet.plan returned Twist(v=nan, omega=0.0)"),
         (Twist(0.0, math.inf), "both finite"),
         (None, "both finite"),
-        (ZeroDivisionError("no"), "ZeroDivisionError: no"),
+        (ZeroDivisionError("no"), "rig.py:"),
     ],
 )
 def test_a_planner_that_fails_stops_the_driver(rig, command, reason):

@@ -92,7 +92,7 @@ def test_an_open_executor_serves_list_after_list(executor):
     ("initialise", "payload", "kind", "message"),
     [
         (fail_in_world_3, InputError("the start is inside"), InputError, r"^world 3, run 0: the start is inside$"),
-        (fail_in_world_3, ZeroDivisionError("oops"), EpisodeError, r"world 3, run 0: ZeroDivisionError: oops"),
+        (fail_in_world_3, ZeroDivisionError("oops"), EpisodeError, r"^world 3, run 0: \S+: ZeroDivisionError: oops"),
         (refuse_to_build, None, InputError, r"^robot\.v_max is -1: must be greater than 0$"),
     ],
 )  # fmt: skip

@@ -13,6 +13,7 @@ import pytest
 
 from lme.errors import InputError
 from runners.records.episode_record import EpisodeKey
+from runners.workers import episodes
 from runners.workers.executor import (
     EpisodeError,
     ProcessConfig,
@@ -102,9 +103,25 @@ def test_an_input_error_stays_one_and_names_its_episode(executor):
 
 
 @pytest.mark.parametrize("executor", [SerialExecutor(SerialConfig()), processes()])
-def test_any_other_error_names_its_episode_and_brings_the_workers_traceback(executor):
-    with pytest.raises(EpisodeError, match=r"world 3, run 0: ZeroDivisionError: oops(.|\n)*raise error"):
+@pytest.mark.parametrize("error", [ZeroDivisionError("oops"), SystemExit("oops"), StopIteration("oops")])
+def test_an_error_of_a_users_own_code_names_its_episode_file_and_line(executor, error):
+    said = rf"^world 3, run 0: \S*test_executor\.py:\d+: {type(error).__name__}: oops \(LME_TRACEBACK=1 .*\)$"
+    with pytest.raises(EpisodeError, match=said):
+        list(executor.map(fail_in_world_3, error, ONE_RUN))
+
+
+@pytest.mark.parametrize("executor", [SerialExecutor(SerialConfig()), processes()])
+def test_the_traceback_is_there_for_whoever_asks(executor):
+    with pytest.raises(EpisodeError) as caught:
         list(executor.map(fail_in_world_3, ZeroDivisionError("oops"), ONE_RUN))
+    assert "Traceback" in caught.value.trace
+    assert "raise error" in caught.value.trace
+
+
+@pytest.mark.parametrize("executor", [SerialExecutor(SerialConfig()), processes()])
+def test_an_error_of_lme_itself_brings_the_workers_traceback(executor):
+    with pytest.raises(EpisodeError, match=r"^AttributeError: .*\nTraceback(.|\n)*episodes\.py"):
+        list(executor.map(episodes.initialise, None, ITEMS))
 
 
 @pytest.mark.parametrize("executor", [SerialExecutor(SerialConfig()), processes()])

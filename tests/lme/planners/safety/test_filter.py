@@ -108,7 +108,7 @@ def test_points_in_the_blind_arc_are_remembered():
 
 
 def test_a_planner_that_commands_no_numbers_is_named():
-    with pytest.raises(InputError, match=r"^Wants\.plan returned \(nan, 0\.0\): must be"):
+    with pytest.raises(InputError, match=r"^tests\S+\.Wants\.plan returned \(nan, 0\.0\): must be"):
         sent((math.nan, 0.0), [[0.5, 0.0]])
 
 
