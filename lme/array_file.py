@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lme.errors import InputError
+from lme.guarded_file import check_regular
 
 Arrays = Mapping[str, NDArray[np.float32]]
 Shape = tuple[int, ...]
@@ -68,6 +69,7 @@ def check_finite(arrays: Arrays, source: str) -> None:
 def _opened(path: Path, what: str) -> Iterator[zipfile.ZipFile]:
     """The archive; any damage found while it is read raises InputError."""
     try:
+        check_regular(path)
         with zipfile.ZipFile(path) as archive:
             yield archive
     except OSError as error:

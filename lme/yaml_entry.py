@@ -13,18 +13,24 @@ import numpy as np
 import yaml
 
 from lme.errors import InputError, nearest
+from lme.guarded_file import YAML_BYTES, SafeLoader, parse_yaml, read_text
 from lme.types import Floats
 
 _EXPONENT = re.compile(r"([-+]?\d+)(?:\.(\d*))?[eE]([-+]?)(\d+)")  # of a number with one
 
 
 def read_yaml(path: Path) -> object:
-    """The content of a YAML file. Raises InputError if it cannot be read, is not valid, or repeats a key."""
+    """The content of a YAML file.
+
+    Raises InputError if it cannot be read, is not valid, repeats a key, or is not a regular file of a bounded size.
+    """
     try:
-        return yaml.load(path.read_text(encoding="utf-8"), Loader=_UniqueKeys)
+        return parse_yaml(read_text(path, YAML_BYTES), _UniqueKeys)
     except yaml.MarkedYAMLError as error:
         line = f", line {error.problem_mark.line + 1}" if error.problem_mark else ""
         raise InputError(f"{path}{line}: not valid YAML ({error.problem})") from error
+    except InputError:
+        raise
     except (yaml.YAMLError, UnicodeDecodeError, RecursionError, ValueError) as error:
         raise InputError(f"{path}: not valid YAML in UTF-8 ({_one_line(error)})") from error
     except OSError as error:
@@ -102,7 +108,7 @@ class Entry:
         return InputError(f"{self.place}: {key} is {_shorten(value)}: must be {right}{_as_number(value)}")
 
 
-class _UniqueKeys(yaml.SafeLoader):
+class _UniqueKeys(SafeLoader):  # type: ignore[misc]
     """Refuses a repeated key. PyYAML silently keeps the last one, which would lose a part of a drawing."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:

@@ -4,21 +4,28 @@ from __future__ import annotations
 
 import math
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 from PIL import Image, UnidentifiedImageError
 
 from lme import plausibility
 from lme.errors import InputError
+from lme.guarded_file import open_bytes
 from lme.types import Bools, Floats, Pose
-from lme.worlds.contours import outlines
+from lme.worlds.contours import corners, outlines
 from lme.worlds.floor_plan import FloorPlan, enclosed
 from lme.yaml_entry import Entry, read_yaml
 
-MAX_PIXELS = 4096 * 4096  # a larger picture is refused before it is decoded
+MAX_PIXELS = 100_000_000  # a larger picture is refused before it is decoded
+MAX_CORNERS = 1_000_000  # of obstacles, which take some 20 s
 DARK = 0.5  # of white; darker pixels of a plain bitmap are obstacles. JPEG artefacts stay far from it
 
+_PICTURE_BYTES = 2**30
+_OPAQUE = 128  # alpha from which a pixel of a ROS map has its colour; one below is unknown
 _EIGHT_BIT = ("1", "L", "LA", "P", "PA", "RGB", "RGBA", "CMYK", "YCbCr")
 # What Pillow raises for a damaged picture.
 _DAMAGED = (OSError, SyntaxError, ValueError, EOFError, IndexError, TypeError, OverflowError, MemoryError)
@@ -33,16 +40,17 @@ def read_bitmap(path: Path, size: tuple[float, float]) -> FloorPlan:
     """
     occupied = brightness(path) < DARK
     pixel = np.array(size) / occupied.shape[::-1]
-    return _floor_plan(occupied, pixel, Pose(0.0, 0.0, 0.0))
+    return _floor_plan(path, occupied, pixel, Pose(0.0, 0.0, 0.0))
 
 
 def read_ros_map(path: Path, unknown_is_obstacle: bool) -> FloorPlan:
     """A map_server map (http://wiki.ros.org/map_server) of mode trinary.
 
-    Cells whose occupancy is above `occupied_thresh` are obstacles, below `free_thresh` free, the rest unknown.
-    The map's border is a closed wall. Raises InputError for wrong keys or values, and as `read_bitmap` does.
+    Cells whose occupancy is above `occupied_thresh` are obstacles, below `free_thresh` free, the rest and transparent
+    ones unknown. The map's border is a closed wall. Warns of keys that are not map_server's, and ignores them. Raises
+    InputError for wrong keys or values, and as `read_bitmap` does.
     """
-    entry = Entry(str(path), read_yaml(path), _ROS_KEYS, ["mode"])
+    entry = _ros_entry(path)
     image = entry.value("image")
     if not isinstance(image, str) or not image or not image.isprintable():
         raise entry.mistake("image", "the name of a picture next to this file, or its path")
@@ -50,40 +58,71 @@ def read_ros_map(path: Path, unknown_is_obstacle: bool) -> FloorPlan:
     origin = Pose(*entry.numbers("origin", "x, y, yaw", 3))
     plausibility.check(f"{path}: resolution", resolution)
     plausibility.check(f"{path}: origin.yaw", origin.yaw)
-    if entry.value("mode", "trinary") != "trinary":
+    if str(entry.value("mode", "trinary")).lower() != "trinary":
         raise entry.mistake("mode", "trinary, the only mode that is supported")
     try:
-        white = brightness(path.parent / image)
+        in_home = image.startswith("~/")
+        picture = path.parent / (Path(image).expanduser() if in_home else image)
+        levels, white, transparent = _levels(picture)
     except InputError as error:
         raise InputError(f"{path}: image is {image}: {error}") from error
-    occupancy = white if _negated(entry) else 1.0 - white
+    shades = (
+        np.arange(white + 1) / white
+    )  # of each level; a picture of floats would take eight times the memory
+    occupancy = shades if _negated(entry) else 1.0 - shades
     occupied_above, free_below = _thresholds(entry)
-    occupied = occupancy >= free_below if unknown_is_obstacle else occupancy > occupied_above
-    return _floor_plan(occupied, np.array([resolution, resolution]), origin)
+    occupied = (occupancy >= free_below if unknown_is_obstacle else occupancy > occupied_above)[levels]
+    if transparent is not None:
+        occupied[transparent] = unknown_is_obstacle
+    return _floor_plan(path, occupied, np.array([resolution, resolution]), origin)
 
 
 def is_picture(path: Path) -> bool:
     """Whether a file begins like a picture of a known format; it may still be damaged."""
     try:
-        with warnings.catch_warnings():
+        with warnings.catch_warnings(), open_bytes(path) as file:
             warnings.simplefilter("ignore", Image.DecompressionBombWarning)
-            Image.open(path).close()
+            Image.open(file).close()
     except UnidentifiedImageError:
         return False
+    except InputError:
+        raise
     except (*_DAMAGED, Image.DecompressionBombError):
         pass  # brightness() says what is wrong
     return True
 
 
 def brightness(path: Path) -> Floats:
-    """(rows, columns) brightness from 0 (black) to 1 (white); row 0 is the bottom of the picture."""
+    """(rows, columns) brightness from 0 (black) to 1 (white); row 0 is the bottom of the picture.
+
+    Colours have the brightness that they have to the eye (ITU-R 601-2); transparent pixels are white.
+    """
+    with _opened(path) as image:
+        return np.asarray(_grey(image), dtype=np.float64)[::-1] / 255.0
+
+
+def _levels(path: Path) -> tuple[NDArray[np.uint8] | NDArray[np.uint16], int, Bools | None]:
+    """Sums of the colours (rows, columns) as map_server takes them, row 0 at the bottom; that of white; and where the
+    picture is transparent, if it can be."""
+    with _opened(path) as image:
+        if _may_be_transparent(image):
+            pixels = np.asarray(image.convert("RGBA"))[::-1]
+            return pixels[..., :3].sum(axis=-1, dtype=np.uint16), 3 * 255, pixels[..., 3] < _OPAQUE
+        if image.mode in ("1", "L"):
+            return np.asarray(image.convert("L"))[::-1], 255, None
+        return np.asarray(image.convert("RGB"))[::-1].sum(axis=-1, dtype=np.uint16), 3 * 255, None
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[Image.Image]:
+    """A picture with a right size and type of pixels; any damage found while it is decoded raises InputError."""
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("error", Image.DecompressionBombWarning)
-            with Image.open(path) as image:
+        with warnings.catch_warnings(), open_bytes(path, _PICTURE_BYTES) as file:
+            warnings.simplefilter("ignore", Image.DecompressionBombWarning)  # MAX_PIXELS is the limit
+            with Image.open(file) as image:
                 _check_picture(path, image)
-                grey = _grey(image)
-    except (Image.DecompressionBombError, Image.DecompressionBombWarning) as error:
+                yield image
+    except Image.DecompressionBombError as error:
         raise InputError(f"{path}: {error}: must have at most {MAX_PIXELS} pixels") from error
     except FileNotFoundError as error:
         raise InputError(f"{path}: no such picture") from error
@@ -91,8 +130,9 @@ def brightness(path: Path) -> Floats:
         if isinstance(error, InputError):
             raise
         reason = " ".join(str(error).split()) or "it needs too much memory"
+        if isinstance(error, UnidentifiedImageError):
+            reason = "its format is not known"
         raise InputError(f"{path}: must be a complete picture (PNG, PGM, JPEG, …): {reason}") from error
-    return np.asarray(grey, dtype=np.float64)[::-1] / 255.0
 
 
 def _check_picture(path: Path, image: Image.Image) -> None:
@@ -107,10 +147,26 @@ def _check_picture(path: Path, image: Image.Image) -> None:
 
 def _grey(image: Image.Image) -> Image.Image:
     """The picture in 8-bit grey, on a white background."""
-    if image.mode in ("LA", "PA", "RGBA") or "transparency" in image.info:
+    if _may_be_transparent(image):
         picture = image.convert("RGBA")
         image = Image.alpha_composite(Image.new("RGBA", picture.size, "white"), picture)
     return image.convert("L")
+
+
+def _may_be_transparent(image: Image.Image) -> bool:
+    return image.mode in ("LA", "PA", "RGBA") or "transparency" in image.info
+
+
+def _ros_entry(path: Path) -> Entry:
+    """The keys of map_server in a ROS map. Warns of others."""
+    content = read_yaml(path)
+    if isinstance(content, dict):
+        foreign = [key for key in content if key not in (*_ROS_KEYS, "mode")]
+        content = {key: value for key, value in content.items() if key not in foreign}
+        if foreign:
+            names = ", ".join(f"{key!s:.40}" for key in foreign[:8])
+            warnings.warn(f"{path}: ignoring keys that map_server does not have: {names}", stacklevel=2)
+    return Entry(str(path), content, _ROS_KEYS, ["mode"])
 
 
 def _negated(entry: Entry) -> bool:
@@ -129,14 +185,19 @@ def _thresholds(entry: Entry) -> tuple[float, float]:
     return occupied_above, free_below
 
 
-def _floor_plan(occupied: Bools, pixel: Floats, origin: Pose) -> FloorPlan:
+def _floor_plan(path: Path, occupied: Bools, pixel: Floats, origin: Pose) -> FloorPlan:
     """The plan of a grid of cells of size `pixel` (2,) [m], with its lower left corner at `origin`."""
+    count = corners(occupied)
+    if count > MAX_CORNERS:
+        raise InputError(
+            f"{path}: its obstacles have {count} corners: must have at most {MAX_CORNERS}; is it a photo, or noise?"
+        )
     rows, columns = occupied.shape
-    corners = np.array([[0, 0], [columns, 0], [columns, rows], [0, rows]], dtype=np.float64)
+    frame = np.array([[0, 0], [columns, 0], [columns, rows], [0, rows]], dtype=np.float64)
     cos, sin = math.cos(origin.yaw), math.sin(origin.yaw)
 
     def placed(cells: Floats) -> Floats:
         return np.asarray((cells * pixel) @ np.array([[cos, sin], [-sin, cos]]) + np.array(origin[:2]))
 
     polygons = tuple(placed(outline) for outline in outlines(occupied))
-    return enclosed(placed(corners), np.empty((0, 3)), np.empty((0, 4)), polygons)
+    return enclosed(placed(frame), np.empty((0, 3)), np.empty((0, 4)), polygons)

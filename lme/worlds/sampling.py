@@ -17,7 +17,7 @@ from lme.worlds.clearance import clearance_field, inside
 from lme.worlds.floor_plan import FloorPlan
 from lme.worlds.lattice import shortest_path, shortest_way
 
-MAX_POINTS = 10_000_000  # of the lattice
+MAX_POINTS = 32_000_000  # of the lattice, which takes about 30 bytes for each
 STARTS_TRIED = 100  # before the plan counts as too small for the least distance
 
 Points = NDArray[np.int32]  # indices in the flat lattice

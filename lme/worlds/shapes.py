@@ -36,6 +36,9 @@ from lme.yaml_entry import Entry, read_yaml
 
 ELLIPSE_SIDES = 32  # an ellipse becomes a polygon, which deviates by at most 1.5 mm for a diameter of 0.6 m
 
+MAX_SIDES = 200_000  # of all shapes
+_MOST_PAIRS = 50_000_000  # of a polygon's sides, to see whether they cross; they take some 5 s
+_PAIRS_AT_ONCE = 1_000_000
 _SLACK = 1e-9  # [m] rounding error allowed where a shape touches the bounds
 
 
@@ -69,6 +72,9 @@ def floor_plan(place: str, drawing: object) -> FloorPlan:
             thin.append(legs)
         else:
             thick += [_bar(leg, thickness) for leg in legs]
+    sides = sum(map(len, (*solids, *thick, *thin))) + len(circles)
+    if sides > MAX_SIDES:
+        raise InputError(f"{place}: its shapes have {sides} sides and circles: must have at most {MAX_SIDES}")
     plan = enclosed(outline, np.array(circles).reshape(-1, 3), np.vstack(thin), (*solids, *thick))
     movers = tuple(mover_of(*item) for item in entry.entries("movers"))
     start, goal = _place(entry, "start", (2, 3)), _place(entry, "goal", (2,))
@@ -115,7 +121,11 @@ def _polygon(where: str, item: object) -> Floats:
         raise entry.mistake("points", "a polygon whose last point is not the first again")
     if abs(_side(points[0], points, following).sum()) < 1e-12:
         raise entry.mistake("points", "a polygon that encloses an area")
-    if _crosses_itself(points, following):
+    try:
+        crossing = _crosses_itself(points, following)
+    except ValueError as error:
+        raise entry.mistake("points", f"a polygon with fewer or shorter sides ({error})") from error
+    if crossing:
         raise entry.mistake("points", "a polygon whose sides do not cross")
     return points
 
@@ -164,12 +174,35 @@ def _within(outline: Floats, where: str, points: Floats) -> Floats:
 
 
 def _crosses_itself(start: Floats, end: Floats) -> bool:
-    """Whether two sides start[i]–end[i] of a closed polygon cross between their ends."""
-    for i in range(len(start)):
-        own = (_side(start[i], end[i], start), _side(start[i], end[i], end))
-        other = (_side(start, end, start[i]), _side(start, end, end[i]))
-        if ((own[0] * own[1] < 0) & (other[0] * other[1] < 0)).any():
+    """Whether two sides start[i]–end[i] of a closed polygon cross between their ends.
+
+    Only sides that overlap along x, or along y where fewer do, are compared. Raises ValueError if they are too many.
+    """
+    low, high = np.minimum(start, end), np.maximum(start, end)
+    orders = [np.argsort(low[:, axis], kind="stable") for axis in (0, 1)]
+    ranks = [
+        np.searchsorted(low[order, axis], high[order, axis], side="right")
+        for axis, order in enumerate(orders)
+    ]
+    order, last = min(zip(orders, ranks, strict=True), key=lambda choice: choice[1].sum())
+    first = np.arange(1, len(order) + 1)
+    ends = np.cumsum(last - first)  # of the pairs of each side with later ones
+    if ends[-1] > _MOST_PAIRS:
+        raise ValueError(f"{ends[-1]} pairs of sides overlap")
+    begin = 0
+    while begin < len(order):
+        stop = max(int(np.searchsorted(ends, ends[begin] + _PAIRS_AT_ONCE)), begin + 1)
+        counts = (last - first)[begin:stop]
+        one = np.repeat(np.arange(begin, stop), counts)
+        other = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts) + first[one]
+        i, j = order[one], order[other]
+        near = ((low[i] <= high[j]) & (low[j] <= high[i])).all(axis=1)
+        i, j = i[near], j[near]
+        own = _side(start[i], end[i], start[j]) * _side(start[i], end[i], end[j])
+        theirs = _side(start[j], end[j], start[i]) * _side(start[j], end[j], end[i])
+        if ((own < 0) & (theirs < 0)).any():
             return True
+        begin = stop
     return False
 
 

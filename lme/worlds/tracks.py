@@ -8,6 +8,8 @@ Lischinski 2007, DOI 10.1111/j.1467-8659.2007.01089.x. The recordings do not shi
 from __future__ import annotations
 
 import math
+import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -15,15 +17,20 @@ from pathlib import Path
 import numpy as np
 
 from lme.errors import InputError, require
+from lme.guarded_file import read_text
 from lme.types import Floats, Pose
 from lme.worlds.movers import Mover
 from lme.worlds.rules import PacedRules, check_chosen, map_path
 from lme.worlds.world import Task, World
 
+MOST_BEGINNINGS = 100_000
 CLEAR = 1.0  # [m] nobody is nearer to the robot's start at first
 
 _COLUMNS = "frame id x y"
 _LOST = 2.0  # [s] after a longer gap, an id is someone else
+_WALKING = (0.2, 2.0)  # [m/s] slower is standing, and a faster median is a mistake in the units
+_USUAL_SPEED, _USUAL_STEP = 1.3, 0.4  # [m/s], [s] of people, and between the frames of most recordings
+_WIDEST = 200.0  # [m] of a recorded area
 
 
 @dataclass(slots=True)
@@ -73,6 +80,12 @@ class RecordedPeople:
         self._start = np.array(config.start or [x0, (y0 + y1) / 2])
         self._goal = np.array(config.goal or [x1, (y0 + y1) / 2])
         last = max(track[-1, 0] for track in self._tracks)
+        if not last / config.every <= MOST_BEGINNINGS:
+            raise InputError(
+                f"{path}: lasts {last:.4g} s at map.frame_rate {config.frame_rate:g}: must have at most "
+                f"{MOST_BEGINNINGS} beginnings, one for each map.every, {config.every:g} s"
+            )
+        self._spans = np.array([track[[0, -1], 0] for track in self._tracks])
         offered = [
             number for number in range(math.ceil(last / config.every - 1e-9)) if self._is_clear(number)
         ]
@@ -129,7 +142,8 @@ class RecordedPeople:
 
     def _is_clear(self, number: int) -> bool:
         begin = number * self.config.every
-        there = (_from(track, begin) for track in self._tracks if track[0, 0] <= begin < track[-1, 0])
+        present = np.flatnonzero((self._spans[:, 0] <= begin) & (begin < self._spans[:, 1]))
+        there = (_from(self._tracks[number], begin) for number in present)
         return all(math.dist(track[0, 1:], self._start) > CLEAR for track in there)
 
 
@@ -150,23 +164,64 @@ def _read(path: Path, _modified: int, frame_rate: float) -> tuple[Floats, ...]:
     """
     rows = _rows(path)
     times = (rows[:, 0] - rows[:, 0].min()) / frame_rate
-    tracks = []
-    for person in np.unique(rows[:, 1]):
-        own = rows[:, 1] == person
-        track = np.column_stack([times[own], rows[own, 2:]])[np.argsort(times[own], kind="stable")]
+    order = np.lexsort((times, rows[:, 1]))
+    persons = np.flatnonzero(np.diff(rows[order, 1])) + 1
+    tracks: list[Floats] = []
+    for own in np.split(order, persons):
+        track, person = np.column_stack([times[own], rows[own, 2:]]), rows[own[0], 1]
         if (np.diff(track[:, 0]) <= 0.0).any():
             raise InputError(f"{path}: id {person:g} is twice in a frame; must be once")
         tracks += np.split(track, np.flatnonzero(np.diff(track[:, 0]) > _LOST) + 1)
     found = tuple(track for track in tracks if len(track) > 1)
     if not found:
-        raise InputError(f"{path}: nobody is in two frames; must hold lines of {_COLUMNS}")
+        raise InputError(
+            f"{path}: nobody is in two frames{_apart(tracks, frame_rate)}; must hold lines of {_COLUMNS}"
+        )
+    _warn_of_units(path, found, frame_rate)
     return found
+
+
+def _apart(tracks: Sequence[Floats], frame_rate: float) -> str:
+    """Why tracks of one person each fell apart, where that is the frame rate."""
+    gaps = np.diff([track[0, 0] for track in tracks])
+    gaps = gaps[gaps > _LOST]
+    if not len(gaps):
+        return ""
+    step = float(np.median(gaps))
+    return (
+        f" within {_LOST:g} s (they are {step:.3g} s apart at map.frame_rate {frame_rate:g}; "
+        f"{frame_rate * step / _USUAL_STEP:.3g} would make that {_USUAL_STEP:g} s)"
+    )
+
+
+def _warn_of_units(path: Path, tracks: Sequence[Floats], frame_rate: float) -> None:
+    """Warn of people who run, and of an area that is too wide: the frame rate or the unit is another one."""
+    steps = np.vstack([np.diff(track, axis=0) for track in tracks])
+    speeds = np.hypot(steps[:, 1], steps[:, 2]) / steps[:, 0]
+    walking = speeds[speeds > _WALKING[0]]
+    speed = float(np.median(walking)) if len(walking) else 0.0
+    places = np.vstack([track[:, 1:] for track in tracks])
+    width, height = np.ptp(places, axis=0).tolist()
+    if max(width, height) > _WIDEST:
+        warnings.warn(
+            f"{path}: people walk in {width:.4g} by {height:.4g} m, at {speed:.3g} m/s (median): positions must be in "
+            f"metres, not in pixels, centimetres or millimetres; at {_USUAL_SPEED:g} m/s the unit of the file would be "
+            f"{_USUAL_SPEED / max(speed, _WALKING[0]):.2g} m",
+            stacklevel=2,
+        )
+    elif speed > _WALKING[1]:
+        warnings.warn(
+            f"{path}: people walk at {speed:.3g} m/s (median) with map.frame_rate={frame_rate:g}: "
+            f"{frame_rate * _USUAL_SPEED / speed:.3g} would make that {_USUAL_SPEED:g} m/s; the columns must be "
+            f"{_COLUMNS}",
+            stacklevel=2,
+        )
 
 
 def _rows(path: Path) -> Floats:
     """(N, 4) the numbers of the file. Raises InputError that names the line."""
     try:
-        lines = path.read_text(encoding="utf-8").splitlines()
+        lines = read_text(path).splitlines()
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(
             f"{path}: cannot be read ({error}); must be a text file with lines of {_COLUMNS}"

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lme.errors import InputError
+from lme.guarded_file import read_text
 from lme.types import Floats, Outcome
 
 if TYPE_CHECKING:
@@ -62,7 +63,7 @@ def read_log(path: Path, block: str | None = None) -> pd.DataFrame:
     import pandas as pd
 
     try:
-        lines = path.read_text(encoding="utf-8").splitlines()
+        lines = read_text(path).splitlines()
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(
             f"{path}: cannot be read as a log of BARN episodes ({error}): must be a text file"

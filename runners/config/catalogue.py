@@ -11,10 +11,10 @@ from typing import Any
 import yaml
 
 from lme.errors import InputError
+from lme.guarded_file import YAML_BYTES, SafeLoader, check_structure, read_text
 from lme.resources import overlaid, resource_dir
 
 SHIPPED = (resource_dir("conf"),)  # the config folders without those of a user
-_Loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +34,7 @@ class Catalogue:
 
     def groups(self, config_name: str) -> dict[str, str | None]:
         """Config groups of a command in the order of its defaults list, each with its default option."""
-        slots = yaml.load(self.file(config_name).read_text(encoding="utf-8"), _Loader)["defaults"]
+        slots = _parsed(self.file(config_name), yaml.load)["defaults"]
         pairs = [next(iter(slot.items())) for slot in slots if isinstance(slot, dict)]
         return {name: option for name, option in pairs if not name.startswith("override ")}
 
@@ -96,7 +96,7 @@ class Catalogue:
 
     def title(self, name: str) -> str:
         """The first comment line of the YAML `name`."""
-        lines = self.file(name).read_text(encoding="utf-8").splitlines()
+        lines = _text(self.file(name)).splitlines()
         comments = (line[1:].strip() for line in lines if line.startswith("#"))
         return next((line for line in comments if not line.startswith("@package")), "")
 
@@ -111,8 +111,7 @@ class Catalogue:
         """
         found: dict[str, Key] = {}
         for file in self.files(name):
-            text = file.read_text(encoding="utf-8")
-            for key in _walk(_parsed(file, text, yaml.compose), text.splitlines(), ""):
+            for key in _walk(_parsed(file, yaml.compose), _text(file).splitlines(), ""):
                 comment = key.comment or (found[key.name].comment if key.name in found else "")
                 found[key.name] = replace(key, comment=comment)
         return list(found.values())
@@ -128,14 +127,26 @@ def shipped(*more: Path) -> Catalogue:
 
 
 def _plain(file: Path) -> dict[str, Any]:
-    content = _parsed(file, file.read_text(encoding="utf-8"), yaml.load)
+    content = _parsed(file, yaml.load)
     return content if isinstance(content, dict) else {}
 
 
-def _parsed(file: Path, text: str, parse: Callable[[str, Any], Any]) -> Any:
-    """The YAML of a file, parsed so. Raises InputError for what PyYAML refuses; OmegaConf reads a little more."""
+def _text(file: Path) -> str:
     try:
-        return parse(text, _Loader)
+        return read_text(file, YAML_BYTES)
+    except UnicodeDecodeError as error:
+        raise InputError(f"{file}: not valid YAML in UTF-8 ({error})") from error
+    except OSError as error:
+        raise InputError(f"{file}: cannot be read ({error.strerror})") from error
+
+
+def _parsed(file: Path, parse: Callable[[str, Any], Any]) -> Any:
+    """The YAML of a file, parsed so. Raises InputError for what PyYAML refuses; OmegaConf reads a little more."""
+    text = _text(file)
+    try:
+        if not file.is_relative_to(SHIPPED[0]):
+            check_structure(text)
+        return parse(text, SafeLoader)
     except yaml.YAMLError as error:
         raise InputError(f"{file}: not valid YAML ({error})") from error
 

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from lme.errors import InputError
+from lme.guarded_file import LOG_BYTES, read_bytes
 from runners.mapping.build import ENDING, BuildConfig, build_map, check_target, describe, write_map
 
 CHECKOUT = Path("data/carmen")  # where the logs lie in a checkout
@@ -62,7 +63,7 @@ def _logs(source: Path) -> Iterator[tuple[str, Path]]:
 
 def _check_digest(name: str, log: Path) -> None:
     try:
-        digest = hashlib.sha256(log.read_bytes()).hexdigest()
+        digest = hashlib.sha256(read_bytes(log, LOG_BYTES)).hexdigest()
     except OSError as error:
         raise InputError(f"{log}: cannot be read ({error.strerror})") from error
     if digest != DIGESTS[name]:

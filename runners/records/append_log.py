@@ -14,6 +14,7 @@ import os
 import re
 from array import array
 from collections.abc import Container, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
@@ -26,6 +27,7 @@ from runners.records.episode_record import COLUMNS, TEXTS, EpisodeKey, EpisodeRe
 APPEND_LOG = "parts/episodes.jsonl"
 
 _BLOCK = 1 << 20  # bytes
+_LINE_BYTES = 2**28  # of an episode; one of a million steps has about 2**27
 
 
 class LogEntry(NamedTuple):
@@ -93,8 +95,8 @@ class AppendLog:
 
     def _index(self) -> array[int]:
         index, start = array("q"), 0
-        for number, line in enumerate(self._lines, start=1):
-            if not line.endswith(b"\n"):
+        for number, line in enumerate(iter(partial(self._lines.readline, _LINE_BYTES), b""), start=1):
+            if not line.endswith(b"\n") and len(line) < _LINE_BYTES:
                 break
             with _name_bad_line(self._path, number):
                 fields = json.loads(line)
@@ -173,6 +175,10 @@ def cut_torn_line(path: Path) -> None:
                 whole = begin + newline + 1
                 break
             whole = begin
+            if size - whole > _LINE_BYTES:
+                raise InputError(
+                    f"{path}: its last line has more than {_LINE_BYTES} bytes: restore or remove it"
+                )
     if whole < size:
         os.truncate(path, whole)
 

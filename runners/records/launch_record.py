@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from lme.errors import InputError
+from lme.guarded_file import read_bytes
 from lme.sensing.people.source import People
 from runners.config import catalogue
 from runners.config.flatten import flatten
@@ -90,7 +91,9 @@ class Launch:
 def read_launch(directory: Path) -> Launch | None:
     """The launch of a run directory; None if it holds none. Raises InputError for one that is damaged."""
     try:
-        text = (directory / LAUNCH).read_bytes()
+        text = read_bytes(directory / LAUNCH)
+    except InputError:
+        raise
     except (FileNotFoundError, NotADirectoryError, ValueError):  # ValueError: no name of a file
         return None
     except OSError as error:

@@ -11,6 +11,7 @@ from typing import Any
 import yaml
 
 from lme.errors import InputError
+from lme.guarded_file import YAML_BYTES, parse_yaml, read_text
 from lme.weight_files import REGISTERED
 
 
@@ -33,6 +34,6 @@ def check_name(name: str, ending: str, what: str, shipped: Container[str], key: 
 def read_key(path: Path, key: str) -> Any:
     """The value of a key in a YAML file; None if there is no such file or key."""
     content: Any = None
-    with suppress(OSError, UnicodeDecodeError, yaml.YAMLError):
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+    with suppress(OSError, ValueError, yaml.YAMLError):
+        content = parse_yaml(read_text(path, YAML_BYTES))
     return content.get(key) if isinstance(content, dict) else None

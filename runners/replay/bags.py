@@ -12,6 +12,7 @@ from types import TracebackType
 from typing import Any, NamedTuple, Self
 
 from lme.errors import InputError
+from lme.guarded_file import YAML_BYTES, check_regular, open_bytes
 from lme.live import messages
 from lme.requirements import install
 
@@ -173,6 +174,10 @@ def _check_path(path: Path) -> None:
             raise InputError(
                 f"bag {path}: the folder has no metadata.yaml: give a file in it, one of {', '.join(SUFFIXES)}"
             )
+        check_regular(path / "metadata.yaml", YAML_BYTES)
+        for file in path.iterdir():
+            if file.suffix in SUFFIXES:
+                check_regular(file)
         return
     if path.suffix not in SUFFIXES:
         raise InputError(
@@ -180,7 +185,7 @@ def _check_path(path: Path) -> None:
             "or a CARMEN log (.log, .clf, .log.gz, .clf.gz)"
         )
     try:
-        with path.open("rb") as file:
+        with open_bytes(path) as file:
             head = file.read(16)
     except OSError as error:
         raise InputError(f"bag {path}: cannot be opened ({error.strerror})") from error

@@ -10,6 +10,7 @@ import gzip
 import math
 import zlib
 from collections.abc import Collection, Iterator, Sequence
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace, TracebackType
 from typing import NamedTuple
@@ -19,6 +20,7 @@ from numpy.typing import NDArray
 
 from lme.errors import InputError
 from lme.geometry.frames import compose, relative
+from lme.guarded_file import open_bytes
 from lme.live.messages import LASER_SCAN, POSE, SECOND, TF
 from lme.types import Pose
 from runners.replay.bags import Bag, Message, Topic
@@ -30,6 +32,7 @@ RANGE_MAX = 80.0  # [m] of a FLASER line, which does not say: a SICK LMS reports
 
 _TYPES = {MOUNT: TF[0], POSES: POSE, SCAN: LASER_SCAN}  # in the order in which they are read
 _ODOM, _BASE, _LASER = "odom", "base_link", "laser"
+_LINE_BYTES = 2**20  # of a scan; one of 1,081 beams has about 10 kB
 _FARTHEST_MOUNT = 2.0  # [m] from the middle of the robot to its laser
 _SAME_M, _SAME_RAD = 0.02, 0.02  # to which the laser keeps its place on the robot
 
@@ -144,8 +147,12 @@ def _lines(path: Path) -> Iterator[str]:
         raise InputError(f"log {path}: is a directory; must be a CARMEN log ({', '.join(ENDINGS)})")
     empty = True
     try:
-        with gzip.open(path) if path.suffix.lower() == ".gz" else path.open("rb") as file:
-            for line in file:
+        with open_bytes(path) as raw, gzip.open(raw) if path.suffix.lower() == ".gz" else raw as file:
+            for line in iter(partial(file.readline, _LINE_BYTES), b""):
+                if len(line) == _LINE_BYTES:
+                    raise InputError(
+                        f"log {path}: is not a CARMEN log: a line has {_LINE_BYTES} bytes or more"
+                    )
                 text = line.decode("ascii", errors="replace").strip()
                 if text:
                     empty = False

@@ -16,6 +16,7 @@ from typing import Any
 from optuna.storages.journal import BaseJournalBackend
 
 from lme.errors import InputError
+from lme.guarded_file import LOG_BYTES, read_bytes
 
 _SET_STUDY_SYSTEM_ATTR = 3  # op_code of the entry that is used as a mark
 _MARK = "lme:entries"
@@ -57,7 +58,7 @@ class Journal(BaseJournalBackend):
 
 def _complete_steps(path: Path) -> Iterator[dict[str, Any]]:
     """Yield the entries of a journal up to its last mark, and cut off the rest of the file."""
-    content = path.read_bytes() if path.is_file() else b""
+    content = read_bytes(path, LOG_BYTES) if path.is_file() else b""
     if not _BEGINNING.startswith(content[: len(_BEGINNING)]):  # another file: leave it as it is
         raise _not_an_entry(path, 1)
     lines = content.splitlines(keepends=True)

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TextIO
 
 from lme.errors import InputError
+from lme.guarded_file import LOG_BYTES, read_bytes
 from runners.records.append_log import cut_torn_line
 from runners.workers.trials import Attempt, Score
 
@@ -24,7 +25,7 @@ class RaceLog:
         self._file: TextIO | None = None
         if path.is_file():
             cut_torn_line(path)
-            for number, line in enumerate(path.read_bytes().splitlines(), start=1):
+            for number, line in enumerate(read_bytes(path, LOG_BYTES).splitlines(), start=1):
                 self._keep(_decode(line, path, number))
 
     def __enter__(self) -> RaceLog:

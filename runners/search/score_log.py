@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from lme.errors import InputError
+from lme.guarded_file import LOG_BYTES, read_bytes
 from runners.records.append_log import cut_torn_line
 
 SCORE_LOG = "scores.jsonl"
@@ -25,7 +26,7 @@ class ScoreLog:
         self._scores: dict[frozenset[tuple[str, float]], list[Any]] = {}
         if path is not None and path.is_file():
             cut_torn_line(path)
-            for number, line in enumerate(path.read_bytes().splitlines(), start=1):
+            for number, line in enumerate(read_bytes(path, LOG_BYTES).splitlines(), start=1):
                 values, scores = _decode(line, path, number)
                 self._scores[values] = scores
 

@@ -16,7 +16,11 @@ def main() -> int:
     readers.add_argument("--inputs", type=int, default=100_000)
     readers.add_argument("--seed", type=int, default=0)
     readers.add_argument("--only", default="", help="readers whose names hold this")
-    readers.set_defaults(run=lambda given: fuzz.report(given.inputs, given.seed, given.only))
+    what = "; ".join(f"{name}: {damaged}" for name, damaged in fuzz.MUTATORS.items())
+    readers.add_argument(
+        "--mutator", choices=fuzz.MUTATORS, default=fuzz.BYTES, help=f"what is damaged ({what})"
+    )
+    readers.set_defaults(run=lambda given: fuzz.report(given.inputs, given.seed, given.only, given.mutator))
     for kind, report, times, what in (
         ("kills", kills.report, 100, "SIGKILL at random moments of eval, sweep, train and learn"),
         ("disk", disk.report, 5, "a disk that is full at random moments of the same"),

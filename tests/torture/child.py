@@ -1,4 +1,4 @@
-"""The process that reads damaged inputs: `python -m tests.torture.child FOLDER READER|READER FIRST COUNT SEED`.
+"""The process that reads damaged inputs: `python -m tests.torture.child FOLDER READER|READER MUTATOR FIRST COUNT SEED`.
 
 The file `now` in its folder tells at which input it is, and what came of those before.
 """
@@ -10,6 +10,7 @@ import hashlib
 import json
 import os
 import shutil
+import subprocess
 import sys
 import time
 import traceback
@@ -20,6 +21,7 @@ from pathlib import Path
 import numpy as np
 
 from lme.errors import InputError
+from tests.torture import structure
 from tests.torture.guard import Guard, Hang, peak_mb
 from tests.torture.readers import READERS, Reader
 
@@ -27,11 +29,8 @@ NOW, BETWEEN = "now", "|"
 
 
 def main(words: list[str]) -> None:
-    folder, names, first, count, seed = (
-        Path(words[0]).resolve(),
-        words[1].split(BETWEEN),
-        *map(int, words[2:]),
-    )
+    folder, names, mutator = Path(words[0]).resolve(), words[1].split(BETWEEN), words[2]
+    first, count, seed = map(int, words[3:])
     folder.mkdir(parents=True, exist_ok=True)
     os.environ["HOME"] = str(folder)
     os.chdir(folder)
@@ -46,10 +45,12 @@ def main(words: list[str]) -> None:
         reader.read(folder / "case")  # compiles and imports what it needs
     guard = Guard(folder)
     guard.limit_memory()
-    _many(readers, folder, guard, range(first, len(readers) * count), count, seed)
+    _many(readers, folder, guard, range(first, len(readers) * count), count, seed, mutator)
 
 
-def _many(readers: list[Reader], folder: Path, guard: Guard, numbers: range, count: int, seed: int) -> None:
+def _many(
+    readers: list[Reader], folder: Path, guard: Guard, numbers: range, count: int, seed: int, mutator: str
+) -> None:
     """Read the inputs of these numbers; every reader has `count` of them, one reader after the other."""
     ends: Counter[str] = Counter()
     faults: dict[str, str] = {}
@@ -59,9 +60,11 @@ def _many(readers: list[Reader], folder: Path, guard: Guard, numbers: range, cou
         _note(folder, number, ends, faults, slowest)
         _copy(folder / reader.name, folder / "case")
         key = int.from_bytes(hashlib.sha256(reader.name.encode()).digest()[:4], "little")
-        reader.spoil(np.random.default_rng([seed, key, number % count]), folder / "case")
+        spoil = structure.spoil if mutator == "structure" and reader.of_files else reader.spoil
+        spoil(np.random.default_rng([seed, key, number % count]), folder / "case")
         kept = folder / "faults" / str(number)
-        _copy(folder / "case", kept)
+        kept.parent.mkdir(exist_ok=True)
+        subprocess.run(["cp", "-a", folder / "case", kept], check=True)  # pipes and holes as they are
         began = time.perf_counter()
         fault = _one(reader, folder / "case", guard, ends)
         slowest = max(slowest, time.perf_counter() - began)

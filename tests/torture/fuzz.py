@@ -19,6 +19,9 @@ from tests.torture.child import BETWEEN, NOW
 from tests.torture.guard import MEMORY_MB, SLOWEST_S
 from tests.torture.readers import READERS, Reader
 
+BYTES = "bytes"
+MUTATORS = {BYTES: "bytes, words and values", "structure": "what a file is, its encoding and its parts"}
+
 _DEATHS = 5  # of a reader's process, after which its other inputs are left out
 
 
@@ -43,7 +46,9 @@ class Tried(NamedTuple):
 HEAD = "| reader | inputs | read | refused | slowest [s] | peak [MB] | faults |\n|---|---:|---:|---:|---:|---:|---:|"
 
 
-def readers(inputs: int, seed: int, only: str = "", at_once: int = 2) -> Iterator[Tried]:
+def readers(
+    inputs: int, seed: int, only: str = "", mutator: str = BYTES, at_once: int = 2
+) -> Iterator[Tried]:
     """Give `inputs` in total to all readers whose names hold `only`, by their shares; yield what came of them.
 
     A reader that needs a module which is not installed is left out.
@@ -52,7 +57,8 @@ def readers(inputs: int, seed: int, only: str = "", at_once: int = 2) -> Iterato
     total = sum(reader.share for reader in chosen)
     with ThreadPoolExecutor(at_once) as pool:
         yield from pool.map(
-            lambda reader: tried([reader], max(round(inputs * reader.share / total), 1), seed), chosen
+            lambda reader: tried([reader], max(round(inputs * reader.share / total), 1), seed, mutator),
+            chosen,
         )
 
 
@@ -61,7 +67,7 @@ def missing(reader: Reader) -> bool:
     return reader.needs is not None and find_spec(reader.needs) is None
 
 
-def tried(chosen: Sequence[Reader], count: int, seed: int) -> Tried:
+def tried(chosen: Sequence[Reader], count: int, seed: int, mutator: str = BYTES) -> Tried:
     """What came of `count` inputs for each reader, in one process. If it dies, another one takes the rest."""
     names = BETWEEN.join(reader.name for reader in chosen)
     folder = Path(tempfile.mkdtemp(prefix="torture-"))
@@ -69,7 +75,7 @@ def tried(chosen: Sequence[Reader], count: int, seed: int) -> Tried:
     faults: dict[str, str] = {}
     slowest, peak, first = 0.0, 0.0, 0
     for _ in range(_DEATHS):
-        death = _death([str(folder), names, str(first), str(count), str(seed)])
+        death = _death([str(folder), names, mutator, str(first), str(count), str(seed)])
         if not (folder / NOW).is_file():
             raise RuntimeError(f"{names}: a good input was not read:\n{death}")
         found = json.loads((folder / NOW).read_text())
@@ -97,14 +103,14 @@ def _death(words: Sequence[str]) -> str:
     return "" if done.returncode == 0 else f"died with status {done.returncode}: {' '.join(said)}"
 
 
-def report(inputs: int, seed: int, only: str) -> int:
+def report(inputs: int, seed: int, only: str, mutator: str) -> int:
     """Print a table of all readers, and the faults; the exit status."""
     for reader in READERS:
         if only in reader.name and missing(reader):
             print(f"skipped: {reader.name}, which need {reader.needs}")
-    print(f"Limits: {SLOWEST_S:g} s and {MEMORY_MB} MB an input; seed {seed}\n{HEAD}")
+    print(f"Limits: {SLOWEST_S:g} s and {MEMORY_MB} MB an input; mutator {mutator}, seed {seed}\n{HEAD}")
     found = []
-    for one in readers(inputs, seed, only):
+    for one in readers(inputs, seed, only, mutator):
         print(one, flush=True)
         found.append(one)
         for fault, place in one.faults.items():

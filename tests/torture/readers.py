@@ -36,7 +36,10 @@ SIZE_M = (10.0, 8.0)
 
 
 class Reader(NamedTuple):
-    """share: of the inputs; slow readers have less. spoil: how a good input is damaged. needs: a module; or none."""
+    """share: of the inputs; slow readers have less. spoil: how a good input is damaged. needs: a module; or none.
+
+    of_files: whether the damage may be another one.
+    """
 
     name: str
     write: Callable[[Path], None]
@@ -44,6 +47,7 @@ class Reader(NamedTuple):
     share: float = 1.0
     spoil: Callable[[Rng, Path], None] = spoil
     needs: str | None = None
+    of_files: bool = True
 
 
 def command(*words: str) -> None:
@@ -475,6 +479,13 @@ READERS = (
         lambda rng, folder: spoil(rng, folder, bombs=False),
     ),
     Reader("Gazebo logs", _gazebo, _read_gazebo),
-    Reader("overrides", command_lines.write, command_lines.compose, 0.3, command_lines.vary),
-    Reader("command lines", command_lines.write, command_lines.run, 0.1, command_lines.vary_command),
+    Reader("overrides", command_lines.write, command_lines.compose, 0.3, command_lines.vary, of_files=False),
+    Reader(
+        "command lines",
+        command_lines.write,
+        command_lines.run,
+        0.1,
+        command_lines.vary_command,
+        of_files=False,
+    ),
 )

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lme.errors import InputError
+from lme.guarded_file import read_bytes
 from lme.planners.dclp import leveldb
 from lme.planners.dclp.kernels.crc32c import crc32c
 
@@ -76,10 +77,7 @@ def _tensor(data: bytes, entry: BundleEntry, place: str) -> NDArray[np.float32]:
 
 def _read(path: Path) -> bytes:
     try:
-        size = path.stat().st_size
-        if size > _SIZE_MAX:
-            raise InputError(f"{path}: has {size} bytes: must have at most {_SIZE_MAX}")
-        return path.read_bytes()
+        return read_bytes(path, _SIZE_MAX)
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from None
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from lme.array_file import check_finite
 from lme.errors import InputError
+from lme.guarded_file import check_regular
 from lme.planners.drl_vo.architecture import Shape, checked_sizes, shapes
 from lme.planners.drl_vo.torch_file import DAMAGE, DamagedError, TorchFile
 from lme.planners.drl_vo.weights import TOLD, TRAINED
@@ -28,6 +29,7 @@ def import_archive(path: Path) -> dict[str, NDArray[np.float32]]:
     verified. Raises InputError, naming file and array.
     """
     try:
+        check_regular(path)
         with zipfile.ZipFile(path) as archive, _policy(archive) as policy:
             return _weights(TorchFile(policy), path)
     except InputError:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from lme.array_file import check_finite
 from lme.errors import InputError
+from lme.guarded_file import check_regular
 from lme.planners.drl_vo.torch_file import DAMAGE, TorchFile
 from lme.planners.lics.weights import SHAPES, WHAT
 
@@ -21,6 +22,7 @@ def import_state(path: Path) -> dict[str, NDArray[np.float32]]:
     file and array.
     """
     try:
+        check_regular(path)
         with zipfile.ZipFile(path) as archive:
             saved = TorchFile(archive)
             found = {name: tensor.shape for name, tensor in saved.tensors.items()}

@@ -9,10 +9,12 @@ from typing import Any
 import numpy as np
 
 from lme.errors import InputError
+from lme.guarded_file import check_regular
 from lme.planners.onnx.features import Part
 from lme.requirements import install
 from lme.types import Floats
 
+_ONNX_BYTES = 2**31  # a file of protobuf has no more
 _TYPES = {"tensor(float)": np.float32, "tensor(double)": np.float64}
 
 
@@ -81,6 +83,7 @@ def _session(path: Path) -> Any:
         raise InputError(f"the planner onnx needs onnxruntime: {install('onnxruntime')}") from error
     if not path.is_file():
         raise InputError(f"planner.path is {path}: must be the path of an .onnx file")
+    check_regular(path, _ONNX_BYTES)
     options = runtime.SessionOptions()
     options.intra_op_num_threads = options.inter_op_num_threads = 1  # the executors fill the cores
     try:

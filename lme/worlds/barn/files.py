@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 import re
-import stat
 import warnings
 from pathlib import Path
 from xml.etree.ElementTree import Element, ParseError
@@ -18,6 +17,7 @@ from defusedxml.ElementTree import fromstring
 from numpy.lib import format as npy
 
 from lme.errors import InputError
+from lme.guarded_file import read_bytes
 from lme.types import Floats, Ints
 from lme.worlds.barn.generator import GRID_CELLS, start_wall
 
@@ -112,12 +112,7 @@ def _entries(folder: Path) -> list[Path]:
 def _read_limited(file: Path, most: int) -> bytes:
     """The content of a regular file of at most `most` bytes. Raises InputError."""
     try:
-        status = file.stat()
-        if not stat.S_ISREG(status.st_mode):
-            raise InputError(f"{file} is not a regular file")
-        if status.st_size > most:
-            raise InputError(f"{file} has {status.st_size} bytes: a BARN file has at most {most}")
-        return file.read_bytes()
+        return read_bytes(file, most)
     except FileNotFoundError:
         raise InputError(f"{file} does not exist") from None
     except OSError as error:

@@ -11,7 +11,7 @@ from scipy import ndimage
 from lme.errors import InputError
 from lme.resources import resource_dir
 from lme.worlds.sampling import FreeSpace
-from lme.worlds.shapes import floor_plan, read_shapes
+from lme.worlds.shapes import _crosses_itself, _side, floor_plan, read_shapes
 from tests.tolerances import KERNEL
 
 BOUNDS = "bounds: [0, 0, 10, 10]\n"
@@ -171,3 +171,52 @@ def test_a_disc_of_30_cm_gets_everywhere_in_shipped_drawings(name):
     space = FreeSpace(plan, step=0.02, radius=0.3, margin=0.0)
     _, regions = ndimage.label(space.clearance >= 0.3)
     assert regions == 1
+
+
+def polygon(points):
+    return {"bounds": [-10, -10, 10, 10], "polygons": [{"points": np.asarray(points).tolist()}]}
+
+
+def star(count, swing=0.01):
+    """A closed line around the origin, whose radius goes up and down."""
+    angles = np.arange(count) * (2 * math.pi / count)
+    radii = 5.0 + swing * (np.arange(count) % 2)
+    return np.column_stack([radii * np.cos(angles), radii * np.sin(angles)])
+
+
+def test_a_long_outline_is_checked_side_by_side():
+    points = star(30_000)
+    assert len(floor_plan("p", polygon(points)).world.polygons[0]) == 30_000
+    points[[7000, 7003]] = points[[7003, 7000]]
+    with pytest.raises(InputError, match="whose sides do not cross"):
+        floor_plan("p", polygon(points))
+
+
+@given(st.lists(st.tuples(st.integers(0, 9), st.integers(0, 9)), min_size=3, max_size=9))
+def test_sides_cross_if_and_only_if_any_two_of_them_do(places):
+    points = np.array(places, dtype=float)
+    start, end = points, np.roll(points, -1, axis=0)
+    assert _crosses_itself(start, end) == any(
+        _side(start[i], end[i], start[j]) * _side(start[i], end[i], end[j]) < 0
+        and _side(start[j], end[j], start[i]) * _side(start[j], end[j], end[i]) < 0
+        for i in range(len(points))
+        for j in range(i)
+    )
+
+
+def test_an_outline_whose_sides_all_overlap_is_refused_where_it_would_take_minutes(monkeypatch):
+    monkeypatch.setattr("lme.worlds.shapes._MOST_PAIRS", 1000)
+    comb = [
+        [0.0, 0.0],
+        *([k * 0.01 + 5 * (k % 2), k * 0.01 + 5 * (k % 2)] for k in range(1, 200)),
+        [0.0, 9.0],
+    ]
+    with pytest.raises(InputError, match="fewer or shorter sides"):
+        floor_plan("p", polygon(comb))
+
+
+def test_more_sides_than_anyone_draws_are_refused(monkeypatch):
+    monkeypatch.setattr("lme.worlds.shapes.MAX_SIDES", 99)
+    floor_plan("p", polygon(star(99)))
+    with pytest.raises(InputError, match=r"p: its shapes have 100 sides and circles: must have at most 99"):
+        floor_plan("p", {**polygon(star(99)), "circles": [{"centre": [0, 0], "radius": 1}]})

@@ -124,3 +124,48 @@ def test_a_wrong_setting_is_named(settings, words):
         tracks(**{"path": SQUARE, **settings}) if "path" not in settings else load_map_set(
             "tracks", settings, ROBOT
         )
+
+
+def walk(step=10, people=2, speed=1.3, frame_rate=25.0, unit=1.0):
+    """People who walk along x, in the unit [m] of the file; frames are `step` apart."""
+    lines = []
+    for person in range(people):
+        for k in range(20):
+            x = speed * k * step / frame_rate / unit
+            lines.append(f"{k * step} {person} {x:.6f} {person * 2.0 / unit:.6f}\n")
+    return "".join(lines)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (walk(step=6, frame_rate=15.0), r"walk at 2\.17 m/s .*=25: 15 would make that 1\.3 m/s"),  # ETH
+        (walk(step=1, frame_rate=2.5), r"=25: 2\.5 would"),  # annotated frames are counted
+        (walk(frame_rate=30.0, unit=0.02), r"411\.7 by 100 m, at 54\.2 m/s .* the unit of the file would be 0\.024 m"),
+        (walk(unit=0.01), r"must be in metres, not in pixels, .* the unit of the file would be 0\.01 m"),
+        (walk(unit=0.001), r"the unit of the file would be 0\.001 m"),
+    ],
+)
+def test_other_units_are_noticed_by_the_speed_of_walking(written, text, words):
+    with pytest.warns(UserWarning, match=words):
+        tracks(written(text), start=[-5.0, 0.0], goal=[50.0, 0.0])
+
+
+@pytest.mark.parametrize("text", [walk(), walk(speed=1.9), walk(speed=0.0), walk(speed=0.01)])
+def test_people_who_walk_or_stand_are_taken_as_they_are(written, text, recwarn):
+    tracks(written(text), start=[-5.0, 0.0], goal=[50.0, 0.0])
+    assert not recwarn.list
+
+
+def test_milliseconds_for_frames_are_named_with_the_rate(written):
+    with pytest.raises(
+        InputError, match=r"nobody is in two frames within 2 s .* 16 s apart .*; 1e\+03 would"
+    ):
+        tracks(written(walk(step=400, frame_rate=1000.0)))
+
+
+def test_a_recording_of_years_is_refused_before_its_beginnings_are_listed(written):
+    with pytest.raises(
+        InputError, match=r"lasts 4e\+07 s at map\.frame_rate 25: must have at most 100000 beginnings"
+    ):
+        tracks(written("0 1 0 0\n25 1 1 0\n1e9 2 0 0\n1000000025 2 1 0\n"))

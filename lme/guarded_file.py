@@ -1,0 +1,102 @@
+"""Guarded reading of the user's files: regular files of a bounded size, and YAML that cannot unfold without end."""
+
+from __future__ import annotations
+
+import stat
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import yaml
+
+from lme.errors import InputError
+
+TEXT_BYTES = 64 * 2**20  # of a text that is read as a whole
+LOG_BYTES = 2**30  # of a log of JSON lines that is read as a whole
+YAML_BYTES = 8 * 2**20  # parsing takes about 3 s for each MiB
+
+SafeLoader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+
+_KINDS = {"d": "a directory", "p": "a pipe", "c": "a device", "b": "a device", "s": "a socket"}
+_DEEPEST = 100  # of nested values in YAML; libyaml ends the process at some 50,000
+_MOST_REPEATED = 100_000  # values that the aliases of a YAML file repeat
+
+
+def check_regular(path: Path, most: int | None = None) -> None:
+    """Raise InputError unless `path` is a regular file, or a link to one, of at most `most` bytes.
+
+    For libraries that open the file themselves. A pipe would be waited for, and a device may never end. Raises OSError
+    if there is no such file.
+    """
+    status = path.stat()
+    if not stat.S_ISREG(status.st_mode):
+        kind = _KINDS.get(stat.filemode(status.st_mode)[0], "something else")
+        raise InputError(f"{path}: is {kind}, not a regular file")
+    if most is not None and status.st_size > most:
+        raise InputError(f"{path}: has {status.st_size} bytes: must have at most {most}")
+
+
+def open_bytes(path: Path, most: int | None = None) -> BinaryIO:
+    """Open a regular file of at most `most` bytes. Raises as `check_regular` does."""
+    check_regular(path, most)
+    return path.open("rb")
+
+
+def read_bytes(path: Path, most: int = TEXT_BYTES) -> bytes:
+    """The content of a regular file of at most `most` bytes. Raises as `check_regular` does."""
+    with open_bytes(path, most) as file:
+        content = file.read(most + 1)
+    if len(content) > most:  # it grew, or its size is unknown, as in /proc
+        raise InputError(f"{path}: has more than {most} bytes: must have at most {most}")
+    return content
+
+
+def read_text(path: Path, most: int = TEXT_BYTES) -> str:
+    """The content of a text file in UTF-8, with or without a byte order mark. Raises also UnicodeDecodeError."""
+    text = read_bytes(path, most).decode("utf-8-sig")
+    return text.replace("\r\n", "\n").replace("\r", "\n")
+
+
+def parse_yaml(text: str, loader: Any = SafeLoader) -> Any:
+    """The content of a YAML text.
+
+    Raises yaml.YAMLError also for deep nesting, and for aliases that contain themselves or repeat very many values: who
+    walks through such values would not come to an end.
+    """
+    check_structure(text)
+    return yaml.load(text, loader)
+
+
+def check_structure(text: str) -> None:
+    """See `parse_yaml`."""
+    sizes: dict[str, int] = {}  # of the values with an anchor, unfolded
+    nested: list[tuple[str | None, int]] = []  # anchor and size so far of the values around this one
+    repeated = 0
+    for event in yaml.parse(text, SafeLoader):
+        if isinstance(event, yaml.CollectionStartEvent):
+            nested.append((event.anchor, 1))
+            if len(nested) > _DEEPEST:
+                raise yaml.MarkedYAMLError(
+                    problem=f"more than {_DEEPEST} nested values", problem_mark=event.start_mark
+                )
+            continue
+        if isinstance(event, yaml.AliasEvent):
+            if any(anchor == event.anchor for anchor, _ in nested):
+                raise yaml.MarkedYAMLError(
+                    problem=f"alias *{event.anchor} contains itself", problem_mark=event.start_mark
+                )
+            anchor, size = None, sizes.get(event.anchor, 1)
+            repeated += size
+        elif isinstance(event, yaml.CollectionEndEvent):
+            anchor, size = nested.pop()
+        elif isinstance(event, yaml.ScalarEvent):
+            anchor, size = event.anchor, 1
+        else:
+            continue
+        if repeated > _MOST_REPEATED:
+            raise yaml.MarkedYAMLError(
+                problem=f"its aliases repeat more than {_MOST_REPEATED} values", problem_mark=event.start_mark
+            )
+        if anchor is not None:
+            sizes[anchor] = size
+        if nested:
+            nested[-1] = nested[-1][0], nested[-1][1] + size
