@@ -56,18 +56,11 @@ def read_text(path: Path, most: int = TEXT_BYTES) -> str:
     return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
-def parse_yaml(text: str, loader: Any = SafeLoader) -> Any:
-    """The content of a YAML text.
-
-    Raises yaml.YAMLError also for deep nesting, and for aliases that contain themselves or repeat very many values: who
-    walks through such values would not come to an end.
-    """
-    check_structure(text)
-    return yaml.load(text, loader)
-
-
 def check_structure(text: str) -> None:
-    """See `parse_yaml`."""
+    """Raise yaml.YAMLError for a YAML text with deep nesting, or aliases that contain themselves or repeat many values.
+
+    Whoever walks through such values would not come to an end.
+    """
     sizes: dict[str, int] = {}  # of the values with an anchor, unfolded
     nested: list[tuple[str | None, int]] = []  # anchor and size so far of the values around this one
     repeated = 0

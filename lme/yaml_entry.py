@@ -13,7 +13,7 @@ import numpy as np
 import yaml
 
 from lme.errors import InputError, nearest
-from lme.guarded_file import YAML_BYTES, SafeLoader, parse_yaml, read_text
+from lme.guarded_file import YAML_BYTES, SafeLoader, check_structure, read_text
 from lme.types import Floats
 
 _EXPONENT = re.compile(r"([-+]?\d+)(?:\.(\d*))?[eE]([-+]?)(\d+)")  # of a number with one
@@ -25,7 +25,9 @@ def read_yaml(path: Path) -> object:
     Raises InputError if it cannot be read, is not valid, repeats a key, or is not a regular file of a bounded size.
     """
     try:
-        return parse_yaml(read_text(path, YAML_BYTES), _UniqueKeys)
+        text = read_text(path, YAML_BYTES)
+        check_structure(text)
+        return yaml.load(text, Loader=_UniqueKeys)
     except yaml.MarkedYAMLError as error:
         line = f", line {error.problem_mark.line + 1}" if error.problem_mark else ""
         raise InputError(f"{path}{line}: not valid YAML ({error.problem})") from error

@@ -19,10 +19,7 @@ FORBIDDEN = {  # names that run what they are given, however they are called
     "cloudpickle.load", "os.system", "os.popen", "pd.read_pickle", "shelve.open", "yaml.unsafe_load", "yaml.full_load",
 }  # fmt: skip
 ALLOWED = {"runners/workers/cluster_worker.py: pickle.loads"}  # what the coordinator of the run sent
-SAFE_LOADERS = {
-    "_UniqueKeys",
-    "_Loader",
-}  # lme.yaml_entry, runners.config.catalogue: both safe, as tested below
+SAFE_LOADERS = {"_UniqueKeys", "SafeLoader"}  # of lme.yaml_entry and lme.guarded_file, as tested below
 
 
 def calls(path):
@@ -74,10 +71,9 @@ def test_the_check_finds_what_it_looks_for(code):
 def test_the_loaders_of_yaml_are_safe():
     import yaml
 
-    from lme import yaml_entry
-    from runners.config import catalogue
+    from lme import guarded_file, yaml_entry
 
-    for loader in (yaml_entry._UniqueKeys, catalogue._Loader):
+    for loader in (yaml_entry._UniqueKeys, guarded_file.SafeLoader):
         with pytest.raises(yaml.constructor.ConstructorError, match="python/object"):
             yaml.load("!!python/object/apply:os.getcwd []", loader)
 

@@ -11,7 +11,7 @@ from typing import Any
 import yaml
 
 from lme.errors import InputError
-from lme.guarded_file import YAML_BYTES, parse_yaml, read_text
+from lme.guarded_file import YAML_BYTES, SafeLoader, check_structure, read_text
 from lme.weight_files import REGISTERED
 
 
@@ -35,5 +35,7 @@ def read_key(path: Path, key: str) -> Any:
     """The value of a key in a YAML file; None if there is no such file or key."""
     content: Any = None
     with suppress(OSError, ValueError, yaml.YAMLError):
-        content = parse_yaml(read_text(path, YAML_BYTES))
+        text = read_text(path, YAML_BYTES)
+        check_structure(text)
+        content = yaml.load(text, Loader=SafeLoader)
     return content.get(key) if isinstance(content, dict) else None

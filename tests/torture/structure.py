@@ -64,7 +64,6 @@ KINDS: tuple[Callable[[Path], None], ...] = (
     _replaced(lambda path: path.symlink_to(path.name)),
     _replaced(lambda path: path.symlink_to("/dev/zero")),
     _replaced(lambda path: path.symlink_to(path.with_name("nowhere"))),
-    _replaced(lambda path: None),
     lambda path: os.truncate(path, TERABYTE),
     _replaced(lambda path: (path.touch(), os.truncate(path, TERABYTE))),
     _replaced(lambda path: path.touch()),
@@ -149,30 +148,27 @@ def _node(rng: Rng, data: bytes, words: tuple[str, ...], parsed: Callable[[bytes
     """A value of YAML or JSON becomes another, stands under the key of another one, or its key is there twice."""
     try:
         tree = parsed(data)
-        spots = [
-            (part, key)
-            for part in _collections(tree)
-            for key in (part if isinstance(part, dict) else range(len(part)))
-        ]
-    except Exception:  # damaged before, or with a value that contains itself
-        return _number(rng, data)
-    if not spots:
-        return _number(rng, data)
-    (parent, key), (other, at) = (spots[rng.integers(len(spots))] for _ in range(2))
-    how = rng.integers(5)
-    if how == 0:
-        parent[key], other[at] = other[at], parent[key]
-        return json.dumps(tree, default=str, check_circular=False).encode()
-    if how == 1:
-        depth = int(rng.choice([50, 500, 20_000, 200_000]))
-        word = "[" * depth + "]" * depth * int(rng.integers(2))
-    else:
+        spots = [(part, key) for part in _collections(tree) for key in _keys(part)]
+        (parent, key), (other, at) = (spots[rng.integers(len(spots))] for _ in range(2))
+        how = rng.integers(5)
+        if how == 0:
+            parent[key], other[at] = other[at], parent[key]
+            return json.dumps(tree, default=str).encode()
         word = words[rng.integers(len(words))]
-    parent[key] = "HERE"
-    text = json.dumps(tree, default=str)
+        if how == 1:
+            depth = int(rng.choice([50, 500, 20_000, 200_000]))
+            word = "[" * depth + "]" * depth * int(rng.integers(2))
+        parent[key] = "HERE"
+        text = json.dumps(tree, default=str)
+    except Exception:  # damaged before, or a value would contain itself
+        return _number(rng, data)
     if how == 2 and isinstance(parent, dict):
         word = f"{word}, {json.dumps(str(key))}: 1"
     return text.replace('"HERE"', word, 1).encode("utf-8", "replace")
+
+
+def _keys(part: dict | list) -> list:
+    return list(part if isinstance(part, dict) else range(len(part)))
 
 
 def _collections(tree: object) -> list:

@@ -13,11 +13,12 @@ LIGHT = {
 }  # fmt: skip
 
 
-def test_damaged_inputs_are_refused_in_one_line():
+@pytest.mark.parametrize("mutator", fuzz.MUTATORS)
+def test_damaged_inputs_are_refused_in_one_line(mutator):
     pytest.importorskip("rosbags")
     light = [reader for reader in READERS if reader.name in LIGHT]
     assert len(light) == len(LIGHT)
-    found = fuzz.tried(light, INPUTS, seed=0)
+    found = fuzz.tried(light, INPUTS, 0, mutator)
     assert found.faults == {}
     assert found.read > 0
     assert found.read + found.refused == found.inputs == INPUTS * len(LIGHT)

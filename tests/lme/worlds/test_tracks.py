@@ -141,7 +141,10 @@ def walk(step=10, people=2, speed=1.3, frame_rate=25.0, unit=1.0):
     [
         (walk(step=6, frame_rate=15.0), r"walk at 2\.17 m/s .*=25: 15 would make that 1\.3 m/s"),  # ETH
         (walk(step=1, frame_rate=2.5), r"=25: 2\.5 would"),  # annotated frames are counted
-        (walk(frame_rate=30.0, unit=0.02), r"411\.7 by 100 m, at 54\.2 m/s .* the unit of the file would be 0\.024 m"),
+        (
+            walk(frame_rate=30.0, unit=0.02),
+            r"411\.7 by 100 m, at 54\.2 m/s .* the unit of the file would be 0\.024 m",
+        ),
         (walk(unit=0.01), r"must be in metres, not in pixels, .* the unit of the file would be 0\.01 m"),
         (walk(unit=0.001), r"the unit of the file would be 0\.001 m"),
     ],
