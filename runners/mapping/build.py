@@ -16,7 +16,7 @@ from lme.mapping import GridMap, OccupancyGrid
 from lme.types import Floats
 from lme.worlds.bitmap import MAX_PIXELS
 from runners.mapping.log import DriveLog, LogConfig
-from runners.records.whole_file import replacing, write_atomically
+from runners.records.whole_file import output_file
 from runners.workers.progress import ScanProgress
 
 ENDING, PICTURE = ".yaml", "_way"  # of a map's file; of the name of its picture with the way
@@ -96,7 +96,7 @@ def check_target(path: Path, overwrite: bool) -> None:
 
 def write_map(built: BuiltMap, path: Path) -> None:
     """Write the map to `path`, a YAML file, with its two pictures next to it. Raises InputError if that fails."""
-    from runners.figures.parts.style import save
+    from runners.figures.parts.style import save_as
     from runners.mapping.picture import way_picture
 
     _, image, picture = _files(path)
@@ -110,10 +110,13 @@ def write_map(built: BuiltMap, path: Path) -> None:
     }
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with replacing(image) as draft:
+        with output_file(image) as draft:
             Image.fromarray(built.map.cells[::-1]).save(draft)
-        save(way_picture(built.map, built.way, path.stem), picture.with_suffix(""))
-        write_atomically(path, yaml.safe_dump(about, sort_keys=False, default_flow_style=None))
+        save_as(way_picture(built.map, built.way, path.stem), picture, "png")
+        with output_file(path) as draft:
+            draft.write_text(
+                yaml.safe_dump(about, sort_keys=False, default_flow_style=None), encoding="utf-8"
+            )
     except OSError as error:
         raise InputError(f"--output {path}: cannot be written ({error.strerror})") from error
 

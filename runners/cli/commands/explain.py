@@ -70,6 +70,7 @@ def _recording(path: Path, words: Sequence[str], output: Path | None, text: bool
     from runners.explainer.encode import title
     from runners.explainer.pages import make_folder
     from runners.explainer.write import write_page
+    from runners.records.whole_file import output_path
     from runners.replay.retrace import retrace
     from runners.workers.trace import Drive
 
@@ -79,8 +80,10 @@ def _recording(path: Path, words: Sequence[str], output: Path | None, text: bool
     if text:
         print("\n".join(_episode_lines(title(trace).capitalize(), trace)))
         return
-    place = path.with_suffix(".html") if output is None else output
-    place = place / f"{path.stem}.html" if place.suffix != ".html" else place
+    place = path.with_suffix(".html")
+    if output is not None:
+        named = output if output.suffix == ".html" else output / place.name
+        place = output_path(named, "--output")
     make_folder(place.parent)
     write_page(trace, place, play="" if isinstance(trace.episode, Drive) else path.name)
     print(place)
@@ -164,6 +167,7 @@ def _places(run_dir: Path, keys: Sequence[EpisodeKey], output: Path | None) -> d
     """The path of each page. Raises InputError if one file is given for several pages."""
     from lme.errors import InputError
     from runners.analysis.failures import page_path
+    from runners.records.whole_file import output_path
 
     if output is None:
         return {key: page_path(run_dir, key) for key in keys}
@@ -171,7 +175,7 @@ def _places(run_dir: Path, keys: Sequence[EpisodeKey], output: Path | None) -> d
         return {key: output / page_path(run_dir, key).name for key in keys}
     if len(keys) > 1:
         raise InputError(f"--output {output}: one file cannot hold {len(keys)} pages; give a folder")
-    return dict.fromkeys(keys, output)
+    return dict.fromkeys(keys, output_path(output, "--output"))
 
 
 def _print_reasons(run_dir: Path, words: Sequence[str]) -> None:

@@ -33,6 +33,7 @@ def main(argv: list[str]) -> int:
     """Write the rows to the file or to standard output. Raises InputError."""
     from runners.records import export
     from runners.records.records import find_runs
+    from runners.records.whole_file import is_standard_output
 
     arguments = _parsed(argv)
     style = _format(arguments.format, arguments.output)
@@ -43,7 +44,9 @@ def main(argv: list[str]) -> int:
     if arguments.output is None or str(arguments.output) == "-":
         export.FORMATS[style](rows, sys.stdout)
     else:
-        print(f"{_to_file(rows, arguments.output, style)} rows: {arguments.output}")
+        count = _to_file(rows, arguments.output, style)
+        place = sys.stderr if is_standard_output(arguments.output) else sys.stdout
+        print(f"{count} rows: {arguments.output}", file=place)
     return 0
 
 
@@ -141,14 +144,16 @@ def _to_file(rows: Iterator[pa.Table], path: Path, style: str) -> int:
     """Write a file whole; the number of its rows. Raises InputError where it cannot be written."""
     from lme.errors import InputError
     from runners.records import export
-    from runners.records.whole_file import replacing
+    from runners.records.whole_file import output_file
 
     try:
-        with replacing(path) as draft:
+        with output_file(path) as draft:
             if style in export.BINARY:
                 with draft.open("wb") as binary:
                     return export.FORMATS[style](rows, binary)
             with draft.open("w", encoding="utf-8", newline="") as file:
                 return export.FORMATS[style](rows, file)
+    except BrokenPipeError:  # its reader has seen enough
+        raise
     except OSError as error:
         raise InputError(f"--output {path}: cannot be written ({error.strerror})") from error

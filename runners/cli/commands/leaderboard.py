@@ -22,6 +22,7 @@ def main(argv: list[str]) -> int:
     from runners.analysis.leaderboard import entries
     from runners.explainer.leaderboard import write_leaderboard
     from runners.records.collect import collect
+    from runners.records.whole_file import output_path
 
     arguments = _parser().parse_args(argv)
     frames, problems = collect(arguments.folders)
@@ -29,7 +30,7 @@ def main(argv: list[str]) -> int:
         warnings.warn(f"left out: {problem}", stacklevel=2)
     if not frames:
         raise InputError(f"no run in {', '.join(map(str, arguments.folders))} can be read: see above")
-    page = arguments.into or arguments.folders[0] / NAME
+    page = output_path(arguments.into, "--into") if arguments.into else arguments.folders[0] / NAME
     write_leaderboard(entries(frames), problems, page)
     print(f"Leaderboard of {counted(len(frames), 'run')}: {page}")
     return 0

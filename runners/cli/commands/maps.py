@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import re
 import sys
 from collections.abc import Mapping, Sequence
@@ -170,7 +171,7 @@ def _saved(chosen: Chosen, tasks: Sequence[Task], output: Path | None) -> Path |
     if not chosen.worlds:
         return None
     from runners.figures.kinds.maps import COLUMNS, PANELS, panels_of, sheet
-    from runners.figures.parts.style import FORMATS, save
+    from runners.figures.parts.style import FORMATS, save_as
 
     if output is None and len(tasks) > PANELS:
         return None
@@ -179,9 +180,12 @@ def _saved(chosen: Chosen, tasks: Sequence[Task], output: Path | None) -> Path |
     if ending not in FORMATS:
         raise InputError(f"--output {path}: must end in .{', .'.join(FORMATS)}")
     figure = sheet(panels_of(chosen), COLUMNS)
+    if not path.suffix and (path.is_dir() or not os.path.lexists(path)):
+        path = path.with_name(f"{path.name}.{ending}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        return save(figure, path.with_suffix(""), [ending])[0]
+        save_as(figure, path, ending)
+        return path
     except OSError as error:
         raise InputError(f"--output {path}: cannot be written ({error.strerror})") from error
 

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from runners.records.whole_file import replacing
+from runners.records.whole_file import output_file, replacing
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -69,17 +69,27 @@ def new_figure(width_in: float, height_in: float, dpi: int = DPI, layout: Any = 
 
 def save(figure: Figure, stem: Path, formats: Sequence[str] = ("png",)) -> list[Path]:
     """Save a figure as `stem`.png, …, and return the paths. Equal figures give equal bytes."""
+    paths = [stem.with_name(f"{stem.name}.{ending}") for ending in formats]
+    for path, ending in zip(paths, formats, strict=True):
+        with replacing(path) as draft:
+            draft.write_bytes(picture(figure, ending))
+    return paths
+
+
+def save_as(figure: Figure, path: Path, ending: str) -> None:
+    """Save a figure in the file, pipe or device that the user named. Raises OSError."""
+    with output_file(path) as draft:
+        draft.write_bytes(picture(figure, ending))
+
+
+def picture(figure: Figure, ending: str) -> memoryview:
+    """The bytes of a figure's file. Not drawn into the file: on a full disk Matplotlib fails for other reasons."""
     from matplotlib import rc_context
 
-    paths = [stem.with_name(f"{stem.name}.{ending}") for ending in formats]
     with rc_context(_PRINT):
-        for path, ending in zip(paths, formats, strict=True):
-            # Not into the file: on a full disk Matplotlib fails for other reasons than that.
-            picture = io.BytesIO()
-            figure.savefig(picture, format=ending, metadata=_NO_DATES[ending])
-            with replacing(path) as draft:
-                draft.write_bytes(picture.getbuffer())
-    return paths
+        drawn = io.BytesIO()
+        figure.savefig(drawn, format=ending, metadata=_NO_DATES[ending])
+    return drawn.getbuffer()
 
 
 def symbol(name: str) -> str:

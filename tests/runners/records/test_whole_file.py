@@ -5,10 +5,13 @@ import signal
 import subprocess
 import sys
 import textwrap
+import threading
+from pathlib import Path
 
 import pytest
 
-from runners.records.whole_file import replacing, write_atomically
+from lme.errors import InputError
+from runners.records.whole_file import output_file, output_path, replacing, write_atomically
 from tests.places import ROOT
 
 
@@ -93,3 +96,121 @@ def test_a_killed_writer_leaves_the_old_file(tmp_path):
     assert len(list(tmp_path.iterdir())) == 2
     write_atomically(path, "whole")
     assert list(tmp_path.iterdir()) == [path]
+
+
+def write_output(path, text="new"):
+    with output_file(path) as draft:
+        draft.write_text(text)
+
+
+@pytest.mark.parametrize("there", [True, False])
+def test_a_link_that_the_user_names_stays_and_its_target_is_written(tmp_path, there):
+    target, link, second = tmp_path / "far" / "table.csv", tmp_path / "near.csv", tmp_path / "second.csv"
+    target.parent.mkdir()
+    if there:
+        target.write_text("before")
+    link.symlink_to("far/table.csv")
+    second.symlink_to(link)
+    write_output(second)
+    assert second.is_symlink()
+    assert link.is_symlink()
+    assert target.read_text() == "new"
+    assert list(target.parent.iterdir()) == [target]
+
+
+def test_a_link_in_a_run_does_not_lead_out_of_it(tmp_path):
+    """Somebody else may have made the run."""
+    (tmp_path / "mine").write_text("mine")
+    (tmp_path / "table.md").symlink_to("mine")
+    write_atomically(tmp_path / "table.md", "new")
+    assert not (tmp_path / "table.md").is_symlink()
+    assert (tmp_path / "mine").read_text() == "mine"
+
+
+def test_a_replaced_file_keeps_its_permissions(tmp_path):
+    path = tmp_path / "table.csv"
+    path.write_text("before")
+    path.chmod(0o600)
+    (tmp_path / "link.csv").symlink_to(path)
+    write_output(tmp_path / "link.csv")
+    assert (path.read_text(), path.stat().st_mode & 0o777) == ("new", 0o600)
+
+
+def test_a_pipe_stays_one_and_gets_the_content(tmp_path):
+    pipe, received = tmp_path / "pipe.csv", []
+    os.mkfifo(pipe)
+    reader = threading.Thread(target=lambda: received.append(pipe.read_text()))
+    reader.start()
+    write_output(pipe)
+    reader.join()
+    assert received == ["new"]
+    assert pipe.is_fifo()
+    assert list(tmp_path.iterdir()) == [pipe]
+
+
+@pytest.mark.parametrize("name", ["/dev/fd/{}", "/proc/self/fd/{}", "link"])
+def test_an_open_file_of_this_process_is_written_from_where_it_stands(tmp_path, name):
+    """As `lme export RUN --output /dev/stdout >> FILE` does."""
+    path = tmp_path / "log"
+    with path.open("a") as log:
+        log.write("before, ")
+        log.flush()
+        (tmp_path / "link").symlink_to(f"/dev/fd/{log.fileno()}")
+        write_output(tmp_path / name.format(log.fileno()))
+        log.write(", after")
+    assert path.read_text() == "before, new, after"
+
+
+def test_a_device_stays_one():
+    write_output(Path(os.devnull))
+    assert Path(os.devnull).is_char_device()
+
+
+def test_nothing_is_written_to_a_pipe_if_the_writer_fails(tmp_path):
+    def fail():
+        with output_file(tmp_path / "pipe") as draft:
+            draft.write_text("half")
+            raise KeyboardInterrupt
+
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(KeyboardInterrupt):  # and it does not wait for a reader
+        fail()
+
+
+@pytest.mark.parametrize(
+    ("name", "error"),
+    [
+        ("folder", IsADirectoryError),
+        ("loop", OSError),
+        ("missing/table.md", FileNotFoundError),
+        ("lost", FileNotFoundError),
+        ("/dev/full", OSError),
+    ],
+)
+def test_an_error_names_the_output(tmp_path, name, error):
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "loop").symlink_to("loop")
+    (tmp_path / "lost").symlink_to("nowhere/table.md")
+    with pytest.raises(error) as caught:
+        write_output(tmp_path / name)
+    assert caught.value.filename in (str(tmp_path / name), None)
+    assert caught.value.strerror
+
+
+def test_an_output_of_several_parts_must_be_a_file(tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "loop").symlink_to("loop")
+    (tmp_path / "link").symlink_to("page.html")
+    assert output_path(tmp_path / "link", "--output") == tmp_path / "page.html"
+    assert output_path(tmp_path / "page.html", "--output") == tmp_path / "page.html"
+    for name, said in (("pipe", "is a pipe or a device: must be a file"), ("loop", "cannot be written")):
+        with pytest.raises(InputError, match=f"^--output .*{name}: {said}"):
+            output_path(tmp_path / name, "--output")
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write every file")
+def test_a_read_only_file_is_not_replaced(tmp_path):
+    (tmp_path / "table.csv").write_text("before")
+    (tmp_path / "table.csv").chmod(0o444)
+    with pytest.raises(PermissionError):
+        write_output(tmp_path / "table.csv")

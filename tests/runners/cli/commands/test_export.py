@@ -195,6 +195,41 @@ def test_a_reader_that_closes_the_pipe(run):
     assert process.returncode == 0
 
 
+def shell(run, words):
+    """What a shell's command line writes to standard output and standard error."""
+    lme = f"{sys.executable} -m runners.cli.main export {run} --columns world"
+    return subprocess.run(
+        ["bash", "-c", words.format(lme=lme)], cwd=run.parent, capture_output=True, text=True
+    )
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        "{lme} --output /dev/stdout | cat",
+        "{lme} --output /dev/stdout > some.csv; cat some.csv",
+        "touch some.csv; {lme} --output /dev/stdout >> some.csv; cat some.csv",
+        "{lme} --output >(cat > some.csv) > said; sleep 0.5; cat some.csv; cat said >&2",
+    ],
+)
+def test_an_output_that_is_no_file_gets_the_rows_and_nothing_else(run, words):
+    done = shell(run, words)
+    assert done.stdout.splitlines() == ["world", *map(str, range(7))]
+    assert done.stderr.startswith("7 rows: /dev/")
+
+
+def test_a_reader_of_the_output_that_has_seen_enough(run):
+    done = shell(run, "{lme} --output /dev/stdout | true; exit ${{PIPESTATUS[0]}}")
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_an_output_that_is_full_is_one_line(run, capsys):
+    assert main.main(["export", str(run), "--output", "/dev/full"]) == 2
+    assert capsys.readouterr().err == (
+        "lme export: --output /dev/full: cannot be written (No space left on device)\n"
+    )
+
+
 def test_the_format_may_differ_from_an_ending_that_is_none(run, tmp_path):
     export.main([str(run), "-o", str(tmp_path / "some.txt"), "--format", "jsonl"])
     assert json.loads((tmp_path / "some.txt").read_text().splitlines()[3])["world"] == 3
