@@ -25,6 +25,7 @@ from runners.config.composer import Composer
 from runners.config.hydra_errors import translate_error
 from runners.config.job import Job
 from runners.config.quoting import resume_command, unquoted
+from runners.import_path import search_working_folder_last
 from runners.records import launch_record, run_directories
 from runners.workers import server
 
@@ -233,6 +234,7 @@ class _Task:
         """
         from runners.workers.executor import EpisodeError
 
+        search_working_folder_last()  # for a launcher's process, which may not know the path of this one
         schema.register()
         try:
             self.command.run(self._job(config))

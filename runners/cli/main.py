@@ -7,13 +7,17 @@ that. Nothing heavy is imported, and no command either, before one is run.
 
 from __future__ import annotations
 
+import sys
+
+if __name__ == "__main__" and not sys.flags.safe_path:
+    sys.path.append(sys.path.pop(0))  # what `python -m` puts first: the working folder
+
 import ast
 import atexit
 import contextlib
 import gc
 import importlib
 import os
-import sys
 import warnings
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -26,6 +30,8 @@ from runners.cli import commands, help
 from runners.cli.interrupts import status_of, terminable
 from runners.cli.missing_packages import explain_missing
 from runners.cli.os_errors import explain_os_error
+from runners.import_path import search_working_folder_last
+from runners.workers.environment import SAFE_PATH, environment
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -34,9 +40,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     words = list(sys.argv[1:] if argv is None else argv)
     name = words[0] if words else "--help"
     known = command_files()
-    sys.path.append(str(Path.cwd()))  # where a user's own planner may lie
+    search_working_folder_last()
     try:
-        with plain_warnings(), terminable():
+        with plain_warnings(), terminable(), environment(SAFE_PATH):
             status = _run(name, words[1:], known)
             sys.stdout.flush()
             return status

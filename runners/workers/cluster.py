@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 from lme.errors import InputError, require
 from lme.requirements import install
 from runners.records.versions import versions
+from runners.workers.environment import SAFE_PATH, environment
 from runners.workers.executor import (
     Initialise,
     Item,
@@ -137,7 +138,7 @@ def _local_cluster(workers: int) -> LocalCluster:
 
     patience = {"distributed.scheduler.no-workers-timeout": f"{_NO_WORKER_S}s"}
     try:
-        with sigint_ignored(), dask.config.set(patience):
+        with sigint_ignored(), environment(SAFE_PATH), dask.config.set(patience):
             return LocalCluster(
                 n_workers=workers,
                 threads_per_worker=1,

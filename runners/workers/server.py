@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import contextlib
-import os
 import sys
 from collections.abc import Iterator
 from multiprocessing import forkserver, get_all_start_methods, get_context, resource_tracker
 from types import ModuleType
 from typing import Any
 
+from runners.workers.environment import SAFE_PATH, environment
 from runners.workers.signals import sigint_ignored, sigterm_blocked
 
 # One thread per worker: the workers are the parallelism.
@@ -36,16 +36,17 @@ def start() -> None:
     """
     if _METHOD == "forkserver":
         get_context(_METHOD).set_forkserver_preload(list(_PRELOAD))
-        resource_tracker.ensure_running()  # first, because its start leaves SIGTERM unblocked
-        with _environment(ONE_THREAD), sigint_ignored(), sigterm_blocked():
-            forkserver.ensure_running()
+        with environment({**ONE_THREAD, **SAFE_PATH}):
+            resource_tracker.ensure_running()  # first, because its start leaves SIGTERM unblocked
+            with sigint_ignored(), sigterm_blocked():
+                forkserver.ensure_running()
 
 
 @contextlib.contextmanager
 def context() -> Iterator[Any]:
     """Give the `multiprocessing` context that starts workers, with the environment that they need."""
     start()
-    with _environment(ONE_THREAD), _without_main():
+    with environment({**ONE_THREAD, **SAFE_PATH}), _without_main():
         yield get_context(_METHOD)
 
 
@@ -58,18 +59,3 @@ def _without_main() -> Iterator[None]:
         yield
     finally:
         sys.modules["__main__"] = script
-
-
-@contextlib.contextmanager
-def _environment(variables: dict[str, str]) -> Iterator[None]:
-    """Set environment variables, which processes started in the block inherit."""
-    before = {name: os.environ.get(name) for name in variables}
-    os.environ.update(variables)
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value

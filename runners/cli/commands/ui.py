@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import argparse
 import os
+import shlex
 import signal
 import socket
 import subprocess
 import sys
+import sysconfig
 import time
 import warnings
 
@@ -61,7 +63,8 @@ def _parser() -> argparse.ArgumentParser:
 def _server(uri: str, host: str, port: int) -> list[str]:
     """Command of MLflow's server. One worker answers one person."""
     options = {"backend-store-uri": uri, "host": host, "port": str(port), "workers": "1"}
-    options["uvicorn-opts"] = "--log-level warning"
+    # Without a folder to import from, uvicorn searches the working folder before the standard library.
+    options["uvicorn-opts"] = f"--log-level warning --app-dir {shlex.quote(sysconfig.get_path('stdlib'))}"
     flags = [word for name, value in options.items() for word in (f"--{name}", value)]
     return [sys.executable, "-m", "mlflow", "server", *flags]
 
