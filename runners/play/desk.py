@@ -21,12 +21,14 @@ from runners.play.saving import KINDS, save
 from runners.play.session import MOST_STEPS, Session
 from runners.play.setups import setup_of
 from runners.play.situation import options, situation
+from runners.play.trial import try_words
 from runners.play.words import changed, map_files
 
 Reply = str | bytes  # JSON text, or a binary message
 
 BUDGET_S = 0.02  # of computing for one message, so that the next one is heard soon
 BATCH = 100  # frames in one message, at most
+_NOTHING = -1  # revision that a page knows which has been told nothing
 
 
 class Desk:
@@ -37,12 +39,12 @@ class Desk:
         self.session, self._root = session, root.resolve()
         self._senders: list[Sender] = []
         self._more: list[Reply] = []  # what was asked for
-        self._told = -1  # revision that the page knows
+        self._told = _NOTHING  # revision that the page knows
         self._worlds: set[int] = set()  # steps at which a world begins that the page knows
 
     def welcome(self) -> Iterator[Reply]:
         """Everything, for a page that has just come."""
-        self._told, self._senders, self._worlds = -1, [], set()
+        self._told, self._senders, self._worlds = _NOTHING, [], set()
         source = self.session.script.setup.source
         folders = (*SHIPPED, *([source.config_dir] if source and source.config_dir else []))
         yield json.dumps(options(folders, map_files(self._root)))
@@ -51,20 +53,21 @@ class Desk:
     def answer(self, text: str) -> Iterator[Reply]:
         """What a message leads to. A mistake in it becomes a message of the type "error"; nothing is lost."""
         ticket: Any = None
+        before = self.session.state()
         try:
             fields = Fields(text)
             ticket = fields.value("ticket")
             _ANSWERS[fields.one_of("type", _ANSWERS)](self, fields)
-        except InputError as error:
-            yield json.dumps({"type": "error", "text": str(error)})
-        except Exception as error:  # of a class of the user's own, or of lme: the page lives on
-            said = user_error(error)
-            if said:
-                show_traceback(error)
-            else:
-                traceback.print_exc()
-            yield json.dumps({"type": "error", "text": said or f"{type(error).__name__}: {error}"})
-        yield from self._news()
+            news = list(self._news())
+        except (
+            Exception
+        ) as error:  # a mistake, or an error in a user's own class or in lme: the page lives on
+            yield json.dumps({"type": "error", "text": _said(error)})
+            if self.session.revision != before["revision"]:  # the page could not be told of it
+                self._told = _NOTHING
+            self.session.restore(before)
+            news, self._more = list(self._news()), []
+        yield from news
         yield from self._more
         self._more = []
         if ticket is not None:
@@ -125,6 +128,7 @@ class Desk:
             )
         words = changed(setup.source.words, changes, self._root)
         source = replace(setup.source, words=tuple(words))
+        try_words(source, changes)
         self.session.choose(setup_of(source, former=setup), self._step(fields))
 
     def _detail(self, fields: Fields) -> None:
@@ -156,6 +160,18 @@ class Desk:
 
     def _step(self, fields: Fields) -> int:
         return fields.integer("step", MOST_STEPS)
+
+
+def _said(error: Exception) -> str:
+    """One line about an error; one in lme itself is shown in full on the terminal."""
+    if isinstance(error, InputError):
+        return str(error)
+    users = user_error(error)
+    if users:
+        show_traceback(error)
+        return users
+    traceback.print_exception(error)
+    return f"{type(error).__name__}: {error}"
 
 
 _ANSWERS: dict[str, Callable[[Desk, Fields], None]] = {

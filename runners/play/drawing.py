@@ -21,6 +21,9 @@ from lme.worlds.world import Task, World
 MOVERS = "movers"
 KINDS = ("walls", "boxes", "circles", "polygons", MOVERS)  # lists of a shape file that the page draws in
 MOST_ITEMS = 2000  # drawn ones
+MOST_MOVERS = 200  # among them
+MOST_POINTS = 1000  # of an item; whether a polygon crosses itself takes time with their square
+MOST_POINTS_IN_ALL = 5000
 FARTHEST = 1000.0  # [m] from the origin
 
 _ANYWHERE = [-FARTHEST, -FARTHEST, FARTHEST, FARTHEST]
@@ -60,6 +63,14 @@ class Sketch:
         """With an item, in place of the one or of the part of the base that has its name. Raises InputError."""
         if name not in self.items and len(self.items) >= MOST_ITEMS:
             raise InputError(f"the drawing has {MOST_ITEMS} items: must not be more; erase some first")
+        others = [other for key, other in self.items.items() if key != name]
+        if item.kind == MOVERS and sum(other.kind == MOVERS for other in others) >= MOST_MOVERS:
+            raise InputError(f"the drawing has {MOST_MOVERS} movers: must not be more; erase some first")
+        points = sum(map(_num_points, others)) + _num_points(item)
+        if points > MOST_POINTS_IN_ALL:
+            raise InputError(
+                f"the drawing has {points} points: must be at most {MOST_POINTS_IN_ALL}; erase some items first"
+            )
         _world_of({name: item})  # raises for a wrong one
         erased = self.erased | {name} if name in set(self._parts()) else self.erased
         return replace(self, items={**self.items, name: item}, erased=erased)
@@ -140,8 +151,16 @@ def item_of(kind: str, entry: Entry) -> Item:
     if kind not in KINDS:
         raise InputError(f"kind is {kind!r:.40}: must be one of {', '.join(KINDS)}")
     item = Item(kind, entry)
+    if _num_points(item) > MOST_POINTS:
+        raise InputError(f"{kind}: has {_num_points(item)} points: must have at most {MOST_POINTS}")
     _world_of({"new": item})
     return item
+
+
+def _num_points(item: Item) -> int:
+    """Length of the lists of points in an entry, right or wrong."""
+    lists = (item.entry.get(key) for key in ("points", "path", "outline"))
+    return sum(len(points) for points in lists if isinstance(points, list))
 
 
 def _world_of(items: Mapping[str, Item]) -> World:

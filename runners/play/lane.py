@@ -11,10 +11,10 @@ import numpy as np
 from lme.episode import Episode, RunningEpisode
 from lme.geometry.angles import wrap_angle
 from lme.geometry.frames import to_world
-from lme.navigator import Explanations
+from lme.navigator import Explanations, Navigator
 from lme.policies.lme.explanation import Explanation
 from lme.policies.lme.reasons import reason
-from lme.sim.simulator import State
+from lme.sim.simulator import Simulator, State
 from lme.types import Floats, Outcome, Twist
 from lme.worlds.world import Task
 from runners.config import build
@@ -23,6 +23,7 @@ from runners.workers.trace import TracedStep, TraceEnd
 
 EVERY = 10  # steps from one snapshot to the next
 MOST_SNAPSHOTS = 60  # then older ones are thinned out: going back far takes longer
+_NO_COPY = (TypeError, ValueError, NotImplementedError)  # what copying says of a class that does not allow it
 
 Tasks = Mapping[int, Task]  # the task from each step on at which it changes; 0 is among them
 
@@ -94,6 +95,13 @@ class Lane:
         self.frames.append(self._frame())
         return True
 
+    def rewound(self, step: int, tasks: Tasks) -> Lane:
+        """A lane without the frames from `step` on; what it drives then leaves this one as it is."""
+        lane = copy.copy(self)
+        lane.frames, lane._snapshots = list(self.frames), dict(self._snapshots)
+        lane.rewind(step, tasks)
+        return lane
+
     def rewind(self, step: int, tasks: Tasks) -> None:
         """Forget the frames from `step` on, so that the next one is that of `step`; it is driven again by `tasks`."""
         if step >= len(self.frames):
@@ -127,8 +135,16 @@ class Lane:
         return episode
 
     def _begin(self, task: Task) -> None:
-        episode = RunningEpisode(task, self._navigator, self._simulator, self._rng())
-        self._running, self._world = _Running(episode, Explanations(self._navigator)), task.world
+        navigator, simulator = self._fresh()
+        episode = RunningEpisode(task, navigator, simulator, self._rng())
+        self._running, self._world = _Running(episode, Explanations(navigator)), task.world
+
+    def _fresh(self) -> tuple[Navigator, Simulator]:
+        """A navigator and a simulator that no other drive uses."""
+        try:
+            return copy.deepcopy((self._navigator, self._simulator))
+        except _NO_COPY:
+            return build.navigator(self.config), build.simulator(self.config)
 
     def _arrive(self, step: int, tasks: Tasks) -> None:
         """Keep a snapshot now and then, and enter the task that begins at this step."""
@@ -167,7 +183,7 @@ class Lane:
         """Keep a copy of the drive before what happens at a step. What cannot be copied is driven again instead."""
         try:
             self._snapshots[step] = self._copied(self._running, tasks)
-        except (TypeError, ValueError, NotImplementedError):
+        except _NO_COPY:
             self._snapshots = {}
         if len(self._snapshots) > MOST_SNAPSHOTS:
             for at in sorted(self._snapshots)[1 : -MOST_SNAPSHOTS // 3 : 2]:  # the first one stays

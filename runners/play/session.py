@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -116,15 +117,7 @@ class Session:
 
     def advance(self, until: int, budget_s: float) -> None:
         """Drive until every lane has frames up to step `until` or has ended, but no longer than `budget_s`."""
-        begun = time.monotonic()
-        until = min(until, MOST_STEPS)
-        while any(len(lane.frames) <= until and lane.outcome is None for lane in self.lanes):
-            shortest = min(
-                (lane for lane in self.lanes if lane.outcome is None), key=lambda lane: len(lane.frames)
-            )
-            shortest.extend(self.tasks)
-            if time.monotonic() - begun > budget_s:
-                return
+        _drive(self.lanes, self.tasks, until, budget_s)
 
     @property
     def last(self) -> int:
@@ -188,6 +181,14 @@ class Session:
             begin = self.lanes[0].frames[min(step, self.last)].state.pose
         self._play(Script(setup, {0: self.script.at(step)}, begin), 0, "", shown=step)
 
+    def state(self) -> dict[str, Any]:
+        """All that a change may change, for `restore`."""
+        return {**vars(self), "_past": [*self._past], "_future": [*self._future]}
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Be again as before a change."""
+        vars(self).update(state)
+
     @property
     def undoable(self) -> bool:
         """Whether a change can be taken back."""
@@ -220,12 +221,9 @@ class Session:
         """Go over to another script that has the same drawings before a step. shown: at which step it was chosen."""
         past = _Past(self.script, step if shown is None else min(shown, self.last), gesture)
         if script.setup is self.script.setup and script.begin == self.script.begin and step:
-            task = self._task(script, step)
-            for lane in self.lanes:
-                lane.rewind(step, self.tasks)
-            self.script, self.kept = script, step
-            self.tasks = {**{at: was for at, was in self.tasks.items() if at < step}, step: task}
-            self._next_frames(step)
+            tasks = {at: was for at, was in self.tasks.items() if at < step}
+            tasks[step] = self._task(script, step)
+            self._enter(script, [lane.rewound(step, self.tasks) for lane in self.lanes], tasks, step)
         else:
             self._stage(script)
         if not (gesture and self._past and self._past[-1].gesture == gesture):
@@ -237,27 +235,36 @@ class Session:
         tasks = {at: self._task(script, at) for at in script.drawings}
         for system in script.setup.systems:
             check_task(tasks[0], system.config.robot)
-        lanes = self._lanes_of(script)
-        self.script, self.lanes, self.tasks, self.kept = script, lanes, tasks, 0
-        self._next_frames(0)
+        self._enter(script, self._lanes_of(script), tasks, 0)
 
-    def _next_frames(self, step: int) -> None:
+    def _enter(self, script: Script, lanes: list[Lane], tasks: dict[int, Task], step: int) -> None:
+        """Drive the frame at a step, and only then go over to a script: where that fails, nothing has changed."""
+        _drive(lanes, tasks, step, budget_s=10.0)
+        self.script, self.lanes, self.tasks, self.kept = script, lanes, tasks, step
         self.revision += 1
         self.shown = step
-        self.advance(step, budget_s=10.0)
 
     def _lanes_of(self, script: Script) -> list[Lane]:
         """Lanes for a script; those of the present one if their systems are the same."""
         setup = script.setup
         if self.lanes and setup is self.script.setup:
-            for lane in self.lanes:
-                lane.rewind(0, self.tasks)
-            return self.lanes
+            return [lane.rewound(0, self.tasks) for lane in self.lanes]
         return [Lane(system.config, system.label, _generator(setup)) for system in setup.systems]
 
     def _task(self, script: Script, step: int) -> Task:
         task = script.drawings[step].task()
         return task if script.begin is None else replace(task, start=script.begin)
+
+
+def _drive(lanes: Sequence[Lane], tasks: Mapping[int, Task], until: int, budget_s: float) -> None:
+    """Drive lanes, the shortest first, until each has frames up to a step or has ended, or the time is up."""
+    begun = time.monotonic()
+    until = min(until, MOST_STEPS)
+    while any(len(lane.frames) <= until and lane.outcome is None for lane in lanes):
+        shortest = min((lane for lane in lanes if lane.outcome is None), key=lambda lane: len(lane.frames))
+        shortest.extend(tasks)
+        if time.monotonic() - begun > budget_s:
+            return
 
 
 def _generator(setup: Setup) -> Callable[[], np.random.Generator]:

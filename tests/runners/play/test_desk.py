@@ -1,11 +1,14 @@
 """Messages of the page, and what they lead to; a bad one is an error and loses nothing."""
 
+import contextlib
 import json
+import math
 import struct
 
 import numpy as np
 import pytest
 
+from lme.episode import RunningEpisode
 from runners.play.desk import Desk
 from runners.play.fields import LONGEST_MESSAGE
 from tests.runners.play.conftest import drive, ways
@@ -119,6 +122,112 @@ def test_a_bad_message_is_an_error_and_loses_nothing(desk, text, problem):
     assert error["type"] == "error"
     assert problem in error["text"]
     assert (desk.session.script, ways(desk.session)) == (script, way)
+
+
+def put(kind, entry):
+    return f'{{"type": "put", "step": 0, "name": "d1", "kind": "{kind}", "entry": {entry}}}'
+
+
+def words(key, value):
+    return f'{{"type": "words", "step": 0, "set": {{"{key}": {value}}}}}'
+
+
+def nested(depth):
+    return "[" * depth + "1" + "]" * depth
+
+
+MANY = json.dumps([[math.cos(i / 200), math.sin(i / 200)] for i in range(1200)])
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        (words("robot.control_rate", '"1e-9"'), "robot.control_rate is 1e-09: lme play takes 1 to 200"),
+        (words("robot.control_rate", "1e-9"), "robot.control_rate is 1e-09"),
+        (words("robot.control_rate", '"nan"'), "robot.control_rate"),
+        (words("robot.v_max", "1e308"), "robot.v_max is 1e+308"),
+        (words("robot.lidar.num_beams", "1000000000"), "robot.lidar.num_beams is 1e+09"),
+        (words("sim.latency", '"1e7,0.1"'), "sim.latency is 1e+07"),
+        (put("polygons", f'{{"points": {MANY}}}'), "1200 points"),
+        (put("walls", '{"points": [[1, 2], [1e308, NaN]]}'), "not JSON"),
+        (put("walls", '{"points": [[1, 2], [[3], {}]]}'), "points"),
+        (put("walls", f'{{"points": {nested(900)}}}'), "points"),
+        (put("movers", '{"path": [[1, 2]], "speed": 1e400}'), "speed"),
+        (f'{{"type": "goal", "step": 0, "goal": {nested(50_000)}}}', "not JSON"),
+        ('{"type": "goal", "step": 20001, "goal": [1, 1]}', "step is 20001"),
+    ],
+)
+def test_a_hostile_value_is_one_line_and_the_drive_goes_on(desk, text, problem):
+    script, way = desk.session.script, ways(desk.session)
+    (error,) = [read(reply) for reply in desk.answer(text)]
+    assert error["type"] == "error"
+    assert problem in error["text"]
+    assert "\n" not in error["text"]
+    assert (desk.session.script, ways(desk.session)) == (script, way)
+    assert of("frames", replies(desk, "advance", until=2))
+
+
+@pytest.mark.parametrize("kind", ["put", "words", "start", "reset", "clear"])
+def test_a_change_that_cannot_be_driven_leaves_the_session_as_it_was(desk, monkeypatch, kind):
+    """Whatever fails, and also if it is no mistake of the user."""
+
+    def fail(self):
+        raise MemoryError("no 7 GiB")
+
+    expected = ways(drive(Desk(desk.session, desk._root).session, 20))
+    before = desk.session.state()
+    message = {
+        "put": {"step": 9, "name": "d1", "kind": "circles", "entry": {"centre": [6, 4], "radius": 0.3}},
+        "words": {"step": 9, "set": {"robot.v_max": 0.7}},
+        "start": {"step": 9, "start": [2.0, 4.0, 0.0]},
+        "reset": {},
+        "clear": {"step": 9},
+    }[kind]
+    list(desk._news())
+    with monkeypatch.context() as patch:
+        patch.setattr(RunningEpisode, "decide", fail)
+        (error,) = replies(desk, kind, **message)
+    assert error == {"type": "error", "text": "MemoryError: no 7 GiB"}
+    assert ways(desk.session) == expected
+    assert {**desk.session.state(), **before} == desk.session.state()
+    drive(desk.session, 40)
+    assert ways(desk.session)[0][:21] == expected[0]
+
+
+def test_what_cannot_be_sent_is_taken_back(desk, monkeypatch):
+    def fail(*_):
+        raise ValueError("not a number")
+
+    script = desk.session.script
+    with monkeypatch.context() as patch:
+        patch.setattr("runners.play.desk.world_message", fail)
+        patch.setattr(desk, "_situation", desk._situation)
+        with contextlib.suppress(ValueError):
+            replies(desk, "goal", step=0, goal=[2.0, 2.0])
+    assert desk.session.script is script
+    assert of("situation", replies(desk, "goal", step=0, goal=[2.0, 2.0]))
+
+
+def test_a_drawing_has_limits(desk):
+    line = [[x / 100, 1.0] for x in range(900)]
+    found = [
+        replies(desk, "put", step=0, name=f"d{i}", kind="walls", entry={"points": line}) for i in range(6)
+    ]
+    assert [bool(of("error", each)) for each in found] == [False] * 5 + [True]
+    assert "5400 points: must be at most 5000" in of("error", found[-1])[0]["text"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("key", "value", "problem"),
+    [("guide.travel.cell", 1e-5, ""), ("sim.max_step", 1e-9, "need more than"), ("guide.margin", 0.1, None)],
+)
+def test_numbers_that_the_page_has_no_slider_for_are_tried_first(desk, key, value, problem):
+    script = desk.session.script
+    errors = of("error", replies(desk, "words", step=0, set={key: value}))
+    assert bool(errors) == (problem is not None)
+    assert (desk.session.script is script) == bool(errors)
+    assert all(problem in error["text"] for error in errors)
 
 
 def test_a_message_that_is_too_long_is_not_read(desk):

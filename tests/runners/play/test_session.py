@@ -258,7 +258,7 @@ class Uncopied:
 
 def test_what_cannot_be_copied_is_driven_again(session_of):
     session = session_of()
-    session.lanes[0]._navigator.guide.handle = Uncopied()
+    session.lanes[0]._running.episode.navigator.guide.handle = Uncopied()
     assert ways(edited(session)) == ways(edited(session_of()))
     assert session.lanes[0]._snapshots == {}
 

@@ -1,0 +1,100 @@
+"""Words are tried in a process of their own before a session goes over to them: no step may take minutes.
+
+A value such as a cell of a micrometre would fill the memory, or compute for hours, and nothing can interrupt that in
+the process of the page. The values that its sliders set have limits instead, and need no trial.
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Mapping
+from multiprocessing.connection import Connection
+
+from lme.errors import InputError
+from runners.play.session import Session, Source
+from runners.play.setups import setup_of
+from runners.workers import server
+
+START_S, LONGEST_S = 120.0, 20.0  # until the process is there; for the first steps
+STEPS = 3
+MOST_BYTES = 8 * 2**30  # of address space
+
+# Least and greatest values that the page sets without a trial.
+LIMITS: Mapping[str, tuple[float, float]] = {
+    "robot.v_max": (0.0, 20.0),
+    "robot.omega_max": (0.0, 50.0),
+    "robot.alpha_v": (0.0, 100.0),
+    "robot.alpha_omega": (0.0, 100.0),
+    "robot.control_rate": (1.0, 200.0),
+    "robot.lidar.num_beams": (2.0, 5000.0),
+    "robot.lidar.fov": (0.0, 7.0),
+    "robot.lidar.range_max": (0.0, 500.0),
+    "robot.lidar.noise_std": (0.0, 10.0),
+    "sim.latency": (0.0, 5.0),
+    "sim.lag": (0.0, 10.0),
+    "sim.slip": (0.0, 10.0),
+    "sim.odometry_error": (0.0, 10.0),
+    "sim.scan_noise": (0.0, 10.0),
+    "sim.scan_dropout": (0.0, 1.0),
+    "sim.goal_noise": (0.0, 100.0),
+    "sim.goal_noise_yaw": (0.0, 10.0),
+    "scale": (-1000.0, 1000.0),
+}
+_HARMLESS = ("map.worlds", "seed", "run")
+_NUMBER = re.compile(r"(?<![\w.])[+-]?(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?(?!\w)", re.IGNORECASE)
+
+
+def try_words(source: Source, changes: Mapping[str, object]) -> None:
+    """Raise InputError unless words drive their first steps in reasonable time and memory.
+
+    source: with the changed words. changes: what was changed in them; names alone need no trial.
+    """
+    numbers = {key: _numbers(value) for key, value in changes.items() if key not in _HARMLESS}
+    for key, (least, most) in LIMITS.items():
+        for number in numbers.pop(key, []):
+            if not least <= number <= most:
+                raise InputError(f"{key} is {number:g}: lme play takes {least:g} to {most:g}")
+    if any(numbers.values()):
+        _try(source)
+
+
+def _numbers(value: object) -> list[float]:
+    return [float(number) for number in _NUMBER.findall(str(value))]
+
+
+def _try(source: Source) -> None:
+    with server.context() as context:
+        ours, theirs = context.Pipe()
+        process = context.Process(target=_drive, args=(theirs, source), daemon=True)
+        process.start()
+        theirs.close()
+    try:
+        problem = ours.recv() if ours.poll(START_S) and ours.recv() and ours.poll(LONGEST_S) else _TOO_LONG
+    except EOFError:
+        problem = "these words end the process that drives them, perhaps for want of memory"
+    finally:
+        process.kill()
+        process.join()
+    if problem:
+        raise InputError(problem)
+
+
+_TOO_LONG = f"these words need more than {LONGEST_S:g} s for the first {STEPS} steps: choose values nearer to the usual"
+
+
+def _drive(page: Connection, source: Source) -> None:
+    """Say that the process is there, then what prevents driving; "" if nothing does."""
+    if sys.platform == "linux":
+        import resource
+
+        resource.setrlimit(resource.RLIMIT_AS, (MOST_BYTES, MOST_BYTES))
+    page.send("there")
+    try:
+        Session(setup_of(source)).advance(STEPS, LONGEST_S)
+    except InputError as error:
+        page.send(str(error))
+    except Exception as error:
+        page.send(f"{type(error).__name__}: {error}")
+    else:
+        page.send("")
