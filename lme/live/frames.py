@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -42,6 +43,33 @@ def message_frames(config: FramesConfig, message: Any | None, tree: TransformTre
     """
     odom = "" if message is None else frame(message.header.frame_id)
     named = frame(getattr(message, "child_frame_id", ""))
+    if named and not (config.odom and config.base):
+        odom, named = _in_order(odom, named)
     candidates = [name for name in (named, *_BASES) if name]
     base = next((name for name in candidates if name in tree.names), named or _BASES[1])
     return Frames(frame(config.odom or odom or _ODOMS[0]), frame(config.base or base))
+
+
+def _in_order(odom: str, base: str) -> tuple[str, str]:
+    """The names of the odometry frame and the base frame as they must be meant; "" for one that is missing."""
+    if odom == base:
+        meant = ("", base) if _is_base(base) else (odom, "")
+    elif _is_odom(base) and _is_base(odom):
+        meant = base, odom
+    else:
+        return odom, base
+    warnings.warn(
+        f"odometry gives the pose of {base} in {odom} (child_frame_id, header.frame_id): read as that of "
+        f"{meant[1] or 'the base'} in {meant[0] or 'the odometry frame'}; frames.odom and frames.base say otherwise",
+        stacklevel=3,
+    )
+    return meant
+
+
+def _is_odom(name: str) -> bool:
+    last = name.rpartition("/")[2]
+    return last in _ODOMS or last.endswith("odom")
+
+
+def _is_base(name: str) -> bool:
+    return name.rpartition("/")[2].startswith("base")

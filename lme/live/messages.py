@@ -20,6 +20,7 @@ TRANSFORM = "geometry_msgs/msg/TransformStamped"
 TF = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 TWIST, TWIST_STAMPED = "geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped"
 SECOND = 1_000_000_000  # [ns]
+_UNIT = 1e-3  # how far the square of the norm of a unit quaternion may be from 1
 
 
 def stamp_of(header: Any) -> int:
@@ -129,4 +130,6 @@ def planar_matrix(matrix: Floats) -> tuple[Pose, bool]:
 def _yaw(q: Any) -> float:
     if q.x == 0.0 and q.y == 0.0:  # exact for a rotation about z alone
         return math.remainder(2.0 * math.atan2(q.z, q.w), math.tau)
+    if abs(q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w - 1.0) > _UNIT:  # a driver did not normalise it
+        return math.atan2(2.0 * (q.w * q.z + q.x * q.y), q.w * q.w + q.x * q.x - q.y * q.y - q.z * q.z)
     return math.atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y * q.y + q.z * q.z))

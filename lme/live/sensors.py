@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,6 +14,7 @@ from lme.live.poses import Sample, is_sound, message_pose, tf_pose
 from lme.live.step import NotReadyError
 from lme.live.track import StampedMotion, Track
 from lme.live.transforms import TransformTree
+from lme.live.twist_check import TwistCheck
 from lme.types import Floats
 
 _NAMES = {"scan": "scan", "pose": "odometry"}
@@ -37,6 +39,7 @@ class LiveSensors:
         self._stale = round(config.stale * SECOND)
         self._by_header = config.clock == "header"
         self._config = frames
+        self._believes_twists = True
         self._pose_message: Any = None
         self._tf_frames: Frames | None = None
         self._moving: set[str] = set()  # child frames whose transforms come on tf, not only on tf_static
@@ -46,7 +49,7 @@ class LiveSensors:
     def forget(self) -> None:
         """Drop scans and poses. Transforms stay, because static ones come only once; moving ones must come again."""
         self.scan: Any = None
-        self.track = Track()
+        self.track, self._twists = Track(), TwistCheck()
         self._seen: dict[
             str, int
         ] = {}  # by kind of message [ns]: its stamp or its arrival, whichever is earlier
@@ -142,8 +145,22 @@ class LiveSensors:
             self.note_problem("pose", "it is not finite, or absurdly large")
             return
         if self.track.newest is None or stamp > self.track.newest:
-            self.track.add(stamp, sample.pose, sample.twist)
+            self.track.add(stamp, sample.pose, sample.twist if self._believes_twists else None)
+            self._check_twist(stamp, sample)
             self._note("pose", stamp, now)
+
+    def _check_twist(self, stamp: int, sample: Sample) -> None:
+        """Take velocities from the slope of the poses, once the twists have contradicted it."""
+        if sample.twist is None or not self._believes_twists:
+            return
+        self._twists.add(stamp, sample.pose, sample.twist)
+        contradiction = self._twists.contradiction()
+        if contradiction is not None:
+            self._believes_twists = False
+            self.track.forget_twists()
+            warnings.warn(
+                f"odometry of {self.frames.base} in {self.frames.odom}: {contradiction}", stacklevel=2
+            )
 
     def _stamp(self, what: str, header: Any, now: int) -> int | None:
         """The stamp of a message that arrives at `now` [ns]; None if it is too far from `now`."""

@@ -40,6 +40,10 @@ class Track:
         if len(self._stamps) > _TRIMMED_AT:
             self._trim()
 
+    def forget_twists(self) -> None:
+        """Take the velocity at the poses so far from their slope."""
+        self._twists = [None] * len(self._twists)
+
     @property
     def newest(self) -> int | None:
         """Stamp of the last pose [ns]; None if there is none."""

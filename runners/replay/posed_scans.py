@@ -7,9 +7,10 @@ from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 from lme.live.track import StampedMotion, Track
+from lme.live.twist_check import TwistCheck
 from runners.replay.bags import Message
 from runners.replay.order import Order
-from runners.replay.recording import Recording
+from runners.replay.recording import RecordedPose, Recording
 
 
 class PosedScan(NamedTuple):
@@ -32,6 +33,7 @@ class PosedScans:
         self._scan_order = Order(recording.topics.scan.name)
         self._waiting: deque[tuple[Message, int]] = deque()
         self.tree, self.track = recording.tree.copy(), Track()
+        self._twists = TwistCheck()
         self.scans = 0  # seen so far, wanted or not
 
     def take(self, message: Message) -> None:
@@ -40,12 +42,23 @@ class PosedScans:
         if sample is not None:
             if self._pose_order.accepts(sample.stamp):
                 self.track.add(*sample)
+                self._check_twist(sample)
         elif message.topic == self._recording.topics.scan.name:
             stamp = self._recording.stamp(message)
             if self._scan_order.accepts(stamp):
                 self.scans += 1
                 if self._due is None or self._due(stamp):
                     self._waiting.append((message, stamp))
+
+    def _check_twist(self, sample: RecordedPose) -> None:
+        """Take velocities from the slope of the poses, once the twists have contradicted it."""
+        if sample.twist is None:
+            return
+        self._twists.add(sample.stamp, sample.pose, sample.twist)
+        contradiction = self._twists.contradiction()
+        if contradiction is not None:
+            self._recording.doubt_twists(contradiction)
+            self.track.forget_twists()
 
     def ready(self, coming: Message | None) -> Iterator[PosedScan]:
         """The waiting scans that have a later pose, or that have waited for one longer than `stale`.

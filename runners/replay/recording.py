@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import statistics
+import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
@@ -10,15 +11,17 @@ from typing import NamedTuple
 
 from lme.errors import InputError
 from lme.live.frames import Frames, FramesConfig, message_frames, tf_frames
-from lme.live.messages import SECOND, frame, stamp_of
+from lme.live.messages import ODOMETRY, SECOND, frame, has_orientation, stamp_of
 from lme.live.poses import is_sound, message_pose, moving_links, tf_pose
 from lme.live.transforms import TransformTree
+from lme.live.twist_check import TwistCheck
 from lme.types import Floats, Pose, Twist
 from runners.replay.bags import Bag, Message
 from runners.replay.topics import Topics, other_pose
 
 CLOCKS = ("auto", "header", "recorded")
 _LOOK_S = 10  # [s] of the recording to search for a transform to the lidar
+_POSES_S = 120  # [s] of the recording in which poses are checked before it is read
 _SCANS = 20  # used to measure the rate
 _TAIL_S = (2, 30)  # [s] at the end to search for the last pose, before the whole recording
 
@@ -37,7 +40,7 @@ class Recording:
 
     frames: the odometry frame and the base frame. headers: whether stamps come from the headers. offset: clock
     of the file minus clock of the stamps [ns]. mount: (4, 4) from the scan's frame to the base frame; None if tf has
-    none. scan_rate [Hz]. tree: the transforms at the beginning.
+    none. scan_rate [Hz]. tree: the transforms at the beginning. twists: whether those of odometry can be believed.
     """
 
     bag: Bag
@@ -49,6 +52,7 @@ class Recording:
     scan_rate: float
     first_scan: Message
     tree: TransformTree
+    twists: bool = True
 
     def stamp(self, message: Message) -> int:
         """The stamp of a message [ns]; for a message without one, its time of recording on the clock of the stamps."""
@@ -60,7 +64,7 @@ class Recording:
         return (stamp + self.offset - self.bag.start) / SECOND
 
     def pose(self, message: Message, tree: TransformTree) -> RecordedPose | None:
-        """The pose that a message contains, if any; one with absurd numbers is ignored.
+        """The pose that a message contains, if any; one with absurd numbers, or without a heading, is ignored.
 
         Transforms of a tf message are first added to `tree`.
         """
@@ -68,13 +72,46 @@ class Recording:
             tree.update(message.content)
             found = tf_pose(message.content, tree, self.frames) if self.topics.pose is None else None
         elif self.topics.pose is not None and message.topic == self.topics.pose.name:
+            if not has_orientation(message.content, self.topics.pose.type):
+                return None
             found = message_pose(message.content, self.topics.pose.type)
+            found = found if self.twists else found._replace(twist=None)
         else:
             return None
         if found is None or not is_sound(found.pose, found.twist):
             return None
         stamp = stamp_of(found.header) if self.headers else message.recorded - self.offset
         return RecordedPose(stamp, found.pose, found.twist)
+
+    def doubt_twists(self, contradiction: str) -> None:
+        """Take no velocity from the odometry messages any more, and say why."""
+        self.twists = False
+        warnings.warn(f"bag {self.bag.path}: {self.topics.pose_name}: {contradiction}", stacklevel=2)
+
+    def check_poses(self) -> None:
+        """Compare the first twists with their poses. Raises InputError if no pose says where the robot heads."""
+        pose, check, headings = self.topics.pose, TwistCheck(), []
+        if pose is None:
+            return
+        for message in self.bag.messages({pose.name}, None, self.bag.start + _POSES_S * SECOND):
+            headings.append(has_orientation(message.content, pose.type))
+            if pose.type != ODOMETRY and headings[-1]:
+                return
+            if headings[-1]:
+                sample = message_pose(message.content, pose.type)
+                stamp = stamp_of(sample.header) if self.headers else message.recorded
+                if sample.twist is not None and is_sound(sample.pose, None):
+                    check.add(stamp, sample.pose, sample.twist)
+                if check.contradiction() or check.full:
+                    break
+        if headings and not any(headings):
+            raise InputError(
+                f"bag {self.bag.path}: {pose.name}: its quaternion is zero, so it does not say where the robot heads: "
+                "record its orientation, or choose other poses with topics.pose"
+            )
+        contradiction = check.contradiction(at_end=True)
+        if contradiction is not None:
+            self.doubt_twists(contradiction)
 
     def last_pose(self, stop: int | None) -> Pose:
         """The last pose recorded before `stop` [ns]. Raises InputError if there is none."""
@@ -91,7 +128,10 @@ class Recording:
 
 
 def inspect(bag: Bag, topics: Topics, frames: FramesConfig, clock: str) -> Recording:
-    """Read the beginning of a recording. Raises InputError if scans, poses or their frames are missing."""
+    """Read the beginning of a recording. Raises InputError if scans, poses or their frames are missing.
+
+    Warns of twists that contradict the poses.
+    """
     first = _Beginning(topics)
     for message in _statics(bag, topics):
         first.tree.update(message.content)
@@ -110,7 +150,9 @@ def inspect(bag: Bag, topics: Topics, frames: FramesConfig, clock: str) -> Recor
     gaps = [b - a for a, b in pairwise(stamps) if b > a]
     rate = SECOND / statistics.median(gaps) if gaps else 0.0
     mount = first.tree.lookup(chosen.base, frame(first.scans[0].content.header.frame_id))
-    return Recording(bag, topics, chosen, headers, offset, mount, rate, first.scans[0], first.tree)
+    recording = Recording(bag, topics, chosen, headers, offset, mount, rate, first.scans[0], first.tree)
+    recording.check_poses()
+    return recording
 
 
 class _Beginning:

@@ -1,0 +1,70 @@
+"""Compares the twists of odometry messages with the slope of their poses: a driver may mean another frame or unit."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+
+import numpy as np
+
+from lme.geometry.frames import relative
+from lme.live.messages import SECOND
+from lme.types import Pose, Twist
+
+_WINDOW_S = 1.0  # time over which motion is compared: it averages a walking robot's ripple and the noise
+_LONGEST_GAP_S = 0.5  # between poses; over a longer one a twist says little about the motion
+_SLOWEST = (0.15, 0.2)  # [m/s], [rad/s] below both the robot counts as standing
+_NEAR = (0.1, 0.15)  # [m/s], [rad/s] differences that are never wrong
+_SHARE = 0.25  # nor are those below this share of the motion
+_COMPARED, _WRONG = 5, 4  # windows with motion that are compared, and how many of them must be wrong
+
+
+class TwistCheck:
+    """Takes the poses and twists of one source, in order.
+
+    One wrong window is no contradiction: the pose may jump at a loop closure or a reset.
+    """
+
+    def __init__(self) -> None:
+        self._before: tuple[int, Pose, Twist] | None = None
+        self._sums = np.zeros(5)  # time; way ahead and turn by the poses; the same by the twists
+        self._windows: deque[tuple[bool, tuple[float, ...]]] = deque(maxlen=_COMPARED)
+
+    def add(self, stamp: int, pose: Pose, twist: Twist) -> None:
+        """Compare one more motion. stamp: [ns]. pose: in the odometry frame. twist: as the message has it."""
+        before, self._before = self._before, (stamp, pose, twist)
+        seconds = (stamp - before[0]) / SECOND if before else 0.0
+        if before is None or not 0.0 < seconds <= _LONGEST_GAP_S:
+            self._sums[:] = 0.0
+            return
+        moved = relative(pose, before[1])
+        means = [(one + other) / 2 for one, other in zip(before[2], twist, strict=True)]
+        self._sums += (seconds, moved.x, moved.yaw, *(seconds * mean for mean in means))
+        if self._sums[0] < _WINDOW_S:
+            return
+        v, omega, said_v, said_omega = (float(number) for number in self._sums[1:] / self._sums[0])
+        self._sums[:] = 0.0
+        if not max(abs(v), abs(said_v)) < _SLOWEST[0] or not max(abs(omega), abs(said_omega)) < _SLOWEST[1]:
+            right = _is_near(v, said_v, _NEAR[0]) and _is_near(omega, said_omega, _NEAR[1])
+            self._windows.append((not right, (v, omega, said_v, said_omega)))
+
+    @property
+    def full(self) -> bool:
+        """Whether as much motion as can be compared has been."""
+        return len(self._windows) == _COMPARED
+
+    def contradiction(self, at_end: bool = False) -> str | None:
+        """What contradicts, if it does. at_end: nothing more comes, so fewer windows decide, if all are wrong."""
+        wrong = [numbers for is_wrong, numbers in self._windows if is_wrong]
+        if len(wrong) < _WRONG and not (at_end and len(wrong) == len(self._windows) > 1):
+            return None
+        v, omega, said_v, said_omega = np.mean(wrong, axis=0)
+        return (
+            f"its twists contradict its poses (on average {said_v:.2f} m/s and {said_omega:.2f} rad/s in the twists, "
+            f"{v:.2f} m/s and {omega:.2f} rad/s in the poses), so velocities are taken from the poses; a twist must be "
+            "in the frame of the robot (child_frame_id), in m/s and rad/s"
+        )
+
+
+def _is_near(number: float, said: float, near: float) -> bool:
+    return math.isfinite(said) and abs(number - said) <= max(near, _SHARE * abs(number))
