@@ -5,6 +5,7 @@ Uses the package rosbags (extra `replay`). Any error in a file becomes an InputE
 
 from __future__ import annotations
 
+import re
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
@@ -16,6 +17,7 @@ from lme.guarded_file import YAML_BYTES, check_regular, open_bytes
 from lme.live import messages
 from lme.requirements import install
 
+_STORAGE = re.compile(r"^ *storage_identifier: *['\"]?([\w]*)", re.MULTILINE)
 SUFFIXES = (".bag", ".db3", ".mcap")
 _SECOND = 1_000_000_000
 _READ = (  # message types that a replay reads
@@ -23,6 +25,16 @@ _READ = (  # message types that a replay reads
     messages.TRANSFORM, messages.TWIST, messages.TWIST_STAMPED, messages.TF[0],
 )  # fmt: skip
 _ROS1_MAGIC, _MCAP_MAGIC, _SQLITE_MAGIC = b"#ROSBAG", b"\x89MCAP0\r\n", b"SQLite format 3\x00"
+_OLD_MAGIC = (b"#ROSRECORD", b"#ROSBAG V1")
+_ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
+_COMPRESSED_MESSAGES = "its messages are compressed with zstd, as only its metadata.yaml would say"
+_ENDINGS = {  # of files that are no recordings yet, and what makes them some
+    ".active": "its recording was not ended: run `rosbag reindex` on it, and name it .bag",
+    ".zstd": "it is compressed: give the folder with its metadata.yaml, or unpack it with `zstd -d`",
+    ".zst": "it is compressed: unpack it with `zstd -d`",
+    ".gz": "it is compressed: unpack it with `gunzip`",
+}
+_OTHER_SCHEMAS = ("ros1msg", "protobuf", "jsonschema", "flatbuffer")  # that an .mcap file may have
 _MAGIC = {".bag": _ROS1_MAGIC, ".mcap": _MCAP_MAGIC, ".db3": _SQLITE_MAGIC}
 
 
@@ -50,7 +62,7 @@ class Bag:
     def __init__(self, path: Path) -> None:
         """Open `path`. Raises InputError if it is not a recording, is damaged or empty, or if rosbags is missing."""
         self.path = path
-        self._reader = _open(path)
+        self._reader = _open(_to_open(path))
 
     def __enter__(self) -> Self:
         return self
@@ -102,6 +114,8 @@ class Bag:
             for connection, recorded, raw in self._reader.messages(wanted, start=start, stop=stop):
                 if connection.topic not in topics:
                     raise ValueError("its index and its messages name different topics")
+                if raw[:4] == _ZSTD_MAGIC:
+                    raise ValueError(_COMPRESSED_MESSAGES)
                 content = self._reader.deserialize(raw, connection.msgtype)
                 yield Message(connection.topic, connection.msgtype, int(recorded), content)
         except Exception as error:  # decoding damaged bytes can raise anything
@@ -135,6 +149,11 @@ def _what_is_wrong(reader: Any, standard: Mapping[str, Any]) -> str:
         return "damaged (a topic has no name or no type)"
     if not reader.message_count:
         return "has no messages"
+    wanted = (c for c in reader.connections if c.msgtype in (*_READ, *messages.TF))
+    encodings = {(c.topic, getattr(c.ext, "serialization_format", "cdr")) for c in wanted}
+    other = next(((topic, encoding) for topic, encoding in sorted(encodings) if encoding != "cdr"), None)
+    if other is not None:
+        return f"{other[0]} is encoded as {other[1]}: must be cdr, the encoding of ROS 2"
     odd = _odd_type(reader.typestore.fielddefs, standard)
     return f"defines {odd} differently from ROS, or is damaged" if odd else ""
 
@@ -166,19 +185,37 @@ def _parts(fields: Any) -> Iterator[str]:
             yield from _parts(item)
 
 
+def _to_open(path: Path) -> Path:
+    """What to open: the path, or the only file of a folder whose metadata.yaml is missing or names no storage."""
+    if not path.is_dir():
+        return path
+    metadata, problem = path / "metadata.yaml", "the folder has no metadata.yaml"
+    if metadata.is_file():
+        named = _STORAGE.search(metadata.read_text(encoding="utf-8", errors="replace"))
+        if named and named[1] in ("mcap", "sqlite3"):
+            return path
+        problem = "its metadata.yaml names no storage that can be read (storage_identifier: mcap or sqlite3)"
+    files = [file for file in path.iterdir() if file.suffix in (".db3", ".mcap")]
+    if len(files) != 1:
+        raise InputError(
+            f"bag {path}: {problem}: make it with `ros2 bag reindex {path}`, or give a file in it, one of "
+            f"{', '.join(SUFFIXES)}"
+        )
+    return files[0]
+
+
 def _check_path(path: Path) -> None:
     if not path.exists():
         raise InputError(f"bag {path}: no such file")
     if path.is_dir():
-        if not (path / "metadata.yaml").is_file():
-            raise InputError(
-                f"bag {path}: the folder has no metadata.yaml: give a file in it, one of {', '.join(SUFFIXES)}"
-            )
-        check_regular(path / "metadata.yaml", YAML_BYTES)
+        if (path / "metadata.yaml").exists():
+            check_regular(path / "metadata.yaml", YAML_BYTES)
         for file in path.iterdir():
             if file.suffix in SUFFIXES:
                 check_regular(file)
         return
+    if path.suffix in _ENDINGS:
+        raise InputError(f"bag {path}: {_ENDINGS[path.suffix]}")
     if path.suffix not in SUFFIXES:
         raise InputError(
             f"bag {path}: must be a ROS recording, one of {', '.join(SUFFIXES)}, or its folder, "
@@ -191,18 +228,35 @@ def _check_path(path: Path) -> None:
         raise InputError(f"bag {path}: cannot be opened ({error.strerror})") from error
     if not head:
         raise InputError(f"bag {path}: the file is empty")
+    if head.startswith(_OLD_MAGIC):
+        raise InputError(
+            f"bag {path}: is of a format before 2.0: convert it with `rosbag filter {path.name} NEW.bag True`"
+        )
     if not head.startswith(_MAGIC[path.suffix]):
         raise InputError(f"bag {path}: is not a {path.suffix} file, or is damaged")
 
 
 def _unreadable(path: Path, error: Exception, what: str) -> InputError:
     reason = (str(error).splitlines() or [""])[0].partition(": (")[0].rstrip(".") or type(error).__name__
-    hint = ""
-    if "index" in reason.lower():
+    hint, lower = "", reason.lower()
+    if reason.strip("'") in _OTHER_SCHEMAS:
+        reason = f"its messages are defined in {reason}, not in ros2msg or ros2idl"
+        what, hint = "cannot be read", ": convert it to a recording of ROS 2"
+    elif any(word in lower for word in ("compress", "encrypt", "serializ")):
+        what = "cannot be read"
+        if path.suffix == ".bag":
+            hint = f": convert it with `rosbag {'decrypt' if 'encrypt' in lower else 'decompress'}`"
+        else:
+            hint = ": give the folder with its metadata.yaml, or convert it with `ros2 bag convert`"
+    elif "files are missing" in lower:
+        hint = ": make its metadata.yaml anew with `ros2 bag reindex`, or give one of its files"
+    elif "index" in lower:
         hint = ": the recording was cut off; repair a copy with `rosbag reindex`"
     elif isinstance(error, AssertionError):
         reason = "its structure does not follow the format"
         hint = ": try `rosbag filter` or `rosbags-convert` on it"
     elif any(word in reason for word in ("magic", "footer", "malformed")):
         hint = ": the recording or a copy of it may have been cut off"
+        if path.suffix == ".mcap":
+            hint += "; repair a copy with `mcap recover`"
     return InputError(f"bag {path}: {what} ({reason}){hint}")

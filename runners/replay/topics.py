@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -70,9 +71,23 @@ def choose(bag: Bag, config: BagTopicsConfig, goal: str | None) -> Topics:
     kinds = _POSES if config.pose is None else (*_POSES, *_OTHER_POSES)
     pose = _choose(known, "pose", config.pose, kinds)
     command = _choose(known, "command", config.command, _COMMANDS)
+    if command is not None and config.command is None:
+        command = _without_several_types(bag, known, command)
     chosen_goal = None if goal is None else _choose(known, "goal", goal, _GOALS)
     topics = Topics(scan, pose, command, chosen_goal, tf)
     return topics._replace(pose=other_pose(bag, topics)) if pose is None and not tf else topics
+
+
+def _without_several_types(bag: Bag, known: Sequence[Topic], command: ChosenTopic) -> ChosenTopic | None:
+    """The topic of commands; None, with a warning, if it has messages of several types: a replay needs no commands."""
+    types = next(topic.types for topic in known if topic.name == command.name)
+    if len(types) == 1:
+        return command
+    warnings.warn(
+        f"bag {bag.path}: the commands on {command.name} are left out, because they are of several types: {_or(types)}",
+        stacklevel=2,
+    )
+    return None
 
 
 def other_pose(bag: Bag, topics: Topics) -> ChosenTopic:

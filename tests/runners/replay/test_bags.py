@@ -81,7 +81,7 @@ def test_damaged_bytes_within(path, tmp_path):
             pass
 
 
-@pytest.mark.parametrize("topic", ["/tf_static", "/odom", "/cmd_vel", "/scan"])
+@pytest.mark.parametrize("topic", ["/tf_static", "/odom", "/scan"])
 def test_a_topic_of_two_types_is_refused(tmp_path, topic, capsys):
     maker = drive(steps=12)
     maker.add(
@@ -89,6 +89,111 @@ def test_a_topic_of_two_types_is_refused(tmp_path, topic, capsys):
     )
     assert main([str(maker.write(tmp_path)), "tracking=none", f"hydra.run.dir={tmp_path / 'run'}"]) == 2
     assert f"{topic} has several types: geometry_msgs/msg/PoseStamped, " in capsys.readouterr().err
+
+
+def test_commands_of_two_types_are_left_out_unless_they_are_asked_for(tmp_path, capsys):
+    maker = drive(steps=12)
+    twist = maker.make("geometry_msgs/msg/TwistStamped", maker.header(BEGAN, ""), maker.twist(0.1, 0.0))
+    maker.add("/cmd_vel", "geometry_msgs/msg/TwistStamped", BEGAN, twist)
+    path = maker.write(tmp_path)
+    with Bag(path) as bag:
+        with pytest.warns(
+            UserWarning, match=r"drive.mcap: the commands on /cmd_vel are left out.*TwistStamped"
+        ):
+            topics = choose(bag, BagTopicsConfig(), None)
+        assert topics.command is None
+        list(bag.messages(topics.names))
+    assert main([str(path), "list=true", "tracking=none"]) == 0
+    assert "geometry_msgs/msg/Twist | geometry_msgs/msg/TwistStamped" in capsys.readouterr().out
+    assert (
+        main([str(path), "topics.command=/cmd_vel", "tracking=none", f"hydra.run.dir={tmp_path / 'run'}"])
+        == 2
+    )
+    assert "/cmd_vel has several types" in capsys.readouterr().err
+
+
+def read(path):
+    with Bag(path) as bag:
+        return len(list(bag.messages(["/scan", "/odom"])))
+
+
+def refused(path):
+    with pytest.raises(InputError) as error:
+        read(path)
+    return one_line(error)
+
+
+@pytest.mark.parametrize("suffix", [".db3", ".mcap"])
+def test_messages_that_are_compressed_one_by_one_need_the_metadata(tmp_path, suffix):
+    from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
+
+    maker, plugin = drive(steps=12), StoragePlugin.MCAP if suffix == ".mcap" else StoragePlugin.SQLITE3
+    writer = Writer(tmp_path / "packed", version=8, storage_plugin=plugin)
+    writer.set_compression(CompressionMode.MESSAGE, CompressionFormat.ZSTD)
+    with writer:
+        maker._fill(writer, sorted(maker._messages, key=lambda one: one[0]), maker.store.serialize_cdr)
+    assert read(tmp_path / "packed") == 24
+    said = refused(tmp_path / "packed" / f"packed{suffix}")
+    assert "compressed with zstd" in said
+    assert "damaged" not in said
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("storage_identifier: sqlite3", "storage_identifier: ''"),
+        ("storage_identifier: sqlite3", ""),
+        (None, ""),
+    ],
+)
+def test_a_folder_whose_metadata_names_no_storage_is_read_if_it_has_one_file(tmp_path, old, new):
+    file = drive(".db3", steps=12).write(tmp_path)
+    metadata = file.with_name("metadata.yaml")
+    if old is None:
+        metadata.unlink()
+    else:
+        metadata.write_text(metadata.read_text().replace(old, new))
+    assert read(file.parent) == 24
+    file.with_name("second.db3").write_bytes(file.read_bytes())
+    assert "`ros2 bag reindex" in refused(file.parent)
+
+
+def test_metadata_that_names_a_missing_file(tmp_path):
+    file = drive(".db3", steps=2).write(tmp_path)
+    metadata = file.with_name("metadata.yaml")
+    metadata.write_text(metadata.read_text().replace(file.name, "gone.db3"))
+    said = refused(file.parent)
+    assert "gone.db3" in said
+    assert "`ros2 bag reindex`" in said
+
+
+@pytest.mark.parametrize(
+    ("name", "old", "new", "message"),
+    [
+        ("a.bag.active", b"", b"", "`rosbag reindex`"),
+        ("a.db3.zstd", b"", b"", "`zstd -d`"),
+        ("a.bag", b"#ROSBAG V2.0", b"#ROSBAG V1.2", "before 2.0: convert it with `rosbag filter"),
+        ("a.bag", b"#ROSBAG V2.0", b"#ROSRECORD V1.1", "before 2.0"),
+        ("a.bag", b"compression=none", b"compression=best", "not supported): convert it with `rosbag decompress`"),
+    ],
+)  # fmt: skip
+def test_files_of_ros_1_that_need_a_tool_first(tmp_path, name, old, new, message):
+    path = tmp_path / name
+    path.write_bytes(drive(".bag", steps=2).write(tmp_path).read_bytes().replace(old, new, 1 if old else 0))
+    assert message in refused(path)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        (b"\x03\x00\x00\x00cdr", b"\x03\x00\x00\x00xml", "is encoded as xml: must be cdr"),
+        (b"\x07\x00\x00\x00ros2msg", b"\x07\x00\x00\x00ros1msg", "its messages are defined in 'ros1msg'"),
+    ],
+)
+def test_messages_in_another_encoding(tmp_path, old, new, message):
+    path = drive(steps=2).write(tmp_path)
+    path.write_bytes(path.read_bytes().replace(old, new))
+    assert message in refused(path)
 
 
 def test_an_index_that_names_another_topic(tmp_path, monkeypatch):
