@@ -49,18 +49,19 @@ def load_robot(robot: str | Path) -> Robot:
 def load_map_set(name: str, settings: Mapping[str, Any] | None = None, robot: Robot | None = None) -> MapSet:
     """The map set of `conf/map/NAME.yaml`, with other values for some of its keys.
 
-    A `radius` of null becomes that of the robot. Raises InputError for an unknown name or key, a wrong value,
-    or a key that the map set would not use.
+    A `radius` and a `v_max` of null become those of the robot; without a robot v_max is 0.5 m/s. Raises InputError for
+    an unknown name or key, a wrong value, or a key that the map set would not use.
     """
     from lme.worlds.barn.subsets import check_given
+    from lme.worlds.rules import with_robot
 
     values, place = option("map", name, settings)
-    if "radius" in values and values["radius"] is None:
-        if robot is None:
-            raise InputError(
-                "map.radius is null: must be given if robots are drawn at random, at least that of the largest"
-            )
-        values["radius"] = robot.hull.r_max
+    if robot is not None:
+        values = with_robot(values, robot)
+    elif "radius" in values and values["radius"] is None:
+        raise InputError(
+            "map.radius is null: must be given if robots are drawn at random, at least that of the largest"
+        )
     check_given(settings or {}, values)
     target, config = configured(values, place)
     made: MapSet = target(config)

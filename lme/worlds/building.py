@@ -31,7 +31,6 @@ class BuildingsConfig(DrawnRules):
     configurations: int = 40  # pairs of start and goal in each building
     min_distance: float = 8.0  # [m] from start to goal, in a straight line
     grid: float = 0.1  # [m] between the grid points of starts, goals and shortest paths
-    time_limit: float = 240.0  # [s]
 
 
 class Buildings:

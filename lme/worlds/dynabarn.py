@@ -100,7 +100,7 @@ class Dynabarn:
             START,
             np.array(GOAL),
             length=length,
-            speed=config.speed,
+            speed=config.pace,
             measures={
                 "cylinders": float(len(cylinders)),
                 "mean_speed_mps": float(np.mean([mover.speed for mover in cylinders])),

@@ -23,6 +23,15 @@ class FloorPlan:
     start: tuple[float, ...] | None = None
     goal: tuple[float, ...] | None = None
 
+    @property
+    def region(self) -> str:
+        """Where the map is, in words: ranges of x and y, or its corners if its sides are not parallel to the axes."""
+        low, high = self.outline.min(axis=0), self.outline.max(axis=0)
+        if (np.isclose(self.outline, low) | np.isclose(self.outline, high)).all():
+            return f"in x {low[0]:g} to {high[0]:g} m, y {low[1]:g} to {high[1]:g} m"
+        corners = ", ".join(f"({x:g}, {y:g})" for x, y in self.outline.round(6).tolist())
+        return f"within the corners {corners} m"
+
 
 def enclosed(outline: Floats, circles: Floats, segments: Floats, polygons: tuple[Floats, ...]) -> FloorPlan:
     """The plan with these obstacles and a thin wall along its outline (4, 2) [m]."""

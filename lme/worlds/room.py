@@ -35,7 +35,6 @@ class RoomConfig(DrawnRules):
     path: str | None = None  # shape file, ROS map or picture; None: the shape file that ships under `name`
     size: list[float] | None = None  # width, height [m] of a plain picture
     unknown: str = "obstacle"  # obstacle | free: unknown cells of a ROS map
-    time_limit: float = 40.0  # [s]
 
     def __post_init__(self) -> None:
         DrawnRules.__post_init__(self)  # super() fails in a dataclass with slots
@@ -94,7 +93,7 @@ class Room:
             start,
             goal,
             length=length,
-            speed=self.config.speed,
+            speed=self.config.pace,
             measures=path_measures(length, straight),
         )
 

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from lme import plausibility
 from lme.errors import InputError, require
+from lme.robots import Robot
 from lme.types import Floats, Pose
 from lme.worlds.world import Task, World
 
 MOST_WORLDS = 10_000_000  # of a map set, which lists their numbers
+STAGE_V_MAX = 0.5  # [m/s] of the paper's robot (§IV.A)
+TIME_FACTOR, LEAST_TIME = 8.0, 60.0  # of a time limit that follows from the shortest path: see `fair_limit`
 
 
 @dataclass(slots=True)
@@ -21,12 +25,15 @@ class TaskRules:
 
     worlds: list[int] | None = None  # numbers of the worlds to drive; None: all that the map set offers
     goal_tolerance: float = 0.2  # [m] success within
-    time_limit: float = 120.0  # [s]
+    time_limit: float | None = (
+        120.0  # [s]; None: for each world, where the map set knows the robot's full speed
+    )
     clock_distance: float = 0.0  # [m] the clock starts once the robot has moved this far
 
     def __post_init__(self) -> None:
-        for key in ("goal_tolerance", "time_limit"):
-            require(f"map.{key}", getattr(self, key), above=0.0)
+        require("map.goal_tolerance", self.goal_tolerance, above=0.0)
+        if self.time_limit is not None:
+            require("map.time_limit", self.time_limit, above=0.0)
         require("map.clock_distance", self.clock_distance, at_least=0.0)
         for key in ("goal_tolerance", "time_limit"):
             plausibility.check(f"map.{key}", getattr(self, key))
@@ -39,6 +46,12 @@ class TaskRules:
     def numbers(self, offered: Iterable[int]) -> tuple[int, ...]:
         """The numbers of the worlds to drive, out of those that the map set offers."""
         return tuple(offered if self.worlds is None else self.worlds)
+
+    def limit(self, length: float) -> float:
+        """The time limit [s] of a task whose shortest path has this length [m]. Raises InputError if there is none."""
+        if self.time_limit is None:
+            raise InputError("map.time_limit is null: must be given in seconds for this map set")
+        return self.time_limit
 
     def task(
         self,
@@ -70,7 +83,7 @@ class TaskRules:
             start=start,
             goal=goal,
             goal_tolerance=self.goal_tolerance,
-            time_limit=self.time_limit,
+            time_limit=self.limit(length),
             clock_distance=self.clock_distance,
             shortest_path_length=length,
             optimal_time=length / speed,
@@ -80,13 +93,31 @@ class TaskRules:
 
 @dataclass(slots=True)
 class PacedRules(TaskRules):
-    """Rules of a map set whose optimal time is the shortest path at a speed that the config sets."""
+    """Rules of a map set whose optimal time is that of the shortest path, at the robot's full speed or a given one."""
 
-    speed: float = 0.5  # [m/s]
+    time_limit: float | None = None  # [s]; None: `fair_limit` of each world
+    speed: float | None = None  # [m/s] that the optimal time assumes; None: v_max
+    v_max: float | None = None  # [m/s] full speed of the robot; None: STAGE_V_MAX
 
     def __post_init__(self) -> None:
         TaskRules.__post_init__(self)  # super() fails in a dataclass with slots
-        require("map.speed", self.speed, above=0.0)
+        for key in ("speed", "v_max"):
+            if getattr(self, key) is not None:
+                require(f"map.{key}", getattr(self, key), above=0.0)
+
+    @property
+    def full_speed(self) -> float:
+        """The robot's [m/s]."""
+        return STAGE_V_MAX if self.v_max is None else self.v_max
+
+    @property
+    def pace(self) -> float:
+        """The speed that the optimal time assumes [m/s]."""
+        return self.full_speed if self.speed is None else self.speed
+
+    def limit(self, length: float) -> float:
+        """The time limit [s] of a task whose shortest path has this length [m]: the given one, or `fair_limit`."""
+        return fair_limit(length / self.full_speed) if self.time_limit is None else self.time_limit
 
 
 @dataclass(slots=True)
@@ -108,6 +139,17 @@ class DrawnRules(PacedRules):
         if self.radius is not None:
             require("map.radius", self.radius, above=0.0)
         require("map.grid", self.grid, above=0.0)
+
+
+def fair_limit(fastest: float, factor: float = TIME_FACTOR, least: float = LEAST_TIME) -> float:
+    """The time limit [s] of a task whose shortest path takes `fastest` [s] at the robot's full speed."""
+    return max(least, factor * fastest)
+
+
+def with_robot(values: Mapping[str, Any], robot: Robot) -> dict[str, Any]:
+    """The values of a map set's keys, with those of the robot for a `radius` and a `v_max` of null."""
+    own = {"radius": robot.hull.r_max, "v_max": robot.v_max}
+    return {**values, **{key: own[key] for key in own if key in values and values[key] is None}}
 
 
 def path_measures(length: float, straight: float) -> dict[str, float]:

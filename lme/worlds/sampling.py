@@ -80,11 +80,7 @@ class FreeSpace:
         x, y = place[0], place[1]
         outline = self._plan.outline
         if not inside(outline, np.array([x], dtype=np.float64), np.array([y], dtype=np.float64)).any():
-            low, high = outline.min(axis=0), outline.max(axis=0)
-            raise InputError(
-                f"{what} is ({x:g}, {y:g}), outside the map: must lie in x {low[0]:g} to {high[0]:g} m, "
-                f"y {low[1]:g} to {high[1]:g} m"
-            )
+            raise InputError(f"{what} is ({x:g}, {y:g}), outside the map: must lie {self._plan.region}")
         if not self._passable[*self._cell(place)]:
             raise InputError(
                 f"{what} is ({x:g}, {y:g}), in an obstacle or too near one: must be at least {self._radius:.3g} m "

@@ -65,8 +65,6 @@ class SocialConfig(PacedRules, Walking):
     density: float | None = None  # [1/m²]
     radius: float | None = None  # [m] of the disc that must be able to reach the goal; None: STAGE_RADIUS
     goal_tolerance: float = 1.0  # [m]
-    time_limit: float = 60.0  # [s]
-    speed: float = 1.0  # [m/s]
 
     def __post_init__(self) -> None:
         PacedRules.__post_init__(self)  # super() fails in a dataclass with slots
@@ -124,7 +122,7 @@ class Social:
             start,
             goal,
             length=space.checked_length(where, start, goal),
-            speed=config.speed,
+            speed=config.pace,
             measures={"people": float(len(people)), "people_per_m2": len(people) / math.prod(scene.size)},
         )
 

@@ -74,7 +74,7 @@ class Starts:
             start,
             self._goal.copy(),
             length=length,
-            speed=self.config.speed,
+            speed=self.config.pace,
             measures=path_measures(length, straight),
         )
 

@@ -45,8 +45,6 @@ class RecordedPeopleConfig(PacedRules):
     goal: list[float] | None = None  # [m]
     body_radius: float = 0.25  # [m]
     goal_tolerance: float = 1.0  # [m]
-    time_limit: float = 60.0  # [s]
-    speed: float = 1.0  # [m/s]
 
     def __post_init__(self) -> None:
         PacedRules.__post_init__(self)  # super() fails in a dataclass with slots
@@ -117,7 +115,7 @@ class RecordedPeople:
         way = self._goal - self._start
         x, y = self._start.tolist()
         length = float(np.hypot(*way))
-        people = self._people(number)
+        people = self._people(number, config.limit(length))
         return config.task(
             self._name,
             number,
@@ -125,19 +123,19 @@ class RecordedPeople:
             Pose(x, y, math.atan2(way[1], way[0])),
             self._goal.copy(),
             length=length,
-            speed=config.speed,
+            speed=config.pace,
             measures={"people": float(len(people))},
         )
 
-    def _people(self, number: int) -> tuple[Mover, ...]:
-        """Those who are there between the beginning and the time limit."""
+    def _people(self, number: int, time_limit: float) -> tuple[Mover, ...]:
+        """Those who are there between the beginning and the time limit [s]."""
         begin = number * self.config.every
         cut = (_from(track, begin) for track in self._tracks)
         radius = self.config.body_radius
         return tuple(
             Mover(path=track[:, 1:], times=track[:, 0], radius=radius)
             for track in cut
-            if len(track) > 1 and track[0, 0] < self.config.time_limit
+            if len(track) > 1 and track[0, 0] < time_limit
         )
 
     def _is_clear(self, number: int) -> bool:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple, TypeVar, cast
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar, cast
 
 from lme.errors import InputError, require
 from lme.navigator import Navigator
@@ -13,9 +14,13 @@ from lme.sensing.people.source import People, people_source
 from lme.sim.simulator import Simulator
 from lme.weight_files import with_network
 from lme.worlds.check import check_task
+from lme.worlds.rules import LEAST_TIME, TIME_FACTOR, fair_limit, with_robot
 from lme.worlds.world import DrawnTask, DrawsRobots, MapSet, Task
 from runners.config.instantiate import build, configured
 from runners.config.schema import DriveConfig, EpisodesConfig, SystemConfig
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 C = TypeVar("C", bound=DriveConfig)
 
@@ -27,15 +32,13 @@ _CHECKED_TASKS = (
 def map_set(config: DriveConfig, worlds: Sequence[int] | None = None) -> MapSet:
     """The map set of a config, with these worlds if they are given, and with the people of `crowd`.
 
-    A `radius` of null becomes the robot's r_max. Raises InputError.
+    A `radius` and a `v_max` of null become those of the robot. Raises InputError.
     """
     # Hydra does not check one of several in a dictionary of map sets.
     if not isinstance(config.map, Mapping):
         raise InputError(f"map is {config.map!r}: must be a map set")
     node = config.map if worlds is None else {**config.map, "worlds": list(worlds)}
-    if "radius" in node and node["radius"] is None:
-        node = {**node, "radius": config.robot.hull.r_max}
-    maps = build(node, "map")
+    maps = build(with_robot(node, config.robot), "map")
     return cast(MapSet, build(config.crowd, "crowd", maps) if config.crowd else maps)
 
 
@@ -118,7 +121,53 @@ def check_episodes(config: EpisodesConfig, num_tasks: int | None = _CHECKED_TASK
     require("seed", config.seed, at_least=0)
     configured(config.executor, "executor")
     maps = map_set(config)
-    for number in maps.numbers[:num_tasks]:
-        here = setting(config, maps, number)
+    settings = [setting(config, maps, number) for number in maps.numbers[:num_tasks]]
+    for here in settings:
         check_task(here.task, here.config.robot)
+    _warn_of_short_limits(settings, len(maps.numbers))
     simulator(config)
+
+
+def _warn_of_short_limits(settings: Sequence[EpisodeSetting], count: int) -> None:
+    """Warn of goals that the robot cannot reach in time. count: of all tasks, of which these may be the first."""
+    late = [here for here in settings if _fastest(here) > here.task.time_limit]
+    if late:
+        fastest, limits = sorted(map(_fastest, late)), sorted(here.task.time_limit for here in late)
+        of = f"the first {len(settings)} of {count}" if len(settings) < count else f"{count}"
+        warnings.warn(
+            f"map.time_limit is {limits[0]:g} s, and in {len(late)} of {of} worlds the shortest path takes "
+            f"{_span(fastest[0], fastest[-1])} s at the robot's v_max of {late[0].config.robot.v_max:g} m/s: "
+            "no system can arrive there in time",
+            stacklevel=2,
+        )
+
+
+def _fastest(here: EpisodeSetting) -> float:
+    """The time [s] in which the shortest path can be driven into the goal's tolerance at full speed."""
+    return (here.task.shortest_path_length - here.task.goal_tolerance) / here.config.robot.v_max
+
+
+def describe_limits(config: DriveConfig, frame: pd.DataFrame) -> str:
+    """The time limit of the records of a run, and in how many worlds it is too short; empty for other rules."""
+    if "time_limit" not in config.map:
+        return ""
+    given, v_max = config.map["time_limit"], config.robot.v_max
+    lengths = frame.groupby("world")["shortest_path_length_m"].first()
+    if given is None:
+        limits = [fair_limit(length / (config.map.get("v_max") or v_max)) for length in lengths]
+        rule = f"{TIME_FACTOR:g} × shortest path / v_max, at least {LEAST_TIME:g} s"
+        return f"Time limit: {rule}: {_span(min(limits), max(limits))} s"
+    fastest = (lengths - frame.groupby("world")["goal_tolerance_m"].first()) / v_max
+    late = fastest[fastest > given]
+    beyond = (
+        f"; the shortest path takes {_span(late.min(), late.max())} s at v_max in {len(late)} of {len(lengths)} worlds"
+        if len(late)
+        else ""
+    )
+    return f"Time limit: {given:g} s{beyond}"
+
+
+def _span(low: float, high: float) -> str:
+    """ "60 to 142", or "60"."""
+    first, last = f"{low:.3g}", f"{high:.3g}"
+    return first if first == last else f"{first} to {last}"

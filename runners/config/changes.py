@@ -12,6 +12,7 @@ from lme.robots import Robot
 from runners.config import ablations
 from runners.config.catalogue import Catalogue
 from runners.config.flatten import flatten
+from runners.config.schema import COMMANDS
 
 GROUPS = (
     "robot",
@@ -40,13 +41,22 @@ def changed_keys(config: DictConfig, choices: Mapping[str, str], catalogue: Cata
     ablated = ablations.settings(choices.get(ablations.GROUP, ""), catalogue)
     for node, names in _chosen(config, choices):
         given: Any = OmegaConf.select(config, node)
-        written = _written(names, ablated.get(node, {}), catalogue)
+        written = _written(names, {**_of_family(node, config, catalogue), **ablated.get(node, {})}, catalogue)
         resolved = dict(flatten(_plain(given, resolve=True), f"{node}."))
         for key, value in flatten(_plain(given, resolve=False)):
             dotted = f"{node}.{key}"
             if not _is_shown(node, key) and not (key in written and _equal(written[key], value)):
                 changes[dotted] = resolved.get(dotted, value)
     return changes | _changed_people(config) | _changed_costmap_range(config)
+
+
+def _of_family(node: str, config: DictConfig, catalogue: Catalogue) -> dict[str, Any]:
+    """What the config of the command itself sets for a family of training worlds."""
+    if not node.startswith(TRAINING):
+        return {}
+    command = next((name for name, kind in COMMANDS.items() if OmegaConf.get_type(config) is kind), None)
+    families = catalogue.values(command).get("training", {}) if command else {}
+    return cast(dict[str, Any], families.get(node.removeprefix(TRAINING)) or {})
 
 
 def _changed_people(config: DictConfig) -> dict[str, Any]:
@@ -91,7 +101,7 @@ def _chosen(config: DictConfig, choices: Mapping[str, str]) -> Iterator[tuple[st
 def _written(names: Sequence[str], ablated: Mapping[str, Any], catalogue: Catalogue) -> dict[str, Any]:
     """The values in the files of options by dotted key, and those of a robot that its file leaves to the default.
 
-    ablated: values that an ablation puts in their place.
+    ablated: values that an ablation, or the config of the command, puts in their place.
     """
     defaults = [OmegaConf.structured(Robot)] if any(name.startswith("robot/") for name in names) else []
     merged: Any = OmegaConf.merge(*defaults, *(catalogue.values(name) for name in names), ablated)

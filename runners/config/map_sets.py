@@ -1,53 +1,66 @@
-"""Map sets by name, with settings and world numbers: what `lme maps` and `lme figure maps` take."""
+"""Map sets by name, with settings, a robot and world numbers: what `lme maps` and `lme figure maps` take."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from typing import Any, NamedTuple, cast
 
 from lme.errors import InputError, nearest
+from lme.robots import Robot
 from lme.types import Floats
+from lme.worlds.rules import with_robot
 from lme.worlds.world import MapSet, Surveyed, Task
 from runners.config import catalogue
+from runners.config.catalogue import Catalogue
 from runners.config.worlds import parse_worlds
 
 GRAMMAR = "NAME [NUMBER…] [key=value…]"
 CHOICES = ("subset", "kind", "difficulty")  # settings that say which of a set's worlds there are
+_ROBOT = re.compile(r"robot(\.[\w.]+)?=")
 
 
 class Chosen(NamedTuple):
-    """A map set. worlds: the numbers named, or none. choice: which of its worlds, where it comes in kinds."""
+    """A map set for a robot, on which free space and times depend.
+
+    worlds: the numbers named, or none. choice: which of its worlds, where it comes in kinds.
+    """
 
     name: str
     maps: MapSet
     worlds: tuple[int, ...]
     choice: str
+    robot: Robot
 
 
-def choose(words: Sequence[str]) -> Chosen:
-    """Build the map set of these words: its name, and in any order world numbers and settings.
+def choose(words: Sequence[str], robot: Robot | None = None, configs: Catalogue | None = None) -> Chosen:
+    """Build the map set of these words, as `lme eval` does: its name, and in any order world numbers and settings.
 
-    `map.key=value` is the same as `key=value`, and `0-5` are six numbers. Raises InputError for a name, a number or a
-    setting that is not there, or not right.
+    `map.key=value` is the same as `key=value`, and `0-5` are six numbers. `robot=NAME` and `robot.key=value` choose the
+    robot, instead of `robot`, or of the one that `lme eval` takes by default. configs: by default the shipped ones.
+    Raises InputError for a name, a number or a setting that is not there, or not right.
     """
     from lme.worlds.barn.subsets import check_given
     from runners.config.instantiate import build
 
+    configs = configs or catalogue.shipped()
     name, *what = words or [""]
-    known = catalogue.shipped().titles("map")
+    known = configs.titles("map")
     if name not in known:
         raise InputError(f"map set {name!r} is unknown: {nearest(name, known)}There are {', '.join(known)}")
-    settings = [word for word in what if "=" in word]
+    of_robot = [word for word in what if _ROBOT.match(word)]
+    settings = [word.removeprefix("map.") for word in what if "=" in word and word not in of_robot]
     numbers = list(dict.fromkeys(number for word in what if "=" not in word for number in _numbers(word)))
-    settings = [setting.removeprefix("map.") for setting in settings]
-    node = _node(name, settings)
+    if of_robot or robot is None:
+        robot = _robot(of_robot, configs)
+    node = _node(name, settings, robot, configs)
     check_given((setting.partition("=")[0] for setting in settings), node)
     if numbers:
         node["worlds"] = numbers
-    maps = cast(MapSet, build(node, "map"))
+    maps = cast(MapSet, build(with_robot(node, robot), "map"))
     choice = next((f"{key} {node[key]}" for key in CHOICES if key in node), "")
-    return Chosen(name, maps, tuple(numbers), choice)
+    return Chosen(name, maps, tuple(numbers), choice, robot)
 
 
 def known_path(maps: MapSet, task: Task) -> Floats | None:
@@ -63,15 +76,44 @@ def _numbers(word: str) -> list[int]:
     return list(parse_worlds(word, "map.worlds"))
 
 
-def _node(name: str, settings: Sequence[str]) -> Any:
-    """The set's config with its settings."""
+def _robot(words: Sequence[str], configs: Catalogue) -> Robot:
+    """The robot that words of `lme eval` choose."""
+    from runners.config.instantiate import fill_dataclass
+
+    names = [word.partition("=")[2] for word in words if word.startswith("robot=")]
+    name = names[-1] if names else str(configs.groups("eval")["robot"])
+    known = configs.options("robot")
+    if name not in known:
+        raise InputError(f"robot is {name!r}: {nearest(name, known)}must be one of {', '.join(known)}")
+    settings = [word.removeprefix("robot.") for word in words if not word.startswith("robot=")]
+    robot: Robot = fill_dataclass(
+        Robot, _merged(configs.values(f"robot/{name}"), settings, "robot."), "robot"
+    )
+    return robot
+
+
+def _node(name: str, settings: Sequence[str], robot: Robot, configs: Catalogue) -> dict[str, Any]:
+    """The set's config with its settings. It may refer to other keys of `lme eval`, such as the robot's."""
+    from omegaconf import OmegaConf
+    from omegaconf.errors import OmegaConfBaseException
+
+    merged = _merged(configs.values(f"map/{name}"), settings, "")
+    try:
+        whole = OmegaConf.create({**configs.values("eval"), "robot": asdict(robot), "map": merged})
+        node: Any = OmegaConf.to_container(whole.map, resolve=True)
+    except OmegaConfBaseException as error:
+        raise InputError(f"{configs.file(f'map/{name}')}: {str(error).splitlines()[0]}") from error
+    return {**node, "worlds": parse_worlds(node.get("worlds"), "map.worlds")}
+
+
+def _merged(written: Mapping[str, Any], settings: Sequence[str], prefix: str) -> Any:
+    """A config as it is written, with other values for some keys. prefix: of the settings, for the message."""
     from omegaconf import OmegaConf
     from omegaconf.errors import OmegaConfBaseException
     from yaml import YAMLError
 
     try:
-        given = OmegaConf.from_dotlist(list(settings))
-        merged: Any = OmegaConf.merge(catalogue.shipped().values(f"map/{name}"), given)
-        return {**merged, "worlds": parse_worlds(merged.get("worlds"), "map.worlds")}
+        return OmegaConf.merge(written, OmegaConf.from_dotlist(list(settings)))
     except (OmegaConfBaseException, YAMLError, ValueError) as error:
-        raise InputError(f"{' '.join(settings)}: must be key=value, as in YAML") from error
+        given = " ".join(f"{prefix}{setting}" for setting in settings)
+        raise InputError(f"{given}: must be key=value, as in YAML") from error

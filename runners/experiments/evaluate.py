@@ -93,6 +93,8 @@ def evaluate(job: Job[EvalConfig]) -> None:
     with resume_hint("eval", job.run_dir):
         frame, rows, artifacts = run_and_report(job)
     print_table(frame, rows)
+    if limits := build.describe_limits(job.config, frame):
+        print(limits)
     print(f"Records, tables and pictures: {job.run_dir}")
     for place in failures.folder(job.run_dir):
         print(f"Why the robot went there: {place / failures.INDEX}")

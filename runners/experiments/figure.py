@@ -10,12 +10,14 @@ from typing import Any
 
 from lme.errors import InputError
 from runners.config import build, instantiate, weights
+from runners.config.catalogue import Catalogue
 from runners.config.job import Job
 from runners.config.schema import FigureConfig
 from runners.config.worlds import parse_worlds
 from runners.experiments import evaluate
 from runners.experiments.labels import run_labels
 from runners.experiments.resume_hint import resume_hint
+from runners.figures.kinds.maps import Maps
 from runners.figures.parts.driven_runs import Kind, read_runs
 from runners.figures.parts.moment import check_guided
 from runners.figures.parts.style import FORMATS
@@ -25,8 +27,7 @@ from runners.records.records import find_runs
 
 def validate(job: Job[FigureConfig]) -> None:
     """Check the job before anything runs. Raises InputError."""
-    config = job.config
-    kind = _kind(config)
+    config, kind = job.config, _kind(job)
     worlds_of(config.world)
     if not config.formats or not set(config.formats) <= set(FORMATS):
         raise InputError(f"formats is {config.formats}: must be some of {', '.join(FORMATS)}")
@@ -39,7 +40,7 @@ def validate(job: Job[FigureConfig]) -> None:
 
 def figure(job: Job[FigureConfig]) -> None:
     """Drive the episodes that the figure shows; draw the figure too, unless the job is part of a sweep."""
-    kind = _kind(job.config)
+    kind = _kind(job)
     drives = job.config.run is None and kind.drives
     if drives:
         _check_guide(job, kind)
@@ -47,7 +48,7 @@ def figure(job: Job[FigureConfig]) -> None:
     if job.sweep_dir is not None:
         return
     try:
-        _draw(job.config, [job.run_dir], job.run_dir)
+        _draw(job, [job.run_dir], job.run_dir)
     except (InputError, KeyboardInterrupt):
         if not drives:
             _remove_unless_drawn(job.run_dir)
@@ -57,7 +58,7 @@ def figure(job: Job[FigureConfig]) -> None:
 def draw_sweep(job: Job[FigureConfig], driven: Sequence[Path]) -> None:
     """Draw one figure of all jobs of a sweep. job: its first."""
     assert job.sweep_dir is not None
-    _draw(job.config, driven, job.sweep_dir)
+    _draw(job, driven, job.sweep_dir)
 
 
 def worlds_of(world: Any) -> list[int]:
@@ -70,10 +71,10 @@ def worlds_of(world: Any) -> list[int]:
     return numbers
 
 
-def _draw(config: FigureConfig, driven: Sequence[Path], folder: Path) -> None:
+def _draw(job: Job[FigureConfig], driven: Sequence[Path], folder: Path) -> None:
     """Draw the runs that the config names, or else those just driven, and print the paths of the files."""
+    config, kind = job.config, _kind(job)
     runs = driven if config.run is None else [Path(config.run)]
-    kind = _kind(config)
     driven_runs = read_runs(runs) if kind.drives else []
     if kind.drives and not driven_runs:
         raise InputError(f"run is {config.run}: there is no {LAUNCH} with its config, so it cannot be drawn")
@@ -105,8 +106,9 @@ def _remove_unless_drawn(run_dir: Path) -> None:
         shutil.rmtree(run_dir)
 
 
-def _kind(config: FigureConfig) -> Kind:
-    kind: Kind = instantiate.build(config.figure, "figure")
+def _kind(job: Job[FigureConfig]) -> Kind:
+    cls, own = instantiate.configured(job.config.figure, "figure")
+    kind: Kind = cls(own, job.config.robot, Catalogue(job.folders)) if cls is Maps else cls(own)
     return kind
 
 

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from statistics import fmean
 from typing import TYPE_CHECKING, Any, cast
 
 from runners.analysis.paired import SUCCESS, Difference, difference, signed
-from runners.config.schema import TrainConfig
+from runners.config import build
+from runners.config.schema import DriveConfig, TrainConfig
 from runners.experiments.held_out import Places
 from runners.workers.trials import episode_reward
 
@@ -112,13 +115,23 @@ def judge(places: Places, start: pd.DataFrame, found: pd.DataFrame, training_rew
 
 def with_rewards(places: Places, frame: pd.DataFrame) -> pd.DataFrame:
     """The held-out records with a column `reward`."""
-    driven = [cast(TrainConfig, places[Path(folder).name]) for folder in frame["run_dir"]]
-    ends = zip(driven, frame["outcome"], frame["steps"], strict=True)
+    names = [Path(folder).name for folder in frame["run_dir"]]
+    limits = {name: _limits(places[name]) for name in set(names)}
+    ends = zip(names, frame["world"], frame["outcome"], frame["steps"], strict=True)
     rewards = [
-        episode_reward(config, float(config.map["time_limit"]), outcome, steps)
-        for config, outcome, steps in ends
+        episode_reward(cast(TrainConfig, places[name]), limits[name](int(world)), outcome, steps)
+        for name, world, outcome, steps in ends
     ]
     return frame.assign(**{_REWARD: rewards})
+
+
+def _limits(config: DriveConfig) -> Callable[[int], float]:
+    """The time limit [s] of each world by its number."""
+    given = config.map.get("time_limit")
+    if given is not None:
+        return lambda world: float(given)
+    maps = build.map_set(config)
+    return cache(lambda world: maps.task(world).time_limit)
 
 
 def _by_place(places: Places, frame: pd.DataFrame) -> dict[str, pd.DataFrame]:

@@ -13,7 +13,7 @@ from lme.robots import Robot
 from lme.worlds.check import check_task
 from lme.worlds.cold_trial.families import DYNABARN, STATIC, Place, check_paths, families, task_in
 from lme.worlds.cold_trial.ranges import TrialRanges, columns_of, drawn_disturbances, drawn_robot
-from lme.worlds.rules import MOST_WORLDS, check_chosen
+from lme.worlds.rules import LEAST_TIME, MOST_WORLDS, TIME_FACTOR, check_chosen, fair_limit
 from lme.worlds.world import DrawnTask, Task
 
 NAME = "cold_trial"
@@ -34,8 +34,8 @@ class ColdTrialConfig:
     )
     passage_margin: float = 0.05  # [m] by which a path is wider on each side than the footprint's inner disc
     start_margin: float = 0.05  # [m] free around the footprint's outer disc at start and goal
-    time_factor: float = 8.0  # time limit, as a multiple of the time for the shortest path at v_max
-    least_time: float = 60.0  # [s] shortest time limit
+    time_factor: float = TIME_FACTOR  # time limit, as a multiple of the time for the shortest path at v_max
+    least_time: float = LEAST_TIME  # [s] shortest time limit
     ranges: TrialRanges = field(default_factory=TrialRanges)
 
     def __post_init__(self) -> None:
@@ -129,6 +129,6 @@ class ColdTrial:
             map_name=NAME,
             number=number,
             robot=ROBOT,
-            time_limit=max(config.least_time, config.time_factor * fastest),
+            time_limit=fair_limit(fastest, config.time_factor, config.least_time),
             optimal_time=fastest,
         )

@@ -43,7 +43,6 @@ class IndoorConfig(PacedRules):
     passage_margin: float = 0.3  # [m] by which every way is at least wider than the disc of `radius`
     margin: float = 0.1  # [m] more than radius, kept free around start and goal
     grid: float = 0.05  # [m] between the grid points of starts, goals and shortest paths
-    time_limit: float = 240.0  # [s]
 
     def __post_init__(self) -> None:
         PacedRules.__post_init__(self)  # super() fails in a dataclass with slots
@@ -95,7 +94,7 @@ class Indoor:
             site.start,
             site.goal.copy(),
             length=site.length,
-            speed=config.speed,
+            speed=config.pace,
             measures=path_measures(site.length, straight),
         )
 

@@ -24,6 +24,7 @@ EXAMPLES = (
     "lme maps",
     "lme maps show barn subset=official50",
     "lme maps show barn 42",
+    "lme maps show file 0 path=hall.yaml robot=turtlebot2",
     "lme maps show traps 0 1 2 kind=door --output traps.pdf",
     "lme maps import ~/the-barn-challenge barn_worlds",
     "lme maps build drive.bag",
@@ -57,9 +58,10 @@ def _parser() -> argparse.ArgumentParser:
     _add_plain(parser, False)
     verbs = parser.add_subparsers(metavar="VERB")
     about = (
-        "The worlds of one map set: optimal time and measures.\n"
+        "The worlds of one map set: optimal time, time limit and measures, as lme eval drives them.\n"
         "Worlds given by number are also drawn, in the terminal and to a file.\n"
-        "Settings are the keys of conf/map/MAP.yaml."
+        "Settings are the keys of conf/map/MAP.yaml, and robot=NAME or robot.KEY=VALUE: starts, goals and times "
+        "depend on the robot."
     )
     examples = [each for each in EXAMPLES if " show " in each]
     title = "the worlds of one map set: measures, and pictures of those given by number"
@@ -69,7 +71,14 @@ def _parser() -> argparse.ArgumentParser:
         "what",
         nargs="*",
         metavar="NUMBER|key=value",
-        help="worlds, such as 3 or 0-5; settings of the map set",
+        help="worlds, such as 3 or 0-5; settings of the map set; robot=NAME",
+    )
+    show.add_argument(
+        "--config-dir",
+        "-cd",
+        type=Path,
+        metavar="DIR",
+        help="a folder of your own options, such as map/ and robot/",
     )
     show.add_argument(
         "--output",
@@ -125,9 +134,14 @@ def _list_pictures(titles: Mapping[str, str], console: Console) -> None:
 
 
 def _show(arguments: argparse.Namespace) -> None:
+    from runners.config import catalogue
+    from runners.config.arguments import check_config_dir
     from runners.config.map_sets import choose
 
-    chosen = choose([arguments.map, *arguments.what])
+    own = [arguments.config_dir] if arguments.config_dir else []
+    for folder in own:
+        check_config_dir(folder)
+    chosen = choose([arguments.map, *arguments.what], configs=catalogue.shipped(*own))
     if not chosen.worlds and arguments.output is not None:
         raise InputError(
             f"--output {arguments.output}: name the worlds, lme maps show {arguments.map} NUMBER …"
@@ -160,7 +174,8 @@ def _table(tasks: Sequence[Task]) -> list[str]:
 
 def _measures(task: Task) -> dict[str, str]:
     measures = {name: f"{value:.4g}" for name, value in task.measures.items()}
-    return {"world": str(task.number), "optimal_time_s": f"{task.optimal_time:.3f}", **measures}
+    optimal, limit = f"{task.optimal_time:.3f}", f"{task.time_limit:.4g}"
+    return {"world": str(task.number), "optimal_time_s": optimal, **measures, "time_limit_s": limit}
 
 
 def _saved(chosen: Chosen, tasks: Sequence[Task], output: Path | None) -> Path | None:

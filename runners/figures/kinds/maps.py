@@ -12,9 +12,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from lme.errors import InputError, require
+from lme.robots import Robot
 from lme.types import Floats
 from lme.worlds.world import Task
-from runners.config.catalogue import shipped
+from runners.config.catalogue import Catalogue, shipped
 from runners.config.map_sets import GRAMMAR, Chosen, choose, known_path
 from runners.figures.parts.driven_runs import DrivenRun
 from runners.figures.parts.extent import describe_set, extent, metres, mover_outline
@@ -74,14 +75,19 @@ class Maps:
     drives = False
     guided = None
 
-    def __init__(self, config: MapsConfig) -> None:
-        """Raises InputError for a map set, a world or a setting that does not exist."""
-        self.config = config
+    def __init__(
+        self, config: MapsConfig, robot: Robot | None = None, configs: Catalogue | None = None
+    ) -> None:
+        """robot, configs: as for `runners.config.map_sets.choose`.
+
+        Raises InputError for a map set, a world or a setting that does not exist.
+        """
+        self.config, self._robot, self._configs = config, robot, configs or shipped()
         self._entries = (
-            list(_every_set()) if config.maps is None else [entry.split() for entry in config.maps]
+            list(self._every_set()) if config.maps is None else [entry.split() for entry in config.maps]
         )
         for entry in self._entries:
-            _chosen(entry)
+            self._chosen(entry)
 
     def draw(
         self, runs: Sequence[DrivenRun], worlds: Sequence[int], stem: Path, formats: Sequence[str]
@@ -89,13 +95,26 @@ class Maps:
         """Draw the worlds named with each map set, else `worlds`, else its first world; return the paths."""
         panels = []
         for entry in self._entries:
-            chosen = _chosen(entry)
+            chosen = self._chosen(entry)
             if worlds and not chosen.worlds:
-                chosen = _chosen([*entry, *map(str, worlds)])
+                chosen = self._chosen([*entry, *map(str, worlds)])
             panels += panels_of(chosen)
         if not self.config.way:
             panels = [panel._replace(way=None) for panel in panels]
         return save(sheet(panels, self.config.columns), stem, formats)
+
+    def _every_set(self) -> Iterator[list[str]]:
+        """All map sets that work without a setting."""
+        for name in self._configs.titles("map"):
+            with suppress(InputError):
+                choose([name], self._robot, self._configs)
+                yield [name]
+
+    def _chosen(self, entry: Sequence[str]) -> Chosen:
+        try:
+            return choose(entry, self._robot, self._configs)
+        except InputError as error:
+            raise InputError(f"figure.maps holds {' '.join(entry)!r}: {error}") from error
 
 
 def panels_of(chosen: Chosen) -> list[MapPanel]:
@@ -137,21 +156,6 @@ def sheet(panels: Sequence[MapPanel], columns: int) -> Figure:
     look: dict[str, Any] = {"loc": "lower center", "frameon": False, "fontsize": 7.5, "labelcolor": INK}
     figure.legend(handles=keys, ncols=per_line, **look)
     return figure
-
-
-def _every_set() -> Iterator[list[str]]:
-    """All shipped map sets that work without a setting."""
-    for name in shipped().titles("map"):
-        with suppress(InputError):
-            choose([name])
-            yield [name]
-
-
-def _chosen(entry: Sequence[str]) -> Chosen:
-    try:
-        return choose(entry)
-    except InputError as error:
-        raise InputError(f"figure.maps holds {' '.join(entry)!r}: {error}") from error
 
 
 def _describe_world(task: Task) -> str:

@@ -52,7 +52,10 @@ def one_world(chosen: Chosen, task: Task, console: Console) -> RenderableType:
     way = known_path(chosen.maps, task)
     drawn = picture(task, console.width, max(LARGE_LINES, console.height - 4), way)
     facts = Group(
-        Text(f"{chosen.name} {task.number}", "bold"), _facts(task), Text(), _key(task, way is not None)
+        Text(f"{chosen.name} {task.number}", "bold"),
+        _facts(task, chosen.robot.name),
+        Text(),
+        _key(task, way is not None),
     )
     across = console.measure(drawn).maximum
     if across + 3 + console.measure(facts).maximum > console.width:
@@ -68,8 +71,9 @@ def _thumbnail(task: Task) -> Text:
     return picture(task, SMALL_COLUMNS, TALL_LINES if tall else SMALL_LINES)
 
 
-def _facts(task: Task) -> Table:
+def _facts(task: Task, robot: str) -> Table:
     facts = {
+        "robot": robot,
         "size": metres(task),
         "optimal time": f"{task.optimal_time:.3f} s",
         "shortest path": f"{task.shortest_path_length:.2f} m",

@@ -50,7 +50,7 @@ def test_numbers_go_through_the_buildings_in_order(folder):
 def test_a_pair_is_that_of_map_file(folder):
     """The same start, goal and shortest path as with map=file, with the same keys."""
     maps = make([folder / "b.yaml", folder])
-    room = MapFile(MapFileConfig(path=str(folder / "b.yaml"), grid=0.1, time_limit=240.0, **KEYS))
+    room = MapFile(MapFileConfig(path=str(folder / "b.yaml"), grid=0.1, **KEYS))
     for k in range(4):
         for number in (k, 8 + k):  # b itself, and b in the folder
             task, same = maps.task(number), room.task(k)
