@@ -11,6 +11,14 @@ _CACHE_KEY = "lme/skipped"
 _skipped: set[str] = set()
 
 
+@pytest.fixture(autouse=True, scope="session")
+def own_runs(tmp_path_factory):
+    """The key by which a user's own runs are known is not that of the user who tests."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_STATE_HOME", str(tmp_path_factory.mktemp("state")))
+        yield
+
+
 def pytest_addoption(parser):
     parser.addoption(
         "--last-skipped",

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig, OmegaConf
@@ -21,12 +21,12 @@ from runners.cli.os_errors import explain_os_error
 from runners.cli.submitted import LauncherError
 from runners.config import arguments, catalogue, command_line, former, schema
 from runners.config.catalogue import Catalogue
-from runners.config.composer import Composer
+from runners.config.composer import Composer, without_hydra
 from runners.config.hydra_errors import translate_error
 from runners.config.job import Job
 from runners.config.quoting import resume_command, unquoted
 from runners.import_path import search_working_folder_last
-from runners.records import launch_record, run_directories
+from runners.records import inputs, launch_record, run_directories, trust
 from runners.workers import server
 
 _PROCESSES = "runners.workers.executor.ProcessExecutor"
@@ -61,14 +61,17 @@ def launch(command: Command, argv: Sequence[str]) -> int:
         return show.print_hydra_info(command.name, config_name, given)
     with Composer(config_name, given.config_dir) as composer:
         plan = command_line.plan(composer, given.overrides, given.multirun, typed.overrides)
+        if resumed is not None:
+            _check_code(plan, resumed)
         if given.cfg:
             show.config(plan.first, given.cfg, given.package, given.resolve)
             return 0
         if OmegaConf.select(plan.first, "executor._target_") == _PROCESSES:
             server.start()  # it imports while this process builds and checks the jobs
         jobs = command_line.validated(plan, composer, command.validate)
-        directory = _directory(command, given, plan, jobs, resumed)
-        return _start(command, given.config_name, plan, composer, jobs, directory)
+        record, directory = _directory(command, given, plan, jobs, resumed)
+        with trust.trusting(directory):  # whose config is the one just composed
+            return _start(command, record, plan, composer, jobs, directory)
 
 
 def _with_resumed(command: str, given: arguments.Arguments) -> tuple[arguments.Arguments, Path | None]:
@@ -92,6 +95,7 @@ def _with_resumed(command: str, given: arguments.Arguments) -> tuple[arguments.A
         raise InputError(
             f"resume={directory}: holds a run of lme {saved.command}, not of lme {command}: use {hint}"
         )
+    _check_foreign(saved, directory, given)
     keys = {_key(override) for override in given.overrides}
     if keys & {*_DIRECTORY_KEYS}:
         raise InputError(f"resume={directory}: names the directory already; omit hydra.run.dir")
@@ -111,6 +115,39 @@ def _with_resumed(command: str, given: arguments.Arguments) -> tuple[arguments.A
         config_dir=config_dir,
         config_name=given.config_name or saved.config_name,
     ), directory
+
+
+def _check_foreign(saved: launch_record.Launch, directory: Path, given: arguments.Arguments) -> None:
+    """Raise UntrustedError where a run that somebody else made may not decide what is read and executed.
+
+    One's own run, and one that --trust vouches for, may. Its own code is imported from its copy where it is not there.
+    """
+    lost = next((each for each in saved.inputs if inputs.is_lost(each)), None)
+    if lost is not None:
+        raise InputError(
+            f"resume={directory}: {lost.given}, its {lost.key}, is not here; the run holds a copy, "
+            f"{inputs.FOLDER}/{lost.digest}/{lost.name}: put that there first"
+        )
+    if saved.is_own or trust.is_trusted(directory):
+        with trust.trusting(directory):
+            inputs.provide_code([each for each in saved.inputs if inputs.is_gone(each)], directory)
+        return
+    trust.check_words(saved.overrides, directory)
+    trust.check_words([f"config_name={saved.config_name or ''}"], directory)
+    if saved.config_dir and given.config_dir is None:
+        trust.check_words([f"--config-dir={saved.config_dir}"], directory)
+    for config in saved.configs:
+        trust.check_config(config, directory)
+        inputs.located(config, saved.inputs, directory)
+
+
+def _check_code(plan: command_line.Plan, directory: Path) -> None:
+    """Raise UntrustedError if a run that somebody else made has chosen code that is not lme's."""
+    saved = launch_record.read_launch(directory)
+    if saved is not None and not saved.is_own:
+        for config in plan.configs.values():
+            values = OmegaConf.to_container(without_hydra(config), resolve=False)
+            trust.check_code(cast(dict[str, Any], values), directory)
 
 
 def _in_todays_words(
@@ -148,8 +185,8 @@ def _directory(
     plan: command_line.Plan,
     jobs: Sequence[Job[Any]],
     resumed: Path | None,
-) -> Path:
-    """The directory to write to. Makes it and its launch record, unless a run is resumed."""
+) -> tuple[launch_record.Launch, Path]:
+    """The launch record, and the directory to write to. Makes both, unless a run is resumed."""
     words = [word for word in plan.overrides if _key(word) not in (*_DIRECTORY_KEYS, "resume")]
     record = launch_record.launch_of(command.name, jobs, words, plan.multirun, given.config_name)
     asked = _requested_directory(plan.first, plan.multirun)
@@ -158,10 +195,10 @@ def _directory(
         print(f"resume=true: nothing in {asked} yet, starting afresh", file=sys.stderr)
         fresh = True
     if fresh:
-        return run_directories.make_fresh(record, asked)
+        return record, run_directories.make_fresh(record, asked)
     directory = resumed or asked or run_directories.resumable(record)
     run_directories.check_same(record, directory)
-    return directory
+    return record, directory
 
 
 def _requested_directory(config: DictConfig, multirun: bool) -> Path | None:
@@ -186,15 +223,16 @@ def _requested_directory(config: DictConfig, multirun: bool) -> Path | None:
 
 def _start(
     command: Command,
-    config_name: str | None,
+    record: launch_record.Launch,
     plan: command_line.Plan,
     composer: Composer,
     jobs: Sequence[Job[Any]],
     directory: Path,
 ) -> int:
     """Run all jobs in or below `directory`; the exit status."""
-    folders = composer.catalogue.folders
-    task = _Task(command, config_name, folders, plan.num_jobs if plan.multirun else None, os.getpid())
+    checked = {job.overrides: job for job in jobs}
+    num_jobs = plan.num_jobs if plan.multirun else None
+    task = _Task(command, record, directory, composer.catalogue.folders, checked, num_jobs, os.getpid())
     try:
         status = hydra_jobs.run(composer, plan, command.name, directory, task)
         if plan.multirun and status == 0 and command.finish_sweep is not None:
@@ -217,12 +255,16 @@ def _start(
 class _Task:
     """What Hydra calls for every job, in this process or in one of a launcher plugin's.
 
-    num_jobs: of the sweep; None where the job is part of none. process: the id of that which launches the jobs.
+    record: of the launch, with the files that all jobs read. directory: of the run or the sweep. checked: the jobs as
+    they were composed at launch, by their overrides. num_jobs: of the sweep; None where the job is part of none.
+    process: the id of that which launches the jobs.
     """
 
     command: Command
-    config_name: str | None
+    record: launch_record.Launch
+    directory: Path
     folders: tuple[Path, ...]
+    checked: Mapping[tuple[str, ...], Job[Any]]
     num_jobs: int | None
     process: int
 
@@ -237,7 +279,8 @@ class _Task:
         search_working_folder_last()  # for a launcher's process, which may not know the path of this one
         schema.register()
         try:
-            self.command.run(self._job(config))
+            with trust.trusting(self.directory):
+                self.command.run(self._job(config))
         except (Exception, SystemExit) as error:  # a user's own class may raise anything
             own = explained(error)
             status = _FAILED if own else _status(error)
@@ -253,16 +296,35 @@ class _Task:
     def _job(self, config: DictConfig) -> Job[Any]:
         """The job with its directory. A job of a sweep gets its own launch record there."""
         hydra = HydraConfig.get()
-        job: Job[Any] = Job.composed(config, hydra, Catalogue(self.folders))
+        job = self._as_at_launch(config, hydra)
         run_dir = _relative(Path(hydra.runtime.output_dir))
         if self.num_jobs is None:
             return replace(job, run_dir=run_dir)
         words = [word for word in job.overrides if _key(word) != "resume"]
         number = int(hydra.job.num)
         print(f"[{number + 1}/{self.num_jobs}] {' '.join(words)}", file=sys.stderr)
-        record = launch_record.launch_of(self.command.name, [job], words, False, self.config_name)
+        record = launch_record.launch_of(
+            self.command.name, [job], words, False, self.record.config_name, self.record.inputs
+        )
         replace(record, job=number).write(run_dir)
-        return replace(job, run_dir=run_dir, sweep_dir=_relative(Path(hydra.sweep.dir)))
+        job = replace(job, run_dir=run_dir, sweep_dir=_relative(Path(hydra.sweep.dir)))
+        return replace(job, config=inputs.as_at_launch(job.config, self.record.inputs, self.directory))
+
+    def _as_at_launch(self, config: DictConfig, hydra: Any) -> Job[Any]:
+        """The job as it was composed at launch, whatever has become of the files since.
+
+        A very large sweep has jobs that nobody has composed yet. Raises InputError if their files have changed.
+        """
+        checked = self.checked.get(tuple(hydra.overrides.task))
+        if checked is not None:
+            return checked
+        changed = [source for each in self.record.inputs for source in inputs.changed_files(each)]
+        if changed:
+            raise InputError(
+                f"{changed[0]} has changed since the sweep began, and a sweep of more than "
+                f"{command_line.MAX_JOBS_CHECKED} jobs reads it for every job: restore it, and resume the sweep"
+            )
+        return Job.composed(config, hydra, Catalogue(self.folders))
 
 
 def _relative(path: Path) -> Path:

@@ -31,6 +31,7 @@ from runners.cli.interrupts import status_of, terminable
 from runners.cli.missing_packages import explain_missing
 from runners.cli.os_errors import explain_os_error
 from runners.import_path import search_working_folder_last
+from runners.records import trust
 from runners.workers.environment import SAFE_PATH, environment
 
 
@@ -42,8 +43,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     known = command_files()
     search_working_folder_last()
     try:
-        with plain_warnings(), terminable(), environment(SAFE_PATH):
-            status = _run(name, words[1:], known)
+        with plain_warnings(), terminable(), environment(SAFE_PATH), _trusting(words):
+            status = _run(name, [word for word in words[1:] if word != trust.FLAG], known)
             sys.stdout.flush()
             return status
     except InputError as error:
@@ -62,6 +63,11 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(f"lme {name}: {said}", file=sys.stderr)
         show_traceback(error)
         return 1
+
+
+def _trusting(words: Sequence[str]) -> contextlib.AbstractContextManager[None]:
+    """Execute the code that runs name if the command has --trust, which every command takes."""
+    return trust.trusting(None) if trust.FLAG in words else contextlib.nullcontext()
 
 
 def _explain(error: BaseException, command: str) -> str:

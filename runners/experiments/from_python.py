@@ -19,7 +19,7 @@ from runners.config.quoting import quoted
 from runners.config.schema import EvalConfig
 from runners.experiments.evaluate import drive, run_and_report, start_tracking, validate
 from runners.experiments.labels import run_labels
-from runners.records import launch_record, run_directories
+from runners.records import launch_record, run_directories, trust
 from runners.records.records import episode_tables
 
 if TYPE_CHECKING:
@@ -165,9 +165,10 @@ def _evaluate_into(
     else:
         run_directories.make_fresh(record, run_dir)
     job = replace(job, run_dir=run_dir)
-    tracking = start_tracking(job)
-    frame, _, artifacts = run_and_report(job, progress)
-    tracking.finish(metrics(frame), artifacts)
+    with trust.trusting(run_dir):  # whose config is the one just composed
+        tracking = start_tracking(job)
+        frame, _, artifacts = run_and_report(job, progress)
+        tracking.finish(metrics(frame), artifacts)
     return _records(run_dir)
 
 

@@ -16,6 +16,7 @@ from runners.config.systems import systems
 from runners.experiments.evaluate import drive, report
 from runners.experiments.labels import run_labels
 from runners.explainer import pages
+from runners.records import inputs
 from runners.records.launch_record import launch_of
 
 if TYPE_CHECKING:
@@ -135,7 +136,9 @@ def _evaluate_on(place: str, job: Job[EvalConfig], values: Mapping[str, Any], wh
     worlds = f"{len(maps.numbers)} worlds of {place} that training never saw"
     print(f"Now {what}: {worlds}, {config.runs} runs each")
     job.run_dir.mkdir(parents=True, exist_ok=True)
-    launch_of("eval", [job], [], False, None).write(job.run_dir)
+    launch = launch_of("eval", [job], [], False, None)
+    launch.write(job.run_dir)
+    inputs.keep(launch.inputs, job.run_dir)
     labels = replace(run_labels(job, maps), map=place)
     if _settings(values):  # its planner is no longer that of the named pair
         labels = replace(labels, system=f"{labels.guide}+{labels.planner}")

@@ -6,6 +6,7 @@ import hashlib
 import json
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -13,7 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from lme.errors import InputError
 from runners.analysis.failures import folder, is_failure, page_path
 from runners.config.schema import Explain
-from runners.records import launch_record
+from runners.records import launch_record, trust
 from runners.records.episode_record import EpisodeKey
 from runners.records.records import read_episodes, read_trajectories
 from runners.workers.executor import SerialConfig, SerialExecutor
@@ -38,13 +39,15 @@ class Page(NamedTuple):
 class PagePayload:
     """What a worker needs to make pages of a run.
 
-    places: path of each page. marks: identify the episode of each page. systems: names in tables.
+    places: path of each page. marks: identify the episode of each page. systems: names in tables. trusted: whether
+    code that the run names may be executed.
     """
 
     run_dir: Path
     places: Mapping[EpisodeKey, Path]
     marks: Mapping[EpisodeKey, str]
     systems: Mapping[EpisodeKey, str]
+    trusted: bool
 
 
 def make_requested_pages(which: Explain, run_dir: Path, executor: Any) -> None:
@@ -111,7 +114,7 @@ def make_pages(
     for path in {places[key].parent for key in todo}:
         make_folder(path)
     systems = dict(zip(keys_of(episodes), episodes["system"], strict=True))
-    payload = PagePayload(run_dir, dict(places), marks, systems)
+    payload = PagePayload(run_dir, dict(places), marks, systems, trust.is_trusted(run_dir))
     if len(todo) <= 1:
         yield from SerialExecutor(SerialConfig()).map(initialise, payload, todo)
         return
@@ -132,7 +135,8 @@ def initialise(payload: PagePayload) -> Callable[[EpisodeKey], Page]:
         path = payload.places[key]
         try:
             mark = _MARK.format(payload.marks[key])
-            trace = rerun_recorded(run_dir, key.world, key.run, read_trajectories([run_dir], [key]))
+            with trust.trusting(run_dir) if payload.trusted else nullcontext():
+                trace = rerun_recorded(run_dir, key.world, key.run, read_trajectories([run_dir], [key]))
             write_page(trace, path, payload.systems[key], mark, f"RUN {key.world}/{key.run}")
         except (InputError, OSError) as error:
             return Page(key, path, str(error))

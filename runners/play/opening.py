@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -10,13 +11,15 @@ import numpy as np
 
 from lme.errors import InputError
 from lme.types import Outcome
+from lme.weight_files import PUBLISHED
 from lme.worlds.world import Task
 from runners.config import build
-from runners.config.schema import DriveConfig
+from runners.config.schema import DriveConfig, RecordedConfig
 from runners.play.lane import Lane
 from runners.play.script_file import SCRIPT, read_script
 from runners.play.session import Entrant, Script, Session, Setup, Source
 from runners.play.setups import explicit
+from runners.records import inputs, trust
 from runners.records.episode_record import EpisodeKey, RunLabels
 from runners.records.launch_record import LAUNCH, Launch, read_launch
 from runners.workers.trace import another_path, is_same_drive
@@ -55,7 +58,7 @@ def _of_run(run_dir: Path, word: str | None) -> Session:
     episodes = read_episodes([run_dir])
     key = keys_of(select_episodes(episodes, [word]))[0] if word else _first_failed(episodes)
     labels = RunLabels(**{name: str(episodes.iloc[0].get(name, "")) for name in RunLabels.__annotations__})
-    session = _driven(_setup(launch, labels, key), run_dir / SCRIPT)
+    session = _driven(_setup(launch, run_dir, labels, key), run_dir / SCRIPT)
     steps, driven = read_trajectories([run_dir], [key]), session.lanes[0].episode()
     if driven is None or not is_same_drive(driven, steps, read_record(run_dir, key)):
         raise another_path(run_dir, key)
@@ -77,9 +80,9 @@ def _of_recording(path: Path) -> Session:
     return _driven(Setup((entrant,), task, episode.run, None, (episode.world,)), None)
 
 
-def _setup(launch: Launch, labels: RunLabels, key: EpisodeKey) -> Setup:
+def _setup(launch: Launch, run_dir: Path, labels: RunLabels, key: EpisodeKey) -> Setup:
     config = launch.config
-    words = explicit(launch.choices[0], launch.changes[0], config)
+    words = _words(launch, run_dir, config)
     own = launch.folders[1:]
     source = Source(
         (*words, f"map.worlds=[{key.world}]", f"run={key.run}"), config_dir=own[0] if own else None
@@ -88,6 +91,21 @@ def _setup(launch: Launch, labels: RunLabels, key: EpisodeKey) -> Setup:
     return Setup(
         (Entrant(config, labels.system, words, labels),), _task(config, key.world), key.run, source, numbers
     )
+
+
+def _words(launch: Launch, run_dir: Path, config: RecordedConfig) -> tuple[str, ...]:
+    """The words from which the page composes the run's config anew. Raises UntrustedError."""
+    recorded = {**launch.changes[0], "guide.weights": config.weights}
+    changes = inputs.located(recorded, launch.inputs, run_dir)
+    weights = changes.pop("guide.weights")
+    trust.check_config(recorded, run_dir)
+    named = {
+        key: value for key, value in changes.items() if value == recorded[key]
+    }  # not the paths of copies
+    trust.check_words(explicit(launch.choices[0], named, replace(config, weights=PUBLISHED)), run_dir)
+    if weights == config.weights:
+        trust.check_words([f"weights={weights}"], run_dir)
+    return explicit(launch.choices[0], changes, replace(config, weights=weights))
 
 
 def _driven(setup: Setup, script: Path | None) -> Session:

@@ -20,6 +20,7 @@ from runners.play.lane import Lane
 from runners.play.map_writer import shape_file
 from runners.play.script_file import SCRIPT, write_script
 from runners.play.session import Session
+from runners.records import inputs
 from runners.records.episode_record import EpisodeKey, EpisodeResult
 from runners.records.launch_record import identity, launch_of
 from runners.records.whole_file import write_atomically
@@ -137,7 +138,9 @@ def _write_run(session: Session, lane: Lane, run_dir: Path, words: list[str], ke
             raise InputError(
                 f"{run_dir.name}: lme eval drives otherwise there: save it as a page or a recording"
             )
-    launch_of("play" if changed else "eval", [job], words, False, None).write(run_dir)
+    launch = launch_of("play" if changed else "eval", [job], words, False, None)
+    launch.write(run_dir)
+    inputs.keep(launch.inputs, run_dir)
     with RecordWriter(run_dir) as writer:
         writer.append(result)
         writer.merge()

@@ -23,6 +23,8 @@ from runners.config.flatten import flatten
 from runners.config.instantiate import fill_dataclass
 from runners.config.job import Job
 from runners.config.schema import RecordedConfig, SystemConfig
+from runners.records import inputs, trust
+from runners.records.inputs import Input
 from runners.records.versions import code
 from runners.records.whole_file import write_atomically
 
@@ -41,8 +43,9 @@ class Launch:
     configs: the part of the config that decides results; one for a run, one per job for a sweep. choices: the
     option of every config group. changes: keys whose values differ from those in their options' files. Both are in
     the order of configs. weights: the set that each job drives with, which may be its guide's own. config_dir: of the
-    user's own options. job: its number within a sweep. started: date and time. code: the version that drove it, as
-    text.
+    user's own options. job: its number within a sweep. worlds: their number, by config of `lme eval`. inputs: the
+    user's own files that were read. started: date and time. code: the version that drove it, as text. seal: by which
+    a user's own runs are known. directory: in which it was found, which is not recorded.
     """
 
     command: str
@@ -56,8 +59,12 @@ class Launch:
     config_dir: str | None = None
     config_name: str | None = None
     job: int | None = None
+    worlds: list[int] = field(default_factory=list)
+    inputs: list[Input] = field(default_factory=list)
     started: str = ""
     code: str = ""
+    seal: str = field(default="", compare=False)
+    directory: Path | None = field(default=None, compare=False)
 
     def __post_init__(self) -> None:
         self.choices = self.choices or [{} for _ in self.configs]
@@ -65,27 +72,48 @@ class Launch:
 
     @property
     def config(self) -> RecordedConfig:
-        """The config of the run, or of the first job. Raises InputError if it is not complete."""
-        return recorded_config(self.configs[0])
+        """The config of the run, or of the first job. Raises as `recorded_config` does."""
+        return recorded_config(self.configs[0], self.directory, self.inputs)
+
+    @property
+    def worlds_config(self) -> RecordedConfig:
+        """The config without the system, which is all that drawing the worlds needs. Raises as `config` does."""
+        nothing: dict[str, Any] = {"guide": {}, "planner": {}, "filter": {}}
+        return recorded_config({**self.configs[0], **nothing}, self.directory, self.inputs)
 
     @property
     def folders(self) -> tuple[Path, ...]:
-        """The config folders, the shipped one first."""
-        return catalogue.shipped(*([Path(self.config_dir)] if self.config_dir else [])).folders
+        """The config folders, the shipped one first. The user's own one is the copy that the run holds, if it does."""
+        own = None if self.directory is None else inputs.options_folder(self.inputs, self.directory)
+        if own is None and self.config_dir and (self.directory is None or trust.is_trusted(self.directory)):
+            own = Path(self.config_dir)
+        return catalogue.shipped(*([own] if own else [])).folders
 
-    def write(self, directory: Path) -> None:
-        """Write `launch.json` atomically. A run that is resumed keeps its `started` and its `code`.
+    @property
+    def is_own(self) -> bool:
+        """Whether this user has started the run, and nobody has changed its record since."""
+        return trust.is_signed(self._text(), self.seal)
+
+    def write(self, directory: Path, anew: bool = False) -> None:
+        """Write `launch.json` atomically. Unless it begins anew, a run keeps what was true when it began.
 
         Raises InputError if the directory cannot be written, or if a damaged one is there.
         """
-        fields, before = dataclasses.asdict(self), read_launch(directory)
-        if before is not None and before.fingerprint == self.fingerprint:
-            fields |= {"started": before.started, "code": before.code}
-        text = json.dumps(fields, indent=1, sort_keys=True)
+        record, before = self, read_launch(directory)
+        if before is not None and before.configs == self.configs and not anew:
+            kept = ("changes", "inputs", "started", "code")
+            record = dataclasses.replace(self, **{name: getattr(before, name) for name in kept})
+        record = dataclasses.replace(record, seal=trust.sign(record._text()))
         try:
-            write_atomically(directory / LAUNCH, text + "\n")
+            write_atomically(directory / LAUNCH, record._text(sealed=True) + "\n")
         except OSError as error:
             raise directory_error(directory, "written", error) from error
+
+    def _text(self, *, sealed: bool = False) -> str:
+        """The text of `launch.json`, or what its seal is for."""
+        fields = dataclasses.asdict(self)
+        del fields["directory"]
+        return json.dumps(fields if sealed else {**fields, "seal": ""}, indent=1, sort_keys=True)
 
 
 def read_launch(directory: Path) -> Launch | None:
@@ -99,20 +127,33 @@ def read_launch(directory: Path) -> Launch | None:
     except OSError as error:
         raise InputError(f"{directory}: its {LAUNCH} cannot be read ({error.strerror})") from error
     try:
-        launch = Launch(**json.loads(text))
-    except (ValueError, TypeError, RecursionError):
+        fields = {**json.loads(text), "directory": directory}
+        launch = Launch(**{**fields, "inputs": inputs.from_record(fields.get("inputs", []))})
+    except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
         launch = None
     if launch is None or not _is_complete(launch):
         raise InputError(f"{directory}: its {LAUNCH} is damaged: restore or remove it")
     return launch
 
 
-def recorded_config(values: Mapping[str, Any]) -> RecordedConfig:
-    """The typed config from what `identity` returned. Raises InputError if it is not complete."""
+def recorded_config(
+    values: Mapping[str, Any], directory: Path | None = None, kept: Sequence[Input] = ()
+) -> RecordedConfig:
+    """The typed config from what `identity` returned, which may come from anyone: all that is built from a run is
+    built from this.
+
+    directory: of the run or the recording; None for one that this process has made. kept: what the run has read; the
+    paths lead to its copies. Raises InputError if the config is not complete, and UntrustedError if it names code that
+    is not lme's, or a file outside the run.
+    """
     names = [field.name for field in dataclasses.fields(RecordedConfig)]
-    config: RecordedConfig = fill_dataclass(
-        RecordedConfig, {name: values[name] for name in names if name in values}, "config"
-    )
+    chosen = {name: values[name] for name in names if name in values}
+    if directory is not None:
+        trust.check_config(chosen, directory)
+        chosen = inputs.located(chosen, kept, directory)
+        if trust.is_trusted(directory):
+            inputs.provide_code(kept, directory)
+    config: RecordedConfig = fill_dataclass(RecordedConfig, chosen, "config")
     return config
 
 
@@ -122,8 +163,12 @@ def launch_of(
     overrides: list[str],
     multirun: bool,
     config_name: str | None,
+    kept: Sequence[Input] | None = None,
 ) -> Launch:
-    """The launch of a run, or of a sweep's jobs. overrides: those that decide results."""
+    """The launch of a run, or of a sweep's jobs.
+
+    overrides: those that decide results. kept: what the run reads; None to look for it.
+    """
     configs = [identity(job.config) for job in jobs]
     own = jobs[0].folders[1:]
     return Launch(
@@ -137,9 +182,23 @@ def launch_of(
         weights=[job.weights for job in jobs],
         config_dir=str(own[0]) if own else None,
         config_name=config_name,
+        worlds=_numbers_of_worlds(jobs) if command == "eval" else [],
+        inputs=inputs.gather(jobs, config_name) if kept is None else list(kept),
         started=datetime.now(UTC).isoformat(timespec="seconds"),
         code=code(),
     )
+
+
+def _numbers_of_worlds(jobs: Sequence[Job[Any]]) -> list[int]:
+    """How many worlds each job drives; counted once for those of one map."""
+    from runners.config import build
+
+    counted: dict[str, int] = {}
+    keys = [repr((job.config.map, job.config.crowd, job.config.robot.hull)) for job in jobs]
+    for key, job in zip(keys, jobs, strict=True):
+        if key not in counted:
+            counted[key] = len(build.map_set(job.config).numbers)
+    return [counted[key] for key in keys]
 
 
 def identity(config: SystemConfig) -> dict[str, Any]:
@@ -196,9 +255,12 @@ def _is_complete(launch: Launch) -> bool:
         and (launch.job is None or isinstance(launch.job, int))
         and _is_list_of(str, launch.overrides)
         and _is_list_of(str, launch.weights)
+        and _is_list_of(int, launch.worlds)
+        and isinstance(launch.seal, str)
         and all(_is_list_of(dict, part) and len(part) == len(launch.configs) > 0 for part in parts)
         and all(isinstance(name, str) for choices in launch.choices for name in choices.values())
         and all(_is_scale(config.get("scale", {})) for config in launch.configs)
+        and all(_is_list_of(str, config.get("table", [])) for config in launch.configs)
     )
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from lme.errors import InputError
 from runners.records.launch_record import Launch
 
 if TYPE_CHECKING:
@@ -14,16 +13,11 @@ WORLDS, EPISODES = "planned_worlds", "planned_episodes"  # columns, the same in 
 
 
 def planned_columns(launch: Launch) -> dict[str, int]:
-    """The numbers of worlds and episodes that a run was planned to drive; {} if its map can no longer be built."""
-    if launch.command != "eval":
+    """The numbers of worlds and episodes that a run was planned to drive; {} if its record does not say."""
+    runs = launch.configs[0].get("runs")
+    if launch.command != "eval" or not launch.worlds or not isinstance(runs, int):
         return {}
-    from runners.config import build
-
-    try:
-        worlds = len(build.map_set(launch.config).numbers)
-    except InputError:
-        return {}
-    return {WORLDS: worlds, EPISODES: worlds * int(launch.configs[0]["runs"])}
+    return {WORLDS: launch.worlds[0], EPISODES: launch.worlds[0] * runs}
 
 
 def planned(episodes: pd.DataFrame, column: str) -> int:

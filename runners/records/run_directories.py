@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import shlex
+import sys
 from collections.abc import Iterator
 from datetime import datetime
 from itertools import count
@@ -13,6 +14,7 @@ from lme.errors import InputError
 from runners.config import former
 from runners.config.catalogue import Catalogue
 from runners.config.quoting import resume_command
+from runners.records import inputs
 from runners.records.append_log import APPEND_LOG, lock
 from runners.records.launch_record import LAUNCH, Launch, differences, directory_error, read_launch, shortened
 
@@ -43,7 +45,8 @@ def check_same(launch: Launch, directory: Path) -> None:
         raise InputError(
             f"{directory}: has no {LAUNCH}, so there is no run to resume; choose another directory"
         )
-    if saved.fingerprint == launch.fingerprint:
+    if saved.fingerprint == launch.fingerprint and saved.configs == launch.configs:
+        inputs.check_unchanged(saved.inputs, launch.inputs, directory)
         return
     if _same_command_line(saved, launch):
         raise _outdated(saved, launch, directory)
@@ -66,7 +69,9 @@ def _outdated(saved: Launch, launch: Launch, directory: Path) -> InputError:
         held = f"a sweep of {len(saved.configs)} jobs, which today has {len(launch.configs)}"
     same = any(config in launch.configs for config in saved.configs)
     advice = one_by_one(launch.command, directory) if same else "start again in another directory"
-    return InputError(f"{directory}: holds {held}: {_OUTDATED}; {advice}")
+    changed = [each.files[name].source for each, name in inputs.differing(saved.inputs, launch.inputs)]
+    where = f" ({shortened(changed)})" if changed else ""
+    return InputError(f"{directory}: holds {held}: {_OUTDATED}{where}; {advice}")
 
 
 def _changes(saved: Launch, launch: Launch) -> str:
@@ -135,7 +140,9 @@ def jobs_of_sweep(sweep_dir: Path, num_jobs: int) -> list[Path]:
 
 
 def make_fresh(launch: Launch, given: Path | None, root: Path = ROOT) -> Path:
-    """Make the directory of a new run and write its `launch.json`. Returns `given`, or a new one under `root`.
+    """Make the directory of a new run, with its `launch.json` and copies of the user's own files, and say which.
+
+    Returns `given`, or a new one under `root`.
 
     Raises InputError if it cannot be written, already holds a run, or belongs to a running process.
     """
@@ -143,7 +150,10 @@ def make_fresh(launch: Launch, given: Path | None, root: Path = ROOT) -> Path:
         raise InputError(f"{given}: already holds a run: add resume=true or choose another directory")
     directory = _new_directory(launch, root) if given is None else _make_directory(given, exist_ok=True)
     _check_free(directory)
-    launch.write(directory)
+    launch.write(directory, anew=True)
+    inputs.keep(launch.inputs, directory)
+    if said := inputs.sentence(launch.inputs):
+        print(f"lme {launch.command}: {said}", file=sys.stderr)
     return directory
 
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from typing import NamedTuple
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from lme.errors import InputError
 from lme.navigator import MapReader, Navigator
 from runners.config import build
 from runners.config.schema import RecordedConfig
-from runners.records.launch_record import recorded_config
+from runners.records.launch_record import read_launch, recorded_config
 from runners.replay.bags import Bag
 from runners.workers.episodes import episode_rng
 from runners.workers.recorder import WANTED
@@ -70,8 +71,15 @@ def episode_of(bag: Bag) -> RecordedEpisode | None:
         about = json.loads(text)
         seed, world, run = (int(about[name]) for name in ("seed", "world", "run"))
         scan, tolerance = dict(about["scan"]), about.get("goal_tolerance")
-        return RecordedEpisode(seed, world, run, recorded_config(about["config"]), scan, tolerance)
+        return RecordedEpisode(seed, world, run, _config(bag.path, about["config"]), scan, tolerance)
     except (ValueError, TypeError, KeyError, AttributeError) as error:
         raise InputError(
             f"bag {bag.path}: {TOPIC} does not say which episode this is: set as_recorded=false"
         ) from error
+
+
+def _config(path: Path, values: dict[str, Any]) -> RecordedConfig:
+    """The config in a recording. The files that it names are those that the run around the recording holds."""
+    launches = (read_launch(folder) for folder in (path.parent, path.parent.parent))
+    run = next((launch for launch in launches if launch is not None), None)
+    return recorded_config(values, path.parent, [] if run is None else run.inputs)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -62,7 +63,7 @@ def _rows(frame: pd.DataFrame, runs: list[Path], is_sweep: bool) -> list[Row]:
     launch = read_launch(runs[0])
     if launch is None:
         return summarise(frame)
-    order = launch.config.table if is_sweep else []
+    order = launch.configs[0].get("table", []) if is_sweep else []
     return summarise(frame, order, systems(launch.folders), labels(launch.folders))
 
 
@@ -98,8 +99,14 @@ def _draw(frame: pd.DataFrame, run: Path) -> None:
     from runners.config import build
     from runners.figures.reports.paths import draw_run, sample_worlds
     from runners.records.launch_record import read_launch
+    from runners.records.trust import UntrustedError
 
     launch = read_launch(run)
-    if launch is not None:
-        maps = build.map_set(launch.config, sample_worlds(frame))
-        draw_run(frame, run, maps, run / "trajectories.png")
+    if launch is None:
+        return
+    try:
+        maps = build.map_set(launch.worlds_config, sample_worlds(frame))
+    except UntrustedError as error:  # the table needs nothing but the records
+        warnings.warn(f"no picture of the paths: {error}", stacklevel=2)
+        return
+    draw_run(frame, run, maps, run / "trajectories.png")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 import textwrap
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -33,6 +34,7 @@ from runners.figures.parts.scene import Box, common_box, legend_keys, same_size,
 from runners.figures.parts.stage import SUBGOAL, stage_keys
 from runners.figures.parts.style import INK, LEGEND_ORDER, STYLES, Style, new_figure, save
 from runners.figures.reports.paths import without_steps
+from runners.records.trust import UntrustedError
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -98,9 +100,14 @@ class Trajectories:
 def side_by_side_figure(frame: pd.DataFrame, run_dirs: Sequence[Path], folder: Path) -> list[Path]:
     """Draw the paths of every run of a sweep, save them in `folder` as PNG and PDF, and return the paths.
 
-    Draws nothing for a single system, or for more systems than fit on a page; warns if steps were deleted.
+    Draws nothing for a single system, or for more systems than fit on a page; warns if steps were deleted, and if a
+    run names code or files that may not be used, since tables do without them.
     """
-    runs = runs_of(frame, run_dirs)
+    try:
+        runs = runs_of(frame, run_dirs)
+    except UntrustedError as error:
+        warnings.warn(f"no picture of the paths: {error}", stacklevel=2)
+        return []
     columns = len(_labels(runs))
     if not 1 < columns <= COLUMNS or without_steps(run_dirs):
         return []

@@ -15,6 +15,7 @@ from runners.config import build
 from runners.config.schema import RecordedConfig
 from runners.records import launch_record
 from runners.records.episode_record import KEY_COLUMNS, EpisodeKey
+from runners.records.launch_record import Launch
 from runners.records.records import find_runs, read_episodes, read_trajectories
 from runners.workers.steps import step_tables
 from runners.workers.trace import Trace, rerun_recorded
@@ -26,16 +27,24 @@ if TYPE_CHECKING:
 
 
 class DrivenRun:
-    """One run. frame: its records, one row per episode.
+    """One run. frame: its records, one row per episode. worlds_config: its config without the system.
 
     place: the map's config and the robot's footprint as JSON, equal for runs that share a place.
     """
 
-    def __init__(self, run_dir: Path, config: RecordedConfig, frame: pd.DataFrame) -> None:
+    def __init__(self, run_dir: Path, launch: Launch, frame: pd.DataFrame) -> None:
         self.run_dir = run_dir
-        self.config = config
         self.frame = frame
-        self.place = json.dumps([config.map, asdict(config.robot.footprint)], sort_keys=True)
+        self._launch = launch
+        self.worlds_config = launch.worlds_config
+        self.place = json.dumps(
+            [self.worlds_config.map, asdict(self.worlds_config.robot.footprint)], sort_keys=True
+        )
+
+    @cached_property
+    def config(self) -> RecordedConfig:
+        """The config of the run. Raises UntrustedError if it names code that may not be executed."""
+        return self._launch.config
 
     @property
     def label(self) -> str:
@@ -49,7 +58,7 @@ class DrivenRun:
     @cached_property
     def maps(self) -> MapSet:
         """The map set of the run."""
-        return build.map_set(self.config, sorted({int(world) for world in self.frame["world"]}))
+        return build.map_set(self.worlds_config, sorted({int(world) for world in self.frame["world"]}))
 
     @cached_property
     def trajectories(self) -> pd.DataFrame:
@@ -105,7 +114,7 @@ def runs_of(frame: pd.DataFrame, run_dirs: Sequence[Path]) -> list[DrivenRun]:
     launches = [(run_dir, launch_record.read_launch(run_dir)) for run_dir in run_dirs]
     records = {run_dir: frame[frame["run_dir"] == str(run_dir)] for run_dir in run_dirs}
     return [
-        DrivenRun(run_dir, launch.config, records[run_dir])
+        DrivenRun(run_dir, launch, records[run_dir])
         for run_dir, launch in launches
         if launch is not None and not records[run_dir].empty
     ]

@@ -68,7 +68,7 @@ def _check_driven(runs: Sequence[DrivenRun], worlds: Sequence[int]) -> None:
 
 def _map_name(run: DrivenRun) -> str:
     """The name of the map set, with its kind where it has one."""
-    name, kind = str(run.frame["map"].iloc[0]), run.config.map.get("kind")
+    name, kind = str(run.frame["map"].iloc[0]), run.worlds_config.map.get("kind")
     return f"{name}: {kind}" if kind else name
 
 

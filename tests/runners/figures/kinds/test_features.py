@@ -13,6 +13,7 @@ from runners.cli.main import main
 from runners.figures.kinds.features import FeaturesConfig, chosen_criteria, clipped_range, features_figure
 from runners.figures.parts.driven_runs import DrivenRun, read_runs
 from runners.figures.parts.robot_view import upwards
+from runners.records.launch_record import read_launch
 from tests.runners.figures.conftest import shot_of, with_criteria
 
 
@@ -191,7 +192,7 @@ def test_a_run_without_lme_cannot_be_drawn(target_run, features, tmp_path):
 
 def test_of_several_jobs_those_that_lme_guides_are_drawn_numbered(lme_run, target_run, features, tmp_path):
     (lme,), (bare,) = read_runs([lme_run]), read_runs([target_run])
-    again = DrivenRun(lme.run_dir, lme.config, lme.frame)
+    again = DrivenRun(lme.run_dir, read_launch(lme.run_dir), lme.frame)
     paths = features.draw([bare, lme, again], [], tmp_path / "features", ["png"])
     assert [path.name for path in paths] == ["features_1.png", "features_2.png"]
     assert paths[0].read_bytes() == paths[1].read_bytes()

@@ -41,7 +41,7 @@ def job(system, outcomes, map_name="corridor"):
     ]
     robot = SimpleNamespace(footprint=Footprint(radius=0.3))
     config = SimpleNamespace(map={"name": map_name}, robot=robot)
-    made = DrivenRun(Path("none"), config, pd.DataFrame(rows))
+    made = DrivenRun(Path("none"), SimpleNamespace(worlds_config=config), pd.DataFrame(rows))
     y = np.linspace(0, 5.5, PATH_ROWS)
     steps = {"run": 0, "step": np.arange(PATH_ROWS), "time_s": np.arange(PATH_ROWS) / 10, "y_m": y}
     others = {"x_m": np.sin(y) / 2, "subgoal_x_m": 0.0, "subgoal_y_m": y + 1.0, "switched": 0.0}

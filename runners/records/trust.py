@@ -1,0 +1,151 @@
+"""What a run may execute: lme's own classes and nothing else, unless the user trusts whoever made it.
+
+A run directory and a recording hold a config, which can name any class. Its values are data until `check_config` has
+seen them: every reader that builds something from a run goes through `launch_record.recorded_config`, which calls it.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import hmac
+import os
+import re
+import secrets
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from lme.errors import InputError
+
+FLAG = "--trust"  # of every command
+_TARGETS, _CRITERIA = (
+    ("lme", "runners"),
+    ("lme",),
+)  # the packages from which a run may take classes and criteria
+_CRITERION = re.compile(r"(?:^|\.)criteria\.[^.]+$")
+_OUTSIDE = re.compile(
+    r"(?:^|[=\[,'\"])[/~]|\.\."
+)  # in an override: a path that is not below the working directory
+_WRITTEN_OUT = re.compile(r"_target_|criteria\W")  # in an override whose value is a mapping
+_KEY_BYTES = 32
+
+_trusted: list[Path | None] = []  # what may be executed in this process; None: every run
+
+
+class UntrustedError(InputError):
+    """A run names what is not executed without --trust."""
+
+
+@contextlib.contextmanager
+def trusting(directory: Path | None) -> Iterator[None]:
+    """Execute what the runs in or below a directory name; None: what any run names."""
+    _trusted.append(directory if directory is None else directory.resolve())
+    try:
+        yield
+    finally:
+        _trusted.pop()
+
+
+def is_trusted(directory: Path | None) -> bool:
+    """Whether code that a run in this directory names may be executed: this process started it, or has --trust."""
+    if directory is None:
+        return None in _trusted
+    here = directory.resolve()
+    return any(place is None or here.is_relative_to(place) for place in _trusted)
+
+
+def leaves(value: Any, key: str = "") -> Iterator[tuple[str, Any]]:
+    """("a.b", value) for every leaf of nested mappings and lists; the items of a list have its key."""
+    if isinstance(value, Mapping):
+        for name, child in value.items():
+            yield from leaves(child, f"{key}.{name}" if key else str(name))
+    elif isinstance(value, list | tuple):
+        for child in value:
+            yield from leaves(child, key)
+    else:
+        yield key, value
+
+
+def check_config(values: Mapping[str, Any], directory: Path | None) -> None:
+    """Check what a run has recorded, or a part of it, before anything is built from it.
+
+    directory: of the run or the recording. Raises UntrustedError for a class or function that is not lme's, and
+    InputError for an interpolation: a command records values only.
+    """
+    for key, value in leaves(values):
+        if isinstance(value, str) and "${" in value:
+            raise InputError(
+                f"{_name(directory)}: {key} is {value!r:.80}: a recorded config holds values alone"
+            )
+    check_code(values, directory)
+
+
+def check_code(values: Mapping[str, Any], directory: Path | None) -> None:
+    """Raise UntrustedError if a config names a class or function that is not lme's."""
+    if is_trusted(directory):
+        return
+    for key, value in leaves(values):
+        if isinstance(value, str) and _is_foreign(key, value):
+            raise UntrustedError(
+                f"{_name(directory)}: its {key} is {value}, which is not lme's own code: "
+                f"add {FLAG} to run it, if you trust whoever made the run"
+            )
+
+
+def check_words(words: Sequence[str], directory: Path) -> None:
+    """The same for the overrides of a run. Those of Hydra's own part can name callbacks, launchers and sweepers."""
+    if is_trusted(directory):
+        return
+    for word in words:
+        key, _, value = word.lstrip("+~").partition("=")
+        hydra = re.match(r"hydra\b", key) and key != "hydra.mode"
+        if hydra or "${" in word or _OUTSIDE.search(f"={value}") or ".." in key or _is_foreign(key, value):
+            raise UntrustedError(
+                f"{directory}: it was started with {word}, which can run code or read files that are not the run's: "
+                f"add {FLAG} to use it, if you trust whoever made the run"
+            )
+
+
+def sign(text: str) -> str:
+    """A seal by which this user's runs are known again; empty where the user's key cannot be kept."""
+    key = _key()
+    return hmac.new(key, text.encode(), hashlib.sha256).hexdigest() if key else ""
+
+
+def is_signed(text: str, seal: str) -> bool:
+    """Whether this user's key made the seal of a text."""
+    return bool(seal) and hmac.compare_digest(sign(text), seal)
+
+
+def _is_foreign(key: str, value: str) -> bool:
+    package = value.strip("'\"").partition(".")[0]
+    if key.rpartition(".")[2] == "_target_":
+        return package not in _TARGETS
+    if _CRITERION.search(key):
+        return package not in _CRITERIA
+    return bool(_WRITTEN_OUT.search(value))
+
+
+def _name(directory: Path | None) -> str:
+    return "the run" if directory is None else str(directory)
+
+
+def _key() -> bytes:
+    """The user's key, which is made when it is first needed; empty if there is no place for it."""
+    with contextlib.suppress(OSError, RuntimeError):
+        base = os.environ.get("XDG_STATE_HOME", "")
+        folder = (Path(base) if Path(base).is_absolute() else Path.home() / ".local" / "state") / "lme-nav"
+        path = folder / "runs.key"
+        with contextlib.suppress(FileExistsError):
+            folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+            draft = folder / f".runs.key.{os.getpid()}"
+            draft.touch(mode=0o600)
+            draft.write_bytes(secrets.token_bytes(_KEY_BYTES))
+            try:
+                os.link(draft, path)  # whole, or not at all: several processes may come first
+            finally:
+                draft.unlink()
+        key = path.read_bytes()
+        return key if len(key) == _KEY_BYTES else b""
+    return b""
