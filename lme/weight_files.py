@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import shlex
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
@@ -113,7 +112,7 @@ def _shipped(folder: str, ending: str) -> dict[str, Path]:
 def _of_run(directory: Path) -> Path:
     if not (directory / WEIGHTS).is_file():
         raise InputError(
-            f"weights is {directory}: holds no {WEIGHTS}; must be the directory of a finished lme train "
-            f"(finish it with lme train {shlex.quote(f'resume={directory}')})"
+            f"weights is {directory}: holds no {WEIGHTS}; must be the directory of a finished lme train; "
+            "resume that training to finish it"
         )
     return directory / WEIGHTS

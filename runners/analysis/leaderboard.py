@@ -7,7 +7,6 @@ filter with all theirs, whom it sees (`people`), and what changes it: ablation, 
 from __future__ import annotations
 
 import json
-import shlex
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -229,7 +228,7 @@ def _last_written(run_dir: Path) -> str:
 
 
 def _command(run_dir: Path, launch: Launch | None) -> str:
-    """The command line, without flags; that of `lme train` or `lme learn` for the evaluation at its end."""
+    """The command that drove it; that of `lme train` or `lme learn` for the evaluation at its end."""
     try:
         parent = read_launch(run_dir.parent)
     except InputError as error:  # it says nothing about the run but how it was started
@@ -237,7 +236,7 @@ def _command(run_dir: Path, launch: Launch | None) -> str:
         parent = None
     above = parent if parent is not None and not parent.multirun else None
     given = above or launch
-    return shlex.join(["lme", given.command, *given.overrides]) if given else ""
+    return given.command_line if given else ""
 
 
 def _with_repeats(found: Sequence[BoardEntry]) -> list[BoardEntry]:

@@ -123,6 +123,7 @@ def _add_overwrite(parser: argparse.ArgumentParser) -> None:
 
 
 def _build(arguments: argparse.Namespace) -> None:
+    from runners.config.quoting import element, lme_command
     from runners.mapping.build import BuildConfig, build_map, check_target, describe, write_map
     from runners.mapping.log import log_config
 
@@ -142,7 +143,8 @@ def _build(arguments: argparse.Namespace) -> None:
     print(f"log      {built.sources}")
     print(f"map      {describe(built)}: {target}")
     print(f"picture  {target.with_name(f'{target.stem}_way.png')}")
-    print(f"Drive in it: lme eval map=building 'map.paths=[{target}]' robot=turtlebot2")
+    paths = f"map.paths=[{element(str(target))}]"
+    print(f"Drive in it: {lme_command('eval', 'map=building', paths, 'robot=turtlebot2')}")
 
 
 def _sorted_out(words: Sequence[str]) -> tuple[list[Path], dict[str, Any]]:

@@ -1,8 +1,9 @@
-"""Texts in Hydra's override grammar, and back."""
+"""Texts in Hydra's override grammar and back, and `lme` commands that a shell runs as they are printed."""
 
 from __future__ import annotations
 
 import shlex
+from collections.abc import Sequence
 from pathlib import Path
 
 from hydra.core.override_parser.overrides_parser import OverridesParser
@@ -24,12 +25,45 @@ def unquoted(value: str) -> str:
     return read if isinstance(read, str) and value[:1] in ("'", '"') else value
 
 
-def resume_command(command: str, directory: Path) -> str:
-    """The words that resume the run in `directory`, quoted for Hydra and for the shell where they need it."""
-    text = str(directory)
+def override(key: str, value: str | Path) -> str:
+    """The override `key=value` of a text, quoted for Hydra where it would read something else."""
+    return f"{key}={element(str(value))}"
+
+
+def element(text: str) -> str:
+    """A text as a value in Hydra's override grammar, quoted only where Hydra would read something else."""
     try:
-        read = OverridesParser.create().parse_override(f"resume={text}")
-        plain = not read.is_sweep_override() and str(read.value()) == text
+        read: object = OverridesParser.create().parse_override(f"key={text}").value()
+        plain = isinstance(read, str) and read == text and not text.startswith("~")
     except HydraException:
         plain = False
-    return f"lme {command} {shlex.quote(f'resume={text if plain else quoted(text)}')}"
+    return text if plain else quoted(text)
+
+
+def lme_command(command: str, *words: str | Path, folders: Sequence[Path] = ()) -> str:
+    """The line `lme COMMAND WORDS` for a shell. Every command that lme prints or writes is made here.
+
+    folders: the config folders, the shipped one first, of which the command needs the user's own.
+    """
+    # A path that begins with a dash would be read as an option.
+    plain = [f"./{word}" if isinstance(word, Path) and str(word).startswith("-") else word for word in words]
+    own = [part for folder in folders[1:] for part in ("--config-dir", str(folder))]
+    return " ".join(["lme", command, *(_for_shell(str(word)) for word in (*plain, *own))])
+
+
+def resume_command(command: str, directory: Path) -> str:
+    """The command that resumes the run in `directory`, which holds the flags that it was started with."""
+    return lme_command(command, override("resume", directory))
+
+
+def _for_shell(word: str) -> str:
+    """A word in quotes for the shell, if it needs them; what a terminal does not print is escaped, as in $'\\x1b'."""
+    if word.isprintable():
+        return shlex.quote(word)
+    return "$'{}'".format("".join(map(_escaped, word)))
+
+
+def _escaped(letter: str) -> str:
+    if letter.isprintable():
+        return f"\\{letter}" if letter in "\\'" else letter
+    return "".join(f"\\x{byte:02x}" for byte in letter.encode("utf-8", "surrogateescape"))

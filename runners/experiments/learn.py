@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Mapping
 from dataclasses import asdict, replace
 from importlib.util import find_spec
@@ -15,7 +14,9 @@ from lme.weight_files import NETWORK, find_network, with_network
 from runners.analysis import failures
 from runners.config import build, instantiate
 from runners.config.job import Job
+from runners.config.misfits import PAIR
 from runners.config.options import named_option
+from runners.config.quoting import lme_command, override
 from runners.config.schema import LearnConfig
 from runners.experiments import evaluate
 from runners.experiments.held_out import evaluate_held_out, held_out_places, report_held_out
@@ -173,7 +174,7 @@ def _register(job: Job[LearnConfig], run: Run, held_out: Mapping[str, Any]) -> l
     config, name = job.config, network_name(job)
     last = {key: round(float(value), 6) for key, value in run.rows[-1].items()}
     about = {
-        "command": shlex.join(["lme", "learn", *_overrides(job)]),
+        "command": lme_command("learn", *_overrides(job), folders=job.folders),
         **({"guide": job.choices["guide"]} if learns_guide(config) else {}),
         "planner": job.choices["planner"],
         "learner": job.choices["learner"],
@@ -188,8 +189,9 @@ def _register(job: Job[LearnConfig], run: Run, held_out: Mapping[str, Any]) -> l
         "last": last,
         "held_out": dict(held_out),
     }
-    chosen = f"guide={job.choices['guide']} planner={job.choices['planner']}"
-    use = f"lme eval {chosen} {learned_part(config)}.weights={name}"
+    chosen = [f"{group}={job.choices[group]}" for group in PAIR]
+    network = override(f"{learned_part(config)}.weights", name)
+    use = lme_command("eval", *chosen, network, folders=job.folders)
     files = network_file.register(job.run_dir, name, about, use)
     if not held_out:
         print(f"Best validation success of {len(run.rows)} networks: {run.best:.3f}")

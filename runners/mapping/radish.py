@@ -8,6 +8,7 @@ from pathlib import Path
 
 from lme.errors import InputError
 from lme.guarded_file import LOG_BYTES, read_bytes
+from runners.config.quoting import element, lme_command
 from runners.mapping.build import ENDING, BuildConfig, build_map, check_target, describe, write_map
 
 CHECKOUT = Path("data/carmen")  # where the logs lie in a checkout
@@ -48,7 +49,8 @@ def build_all(source: Path, destination: Path, overwrite: bool) -> None:
     missing = [name for name in DIGESTS if name not in logs]
     if missing:
         print(f"left out, without a log: {', '.join(missing)}")
-    print(f"Drive in them: lme eval map=building 'map.paths=[{destination}]' robot=turtlebot2")
+    paths = f"map.paths=[{element(str(destination))}]"
+    print(f"Drive in them: {lme_command('eval', 'map=building', paths, 'robot=turtlebot2')}")
 
 
 def _logs(source: Path) -> Iterator[tuple[str, Path]]:

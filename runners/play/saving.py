@@ -16,6 +16,7 @@ from lme.errors import InputError
 from lme.worlds.world import Task, World
 from runners.config.command_line import compose_job
 from runners.config.composer import Composer
+from runners.config.quoting import lme_command, override
 from runners.play.lane import Lane
 from runners.play.map_writer import shape_file
 from runners.play.script_file import SCRIPT, write_script
@@ -76,7 +77,7 @@ class _Place(NamedTuple):
 def _save_map(session: Session, place: _Place, step: int) -> Saved:
     path = place.free(".yaml")
     write_atomically(path, shape_file(session.script.at(step), f"{path.stem}: drawn with lme play"))
-    return Saved(place.shown(path), f"lme eval map=file map.path={place.shown(path)}")
+    return Saved(place.shown(path), lme_command("eval", "map=file", override("map.path", place.shown(path))))
 
 
 def _save_record(session: Session, place: _Place, step: int) -> Saved:
@@ -99,7 +100,7 @@ def _save_record(session: Session, place: _Place, step: int) -> Saved:
         words.append(f"map.worlds=[{setup.task.number}]")
     world = 0 if drawn and not script.changed else setup.task.number
     _write_run(session, lane, run_dir, [*words, f"runs={setup.run + 1}"], EpisodeKey(world, setup.run))
-    return Saved(place.shown(run_dir), f"lme play {place.shown(run_dir)} {world}/{setup.run}")
+    return Saved(place.shown(run_dir), lme_command("play", place.shown(run_dir), f"{world}/{setup.run}"))
 
 
 def _in_file(words: list[str], path: Path, base: Task, name: str) -> list[str]:
@@ -107,7 +108,7 @@ def _in_file(words: list[str], path: Path, base: Task, name: str) -> list[str]:
     others = [word for word in words if word.partition("=")[0].partition(".")[0] not in ("map", "crowd")]
     rules = {key: float(getattr(base, key)) for key in ("goal_tolerance", "time_limit", "clock_distance")}
     same = [f"map.{key}={value!r}" for key, value in rules.items()]
-    return [*others, "map=file", f"map.path='{path}'", f"map.name={name}", *same]
+    return [*others, "map=file", override("map.path", path), override("map.name", name), *same]
 
 
 def _write_run(session: Session, lane: Lane, run_dir: Path, words: list[str], key: EpisodeKey) -> None:
@@ -184,7 +185,7 @@ def _save_mcap(session: Session, place: _Place, step: int) -> Saved:
                 recorder.decided(moment.observation, moment.guidance, moment.command, state)
             else:
                 recorder.ended(moment.observation, state)
-    return Saved(place.shown(path), f"lme replay {place.shown(path)} as_recorded=false")
+    return Saved(place.shown(path), lme_command("replay", place.shown(path), "as_recorded=false"))
 
 
 KINDS: Mapping[str, Callable[[Session, _Place, int], Saved]] = {

@@ -22,6 +22,7 @@ from runners.config import catalogue
 from runners.config.flatten import flatten
 from runners.config.instantiate import fill_dataclass
 from runners.config.job import Job
+from runners.config.quoting import lme_command
 from runners.config.schema import RecordedConfig, SystemConfig
 from runners.records import inputs, trust
 from runners.records.inputs import Input
@@ -93,6 +94,15 @@ class Launch:
     def is_own(self) -> bool:
         """Whether this user has started the run, and nobody has changed its record since."""
         return trust.is_signed(self._text(), self.seal)
+
+    @property
+    def command_line(self) -> str:
+        """The command that starts the run again, as a line for a shell."""
+        flags = ["-m"] * self.multirun + ["--config-name", self.config_name] * bool(self.config_name)
+        # One job of a sweep, though its experiment or its config may ask for the whole sweep.
+        files = self.config_name or any(word.lstrip("+").startswith("experiment=") for word in self.overrides)
+        alone = ["hydra.mode=RUN"] * (self.job is not None and bool(files))
+        return lme_command(self.command, *flags, *self.overrides, *alone, folders=self.folders)
 
     def write(self, directory: Path, anew: bool = False) -> None:
         """Write `launch.json` atomically. Unless it begins anew, a run keeps what was true when it began.

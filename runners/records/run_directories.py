@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import shlex
 import sys
 from collections.abc import Iterator
 from datetime import datetime
@@ -13,7 +12,7 @@ from pathlib import Path
 from lme.errors import InputError
 from runners.config import former
 from runners.config.catalogue import Catalogue
-from runners.config.quoting import resume_command
+from runners.config.quoting import lme_command, resume_command
 from runners.records import inputs
 from runners.records.append_log import APPEND_LOG, lock
 from runners.records.launch_record import LAUNCH, Launch, differences, directory_error, read_launch, shortened
@@ -83,7 +82,7 @@ def one_by_one(command: str, sweep_dir: Path) -> str:
     """What to do with a sweep that cannot be resumed as one."""
     return (
         f"resume its jobs one by one, {resume_command(command, sweep_dir / '0')} and so on "
-        f"(lme table {shlex.quote(str(sweep_dir))} tabulates all), or start again in another directory"
+        f"({lme_command('table', sweep_dir)} tabulates all), or start again in another directory"
     )
 
 

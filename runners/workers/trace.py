@@ -23,6 +23,7 @@ from lme.sim.simulator import Simulator, State
 from lme.types import Floats, Guidance, Observation, Pose, Twist
 from lme.worlds.world import Task
 from runners.config import build
+from runners.config.quoting import lme_command
 from runners.config.schema import DriveConfig
 from runners.records import launch_record
 from runners.records.episode_record import EpisodeKey
@@ -125,7 +126,7 @@ def check_repeatable(launch: launch_record.Launch, run_dir: Path, key: EpisodeKe
     if launch.command == "play":
         raise InputError(
             f"{run_dir}: its world changed during the drive, so only lme play can drive it again: "
-            f"lme play {run_dir} {key.world}/{key.run}"
+            + lme_command("play", run_dir, f"{key.world}/{key.run}")
         )
 
 

@@ -92,6 +92,7 @@ def _recording(path: Path, words: Sequence[str], output: Path | None, text: bool
 def _one_run(path: Path) -> Path:
     """The run directory. Raises InputError for a directory that holds several; prints them."""
     from lme.errors import InputError
+    from runners.config.quoting import lme_command
     from runners.records.launch_record import read_launch
     from runners.records.records import find_runs
 
@@ -100,13 +101,16 @@ def _one_run(path: Path) -> Path:
         return path
     for run in runs:
         launch = read_launch(run)
-        print(f"{run} ({' '.join(launch.overrides)})" if launch and launch.overrides else run)
+        print(lme_command("explain", run))
+        if launch is not None:
+            print(f"  driven by: {launch.command_line}")
     raise InputError(f"{path} holds {len(runs)} runs: give one of them")
 
 
 def _list(run_dir: Path) -> None:
     """Print the failed episodes, the number of the others, and the commands that explain them."""
     from runners.analysis.failures import is_failure
+    from runners.config.quoting import lme_command
     from runners.records.records import read_episodes
 
     episodes = read_episodes([run_dir])
@@ -119,10 +123,10 @@ def _list(run_dir: Path) -> None:
         print(f"{many} reached the goal" + "; you can explain any of them, too" * bool(len(failed)))
     first = (failed if len(failed) else episodes).iloc[0]
     episode = f"{first['world']}/{first['run']}"
-    print(f"\nOne of them:        lme explain {run_dir} {episode}")
-    print(f"In words:           lme explain {run_dir} {episode} --text")
+    print(f"\nOne of them:        {lme_command('explain', run_dir, episode)}")
+    print(f"In words:           {lme_command('explain', run_dir, episode, '--text')}")
     if len(failed):
-        print(f"All that failed:    lme explain {run_dir} failures")
+        print(f"All that failed:    {lme_command('explain', run_dir, 'failures')}")
 
 
 def _lines(episodes: pd.DataFrame) -> list[str]:

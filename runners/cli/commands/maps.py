@@ -217,12 +217,14 @@ def _default_output(tasks: Sequence[Task]) -> Path:
 
 def _import(arguments: argparse.Namespace) -> None:
     from lme.worlds.barn.importing import import_worlds
+    from runners.config.quoting import lme_command, override
 
     report = import_worlds(arguments.source.expanduser(), arguments.destination.expanduser())
     different = [world for world in report if "different" in (world.cylinders, world.path)]
     for world in different:
         print(f"world {world.number}: cylinders {world.cylinders}, path {world.path}")
+    source = override("map.source", arguments.destination)
     print(
         f"{len(report)} worlds in {arguments.destination}, {len(report) - len(different)} equal to the "
-        f"regenerated ones. Run them: lme eval map=barn map.subset=all map.source={arguments.destination}"
+        f"regenerated ones. Run them: {lme_command('eval', 'map=barn', 'map.subset=all', source)}"
     )

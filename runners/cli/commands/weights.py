@@ -113,6 +113,7 @@ def _key(path: Path) -> str:
 def _import(arguments: argparse.Namespace) -> None:
     from lme.array_file import write_arrays
     from lme.weight_files import REGISTERED, shipped_networks
+    from runners.config.quoting import lme_command, override
     from runners.records.registered_name import check_name
     from runners.records.whole_file import replacing
 
@@ -128,6 +129,5 @@ def _import(arguments: argparse.Namespace) -> None:
     except OSError as error:
         raise InputError(f"{path} cannot be written: {error.strerror or error}") from None
     count = sum(array.size for array in weights.values())
-    print(
-        f"{path}: {count} weights, all checksums right. Drive: lme eval {network.drive} planner.weights={name}"
-    )
+    drive = lme_command("eval", *network.drive.split(), override("planner.weights", name))
+    print(f"{path}: {count} weights, all checksums right. Drive: {drive}")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import shlex
 import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -12,6 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from lme.worlds.world import MapSet, Task
+from runners.config.quoting import lme_command, override
 from runners.figures.parts.layout import Around, aspect_of, best_columns, lay_out, panel_width, wrapped
 from runners.figures.parts.scene import (
     BESIDE_PT,
@@ -86,7 +86,7 @@ def without_steps(run_dirs: Sequence[Path]) -> bool:
     found = next((run_dir for run_dir in run_dirs if lacks_steps(run_dir)), None)
     if found is None:
         return False
-    command = f"lme figure trajectories run={shlex.quote(str(found))}"
+    command = lme_command("figure trajectories", override("run", found))
     warnings.warn(
         f"{found}: has no {TRAJECTORIES}, so no paths are drawn; {command} drives them again", stacklevel=3
     )
