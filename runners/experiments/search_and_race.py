@@ -69,7 +69,7 @@ def search_and_race(job: Job[TrainConfig], trained: Families) -> Found:
             if study.num_told < config.trials:
                 run_trials(study, config.trials, search.batch, places[0], run_all, progress.set_done)
         race = _race(job, study, places, start, run_all) if config.race else None
-    return _found(study, space, race, rungs)
+    return _found(study, space, race, rungs, own_values(config, space))
 
 
 def _started_when_needed(config: TrainConfig, training: Families, workers: ExitStack) -> Map:
@@ -115,13 +115,17 @@ def _race(
         return run_race(candidates, scores, places, config.race, drive, config.restarts)
 
 
-def _found(study: Study, space: Space, race: Race | None, rungs: Sequence[list[int]]) -> Found:
+def _found(
+    study: Study, space: Space, race: Race | None, rungs: Sequence[list[int]], start: Mapping[str, float]
+) -> Found:
     told = study.told
     best = max(told, key=lambda trial: (trial.reward, -trial.number))
     number, reward = best.number, best.reward
     if race is not None:
         number, reward = race.winner, race.rungs[-1].values[race.winner]
     values = {trial.number: trial.values for trial in told}.get(number, {})
+    if values == start:  # the trial that begins the search
+        number, values = START, {}
     driven = sum(map(len, rungs))
     elsewhere = study.num_elsewhere
     return Found(space, rungs[0], told, study.importances(), elsewhere, race, number, values, reward, driven)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Collection, Mapping
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -14,10 +13,11 @@ from lme.errors import require
 from lme.weight_files import WEIGHTS
 from runners.analysis import failures
 from runners.config import build, instantiate
+from runners.config.catalogue import Catalogue
 from runners.config.changes import TRAINING
 from runners.config.job import Job
 from runners.config.misfits import PAIR
-from runners.config.quoting import resume_command
+from runners.config.quoting import element, lme_command, resume_command
 from runners.config.schema import TrainConfig
 from runners.config.space import PARAMETERS
 from runners.experiments import evaluate
@@ -55,6 +55,7 @@ _DRIVES = (
     "scale",
     "sim",
 )  # parts of the config that drive a robot
+_OPTIONS = ("robot", "system", *PAIR, "sim")  # groups of which a file can choose the option that drives
 _START = "start"  # the folder of the evaluation with the config's own values
 
 
@@ -121,14 +122,15 @@ def _announce(job: Job[TrainConfig], trained: Families) -> None:
 def _evaluate(job: Job[TrainConfig], places: Places, found: Found) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Evaluate the start and the result on held-out worlds, and print the table; returns the records with rewards.
 
-    If the start is the result, both are the same object.
+    If the start is the result, it is evaluated once, as the result, and both are the same object.
     """
     import pandas as pd
 
-    start = with_rewards(places, evaluate_held_out(job, places, {}, job.weights, "the start", _START))
     if found.number == START:
-        report_held_out(job, start)
-        return start, start
+        only = with_rewards(places, evaluate_held_out(job, places, {}, job.weights, "the start"))
+        report_held_out(job, only)
+        return only, only
+    start = with_rewards(places, evaluate_held_out(job, places, {}, job.weights, "the start", _START))
     driven = evaluate_held_out(job, places, found.values, weights_name(job), "the result")
     frame = with_rewards(places, driven)
     report_held_out(job, pd.concat([start, frame], ignore_index=True))
@@ -151,23 +153,32 @@ def _write_weights(
     }
     if verdict is not None:
         about["held_out"] = verdict.content()
-    return weight_file.write_weights(config, found.values, about, job.run_dir, name, _usage(job, found))
+    whose = f": no trial beat the start, {start_name(job)}" if found.number == START else ""
+    note = f"{whose}; use with: {_usage(job, found)}"
+    return weight_file.write_weights(config, found.values, about, job.run_dir, name, note)
 
 
 def _usage(job: Job[TrainConfig], found: Found) -> str:
-    return weight_file.usage(job.config, found.values, _driven(job, found.values), weights_name(job))
+    return weight_file.usage(
+        job.config, found.values, _driven(job, found.values), weights_name(job), job.folders
+    )
 
 
 def _driven(job: Job[TrainConfig], values: Collection[str] = ()) -> list[str]:
     """The overrides that choose what drives, without those of the keys `values`.
 
-    Where the values are a planner's, an experiment may have chosen the pair, so it is named.
+    An experiment, or a config of the user's own, may have chosen it instead, so it is named where it is not the
+    default of `lme train`. The pair is always named where the values are a planner's.
     """
     keys = {word: word.partition("=")[0].lstrip("+") for word in job.overrides}
     words = [word for word, key in keys.items() if key.partition(".")[0] in _DRIVES and key not in values]
-    if all(key.startswith(PARAMETERS) for key in values) or "system" in keys.values():
-        return words
-    return [*words, *(f"{group}={job.choices[group]}" for group in PAIR if group not in keys.values())]
+    usual = Catalogue(job.folders).groups("train")
+    chosen = {group: job.choices[group] for group in _OPTIONS if job.choices.get(group) != usual[group]}
+    if not all(key.startswith(PARAMETERS) for key in values):
+        chosen |= {group: job.choices[group] for group in PAIR}
+    if "system" in {*chosen, *keys.values()}:  # it chooses the pair
+        chosen = {group: option for group, option in chosen.items() if group not in PAIR}
+    return [*words, *(f"{group}={option}" for group, option in chosen.items() if group not in keys.values())]
 
 
 def _advise(job: Job[TrainConfig], found: Found, verdict: Verdict) -> None:
@@ -202,8 +213,8 @@ def _elsewhere(job: Job[TrainConfig]) -> str:
         return ""
     words = [word for word in _driven(job) if word.lstrip("+").partition("=")[0] != "robot"]
     words = [f"robot={job.choices['robot']}", *words, f"map={','.join(others)}"]
-    words.append(f"weights={job.weights},{weights_name(job)}")
-    return shlex.join(["lme", "eval", "-m", *words])
+    words.append(f"weights={element(job.weights)},{element(weights_name(job))}")
+    return lme_command("eval", "-m", *words, folders=job.folders)
 
 
 def _pictures(found: Found, run_dir: Path) -> list[Path]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
@@ -14,7 +13,7 @@ from runners.analysis.worst_worlds import WorstWorld, regressions, worst_worlds
 from runners.config import instantiate
 from runners.config.flatten import flatten
 from runners.config.job import Job
-from runners.config.quoting import resume_command
+from runners.config.quoting import lme_command, resume_command
 from runners.config.schema import TrainConfig
 from runners.config.space import Space
 from runners.experiments.families import families
@@ -62,8 +61,8 @@ def write_training_report(
     run_dir, is_start = job.run_dir, found.number == START
     start_values = _start_values(job.config, found.space)
     best = found.race.best_trial if found.race is not None else found.number
-    if best == START:  # the first trial has the values of the start, and there is no other
-        best = found.told[0].number
+    if best == START:  # the best trial has the values of the start, or there is no other
+        best = max(found.told, key=lambda trial: (trial.reward, -trial.number)).number
     pictures = _pictures(job, found, start_values, best)
     worst = worst_worlds(frame, None if is_start else start, _WORST)
     _explain(job, frame, worst)
@@ -182,10 +181,10 @@ def _commands(
         not_advised = " (not recommended)" if verdict.is_worse else ""
         words[f"Drive with the result{not_advised}"] = use
         for place in places:
-            both = (shlex.quote(str(folder / place)) for folder in (start_dir, run_dir))
-            words[f"Compare with the start on {place}, world by world"] = f"lme compare {' '.join(both)}"
+            both = lme_command("compare", start_dir / place, run_dir / place)
+            words[f"Compare with the start on {place}, world by world"] = both
     if worst.failed:
-        failed = shlex.quote(str(worst.run_dir))
-        words[f"See why the robot failed on {worst.run_dir.name}"] = f"lme explain {failed} failures"
+        why = lme_command("explain", worst.run_dir, "failures")
+        words[f"See why the robot failed on {worst.run_dir.name}"] = why
     words["Continue this training, if it was stopped"] = resume_command("train", run_dir)
     return words

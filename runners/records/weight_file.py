@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -11,6 +10,7 @@ import yaml
 
 from lme.errors import InputError
 from lme.weight_files import REGISTERED, WEIGHTS, shipped_weights
+from runners.config.quoting import lme_command, override
 from runners.config.schema import TrainConfig
 from runners.config.space import PARAMETERS
 from runners.records import registered_name
@@ -27,12 +27,12 @@ def write_weights(
     about: Mapping[str, Any],
     run_dir: Path,
     name: str,
-    use: str,
+    note: str,
 ) -> Path:
     """Write `weights.yaml` into `run_dir`, and as outputs/weights/NAME.yaml if a guide can load it.
 
     values: those of the best trial, by dotted config key. about: further entries of the file.
-    use: the command that drives with the weights. Returns the path of the first file. Raises OSError.
+    note: what follows "Written by lme train" in its first line. Returns the path of the first file. Raises OSError.
     """
     parameters = best_parameters(config, values)
     content = {
@@ -44,18 +44,27 @@ def write_weights(
         "seed": config.seed,
         "versions": versions(*_PACKAGES),
     }
-    text = f"# Written by lme train; use with: {use}\n{yaml.safe_dump(content, sort_keys=False, allow_unicode=True)}"
+    text = f"# Written by lme train{note}\n{yaml.safe_dump(content, sort_keys=False, allow_unicode=True)}"
     for path in (run_dir / WEIGHTS, *([REGISTERED / f"{name}.yaml"] if parameters else [])):
         path.parent.mkdir(parents=True, exist_ok=True)
         write_atomically(path, text)
     return run_dir / WEIGHTS
 
 
-def usage(config: TrainConfig, values: Mapping[str, float], driven: Sequence[str], name: str) -> str:
-    """The command that drives with the values found. driven: the overrides that choose what drives."""
-    words = [*driven, *([f"weights={name}"] if best_parameters(config, values) else [])]
+def usage(
+    config: TrainConfig,
+    values: Mapping[str, float],
+    driven: Sequence[str],
+    name: str,
+    folders: Sequence[Path],
+) -> str:
+    """The command that drives with the values found.
+
+    driven: the overrides that choose what drives. folders: of the configs, the shipped one first.
+    """
+    words = [*driven, *([override("weights", name)] if best_parameters(config, values) else [])]
     words += [f"{key}={value!r}" for key, value in _settings(values).get("settings", {}).items()]
-    return shlex.join(["lme", "eval", *words])
+    return lme_command("eval", *words, folders=folders)
 
 
 def best_parameters(config: TrainConfig, values: Mapping[str, float]) -> dict[str, float]:

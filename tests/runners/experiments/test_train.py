@@ -143,6 +143,24 @@ def test_weights_of_one_map_come_with_the_command_that_tries_them_elsewhere(trai
     assert f"lme eval -m robot=stage map=indoor weights=published,{name}" in said
 
 
+def test_where_no_trial_beats_the_start_it_says_so_and_drives_it_once(capsys):
+    run_dir = train("trials=1")
+    said = capsys.readouterr().out
+    assert "(the start)" in said
+    assert "Level: no trial was better than the weights started from (published); keep them" in said
+    assert said.count("worlds of env1 that training never saw") == 1
+    assert (run_dir / "env1" / "episodes.parquet").is_file()
+    assert not (run_dir / "start").exists()
+    assert set(pd.read_parquet(run_dir / "env1" / "episodes.parquet")["weights"]) == {"published"}
+    written = (run_dir / "weights.yaml").read_text()
+    assert written.startswith(
+        "# Written by lme train: no trial beat the start, published; use with: lme eval"
+    )
+    weights = yaml.safe_load(written)
+    assert (weights["trial"], weights["parameters"]) == ("start", PUBLISHED)
+    assert "keep them" in (run_dir / "report.html").read_text()
+
+
 def test_training_on_one_map_needs_no_families(capsys):
     run_dir = train("training.env1=null", "training.fresh=null", "training.indoor=null")
     assert (run_dir / "report.html").is_file()
