@@ -79,7 +79,8 @@ class Row:
     ablated: the label of its ablation, "without c_o"; empty if there is none, or if `label` includes it.
     changes: "key=value, …" of keys, other than `keys`, that differ from the files of their options. unfinished: how
     much of the plan was driven, such as "12 of 100 worlds"; empty if all of it. source: where published figures are
-    from; empty for ours, and for the paper's.
+    from; empty for ours, and for the paper's. sim: the simulator; empty for published figures. unpublished:
+    why the published figures of its system do not follow it; empty where there are none.
     """
 
     label: str
@@ -95,6 +96,8 @@ class Row:
     unfinished: str = ""
     ablated: str = ""
     source: str = ""
+    sim: str = ""
+    unpublished: str = ""
 
     @property
     def name(self) -> str:
@@ -118,18 +121,18 @@ def summarise(
     """
     systems = named_systems() if systems is None else systems
     labels = ablations.labels() if labels is None else labels
-    names = {system.label: name for name, system in systems.items()}
+    figures = published.figures(systems)
     keys = row_keys(frame)
     grouping = ["system", *keys]
     texts = frame.assign(**{key: as_text(frame[key]) for key in grouping})
-    ours: dict[str, list[tuple[Row, published.PublishedSetting | None]]] = {name: [] for name in order}
+    ours: dict[str, list[tuple[Row, published.DrivenSetting | None]]] = {name: [] for name in order}
     for values, group in texts.groupby(grouping, sort=False):
         row = measure(group, str(values[0]), dict(zip(keys, map(str, values[1:]), strict=True)))
-        row = replace(row, ablated=_ablated(group, labels))
-        name = names.get(str(values[0]), str(values[0]))
-        ours.setdefault(name, []).append((row, published.setting_of(group)))
+        name, setting = _named(group, systems), published.setting_of(group)
+        why = setting.why_none(name, figures) if setting else ""
+        row = replace(row, ablated=_ablated(group, labels), unpublished=why)
+        ours.setdefault(name, []).append((row, setting))
     settings = {setting: row for rows in ours.values() for row, setting in rows if setting}
-    figures = published.figures(systems)
     return [row for name, rows in ours.items() for row in _with_published(name, rows, settings, figures)]
 
 
@@ -171,6 +174,7 @@ def measure(group: pd.DataFrame, system: str, keys: dict[str, str]) -> Row:
         interval=interval_over_worlds(successes, group["world"]),
         changes=_changes(group, keys),
         unfinished=_unfinished(group, worlds, runs),
+        sim=str(group["sim"].iloc[0]) if "sim" in group else "",
     )
 
 
@@ -216,8 +220,8 @@ def as_text(column: pd.Series) -> pd.Series:
 
 def _with_published(
     name: str,
-    ours: Sequence[tuple[Row, published.PublishedSetting | None]],
-    settings: Mapping[published.PublishedSetting, Row],
+    ours: Sequence[tuple[Row, published.DrivenSetting | None]],
+    settings: Mapping[published.DrivenSetting, Row],
     figures: Mapping[tuple[str, published.PublishedSetting], published.Figures],
 ) -> Iterator[Row]:
     """Yield a system's rows, and its published figures for each setting after the last row of that setting.
@@ -226,19 +230,26 @@ def _with_published(
     """
     for index, (row, setting) in enumerate(ours):
         yield row
-        if (
-            setting
-            and (name, setting) in figures
-            and setting not in (later for _, later in ours[index + 1 :])
-        ):
-            yield _published_row(figures[name, setting], setting, row)
+        found = setting.figures_of(name, figures) if setting else None
+        if setting and found and setting not in (later for _, later in ours[index + 1 :]):
+            yield _published_row(found, setting, row)
     if not ours:
         for setting, like in settings.items():
-            if (name, setting) in figures:
-                yield _published_row(figures[name, setting], setting, like)
+            found = setting.figures_of(name, figures)
+            if found:
+                yield _published_row(found, setting, like)
 
 
-def _published_row(found: published.Figures, setting: published.PublishedSetting, ours: Row) -> Row:
+def _named(group: pd.DataFrame, systems: Mapping[str, System]) -> str:
+    """The name of the system that drove: of those with its label, the one of its guide and planner, if one is."""
+    first = group.iloc[0]
+    label, pair = str(first["system"]), (first.get("guide"), first.get("planner"))
+    names = [name for name, system in systems.items() if system.label == label]
+    same = [name for name in names if (systems[name].guide, systems[name].planner) == pair]
+    return [label, *names, *same][-1]
+
+
+def _published_row(found: published.Figures, setting: published.DrivenSetting, ours: Row) -> Row:
     keys = {key: value if key in ("map", "subset") else "" for key, value in ours.keys.items()}
     return Row(
         label=f"{found.label} (published)",

@@ -52,7 +52,7 @@ def notes(rows: Sequence[Row], left_out: Collection[str] = ()) -> list[str]:
             "|Δω|: mean change of the turn rate from one control step to the next; lower is smoother."
         )
     lines += changed_notes(rows)
-    lines += published.notes({row.published_map for row in rows if row.published_map})
+    lines += published.notes(rows)
     lines += [f"{label}: {source}." for label, source in _sources(rows).items()]
     if any(row.unfinished for row in rows):
         lines.append("A row that says how much was driven is not finished; its figures are of that part.")

@@ -20,6 +20,7 @@ from lme.weight_files import PUBLISHED
 from runners.config.catalogue import shipped
 from runners.config.changes import describe_changes
 from runners.config.flatten import flatten
+from runners.config.likeness import map_like, robot_difference, robots_like
 from runners.config.weights import own_weights_of, scale_in_words
 from runners.records.append_log import (
     APPEND_LOG,
@@ -290,7 +291,7 @@ def _columns_of(launch: Launch, changed: Iterable[str]) -> dict[str, object]:
     """sim: the simulator. filter: of the commands, if there is one. crowd: people added to the worlds, if any.
     scale: factors on parameters. changes: keys whose values differ from those in the files of the chosen options, as
     text. Every key that some run has `changed` is a column too, by its dotted name. So are the numbers of worlds and
-    episodes that the run was planned to drive.
+    episodes that the run was planned to drive. What robot and map are by their values: see `_likeness`.
     """
     values = dict(flatten(launch.configs[0]))
     config, choices = launch.configs[0], launch.choices[0]
@@ -299,7 +300,21 @@ def _columns_of(launch: Launch, changed: Iterable[str]) -> dict[str, object]:
         "sim": launch.choices[0].get("sim", ""),
         **added,
         "scale": scale_in_words(launch.configs[0].get("scale", {})),
+        **_likeness(launch),
         "changes": describe_changes(launch.changes[0]),
         **{key: str(values.get(key, "")) for key in changed},
         **planned_columns(launch),
+    }
+
+
+def _likeness(launch: Launch) -> dict[str, str]:
+    """robot_like: the robots, with spaces between, that have the values of the run's own; see `robots_like`.
+    robot_difference: from the shipped robot of its name. map_like: the shipped map set that it drives, by its values.
+    """
+    config, choices = launch.configs[0], launch.choices[0]
+    robot, map_set = (node if isinstance(node, dict) else {} for node in map(config.get, ("robot", "map")))
+    return {
+        "robot_like": " ".join(robots_like(robot, launch.folders)),
+        "robot_difference": robot_difference(robot),
+        "map_like": map_like(map_set, choices.get("map", ""), str(map_set.get("name") or "barn")),
     }

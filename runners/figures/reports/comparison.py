@@ -154,7 +154,7 @@ def _notes(rows: Sequence[Row], of: int) -> list[str]:
         lines.append("* with a global planner.")
     if any(row.interval is not None for row in rows):
         lines.append(f"Whiskers: {INTERVAL_HEADER}. {INTERVAL_NOTE}")
-    return lines + published.notes({row.published_map for row in rows if row.published_map})
+    return lines + published.notes(rows)
 
 
 def _shared_keys(rows: Sequence[Row]) -> dict[str, str]:

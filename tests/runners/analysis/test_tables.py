@@ -121,6 +121,53 @@ def test_published_figures_are_next_to_what_they_compare_with(columns, published
     assert ("does not list its hundred worlds" in text) == (published and "map" not in columns)
 
 
+FAST = "robot.v_max is 1, and 0.5 in the shipped stage"
+ENV1 = {
+    "map": "env1",
+    "subset": "",
+    "robot": "stage",
+    "map_like": "env1",
+    "robot_like": "stage",
+    "robot_difference": "",
+}
+
+
+@pytest.mark.parametrize(
+    ("columns", "published", "why"),
+    [
+        ({}, True, ""),
+        ({"robot": "mine"}, True, ""),  # the paper's values under another name
+        ({"robot_difference": "robot.v_max is 0.4, and 0.5 in the shipped stage"}, True, ""),  # slower
+        ({"robot_like": "", "robot_difference": FAST}, False, FAST),
+        ({"robot_like": "go2"}, False, "the robot stage is not the shipped one"),
+        ({"robot": "mine", "robot_like": ""}, False, ""),
+        ({"map_like": ""}, False, ""),
+        ({"guide": "mine", "planner": "simple"}, True, ""),
+    ],
+)
+def test_published_figures_need_the_papers_robot_and_map_by_value(columns, published, why):
+    rows = summarise(records(**{**ENV1, **columns}), systems=SYSTEMS)
+    assert [row.published_map is not None for row in rows] == [False, True][: 1 + published]
+    lines = [line for line in notes(rows) if "left out" in line]
+    assert lines == ([f"LME (ours): published figures are left out, because {why}."] if why else [])
+
+
+def test_a_system_of_ones_own_with_a_shipped_label_has_its_own_figures():
+    mine = {"a_mine": System("LME", "mine", "simple"), **SYSTEMS}
+    own = summarise(records(guide="mine", planner="simple"), systems=mine)
+    assert [row.label for row in own] == ["LME (ours)"]
+    shipped = summarise(records(guide="lme", planner="simple"), systems={**SYSTEMS, "mine": mine["a_mine"]})
+    assert [row.label for row in shipped] == ["LME (ours)", "LME (published)"]
+
+
+@pytest.mark.parametrize(
+    ("sim", "named"), [("fast", "2D simulator"), ("physics", "rigid bodies"), ("skid", "skidding")]
+)
+def test_the_note_names_the_simulator(sim, named):
+    said = "\n".join(notes(summarise(records(sim=sim), systems=SYSTEMS)))
+    assert re.search(rf"Ours ran in .*{named}.* \(sim={sim}\), the published ones in Gazebo", said)
+
+
 def test_figures_of_a_log_say_where_they_are_from():
     figures = {
         "barn": {"robots": ["jackal"], "success": [0.7]},
