@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,33 @@ from lme.types import Floats
 
 _ONNX_BYTES = 2**31  # a file of protobuf has no more
 _TYPES = {"tensor(float)": np.float32, "tensor(double)": np.float64}
+_NUMBERS = re.compile(r"tensor\((u?int\d+|float\d*|double)\)")
+_SILENT = 4  # onnxruntime's level of messages: what it logs, its errors say too
+# What onnxruntime says of a file that it cannot load, and what to do.
+_REASONS = (
+    (
+        r"Unsupported model IR version: (\d+), max supported IR version: (\d+)",
+        r"it has the IR version \1, and onnxruntime {version} reads up to \2: export it with an older onnx, or update "
+        "onnxruntime",
+    ),
+    (
+        r"Opset (\d+) is under development.*support for domain (\S+) is till opset (\d+)",
+        r"it has the opset \1 of \2, and onnxruntime {version} reads up to \3: export it with opset_version=\3, or "
+        "update onnxruntime",
+    ),
+    (
+        r"(?i:external (?:data|initializer)).*",
+        "its weights are in another file, which cannot be read: keep that file beside it, or export all into one file",
+    ),
+    (
+        r"(?:No Op registered for|Fatal error:) (\S+?)(?:\(-?\d+\))?(?: with| is not a registered).*",
+        r"onnxruntime {version} has no operator \1: export it with standard operators",
+    ),
+    (
+        r"(?:Protobuf parsing failed|ModelProto does not have a graph|No graph was found).*",
+        "it is damaged, or no ONNX file",
+    ),
+)
 
 
 class Network:
@@ -31,6 +59,7 @@ class Network:
         self._inputs = self._session.get_inputs()
         self._joined = len(self._inputs) == 1
         self._check_inputs(sizes)
+        self._check_output()
         self.answer({part: np.zeros(size, dtype=np.float32) for part, size in sizes.items()})
 
     def answer(self, parts: Mapping[str, Part]) -> Floats:
@@ -53,7 +82,17 @@ class Network:
             )
         return answer
 
+    def _check_output(self) -> None:
+        outputs = self._session.get_outputs()
+        kind = outputs[0].type if outputs else "nothing"
+        if not _NUMBERS.fullmatch(kind):
+            raise InputError(
+                f"planner.path is {self._path}: its first output is {kind}; must be two numbers, for v and omega"
+            )
+
     def _check_inputs(self, sizes: Mapping[str, int]) -> None:
+        if not self._inputs:
+            raise InputError(f"planner.path is {self._path}: has no inputs; must take {', '.join(sizes)}")
         for each in self._inputs:
             if each.type not in _TYPES:
                 raise InputError(
@@ -63,10 +102,16 @@ class Network:
             if not self._joined and each.name not in sizes:
                 names = ", ".join(each.name for each in self._inputs)
                 raise InputError(
-                    f"planner.inputs is {list(sizes)}: must name all inputs of {self._path}, which are {names}"
+                    f"planner.inputs is {list(sizes)}: must name all inputs of {self._path}, which are {names}; "
+                    "a recurrent network, which takes its own state, cannot be used"
                 )
             size = sum(sizes.values()) if self._joined else sizes[each.name]
-            takes = each.shape[-1] if each.shape else 1
+            if not each.shape or any(isinstance(axis, int) and axis != 1 for axis in each.shape[:-1]):
+                raise InputError(
+                    f"planner.path is {self._path}: its input {each.name} has the shape {each.shape}; must be "
+                    f"[1, {size}]: export it for a batch of 1, or with a free batch axis"
+                )
+            takes = each.shape[-1]
             if isinstance(takes, int) and takes != size:
                 parts = sizes if self._joined else {each.name: size}
                 makes = " + ".join(f"{part} {count}" for part, count in parts.items())
@@ -86,11 +131,29 @@ def _session(path: Path) -> Any:
     check_regular(path, _ONNX_BYTES)
     options = runtime.SessionOptions()
     options.intra_op_num_threads = options.inter_op_num_threads = 1  # the executors fill the cores
+    options.log_severity_level = _SILENT
+    runtime.set_default_logger_severity(_SILENT)
     try:
         return runtime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
     except Exception as error:  # onnxruntime has no common class of errors
-        raise InputError(f"planner.path is {path}: cannot be read as an ONNX file: {_line(error)}") from error
+        reason = _reason(_line(error), str(runtime.__version__))
+        raise InputError(f"planner.path is {path}: cannot be read as an ONNX file: {reason}") from error
+
+
+def _reason(said: str, version: str) -> str:
+    """Why a file cannot be loaded: in our words where they are known."""
+    for pattern, words in _REASONS:
+        found = re.search(pattern, said)
+        if found:
+            return found.expand(words.format(version=version))
+    return said
 
 
 def _line(error: Exception) -> str:
-    return " ".join(str(error).split())
+    """What onnxruntime says, without its own files, line numbers and functions."""
+    said = re.sub(
+        r"^\[ONNXRuntimeError\] : \d+ : \w+ : (?:Load model from .* failed:)?",
+        "",
+        " ".join(str(error).split()),
+    )
+    return re.sub(r"\S+\.(?:cc|h):\d+ (?:[^()]*\(.*?\) )?", "", said)

@@ -231,6 +231,88 @@ def test_a_file_that_is_not_onnx_is_refused_in_one_line(tmp_path):
     assert "\n" not in str(caught.value)
 
 
+@pytest.fixture
+def altered(tmp_path):
+    """The line about a network of one input of two numbers after `change` has altered it."""
+    import onnx
+
+    def said(change, inputs=("target",), data=None):
+        path = onnx_file(tmp_path / "policy.onnx", [("x", 2)])
+        network = onnx.load(path)
+        change(network)
+        path.write_bytes(network.SerializeToString())
+        if data is not None:
+            onnx.save_model(network, path, save_as_external_data=True, location="data", size_threshold=0)
+            (tmp_path / "data").write_bytes(data)
+        with pytest.raises(InputError) as caught:
+            OnnxPolicy(OnnxConfig(path=str(path), inputs=list(inputs)), ROBOT)
+        assert str(path) in str(caught.value)
+        assert "\n" not in str(caught.value)
+        assert "onnxruntime_src" not in str(caught.value)
+        return str(caught.value)
+
+    return said
+
+
+def test_a_network_for_a_batch_is_refused_with_its_shape(altered):
+    def batch(network):
+        for values in (network.graph.input[0], network.graph.output[0]):
+            values.type.tensor_type.shape.dim[0].dim_value = 64
+
+    assert "its input x has the shape [64, 2]; must be [1, 2]: export it for a batch of 1" in altered(batch)
+
+
+def test_a_network_of_the_future_is_refused_with_both_versions(altered):
+    def ir(network):
+        network.ir_version = 99
+
+    def opset(network):
+        network.opset_import[0].version = 99
+
+    assert "IR version 99, and onnxruntime" in altered(ir)
+    assert "opset 99 of ai.onnx, and onnxruntime" in altered(opset)
+
+
+def test_a_network_with_parts_that_are_not_there_is_refused(altered):
+    def foreign(network):
+        network.opset_import.append(__import__("onnx").helper.make_opsetid("mine", 1))
+        network.graph.node[0].domain, network.graph.node[0].op_type = "mine", "Foo"
+
+    assert "has no operator mine:Foo" in altered(foreign)
+    assert "its weights are in another file, which cannot be read" in altered(lambda network: None, data=b"x")
+
+
+def test_a_network_without_an_input_or_with_another_kind_of_output_is_refused(altered):
+    from onnx import TensorProto, helper
+
+    def sequence(network):
+        network.graph.node.append(helper.make_node("SequenceConstruct", ["action"], ["all"]))
+        network.graph.output[0].CopyFrom(
+            helper.make_tensor_sequence_value_info("all", TensorProto.FLOAT, None)
+        )
+
+    def text(network):
+        network.graph.node.append(helper.make_node("Cast", ["action"], ["said"], to=TensorProto.STRING))
+        network.graph.output[0].CopyFrom(helper.make_tensor_value_info("said", TensorProto.STRING, None))
+
+    def constant(network):
+        del network.graph.input[:], network.graph.node[:], network.graph.initializer[:]
+        zeros = helper.make_tensor("zeros", TensorProto.FLOAT, (1, 2), [0.0, 0.0])
+        network.graph.node.append(helper.make_node("Constant", [], ["action"], value=zeros))
+
+    assert "its first output is seq(tensor(float)); must be two numbers" in altered(sequence)
+    assert "its first output is tensor(string); must be two numbers" in altered(text)
+    assert "has no inputs; must take target" in altered(constant)
+
+
+def test_half_a_file_is_refused(tmp_path):
+    path = onnx_file(tmp_path / "policy.onnx")
+    for content in (path.read_bytes()[:-9], b""):
+        path.write_bytes(content)
+        with pytest.raises(InputError, match="it is damaged, or no ONNX file"):
+            OnnxPolicy(OnnxConfig(path=str(path)), ROBOT)
+
+
 def test_an_answer_that_is_not_finite_is_refused(file):
     with pytest.raises(InputError, match=r"the network answers \[nan, 0.0\]; must be finite numbers"):
         made(file, (np.nan, 0.0))[0].plan(seen(), LEFT)
