@@ -53,7 +53,7 @@ USUAL: Mapping[str, Usual] = {  # by the last part of the key
     # lidars
     "fov": Usual("rad", 0.2, _TURN + 1e-6, 0.01),
     "range_min": Usual("m", 0.0, 1.0, hint=_MM),
-    "range_max": Usual("m", 0.5, 300.0, 0.01, 1e6, _MM),
+    "range_max": Usual("m", 0.5, 300.0, 0.01, hint=_MM),
     "noise_std": Usual("m", 0.0, 0.3, most=100.0, hint=_MM),
     "yaw": _ANGLE,
     "roll": _ANGLE,

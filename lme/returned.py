@@ -16,6 +16,8 @@ from lme.errors import InputError
 from lme.types import Floats, Guidance, LaserScan, Observation, Twist
 
 _NO_NUMBER = (str, bytes, bool, np.bool_)
+_PLACES = "rows of (x, y) in the robot's frame [m]"
+_FLOAT = np.dtype(np.float64)
 _REAL = "fiub"  # kinds of NumPy's dtypes that hold real numbers
 
 
@@ -32,7 +34,7 @@ def dotted_name(thing: Any) -> str:
 def checked_command(command: object, planner: object) -> Twist:
     """The command of a planner or filter. Raises ReturnedError unless it is a pair of finite numbers."""
     v = omega = math.nan
-    if not isinstance(command, str | bytes | Mapping | Set):
+    if isinstance(command, tuple) or not isinstance(command, str | bytes | Mapping | Set):
         try:
             first, second = command  # type: ignore[misc]  # checked by trying
             if not isinstance(first, _NO_NUMBER) and not isinstance(second, _NO_NUMBER):
@@ -49,45 +51,30 @@ def checked_command(command: object, planner: object) -> Twist:
 
 def checked_guidance(guidance: object, guide: object) -> Guidance:
     """The guidance of a guide, with arrays of floats. Raises ReturnedError unless planners can follow it."""
-    source = f"{dotted_name(guide)}.guide"
-    if not isinstance(guidance, Guidance):
-        raise ReturnedError(f"{source} returned {_shown(guidance)}: must be an lme.Guidance")
-    subgoal, path, switched, blocked, points, way = guidance
-    for name, flag in (("switched", switched), ("blocked", blocked)):
-        if flag is not True and flag is not False and not isinstance(flag, np.bool_):
-            raise ReturnedError(f"{source} returned {name}={_shown(flag)}: must be True or False")
-    checked = (
-        checked_array(subgoal, (2,), f"{source} returned a subgoal", "(x, y) in the robot's frame [m]"),
-        None if path is None else _places(path, f"{source} returned a path"),
-        None if points is None else _places(points, f"{source} returned points"),
-        None if way is None else _places(way, f"{source} returned a way"),
-    )
-    if path is not None and not len(checked[1]):
-        raise ReturnedError(f"{source} returned a path without points: must have one, or be None")
-    if all(new is old for new, old in zip(checked, (subgoal, path, points, way), strict=True)):
-        return guidance
-    return Guidance(checked[0], checked[1], switched, blocked, checked[2], checked[3])
+    try:
+        return _guidance(guidance)
+    except ReturnedError as error:
+        raise ReturnedError(f"{dotted_name(guide)}.guide returned {error}") from None
 
 
 def checked_values(values: object, number: int, criterion: object) -> Floats:
     """The values of a criterion for `number` candidates. Raises ReturnedError unless each is a finite number."""
-    return checked_array(
-        values, (number,), f"{dotted_name(criterion)} returned values", "a number for each candidate"
-    )
+    try:
+        return checked_array(values, (number,), "values", "a number for each candidate")
+    except ReturnedError as error:
+        raise ReturnedError(f"{dotted_name(criterion)} returned {error}") from None
 
 
 def checked_people(observation: object, source: object) -> Observation:
     """The observation of a source of people. Raises ReturnedError unless its pedestrians are (P, 4) finite numbers."""
-    name = f"{dotted_name(source)}.seen"
-    if not isinstance(observation, Observation):
-        raise ReturnedError(f"{name} returned {_shown(observation)}: must be an lme.Observation")
-    wanted = "(x [m], y [m], vx [m/s], vy [m/s]) of each person"
-    pedestrians = checked_array(observation.pedestrians, (None, 4), f"{name} returned pedestrians", wanted)
-    return (
-        observation
-        if pedestrians is observation.pedestrians
-        else observation._replace(pedestrians=pedestrians)
-    )
+    try:
+        if not isinstance(observation, Observation):
+            raise ReturnedError(f"{_shown(observation)}: must be an lme.Observation")
+        wanted = "(x [m], y [m], vx [m/s], vy [m/s]) of each person"
+        people = checked_array(observation.pedestrians, (None, 4), "pedestrians", wanted)
+    except ReturnedError as error:
+        raise ReturnedError(f"{dotted_name(source)}.seen returned {error}") from None
+    return observation if people is observation.pedestrians else observation._replace(pedestrians=people)
 
 
 def checked_observation(observation: object, state: Any, simulator: object) -> Observation:
@@ -95,56 +82,76 @@ def checked_observation(observation: object, state: Any, simulator: object) -> O
 
     state: the `lme.sim.simulator.State` after it.
     """
-    name = dotted_name(simulator)
-    checked_array(
-        (*state.pose, state.time),
-        (4,),
-        f"{name} has a state",
-        "a pose (x [m], y [m], yaw [rad]) and a time [s]",
-    )
-    if not isinstance(observation, Observation):
-        raise ReturnedError(f"{name} returned {_shown(observation)}: must be an lme.Observation")
-    scan = observation.scan
-    if not isinstance(scan, LaserScan):
-        raise ReturnedError(f"{name} returned the scan {_shown(scan)}: must be an lme.LaserScan")
-    ranges = np.asarray(scan.ranges)
-    if ranges.ndim != 1 or ranges.dtype.kind not in "fiu":
-        raise ReturnedError(
-            f"{name} returned a scan with ranges {_kind(ranges)}: must be (num_beams,) numbers [m]"
-        )
-    checked_array(scan[1:], (4,), f"{name} returned a scan with angles and limits", "finite numbers")
-    target = checked_array(
-        observation.target, (2,), f"{name} returned a target", "(x, y) in the robot's frame [m]"
-    )
-    checked_array(observation.twist, (2,), f"{name} returned a twist", "(v [m/s], omega [rad/s])")
-    checked_array(observation.odometry, (3,), f"{name} returned odometry", "(x [m], y [m], yaw [rad])")
-    return observation if target is observation.target else observation._replace(target=target)
-
-
-def _places(value: object, what: str) -> Floats:
-    return checked_array(value, (None, 2), what, "rows of (x, y) in the robot's frame [m]")
+    try:
+        where = (*state.pose, state.time)
+        checked_array(where, (4,), "a state", "a pose (x [m], y [m], yaw [rad]) and a time [s]")
+        return _observation(observation)
+    except ReturnedError as error:
+        raise ReturnedError(f"{dotted_name(simulator)} returned {error}") from None
 
 
 def checked_array(value: object, shape: tuple[int | None, ...], what: str, wanted: str) -> Floats:
-    """The value as an array of finite floats: itself if it is one. shape: None for any number."""
-    if type(value) is np.ndarray and value.dtype == np.float64 and value.flags.c_contiguous:
+    """The value as an array of finite floats: itself if it is one.
+
+    shape: None for any number. what, wanted: what it is and what it must be, for the message of a ReturnedError.
+    """
+    if type(value) is np.ndarray and value.dtype is _FLOAT and value.flags.c_contiguous:
         array: Floats = value
     else:
         array = _as_floats(value, shape, what, wanted)
     given = array.shape
-    if len(given) != len(shape) or any(n not in (None, m) for n, m in zip(shape, given, strict=True)):
+    if given != shape and (
+        len(given) != len(shape) or any(n not in (None, m) for n, m in zip(shape, given, strict=True))
+    ):
         raise ReturnedError(f"{what} of shape {given}: must be {wanted}, of shape {_shape(shape)}")
-    if len(given) == 1 and given[0] == 2:
+    if given == (2,):
         x, y = array.tolist()  # quicker than NumPy for two numbers
         finite = math.isfinite(x) and math.isfinite(y)
     else:
         finite = bool(np.isfinite(array).all())
     if not finite:
         bad = int(np.count_nonzero(~np.isfinite(array)))
-        raise ReturnedError(
-            f"{what} of which {bad} of {array.size} are not finite: must be {wanted}, all finite"
-        )
+        numbers = f"{bad} of {array.size} numbers are not finite"
+        raise ReturnedError(f"{what} of which {numbers}: must be {wanted}, all finite")
     return array
+
+
+def _guidance(guidance: object) -> Guidance:
+    """Guidance with arrays of floats. Raises ReturnedError without its source."""
+    if not isinstance(guidance, Guidance):
+        raise ReturnedError(f"{_shown(guidance)}: must be an lme.Guidance")
+    subgoal, path, switched, blocked, points, way = guidance
+    for name, flag in (("switched", switched), ("blocked", blocked)):
+        if flag is not True and flag is not False and not isinstance(flag, np.bool_):
+            raise ReturnedError(f"{name}={_shown(flag)}: must be True or False")
+    checked = checked_array(subgoal, (2,), "a subgoal", "(x, y) in the robot's frame [m]")
+    if checked is not subgoal:
+        guidance = guidance._replace(subgoal=checked)
+    for name, places in (("path", path), ("points", points), ("way", way)):
+        if places is not None:
+            checked = checked_array(places, (None, 2), f"the {name}", _PLACES)
+            if checked is not places:
+                guidance = guidance._replace(**{name: checked})
+    if guidance.path is not None and not len(guidance.path):
+        raise ReturnedError("a path without points: must have one, or be None")
+    return guidance
+
+
+def _observation(observation: object) -> Observation:
+    """An observation with a target of floats. Raises ReturnedError without its source."""
+    if not isinstance(observation, Observation):
+        raise ReturnedError(f"{_shown(observation)}: must be an lme.Observation")
+    scan = observation.scan
+    if not isinstance(scan, LaserScan):
+        raise ReturnedError(f"the scan {_shown(scan)}: must be an lme.LaserScan")
+    ranges = np.asarray(scan.ranges)
+    if ranges.ndim != 1 or ranges.dtype.kind not in "fiu":
+        raise ReturnedError(f"a scan with ranges {_kind(ranges)}: must be (num_beams,) numbers [m]")
+    checked_array(scan[1:], (4,), "a scan with angles and limits", "finite numbers")
+    target = checked_array(observation.target, (2,), "a target", "(x, y) in the robot's frame [m]")
+    checked_array(observation.twist, (2,), "a twist", "(v [m/s], omega [rad/s])")
+    checked_array(observation.odometry, (3,), "an odometry", "(x [m], y [m], yaw [rad])")
+    return observation if target is observation.target else observation._replace(target=target)
 
 
 def _as_floats(value: object, shape: tuple[int | None, ...], what: str, wanted: str) -> Floats:

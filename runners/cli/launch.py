@@ -282,14 +282,14 @@ class _Task:
             with trust.trusting(self.directory):
                 self.command.run(self._job(config))
         except (Exception, SystemExit) as error:  # a user's own class may raise anything
-            own = explained(error)
-            status = _FAILED if own else _status(error)
-            if status is None:
+            status = _status(error)
+            own = explained(error) if status is None else ""
+            if status is None and not own:
                 raise
             print(f"lme {self.command.name}: {own or explain_os_error(error) or error}", file=sys.stderr)
             show_traceback(error)
-            if own or isinstance(error, EpisodeError) or os.getpid() != self.process:
-                return status
+            if status is None or isinstance(error, EpisodeError) or os.getpid() != self.process:
+                return status or _FAILED
             raise SystemExit(status) from error
         return 0
 

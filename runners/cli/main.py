@@ -57,7 +57,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except (Exception, SystemExit) as error:
-        said = explained(error) or _explain(error, name)
+        said = _explain(error, name) or explained(error)
         if not said:
             raise
         print(f"lme {name}: {said}", file=sys.stderr)

@@ -59,9 +59,7 @@ class Desk:
             ticket = fields.value("ticket")
             _ANSWERS[fields.one_of("type", _ANSWERS)](self, fields)
             news = list(self._news())
-        except (
-            Exception
-        ) as error:  # a mistake, or an error in a user's own class or in lme: the page lives on
+        except (Exception, SystemExit) as error:  # whatever fails, the page lives on
             yield json.dumps({"type": "error", "text": _said(error)})
             if self.session.revision != before["revision"]:  # the page could not be told of it
                 self._told = _NOTHING
@@ -162,7 +160,7 @@ class Desk:
         return fields.integer("step", MOST_STEPS)
 
 
-def _said(error: Exception) -> str:
+def _said(error: BaseException) -> str:
     """One line about an error; one in lme itself is shown in full on the terminal."""
     if isinstance(error, InputError):
         return str(error)

@@ -60,7 +60,7 @@ def sometimes_nan(candidates, view):
 def test_a_criterion_that_gives_nan_is_named_with_the_number_of_its_values():
     config = LmeConfig(parameters={**PUBLISHED, "own": 1.0}, criteria={"own": f"{__name__}.sometimes_nan"})
     navigator = Navigator(Lme(config, stage()), Simple(SimpleConfig(), stage()))
-    said = rf"^step 1: {__name__}\.sometimes_nan returned values of which \d+ of \d+ are not finite"
+    said = rf"^step 1: {__name__}\.sometimes_nan returned values of which \d+ of \d+ numbers are not finite"
     with pytest.raises(InputError, match=said):
         navigator.act(observation())
 

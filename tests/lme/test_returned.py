@@ -91,7 +91,7 @@ def test_a_subgoal_of_other_numbers_becomes_floats(subgoal):
     [
         (None, "None: must be an lme.Guidance"),
         ((HERE, None), "must be an lme.Guidance"),
-        (Guidance(np.array([math.nan, 1.0])), "a subgoal of which 1 of 2 are not finite"),
+        (Guidance(np.array([math.nan, 1.0])), "a subgoal of which 1 of 2 numbers are not finite"),
         (Guidance(np.zeros(3)), r"a subgoal of shape \(3,\): .* of shape \(2,\)"),
         (Guidance(np.zeros((1, 2))), r"a subgoal of shape \(1, 2\)"),
         (Guidance(["1", "2"]), "a subgoal .* real numbers"),
@@ -100,12 +100,12 @@ def test_a_subgoal_of_other_numbers_becomes_floats(subgoal):
         (Guidance([[1.0], [1.0, 2.0]]), "a subgoal .* real numbers"),
         (
             Guidance(HERE, np.array([[0.0, 0.0], [math.inf, math.nan]])),
-            "a path of which 2 of 4 are not finite",
+            "the path of which 2 of 4 numbers are not finite",
         ),
-        (Guidance(HERE, np.zeros((3, 3))), r"a path of shape \(3, 3\): .* of shape \(N, 2\)"),
+        (Guidance(HERE, np.zeros((3, 3))), r"the path of shape \(3, 3\): .* of shape \(N, 2\)"),
         (Guidance(HERE, np.empty((0, 2))), "a path without points"),
-        (Guidance(HERE, points=np.array([[math.nan, 0.0]])), "points of which 1 of 2"),
-        (Guidance(HERE, way=np.zeros(2)), r"a way of shape \(2,\)"),
+        (Guidance(HERE, points=np.array([[math.nan, 0.0]])), "the points of which 1 of 2"),
+        (Guidance(HERE, way=np.zeros(2)), r"the way of shape \(2,\)"),
         (Guidance(HERE, None, "no"), "switched='no': must be True or False"),
         (Guidance(HERE, None, False, math.nan), "blocked=nan: must be True or False"),
     ],
@@ -123,7 +123,7 @@ def test_a_number_for_each_candidate_is_what_a_criterion_gives(values):
 @pytest.mark.parametrize(
     ("values", "said"),
     [
-        (np.array([math.nan, 1.0, math.inf]), "of which 2 of 3 are not finite"),
+        (np.array([math.nan, 1.0, math.inf]), "of which 2 of 3 numbers are not finite"),
         (1.0, r"of shape \(\)"),
         (np.zeros(2), r"of shape \(2,\): .* of shape \(3,\)"),
         (np.zeros((3, 1)), r"of shape \(3, 1\)"),
@@ -152,7 +152,7 @@ def test_people_are_four_finite_numbers_each():
     [
         ({"target": np.array([math.nan, 0.0])}, "a target of which 1 of 2"),
         ({"twist": Twist(0.0, math.inf)}, "a twist of which 1 of 2"),
-        ({"odometry": None}, "odometry None"),
+        ({"odometry": None}, "an odometry None"),
         ({"scan": np.zeros(9)}, "must be an lme.LaserScan"),
         ({"scan": observation().scan._replace(ranges=np.array(["1.0"]))}, "ranges"),
         ({"scan": observation().scan._replace(angle_min=math.nan)}, "angles"),
@@ -166,5 +166,5 @@ def test_an_observation_that_no_navigator_can_use_is_refused(changes, said):
 
 
 def test_a_state_that_is_nowhere_is_refused():
-    with pytest.raises(ReturnedError, match=r"Own has a state of which 1 of 4 are not finite"):
+    with pytest.raises(ReturnedError, match=r"Own returned a state of which 1 of 4 numbers are not finite"):
         checked_observation(observation(), State(time=math.nan), Own())

@@ -2,6 +2,7 @@
 
 import errno
 import os
+import re
 import subprocess
 import sys
 import warnings
@@ -119,12 +120,20 @@ def test_a_warning_is_shown_once_however_often_the_filters_change():
 
 
 def test_another_error_keeps_its_traceback(greet, monkeypatch):
-    def broken(*_):
-        raise ZeroDivisionError
-
-    monkeypatch.setattr(main, "_run", broken)
-    with pytest.raises(ZeroDivisionError):
+    monkeypatch.setattr(main, "_run", len)  # which takes one argument
+    with pytest.raises(TypeError):
         main.main(["greet"])
+
+
+def test_an_error_of_a_users_own_code_is_one_line(greet, monkeypatch, capsys):
+    def own(*_):
+        raise ZeroDivisionError("oops")
+
+    monkeypatch.setattr(main, "_run", own)
+    assert main.main(["greet"]) == 1
+    assert re.fullmatch(
+        r"lme greet: \S+test_main\.py:\d+: ZeroDivisionError: oops \(.*\)\n", capsys.readouterr().err
+    )
 
 
 def test_version():
