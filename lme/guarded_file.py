@@ -56,11 +56,15 @@ def read_text(path: Path, most: int = TEXT_BYTES) -> str:
     return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
-def check_structure(text: str) -> None:
-    """Raise yaml.YAMLError for a YAML text with deep nesting, or aliases that contain themselves or repeat many values.
+class UnfoldingError(yaml.MarkedYAMLError):
+    """YAML is nested too deeply, or its aliases contain themselves or repeat very many values.
 
     Whoever walks through such values would not come to an end.
     """
+
+
+def check_structure(text: str) -> None:
+    """Raise UnfoldingError for such a YAML text, and another yaml.YAMLError for one that is not YAML."""
     sizes: dict[str, int] = {}  # of the values with an anchor, unfolded
     nested: list[tuple[str | None, int]] = []  # anchor and size so far of the values around this one
     repeated = 0
@@ -68,13 +72,13 @@ def check_structure(text: str) -> None:
         if isinstance(event, yaml.CollectionStartEvent):
             nested.append((event.anchor, 1))
             if len(nested) > _DEEPEST:
-                raise yaml.MarkedYAMLError(
+                raise UnfoldingError(
                     problem=f"more than {_DEEPEST} nested values", problem_mark=event.start_mark
                 )
             continue
         if isinstance(event, yaml.AliasEvent):
             if any(anchor == event.anchor for anchor, _ in nested):
-                raise yaml.MarkedYAMLError(
+                raise UnfoldingError(
                     problem=f"alias *{event.anchor} contains itself", problem_mark=event.start_mark
                 )
             anchor, size = None, sizes.get(event.anchor, 1)
@@ -86,7 +90,7 @@ def check_structure(text: str) -> None:
         else:
             continue
         if repeated > _MOST_REPEATED:
-            raise yaml.MarkedYAMLError(
+            raise UnfoldingError(
                 problem=f"its aliases repeat more than {_MOST_REPEATED} values", problem_mark=event.start_mark
             )
         if anchor is not None:

@@ -11,7 +11,7 @@ from typing import Any
 import yaml
 
 from lme.errors import InputError
-from lme.guarded_file import YAML_BYTES, SafeLoader, check_structure, read_text
+from lme.guarded_file import YAML_BYTES, SafeLoader, UnfoldingError, check_structure, read_text
 from lme.resources import overlaid, resource_dir
 
 SHIPPED = (resource_dir("conf"),)  # the config folders without those of a user
@@ -131,6 +131,16 @@ def _plain(file: Path) -> dict[str, Any]:
     return content if isinstance(content, dict) else {}
 
 
+def check_structure_of(file: Path) -> None:
+    """Raise InputError for a YAML file that is too large, or that whoever reads it would not get through."""
+    try:
+        check_structure(_text(file))
+    except UnfoldingError as error:
+        raise InputError(f"{file}: not valid YAML ({error})") from error
+    except yaml.YAMLError:
+        pass  # whoever reads it says what is wrong; OmegaConf reads a little more
+
+
 def _text(file: Path) -> str:
     try:
         return read_text(file, YAML_BYTES)
@@ -142,11 +152,10 @@ def _text(file: Path) -> str:
 
 def _parsed(file: Path, parse: Callable[[str, Any], Any]) -> Any:
     """The YAML of a file, parsed so. Raises InputError for what PyYAML refuses; OmegaConf reads a little more."""
-    text = _text(file)
+    if not file.is_relative_to(SHIPPED[0]):
+        check_structure_of(file)
     try:
-        if not file.is_relative_to(SHIPPED[0]):
-            check_structure(text)
-        return parse(text, SafeLoader)
+        return parse(_text(file), SafeLoader)
     except yaml.YAMLError as error:
         raise InputError(f"{file}: not valid YAML ({error})") from error
 

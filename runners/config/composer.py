@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import os.path
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Self
@@ -71,8 +72,18 @@ class Composer(initialize_config_dir):
 
         Raises what Hydra and OmegaConf raise.
         """
+        self._check_own_options(overrides)
         words = self._with_search_path(overrides)
         return self.loader.load_configuration(self.config_name, words, mode, from_shell=False)
+
+    def _check_own_options(self, overrides: Sequence[str]) -> None:
+        """Raise InputError for a file of the user that Hydra would read without end."""
+        if self._config_dir is None:
+            return
+        for override in self.parse(overrides):
+            file = self._config_dir / override.key_or_group / f"{override.value()}.yaml"
+            if os.path.isfile(file):  # noqa: PTH113  (Path.is_file raises for long names)
+                catalogue.check_structure_of(file)
 
     def _with_search_path(self, overrides: Sequence[str]) -> list[str]:
         """Add the config directory to the search path, as Hydra's --config-dir does."""

@@ -471,13 +471,7 @@ READERS = (
     Reader("scores of trials", _scores, _read_scores),
     Reader("checkpoints of lme learn", _learned, _read_learned, share=0.2, needs="torch"),
     Reader("lessons of lme learn", _lessons, _read_lessons, needs="torch"),
-    Reader(
-        "own options",
-        _own_options,
-        _read_own_options,
-        0.2,
-        lambda rng, folder: spoil(rng, folder, bombs=False),
-    ),
+    Reader("own options", _own_options, _read_own_options, 0.2),
     Reader("Gazebo logs", _gazebo, _read_gazebo),
     Reader("overrides", command_lines.write, command_lines.compose, 0.3, command_lines.vary, of_files=False),
     Reader(

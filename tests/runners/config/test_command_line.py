@@ -42,3 +42,22 @@ def test_the_checks_of_the_command_see_every_job_and_the_words_must_agree():
         compose("eval", ["seed=3"], refuse)
     with pytest.raises(InputError, match="runs has two values"):
         compose("eval", ["runs=1", "runs=2"])
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("name: &x [*x]\n", r"alias \*x contains itself"),
+        (
+            "0: &0 [a, b, c]\n"
+            + "".join(f"{k + 1}: &{k + 1} {[f'*{k}'] * 9}\n".replace("'", "") for k in range(8)),
+            "repeat more than",
+        ),
+        ('{"name": ' + "[" * 50_000, "more than 100 nested values"),
+    ],
+)
+def test_an_option_that_hydra_would_read_without_end_is_refused(tmp_path, text, words):
+    (tmp_path / "robot").mkdir()
+    (tmp_path / "robot" / "mine.yaml").write_text(text)
+    with pytest.raises(InputError, match=rf"robot/mine\.yaml: not valid YAML \(.*{words}"):
+        compose("eval", ["--config-dir", str(tmp_path), "robot=mine"])

@@ -136,6 +136,18 @@ def test_steps_are_stored_in_blocks_of_whole_episodes_and_read_by_episode(tmp_pa
         pd.testing.assert_frame_equal(*[part.reset_index(drop=True) for part in same])
 
 
+def test_a_line_without_end_is_refused_before_it_fills_the_memory(tmp_path, monkeypatch):
+    monkeypatch.setattr(append_log, "_LINE_BYTES", 1000)
+    monkeypatch.setattr(append_log, "_BLOCK", 100)
+    log = tmp_path / "episodes.jsonl"
+    log.write_bytes(bytes(2000))
+    with pytest.raises(InputError, match="line 1 is not an episode record"), append_log.read_log(log):
+        pass
+    with pytest.raises(InputError, match="its last line has more than 1000 bytes"):
+        append_log.cut_torn_line(log)
+    assert log.stat().st_size == 2000
+
+
 def test_a_torn_line_longer_than_a_block_is_cut(tmp_path, monkeypatch):
     monkeypatch.setattr(append_log, "_BLOCK", 7)
     log = tmp_path / "log"

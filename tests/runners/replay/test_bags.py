@@ -1,6 +1,7 @@
 """Reading recordings: every format, topics by type, and one clear line for whatever is wrong with a file."""
 
 import contextlib
+import os
 import sqlite3
 from contextlib import suppress
 
@@ -45,6 +46,14 @@ def test_the_folder_of_a_ros2_recording_will_do(tmp_path):
     path = drive(".mcap", steps=3).write(tmp_path)
     with Bag(path.parent) as bag:
         assert len(list(bag.messages(["/scan"]))) == 3
+
+
+def test_a_pipe_in_the_folder_of_a_recording_is_not_waited_for(tmp_path):
+    folder = drive(".mcap", steps=3).write(tmp_path).parent
+    (folder / "metadata.yaml").touch()
+    os.mkfifo(folder / "more.mcap")
+    with pytest.raises(InputError, match=r"more\.mcap: is a pipe, not a regular file"):
+        Bag(folder)
 
 
 def test_messages_are_read_one_at_a_time(path, monkeypatch):
