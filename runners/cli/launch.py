@@ -25,9 +25,9 @@ from runners.config.composer import Composer, without_hydra
 from runners.config.hydra_errors import translate_error
 from runners.config.job import Job
 from runners.config.quoting import resume_command, unquoted
-from runners.import_path import search_working_folder_last
 from runners.records import inputs, launch_record, run_directories, trust
 from runners.workers import server
+from runners.workers.environment import search_working_folder_last
 
 _PROCESSES = "runners.workers.executor.ProcessExecutor"
 _DIRECTORY_KEYS = ("hydra.run.dir", "hydra.sweep.dir")

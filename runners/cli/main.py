@@ -30,9 +30,8 @@ from runners.cli import commands, help
 from runners.cli.interrupts import status_of, terminable
 from runners.cli.missing_packages import explain_missing
 from runners.cli.os_errors import explain_os_error
-from runners.import_path import search_working_folder_last
 from runners.records import trust
-from runners.workers.environment import SAFE_PATH, environment
+from runners.workers.environment import SAFE_PATH, environment, search_working_folder_last
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -19,6 +19,7 @@ from lme.requirements import install
 
 _STORAGE = re.compile(r"^ *storage_identifier: *['\"]?([\w]*)", re.MULTILINE)
 SUFFIXES = (".bag", ".db3", ".mcap")
+EPISODE, EPISODE_TYPE = "/lme", "std_msgs/msg/String"  # of recordings by lme
 _SECOND = 1_000_000_000
 _READ = (  # message types that a replay reads
     messages.LASER_SCAN, messages.POINT_CLOUD, messages.ODOMETRY, messages.POSE, messages.POSE_WITH_COVARIANCE,
@@ -86,6 +87,11 @@ class Bag:
     def duration_s(self) -> float:
         """Time from the first message to the last [s]."""
         return (self.end - self.start) / _SECOND
+
+    @property
+    def by_lme(self) -> bool:
+        """Whether lme made the recording: it has a topic that says what drove."""
+        return any(topic.name == EPISODE and EPISODE_TYPE in topic.types for topic in self.topics())
 
     def topics(self) -> list[Topic]:
         """All topics, sorted by name."""

@@ -33,7 +33,7 @@ class PosedScans:
         self._scan_order = Order(recording.topics.scan.name)
         self._waiting: deque[tuple[Message, int]] = deque()
         self.tree, self.track = recording.tree.copy(), Track()
-        self._twists = TwistCheck()
+        self._twists, self._as_received = TwistCheck(), recording.bag.by_lme
         self.scans = 0  # seen so far, wanted or not
 
     def take(self, message: Message) -> None:
@@ -52,7 +52,7 @@ class PosedScans:
 
     def _check_twist(self, sample: RecordedPose) -> None:
         """Take velocities from the slope of the poses, once the twists have contradicted it."""
-        if sample.twist is None:
+        if sample.twist is None or self._as_received:
             return
         self._twists.add(sample.stamp, sample.pose, sample.twist)
         contradiction = self._twists.contradiction()

@@ -13,11 +13,10 @@ from lme.navigator import MapReader, Navigator
 from runners.config import build
 from runners.config.schema import RecordedConfig
 from runners.records.launch_record import read_launch, recorded_config
-from runners.replay.bags import Bag
+from runners.replay.bags import EPISODE, Bag
 from runners.workers.episodes import episode_rng
 from runners.workers.recorder import WANTED
 
-TOPIC, TYPE = "/lme", "std_msgs/msg/String"
 GOAL, ODOM, SCAN = "/goal", "/odom", "/scan"
 GROUPS = ("robot", "guide", "planner", "filter")
 
@@ -64,9 +63,9 @@ class RecordedEpisode(NamedTuple):
 
 def episode_of(bag: Bag) -> RecordedEpisode | None:
     """The episode if lme wrote the recording, else None. Raises InputError if its data are not valid."""
-    if not any(topic.name == TOPIC and TYPE in topic.types for topic in bag.topics()):
+    if not bag.by_lme:
         return None
-    text = next((message.content.data for message in bag.messages([TOPIC])), "")
+    text = next((message.content.data for message in bag.messages([EPISODE])), "")
     try:
         about = json.loads(text)
         seed, world, run = (int(about[name]) for name in ("seed", "world", "run"))
@@ -74,7 +73,7 @@ def episode_of(bag: Bag) -> RecordedEpisode | None:
         return RecordedEpisode(seed, world, run, _config(bag.path, about["config"]), scan, tolerance)
     except (ValueError, TypeError, KeyError, AttributeError) as error:
         raise InputError(
-            f"bag {bag.path}: {TOPIC} does not say which episode this is: set as_recorded=false"
+            f"bag {bag.path}: {EPISODE} does not say which episode this is: set as_recorded=false"
         ) from error
 
 

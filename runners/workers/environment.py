@@ -1,10 +1,12 @@
-"""Environment variables of the processes that a command starts."""
+"""The environment of the processes that a command starts, and where they and it search for modules."""
 
 from __future__ import annotations
 
 import contextlib
 import os
+import sys
 from collections.abc import Iterator, Mapping
+from pathlib import Path
 
 # Otherwise `python -c` and `python -m` import modules of the working folder instead of those of the standard library.
 SAFE_PATH = {"PYTHONSAFEPATH": "1"}
@@ -23,3 +25,10 @@ def environment(variables: Mapping[str, str]) -> Iterator[None]:
                 os.environ.pop(name, None)
             else:
                 os.environ[name] = value
+
+
+def search_working_folder_last() -> None:
+    """Find modules of the working folder, such as a user's own planner, after all installed ones."""
+    here = str(Path.cwd())
+    if here not in sys.path:
+        sys.path.append(here)

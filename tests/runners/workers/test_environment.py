@@ -12,7 +12,7 @@ import urllib.request
 
 import pytest
 
-from runners.import_path import search_working_folder_last
+from runners.workers.environment import search_working_folder_last
 from tests.hearing import hear_signals
 
 SHORT = ["eval", "map.worlds=[0,3]", "runs=1", "planner._target_=my_module.Planner"]
