@@ -122,7 +122,9 @@ def _is_special(path: Path) -> bool:
 
 
 def _followed(path: Path) -> Path:
-    """Where a path leads through links, the last of which may dangle. Raises OSError for a file that is read-only."""
+    """Where a path leads through links; the last may dangle. Raises OSError for a read-only file or a folder."""
+    if path.is_dir():
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
     target = Path(os.path.realpath(path)) if path.is_symlink() else path
     if target.is_file() and not os.access(target, os.W_OK):
         raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(path))

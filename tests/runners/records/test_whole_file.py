@@ -181,6 +181,7 @@ def test_nothing_is_written_to_a_pipe_if_the_writer_fails(tmp_path):
     ("name", "error"),
     [
         ("folder", IsADirectoryError),
+        (".", IsADirectoryError),
         ("loop", OSError),
         ("missing/table.md", FileNotFoundError),
         ("lost", FileNotFoundError),

@@ -1,5 +1,7 @@
 """`lme leaderboard` collects what lies in outputs, and says what it left out."""
 
+import os
+
 import pytest
 
 from runners.cli.main import main
@@ -42,3 +44,13 @@ def test_an_error_of_leaderboard_is_one_line(here, capsys):
     with pytest.warns(UserWarning, match="left out"):
         assert main(["leaderboard"]) == 2
     assert "no run in outputs can be read" in capsys.readouterr().err
+
+
+def test_a_link_is_followed_and_a_pipe_refused(here, capsys):
+    (here / "board.html").symlink_to("elsewhere.html")
+    assert main(["leaderboard", "--into", "board.html"]) == 0
+    assert (here / "board.html").is_symlink()
+    assert "outputs/eval/one" in (here / "elsewhere.html").read_text(encoding="utf-8")
+    os.mkfifo(here / "pipe.html")
+    assert main(["leaderboard", "--into", "pipe.html"]) == 2
+    assert "--into pipe.html: is a pipe or a device" in capsys.readouterr().err

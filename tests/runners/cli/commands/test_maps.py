@@ -127,6 +127,13 @@ def test_a_wide_world_stands_above_its_measures(capsys, terminal):
     assert "optimal path" not in lines[-1]
 
 
+def test_a_link_stays_one_and_its_file_becomes_the_picture(tmp_path):
+    (tmp_path / "near.png").symlink_to("far.png")
+    assert maps.main(["show", "traps", "0", "--output", str(tmp_path / "near.png")]) == 0
+    assert (tmp_path / "near.png").is_symlink()
+    assert (tmp_path / "far.png").read_bytes().startswith(b"\x89PNG")
+
+
 def test_several_worlds_are_one_sheet_and_one_table(capsys, terminal):
     terminal("show", "traps", "0", "7", "kind=door", "--output", "sheets/two.pdf")
     out, err = capsys.readouterr()
