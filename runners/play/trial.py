@@ -42,7 +42,9 @@ LIMITS: Mapping[str, tuple[float, float]] = {
     "scale": (-1000.0, 1000.0),
 }
 _HARMLESS = ("map.worlds", "seed", "run")
-_NUMBER = re.compile(r"(?<![\w.])[+-]?(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?(?!\w)", re.IGNORECASE)
+_NUMBER = re.compile(
+    r"(?<![\w.])[+-]?(?:inf|nan|(?:\d[\d_]*\.?[\d_]*|\.\d[\d_]*)(?:e[+-]?\d[\d_]*)?)(?!\w)", re.IGNORECASE
+)
 
 
 def try_words(source: Source, changes: Mapping[str, object]) -> None:
@@ -60,7 +62,7 @@ def try_words(source: Source, changes: Mapping[str, object]) -> None:
 
 
 def _numbers(value: object) -> list[float]:
-    return [float(number) for number in _NUMBER.findall(str(value))]
+    return [float(number.replace("_", "")) for number in _NUMBER.findall(str(value))]
 
 
 def _try(source: Source) -> None:

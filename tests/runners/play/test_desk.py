@@ -145,6 +145,8 @@ MANY = json.dumps([[math.cos(i / 200), math.sin(i / 200)] for i in range(1200)])
         (words("robot.control_rate", '"1e-9"'), "robot.control_rate is 1e-09: lme play takes 1 to 200"),
         (words("robot.control_rate", "1e-9"), "robot.control_rate is 1e-09"),
         (words("robot.control_rate", '"nan"'), "robot.control_rate"),
+        (words("robot.lidar.num_beams", '"1_000_000"'), "robot.lidar.num_beams is 1e+06"),
+        (words("robot.v_max", '"inf"'), "robot.v_max is inf"),
         (words("robot.v_max", "1e308"), "robot.v_max is 1e+308"),
         (words("robot.lidar.num_beams", "1000000000"), "robot.lidar.num_beams is 1e+09"),
         (words("sim.latency", '"1e7,0.1"'), "sim.latency is 1e+07"),
