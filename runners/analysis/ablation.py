@@ -7,7 +7,7 @@ rules in `NOTES` decide from our paired differences whether we agree.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -222,17 +222,20 @@ def _exceeded_variants(
 
 def _table(study: AblationStudy) -> str:
     change = ["Difference", "95 %", "p (Holm)", "Beyond the noise"]
-    header = ["Variant", "Success", *change, "BARN metric", *change, "The paper says", "Agrees", "Pairs"]
-    lines = [_cells(variant) for variant in study.variants]
+    scored = any(METRIC in variant.row.stats for variant in study.variants)
+    measures = {SUCCESS: "Success", METRIC: "BARN metric"} if scored else {SUCCESS: "Success"}
+    columns = [column for name in measures.values() for column in (name, *change)]
+    header = ["Variant", *columns, "The paper says", "Agrees", "Pairs"]
+    lines = [_cells(variant, list(measures)) for variant in study.variants]
     rule = ["---", *["---:"] * (len(header) - 4), "---", "---", "---:"]
     table = markdown_table([header, rule, *lines])
     return f"**{study.heading} · {study.place}**\n\n{table}"
 
 
-def _cells(variant: Variant) -> list[str]:
+def _cells(variant: Variant, measures: Sequence[str]) -> list[str]:
     lacking = f", {variant.row.unfinished}" if variant.row.unfinished else ""
     cells = [variant_label(variant.ablation) + lacking]
-    for measure in (SUCCESS, METRIC):
+    for measure in measures:
         mean, std = variant.row.stats.get(measure, (math.nan, math.nan))
         spread = "" if math.isnan(std) else f" ± {std:.3f}"
         cells.append(DASH if math.isnan(mean) else f"{mean:.3f}{spread}")

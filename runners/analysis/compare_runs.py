@@ -14,7 +14,7 @@ from lme.errors import InputError
 from runners.analysis import paired, run_names
 from runners.analysis.paired import METRIC, SUCCESS, TIE, Block, Difference
 from runners.analysis.shared_worlds import ComparedRun, Group, groups
-from runners.analysis.summary import METRICS, SMOOTHNESS
+from runners.analysis.summary import METRICS, SMOOTHNESS, barn_metric
 from runners.config.wording import counted
 from runners.records.launch_record import Launch, read_launch
 
@@ -119,7 +119,8 @@ def compare_runs(frame: pd.DataFrame) -> list[RunComparison]:
 def _comparison(group: Group, notes: Sequence[str]) -> RunComparison:
     runs = [group.reference, *(run for run, _ in group.others)]
     reference, *names = run_names.names(runs)
-    drawn = METRIC if all(METRIC in run.frame for run in runs) else SUCCESS
+    scored = all(METRIC in run.frame and barn_metric(run.frame).notna().any() for run in runs)
+    drawn = METRIC if scored else SUCCESS
     parts = {
         name: run.frame[run.frame["world"].isin(worlds)]
         for name, (run, worlds) in zip(names, group.others, strict=True)

@@ -5,7 +5,7 @@ The reference is LME, or the system driven first if LME was not driven.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -114,17 +114,22 @@ def _describe_change(measure: str, change: Difference) -> str:
 
 
 def _table(study: Comparison) -> str:
+    measures = [each for each in MEASURES if any(each in changes for changes in study.changes.values())]
     header = [f"Difference from {study.reference}"]
-    for measure in MEASURES:
+    for measure in measures:
         header += [HEADERS[measure], "95 %", "p (Holm)"]
     rule = ["---", *["---:"] * len(header)]
-    lines = [[*header, "Pairs"], rule, *(_cells(name, changes) for name, changes in study.changes.items())]
+    lines = [
+        [*header, "Pairs"],
+        rule,
+        *(_cells(name, changes, measures) for name, changes in study.changes.items()),
+    ]
     return f"**{study.place}**\n\n" + markdown_table(lines)
 
 
-def _cells(name: str, changes: Mapping[str, Difference]) -> list[str]:
+def _cells(name: str, changes: Mapping[str, Difference], measures: Sequence[str]) -> list[str]:
     cells = [name]
-    for measure in MEASURES:
+    for measure in measures:
         cells += _change(changes.get(measure))
     return [*cells, str(max((change.pairs for change in changes.values()), default=0))]
 

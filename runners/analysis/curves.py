@@ -125,7 +125,8 @@ def _tables(study: CurveStudy) -> Iterator[str]:
         lines = [[name, *(f"{value:g}" for value in study.values)], ["---", *["---:"] * len(study.values)]]
         for curve in study.curves:
             rows = dict(curve.points)
-            cells = (f"{rows[v].stats[measure][0]:.3f}" if v in rows else DASH for v in study.values)
+            known = {value: row.stats[measure][0] for value, row in rows.items() if measure in row.stats}
+            cells = (f"{known[v]:.3f}" if v in known else DASH for v in study.values)
             lines.append([curve.label, *cells])
         yield markdown_table(lines)
 

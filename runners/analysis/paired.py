@@ -22,13 +22,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lme.types import Floats, Ints
-from runners.analysis.summary import Row, as_text, measure, numbers, row_keys
+from runners.analysis.summary import BARN_METRIC, Row, as_text, barn_metric, measure, numbers, row_keys
 from runners.records.whole_file import replacing
 
 if TYPE_CHECKING:
     import pandas as pd
 
-SUCCESS, METRIC = "success", "barn_metric"
+SUCCESS, METRIC = "success", BARN_METRIC
 LEVEL = 0.05  # significance level; intervals have the confidence 1 − LEVEL
 LEAST_P = 0.001  # smaller ones are shown as less than this
 RESAMPLES = 9999
@@ -130,6 +130,8 @@ def interval_of_mean(part: pd.DataFrame, quantity: str) -> tuple[float, float]:
 
 def values(part: pd.DataFrame, quantity: str) -> pd.Series:
     """The quantity of each episode, indexed by world and run; NaN where it is not known."""
+    if quantity == METRIC and METRIC in part:
+        part = part.assign(**{METRIC: barn_metric(part)})
     indexed = part.set_index(["world", "run"])
     if quantity == SUCCESS:
         return (indexed["outcome"] == SUCCESS).astype(float)

@@ -111,10 +111,17 @@ def to_markdown(found: list[SensitivityStudy]) -> str:
         parts += [
             f"**{study.heading} · {study.place}**",
             _table(study, SUCCESS),
-            _table(study, METRIC),
+            _table(study, METRIC) if scored([study]) else "",
             lines,
         ]
     return "\n\n".join([*(part for part in parts if part), "  \n".join([*paired.NOTES, *NOTES])]) + "\n"
+
+
+def scored(found: Sequence[SensitivityStudy]) -> bool:
+    """Whether some records have the BARN metric."""
+    return any(
+        METRIC in point.row.stats for study in found for curve in study.curves for point in curve.points
+    )
 
 
 def factors(curves: Sequence[ParameterCurve]) -> list[float]:

@@ -40,11 +40,12 @@ class Metric(NamedTuple):
 
 
 SMOOTHNESS = "mean_abs_domega_radps"
+BARN_METRIC = "barn_metric"
 METRICS = (
     Metric("success", "Success", 3, spread=True),
     Metric("collision", "Collision", 3, spread=True),
     Metric("timeout", "Timeout", 3, spread=True),
-    Metric("barn_metric", "BARN metric", 3, spread=True),
+    Metric(BARN_METRIC, "BARN metric", 3, spread=True),  # of BARN's worlds alone
     Metric("time_s", "Time [s]", 1, of_successes=True),
     Metric("path_length_m", "Path [m]", 1, of_successes=True, spare=True),
     Metric("spl", "SPL", 3, spare=True),
@@ -66,6 +67,7 @@ TIMES, DASH = "\u00d7", "\u2013"  # typographic signs that look like letters
 INTERVAL_HEADER = "95 % CI"
 INTERVAL_NOTE = "Wilson interval of the success rate; worlds are independent, runs of one world are not."
 GLOBAL_PLANNER = {"": "no", "observed": "yes", "known": "yes, true map"}  # by the guide's global_map
+_OF_BARN = ("barn", "dynabarn")  # the benchmark's scripts score both with the metric
 _USUAL = frozenset({"none", "published", "lme_plus", "fast", ""})  # LME+ has no other weight set of ours
 _USUAL_PEOPLE = frozenset({str(People.truth), ""})  # none: the system sees nobody
 
@@ -213,6 +215,18 @@ def changed_columns(frame: pd.DataFrame) -> list[str]:
     return [column for column in frame.columns if "." in column]
 
 
+def barn_metric(frame: pd.DataFrame) -> pd.Series:
+    """The BARN metric of each episode; NaN on a map that is not of the benchmark, whose speed and limit it assumes.
+
+    BARN's worlds are known by the map's name, or in an option of one's own by their cylinders, which no other map set
+    counts but the cold trial's families.
+    """
+    columns = frame.reindex(columns=["map", "world_cylinders", "world_family"])
+    known = columns.notna()
+    cylinders = known["world_cylinders"] & ~known["world_family"]
+    return frame[BARN_METRIC].where(columns["map"].isin(_OF_BARN) | ~known["map"] | cylinders)
+
+
 def as_text(column: pd.Series) -> pd.Series:
     """Values of a column as text, as a table shows them; empty for a missing value."""
     return column.astype(object).where(column.notna(), "").astype(str)
@@ -297,4 +311,5 @@ def _varies(frame: pd.DataFrame, column: str) -> bool:
 def _metric_column(group: pd.DataFrame, key: str) -> pd.Series | None:
     if key in ("success", "collision", "timeout"):
         return (group["outcome"] == key).astype(float)
-    return group[key] if key in group and group[key].notna().any() else None
+    column = barn_metric(group) if key == BARN_METRIC and key in group else group.get(key)
+    return column if column is not None and column.notna().any() else None

@@ -23,6 +23,7 @@ COLUMNS = (
     "min_clearance_m",
     "final_distance_m",
 )
+BARN = ("barn", "dynabarn")  # maps whose tables have the metric
 
 
 class Outcomes:
@@ -45,8 +46,9 @@ class Outcomes:
         self._file.close()
         count = len(self._successes)
         if count:
-            rate, score = sum(self._successes) / count, sum(self._scores) / count
-            print(f"{count} episodes: success {rate:.3f}, BARN metric {score:.3f}. Table: {self._path}")
+            rate, scored = sum(self._successes) / count, self._scores
+            metric = f", BARN metric {sum(scored) / len(scored):.3f}" if scored else ""
+            print(f"{count} episodes: success {rate:.3f}{metric}. Table: {self._path}")
 
     def add(self, world: int, run: int, driven: Driven) -> None:
         """Print one episode and add it to the table."""
@@ -57,9 +59,11 @@ class Outcomes:
         self._rows.writerow([world, run, driven.outcome, driven.time, score, spl, *lengths])
         self._file.flush()
         self._successes.append(success)
-        self._scores.append(score)
+        of_barn = driven.task.map_name.startswith(BARN)
+        self._scores += [score] * of_barn
+        metric = f"BARN metric {score:.3f}, " if of_barn else ""
         print(
-            f"world {world}, run {run}: {driven.outcome} after {driven.time:.1f} s, BARN metric {score:.3f}, "
+            f"world {world}, run {run}: {driven.outcome} after {driven.time:.1f} s, {metric}"
             f"path {driven.path_length:.1f} m, clearance {driven.min_clearance:.2f} m",
             flush=True,
         )

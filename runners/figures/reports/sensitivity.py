@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from runners.analysis.paired import METRIC, SUCCESS
-from runners.analysis.sensitivity import NAME, ParameterCurve, Point, SensitivityStudy, factors
+from runners.analysis.sensitivity import NAME, ParameterCurve, Point, SensitivityStudy, factors, scored
 from runners.figures.parts.style import BLUE, FRAME, GRID, INK, VERMILION, new_figure, save, symbol
 
 if TYPE_CHECKING:
@@ -47,7 +47,12 @@ def sensitivity_figure(studies: Sequence[SensitivityStudy], place: Path) -> list
         part.suptitle(f"{study.heading} · {study.place}", fontsize=9, color=INK, x=0.01, ha="left")
     more = f" {len(studies) - STUDIES} more in {NAME}.md." if len(studies) > STUDIES else ""
     figure.legend(
-        handles=_keys(), loc="outside upper right", ncols=2, frameon=False, fontsize=8, labelcolor=INK
+        handles=_keys(scored(studies)),
+        loc="outside upper right",
+        ncols=2,
+        frameon=False,
+        fontsize=8,
+        labelcolor=INK,
     )
     figure.supxlabel(NOTES + more, fontsize=7, color=INK, x=0.01, ha="left")
     return save(figure, place / NAME, ("png", "pdf"))
@@ -118,10 +123,12 @@ def _plain(axes: Axes, places: dict[float, float]) -> None:
     axes.set_axisbelow(True)
 
 
-def _keys() -> list[Any]:
+def _keys(with_metric: bool) -> list[Any]:
     from matplotlib.lines import Line2D
 
     return [
         Line2D([], [], label=name, markersize=4, markerfacecolor="white", **look)
-        for name, look in (("success rate", _SUCCESS), ("BARN metric (at most 0.5)", _METRIC))
+        for name, look in (("success rate", _SUCCESS), ("BARN metric (at most 0.5)", _METRIC))[
+            : 1 + with_metric
+        ]
     ]
