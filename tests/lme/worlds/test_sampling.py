@@ -9,9 +9,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lme.errors import InputError
+from lme.geometry.frames import to_world
 from lme.types import Pose
 from lme.worlds.check import point_clearance
 from lme.worlds.clearance import clearance_field
+from lme.worlds.floor_plan import enclosed
 from lme.worlds.sampling import FreeSpace
 from lme.worlds.shapes import floor_plan
 from tests.tolerances import KERNEL
@@ -62,6 +64,26 @@ def test_the_field_is_the_clearance_of_each_point(drawing):
     field = clearance_field(place, x, y, reach=0.7)
     twin = [[min(max(point_clearance(place.world, np.array([a, b])), 0.0), 0.7) for a in x] for b in y]
     assert field == pytest.approx(np.array(twin), abs=KERNEL)
+
+
+@pytest.mark.parametrize(
+    ("yaw", "region"),
+    [
+        (0.0, r"in x 1 to 5 m, y 2 to 4 m$"),
+        (math.pi / 2, r"in x -1 to 1 m, y 2 to 6 m$"),
+        (
+            math.pi / 4,
+            r"within the corners \(1, 2\), \(3.82843, 4.82843\), \(2.41421, 6.24264\), \(-0.414214, 3.41421\) m$",
+        ),
+    ],
+)
+def test_a_place_outside_a_map_is_told_where_the_map_is(yaw, region):
+    """A turned map is not the box around it: (3.5, 2.2) is in the box of the third."""
+    corners = to_world(np.array([[0.0, 0.0], [4.0, 0.0], [4.0, 2.0], [0.0, 2.0]]), Pose(1.0, 2.0, yaw))
+    empty = np.empty((0, 3)), np.empty((0, 4)), ()
+    space = FreeSpace(enclosed(corners, *empty), 0.1, 0.2, 0.0)
+    with pytest.raises(InputError, match="^map.start is .* outside the map: must lie " + region):
+        space.check_free("map.start", (3.5, 2.2) if yaw == math.pi / 4 else (9.0, 9.0))
 
 
 def test_nothing_outside_the_outline_is_free():

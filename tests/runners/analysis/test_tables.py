@@ -14,7 +14,7 @@ from lme.resources import resource_dir
 from runners.analysis import tables
 from runners.analysis.summary import DASH, metrics, summarise
 from runners.analysis.table_notes import notes, title
-from runners.analysis.tables import to_html, to_latex, to_markdown
+from runners.analysis.tables import to_csv, to_html, to_latex, to_markdown
 from runners.config.systems import System, systems
 
 FIGURES = {
@@ -539,3 +539,37 @@ def test_paper_table_2_is_whole():
     shares = [known[name].published["barn"] for name in experiment["table"] if name != "lme_printed"]
     for each in shares:  # rounded to three digits in the paper
         assert sum(each[key][0] for key in ("success", "collision", "timeout")) == pytest.approx(1, abs=0.002)
+
+
+# The BARN metric belongs to BARN
+
+
+@pytest.mark.parametrize(
+    "place", ["env1", "hall", "trap_u", "indoor_offices", "social_corridor", "cold_trial"]
+)
+def test_another_map_has_no_barn_metric(place):
+    (row,) = summarise(records(map=place, subset=""), systems={})
+    assert "barn_metric" not in row.stats
+    assert "BARN metric" not in to_markdown([row])
+    assert "barn_metric" not in to_csv([row])
+
+
+def test_beside_barn_another_map_has_a_dash():
+    frame = pd.concat([records(), records(map="hall", subset="")], ignore_index=True)
+    header, _, barn, hall = to_markdown(summarise(frame, systems={})).splitlines()[:4]
+    column = [cell.strip() for cell in header.split("|")].index("BARN metric")
+    assert barn.split("|")[column].strip() not in ("", DASH)
+    assert hall.split("|")[column].strip() == DASH
+
+
+@pytest.mark.parametrize(
+    ("columns", "shown"),
+    [
+        ({"map": "dynabarn", "subset": ""}, True),
+        ({"map": "my_barn", "world_cylinders": 30.0}, True),  # an option of one's own that inherits barn
+        ({"map": "cold_trial", "world_cylinders": 30.0, "world_family": "barn"}, False),
+    ],
+)
+def test_barns_worlds_are_known_by_their_name_or_their_cylinders(columns, shown):
+    (row,) = summarise(records(**columns), systems={})
+    assert ("barn_metric" in row.stats) is shown
