@@ -439,16 +439,23 @@ def _own_source(module: str) -> Path | None:
     if top in ("", "lme", "runners", "__main__") or top in sys.stdlib_module_names:
         return None
     loaded = sys.modules.get(module)
-    origin = getattr(loaded, "__file__", None)
-    if loaded is None:
-        parent = sys.modules.get(module.rpartition(".")[0])
-        with suppress(ImportError, ValueError):
-            spec = PathFinder.find_spec(module, getattr(parent, "__path__", None) if "." in module else None)
-            origin = spec.origin if spec is not None else None
+    origin = _origin(module) if loaded is None else getattr(loaded, "__file__", None)
     path = Path(origin) if origin else None
     if path is None or path.suffix != ".py" or not path.is_file() or _is_installed(path):
         return None
     return path
+
+
+def _origin(module: str) -> str | None:
+    """Where a module would be imported from, found without importing anything."""
+    spec, places, name = None, None, ""
+    for part in module.split("."):
+        name = f"{name}.{part}" if name else part
+        spec = PathFinder.find_spec(name, places)
+        if spec is None:
+            return None
+        places = spec.submodule_search_locations or []
+    return None if spec is None else spec.origin
 
 
 def _is_installed(path: Path) -> bool:

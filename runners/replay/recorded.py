@@ -13,6 +13,7 @@ from lme.navigator import MapReader, Navigator
 from runners.config import build
 from runners.config.schema import RecordedConfig
 from runners.records.launch_record import read_launch, recorded_config
+from runners.records.trust import UntrustedError
 from runners.replay.bags import EPISODE, Bag
 from runners.workers.episodes import episode_rng
 from runners.workers.recorder import WANTED
@@ -71,6 +72,8 @@ def episode_of(bag: Bag) -> RecordedEpisode | None:
         seed, world, run = (int(about[name]) for name in ("seed", "world", "run"))
         scan, tolerance = dict(about["scan"]), about.get("goal_tolerance")
         return RecordedEpisode(seed, world, run, _config(bag.path, about["config"]), scan, tolerance)
+    except UntrustedError:
+        raise
     except (ValueError, TypeError, KeyError, AttributeError) as error:
         raise InputError(
             f"bag {bag.path}: {EPISODE} does not say which episode this is: set as_recorded=false"
