@@ -25,6 +25,10 @@ _HOW_TO = (
     ("resume=DIR", "finish the run in that directory, with the overrides that it was started with"),
     ("hydra.run.dir=DIR", "write to that directory instead of outputs/{command}/… (hydra.sweep.dir with -m)"),
     ("--config-dir DIR", "add your own options: DIR/robot/mine.yaml makes robot=mine"),
+    (
+        "--trust",
+        "run the code that a run or recording named here has used; without it, only lme's own is run",
+    ),
     ("--cfg job", "print the composed config with every key that can be set, and run nothing"),
     ("--info defaults", "print which files the config is composed from"),
     ("--hydra-help", "print Hydra's own help"),

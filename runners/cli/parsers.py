@@ -6,6 +6,14 @@ import argparse
 from collections.abc import Iterable
 from typing import Any
 
+from runners.records import trust
+
+
+def add_trust(parser: argparse.ArgumentParser) -> None:
+    """Describe --trust, which `runners/cli/main.py` takes out of the words of every command."""
+    what = "run the code that a run names (SECURITY.md); without it, only lme's own is run"
+    parser.add_argument(trust.FLAG, action="store_true", help=what)
+
 
 def texts(description: str | None, examples: Iterable[str], notes: str = "") -> dict[str, Any]:
     """Keywords for `ArgumentParser` and `add_parser`: the help ends with notes, if any, and examples."""

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from runners.cli.parsers import texts
+from runners.cli.parsers import add_trust, texts
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -61,6 +61,7 @@ def _parser() -> argparse.ArgumentParser:
         help="an .html file for one episode, or a folder; default: RUN/explain/, or next to the recording",
     )
     either.add_argument("--text", action="store_true", help="print the sentences instead of making a page")
+    add_trust(parser)
     return parser
 
 

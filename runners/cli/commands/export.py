@@ -10,7 +10,7 @@ from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from runners.cli.parsers import texts
+from runners.cli.parsers import add_trust, texts
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -70,6 +70,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--output", "-o", type=Path, metavar="FILE", help="default: -, which is standard output"
     )
+    add_trust(parser)
     return parser
 
 

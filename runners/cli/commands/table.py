@@ -7,7 +7,7 @@ import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from runners.cli.parsers import texts
+from runners.cli.parsers import add_trust, texts
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -50,6 +50,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--format", choices=("rich", "md", "csv", "tex"), default="rich", help="default: rich"
     )
+    add_trust(parser)
     return parser
 
 
