@@ -17,6 +17,7 @@ from runners.analysis.paired import METRIC, SUCCESS, Block, Difference, interval
 from runners.analysis.summary import DASH, Row
 from runners.analysis.table_notes import title
 from runners.config.ablations import SEVERAL
+from runners.config.escaping import markdown_text
 from runners.config.wording import markdown_table
 from runners.records.whole_file import write_atomically
 
@@ -228,8 +229,8 @@ def _table(study: AblationStudy) -> str:
     header = ["Variant", *columns, "The paper says", "Agrees", "Pairs"]
     lines = [_cells(variant, list(measures)) for variant in study.variants]
     rule = ["---", *["---:"] * (len(header) - 4), "---", "---", "---:"]
-    table = markdown_table([header, rule, *lines])
-    return f"**{study.heading} · {study.place}**\n\n{table}"
+    table = markdown_table([header, rule, *(map(markdown_text, line) for line in lines)])
+    return f"**{markdown_text(f'{study.heading} · {study.place}')}**\n\n{table}"
 
 
 def _cells(variant: Variant, measures: Sequence[str]) -> list[str]:
@@ -254,7 +255,9 @@ def _change(change: Difference | None) -> list[str]:
 
 
 def _list(study: AblationStudy) -> str:
-    return "\n".join(f"- {variant_label(v.ablation)}: {v.words}" for v in study.variants if v.agrees)
+    return "\n".join(
+        f"- {markdown_text(variant_label(v.ablation))}: {v.words}" for v in study.variants if v.agrees
+    )
 
 
 def _numbers(study: AblationStudy, variant: Variant) -> dict[str, object]:

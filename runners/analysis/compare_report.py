@@ -12,6 +12,7 @@ from runners.analysis.columns import aligned
 from runners.analysis.compare_runs import MEASURES, Change, Compared, RunComparison
 from runners.analysis.paired import METRIC, SUCCESS, interval, p_value, signed
 from runners.analysis.summary import DASH
+from runners.config.escaping import markdown_text, visible
 from runners.config.wording import markdown_table
 from runners.records.whole_file import write_atomically
 
@@ -32,8 +33,8 @@ def to_markdown(found: Sequence[RunComparison], pictures: Sequence[Path] = ()) -
     """The tables, notes, pictures and differing keys. pictures: one for each comparison, or none."""
     parts = []
     for number, each in enumerate(found):
-        parts += [f"**{each.place}**", f"Reference: {each.reference} (`{each.run.run_dir}`)", _table(each)]
-        parts.append("\n".join(f"- {note}" for note in each.notes))
+        parts += [f"**{markdown_text(each.place)}**", _reference(each), _table(each)]
+        parts.append("\n".join(f"- {markdown_text(note)}" for note in each.notes))
         parts += [f"![{each.measure} by world]({pictures[number].name})"] if pictures else []
         parts += [_keys(each)] if each.keys else []
     return "\n\n".join([*parts, "  \n".join(NOTES)]) + "\n"
@@ -105,14 +106,23 @@ def _table(study: RunComparison) -> str:
             by_world = f"{len(each.better)} / {len(each.worse)}" if measure == study.measure else ""
             pairs = str(change.difference.pairs)
             lines.append(
-                [each.name, MEASURES[measure].header, mean, other, difference, *rest, pairs, by_world]
+                [
+                    markdown_text(each.name),
+                    MEASURES[measure].header,
+                    mean,
+                    other,
+                    difference,
+                    *rest,
+                    pairs,
+                    by_world,
+                ]
             )
     return markdown_table(lines)
 
 
 def _keys(study: RunComparison) -> str:
-    lines = [["Key", *study.names], ["---"] * (1 + len(study.names))]
-    lines += [[f"`{key}`", *map(_shown, values)] for key, values in list(study.keys.items())[:_MAX_KEYS]]
+    lines = [["Key", *map(markdown_text, study.names)], ["---"] * (1 + len(study.names))]
+    lines += [[_code(key), *map(_shown, values)] for key, values in list(study.keys.items())[:_MAX_KEYS]]
     more = len(study.keys) - _MAX_KEYS
     return (
         "What differs between the configs:\n\n"
@@ -122,7 +132,16 @@ def _keys(study: RunComparison) -> str:
 
 
 def _shown(value: object) -> str:
-    return DASH if value is None else str(value)
+    return DASH if value is None else markdown_text(str(value))
+
+
+def _reference(study: RunComparison) -> str:
+    return f"Reference: {markdown_text(study.reference)} ({_code(str(study.run.run_dir))})"
+
+
+def _code(text: str) -> str:
+    """Text as code, in which nothing but its own end can be markup."""
+    return f"`{visible(text).replace('`', chr(39))}`"
 
 
 def _numbers(study: RunComparison) -> Iterator[dict[str, object]]:

@@ -11,6 +11,7 @@ from runners.analysis import paired
 from runners.analysis.paired import METRIC, SUCCESS
 from runners.analysis.summary import DASH, Row, as_text, changed_columns, row_keys
 from runners.analysis.table_notes import title
+from runners.config.escaping import markdown_text
 from runners.config.wording import markdown_table
 from runners.records.whole_file import write_atomically
 
@@ -79,7 +80,11 @@ def write(found: list[CurveStudy], place: Path) -> list[Path]:
 
 def to_markdown(found: list[CurveStudy]) -> str:
     """For each key and measure, a table with a line for each curve and a column for each value."""
-    parts = [f"**{study.key} · {study.place}**\n\n" + "\n\n".join(_tables(study)) for study in found]
+    headings = [markdown_text(f"{study.key} · {study.place}") for study in found]
+    parts = [
+        "\n\n".join([f"**{heading}**", *_tables(study)])
+        for heading, study in zip(headings, found, strict=True)
+    ]
     return "\n\n".join(parts) + "\n"
 
 
@@ -127,7 +132,7 @@ def _tables(study: CurveStudy) -> Iterator[str]:
             rows = dict(curve.points)
             known = {value: row.stats[measure][0] for value, row in rows.items() if measure in row.stats}
             cells = (f"{known[v]:.3f}" if v in known else DASH for v in study.values)
-            lines.append([curve.label, *cells])
+            lines.append([markdown_text(curve.label), *cells])
         yield markdown_table(lines)
 
 

@@ -6,12 +6,13 @@ import os
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-from urllib.parse import quote
 
 import numpy as np
 
+from lme.errors import InputError
 from lme.types import Outcome
 from runners.analysis.summary import DASH
+from runners.config.escaping import html_address, markdown_text
 from runners.config.wording import markdown_table
 from runners.records import launch_record
 from runners.records.episode_record import KEY_COLUMNS, EpisodeKey
@@ -37,6 +38,14 @@ def folder(run_dir: Path) -> list[Path]:
     return [run_dir / FOLDER] if (run_dir / FOLDER / INDEX).is_file() else []
 
 
+def refuse_link(path: Path, run_dir: Path) -> None:
+    """Raise InputError if the folder of a run's pages is a link: in somebody else's run it could lead anywhere."""
+    if path == run_dir / FOLDER and path.is_symlink():
+        raise InputError(
+            f"{path}: is a link to {path.readlink()}; remove it, or write the pages elsewhere with --output"
+        )
+
+
 def is_failure(episodes: pd.DataFrame) -> pd.Series:
     """A mask of the episodes that did not reach the goal."""
     return episodes["outcome"] != str(Outcome.SUCCESS)
@@ -52,8 +61,9 @@ def failed_section(frame: pd.DataFrame, place: Path) -> str:
         return ""
     jobs = _job_names(frame)
     lines = [
-        [*([jobs[run_dir]] if len(jobs) > 1 else []), *cells(episode), _page_link(episode, run_dir, place)]
+        [*job, *map(markdown_text, cells(episode)), _page_link(episode, run_dir, place)]
         for run_dir, episode in episode_rows(frame[is_failure(frame)])
+        for job in [[jobs[run_dir]] if len(jobs) > 1 else []]
     ]
     header = [*(["Job"] if len(jobs) > 1 else []), *HEADER, "Page"]
     rule = ["---" if name in _TEXT else "---:" for name in header]
@@ -101,7 +111,7 @@ def _page_link(episode: Mapping[str, Any], run_dir: Path, place: Path) -> str:
 def _link(path: Path, place: Path) -> str:
     """A Markdown link to a file, relative to the folder `place`."""
     relative = Path(os.path.relpath(path, place)).as_posix()
-    return f"[{relative}]({quote(relative)})"
+    return f"[{markdown_text(relative)}]({html_address(relative)})"
 
 
 def _has_pages(frame: pd.DataFrame, run_dir: Path) -> bool:
@@ -119,4 +129,4 @@ def _job_names(frame: pd.DataFrame) -> dict[Path, str]:
         run: [one for one in given if not all(one in others for others in settings.values())]
         for run, given in settings.items()
     }
-    return {run: " ".join([run.name, *own[run][:_MAX_SETTINGS]]) for run in runs}
+    return {run: markdown_text(" ".join([run.name, *own[run][:_MAX_SETTINGS]])) for run in runs}

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from lme.metrics import interval_over_worlds
 from lme.worlds.cold_trial.families import STAND_IN
 from runners.analysis.summary import as_text, row_keys
+from runners.config.escaping import markdown_text
 from runners.config.wording import markdown_table
 
 if TYPE_CHECKING:
@@ -32,7 +33,8 @@ def families_section(frame: pd.DataFrame) -> str:
         if stands_in
         else ""
     )
-    return f"\n## Families of worlds\n\n{markdown_table([header, rule, *rows])}\n{note}"
+    table = markdown_table([header, rule, *(map(markdown_text, row) for row in rows)])
+    return f"\n## Families of worlds\n\n{table}\n{note}"
 
 
 def _figures(group: pd.DataFrame) -> list[str]:

@@ -7,6 +7,7 @@ filter with all theirs, whom it sees (`people`), and what changes it: ablation, 
 from __future__ import annotations
 
 import json
+import math
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -21,6 +22,7 @@ from runners.analysis.summary import Row, as_text, measure, numbers, usual
 from runners.config.changes import describe_changes
 from runners.config.flatten import flatten
 from runners.records.append_log import APPEND_LOG
+from runners.records.collect import NOT_AS_WRITTEN, not_as_written
 from runners.records.episode_record import CUSTOM_SUBSET
 from runners.records.launch_record import Launch, read_launch
 from runners.records.parquet import EPISODES
@@ -101,12 +103,23 @@ class _ReadRun(NamedTuple):
         return _text(self.frame, column)
 
 
-def entries(frames: Mapping[Path, pd.DataFrame]) -> list[BoardEntry]:
+def entries(frames: Mapping[Path, pd.DataFrame], problems: list[str] | None = None) -> list[BoardEntry]:
     """An entry for each run, the newest first.
 
-    frames: records of each run by its directory, as `read_episodes` returns them for this run alone.
+    frames: records of each run by its directory, as `read_episodes` returns them for this run alone. problems: takes a
+    line for each run whose files hold what lme does not write, which is left out; without it, such a run raises.
     """
-    runs = [_read(run_dir, frame) for run_dir, frame in frames.items()]
+    runs = []
+    for run_dir, frame in frames.items():
+        try:
+            run = _read(run_dir, frame)
+            _entry(run, run.setting, run.system, with_interval=False)
+        except NOT_AS_WRITTEN as error:
+            if problems is None:
+                raise
+            problems.append(not_as_written(run_dir, error))
+        else:
+            runs.append(run)
     settings = _by_name((run.setting, run.of_setting) for run in runs)
     systems = _by_name((run.system, run.of_system) for run in runs)
     found = [
@@ -203,7 +216,7 @@ def _distinguishing(values: Mapping[str, Any], namesakes: Sequence[Mapping[str, 
     return (*first, f"{len(shown) - _MAX_KEYS} more (no. {namesakes.index(values) + 1})")
 
 
-def _entry(run: _ReadRun, setting: Setting, system: BoardSystem) -> BoardEntry:
+def _entry(run: _ReadRun, setting: Setting, system: BoardSystem, with_interval: bool = True) -> BoardEntry:
     launch = run.launch
     row = measure(run.frame, run.text("system"), {})
     return BoardEntry(
@@ -211,7 +224,7 @@ def _entry(run: _ReadRun, setting: Setting, system: BoardSystem) -> BoardEntry:
         setting=setting,
         system=system,
         row=row,
-        metric_interval=interval_of_mean(run.frame, METRIC),
+        metric_interval=interval_of_mean(run.frame, METRIC) if with_interval else (math.nan, math.nan),
         seed=run.text("seed"),
         runs=int(launch.configs[0].get("runs", 0) if launch else row.runs or 0),
         started=(launch.started if launch else "") or _last_written(run.run_dir),

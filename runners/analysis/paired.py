@@ -23,6 +23,7 @@ import numpy as np
 
 from lme.types import Floats, Ints
 from runners.analysis.summary import BARN_METRIC, Row, as_text, barn_metric, measure, numbers, row_keys
+from runners.config.escaping import csv_value
 from runners.records.whole_file import replacing
 
 if TYPE_CHECKING:
@@ -197,8 +198,8 @@ def write_csv(lines: Sequence[Mapping[str, object]], path: Path) -> None:
     names = list(dict.fromkeys(name for line in lines for name in line))
     with replacing(path) as draft, draft.open("w", encoding="utf-8", newline="") as file:
         writer = csv.DictWriter(file, names, lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(lines)
+        writer.writerow({name: csv_value(name) for name in names})
+        writer.writerows({name: csv_value(value) for name, value in line.items()} for line in lines)
 
 
 def _interval_and_p(by_world: Floats) -> tuple[float, float, float]:

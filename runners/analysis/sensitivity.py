@@ -11,6 +11,7 @@ from runners.analysis import paired
 from runners.analysis.paired import METRIC, SUCCESS, Block, Difference, signed
 from runners.analysis.summary import DASH, INTERVAL_NOTE, TIMES, Row
 from runners.analysis.table_notes import title
+from runners.config.escaping import markdown_text
 from runners.config.weights import scale_from_words
 from runners.config.wording import markdown_table
 from runners.records.launch_record import read_launch
@@ -184,7 +185,13 @@ def _table(study: SensitivityStudy, measure: str) -> str:
     lines.append(["---", *["---:"] * (len(columns) + 1)])
     for curve in study.curves:
         cells = {point.factor: _cell(point, measure) for point in curve.points}
-        lines.append([curve.parameter, curve.value or DASH, *(cells.get(factor, DASH) for factor in columns)])
+        lines.append(
+            [
+                markdown_text(curve.parameter),
+                markdown_text(curve.value) or DASH,
+                *(cells.get(factor, DASH) for factor in columns),
+            ]
+        )
     return markdown_table(lines)
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import html
 import io
 import math
 import textwrap
@@ -16,6 +15,7 @@ from runners.analysis.families import families_section
 from runners.analysis.summary import DASH, GROUP_KEYS, INTERVAL_HEADER, METRICS, Metric, Row, numbers
 from runners.analysis.table_notes import changed_notes, notes, title
 from runners.analysis.timeouts import timeouts_section
+from runners.config.escaping import csv_value, html_text, latex_text, markdown_text, visible
 from runners.config.wording import markdown_table
 from runners.records.whole_file import write_atomically
 
@@ -34,8 +34,8 @@ def to_markdown(rows: Sequence[Row]) -> str:
     header, *lines = _cells(rows, " ± ")
     first = 1 + len(rows[0].keys)
     rule = ["---"] * first + ["---:"] * (len(header) - first)
-    table = markdown_table([header, rule, *lines])
-    return f"{table}\n\n" + "\n".join(f"{note}  " for note in notes(rows)) + "\n"
+    table = markdown_table([header, rule, *(map(markdown_text, line) for line in lines)])
+    return f"{table}\n\n" + "\n".join(f"{markdown_text(note)}  " for note in notes(rows)) + "\n"
 
 
 def to_csv(rows: Sequence[Row]) -> str:
@@ -46,31 +46,32 @@ def to_csv(rows: Sequence[Row]) -> str:
     writer = csv.writer(text, lineterminator="\n")
     changed = any(row.changes for row in rows)
     before = [*rows[0].keys, *["changes"] * changed, "global_planner", "episodes", "worlds", "runs"]
-    writer.writerow(["label", *before, *names])
+    writer.writerow(map(csv_value, ["label", *before, *names]))
     for row, value in zip(rows, values, strict=True):
         keys = [*row.keys.values(), *[row.changes] * changed]
         counts = (row.global_planner, row.episodes, row.worlds, row.runs)
-        writer.writerow([row.name, *keys, *counts, *(value.get(name) for name in names)])
+        numbers_of = (value.get(name) for name in names)
+        writer.writerow(map(csv_value, [row.name, *keys, *counts, *numbers_of]))
     return text.getvalue()
 
 
 def to_html(rows: Sequence[Row]) -> str:
     """The table and its notes as HTML elements."""
-    header, *lines = ([html.escape(cell) for cell in line] for line in _cells(rows, " ± "))
+    header, *lines = ([html_text(cell) for cell in line] for line in _cells(rows, " ± "))
     head = "".join(f"<th>{cell}</th>" for cell in header)
     body = "\n".join("<tr>" + "".join(f"<td>{cell}</td>" for cell in line) + "</tr>" for line in lines)
-    below = "<br>\n".join(map(html.escape, notes(rows)))
+    below = "<br>\n".join(map(html_text, notes(rows)))
     return f"<table>\n<tr>{head}</tr>\n{body}\n</table>\n<p>{below}</p>"
 
 
 def to_latex(rows: Sequence[Row]) -> str:
     """The table as a `tabular` with booktabs rules, changed keys below it, and all notes as comments."""
-    header, *lines = ([_escape_latex(cell) for cell in line] for line in _cells(rows, " ± "))
+    header, *lines = ([latex_text(cell) for cell in line] for line in _cells(rows, " ± "))
     first = 1 + len(rows[0].keys)
     body = [" & ".join(line) + r" \\" for line in lines]
     return "\n".join(
         [
-            *(f"% {note}" for note in notes(rows)),
+            *(f"% {visible(note)}" for note in notes(rows)),
             rf"\begin{{tabular}}{{@{{}}{'l' * first}{'r' * (len(header) - first)}@{{}}}}",
             r"\toprule",
             " & ".join(header) + r" \\",
@@ -78,7 +79,7 @@ def to_latex(rows: Sequence[Row]) -> str:
             *body,
             r"\bottomrule",
             r"\end{tabular}",
-            *(rf"\par {_escape_latex(note)}" for note in changed_notes(rows)),
+            *(rf"\par {latex_text(note)}" for note in changed_notes(rows)),
             "",
         ]
     )
@@ -92,7 +93,8 @@ def to_rich(rows: Sequence[Row], heading: str, width: int) -> rich.table.Table:
 
     columns, gap, left_out = _fit(rows, width)
     below = notes(rows, [header for header, *_ in left_out]) + _describe_omitted(left_out, width)
-    table = Table(title=Text(heading), caption=Text("\n".join(below)), caption_justify="left")
+    caption = Text("\n".join(map(visible, below)))
+    table = Table(title=Text(visible(heading)), caption=caption, caption_justify="left")
     table.box, table.show_edge, table.pad_edge, table.padding = SIMPLE_HEAD, False, False, (0, gap - 1, 0, 0)
     # Text, not str: Rich would read a unit in brackets as markup.
     for number, (header, *_) in enumerate(columns):
@@ -118,7 +120,7 @@ def write_tables(frame: pd.DataFrame, rows: Sequence[Row], run_dir: Path) -> lis
     """
     below = families_section(frame) + timeouts_section(frame) + failed_section(frame, run_dir)
     texts = {
-        "table.md": f"**{title(frame)}**\n\n{to_markdown(rows)}{below}",
+        "table.md": f"**{markdown_text(title(frame))}**\n\n{to_markdown(rows)}{below}",
         "table.csv": to_csv(rows),
         "table.tex": to_latex(rows),
     }
@@ -135,14 +137,14 @@ def _cells(rows: Sequence[Row], plus_minus: str, to: str = DASH) -> list[list[st
     """Header and lines as text; the interval is next to the success rate."""
     metrics = _shown_metrics(rows)
     headers = [metric.header for metric in metrics]
-    keys = [key.capitalize() if key in GROUP_KEYS else key for key in rows[0].keys]
+    keys = [key.capitalize() if key in GROUP_KEYS else visible(key) for key in rows[0].keys]
     lines = [["System", *keys, headers[0], INTERVAL_HEADER, *headers[1:], "n"]]
     for row in rows:
         first, *others = [_stat(row, metric, plus_minus) for metric in metrics]
         interval = MISSING if row.interval is None else f"{row.interval[0]:.3f}{to}{row.interval[1]:.3f}"
         episodes = MISSING if row.episodes is None else str(row.episodes)
-        values = [value or MISSING for value in row.keys.values()]
-        lines.append([row.name, *values, first, interval, *others, episodes])
+        values = [visible(value) or MISSING for value in row.keys.values()]
+        lines.append([visible(row.name), *values, first, interval, *others, episodes])
     if _compares_planners(rows):
         for line, cell in zip(lines, ["Global planner", *(row.global_planner for row in rows)], strict=True):
             line.append(cell)
@@ -234,14 +236,3 @@ def _stat(row: Row, metric: Metric, plus_minus: str) -> str:
         return MISSING
     spread = metric.spread and not math.isnan(std)
     return f"{mean:.{metric.digits}f}" + (f"{plus_minus}{std:.{metric.digits}f}" if spread else "")
-
-
-def _escape_latex(cell: str) -> str:
-    for plain, escaped in (
-        ("\\", r"\textbackslash "),
-        ("±", r"$\pm$"),
-        (DASH, "--"),
-        ("|Δω|", r"$|\Delta\omega|$"),
-    ):
-        cell = cell.replace(plain, escaped)
-    return "".join(f"\\{letter}" if letter in "_%&#{}" else letter for letter in cell)

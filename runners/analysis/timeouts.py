@@ -8,6 +8,7 @@ import numpy as np
 
 from lme.types import Outcome
 from runners.analysis.summary import as_text, row_keys
+from runners.config.escaping import markdown_text
 from runners.config.wording import markdown_table
 
 if TYPE_CHECKING:
@@ -46,4 +47,4 @@ def timeouts_section(frame: pd.DataFrame) -> str:
     rule = ["---" if number < len(keys) else "---:" for number in range(len(header))]
     stands, paces = UP_TO_M
     note = f"By the last minute: the robot stayed within {stands:g} m, within {paces:g} m, or went farther."
-    return f"\n## Time-outs\n\n{markdown_table([header, rule, *rows])}\n\n{note}\n"
+    return f"\n## Time-outs\n\n{markdown_table([header, rule, *(map(markdown_text, row) for row in rows)])}\n\n{note}\n"

@@ -30,12 +30,18 @@ from runners.cli import commands, help
 from runners.cli.interrupts import status_of, terminable
 from runners.cli.missing_packages import explain_missing
 from runners.cli.os_errors import explain_os_error
+from runners.cli.plain_output import plain_output
 from runners.records import trust
 from runners.workers.environment import SAFE_PATH, environment, search_working_folder_last
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run `lme` with these words, or those of the process; returns the exit status."""
+    with plain_output():
+        return _main(argv)
+
+
+def _main(argv: Sequence[str] | None) -> int:
     _collect_rarely()
     words = list(sys.argv[1:] if argv is None else argv)
     name = words[0] if words else "--help"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 
 
 def counted(number: int, noun: str) -> str:
@@ -11,7 +11,7 @@ def counted(number: int, noun: str) -> str:
     return f"{number:,} {noun}{'s' * (number != 1)}"
 
 
-def markdown_table(lines: Iterable[Sequence[str]]) -> str:
+def markdown_table(lines: Iterable[Iterable[str]]) -> str:
     """The cells of each line as a Markdown table: the header, the rule, then the rows."""
     escaped = ([cell.replace("|", r"\|") for cell in line] for line in lines)
     return "\n".join(f"| {' | '.join(line)} |" for line in escaped)

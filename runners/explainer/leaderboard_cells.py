@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 import math
 import re
 from collections.abc import Iterator, Sequence
@@ -10,6 +9,7 @@ from typing import NamedTuple
 
 from runners.analysis.leaderboard import BoardEntry
 from runners.analysis.summary import DASH, TIMES
+from runners.config.escaping import html_text
 from runners.config.wording import counted
 
 SUCCESS, METRIC = "success", "barn_metric"  # the figures with an interval
@@ -101,11 +101,11 @@ def plain(value: float) -> str:
 
 def breakable(text: str) -> str:
     """Text as HTML that may break between the words of a key or a path, and not within them."""
-    return "<wbr>".join(map(html.escape, re.split(r"(?<=[._/=:,])(?=\w)", text)))
+    return "<wbr>".join(map(html_text, re.split(r"(?<=[._/=:,])(?=\w)", text)))
 
 
 def escaped(text: str) -> str:
-    return html.escape(text)
+    return html_text(text)
 
 
 def _cell(header: str, text: str, kind: str) -> str:

@@ -7,11 +7,11 @@ import os
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
-from urllib.parse import quote
 
 from runners.analysis.failures import INDEX, folder
 from runners.analysis.leaderboard import BoardEntry
 from runners.analysis.summary import METRICS, Metric
+from runners.config.escaping import html_address
 from runners.explainer.leaderboard_cells import METRIC, SUCCESS, breakable, escaped, interval, rounded
 
 _SHOWN_FILES = (".md", ".png", ".gif", ".mp4")
@@ -106,5 +106,5 @@ def _facts(facts: Iterator[tuple[str, str]]) -> str:
 
 
 def _link(target: Path, place: Path, text: str, end: str = "") -> str:
-    address = quote(os.path.relpath(target, place)) + end
+    address = html_address(os.path.relpath(target, place)) + end
     return f'<a href="{address}">{breakable(text)}</a>'

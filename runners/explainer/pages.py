@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from lme.errors import InputError
-from runners.analysis.failures import folder, is_failure, page_path
+from runners.analysis.failures import folder, is_failure, page_path, refuse_link
 from runners.config.schema import Explain
 from runners.records import launch_record, trust
 from runners.records.episode_record import EpisodeKey
@@ -112,6 +112,7 @@ def make_pages(
     yield from (Page(key, places[key], "") for key in kept)
     todo = [key for key in places if key not in kept]
     for path in {places[key].parent for key in todo}:
+        refuse_link(path, run_dir)
         make_folder(path)
     systems = dict(zip(keys_of(episodes), episodes["system"], strict=True))
     payload = PagePayload(run_dir, dict(places), marks, systems, trust.is_trusted(run_dir))

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import base64
 import hashlib
-import html
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from lme.errors import InputError
 from lme.policies.lme.reasons import reason
+from runners.config.escaping import html_text
 from runners.explainer.encode import encode, title
 from runners.records.whole_file import write_atomically
 from runners.workers.trace import Trace
@@ -71,7 +71,7 @@ def page(trace: Trace, reasons: Sequence[str], system: str = "", play: str = "")
     scripts = "\n".join(asset(name) for name in SCRIPTS)
     script = f'/*\n{asset(LICENCE)}*/\n{asset(LIBRARY)}\n(() => {{\n"use strict";\n{scripts}\n}})();'
     parts = {
-        "TITLE": html.escape(title(trace)),
+        "TITLE": html_text(title(trace)),
         "POLICY": content_security_policy(style, script),
         "STYLE": style,
         "DATA": encode(trace, reasons, system, play),
@@ -90,7 +90,7 @@ def document_parts(title: str, styles: Sequence[str], scripts: Sequence[str]) ->
     style = "\n".join(map(asset, styles))
     script = '(() => {{\n"use strict";\n{}\n}})();'.format("\n".join(map(asset, scripts)))
     policy = content_security_policy(style, script)
-    head = fill("head.html", {"POLICY": policy, "TITLE": html.escape(title), "STYLE": style})
+    head = fill("head.html", {"POLICY": policy, "TITLE": html_text(title), "STYLE": style})
     return {"HEAD": head, "SCRIPT": script}
 
 

@@ -15,6 +15,18 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
+# What the files of a run that somebody has changed can raise: a part is missing, or is of another type.
+NOT_AS_WRITTEN = (
+    ValueError,
+    TypeError,
+    KeyError,
+    IndexError,
+    AttributeError,
+    ArithmeticError,
+    RecursionError,
+)
+
+
 class Collected(NamedTuple):
     """frames: records by run directory. problems: a line for each run that was left out."""
 
@@ -54,3 +66,10 @@ def _add(run_dir: Path, found: Collected) -> None:
             found.frames[run_dir] = read_episodes([run_dir])
     except (InputError, OSError) as error:
         found.problems.append(str(error))
+    except NOT_AS_WRITTEN as error:
+        found.problems.append(not_as_written(run_dir, error))
+
+
+def not_as_written(run_dir: Path, error: Exception) -> str:
+    """What is said of a run whose files hold what lme does not write."""
+    return f"{run_dir}: cannot be read ({type(error).__name__}: {str(error).partition(chr(10))[0]:.200})"

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
 from lme.errors import InputError, nearest
+from runners.config.escaping import csv_value, json_text
 from runners.records.records import episode_tables
 
 if TYPE_CHECKING:
@@ -67,12 +68,15 @@ def select(tables: Iterable[pa.Table], columns: Sequence[str]) -> Iterator[pa.Ta
 
 
 def write_csv(tables: Iterable[pa.Table], file: IO[str]) -> int:
-    """Write a header and the rows; return their number. Floats are exact. Missing values and NaN are empty."""
+    """Write a header and the rows; return their number. Floats are exact. Missing values and NaN are empty.
+
+    Text that a spreadsheet would take for a formula begins with an apostrophe.
+    """
     writer = csv.writer(file, lineterminator="\n")
     count = 0
     for number, table in enumerate(tables):
         if number == 0:
-            writer.writerow(table.column_names)
+            writer.writerow(map(csv_value, table.column_names))
         writer.writerows(_rows(table, _csv_value))  # csv writes floats as repr() does
         count += table.num_rows
     return count
@@ -84,7 +88,7 @@ def write_jsonl(tables: Iterable[pa.Table], file: IO[str]) -> int:
     for table in tables:
         for row in _rows(table, _json_value):
             named = dict(zip(table.column_names, row, strict=True))
-            file.write(json.dumps(named, ensure_ascii=False) + "\n")
+            file.write(json_text(json.dumps(named, ensure_ascii=False)) + "\n")
         count += table.num_rows
     return count
 
@@ -131,7 +135,7 @@ def _rows(table: pa.Table, value: Callable[[Any], Any]) -> Iterator[list[Any]]:
 
 
 def _csv_value(value: Any) -> Any:
-    return None if isinstance(value, float) and math.isnan(value) else value
+    return None if isinstance(value, float) and math.isnan(value) else csv_value(value)
 
 
 def _json_value(value: Any) -> Any:

@@ -257,7 +257,11 @@ def _natural_order(path: Path) -> tuple[bool, int, str]:
 
 
 def log_of(run_dir: Path) -> contextlib.AbstractContextManager[AppendLog]:
-    """The append log of a run, finished or not. Raises InputError if there is no run."""
+    """The append log of a run, finished or not. Raises InputError if there is no run, or none that Arrow can open."""
+    try:
+        str(run_dir).encode()
+    except UnicodeEncodeError:
+        raise InputError(f"{run_dir}: the name is not UTF-8: rename the folder") from None
     if not has_records(run_dir):
         raise InputError(f"{run_dir} has no records: expected {EPISODES} or {APPEND_LOG}")
     return read_log(run_dir / APPEND_LOG)

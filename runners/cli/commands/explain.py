@@ -91,9 +91,8 @@ def _recording(path: Path, words: Sequence[str], output: Path | None, text: bool
 
 
 def _one_run(path: Path) -> Path:
-    """The run directory. Raises InputError for a directory that holds several; prints them."""
+    """The run directory. Raises InputError for one that holds several; prints them and the commands that drove them."""
     from lme.errors import InputError
-    from runners.config.quoting import lme_command
     from runners.records.launch_record import read_launch
     from runners.records.records import find_runs
 
@@ -102,9 +101,7 @@ def _one_run(path: Path) -> Path:
         return path
     for run in runs:
         launch = read_launch(run)
-        print(lme_command("explain", run))
-        if launch is not None:
-            print(f"  driven by: {launch.command_line}")
+        print(run if launch is None else f"{run}  {launch.command_line}")
     raise InputError(f"{path} holds {len(runs)} runs: give one of them")
 
 

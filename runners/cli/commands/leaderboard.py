@@ -26,13 +26,14 @@ def main(argv: list[str]) -> int:
 
     arguments = _parser().parse_args(argv)
     frames, problems = collect(arguments.folders)
+    board = entries(frames, problems)
     for problem in problems:
         warnings.warn(f"left out: {problem}", stacklevel=2)
-    if not frames:
+    if not board:
         raise InputError(f"no run in {', '.join(map(str, arguments.folders))} can be read: see above")
     page = output_path(arguments.into, "--into") if arguments.into else arguments.folders[0] / NAME
-    write_leaderboard(entries(frames), problems, page)
-    print(f"Leaderboard of {counted(len(frames), 'run')}: {page}")
+    write_leaderboard(board, problems, page)
+    print(f"Leaderboard of {counted(len(board), 'run')}: {page}")
     return 0
 
 

@@ -16,6 +16,7 @@ from lme.robots import Robot
 from lme.types import Floats
 from lme.worlds.world import Task
 from runners.config.catalogue import Catalogue, shipped
+from runners.config.escaping import plot_text
 from runners.config.map_sets import GRAMMAR, Chosen, choose, known_path
 from runners.figures.parts.driven_runs import DrivenRun
 from runners.figures.parts.extent import describe_set, extent, metres, mover_outline
@@ -235,8 +236,10 @@ def _head(figure: Figure, panel: MapPanel, top_middle: tuple[float, float]) -> N
     page, height = figure.get_size_inches()
     x, top = top_middle
     look: dict[str, Any] = {"ha": "center", "va": "top", "color": INK, "linespacing": 1.1}
-    figure.text(x / page, (top - 0.05) / height, panel.name, fontsize=8.5, fontweight="bold", **look)
-    figure.text(x / page, (top - 0.195) / height, panel.detail, fontsize=7, **look)
+    figure.text(
+        x / page, (top - 0.05) / height, plot_text(panel.name), fontsize=8.5, fontweight="bold", **look
+    )
+    figure.text(x / page, (top - 0.195) / height, plot_text(panel.detail), fontsize=7, **look)
 
 
 def _keys(panels: Sequence[MapPanel]) -> list[Line2D]:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from lme.errors import InputError, require
+from runners.config.escaping import plot_text
 from runners.figures.parts.driven_runs import DrivenRun, runs_of
 from runners.figures.parts.layout import Around, aspect_of, best_columns, lay_out, wrapped
 from runners.figures.parts.panels import (
@@ -179,11 +180,11 @@ def _draw_page(rows: Sequence[Sequence[Panel]], look: Look, width_in: float) -> 
     for row, row_axes in zip(rows, all_axes, strict=True):
         scale_bar(row_axes[0], boxes[row[0].place], SCALE, scale_drop_pt(panels, look, page.panel))
         if not _is_wrapped(rows):
-            row_axes[0].set_ylabel(row[0].place.name, fontsize=8, color=INK, labelpad=4)
+            row_axes[0].set_ylabel(plot_text(row[0].place.name), fontsize=8, color=INK, labelpad=4)
         for panel, axes in zip(row, row_axes, strict=True):
             draw_panel(axes, panel, look, boxes[panel.place])
             if row is rows[0] or not _is_repeated(rows):
-                axes.set_title(page.titles[panel.title], fontsize=8.5, color=INK, pad=3)
+                axes.set_title(plot_text(page.titles[panel.title]), fontsize=8.5, color=INK, pad=3)
     figure.legend(handles=keys, loc="lower center", ncols=_key_columns(keys, page.width), **KEYS)
     return figure
 
@@ -246,7 +247,7 @@ def _keys(panels: Sequence[Panel], look: Look) -> list[Line2D]:
     found = {str(outcome) for run, place in shown for outcome in episodes_of(run, place)["outcome"]}
     outcomes = [kind for kind in LEGEND_ORDER if kind in found]
     systems = [
-        Line2D([], [], color=style.colour, linestyle=style.line, label=label)
+        Line2D([], [], color=style.colour, linestyle=style.line, label=plot_text(label))
         for label, style in look.systems.items()
     ]
     keys = [*systems, *legend_keys(outcomes, by_system=bool(look.systems))]

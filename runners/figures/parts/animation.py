@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from lme.types import Floats, Outcome
+from runners.config.escaping import plot_text
 from runners.config.schema import DriveConfig
 from runners.figures.parts.film import Picture, write_film
 from runners.figures.parts.layout import Around, aspect_of, best_columns, lay_out, panel_width, wrapped
@@ -126,7 +127,7 @@ class _Panel:
             "textcoords": "offset points",
         }
         above: dict[str, Any] = {"xy": (0.5, 1.0), "xycoords": "axes fraction", "annotation_clip": False}
-        axes.annotate(label, xytext=(0, 3 + 72 * LINE_IN), weight="bold", **above, **text)
+        axes.annotate(plot_text(label), xytext=(0, 3 + 72 * LINE_IN), weight="bold", **above, **text)
         self._clock = axes.annotate("", xytext=(0, 4), **above, **text)
         (self._trail,) = axes.plot([], [], color=BLUE, linewidth=1.2, zorder=3)
         self._stage = Stage(axes, trace, candidates=candidates)

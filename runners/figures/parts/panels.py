@@ -11,6 +11,7 @@ import numpy as np
 from lme.errors import InputError
 from lme.types import Floats, Outcome
 from lme.worlds.world import Task
+from runners.config.escaping import plot_text
 from runners.figures.parts.driven_runs import DrivenRun
 from runners.figures.parts.places import DrivenPlace
 from runners.figures.parts.scene import Box, draw_paths, draw_task, write
@@ -88,7 +89,7 @@ def draw_ends(axes: Axes, runs: Sequence[DrivenRun], place: DrivenPlace, look: L
         style = look.systems.get(run.label)
         text = _outcome_text(episodes_of(run, place), steps_of(run, place))
         axes.annotate(
-            text if style is None else f"{run.label}: {text}",
+            text if style is None else plot_text(f"{run.label}: {text}"),
             (1.0, 0.0),
             (0.0, -FIRST_PT - LINE_PT * line),
             xycoords="axes fraction",

@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from runners.config.escaping import plot_text
 from runners.records.whole_file import output_file, replacing
 
 if TYPE_CHECKING:
@@ -96,4 +97,4 @@ def symbol(name: str) -> str:
     """A name in math text as in the paper: "a_close" and "d1" get a subscript; other names stay as they are."""
     letter, index = name[:1], name[1:].removeprefix("_")
     is_symbol = letter in "acd" and index.isalnum() and (name[1:2] == "_" or index.isdigit())
-    return rf"${letter}_{{\mathrm{{{index}}}}}$" if is_symbol else name.replace("$", r"\$")
+    return rf"${letter}_{{\mathrm{{{index}}}}}$" if is_symbol else plot_text(name)

@@ -11,6 +11,7 @@ from runners.analysis.ablation import COMPLETE, NAME, AblationStudy, Variant
 from runners.analysis.paired import SUCCESS, Difference, signed
 from runners.analysis.summary import INTERVAL_HEADER, INTERVAL_NOTE
 from runners.config.ablations import SEVERAL
+from runners.config.escaping import plot_text
 from runners.figures.parts.style import GRID, INK, STYLES, new_figure, save, symbol
 from runners.figures.reports.comparison import HATCHES, OUTCOMES
 
@@ -41,7 +42,7 @@ def ablation_figure(studies: Sequence[AblationStudy], place: Path) -> list[Path]
         above, below = panels[2 * number : 2 * number + 2]
         _outcomes(above, study.variants)
         _changes(below, study.variants)
-        above.set_title(f"{study.heading} · {study.place}", fontsize=9, color=INK, loc="left")
+        above.set_title(plot_text(f"{study.heading} · {study.place}"), fontsize=9, color=INK, loc="left")
     figure.legend(
         handles=_keys(), loc="outside upper right", ncols=3, frameon=False, fontsize=8, labelcolor=INK
     )

@@ -16,6 +16,7 @@ from runners.analysis import paired
 from runners.analysis.compare_report import NAME
 from runners.analysis.compare_runs import MEASURES, Compared, RunComparison
 from runners.analysis.paired import METRIC, TIE
+from runners.config.escaping import plot_text
 from runners.figures.parts.robot_view import halo
 from runners.figures.parts.style import FRAME, GREEN, GRID, INK, VERMILION, new_figure, save
 
@@ -62,7 +63,7 @@ def _pair(study: RunComparison, other: Compared) -> Figure:
     _bars(right, gain[gain.abs() > TIE])
     right.set_ylabel(f"difference in {header}", fontsize=8.5, color=INK)
     same = len(worlds) - len(other.better) - len(other.worse)
-    figure.suptitle(study.place, fontsize=10.5, color=INK, x=0.01, ha="left")
+    figure.suptitle(plot_text(study.place), fontsize=10.5, color=INK, x=0.01, ha="left")
     note = (
         f"{other.name} against {study.reference}, means of the runs in each world: better in {len(other.better)} "
         f"worlds, worse in {len(other.worse)}, the same in {same}."
@@ -149,7 +150,7 @@ def _heat_map(study: RunComparison) -> Figure:
     bar.set_label(MEASURES[study.measure].header, fontsize=7.5, color=INK)
     bar.ax.tick_params(labelsize=7, colors=INK)
     bar.outline.set_visible(False)
-    figure.suptitle(study.place, fontsize=10.5, color=INK, x=0.01, ha="left")
+    figure.suptitle(plot_text(study.place), fontsize=10.5, color=INK, x=0.01, ha="left")
     figure.supxlabel(note, fontsize=7, color=INK, x=0.01, ha="left")
     return figure
 
@@ -185,7 +186,7 @@ def _note(study: RunComparison, differing: int, same: int) -> str:
 
 
 def _wrapped(text: str, letters: int = LABEL) -> str:
-    return "\n".join(textwrap.wrap(text, letters)) or text
+    return plot_text("\n".join(textwrap.wrap(text, letters)) or text)
 
 
 def _letters(width_in: float) -> int:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from runners.analysis import published
 from runners.analysis.summary import DASH, INTERVAL_HEADER, INTERVAL_NOTE, Row, usual
 from runners.analysis.table_notes import title
+from runners.config.escaping import plot_text
 from runners.figures.parts.style import GRID, INK, SKY, STYLES, new_figure, save
 
 if TYPE_CHECKING:
@@ -140,8 +141,8 @@ def _label(figure: Figure, axes: Axes, rows: Sequence[Row], of: int, heading: st
     heading = " · ".join(
         [heading, *(f"{key} {value}" for key, value in shared.items() if value not in usual(key))]
     )
-    figure.suptitle(heading, fontsize=10.5, color=INK, x=0.01, ha="left")
-    figure.supxlabel("\n".join(_notes(rows, of)), fontsize=7, color=INK, x=0.01, ha="left")
+    figure.suptitle(plot_text(heading), fontsize=10.5, color=INK, x=0.01, ha="left")
+    figure.supxlabel(plot_text("\n".join(_notes(rows, of))), fontsize=7, color=INK, x=0.01, ha="left")
 
 
 def _notes(rows: Sequence[Row], of: int) -> list[str]:
@@ -169,7 +170,7 @@ def _name(row: Row, shared: Container[str]) -> str:
     """The name of a row with its keys, without those that all share and without usual values."""
     keys = {key: value for key, value in row.keys.items() if key not in shared and value not in usual(key)}
     parts = [row.name, *(f"{key} {value}" for key, value in keys.items())]
-    return f" {DASH} ".join(parts) + ("" if row.global_planner == "no" else " *")
+    return plot_text(f" {DASH} ".join(parts)) + ("" if row.global_planner == "no" else " *")
 
 
 def _height(row: Row) -> float:

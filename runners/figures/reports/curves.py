@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from runners.analysis.curves import NAME, Curve, CurveStudy
 from runners.analysis.paired import METRIC, SUCCESS
+from runners.config.escaping import plot_text
 from runners.figures.parts.style import (
     BLUE,
     GREEN,
@@ -60,7 +61,7 @@ def curves_figure(studies: Sequence[CurveStudy], place: Path) -> list[Path]:
                 axes.set_visible(False)
     handles = [_look(number, label) for number, label in enumerate(labels)]
     figure.legend(handles=handles, loc="outside upper left", ncols=3, frameon=False, fontsize=8)
-    figure.supxlabel(f"{studies[0].place}\n{NOTE}", fontsize=7, color=INK, x=0.01, ha="left")
+    figure.supxlabel(f"{plot_text(studies[0].place)}\n{NOTE}", fontsize=7, color=INK, x=0.01, ha="left")
     return save(figure, place / NAME, ("png", "pdf"))
 
 
@@ -72,7 +73,7 @@ def _panel(axes: Axes, study: CurveStudy, measure: str, labels: Sequence[str], f
     axes.set_xticks(study.values, [f"{value:g}" for value in study.values])
     axes.margins(x=0.05)
     axes.autoscale_view()
-    axes.set_xlabel(study.key, fontsize=8, color=INK)
+    axes.set_xlabel(plot_text(study.key), fontsize=8, color=INK)
     if first:
         axes.set_ylabel(name, fontsize=8, color=INK)
     axes.spines[["top", "right"]].set_visible(False)
@@ -97,4 +98,4 @@ def _look(number: int, label: str) -> Line2D:
 
     colour, line, marker = LOOKS[number % len(LOOKS)]
     look: dict[str, Any] = {"color": colour, "linestyle": line, "marker": marker}
-    return Line2D([], [], markersize=4, linewidth=1.3, label=label, **look)
+    return Line2D([], [], markersize=4, linewidth=1.3, label=plot_text(label), **look)

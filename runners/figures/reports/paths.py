@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from lme.worlds.world import MapSet, Task
+from runners.config.escaping import plot_text
 from runners.config.quoting import lme_command, override
 from runners.figures.parts.layout import Around, aspect_of, best_columns, lay_out, panel_width, wrapped
 from runners.figures.parts.scene import (
@@ -239,7 +240,7 @@ def _label(figure: Figure, frame: pd.DataFrame, shown: int, box: Box) -> None:
     summary = f"{len(frame)} episodes: {outcomes}{sample} · panel width {box.x1 - box.x0:.1f} m"
     for text, from_top_in, size in ((" · ".join(_names(frame)), 0.18, 11), (summary, 0.39, 8.5)):
         y = 1 - from_top_in / figure.get_figheight()
-        figure.text(0.5, y, text, ha="center", va="center", fontsize=size, color=INK)
+        figure.text(0.5, y, plot_text(text), ha="center", va="center", fontsize=size, color=INK)
     keys = legend_keys()
     figure.legend(
         handles=keys, loc="lower center", ncols=len(keys), frameon=False, fontsize=8.5, labelcolor=INK

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from runners.analysis.paired import METRIC, SUCCESS
 from runners.analysis.sensitivity import NAME, ParameterCurve, Point, SensitivityStudy, factors, scored
+from runners.config.escaping import plot_text
 from runners.figures.parts.style import BLUE, FRAME, GRID, INK, VERMILION, new_figure, save, symbol
 
 if TYPE_CHECKING:
@@ -44,7 +45,7 @@ def sensitivity_figure(studies: Sequence[SensitivityStudy], place: Path) -> list
             _panel(axes, curve, places)
         for axes in list(panels.base.flat)[len(study.curves) :]:
             axes.set_visible(False)
-        part.suptitle(f"{study.heading} · {study.place}", fontsize=9, color=INK, x=0.01, ha="left")
+        part.suptitle(plot_text(f"{study.heading} · {study.place}"), fontsize=9, color=INK, x=0.01, ha="left")
     more = f" {len(studies) - STUDIES} more in {NAME}.md." if len(studies) > STUDIES else ""
     figure.legend(
         handles=_keys(scored(studies)),
@@ -76,7 +77,7 @@ def _panel(axes: Axes, curve: ParameterCurve, places: dict[float, float]) -> Non
             axes.plot(x, y, look["marker"], color=look["color"], markerfacecolor=face, markersize=4, zorder=4)
     axes.axhline(curve.unchanged.success, color=INK, linewidth=0.7, linestyle=(0, (4, 3)), zorder=2)
     axes.axvline(places[1.0], color=INK, linewidth=0.7, linestyle=":", zorder=1)
-    value = f" = {curve.value}" if curve.value else ""
+    value = plot_text(f" = {curve.value}") if curve.value else ""
     axes.set_title(f"{symbol(curve.parameter)}{value}", fontsize=8.5, color=INK, pad=3)
     _plain(axes, places)
 

@@ -323,6 +323,19 @@ def test_a_run_without_failures_says_so(driven):
         pages.select_episodes(episodes[episodes["outcome"] == "success"], ["failures"])
 
 
+def test_a_folder_of_pages_that_leads_elsewhere_is_not_followed(run, tmp_path, capsys):
+    run_dir, elsewhere = tmp_path / "copy", tmp_path / "elsewhere"
+    shutil.copytree(run, run_dir)
+    shutil.rmtree(run_dir / "explain", ignore_errors=True)
+    elsewhere.mkdir()
+    (run_dir / "explain").symlink_to(elsewhere)
+    assert main(["explain", str(run_dir), "207"]) == 2
+    assert "is a link to" in capsys.readouterr().err
+    assert not list(elsewhere.iterdir())
+    with pytest.raises(InputError, match="is a link to"):
+        pages.index(run_dir)
+
+
 def test_a_directory_of_several_runs_names_them(driven, capsys):
     shutil.copytree(driven, driven.parent / "sweep" / "0")
     shutil.copytree(driven, driven.parent / "sweep" / "1")

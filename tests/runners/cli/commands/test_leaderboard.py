@@ -1,6 +1,8 @@
 """`lme leaderboard` collects what lies in outputs, and says what it left out."""
 
+import json
 import os
+import shutil
 
 import pytest
 
@@ -32,6 +34,24 @@ def test_a_run_that_cannot_be_read_is_reported_here_and_on_the_page(here, capsys
         assert main(["leaderboard", "outputs", "--into", "board.html"]) == 0
     assert capsys.readouterr().out == "Leaderboard of 1 run: board.html\n"
     assert "<h2>Left out</h2>" in (here / "board.html").read_text(encoding="utf-8")
+
+
+def test_one_run_that_somebody_has_changed_does_not_stop_the_others(here, capsys):
+    runs = here / "outputs" / "eval"
+    strange = runs / os.fsdecode(b"caf\xe9\x1b[31m")
+    shutil.copytree(runs / "one", strange)
+    (runs / "one" / os.fsdecode(b"\xff.png")).write_bytes(b"")
+    launch = json.loads((runs / "two" / "launch.json").read_text())
+    (runs / "two" / "launch.json").write_text(json.dumps({**launch, "configs": [{"map": 5, "runs": "<b>"}]}))
+    with pytest.warns(UserWarning, match="left out"):
+        assert main(["leaderboard"]) == 0
+    text = (here / "outputs" / "leaderboard.html").read_text(encoding="utf-8")
+    assert "outputs/eval/one" in text
+    assert "%FF.png" in text
+    left_out = text.partition("<h2>Left out</h2>")[2]
+    assert r"caf\udce9\x1b[31m: the name is not UTF-8" in left_out
+    assert "eval/two: cannot be read" in left_out
+    assert "\x1b" not in text + "".join(capsys.readouterr())
 
 
 def test_an_error_of_leaderboard_is_one_line(here, capsys):

@@ -1,0 +1,42 @@
+"""What commands print shows control codes instead of sending them to the terminal: a run may be somebody else's."""
+
+from __future__ import annotations
+
+import contextlib
+import sys
+from collections.abc import Iterator
+from typing import Any, TextIO
+
+from runners.config.escaping import visible
+
+_KEPT = "\n\t"
+
+
+@contextlib.contextmanager
+def plain_output() -> Iterator[None]:
+    """Show control codes in what is printed on standard output and standard error meanwhile."""
+    before = sys.stdout, sys.stderr
+    sys.stdout, sys.stderr = (_Plain(stream) if stream is not None else stream for stream in before)  # type: ignore[assignment]
+    try:
+        yield
+    finally:
+        sys.stdout, sys.stderr = before
+
+
+class _Plain:
+    """A text stream. Rich, which colours what it prints and is given clean text, writes to the stream behind it."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+        self.rich_proxied_file = stream
+
+    def write(self, text: str) -> int:
+        self._stream.write(visible(text, _KEPT))
+        return len(text)
+
+    def writelines(self, lines: Any) -> None:
+        for line in lines:
+            self.write(line)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
