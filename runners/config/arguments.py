@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from lme.errors import InputError
+from runners.config.lookalikes import check_words
 
 INFO = ("all", "config", "defaults", "defaults-tree", "plugins", "searchpath")
 CFG = ("job", "hydra", "all")
@@ -34,8 +35,9 @@ class Arguments:
 
 
 def parse(argv: Sequence[str]) -> Arguments:
-    """Parse a command line. Raises InputError for an unknown flag."""
+    """Parse a command line. Raises InputError for an unknown flag, and for a slip in an override."""
     given = Arguments(**vars(_parser().parse_intermixed_args(list(argv))))
+    check_words(given.overrides)
     if given.config_dir is not None:
         check_config_dir(given.config_dir)
         given.config_dir = given.config_dir.resolve()
