@@ -19,6 +19,7 @@ from lme import numba_cache
 from lme.errors import InputError
 from lme.requirements import DISTRIBUTION, install
 from runners.config import extras
+from runners.config.urls import masked
 from runners.records.whole_file import obstacle
 from runners.tracking.store import DEFAULT_URI, check_uri, sqlite_path
 from runners.workers import kernels
@@ -144,7 +145,7 @@ def _mlflow() -> Line:
 
 def _without_password(uri: str) -> str:
     """A server's address, without the name and password before its @."""
-    return re.sub(r"//.*@", "//", uri)
+    return masked(re.sub(r"//.*@", "//", uri))
 
 
 def _is_writable(folder: Path) -> bool:

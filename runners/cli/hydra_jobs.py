@@ -24,6 +24,8 @@ from runners.cli.submitted import Submitted
 from runners.config import worlds
 from runners.config.command_line import Plan
 from runners.config.composer import Composer
+from runners.config.urls import masked_text
+from runners.tracking.mlflow import sweep_closed
 
 
 def run(composer: Composer, plan: Plan, name: str, directory: Path, task: Callable[[DictConfig], int]) -> int:
@@ -38,6 +40,7 @@ def run(composer: Composer, plan: Plan, name: str, directory: Path, task: Callab
     _set(config, {"job.name": name, "run.dir": str(directory), "mode": RunMode.RUN})
     callbacks = Callbacks(config)
     callbacks.on_run_start(config=config, config_name=composer.config_name)
+    callbacks.callbacks.append(_Masked())
     context = HydraContext(config_loader=composer.loader, callbacks=callbacks)
     result = run_job(
         hydra_context=context,
@@ -61,7 +64,7 @@ def _sweep(
     callbacks.on_multirun_start(config=config, config_name=composer.config_name)
     loader = _Planned(composer, plan, own)
     plan.configs.clear()
-    callbacks.callbacks.append(loader)
+    callbacks.callbacks += [loader, _Masked()]
     sweeper = Plugins.instance().instantiate_sweeper(
         config=config,
         hydra_context=HydraContext(config_loader=loader, callbacks=callbacks),
@@ -69,12 +72,24 @@ def _sweep(
     )
     submitted = Submitted.of(config, name)
     submitted.announce(plan.num_jobs)
-    with submitted.explain_errors():
+    with submitted.explain_errors(), sweep_closed(directory, goes_on=bool(submitted.folder)):
         batches = sweeper.sweep(arguments=list(config.hydra.overrides.task))
     callbacks.on_multirun_end(config=config, config_name=composer.config_name)
     jobs = [job for batch in batches or () for job in batch]
     submitted.report_failures(jobs)
     return max((int(job.return_value) for job in jobs), default=0)
+
+
+class _Masked(Callback):
+    """Takes the passwords of URLs out of the files that Hydra has written about a job."""
+
+    def on_job_start(self, config: DictConfig, **kwargs: Any) -> None:
+        """Hydra has written its files just before."""
+        folder = Path(config.hydra.runtime.output_dir) / str(config.hydra.output_subdir)
+        for file in folder.glob("*.yaml"):
+            text = file.read_text(encoding="utf-8")
+            if masked_text(text) != text:
+                file.write_text(masked_text(text), encoding="utf-8")
 
 
 class _Planned(ConfigLoaderImpl, Callback):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import sys
 from collections.abc import Callable, Mapping, Sequence
@@ -16,7 +17,7 @@ from omegaconf.errors import OmegaConfBaseException
 from lme.errors import InputError
 from lme.user_code import explained, show_traceback
 from runners.cli import hydra_jobs, show
-from runners.cli.interrupts import status_of
+from runners.cli.interrupts import status_of, terminable
 from runners.cli.os_errors import explain_os_error
 from runners.cli.submitted import LauncherError
 from runners.config import arguments, catalogue, command_line, former, schema
@@ -25,6 +26,7 @@ from runners.config.composer import Composer, without_hydra
 from runners.config.hydra_errors import translate_error
 from runners.config.job import Job
 from runners.config.quoting import resume_command, unquoted
+from runners.config.urls import masked_text
 from runners.records import inputs, launch_record, run_directories, trust
 from runners.workers import server
 from runners.workers.environment import search_working_folder_last
@@ -189,6 +191,7 @@ def _directory(
     """The launch record, and the directory to write to. Makes both, unless a run is resumed."""
     words = [word for word in plan.overrides if _key(word) not in (*_DIRECTORY_KEYS, "resume")]
     record = launch_record.launch_of(command.name, jobs, words, plan.multirun, given.config_name)
+    record.num_jobs = plan.num_jobs if plan.multirun else None
     asked = _requested_directory(plan.first, plan.multirun)
     fresh = resumed is None and OmegaConf.select(plan.first, "resume") is not True
     if not (fresh or resumed) and asked is not None and not run_directories.holds_run(asked):
@@ -279,14 +282,17 @@ class _Task:
         search_working_folder_last()  # for a launcher's process, which may not know the path of this one
         schema.register()
         try:
-            with trust.trusting(self.directory):
+            # A launcher's process would die of SIGTERM, and leave the tracked run open.
+            ending = contextlib.nullcontext() if os.getpid() == self.process else terminable()
+            with ending, trust.trusting(self.directory):
                 self.command.run(self._job(config))
         except (Exception, SystemExit) as error:  # a user's own class may raise anything
             status = _status(error)
             own = explained(error) if status is None else ""
             if status is None and not own:
                 raise
-            print(f"lme {self.command.name}: {own or explain_os_error(error) or error}", file=sys.stderr)
+            said = own or explain_os_error(error) or masked_text(str(error))
+            print(f"lme {self.command.name}: {said}", file=sys.stderr)
             show_traceback(error)
             if status is None or isinstance(error, EpisodeError) or os.getpid() != self.process:
                 return status or _FAILED

@@ -31,6 +31,7 @@ from runners.cli.interrupts import status_of, terminable
 from runners.cli.missing_packages import explain_missing
 from runners.cli.os_errors import explain_os_error
 from runners.cli.plain_output import plain_output
+from runners.config.urls import masked_text
 from runners.records import trust
 from runners.workers.environment import SAFE_PATH, environment, search_working_folder_last
 
@@ -43,6 +44,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _main(argv: Sequence[str] | None) -> int:
     _collect_rarely()
+    lost = open_streams()
     words = list(sys.argv[1:] if argv is None else argv)
     name = words[0] if words else "--help"
     known = command_files()
@@ -51,9 +53,12 @@ def _main(argv: Sequence[str] | None) -> int:
         with plain_warnings(), terminable(), environment(SAFE_PATH), _trusting(words):
             status = _run(name, [word for word in words[1:] if word != trust.FLAG], known)
             sys.stdout.flush()
-            return status
+            if lost:
+                print(f"lme {name}: standard output is closed, so nothing could be shown", file=sys.stderr)
+            return status or int(lost)
     except InputError as error:
-        print(f"lme {name}: {error}" if name in known else f"lme: {error}", file=sys.stderr)
+        said = masked_text(str(error))
+        print(f"lme {name}: {said}" if name in known else f"lme: {said}", file=sys.stderr)
         show_traceback(error)
         return 2
     except KeyboardInterrupt as interrupt:
@@ -84,6 +89,33 @@ def _explain(error: BaseException, command: str) -> str:
     if isinstance(error, ModuleNotFoundError):
         return explain_missing(error, command)
     return explain_os_error(error) if isinstance(error, OSError) else ""
+
+
+def open_streams() -> bool:
+    """Make the three standard streams usable; returns whether what is printed is lost, as after `lme … >&-`.
+
+    A closed stream leads to the null device: otherwise the next file to be opened would get its number, and what is
+    printed would be written into that file. A character that the terminal's encoding lacks becomes a question mark.
+    """
+    lost = sys.stdout is None
+    for number, name in enumerate(("stdin", "stdout", "stderr")):
+        if getattr(sys, name) is None:
+            null = os.open(os.devnull, os.O_RDWR)
+            if null != number and not _is_open(number):
+                os.dup2(null, number)
+            setattr(sys, name, open(null, "w" if number else "r", encoding="utf-8", closefd=False))  # noqa: SIM115
+    for stream in (sys.stdout, sys.stderr):
+        if getattr(stream, "errors", "") in ("strict", "surrogateescape") and hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="replace")
+    return lost
+
+
+def _is_open(number: int) -> bool:
+    try:
+        os.fstat(number)
+    except OSError:
+        return False
+    return True
 
 
 def _collect_rarely() -> None:
@@ -146,7 +178,7 @@ def plain_warnings() -> Iterator[None]:
     ) -> str:
         if category is not UserWarning:
             return before(message, category, filename, lineno, line)
-        text = f"lme: warning: {message}\n"
+        text = f"lme: warning: {masked_text(str(message))}\n"
         is_new = text not in shown
         shown.add(text)
         return text if is_new else ""

@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 import errno
+from pathlib import Path
 
-from runners.records.whole_file import DISK_FULL
+from runners.records.whole_file import what_is_full
 
 _FORBIDDEN = (errno.EROFS, errno.EACCES, errno.EPERM)
 
 
 def explain_os_error(error: BaseException) -> str:
-    """What to say of a full disk, and of a place that may not be used; empty for any other error."""
+    """What to say of a full disk, of a deleted folder, and of a place that may not be used; else empty."""
     if not isinstance(error, OSError):
         return ""
-    if error.errno in DISK_FULL:
-        place = f" while writing {error.filename}" if error.filename else ""
-        return f"disk full{place}: finished work is kept; free some space and add resume=true"
+    full = what_is_full(error, error.filename or "a file")
+    if full:
+        return f"{full}: finished work is kept; free some space and add resume=true"
+    if error.errno == errno.ENOENT and error.filename and not Path(str(error.filename)).parent.exists():
+        return f"{error.filename}: its folder is gone: it was deleted while lme was using it; start again"
     if error.errno in _FORBIDDEN and error.filename:
         return (
             f"{error.filename}: cannot be used ({error.strerror}): finished work is kept; use another folder"

@@ -16,6 +16,7 @@ from lme.resources import resource_dir
 from runners.config.arguments import Arguments
 from runners.config.composer import without_hydra
 from runners.config.hydra_errors import full_key, translate_error
+from runners.config.urls import masked_text
 
 
 def config(composed: DictConfig, what: str, package: str | None, resolve: bool) -> None:
@@ -39,11 +40,13 @@ def config(composed: DictConfig, what: str, package: str | None, resolve: bool) 
             raise InputError(f"--package {package}: the config has no such key")
         print(f"# @package {package}")
     if not OmegaConf.is_config(part):
-        print(part)
+        print(masked_text(str(part)))
     elif resolve:
-        print(yaml.safe_dump(_resolved(part, whole), sort_keys=False, allow_unicode=True), end="")
+        print(
+            masked_text(yaml.safe_dump(_resolved(part, whole), sort_keys=False, allow_unicode=True)), end=""
+        )
     else:
-        print(OmegaConf.to_yaml(part), end="")
+        print(masked_text(OmegaConf.to_yaml(part)), end="")
 
 
 def _resolved(part: DictConfig | ListConfig, root: DictConfig) -> Any:

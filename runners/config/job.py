@@ -15,6 +15,7 @@ from runners.config.catalogue import Catalogue
 from runners.config.changes import changed_keys, describe_changes
 from runners.config.hydra_errors import check_parts
 from runners.config.schema import SystemConfig
+from runners.config.urls import masked_text, masked_values
 
 C = TypeVar("C", bound=SystemConfig, covariant=True)
 
@@ -24,7 +25,8 @@ class Job(Generic[C]):
     """A run of a command.
 
     config: validated. choices: the option of every config group; several are joined by +. overrides: as given for
-    this job. changes: keys of the chosen options that have other values than the options' files, by dotted name.
+    this job. changes: keys of the chosen options that have other values than the options' files, by dotted name. Both
+    are without passwords.
     folders: of the configs, the shipped one first. run_dir: where the job writes. sweep_dir: of the sweep that the
     job is part of, if any. own_weights: the weight set of a guide that has criteria of its own.
     """
@@ -57,13 +59,15 @@ class Job(Generic[C]):
         """
         typed = cast(C, OmegaConf.to_object(config))  # first: its errors name the key
         check_parts(typed)
-        overrides = tuple(hydra.overrides.task)
+        overrides = tuple(map(masked_text, hydra.overrides.task))
         choices = chosen(hydra)
         return cls(
             config=typed,
             choices=choices,
             overrides=overrides,
-            changes=changed_keys(config, choices, catalogue),
+            changes={
+                key: masked_values(value) for key, value in changed_keys(config, choices, catalogue).items()
+            },
             folders=catalogue.folders,
             own_weights=own_weights(cast(dict[str, Any], OmegaConf.to_container(config.guide))),
         )

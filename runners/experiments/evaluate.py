@@ -21,7 +21,8 @@ from runners.records.episode_record import EpisodeKey, RunLabels
 from runners.records.launch_record import identity
 from runners.records.parquet import EPISODES
 from runners.records.records import RecordWriter, read_episodes
-from runners.tracking.mlflow import Tracking
+from runners.tracking.mlflow import Tracking, closed_by
+from runners.tracking.parameters import parameters
 from runners.workers import mcap_file, recorder
 from runners.workers.episodes import EpisodePayload, Recordings, initialise
 from runners.workers.progress import EpisodeProgress
@@ -89,16 +90,16 @@ def evaluate(job: Job[EvalConfig]) -> None:
     from runners.analysis.summary import metrics
     from runners.analysis.tables import print_table
 
-    tracking = start_tracking(job)
-    with resume_hint("eval", job.run_dir):
-        frame, rows, artifacts = run_and_report(job)
-    print_table(frame, rows)
-    if limits := build.describe_limits(job.config, frame):
-        print(limits)
-    print(f"Records, tables and pictures: {job.run_dir}")
-    for place in failures.folder(job.run_dir):
-        print(f"Why the robot went there: {place / failures.INDEX}")
-    tracking.finish(metrics(frame), artifacts)
+    with closed_by(start_tracking(job)) as tracking:
+        with resume_hint("eval", job.run_dir):
+            frame, rows, artifacts = run_and_report(job)
+        print_table(frame, rows)
+        if limits := build.describe_limits(job.config, frame):
+            print(limits)
+        print(f"Records, tables and pictures: {job.run_dir}")
+        for place in failures.folder(job.run_dir):
+            print(f"Why the robot went there: {place / failures.INDEX}")
+        tracking.finish(metrics(frame), artifacts)
 
 
 def start_tracking(job: Job[EvalConfig]) -> Tracking:
@@ -106,7 +107,8 @@ def start_tracking(job: Job[EvalConfig]) -> Tracking:
     labels = run_labels(job, build.map_set(job.config))
     tracking: Tracking = instantiate.build(job.config.tracking, "tracking")
     tags = {**asdict(labels), "changes": job.changes_text, "command": "eval"}
-    tracking.start({**asdict(job.config), "weights": job.weights}, job.run_dir, tags, job.sweep_dir)
+    config = {**asdict(job.config), "weights": job.weights}
+    tracking.start(parameters(config, labels), job.run_dir, tags, job.sweep_dir)
     return tracking
 
 

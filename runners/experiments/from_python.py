@@ -21,6 +21,7 @@ from runners.experiments.evaluate import drive, run_and_report, start_tracking, 
 from runners.experiments.labels import run_labels
 from runners.records import launch_record, run_directories, trust
 from runners.records.records import episode_tables
+from runners.tracking.mlflow import closed_by
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -165,8 +166,8 @@ def _evaluate_into(
     else:
         run_directories.make_fresh(record, run_dir)
     job = replace(job, run_dir=run_dir)
-    with trust.trusting(run_dir):  # whose config is the one just composed
-        tracking = start_tracking(job)
+    # The run's config is the one just composed.
+    with trust.trusting(run_dir), closed_by(start_tracking(job)) as tracking:
         frame, _, artifacts = run_and_report(job, progress)
         tracking.finish(metrics(frame), artifacts)
     return _records(run_dir)

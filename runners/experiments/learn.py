@@ -26,6 +26,8 @@ from runners.learning.learnable import check_learnable, learned_config, learned_
 from runners.records import network_file
 from runners.records.launch_record import fingerprint, identity
 from runners.records.run_directories import locked
+from runners.tracking.mlflow import closed_by
+from runners.tracking.parameters import parameters
 from runners.workers import lessons
 from runners.workers.lessons import Expert, LessonPayload
 from runners.workers.progress import LearnProgress
@@ -61,17 +63,19 @@ def learn(job: Job[LearnConfig]) -> None:
     """Learn until the learner is done, evaluate the best network, and write everything below the run directory."""
     config, run_dir = job.config, job.run_dir
     tracking = instantiate.build(config.tracking, "tracking")
-    tags = {**asdict(run_labels(job, build.map_set(config))), "changes": job.changes_text, "command": "learn"}
-    tracking.start(asdict(config), run_dir, tags, job.sweep_dir)
-    with resume_hint("learn", run_dir), locked(run_dir):
-        run = _run_learner(job)
-        files = [*_register(job, run, {}), _picture(run)]
-        network = {f"{learned_part(config)}.weights": str(run_dir / NETWORK)}
-        frame = evaluate_held_out(job, held_out_places(job), network, config.weights, "the network")
-        report_held_out(job, frame)
-        _register(job, run, _rates_by_map(frame))
-    pages = [page for place in frame["run_dir"].unique() for page in failures.folder(Path(place))]
-    tracking.finish(_numbers(frame, run.rows[-1]), [*files, *pages], _series(run.rows))
+    labels = run_labels(job, build.map_set(config))
+    tags = {**asdict(labels), "changes": job.changes_text, "command": "learn"}
+    tracking.start(parameters(asdict(config), labels), run_dir, tags, job.sweep_dir)
+    with closed_by(tracking):
+        with resume_hint("learn", run_dir), locked(run_dir):
+            run = _run_learner(job)
+            files = [*_register(job, run, {}), _picture(run)]
+            network = {f"{learned_part(config)}.weights": str(run_dir / NETWORK)}
+            frame = evaluate_held_out(job, held_out_places(job), network, config.weights, "the network")
+            report_held_out(job, frame)
+            _register(job, run, _rates_by_map(frame))
+        pages = [page for place in frame["run_dir"].unique() for page in failures.folder(Path(place))]
+        tracking.finish(_numbers(frame, run.rows[-1]), [*files, *pages], _series(run.rows))
 
 
 def network_name(job: Job[LearnConfig]) -> str:

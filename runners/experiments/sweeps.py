@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -16,11 +15,12 @@ from runners.config.schema import ReportConfig
 from runners.config.systems import systems
 from runners.records import launch_record
 from runners.records.records import find_runs, read_episodes
+from runners.tracking.mlflow import closed_by
+from runners.tracking.names import fitting_names
+from runners.tracking.parameters import LABELS, parameters
 
 if TYPE_CHECKING:
     import pandas as pd
-
-_NO_METRIC_NAME = re.compile(r"[^\w\-. /]")  # MLflow refuses the rest
 
 
 class Report(NamedTuple):
@@ -100,11 +100,15 @@ def _track(
     tracking = instantiate.build(config.tracking, "tracking")
     shared = launch_record.common([record.configs[0] for record in launches])
     changes = launch_record.common([record.changes[0] for record in launches])
-    tracking.start(shared, sweep_dir, {"command": "sweep", "changes": describe_changes(changes)})
-    rows = [row for row in summarise(frame, systems={}) if row.episodes]
-    tracking.finish(
-        {f"{_name(row)}/{key}": value for row in rows for key, value in numbers(row).items()}, artifacts
-    )
+    shared |= {key: frame[key].iloc[0] for key in LABELS if frame[key].nunique() == 1}
+    tracking.start(parameters(shared), sweep_dir, {"command": "sweep", "changes": describe_changes(changes)})
+    with closed_by(tracking):
+        rows = [row for row in summarise(frame, systems={}) if row.episodes]
+        names = fitting_names([_name(row) for row in rows])
+        found = zip(names, map(numbers, rows), strict=True)
+        tracking.finish(
+            {f"{name}/{key}": value for name, values in found for key, value in values.items()}, artifacts
+        )
 
 
 def _name(row: Row) -> str:
@@ -112,4 +116,4 @@ def _name(row: Row) -> str:
         row.label.removesuffix(" (ours)"),
         *(f"{key} {value}" for key, value in row.keys.items() if value),
     ]
-    return _NO_METRIC_NAME.sub("_", " ".join(parts))
+    return " ".join(parts)

@@ -40,7 +40,9 @@ from runners.records.episode_record import RunLabels
 from runners.records.launch_record import fingerprint, identity
 from runners.records.run_directories import locked
 from runners.search.race import START, check_race
-from runners.search.storage import masked, open_storage, storage_errors
+from runners.search.storage import open_storage, storage_errors
+from runners.tracking.mlflow import closed_by
+from runners.tracking.parameters import parameters
 from runners.workers.disturbances import check_disturbances
 
 if TYPE_CHECKING:
@@ -87,26 +89,30 @@ def train(job: Job[TrainConfig]) -> None:
     """Search, race, evaluate the result and the start, and write everything below the run directory."""
     config, run_dir = job.config, job.run_dir
     trained = families(config, job.choices)
+    labels = _labels(job, trained)
     tracking = instantiate.build(config.tracking, "tracking")
-    tags = {**asdict(_labels(job, trained)), "changes": job.changes_text, "command": "train"}
-    tracking.start(asdict(_without_password(config)), run_dir, tags, job.sweep_dir)
-    _announce(job, trained)
-    with resume_hint("train", run_dir), locked(run_dir):
-        with storage_errors(
-            config.storage, f"finished trials are kept, continue with: {resume_command('train', run_dir)}"
-        ):
-            found = search_and_race(job, trained)
-            weights = _write_weights(job, trained, found)
-            pictures = _pictures(found, run_dir)
-        places = evaluation_places(job, trained)
-        start, frame = _evaluate(job, places, found)
-        verdict = judge(places, start, frame, found.reward)
-        _write_weights(job, trained, found, verdict)
-        _advise(job, found, verdict)
-        use = _usage(job, found)
-        pictures += write_training_report(job, places, found, start, frame, verdict, use, run_dir / _START)
-    pages = [page for place in frame["run_dir"].unique() for page in failures.folder(Path(place))]
-    _track(tracking, found, frame, [weights, *pictures, *pages])
+    tags = {**asdict(labels), "changes": job.changes_text, "command": "train"}
+    tracking.start(parameters(asdict(config), labels), run_dir, tags, job.sweep_dir)
+    with closed_by(tracking):
+        _announce(job, trained)
+        with resume_hint("train", run_dir), locked(run_dir):
+            with storage_errors(
+                config.storage, f"finished trials are kept, continue with: {resume_command('train', run_dir)}"
+            ):
+                found = search_and_race(job, trained)
+                weights = _write_weights(job, trained, found)
+                pictures = _pictures(found, run_dir)
+            places = evaluation_places(job, trained)
+            start, frame = _evaluate(job, places, found)
+            verdict = judge(places, start, frame, found.reward)
+            _write_weights(job, trained, found, verdict)
+            _advise(job, found, verdict)
+            use = _usage(job, found)
+            pictures += write_training_report(
+                job, places, found, start, frame, verdict, use, run_dir / _START
+            )
+        pages = [page for place in frame["run_dir"].unique() for page in failures.folder(Path(place))]
+        _track(tracking, found, frame, [weights, *pictures, *pages])
 
 
 def _announce(job: Job[TrainConfig], trained: Families) -> None:
@@ -261,7 +267,3 @@ def _labels(job: Job[TrainConfig], trained: Families) -> RunLabels:
 
 def _class_name(node: Mapping[str, Any]) -> str:
     return str(node["_target_"]).rpartition(".")[2].lower()
-
-
-def _without_password(config: TrainConfig) -> TrainConfig:
-    return config if config.storage is None else replace(config, storage=masked(config.storage))

@@ -24,6 +24,7 @@ from runners.config.instantiate import fill_dataclass
 from runners.config.job import Job
 from runners.config.quoting import lme_command
 from runners.config.schema import RecordedConfig, SystemConfig
+from runners.config.urls import masked_text, masked_values
 from runners.records import inputs, trust
 from runners.records.inputs import Input
 from runners.records.versions import code
@@ -44,9 +45,9 @@ class Launch:
     configs: the part of the config that decides results; one for a run, one per job for a sweep. choices: the
     option of every config group. changes: keys whose values differ from those in their options' files. Both are in
     the order of configs. weights: the set that each job drives with, which may be its guide's own. config_dir: of the
-    user's own options. job: its number within a sweep. worlds: their number, by config of `lme eval`. inputs: the
-    user's own files that were read. started: date and time. code: the version that drove it, as text. seal: by which
-    a user's own runs are known. directory: in which it was found, which is not recorded.
+    user's own options. job: its number within a sweep. num_jobs: of the whole sweep. worlds: their number, by config
+    of `lme eval`. inputs: the user's own files that were read. started: date and time. code: the version that drove
+    it, as text. seal: by which a user's own runs are known. directory: in which it was found, which is not recorded.
     """
 
     command: str
@@ -60,6 +61,7 @@ class Launch:
     config_dir: str | None = None
     config_name: str | None = None
     job: int | None = None
+    num_jobs: int | None = None
     worlds: list[int] = field(default_factory=list)
     inputs: list[Input] = field(default_factory=list)
     started: str = ""
@@ -185,8 +187,8 @@ def launch_of(
         command=command,
         fingerprint=fingerprint(configs, multirun),
         multirun=multirun,
-        overrides=overrides,
-        configs=configs,
+        overrides=[masked_text(word) for word in overrides],
+        configs=[masked_values(config) for config in configs],
         choices=[dict(job.choices) for job in jobs],
         changes=[_canonical(dict(job.changes)) for job in jobs],
         weights=[job.weights for job in jobs],
@@ -262,7 +264,7 @@ def _is_complete(launch: Launch) -> bool:
     return (
         all(isinstance(text, str) for text in texts)
         and isinstance(launch.multirun, bool)
-        and (launch.job is None or isinstance(launch.job, int))
+        and all(number is None or isinstance(number, int) for number in (launch.job, launch.num_jobs))
         and _is_list_of(str, launch.overrides)
         and _is_list_of(str, launch.weights)
         and _is_list_of(int, launch.worlds)

@@ -44,7 +44,7 @@ from runners.records.parquet import (
     write_files,
 )
 from runners.records.planned import planned_columns
-from runners.records.whole_file import DISK_FULL
+from runners.records.whole_file import what_is_full
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -126,6 +126,8 @@ class RecordWriter:
                 with read_log(self._log) as log:
                     write_files(self._run_dir, log)
             except OSError as error:
+                if not self._run_dir.is_dir():
+                    raise self._gone() from None
                 raise self._write_error(Path(error.filename or self._run_dir), error) from None
         try:
             self._log.unlink()  # a reader that has it open can continue
@@ -137,7 +139,10 @@ class RecordWriter:
 
     def _append(self, entry: LogEntry) -> None:
         line = encode(entry)
-        size_before = os.fstat(self._file.fileno()).st_size
+        status = os.fstat(self._file.fileno())
+        if not status.st_nlink:  # Windows does not let an open file be deleted
+            raise self._gone()
+        size_before = status.st_size
         try:
             while line:
                 line = line[self._file.write(line) :]
@@ -146,10 +151,15 @@ class RecordWriter:
                 self._file.truncate(size_before)
             raise self._write_error(self._log, error) from None
 
-    def _write_error(self, path: Path, error: OSError) -> RecordsWriteError:
-        cause = "disk full" if error.errno in DISK_FULL else error.strerror or str(error)
+    def _gone(self) -> RecordsWriteError:
         return RecordsWriteError(
-            f"{cause} while writing {path}: {len(self._done) + self._appended} episodes are kept; "
+            f"{self._run_dir}: its records are gone: they were deleted while the run wrote them; start it again"
+        )
+
+    def _write_error(self, path: Path, error: OSError) -> RecordsWriteError:
+        cause = what_is_full(error, path) or f"{error.strerror or error} while writing {path}"
+        return RecordsWriteError(
+            f"{cause}: {len(self._done) + self._appended} episodes are kept; "
             "free some space and add resume=true"
         )
 

@@ -104,6 +104,14 @@ def write_atomically(path: Path, text: str) -> None:
         draft.write_text(text, encoding="utf-8")
 
 
+def what_is_full(error: OSError, place: object) -> str:
+    """ "disk full while writing" a place, and whether it may be a limit instead; empty for another error."""
+    if error.errno not in DISK_FULL:
+        return ""
+    limit = " (or it is larger than ulimit -f allows)" if error.errno == errno.EFBIG else ""
+    return f"disk full while writing {place}{limit}"
+
+
 def obstacle(path: Path) -> Path | None:
     """What prevents writing a file: itself, or the nearest folder above it that exists; None if nothing does."""
     nearest = next(folder for folder in path.absolute().parents if os.access(folder, os.F_OK))

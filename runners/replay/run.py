@@ -27,6 +27,8 @@ from runners.replay.goals import goal_source, topic_of
 from runners.replay.opening import open_recording
 from runners.replay.recording import CLOCKS, Recording, inspect
 from runners.replay.topics import BagTopicsConfig, choose
+from runners.tracking.mlflow import closed_by
+from runners.tracking.parameters import parameters
 
 _SLOWER = 0.9  # scans at less than this fraction of the robot's control rate set the rate of decisions
 
@@ -73,9 +75,11 @@ def replay(job: Job[ReplayConfig]) -> None:
         episode = recorded.episode_of(bag) if job.config.as_recorded else None
         config = _as_recorded(job, episode)
         tracking = instantiate.build(config.tracking, "tracking")
-        tracking.start(asdict(config), run_dir, {"command": "replay", "bag": bag.path.name}, job.sweep_dir)
+        tags = {"command": "replay", "bag": bag.path.name}
+        tracking.start(parameters(asdict(config)), run_dir, tags, job.sweep_dir)
+        stack.enter_context(closed_by(tracking))
         found, artifacts = _replay(bag, config, episode, run_dir, stack)
-    tracking.finish(found, artifacts)
+        tracking.finish(found, artifacts)
 
 
 def _path(config: ReplayConfig) -> Path:

@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING, Any
 
 from lme.errors import InputError
 from runners.config.space import Space
+from runners.config.urls import masked
 from runners.records import launch_record
 from runners.search.heartbeat import Heartbeat
 from runners.search.optuna_private import is_first
 from runners.search.samplers import Search, per_trial
 from runners.search.score_log import SCORE_LOG, ScoreLog
-from runners.search.storage import masked, open_storage, storage_errors
+from runners.search.storage import open_storage, storage_errors
 from runners.search.study import Study
 
 if TYPE_CHECKING:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from lme.errors import InputError
 from lme.requirements import install
+from runners.config.urls import HIDDEN, fault_of_password, masked, reveals_password
 
 if TYPE_CHECKING:
     from optuna.storages import BaseStorage, RDBStorage
@@ -42,14 +43,6 @@ def storage_errors(url: str | None, advice: str) -> Iterator[None]:
             raise
         with _as_input_error(url, "no longer answers", advice):
             raise
-
-
-def masked(url: str) -> str:
-    """The URL without its password."""
-    scheme, separator, rest = url.partition("://")
-    account, at, host = rest.rpartition("@")
-    user = account.partition(":")[0]
-    return f"{scheme}{separator}{f'{user}:***' if ':' in account else account}{at}{host}"
 
 
 def _redis(url: str) -> BaseStorage:
@@ -105,8 +98,14 @@ def _as_input_error(url: str, trouble: str, advice: str) -> Iterator[None]:
         *_, cause = _causes(error)
         if isinstance(cause, ImportError) and cause.name is not None:
             trouble, advice = f"needs {cause.name}", install(_PACKAGES.get(cause.name, cause.name))
-        reason = " ".join(str(cause).split()).replace(url, masked(url)) or type(cause).__name__
-        raise InputError(f"storage is {masked(url)}: {trouble} ({reason[:200]}); {advice}") from error
+        reason = " ".join(str(cause).split()) or type(cause).__name__
+        if reveals_password(reason, url):
+            reason = fault_of_password(url) or type(cause).__name__
+        elif url == masked(url) and f":{HIDDEN}@" in url:  # as a run keeps it that is resumed
+            advice = (
+                "its password is not kept with the run: give storage=URL again, or let the driver read it"
+            )
+        raise InputError(f"storage is {masked(url)}: {trouble} ({reason[:200]}); {advice}") from None
 
 
 def _causes(error: BaseException | None) -> Iterator[BaseException]:

@@ -6,33 +6,42 @@ Tracking never stops a run: an error becomes a warning of one line, and the resu
 
 from __future__ import annotations
 
-import json
-import math
+import contextlib
 import platform
 import threading
+import time
 import warnings
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 from lme.errors import InputError
+from runners.config.urls import masked, masked_text
 from runners.records.versions import commit, versions
 from runners.tracking.store import (
     DEFAULT_URI,
-    KEY_LENGTH,
-    RUN_ID_FILE,
+    FAILED,
+    FINISHED,
+    KILLED,
+    PARENT,
+    RUNNING,
     check_uri,
+    children,
+    end_when_jobs_have,
     experiment_id,
+    log_metrics,
     log_params,
     log_series,
+    noted_run,
     open_client,
     remove_duplicates,
     run_of,
     set_defaults,
     sqlite_path,
     unwritable,
+    worst_state,
 )
 
 if TYPE_CHECKING:
@@ -40,9 +49,13 @@ if TYPE_CHECKING:
 
 Series = Mapping[str, Sequence[float]]
 
+_SHOWN = 8  # most names in a message
+_CLOSE_S = 25.0  # an interrupted run waits no longer for a store: Slurm kills 30 s after SIGTERM
+_UPLOAD_S = 30.0  # that files may take which fail
+
 
 class Tracking(Protocol):
-    """Logs one run. `start` returns at once; `finish` is called once, at the end."""
+    """Logs one run. `start` returns at once; `finish` or `stop` is called once, at the end."""
 
     def start(
         self,
@@ -60,6 +73,23 @@ class Tracking(Protocol):
 
         artifacts: files, and folders with their contents. series: one value per step from 0 on, by name.
         """
+
+    def stop(self, state: str) -> None:
+        """Close a run that did not finish. state: KILLED or FAILED. After `finish`, nothing."""
+
+
+@contextlib.contextmanager
+def closed_by(tracking: Tracking) -> Iterator[Tracking]:
+    """Close a run that the block does not finish: as KILLED after Ctrl-C or SIGTERM, else as FAILED."""
+    try:
+        yield tracking
+    except BaseException as error:
+        tracking.stop(_state_of(error))
+        raise
+
+
+def _state_of(error: BaseException) -> str:
+    return KILLED if isinstance(error, KeyboardInterrupt) else FAILED
 
 
 @dataclass(slots=True)
@@ -89,6 +119,9 @@ class NoTracking:
     ) -> None:
         """Nothing."""
 
+    def stop(self, state: str) -> None:
+        """Nothing."""
+
 
 @dataclass(slots=True)
 class MlflowConfig:
@@ -103,6 +136,25 @@ class MlflowConfig:
             raise InputError("tracking.experiment is empty: must be a name")
 
 
+@dataclass(slots=True)
+class _OpenRun:
+    """A run in the store. parent: the run of its sweep. changed: what MLflow keeps in another form."""
+
+    client: MlflowClient
+    run_id: str
+    parent: str | None = None
+    sweep_dir: Path | None = None
+    changed: list[str] = field(default_factory=list)
+
+    def close(self, state: str) -> None:
+        """Set how the run ended, a sweep's like its worst job; the last job of a sweep ends the sweep too."""
+        if self.parent is None or self.sweep_dir is None:
+            self.client.set_terminated(self.run_id, worst_state(self.client, self.run_id, state))
+        else:
+            self.client.set_terminated(self.run_id, state)
+            end_when_jobs_have(self.client, self.parent, self.sweep_dir)
+
+
 class MlflowTracking:
     """Logs a run in MLflow: parameters, metrics, files, commit and versions. A resumed run continues its MLflow run."""
 
@@ -111,9 +163,9 @@ class MlflowTracking:
     def __init__(self, config: MlflowConfig) -> None:
         self._config = config
         self._opening: threading.Thread | None = None
-        self._client: MlflowClient | None = None
-        self._run_id = ""
+        self._run: _OpenRun | None = None
         self._run_dir = Path()
+        self._stopped = False
         self._error: Exception | None = None
 
     def start(
@@ -142,14 +194,42 @@ class MlflowTracking:
     def finish(
         self, metrics: Mapping[str, float], artifacts: Sequence[Path], series: Series | None = None
     ) -> None:
-        if self._opening is not None:
-            self._opening.join()
+        if self._opening is None:
+            return
+        self._opening.join()
+        uri, run = self._config.uri, self._run
         try:
             if self._error is not None:
                 raise self._error
-            self._log_results(metrics, artifacts, series or {})
+            if run is None:
+                return
+            run.changed += log_metrics(run.client, run.run_id, metrics)
+            log_series(run.client, run.run_id, series or {})
+            lost = self._log_files(run, artifacts)
+            remove_duplicates(run.client, run.run_id)
+            run.close(FINISHED)
         except Exception as error:
-            _warn(self._config.uri, error)
+            _warn(uri, error)
+            self.stop(FAILED)
+        else:
+            if lost:
+                _warn_lost(uri, lost)
+            if run.changed:
+                warnings.warn(f"MLflow at {masked(uri)} keeps {_listed(run.changed)}", stacklevel=2)
+        self._opening = None
+
+    def stop(self, state: str) -> None:
+        if self._opening is None:
+            return
+        self._stopped = True
+        opening, self._opening = self._opening, None
+
+        def close() -> None:
+            opening.join()
+            if self._run is not None:
+                self._run.close(state)
+
+        _in_time(self._config.uri, close)
 
     def _open(
         self,
@@ -161,26 +241,107 @@ class MlflowTracking:
         uri, self._run_dir = self._config.uri, run_dir
         client = open_client(uri)
         experiment = experiment_id(client, uri, self._config.experiment)
+        if self._stopped:
+            return
         tags = {**environment_tags(), **tags, "run_dir": run_dir.resolve()}
+        parent = None
         if sweep_dir is not None:
             parent = run_of(sweep_dir, client, uri, experiment, {"run_dir": sweep_dir.resolve()})
-            client.set_terminated(parent)
-            tags["mlflow.parentRunId"] = parent
-        self._run_id = run_of(run_dir, client, uri, experiment, tags)
-        log_params(client, self._run_id, config)
-        self._client = client
+            tags[PARENT] = parent
+        self._run = _OpenRun(client, run_of(run_dir, client, uri, experiment, tags), parent, sweep_dir)
+        self._run.changed += log_params(client, self._run.run_id, config)
 
-    def _log_results(self, metrics: Mapping[str, float], artifacts: Sequence[Path], series: Series) -> None:
-        if self._client is None:
+    def _log_files(self, run: _OpenRun, artifacts: Sequence[Path]) -> dict[str, Exception]:
+        """Log files one by one; the names of those that could not be logged, and why.
+
+        A store that does not answer costs time for every file, so after a while no more are tried.
+        """
+        lost: dict[str, Exception] = {}
+        wasted_s = 0.0
+        for path, folder in _files(artifacts, self._run_dir):
+            began = time.monotonic()
+            try:
+                if wasted_s > _UPLOAD_S:
+                    raise TimeoutError("the store of files does not answer")
+                run.client.log_artifact(run.run_id, str(path), folder)
+            except Exception as error:
+                lost[path.name] = error
+                wasted_s += time.monotonic() - began
+        return lost
+
+
+def close_sweep(sweep_dir: Path, state: str) -> None:
+    """Close the MLflow run of a sweep and those of its jobs that were killed; do nothing if there is no MLflow run.
+
+    state: how the sweep ended. The run gets the worst of this and the states of its jobs. Warns if that fails.
+    """
+    uri = DEFAULT_URI
+    try:
+        noted = noted_run(sweep_dir)
+        if noted is None:
             return
-        for name, value in metrics.items():
-            if math.isfinite(value):
-                self._client.log_metric(self._run_id, name[:KEY_LENGTH], float(value))
-        log_series(self._client, self._run_id, series)
-        for path in artifacts:
-            self._client.log_artifact(self._run_id, str(path), _folder(path, self._run_dir))
-        remove_duplicates(self._client, self._run_id)
-        self._client.set_terminated(self._run_id)
+        uri, parent = noted
+        set_defaults()
+        _in_time(uri, lambda: _close_sweep(uri, parent, state))
+    except Exception as error:
+        _warn(uri, error)
+
+
+def _close_sweep(uri: str, parent: str, state: str) -> None:
+    client = open_client(uri)
+    for run_id in children(client, parent, RUNNING, most=1000):
+        client.set_terminated(run_id, KILLED if state == FINISHED else state)
+    if client.get_run(parent).info.status == RUNNING:
+        client.set_terminated(parent, worst_state(client, parent, state))
+
+
+@contextlib.contextmanager
+def sweep_closed(sweep_dir: Path, goes_on: bool) -> Iterator[None]:
+    """Close the MLflow run of a sweep at the end of the block.
+
+    goes_on: whether its jobs go on by themselves if the block fails, and so close the sweep's run.
+    """
+    try:
+        yield
+    except BaseException as error:
+        if not goes_on:
+            close_sweep(sweep_dir, _state_of(error))
+        raise
+    close_sweep(sweep_dir, FINISHED)
+
+
+def _in_time(uri: str, close: Callable[[], None]) -> None:
+    """Close runs, but do not wait for ever: this comes at the end of a command that is to end."""
+    failures: list[Exception] = []
+
+    def guarded() -> None:
+        try:
+            close()
+        except Exception as error:
+            failures.append(error)
+
+    closing = threading.Thread(target=guarded, name="mlflow-close", daemon=True)
+    closing.start()
+    closing.join(_CLOSE_S)
+    if closing.is_alive():
+        failures.append(TimeoutError(f"no answer in {_CLOSE_S:.0f} s"))
+    if failures:
+        warnings.warn(
+            f"MLflow at {masked(uri)} shows this run as RUNNING until it is resumed ({_reason(failures[0])})",
+            stacklevel=4,
+        )
+
+
+def _files(paths: Sequence[Path], run_dir: Path) -> Iterator[tuple[Path, str | None]]:
+    """Every file of `paths` and of the folders among them, with its folder in MLflow."""
+    for path in paths:
+        folder = _folder(path, run_dir)
+        if not path.is_dir():
+            yield path, folder
+            continue
+        for file in sorted(file for file in path.rglob("*") if file.is_file()):
+            below = Path(folder or "") / path.name / file.parent.relative_to(path)
+            yield file, below.as_posix()
 
 
 def _folder(path: Path, run_dir: Path) -> str | None:
@@ -194,14 +355,13 @@ def add_files(run_dir: Path, files: Sequence[Path], folder: str) -> None:
 
     Warns if that fails.
     """
-    note = run_dir / RUN_ID_FILE
-    if not note.is_file():
-        return
-    set_defaults()
     uri = DEFAULT_URI
     try:
-        known = json.loads(note.read_text())
-        uri, run_id = str(known.get("uri", DEFAULT_URI)), str(known["run"])
+        noted = noted_run(run_dir)
+        if noted is None:
+            return
+        uri, run_id = noted
+        set_defaults()
         store = sqlite_path(uri)
         if store is not None and not store.is_file():
             raise FileNotFoundError(f"there is no database at {store.resolve()}")
@@ -218,18 +378,36 @@ def add_files(run_dir: Path, files: Sequence[Path], folder: str) -> None:
 def _warn_unwritable(place: Path, uri: str, results: Path) -> None:
     """Warn before a run, without importing MLflow, that its store cannot be written."""
     warnings.warn(
-        f"not logged to MLflow at {uri}: {place} cannot be written; all results go to {results}. "
+        f"not logged to MLflow at {masked(uri)}: {place} cannot be written; all results go to {results}. "
         "Set MLFLOW_TRACKING_URI to another store, or choose tracking=none",
         stacklevel=3,
     )
 
 
 def _warn(uri: str, error: Exception) -> None:
-    reason = (str(error).splitlines() or [type(error).__name__])[0]
     warnings.warn(
-        f"not logged to MLflow at {uri}; the results are on disk ({reason[:300]})",
+        f"not logged to MLflow at {masked(uri)}; the results are on disk ({_reason(error)})",
         stacklevel=3,
     )
+
+
+def _warn_lost(uri: str, lost: Mapping[str, Exception]) -> None:
+    """Name the files that could not be logged, and why the first could not."""
+    reason = _reason(next(iter(lost.values())))
+    warnings.warn(
+        f"not logged to MLflow at {masked(uri)}: {_listed(list(lost))} ({reason}); metrics and other "
+        "files are logged",
+        stacklevel=3,
+    )
+
+
+def _reason(error: Exception) -> str:
+    return masked_text((str(error).splitlines() or [type(error).__name__])[0])[:500]
+
+
+def _listed(names: Sequence[str]) -> str:
+    more = f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""
+    return f"{', '.join(names[:_SHOWN])}{more}"
 
 
 def environment_tags() -> dict[str, str]:

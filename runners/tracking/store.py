@@ -7,15 +7,20 @@ import json
 import logging
 import math
 import os
+import shlex
 import time
 import uuid
 from collections.abc import Iterator, Mapping, Sequence
+from numbers import Real
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lme.errors import InputError
 from runners.config.flatten import flatten
+from runners.config.urls import masked
+from runners.records.launch_record import read_launch
 from runners.records.whole_file import obstacle, write_atomically
+from runners.tracking.names import fitting_names, fitting_text, renamed
 
 if TYPE_CHECKING:
     from mlflow import MlflowClient
@@ -24,10 +29,12 @@ DEFAULT_URI = "sqlite:///outputs/mlflow.db"
 SQLITE = "sqlite:///"
 SCHEMES = ("sqlite", "http", "https", "postgresql", "mysql", "mssql", "databricks")
 RUN_ID_FILE = "mlflow_run.json"
+PARENT = "mlflow.parentRunId"  # MLflow's tag of a child
+FINISHED, KILLED, FAILED = "FINISHED", "KILLED", "FAILED"  # how a run ended, the worst last
+RUNNING = "RUNNING"
 _CREATED = "lme_created"  # a tag: equal in runs that the same request created
 
 # MLflow's limits.
-KEY_LENGTH = 250
 PARAM_LENGTH = 6000
 TAG_LENGTH = 5000
 BATCH = 100
@@ -55,7 +62,7 @@ def check_uri(key: str, uri: str) -> None:
     scheme, found, _ = uri.partition(":")
     if not found or scheme.partition("+")[0] not in SCHEMES:
         raise InputError(
-            f"{key} is {uri}: must be a database or a server, such as {DEFAULT_URI} or http://host:5000"
+            f"{key} is {masked(uri)}: must be a database or a server, such as {DEFAULT_URI} or http://host:5000"
         )
 
 
@@ -102,11 +109,20 @@ def _create_store(path: Path) -> None:
 
 
 def experiment_id(client: MlflowClient, uri: str, name: str) -> str:
-    """Id of the experiment, created if needed. Its files are stored next to the database, or by the server."""
+    """Id of the experiment, created if needed. Its files are stored next to the database, or by the server.
+
+    Raises InputError for one that was deleted.
+    """
     from mlflow.exceptions import MlflowException
 
     found = client.get_experiment_by_name(name)
     if found is not None:
+        if found.lifecycle_stage == "deleted":
+            raise InputError(
+                f"the experiment {name} was deleted: restore it with `MLFLOW_TRACKING_URI={shlex.quote(masked(uri))} "
+                f"mlflow experiments restore --experiment-id {found.experiment_id}`, then add resume=true; or choose "
+                "another with tracking.experiment=NAME"
+            )
         return str(found.experiment_id)
     location = None
     if not uri.startswith(("http", "databricks")):
@@ -122,19 +138,60 @@ def experiment_id(client: MlflowClient, uri: str, name: str) -> str:
 
 
 def run_of(directory: Path, client: MlflowClient, uri: str, experiment: str, tags: Mapping[str, Any]) -> str:
-    """Id of the MLflow run of `directory`: the one noted there if it still exists, else a new one."""
+    """Id of the MLflow run of `directory`, which now is running: the one noted there if it exists, else a new one."""
     directory.mkdir(parents=True, exist_ok=True)
     with _locked(directory):  # the jobs of a sweep may ask for its run at the same time
         note = directory / RUN_ID_FILE
         with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
             known = json.loads(note.read_text())
             if known["experiment"] == experiment and _exists(client, known["run"]):
+                client.update_run(known["run"], status=RUNNING)
                 return str(known["run"])
-        texts = {name: str(value)[:TAG_LENGTH] for name, value in tags.items()}
+        texts = {
+            key: fitting_text(value, TAG_LENGTH)
+            for key, value in zip(fitting_names(list(tags)), tags.values(), strict=True)
+        }
         texts[_CREATED] = uuid.uuid4().hex
         run_id = str(client.create_run(experiment, tags=texts, run_name=_run_name(directory)).info.run_id)
         write_atomically(note, json.dumps({"uri": uri, "experiment": experiment, "run": run_id}) + "\n")
     return run_id
+
+
+def noted_run(directory: Path) -> tuple[str, str] | None:
+    """The store and the id of the MLflow run of `directory`; None if there is no such run.
+
+    Raises ValueError or KeyError for a damaged note.
+    """
+    note = directory / RUN_ID_FILE
+    if not note.is_file():
+        return None
+    known = json.loads(note.read_text())
+    return str(known.get("uri", DEFAULT_URI)), str(known["run"])
+
+
+def end_when_jobs_have(client: MlflowClient, parent: str, sweep_dir: Path) -> None:
+    """Close the run of a sweep, with the worst state of its jobs, when the last of them has ended.
+
+    A launcher may run the jobs after the process that submitted them has ended, so every job looks at the others.
+    """
+    launch = read_launch(sweep_dir)
+    started = sum(1 for _ in sweep_dir.rglob(f"*/{RUN_ID_FILE}"))
+    if launch is not None and launch.num_jobs is not None and started < launch.num_jobs:
+        return
+    if not children(client, parent, RUNNING):
+        client.set_terminated(parent, worst_state(client, parent, FINISHED))
+
+
+def children(client: MlflowClient, parent: str, state: str, most: int = 1) -> list[str]:
+    """Ids of runs of a sweep's jobs that are in this state, not more than `most`."""
+    experiment = client.get_run(parent).info.experiment_id
+    wanted = f"tags.`{PARENT}` = '{parent}' and attributes.status = '{state}'"
+    return [run.info.run_id for run in client.search_runs([experiment], wanted, max_results=most)]
+
+
+def worst_state(client: MlflowClient, parent: str, own: str) -> str:
+    """The worst state of the runs of a sweep's jobs, and of `own`."""
+    return next((state for state in (FAILED, KILLED) if own == state or children(client, parent, state)), own)
 
 
 def remove_duplicates(client: MlflowClient, run_id: str) -> None:
@@ -183,18 +240,47 @@ def _run_name(directory: Path) -> str:
     return "/".join(directory.resolve().parts[-2:])
 
 
-def log_params(client: MlflowClient, run_id: str, config: Mapping[str, Any]) -> None:
-    """Log the parameters that the run does not have yet: MLflow does not allow changes."""
+def log_params(client: MlflowClient, run_id: str, config: Mapping[str, Any]) -> list[str]:
+    """Log the parameters that the run does not have yet: MLflow does not allow changes.
+
+    Returns what became of those that MLflow cannot keep as they are.
+    """
     from mlflow.entities import Param
 
     known = client.get_run(run_id).data.params
-    params = [
-        Param(key[:KEY_LENGTH], str(value)[:PARAM_LENGTH])
-        for key, value in flatten(config)
-        if key[:KEY_LENGTH] not in known
-    ]
+    values = {str(key): str(value) for key, value in flatten(config)}
+    names = dict(zip(values, fitting_names(list(values)), strict=True))
+    new = {key: value for key, value in values.items() if names[key] not in known}
+    params = [Param(names[key], fitting_text(value, PARAM_LENGTH)) for key, value in new.items()]
     for start in range(0, len(params), BATCH):
         client.log_batch(run_id, params=params[start : start + BATCH])
+    cut = [
+        f"the first {PARAM_LENGTH} of the {len(value)} characters of {key:.80}"
+        for key, value in new.items()
+        if len(value) > PARAM_LENGTH
+    ]
+    return [*renamed(new, [names[key] for key in new]), *cut]
+
+
+def log_metrics(client: MlflowClient, run_id: str, metrics: Mapping[str, float]) -> list[str]:
+    """Log numbers. Returns what became of those that MLflow cannot keep as they are."""
+    from mlflow.entities import Metric
+
+    now = int(time.time() * 1000)
+    values = {str(key): float(value) for key, value in metrics.items() if isinstance(value, Real)}
+    names = fitting_names(list(values))
+    points = [Metric(name, value, now, 0) for name, value in zip(names, values.values(), strict=True)]
+    for start in range(0, len(points), METRICS_BATCH):
+        client.log_batch(run_id, metrics=points[start : start + METRICS_BATCH])
+    infinite = [
+        f"{key:.80}, which is {value}, as ±1.8e+308" for key, value in values.items() if math.isinf(value)
+    ]
+    none = [
+        f"{key:.80}, which is {value!r:.80}, not at all"
+        for key, value in metrics.items()
+        if key not in values
+    ]
+    return [*renamed(values, names), *infinite, *none]
 
 
 def log_series(client: MlflowClient, run_id: str, series: Mapping[str, Sequence[float]]) -> None:
@@ -202,7 +288,7 @@ def log_series(client: MlflowClient, run_id: str, series: Mapping[str, Sequence[
     from mlflow.entities import Metric
 
     now = int(time.time() * 1000)
-    for name, values in series.items():
+    for name, values in zip(fitting_names(list(series)), series.values(), strict=True):
         known = {metric.step for metric in client.get_metric_history(run_id, name)}
         points = [
             Metric(name, float(value), now, step)

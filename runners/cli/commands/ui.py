@@ -27,6 +27,7 @@ _OPEN = (
 
 def main(argv: list[str]) -> int:
     """Serve until Ctrl-C. Raises InputError if there is no store or the port is taken."""
+    from runners.config.urls import masked
     from runners.tracking.store import DEFAULTS
 
     arguments = _parser().parse_args(argv)
@@ -35,7 +36,7 @@ def main(argv: list[str]) -> int:
     if arguments.host not in _LOOPBACK:
         warnings.warn(_OPEN.format(arguments.host, arguments.port), stacklevel=2)
     address = _address(arguments.host, arguments.port)
-    print(f"MLflow on {address} shows {arguments.uri}; Ctrl-C ends it", flush=True)
+    print(f"MLflow on {address} shows {masked(arguments.uri)}; Ctrl-C ends it", flush=True)
     # MLflow's job execution is not used here and would start five more processes.
     environment = {
         **DEFAULTS,
@@ -112,11 +113,12 @@ def _announce(server: subprocess.Popen[bytes], address: str) -> None:
 
 def _check_store(uri: str) -> None:
     from lme.errors import InputError
+    from runners.config.urls import masked
     from runners.tracking.store import check_uri, sqlite_path
 
     check_uri("--uri", uri)
     if uri.startswith("http"):
-        raise InputError(f"--uri is {uri}, a server already: open it in a browser")
+        raise InputError(f"--uri is {masked(uri)}, a server already: open it in a browser")
     path = sqlite_path(uri)
     if path is not None and not path.is_file():
         raise InputError(f"no store at {path}: run `lme eval` here first, or name another with --uri")

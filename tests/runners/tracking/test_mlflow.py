@@ -14,18 +14,21 @@ from pathlib import Path
 import pytest
 
 from lme.errors import InputError
+from runners.records.launch_record import Launch
 from runners.tracking.mlflow import (
     MlflowConfig,
     MlflowTracking,
     NoTracking,
     NoTrackingConfig,
     add_files,
+    close_sweep,
+    closed_by,
     environment_tags,
 )
-from runners.tracking.store import DEFAULTS, RUN_ID_FILE, experiment_id
+from runners.tracking.store import DEFAULTS, FAILED, FINISHED, KILLED, RUN_ID_FILE, experiment_id, log_metrics
 from tests.places import ROOT
 
-CONFIG = {"seed": 3, "robot": {"name": "jackal", "lidar": {"num_beams": 720}}, "text": "x" * 9000}
+CONFIG = {"seed": 3, "robot": {"name": "jackal", "lidar": {"num_beams": 720}}, "text": "x" * 6000}
 
 
 @pytest.fixture(autouse=True)
@@ -80,7 +83,7 @@ def test_a_run_is_logged_with_everything(store, tmp_path, capfd, monkeypatch):
         "robot.lidar.num_beams": "720",
         "text": "x" * 6000,
     }
-    assert run.data.metrics == {"success": 0.9}
+    assert run.data.metrics == pytest.approx({"success": 0.9, "time_s": float("nan")}, nan_ok=True)
     assert (run.info.status, run.info.run_name) == ("FINISHED", "day/run")
     assert {"system": "LME", **environment_tags()}.items() <= run.data.tags.items()
     outputs = Path(store.removeprefix("sqlite:///")).parent
@@ -229,6 +232,132 @@ def test_runs_of_a_sweep_lie_below_one(store, tmp_path):
     children = [logged(store, tmp_path / number) for number in ("0", "1")]
     assert {child.data.tags["mlflow.parentRunId"] for child in children} == {parent.info.run_id}
     assert parent.info.status == "FINISHED"
+
+
+def started(uri, run_dir, sweep_dir=None):
+    """A tracked run that is open in the store."""
+    tracking = MlflowTracking(MlflowConfig(uri=uri))
+    tracking.start({"seed": 3}, run_dir, {}, sweep_dir)
+    tracking._opening.join()
+    return tracking
+
+
+@pytest.mark.parametrize(
+    ("error", "state"), [(KeyboardInterrupt, KILLED), (ValueError, FAILED), (SystemExit, FAILED)]
+)
+def test_a_run_that_does_not_finish_is_closed_with_its_state_and_finishes_when_resumed(
+    store, tmp_path, error, state
+):
+    tracking = started(store, tmp_path)
+    assert logged(store, tmp_path).info.status == "RUNNING"
+    with pytest.raises(error), closed_by(tracking):
+        raise error
+    stopped = logged(store, tmp_path)
+    assert stopped.info.status == state
+    with closed_by(started(store, tmp_path)) as tracking:
+        assert logged(store, tmp_path).info.status == "RUNNING"
+        tracking.finish({"success": 1.0}, [])
+    assert logged(store, tmp_path).info.status == FINISHED
+    assert logged(store, tmp_path).info.run_id == stopped.info.run_id
+
+
+def test_a_sweep_runs_as_long_as_its_jobs_and_ends_like_the_worst(store, tmp_path):
+    Launch("eval", "", multirun=True, overrides=[], configs=[{}], num_jobs=3).write(tmp_path)
+    jobs = [started(store, tmp_path / name, tmp_path) for name in "01"]
+    assert logged(store, tmp_path).info.status == "RUNNING"
+    jobs[0].stop(KILLED)
+    jobs[1].finish({}, [])
+    assert logged(store, tmp_path).info.status == "RUNNING"  # the third has not begun
+    started(store, tmp_path / "2", tmp_path).finish({}, [])
+    assert logged(store, tmp_path).info.status == KILLED
+
+
+def test_a_sweep_that_is_stopped_closes_the_jobs_that_were_killed(store, tmp_path):
+    for name in "01":
+        started(store, tmp_path / name, tmp_path)
+    close_sweep(tmp_path, KILLED)
+    assert [logged(store, tmp_path / name).info.status for name in (".", "0", "1")] == [KILLED] * 3
+    close_sweep(tmp_path / "0" / "no", KILLED)  # has no MLflow run
+
+
+def test_what_mlflow_cannot_keep_as_it_is_has_another_form_and_is_said_in_one_line(store, tmp_path):
+    config = {"a|b": 1, "a_b": 2, "k": "v" * 9000, **{f"p{number}": number for number in range(250)}}
+    metrics = {"success %": 1.0, "a//b": 2.0, "inf": float("inf"), "x" * 300: 3.0}
+    with pytest.warns(UserWarning, match="MLflow at .* keeps ") as caught:
+        book(store, tmp_path, config=config, metrics=metrics)
+    (said,) = [str(warning.message) for warning in caught]
+    for part in (
+        "'a|b' as 'a_b_2'",
+        "the first 6000 of the 9000 characters of k",
+        "'success %' as 'success _'",
+        "inf",
+    ):
+        assert part in said
+    run = logged(store, tmp_path)
+    assert {run.data.params[key] for key in ("a_b", "a_b_2")} == {"1", "2"}
+    assert len(run.data.params) == 253
+    assert set(run.data.metrics) == {"success _", "a/_/b", "inf", "x" * 250}
+    assert run.info.status == FINISHED
+
+
+def test_a_file_that_cannot_be_logged_is_named_and_costs_nothing_else(store, tmp_path):
+    good = [tmp_path / "a.txt", tmp_path / "c.txt"]
+    for path in good:
+        path.write_text("x")
+    with pytest.warns(UserWarning, match=r"not logged to MLflow at .*: b\.txt \(.*No such file") as caught:
+        book(store, tmp_path, metrics={"success": 0.5}, artifacts=[good[0], tmp_path / "b.txt", good[1]])
+    assert len(caught) == 1
+    from mlflow import MlflowClient
+
+    run = logged(store, tmp_path)
+    files = MlflowClient(tracking_uri=store).list_artifacts(run.info.run_id)
+    assert [file.path for file in files] == ["a.txt", "c.txt"]
+    assert (run.info.status, run.data.metrics) == (FINISHED, {"success": 0.5})
+
+
+def test_a_store_that_fails_while_logging_closes_the_run_as_failed(store, tmp_path, monkeypatch):
+    def fail(*_):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr("runners.tracking.mlflow.log_metrics", fail)
+    with pytest.warns(
+        UserWarning, match="not logged to MLflow .*; the results are on disk .*No space left"
+    ) as caught:
+        book(store, tmp_path)
+    assert len(caught) == 1
+    assert logged(store, tmp_path).info.status == FAILED
+    monkeypatch.setattr("runners.tracking.mlflow.log_metrics", log_metrics)
+    book(store, tmp_path)
+    assert logged(store, tmp_path).info.status == FINISHED
+
+
+def test_a_deleted_experiment_is_one_line_with_the_command_that_restores_it(store, tmp_path):
+    from mlflow import MlflowClient
+
+    client = MlflowClient(tracking_uri=store)
+    number = client.create_experiment("gone")
+    client.delete_experiment(number)
+    tracking = MlflowTracking(MlflowConfig(uri=store, experiment="gone"))
+    tracking.start(CONFIG, tmp_path, {})
+    with pytest.warns(UserWarning, match="the experiment gone was deleted") as caught:
+        tracking.finish({"success": 1.0}, [])
+    (said,) = [str(warning.message) for warning in caught]
+    command = f"`MLFLOW_TRACKING_URI={store} mlflow experiments restore --experiment-id {number}`"
+    assert "the experiment gone was deleted: restore it with " + command in said
+    assert "the results are on disk" in said
+
+
+def test_no_password_of_a_store_is_shown_or_kept(store, tmp_path, monkeypatch):
+    monkeypatch.setenv("MLFLOW_HTTP_REQUEST_MAX_RETRIES", "0")
+    config = {"tracking": {"uri": "http://me:p@ss/w@host:5000"}, "storage": "postgresql://me:p@ss/w@host/x"}
+    book(store, tmp_path, config=config)
+    assert logged(store, tmp_path).data.params == {
+        "tracking.uri": "http://me:***@host:5000",
+        "storage": "postgresql://me:***@host/x",
+    }
+    with pytest.warns(UserWarning, match="not logged to MLflow at http://") as caught:
+        book("http://me:p%40ssword@127.0.0.1:1", tmp_path / "other")
+    assert not any("ssword" in str(warning.message) for warning in caught)
 
 
 def test_a_run_that_a_repeated_request_created_twice_is_logged_once(store, tmp_path, monkeypatch):
