@@ -2,23 +2,33 @@
 
 Numba compiles what a kernel calls into it, but notices only changes of the file that holds the kernel itself. After
 an update it would keep running old code, or crash. So a change of any source starts a new folder.
+
+Numba also crashes on a file of its cache that is damaged, as when the disk was full or the machine went down while it
+was written. Here such a kernel is compiled and kept anew.
 """
 
 from __future__ import annotations
 
 import hashlib
+import importlib.util
 import os
 import shutil
 import sys
 import tempfile
+import warnings
 from collections.abc import Iterator
 from contextlib import suppress
+from functools import cache
+from importlib.abc import MetaPathFinder
+from importlib.machinery import ModuleSpec
 from pathlib import Path
+from typing import Any
 
 _VARIABLE = "NUMBA_CACHE_DIR"
 _NAME = "lme-nav"
 _PACKAGE = Path(__file__).resolve().parent
 _PREFIX = "kernels-"
+_NUMBAS = "numba.core.caching"  # its module that reads and writes the cache
 _KEPT = 3  # versions: a checkout may switch back and forth between some
 
 
@@ -27,6 +37,7 @@ def choose(package: Path = _PACKAGE) -> None:
 
     Numba reads the variable when it is imported, so this comes first. Worker processes inherit it.
     """
+    _survive_damage()
     for base in _candidates(package):
         folder = base / f"{_PREFIX}{_version(package)}"
         with suppress(OSError):
@@ -92,3 +103,79 @@ def _remove_old(base: Path) -> None:
     folders = sorted(base.glob(f"{_PREFIX}*"), key=lambda path: path.stat().st_mtime)
     for old in folders[:-_KEPT]:
         shutil.rmtree(old, ignore_errors=True)
+
+
+def _survive_damage() -> None:
+    """Make Numba compile a kernel anew whose file is damaged, and do without a file that cannot be written."""
+    if _NUMBAS in sys.modules:
+        _mend(sys.modules[_NUMBAS].IndexDataCacheFile)
+    elif not any(isinstance(finder, _Finder) for finder in sys.meta_path):
+        sys.meta_path.insert(0, _Finder())
+
+
+class _Finder(MetaPathFinder):
+    """Mends Numba's module when it is imported: to import it now would take a second."""
+
+    def find_spec(self, name: str, path: Any = None, target: Any = None) -> ModuleSpec | None:
+        """The spec of Numba's module, which mends what it defines; None for any other module."""
+        if name != _NUMBAS:
+            return None
+        sys.meta_path.remove(self)
+        spec = importlib.util.find_spec(name)
+        if spec is not None and spec.loader is not None:
+            execute = spec.loader.exec_module
+
+            def execute_and_mend(module: Any) -> None:
+                execute(module)
+                _mend(module.IndexDataCacheFile)
+
+            spec.loader.exec_module = execute_and_mend  # type: ignore[method-assign]
+        return spec
+
+
+def _mend(files: Any) -> None:
+    """files: Numba's class of the two files of a kernel, an index by signature and the compiled code."""
+    if hasattr(files, "lme_mended"):
+        return
+    load_index, load_data, save = files._load_index, files._load_data, files.save
+
+    def _load_index(self: Any) -> Any:
+        with suppress(Exception):  # a damaged pickle may raise anything
+            index = load_index(self)
+            if isinstance(index, dict):
+                return index
+        _note_damaged(self._cache_path)
+        return {}
+
+    def _load_data(self: Any, name: str) -> Any:
+        try:
+            code = load_data(self, name)
+            if isinstance(code, tuple):
+                return code
+        except OSError:  # to Numba: the file is not there, so it compiles
+            raise
+        except Exception:
+            pass
+        _note_damaged(self._cache_path)
+        raise OSError(f"{name} is damaged")
+
+    def _save(self: Any, key: Any, data: Any) -> None:
+        try:
+            save(self, key, data)
+        except OSError as error:
+            _note_not_kept(self._cache_path, error.strerror or str(error))
+
+    files._load_index, files._load_data, files.save = _load_index, _load_data, _save
+    files.lme_mended = True
+
+
+@cache  # once, though it holds many kernels
+def _note_damaged(folder: str) -> None:
+    warnings.warn(f"compiled kernels in {folder} are damaged: they are compiled anew", stacklevel=4)
+
+
+@cache
+def _note_not_kept(folder: str, reason: str) -> None:
+    warnings.warn(
+        f"compiled kernels cannot be kept in {folder} ({reason}): compiled again next time", stacklevel=4
+    )

@@ -28,6 +28,7 @@ from typing import Any
 from lme.errors import InputError, require
 from lme.user_code import explained
 from runners.workers import server
+from runners.workers.signals import end_with_parent
 
 Item = Any  # anything that pickles; messages name it by its str()
 Run = Callable[[Item], Any]
@@ -244,7 +245,8 @@ def _stop(workers: dict[Connection, BaseProcess]) -> None:
 
 
 def _work(coordinator: Connection, initialise: Initialise, payload: Any) -> None:
-    """Build, then answer items until the coordinator closes the connection."""
+    """Build, then answer items until the coordinator closes the connection or ends."""
+    end_with_parent()
     # All processes receive these two; the coordinator ends the workers.
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, signal.SIG_IGN)

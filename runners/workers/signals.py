@@ -1,11 +1,16 @@
-"""Signals that all processes of a command receive, but only the coordinator must handle: it ends the others."""
+"""What ends the processes of a command: signals that only the coordinator must handle, and its own end."""
 
 from __future__ import annotations
 
 import contextlib
+import os
 import signal
 import threading
+import time
 from collections.abc import Iterator
+from multiprocessing import parent_process
+
+_LOOK_S = 1.0  # between looks at whether the parent is alive
 
 
 @contextlib.contextmanager
@@ -32,3 +37,18 @@ def sigterm_blocked() -> Iterator[None]:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def end_with_parent() -> None:
+    """End this process, even in the middle of an episode, when the process that started it has ended."""
+    threading.Thread(target=_end_with_parent, args=(os.getppid(),), name="parent", daemon=True).start()
+
+
+def _end_with_parent(number: int) -> None:
+    """number: of the process above this one: the parent, or a server of processes that ends with it."""
+    parent = parent_process()
+    if parent is not None:
+        parent.join()  # returns as soon as the parent's end of a pipe is closed
+    while parent is None and os.getppid() == number:
+        time.sleep(_LOOK_S)
+    os._exit(1)

@@ -34,11 +34,17 @@ def main(argv: list[str]) -> int:
 def _serve(episode: list[str], step: int | None, given: Arguments) -> int:
     from lme.errors import InputError
     from runners.play.run import check_installed, serve, settings
+    from runners.workers import kernels
 
     check_installed()
     if step is not None and not episode:
         raise InputError(f"{_STEP} {step}: goes with a recorded episode, lme play RUN 282/1 {_STEP} {step}")
     port, browser = settings(given)
+    if not kernels.compiled():
+        print(
+            "lme play: compiling the kernels once, which takes about a minute; the page opens then",
+            flush=True,
+        )
     serve(_session(episode, step, given), port, browser)
     return 0
 

@@ -73,6 +73,14 @@ def sleep_long(payload):
     return run
 
 
+def name_itself_and_sleep(payload):
+    def run(item):
+        os.write(1, b"%d\n" % os.getpid())
+        time.sleep(60)
+
+    return run
+
+
 def processes(workers=2):
     return ProcessExecutor(ProcessConfig(workers=workers))
 
@@ -199,7 +207,7 @@ def test_number_of_workers():
 COORDINATOR = """
 import time
 from runners.workers.executor import ProcessConfig, ProcessExecutor
-from tests.runners.workers.test_executor import sleep_long, worker_environment
+from tests.runners.workers.test_executor import name_itself_and_sleep, sleep_long, worker_environment
 
 if __name__ == "__main__":
     iterator = ProcessExecutor(ProcessConfig(workers=2)).map(JOB, None, [(0, 0), (1, 0)])
@@ -254,6 +262,15 @@ def test_workers_of_a_killed_coordinator_end_by_themselves(coordinate):
     process.kill()
     with pytest.raises(ProcessLookupError):
         _wait_until_gone(worker)
+
+
+def test_workers_of_a_killed_coordinator_end_in_the_middle_of_an_episode(coordinate):
+    process = coordinate("name_itself_and_sleep")
+    workers = [int(process.stdout.readline()) for _ in range(2)]
+    process.kill()
+    for worker in workers:
+        with pytest.raises(ProcessLookupError):
+            _wait_until_gone(worker)
 
 
 @pytest.mark.parametrize(
