@@ -114,7 +114,8 @@ def _describe_change(measure: str, change: Difference) -> str:
 
 
 def _table(study: Comparison) -> str:
-    measures = [each for each in MEASURES if any(each in changes for changes in study.changes.values())]
+    scored = any(paired.METRIC in row.stats for row in study.rows.values())
+    measures = [measure for measure in MEASURES if measure != paired.METRIC or scored]
     header = [f"Difference from {study.reference}"]
     for measure in measures:
         header += [HEADERS[measure], "95 %", "p (Holm)"]
