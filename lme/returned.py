@@ -7,8 +7,8 @@ many values are.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Set
-from typing import Any
+from collections.abc import Iterable, Mapping, Set
+from typing import Any, cast
 
 import numpy as np
 
@@ -36,7 +36,7 @@ def checked_command(command: object, planner: object) -> Twist:
     v = omega = math.nan
     if isinstance(command, tuple) or not isinstance(command, str | bytes | Mapping | Set):
         try:
-            first, second = command  # type: ignore[misc]  # checked by trying
+            first, second = cast(Iterable[Any], command)  # or TypeError, ValueError
             if not isinstance(first, _NO_NUMBER) and not isinstance(second, _NO_NUMBER):
                 v, omega = float(first), float(second)
         except (TypeError, ValueError, OverflowError):
@@ -131,7 +131,7 @@ def _guidance(guidance: object) -> Guidance:
         if places is not None:
             checked = checked_array(places, (None, 2), f"the {name}", _PLACES)
             if checked is not places:
-                guidance = guidance._replace(**{name: checked})
+                guidance = guidance._replace(**{name: checked})  # type: ignore[arg-type]
     if guidance.path is not None and not len(guidance.path):
         raise ReturnedError("a path without points: must have one, or be None")
     return guidance

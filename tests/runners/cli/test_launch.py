@@ -519,10 +519,18 @@ def test_a_place_that_cannot_be_written_is_one_line(probe, capsys, number):
     )
 
 
-def test_a_bug_keeps_its_traceback(probe):
-    probe.failure = ZeroDivisionError("a bug")
-    with pytest.raises(ZeroDivisionError, match="a bug"):
+def test_a_bug_keeps_its_traceback(probe, monkeypatch):
+    monkeypatch.setattr("runners.cli.launch._relative", len)
+    with pytest.raises(TypeError, match="has no len"):
         probe.launch()
+
+
+@pytest.mark.parametrize("error", [ZeroDivisionError("oops"), SystemExit("oops")])
+def test_an_error_of_a_users_own_code_is_one_line_and_ends_its_job_alone(probe, capsys, error):
+    probe.failure = error
+    assert probe.launch("-m", "seed=0,1") == 1
+    said = rf"lme eval: \S+\.py:\d+: {type(error).__name__}: oops \(LME_TRACEBACK=1 shows the traceback\)$"
+    assert len(re.findall(said, capsys.readouterr().err, re.MULTILINE)) == 2
 
 
 def test_an_interrupt_is_130_and_says_how_to_continue(probe, capsys):
