@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lme.types import Bools
+from runners.config.escaping import visible
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -38,7 +39,7 @@ class ComparedRun:
 
     def text(self, column: str) -> str:
         """The value that all its episodes have in a column; empty without the column."""
-        return str(self.frame[column].iloc[0]) if column in self.frame else ""
+        return visible(str(self.frame[column].iloc[0])) if column in self.frame else ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,7 +14,9 @@ _HIDDEN = re.compile(
     "\U000e0000-\U000e007f]"
 )
 _FORMULA = ("=", "+", "-", "@", "\uff1d", "\uff0b", "\uff0d", "\uff20")  # also as full-width signs
-_MARKUP = re.compile(r"[&<`]|(?<=\])\(|!(?=\[)")
+_MARKUP = re.compile(
+    r"<(?=[A-Za-z/!?])|&(?=#?\w+;)|`|(?<=\])\(|!(?=\[)"
+)  # tags, entities, code, links, pictures
 _BLOCK = re.compile(r"^[#>*+-](?=[#\s])")  # that begins a heading, a quotation or a list
 _LATEX = {
     "|Δω|": r"$|\Delta\omega|$", "±": r"$\pm$", "\u2013": "--", "\\": r"\textbackslash{}",

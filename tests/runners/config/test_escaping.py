@@ -56,6 +56,7 @@ def test_numbers_and_plain_text_stay_in_a_csv(value):
 def test_markdown_has_no_markup():
     shown = markdown_text("<script>|`id` [a](http://b) ![i](http://c)\n# H &lt;")
     assert not re.search(r"[<`\n]|\]\(|!\[|&lt;", shown)
+    assert markdown_text("p < 0.001 & more") == "p < 0.001 & more"
     assert markdown_text("# H") == "&#35; H"
     assert markdown_text("-0.5") == "-0.5"
     assert markdown_text("|Δω| [rad/s] robot.v_max=1") == "|Δω| [rad/s] robot.v_max=1"
