@@ -1,6 +1,8 @@
 """Compiled kernels where the package's own folders cannot be written."""
 
+import errno
 import os
+import pickle
 import shutil
 import subprocess
 import sys
@@ -188,3 +190,59 @@ def test_a_read_only_installation_compiles_once_for_a_user_without_a_home(instal
         assert float(length) == pytest.approx(2**0.5)
         assert int(found) == hits
         assert Path(path).is_relative_to(place / "mine")
+
+
+class Files:
+    """Stands in for Numba's class of a kernel's two files."""
+
+    _cache_path = "kernels"
+
+    def __init__(self, answer=None, error=None):
+        self._answer, self._error = answer, error
+
+    def _load(self, *_):
+        if self._error is not None:
+            raise self._error
+        return self._answer
+
+    _load_index = _load_data = save = _load
+
+
+@pytest.fixture
+def mended():
+    class Mended(Files):
+        pass
+
+    numba_cache._note_damaged.cache_clear()
+    numba_cache._note_not_kept.cache_clear()
+    numba_cache._mend(Mended)
+    return Mended
+
+
+def test_numbas_class_has_what_is_mended_and_is_mended():
+    from numba.core.caching import IndexDataCacheFile
+
+    assert IndexDataCacheFile.lme_mended
+    assert {"_load_index", "_load_data", "save"} <= set(vars(IndexDataCacheFile))
+
+
+@pytest.mark.parametrize(
+    "broken", [{"error": EOFError()}, {"error": pickle.UnpicklingError()}, {"answer": 3}]
+)
+def test_a_damaged_kernel_is_compiled_anew_with_a_note(mended, broken):
+    with pytest.warns(UserWarning, match="compiled kernels in kernels are damaged: they are compiled anew"):
+        assert mended(**broken)._load_index() == {}
+    with pytest.raises(OSError, match="is damaged"):  # to Numba: the file is not there
+        mended(**broken)._load_data("x.nbc")
+
+
+def test_a_kernel_that_is_whole_or_not_there_is_left_to_numba(mended):
+    assert mended(answer={"key": "x.nbc"})._load_index() == {"key": "x.nbc"}
+    assert mended(answer=(1, 2))._load_data("x.nbc") == (1, 2)
+    with pytest.raises(FileNotFoundError):
+        mended(error=FileNotFoundError())._load_data("x.nbc")
+
+
+def test_a_kernel_that_cannot_be_kept_is_used_with_a_note(mended):
+    with pytest.warns(UserWarning, match="cannot be kept in kernels .No space left on device"):
+        mended(error=OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))).save("key", "data")

@@ -1,8 +1,10 @@
 """`lme` itself: finding commands, help, errors, exit statuses, and answering at once."""
 
 import errno
+import io
 import os
 import re
+import shlex
 import subprocess
 import sys
 import warnings
@@ -208,3 +210,30 @@ def test_help_lists_the_options_of_a_group_once(command, line, capsys):
     said = capsys.readouterr().out
     assert line in said.splitlines()
     assert "none yet" not in said
+
+
+def run_in_shell(redirected, **environment):
+    """`lme --help` in a shell; its status and what it says on standard error."""
+    command = f"{shlex.quote(sys.executable)} -m runners.cli.main --help {redirected}"
+    done = subprocess.run(
+        ["sh", "-c", command], cwd=ROOT, env={**os.environ, **environment}, capture_output=True, text=True
+    )
+    return done.returncode, done.stdout, done.stderr
+
+
+def test_a_closed_standard_output_is_one_line():
+    said = "lme --help: standard output is closed, so nothing could be shown\n"
+    assert run_in_shell(">&-") == (1, "", said)
+    assert run_in_shell(">&- 2>&-") == (1, "", "")
+    status, shown, _ = run_in_shell("2>&- <&-")
+    assert status == 0
+    assert "lme" in shown
+
+
+def test_a_character_that_the_terminal_lacks_is_a_question_mark(greet, monkeypatch):
+    stream = io.TextIOWrapper(io.BytesIO(), encoding="ascii")
+    monkeypatch.setattr(sys, "stdout", stream)
+    assert not main.open_streams()
+    print("± Δ")
+    stream.flush()
+    assert stream.buffer.getvalue() == b"? ?\n"

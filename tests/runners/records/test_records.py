@@ -3,6 +3,7 @@
 import base64
 import json
 import math
+import shutil
 import subprocess
 import sys
 import textwrap
@@ -208,6 +209,19 @@ def test_the_append_log_of_another_version_is_resumed(tmp_path):
     old = steps[steps["world"] == 1]
     assert old["x_m"].tolist() == [0.1, 0.2]
     assert old["score"].dtype == np.float32
+
+
+@pytest.mark.parametrize("action", ["append", "merge"])
+def test_a_run_whose_folder_is_deleted_meanwhile_says_so(tmp_path, action):
+    run_dir = tmp_path / "run"
+    with RecordWriter(run_dir) as writer:
+        writer.append(episode(KEYS[0]))
+        shutil.rmtree(run_dir)
+        with pytest.raises(
+            RecordsWriteError, match=r"run: its records are gone: they were deleted while"
+        ) as said:
+            writer.append(episode(KEYS[1])) if action == "append" else writer.merge()
+    assert "free some space" not in str(said.value)
 
 
 SMALL_DISK = """
