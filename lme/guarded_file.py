@@ -68,6 +68,7 @@ def check_structure(text: str) -> None:
     sizes: dict[str, int] = {}  # of the values with an anchor, unfolded
     nested: list[tuple[str | None, int]] = []  # anchor and size so far of the values around this one
     repeated = 0
+    event: Any  # its type depends on the loader
     for event in yaml.parse(text, SafeLoader):
         if isinstance(event, yaml.CollectionStartEvent):
             nested.append((event.anchor, 1))
