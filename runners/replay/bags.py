@@ -98,7 +98,11 @@ class Bag:
         found: dict[str, tuple[set[str], int]] = {}
         for connection in self._reader.connections:
             types, count = found.get(connection.topic, (set(), 0))
-            found[connection.topic] = types | {connection.msgtype}, count + connection.msgcount
+            if connection.msgcount and not count:
+                types = set()  # those before were announced, but no message came
+            if connection.msgcount or not count:
+                types = types | {connection.msgtype}
+            found[connection.topic] = types, count + connection.msgcount
         seconds = max(self.duration_s, 1e-9)
         return [Topic(name, tuple(sorted(t)), n, n / seconds) for name, (t, n) in sorted(found.items())]
 
@@ -115,7 +119,10 @@ class Bag:
         for topic in self.topics():
             alike = len(topic.types) == 1 or {*topic.types} <= {*messages.TF}  # which have the same fields
             if topic.name in topics and not alike:
-                raise InputError(f"bag {self.path}: {topic.name} has several types: {', '.join(topic.types)}")
+                raise InputError(
+                    f"bag {self.path}: {topic.name} has several types: {', '.join(topic.types)}: choose another "
+                    "topic, or keep one type in a copy of the recording"
+                )
         try:
             for connection, recorded, raw in self._reader.messages(wanted, start=start, stop=stop):
                 if connection.topic not in topics:

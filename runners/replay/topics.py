@@ -153,7 +153,8 @@ def _requested_topic(known: Sequence[Topic], key: str, requested: str, types: Se
 
 
 def _listed(known: Sequence[Topic]) -> str:
-    return ", ".join(f"{topic.name} ({_or(topic.types)})" for topic in known)
+    empty = {topic.name: "" if topic.number else ", no messages" for topic in known}
+    return ", ".join(f"{topic.name} ({_or(topic.types)}{empty[topic.name]})" for topic in known)
 
 
 def _or(types: Sequence[str]) -> str:

@@ -121,6 +121,22 @@ def test_commands_of_two_types_are_left_out_unless_they_are_asked_for(tmp_path, 
     assert "/cmd_vel has several types" in capsys.readouterr().err
 
 
+def test_a_type_or_a_topic_without_messages_does_not_count(tmp_path):
+    """As where a node announced a topic and never wrote to it."""
+    from rosbags.rosbag2 import StoragePlugin, Writer
+
+    maker = drive(steps=12, commands=False)
+    with Writer(tmp_path / "announced", version=8, storage_plugin=StoragePlugin.MCAP) as writer:
+        writer.add_connection("/odom", "geometry_msgs/msg/PoseStamped", typestore=maker.store)
+        writer.add_connection("/front", "sensor_msgs/msg/LaserScan", typestore=maker.store)
+        maker._fill(writer, sorted(maker._messages, key=lambda one: one[0]), maker.store.serialize_cdr)
+    assert read(tmp_path / "announced") == 24
+    with Bag(tmp_path / "announced") as bag:
+        assert choose(bag, BagTopicsConfig(), None).scan.name == "/scan"
+        with pytest.raises(InputError, match=r"topics\.scan is /front: the recording has no messages on it"):
+            choose(bag, BagTopicsConfig(scan="/front"), None)
+
+
 def read(path):
     with Bag(path) as bag:
         return len(list(bag.messages(["/scan", "/odom"])))
