@@ -122,7 +122,8 @@ class _UniqueKeys(SafeLoader):  # type: ignore[misc]
                         problem=f"key {key.value!r} is repeated", problem_mark=key.start_mark
                     )
                 seen.add(key.value)
-        return super().construct_mapping(node, deep)
+        mapping: dict[Hashable, Any] = super().construct_mapping(node, deep)
+        return mapping
 
 
 def _number(value: object) -> float | None:

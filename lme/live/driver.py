@@ -135,8 +135,8 @@ class LiveDriver:
         """
         try:
             self._last = self._step(now)
-        except NotReadyError as why:
-            self._last = self._standing_step(now, str(why), why.state)
+        except NotReadyError as error:
+            self._last = self._standing_step(now, str(error), error.state)
         except Exception as error:
             show_traceback(error)
             why = user_error(error) or f"{type(error).__name__}: {error}"

@@ -16,7 +16,7 @@ _KEPT = "\n\t"
 def plain_output() -> Iterator[None]:
     """Show control codes in what is printed on standard output and standard error meanwhile."""
     before = sys.stdout, sys.stderr
-    sys.stdout, sys.stderr = (_Plain(stream) if stream is not None else stream for stream in before)  # type: ignore[assignment]
+    sys.stdout, sys.stderr = (_Plain(stream) if stream is not None else stream for stream in before)
     try:
         yield
     finally:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from typing import Any
 from urllib.parse import quote, unquote
 
 HIDDEN = "***"
@@ -61,7 +62,7 @@ def _password(url: str) -> str:
     return re.sub(r"^[a-z][\w+.-]*:/+", "", account, flags=re.IGNORECASE).partition(":")[2]
 
 
-def masked_values(value: object) -> object:
+def masked_values(value: Any) -> Any:
     """A config of plain values, without the passwords of the URLs in it."""
     if isinstance(value, str):
         return masked_text(value)

@@ -108,7 +108,8 @@ def _remove_unless_drawn(run_dir: Path) -> None:
 
 def _kind(job: Job[FigureConfig]) -> Kind:
     cls, own = instantiate.configured(job.config.figure, "figure")
-    kind: Kind = cls(own, job.config.robot, Catalogue(job.folders)) if cls is Maps else cls(own)
+    args = (own, job.config.robot, Catalogue(job.folders)) if cls is Maps else (own,)
+    kind: Kind = cls(*args)
     return kind
 
 

@@ -100,7 +100,7 @@ class Launch:
     @property
     def command_line(self) -> str:
         """The command that starts the run again, as a line for a shell."""
-        flags = ["-m"] * self.multirun + ["--config-name", self.config_name] * bool(self.config_name)
+        flags = ["-m"] * self.multirun + (["--config-name", self.config_name] if self.config_name else [])
         # One job of a sweep, though its experiment or its config may ask for the whole sweep.
         files = self.config_name or any(word.lstrip("+").startswith("experiment=") for word in self.overrides)
         alone = ["hydra.mode=RUN"] * (self.job is not None and bool(files))

@@ -223,9 +223,9 @@ def _check_path(path: Path) -> None:
     if path.is_dir():
         if (path / "metadata.yaml").exists():
             check_regular(path / "metadata.yaml", YAML_BYTES)
-        for file in path.iterdir():
-            if file.suffix in SUFFIXES:
-                check_regular(file)
+        for part in path.iterdir():
+            if part.suffix in SUFFIXES:
+                check_regular(part)
         return
     if path.suffix in _ENDINGS:
         raise InputError(f"bag {path}: {_ENDINGS[path.suffix]}")
