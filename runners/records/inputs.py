@@ -21,7 +21,7 @@ import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, fields, replace
-from importlib.machinery import PathFinder
+from importlib.machinery import ModuleSpec, PathFinder
 from pathlib import Path, PurePosixPath
 from typing import Any, TypeVar
 
@@ -448,7 +448,9 @@ def _own_source(module: str) -> Path | None:
 
 def _origin(module: str) -> str | None:
     """Where a module would be imported from, found without importing anything."""
-    spec, places, name = None, None, ""
+    spec: ModuleSpec | None = None
+    places: list[str] | None = None
+    name = ""
     for part in module.split("."):
         name = f"{name}.{part}" if name else part
         spec = PathFinder.find_spec(name, places)
