@@ -1,7 +1,6 @@
 """What every reader of the user's files refuses at once, whatever it reads."""
 
 import os
-from pathlib import Path
 
 import pytest
 import yaml
@@ -75,11 +74,6 @@ def test_the_limit_is_the_last_size_that_is_read(tmp_path):
     path.write_bytes(b"12345")
     assert read_bytes(path, 5) == b"12345"
     assert "has 5 bytes: must have at most 4" in refused(lambda file: read_bytes(file, 4), path)
-
-
-def test_a_file_that_is_longer_than_it_says_is_refused():
-    """Files of the kernel have a size of 0."""
-    assert "has more than 10 bytes" in refused(lambda file: read_bytes(file, 10), Path("/proc/self/status"))
 
 
 @pytest.mark.parametrize(

@@ -39,7 +39,7 @@ def test_a_tensor_may_be_a_part_of_a_storage(tmp_path):
 
 def test_a_file_that_is_absent_or_no_archive(tmp_path):
     assert "cannot be read" in refused(import_archive, tmp_path / "none.zip")
-    assert "cannot be read" in refused(import_archive, tmp_path)
+    assert "is a directory" in refused(import_archive, tmp_path)
     (tmp_path / "text.zip").write_text("weights")
     assert "is not an archive of a DRL-VO network by Stable-Baselines3" in refused(
         import_archive, tmp_path / "text.zip"
