@@ -63,12 +63,11 @@ class UnfoldingError(yaml.MarkedYAMLError):
 
 def check_structure(text: str) -> None:
     """Raise UnfoldingError for such a YAML text, and another yaml.YAMLError for one that is not YAML."""
-    sizes: dict[str | None, int] = {}  # of the values with an anchor, unfolded
+    sizes: dict[str, int] = {}  # of the values with an anchor, unfolded
     nested: list[tuple[str | None, int]] = []  # anchor and size so far of the values around this one
     repeated = 0
-    event: Any  # its type depends on the loader
     for event in yaml.parse(text, SafeLoader):
-        mark: Any = event.start_mark
+        mark: Any = event.start_mark  # its type depends on the loader
         if isinstance(event, yaml.CollectionStartEvent):
             nested.append((event.anchor, 1))
             if len(nested) > _DEEPEST:
@@ -77,7 +76,7 @@ def check_structure(text: str) -> None:
         if isinstance(event, yaml.AliasEvent):
             if any(anchor == event.anchor for anchor, _ in nested):
                 raise UnfoldingError(problem=f"alias *{event.anchor} contains itself", problem_mark=mark)
-            anchor, size = None, sizes.get(event.anchor, 1)
+            anchor, size = None, sizes.get(str(event.anchor), 1)
             repeated += size
         elif isinstance(event, yaml.CollectionEndEvent):
             anchor, size = nested.pop()
