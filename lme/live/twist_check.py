@@ -39,7 +39,7 @@ class TwistCheck:
             return
         moved = relative(pose, before[1])
         means = [(one + other) / 2 for one, other in zip(before[2], twist, strict=True)]
-        self._sums += (seconds, moved.x, moved.yaw, *(seconds * mean for mean in means))
+        self._sums += np.array((seconds, moved.x, moved.yaw, *(seconds * mean for mean in means)))
         if self._sums[0] < _WINDOW_S:
             return
         v, omega, said_v, said_omega = (float(number) for number in self._sums[1:] / self._sums[0])

@@ -93,7 +93,8 @@ class Recording:
 
         In a recording by lme the twist is what the policy received, with its errors.
         """
-        pose, check, headings = self.topics.pose, TwistCheck(), []
+        pose, check = self.topics.pose, TwistCheck()
+        headings: list[bool] = []
         if pose is None or self.bag.by_lme:
             return
         for message in self.bag.messages({pose.name}, None, self.bag.start + _POSES_S * SECOND):
