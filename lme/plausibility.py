@@ -148,4 +148,4 @@ def _between(low: float, high: float, usual: Usual) -> str:
         return f"at most {_with_unit(high, usual)}"
     if math.isinf(high):
         return f"at least {_with_unit(low, usual)}"
-    return f"from {low:.4g} to {_with_unit(high, usual)}"
+    return f"from {low:.4g} to {high:.4g} {usual.unit}".rstrip()

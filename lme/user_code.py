@@ -30,11 +30,11 @@ def user_error(error: BaseException) -> str:
     if isinstance(error, SyntaxError) and error.filename and _is_users(error.filename):
         return f"{_short(error.filename)}:{error.lineno}: {text}"
     frames = traceback.extract_tb(error.__traceback__)
-    users = [frame for frame in frames if _is_users(frame.filename)]
-    if not users:
+    inner = [i for i, frame in enumerate(frames) if _is_users(frame.filename)]
+    if not inner:
         return ""
-    last = users[-1]
-    after = [frame for frame in frames[frames.index(last) :] if _is_ours(frame.filename)]
+    last = frames[inner[-1]]
+    after = [frame for frame in frames[inner[-1] :] if _is_ours(frame.filename)]
     raised = f" (raised in {_short(after[-1].filename)}:{after[-1].lineno})" if after else ""
     return f"{_short(last.filename)}:{last.lineno}: {text}{raised}"
 

@@ -50,13 +50,11 @@ def _check_numbers(task: Task) -> str:
     if not isinstance(task.start, Pose):
         raise InputError(f"{where}: the start is {task.start!r:.80}: must be an lme.Pose")
     rules = task.goal_tolerance, task.time_limit, task.clock_distance
-    lengths = task.shortest_path_length, task.optimal_time
     checked_array(task.start, (3,), f"{where}: has a start", "(x [m], y [m], yaw [rad])")
     checked_array(task.goal, (2,), f"{where}: has a goal", "(x [m], y [m])")
     checked_array(
         rules, (3,), f"{where}: has rules", "(goal_tolerance [m], time_limit [s], clock_distance [m])"
     )
-    checked_array(lengths, (2,), f"{where}: has lengths", "(shortest_path_length [m], optimal_time [s])")
     checked_array(world.circles, (None, 3), f"{where}: has circles", "rows of (x, y, radius) [m]")
     checked_array(world.edges, (None, 4), f"{where}: has walls", "rows of (x0, y0, x1, y1) [m]")
     plausibility.check(f"{where}: start.yaw", task.start.yaw)
