@@ -46,8 +46,9 @@ class LiveDriver:
 
     The robot stands in these cases, checked in this order: after shutdown; after a jump of the clock, which also
     discards the sensor data, and while the clock stands still; without a goal; without a fresh scan that measures
-    something; without a fresh pose; while the frame of the goal is unknown or stale; at the goal; after an exception
-    in guide or planner, a command that is not finite, or a decision that took longer than `stale`; before contact.
+    something; without a fresh pose; on a scan that is not plausible (`ScanSource.blinding_fault`); while the frame of
+    the goal is unknown or stale; at the goal; after an exception in guide or planner, a command that is not finite, or
+    a decision that took longer than `stale`; before contact.
     """
 
     def __init__(
@@ -209,6 +210,9 @@ class LiveDriver:
     def _prepare(self, scan: Any, mount: Floats | None) -> None:
         """Build guide and planner."""
         source = ScanSource(self._scan_config, scan, mount, self._configured)
+        fault = source.blinding_fault(scan)
+        if fault is not None:  # nor are guide and planner built for a lidar that it shows wrongly
+            raise NotReadyError(fault)
         pilot = Pilot(source, self._make_navigator(source.robot), self.config.seed, self._wall)
         pilot.warm_up(scan)
         self._pilot = pilot
@@ -219,6 +223,9 @@ class LiveDriver:
             raise NotReadyError(*self._idle_reason)
         sensors, goal = self._sensors, self._goal
         sight, frames, tree = sensors.look(now), sensors.frames, sensors.tree
+        fault = None if self._pilot is None else self._pilot.source.blinding_fault(sight.scan)
+        if fault is not None:
+            raise NotReadyError(fault)
         sensors.check_transforms(tree.chain(goal.frame, frames.odom), now)
         goal.place(frames, tree, sensors.track, _ANY_TIME)
         target, left = (goal.target(at, frames, tree) for at in (sight.motion, sight.newest))

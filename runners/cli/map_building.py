@@ -143,6 +143,7 @@ def _build(arguments: argparse.Namespace) -> None:
     print(f"log      {built.sources}")
     print(f"map      {describe(built)}: {target}")
     print(f"picture  {target.with_name(f'{target.stem}_way.png')}")
+    print(f"scans    {built.tally}")
     paths = f"map.paths=[{element(str(target))}]"
     print(f"Drive in it: {lme_command('eval', 'map=building', paths, 'robot=turtlebot2')}")
 

@@ -13,6 +13,7 @@ from PIL import Image
 
 from lme.errors import InputError, require
 from lme.mapping import GridMap, OccupancyGrid
+from lme.sensing.scan_check import ScanTally
 from lme.types import Floats
 from lme.worlds.bitmap import MAX_PIXELS
 from runners.mapping.log import DriveLog, LogConfig
@@ -42,12 +43,16 @@ class BuildConfig:
 
 
 class BuiltMap(NamedTuple):
-    """A map, the robot's way (N, 2) [m], the scans that it is made of, and those left out for want of a pose."""
+    """A map, the robot's way (N, 2) [m], the scans that it is made of, and those left out for want of a pose.
+
+    tally: of the beams of these scans.
+    """
 
     map: GridMap
     way: Floats
     scans: int
     skipped: int
+    tally: ScanTally
     sources: str
 
 
@@ -59,7 +64,7 @@ def build_map(paths: Sequence[Path], config: BuildConfig, shown: bool = True) ->
     grid = OccupancyGrid(config.resolution, config.max_range)
     way: list[tuple[float, float]] = []
     sources: list[str] = []
-    skipped = 0
+    skipped, tally = 0, ScanTally()
     for path in paths:
         before = len(way)
         with DriveLog(path, config.log) as log, ScanProgress("scans", log.num_scans, shown=shown) as progress:
@@ -69,6 +74,7 @@ def build_map(paths: Sequence[Path], config: BuildConfig, shown: bool = True) ->
                 if located is None:
                     skipped += 1
                     continue
+                tally.add(located.scan)
                 grid.add(located.scan, located.lidar, located.sees_far and config.no_returns == "clear")
                 way.append((located.base.x, located.base.y))
         if len(way) == before:
@@ -82,7 +88,7 @@ def build_map(paths: Sequence[Path], config: BuildConfig, shown: bool = True) ->
             f"--resolution is {config.resolution:g} m for a map of {width:.0f} by {height:.0f} m: must give at most "
             f"{MAX_PIXELS} cells, so at least {least:.2g} m"
         )
-    return BuiltMap(built, points, len(way), skipped, "; ".join(dict.fromkeys(sources)))
+    return BuiltMap(built, points, len(way), skipped, tally, "; ".join(dict.fromkeys(sources)))
 
 
 def check_target(path: Path, overwrite: bool) -> None:

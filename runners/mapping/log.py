@@ -158,6 +158,7 @@ def _robot(name: str | None) -> Robot:
 
 def _located(source: ScanSource, message: Any, base: Pose) -> LocatedScan:
     scan = source.raw(message)
+    source.warn_of_faults(message, scan)
     if source.upside_down:  # its bearings are reversed
         scan = scan._replace(angle_min=-scan.angle_min, angle_increment=-scan.angle_increment)
     return LocatedScan(scan, compose(base, source.mount), base, not is_cloud(message))

@@ -9,7 +9,8 @@ from __future__ import annotations
 import gzip
 import math
 import zlib
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace, TracebackType
@@ -34,6 +35,14 @@ _TYPES = {MOUNT: TF[0], POSES: POSE, SCAN: LASER_SCAN}  # in the order in which 
 _ODOM, _BASE, _LASER = "odom", "base_link", "laser"
 _LINE_BYTES = 2**20  # of a scan; one of 1,081 beams has about 10 kB
 _FARTHEST_MOUNT = 2.0  # [m] from the middle of the robot to its laser
+_FLASER_FOV = {  # [deg] by the number of beams, where it is not half a turn; the middle points ahead
+    **dict.fromkeys((101, 201, 401), 100.0),  # SICK LMS2xx in its mode of 100°, as in CARMEN's own table
+    **dict.fromkeys((270, 271, 540, 541, 1080, 1081), 270.0),  # SICK LMS1xx, Hokuyo UTM-30LX
+}
+_URG_BEAMS = (681, 682, 683, 769)  # of a Hokuyo URG-04LX, over 240° or its whole 270°
+_URG_INCREMENT = 360.0 / 1024.0  # [deg]
+_FINEST = 0.25  # [deg] beams over half a turn are a multiple of this apart
+_RESOLUTION = "laser_front_laser_resolution"  # the parameter of CARMEN with the increment [deg]
 _SAME_M, _SAME_RAD = 0.02, 0.02  # to which the laser keeps its place on the robot
 
 
@@ -118,15 +127,24 @@ def is_carmen(path: Path) -> bool:
 def _scans(path: Path) -> list[_Scan]:
     """All scans of the kind of line that the log has most of."""
     found: dict[str, list[_Scan]] = {ROBOTLASER: [], FLASER: []}
-    readers = {ROBOTLASER: _robotlaser, FLASER: _flaser}
+    resolution: float | None = None  # [deg] by the parameters of the log
+    readers: dict[str, Callable[[Sequence[str]], _Scan]] = {
+        ROBOTLASER: _robotlaser,
+        FLASER: lambda fields: _flaser(fields, resolution),
+    }
     mistake: InputError | None = None
     for number, line in enumerate(_lines(path), start=1):
         if mistake is not None:  # only the last line may be incomplete: the log was cut off
             raise mistake
         kind, *fields = line.split()
+        if kind == "PARAM" and fields[:1] == [_RESOLUTION]:
+            with suppress(ValueError, IndexError):
+                resolution = float(fields[1])
         if kind in readers:
             try:
                 found[kind].append(readers[kind](fields))
+            except InputError as error:
+                raise InputError(f"log {path}, line {number}: {error}") from error
             except (ValueError, IndexError, OverflowError):
                 mistake = InputError(
                     f"log {path}, line {number}: {kind}: must hold a scan, a pose and a time, all of them numbers"
@@ -165,13 +183,35 @@ def _lines(path: Path) -> Iterator[str]:
         raise InputError(f"log {path}: the file is empty")
 
 
-def _flaser(fields: Sequence[str]) -> _Scan:
-    """FLASER n ranges, pose of the laser, pose of the robot, time. The first beam points to the right."""
+def _flaser(fields: Sequence[str], resolution: float | None) -> _Scan:
+    """FLASER n ranges, pose of the laser, pose of the robot, time. The first beam is the rightmost.
+
+    resolution [deg]: of the log's parameters, if it has one. Raises InputError if the field of view is unknown.
+    """
     count = _count(fields[0])
-    # 180 beams are the first of 181 over half a turn, 360 the first of 361.
-    increment = math.pi / (count if count % 2 == 0 else count - 1)
-    geometry = (-math.pi / 2.0, increment, RANGE_MAX)
+    geometry = (*_flaser_angles(count, resolution), RANGE_MAX)
     return _scan(geometry, fields[1 : 1 + count], fields[1 + count :], time_at=6)
+
+
+def _flaser_angles(count: int, resolution: float | None) -> tuple[float, float]:
+    """The bearing of the first beam and the increment [rad] of a FLASER line, which says only how many beams it has."""
+    steps = count if count % 2 == 0 else count - 1  # 180 beams are the first of 181 over half a turn
+    if count in _FLASER_FOV:
+        fov = _FLASER_FOV[count]
+        increment = fov / steps
+    elif count in _URG_BEAMS:
+        increment, fov = _URG_INCREMENT, (count - 1) * _URG_INCREMENT
+    elif (180.0 / steps / _FINEST).is_integer():
+        return -math.pi / 2.0, math.pi / steps
+    elif resolution is not None and 0.0 < resolution * count <= 360.0:
+        increment, fov = resolution, (count - 1) * resolution
+    else:
+        raise InputError(
+            f"{FLASER} has {count} beams, and its field of view is not known: must be a usual number (181 or 361 over "
+            f"180°, 401 over 100°, 541 or 1081 over 270°, 682 over 240°), or be preceded by a line such as "
+            f"'PARAM {_RESOLUTION} 0.5' with the degrees between its beams; lines {ROBOTLASER} say their own"
+        )
+    return -math.radians(fov) / 2.0, math.radians(increment)
 
 
 def _robotlaser(fields: Sequence[str]) -> _Scan:

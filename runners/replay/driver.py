@@ -20,6 +20,7 @@ from lme.navigator import Navigator
 from lme.policies.lme.explanation import Explanation
 from lme.policies.lme.maintenance import Choice
 from lme.robots import Robot
+from lme.sensing.scan_check import ScanTally
 from lme.sensing.scan_points import obstacle_points
 from lme.types import Floats, Observation, Pose, Twist
 from runners.replay.bags import Message
@@ -52,13 +53,15 @@ class Log:
     """The results of a replay.
 
     rows: columns by name, one row per tick. commands: the recorded (stamp [ns], v [m/s], ω [rad/s]). skipped: number
-    of ticks without a decision, by reason. scans: number of scans. sample: steps spread over the recording.
+    of ticks without a decision, by reason. scans: number of scans. tally: what those of the decisions hold. sample:
+    steps spread over the recording.
     """
 
     rows: list[dict[str, Any]] = field(default_factory=list)
     commands: list[tuple[int, float, float]] = field(default_factory=list)
     skipped: dict[str, int] = field(default_factory=lambda: {"no pose": 0, "no goal": 0})
     scans: int = 0
+    tally: ScanTally = field(default_factory=ScanTally)
     sample: list[ReplayStep] = field(default_factory=list)
 
 
@@ -134,6 +137,7 @@ class Driver:
             self.log.skipped["no goal"] += 1
             return
         observation = self._scan_source.observation(message.content, motion, target)
+        self.log.tally.add(observation.scan)
         began = perf_counter_ns()
         command = self._navigator.act(observation, motion.stamp / SECOND)
         decision_us = (perf_counter_ns() - began) / 1000.0

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import warnings
 from collections import deque
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
+from lme.live.messages import frame
 from lme.live.track import StampedMotion, Track
 from lme.live.twist_check import TwistCheck
 from runners.replay.bags import Message
 from runners.replay.order import Order
-from runners.replay.recording import RecordedPose, Recording
+from runners.replay.recording import RecordedPose, Recording, is_whole
 
 
 class PosedScan(NamedTuple):
@@ -25,6 +27,7 @@ class PosedScans:
 
     A scan waits for a pose that is later than itself, at most `stale` [ns], which is also the largest difference
     between the stamps of a scan and of the nearest pose. due: whether a scan with this stamp [ns] is wanted.
+    Scans of another frame, whose lidar is mounted elsewhere, and of less than two beams are left out with a warning.
     """
 
     def __init__(self, recording: Recording, stale: int, due: Callable[[int], bool] | None = None) -> None:
@@ -35,6 +38,8 @@ class PosedScans:
         self.tree, self.track = recording.tree.copy(), Track()
         self._twists, self._as_received = TwistCheck(), recording.bag.by_lme
         self.scans = 0  # seen so far, wanted or not
+        self._frame = frame(recording.first_scan.content.header.frame_id)
+        self._left_out: set[str] = set()  # kinds of scans
 
     def take(self, message: Message) -> None:
         """Process a pose, a transform or a scan; ignore any other message. Raises InputError if time goes backwards."""
@@ -45,7 +50,7 @@ class PosedScans:
                 self._check_twist(sample)
         elif message.topic == self._recording.topics.scan.name:
             stamp = self._recording.stamp(message)
-            if self._scan_order.accepts(stamp):
+            if self._usable(message) and self._scan_order.accepts(stamp):
                 self.scans += 1
                 if self._due is None or self._due(stamp):
                     self._waiting.append((message, stamp))
@@ -59,6 +64,18 @@ class PosedScans:
         if contradiction is not None:
             self._recording.doubt_twists(contradiction)
             self.track.forget_twists()
+
+    def _usable(self, message: Message) -> bool:
+        came_from = frame(message.content.header.frame_id)
+        why = ""
+        if came_from != self._frame:
+            why = f"scans from the frame {came_from}, not {self._frame} as most,"
+        elif not is_whole(message):
+            why = "scans of less than two beams"
+        if why and why not in self._left_out:
+            self._left_out.add(why)
+            warnings.warn(f"{self._recording.topics.scan.name}: {why} are left out", stacklevel=3)
+        return not why
 
     def ready(self, coming: Message | None) -> Iterator[PosedScan]:
         """The waiting scans that have a later pose, or that have waited for one longer than `stale`.

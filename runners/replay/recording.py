@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import math
 import statistics
 import warnings
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import islice, pairwise
 from typing import NamedTuple
 
 from lme.errors import InputError
 from lme.live.frames import Frames, FramesConfig, message_frames, tf_frames
-from lme.live.messages import ODOMETRY, SECOND, frame, has_orientation, stamp_of
+from lme.live.messages import LASER_SCAN, ODOMETRY, SECOND, frame, has_orientation, stamp_of
 from lme.live.poses import is_sound, message_pose, moving_links, tf_pose
 from lme.live.transforms import TransformTree
 from lme.live.twist_check import TwistCheck
@@ -22,7 +24,9 @@ from runners.replay.topics import Topics, other_pose
 CLOCKS = ("auto", "header", "recorded")
 _LOOK_S = 10  # [s] of the recording to search for a transform to the lidar
 _POSES_S = 120  # [s] of the recording in which poses are checked before it is read
-_SCANS = 20  # used to measure the rate
+_SCANS = 20  # used to measure the rate, and read in each part of the recording to find the usual scan
+_PARTS = 4  # of the recording
+_RARE = 0.1  # share of the scans below which a geometry is not that of the lidar
 _TAIL_S = (2, 30)  # [s] at the end to search for the last pose, before the whole recording
 
 
@@ -40,7 +44,8 @@ class Recording:
 
     frames: the odometry frame and the base frame. headers: whether stamps come from the headers. offset: clock
     of the file minus clock of the stamps [ns]. mount: (4, 4) from the scan's frame to the base frame; None if tf has
-    none. scan_rate [Hz]. tree: the transforms at the beginning. twists: whether those of odometry can be believed.
+    none. scan_rate [Hz]. first_scan: the first one with the usual frame and geometry. tree: the transforms at the
+    beginning. twists: whether those of odometry can be believed.
     """
 
     bag: Bag
@@ -153,10 +158,48 @@ def inspect(bag: Bag, topics: Topics, frames: FramesConfig, clock: str) -> Recor
     stamps = [stamp_of(m.content.header) if headers else m.recorded for m in first.scans]
     gaps = [b - a for a, b in pairwise(stamps) if b > a]
     rate = SECOND / statistics.median(gaps) if gaps else 0.0
-    mount = first.tree.lookup(chosen.base, frame(first.scans[0].content.header.frame_id))
-    recording = Recording(bag, topics, chosen, headers, offset, mount, rate, first.scans[0], first.tree)
+    scan = _usual_scan(bag, topics, first.scans)
+    mount = first.tree.lookup(chosen.base, frame(scan.content.header.frame_id))
+    recording = Recording(bag, topics, chosen, headers, offset, mount, rate, scan, first.tree)
     recording.check_poses()
     return recording
+
+
+def _usual_scan(bag: Bag, topics: Topics, first: list[Message]) -> Message:
+    """The first scan with the usual frame and geometry, since the first of all may be short, or of another lidar.
+
+    Of the geometries that are not rare, it has the widest; of several as wide, the most frequent.
+    """
+    if topics.scan.type != LASER_SCAN:
+        return first[0]
+    scans = list(first)
+    for part in range(1, _PARTS):
+        start = bag.start + part * (bag.end - bag.start) // _PARTS
+        scans += islice(bag.messages([topics.scan.name], start), _SCANS)
+    frames = Counter(frame(scan.content.header.frame_id) for scan in scans)
+    frame_id = frames.most_common(1)[0][0]
+    scans = [scan for scan in scans if frame(scan.content.header.frame_id) == frame_id and is_whole(scan)]
+    counts = Counter(map(_geometry, scans))
+    usual = [one for one, count in counts.items() if count >= _RARE * len(scans)] or list(counts)
+    if not usual:
+        return first[0]
+    widest = max(fov for _, _, fov in usual)
+    as_wide = [one for one in usual if one[2] >= widest - 2.0 * abs(one[1])]
+    chosen = max(as_wide or usual, key=lambda one: counts[one])
+    return next(scan for scan in scans if _geometry(scan) == chosen)
+
+
+def is_whole(scan: Message) -> bool:
+    """Whether a scan has at least two beams; a cloud always counts."""
+    ranges = getattr(scan.content, "ranges", None)
+    return ranges is None or len(ranges) >= 2
+
+
+def _geometry(scan: Message) -> tuple[int, float, float]:
+    """Number of beams, increment and field of view [rad] of a LaserScan."""
+    number, increment = len(scan.content.ranges), float(scan.content.angle_increment)
+    fov = min(number * abs(increment), math.tau)
+    return number, increment, fov if math.isfinite(fov) else 0.0
 
 
 class _Beginning:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -69,6 +70,7 @@ def figures(frame: pd.DataFrame, log: Log, period_s: float, wall_s: float) -> di
     return {
         "ticks": len(frame),
         "scans": log.scans,
+        **asdict(log.tally),
         **{f"skipped_{key.replace(' ', '_')}": count for key, count in log.skipped.items()},
         "duration_s": duration,
         "heading_error_median_deg": _median(np.degrees(heading)),
@@ -104,6 +106,8 @@ def lines(found: Mapping[str, float]) -> list[str]:
         f"and {_percent(found['recorded_contact'])}",
         f"decision {found['decision_ms_p50']:.2f} ms (p50), {found['decision_ms_p99']:.2f} ms (p99); "
         f"{found['missed_deadlines']:.0f} of {found['ticks']:.0f} missed the period",
+        f"scans    {found['beams_without_return']:.0f} of {found['beams']:.0f} beams without return, "
+        f"{found['scans_without_point']:.0f} scans without a point",
     ]
 
 

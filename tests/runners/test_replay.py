@@ -80,6 +80,7 @@ def test_a_replay_writes_its_records_and_figures(replay, plain, capsys):
     shown = capsys.readouterr().out
     assert "30 decisions" in shown
     assert "mounted as tf says" in shown
+    assert f"scans    {found['beams_without_return']} of {30 * 360} beams without return, 0 scans" in shown
 
 
 def test_the_table_says_what_the_robot_did(replay, plain):

@@ -43,7 +43,7 @@ class Puppet:
 class Rig:
     """A driver, the clock, and a robot that stands at the origin of odom with walls 3 m away."""
 
-    def __init__(self, frames=None, robot=None, **config):
+    def __init__(self, frames=None, robot=None, scan=None, **config):
         self.puppet, self.make = Puppet(), BagMaker()
         self.now, self.wall = BEGAN, 0
         self.robot = robot or builders.stage()
@@ -51,6 +51,7 @@ class Rig:
             lambda robot: Navigator(self.puppet, self.puppet),
             self.robot,
             LiveConfig(**config),
+            scan,
             frames=frames,
             wall=lambda: self.wall,
         )

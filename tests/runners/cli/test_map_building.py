@@ -1,5 +1,7 @@
 """`lme maps build` and `lme maps buildings` on the command line."""
 
+import re
+
 import pytest
 
 from runners.cli.main import main
@@ -19,6 +21,9 @@ def test_a_map_is_built_where_the_other_pictures_are(folder, capsys):
     assert (folder / "outputs/maps/office.yaml").is_file()
     assert "scans /scan, poses /pose (odom to base_link)" in out
     assert "picture  outputs/maps/office_way.png" in out
+    assert re.search(
+        r"^scans    \d+ of \d+ beams without return, 0 scans without a point$", out, re.MULTILINE
+    )
     assert "lme eval map=building 'map.paths=[outputs/maps/office.yaml]'" in out
     assert main(["maps", "build", "office.log.gz"]) == 2
     assert "office.yaml exists; add --overwrite" in capsys.readouterr().err

@@ -77,6 +77,13 @@ def test_the_other_formats_give_the_same_map(tmp_path, suffix):
     assert (one.map.cells == other.map.cells).all()
 
 
+def test_a_log_of_scans_that_measure_nothing_is_warned_of_and_counted(tmp_path):
+    path = drive(".mcap", steps=20, spoil=lambda ranges: ranges * np.nan).write(tmp_path)
+    with pytest.warns(UserWarning, match="no beam of a scan measures anything: all 360 are NaN"):
+        built = build_map([path], BuildConfig(), shown=False)
+    assert str(built.tally) == "7200 of 7200 beams without return, 20 scans without a point"
+
+
 def test_a_point_cloud_gives_a_map_too(tmp_path):
     built = build_map([drive(".mcap", steps=30, scans="cloud").write(tmp_path)], BuildConfig(), shown=False)
     points, cells = places(built)

@@ -55,6 +55,42 @@ def test_the_usual_numbers_of_beams(tmp_path, beams, degrees):
     assert math.degrees(content.angle_increment) == pytest.approx(degrees)
 
 
+FOVS = [
+    *[(101, 100.0, 1.0), (201, 100.0, 0.5), (401, 100.0, 0.25), (91, 180.0, 2.0), (721, 180.0, 0.25)],
+    *[(271, 270.0, 1.0), (541, 270.0, 0.5), (1081, 270.0, 0.25), (540, 269.5, 0.5), (1080, 269.75, 0.25)],
+    *[(682, 239.4, 0.3516), (683, 239.8, 0.3516), (769, 270.0, 0.3516)],
+]
+
+
+@pytest.mark.parametrize(("beams", "fov", "degrees"), FOVS)
+def test_a_number_of_beams_says_the_field_of_view(tmp_path, beams, fov, degrees):
+    """SICK and Hokuyo: not all of them see half a turn."""
+    log = CarmenLog(write(tmp_path / "a.log", flaser_lines(way()[:2], beams)))
+    content = next(log.messages(["/scan"])).content
+    increment = math.degrees(content.angle_increment)
+    assert increment == pytest.approx(degrees, abs=1e-4)
+    assert (beams - 1) * increment == pytest.approx(fov, abs=0.1)
+    ahead = -math.degrees(content.angle_min) - 0.5 * (beams - 1) * increment
+    assert ahead == pytest.approx(0.5 * increment if beams % 20 == 0 else 0.0, abs=1e-6)
+
+
+def test_an_unknown_number_of_beams_needs_the_increment(tmp_path):
+    lines = flaser_lines(way()[:2], 500)
+    path = write(tmp_path / "a.log", lines)
+    with pytest.raises(
+        InputError, match=r"line 4: FLASER has 500 beams, .*PARAM laser_front_laser_resolution"
+    ) as error:
+        CarmenLog(path)
+    assert str(path) in str(error.value)
+    log = CarmenLog(write(path, ["PARAM laser_front_laser_resolution 0.5 nohost 0", *lines]))
+    content = next(log.messages(["/scan"])).content
+    assert math.degrees(content.angle_increment) == pytest.approx(0.5)
+    assert math.degrees(content.angle_min) == pytest.approx(-0.5 * 499 / 2)
+    for wrong in ("1.0", "x", "0", "nan"):
+        with pytest.raises(InputError, match="500 beams"):
+            CarmenLog(write(path, [f"PARAM laser_front_laser_resolution {wrong}", *lines]))
+
+
 def test_robotlaser_lines_say_their_geometry_and_where_the_laser_is(tmp_path):
     log = CarmenLog(write(tmp_path / "a.log", robotlaser_lines(beams=91)))
     recording, poses = poses_of(log)
