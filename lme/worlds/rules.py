@@ -25,18 +25,16 @@ class TaskRules:
 
     worlds: list[int] | None = None  # numbers of the worlds to drive; None: all that the map set offers
     goal_tolerance: float = 0.2  # [m] success within
-    time_limit: float | None = (
-        120.0  # [s]; None: for each world, where the map set knows the robot's full speed
-    )
+    time_limit: float | None = 120.0  # [s]; None: by the robot's full speed, where the map set knows it
     clock_distance: float = 0.0  # [m] the clock starts once the robot has moved this far
 
     def __post_init__(self) -> None:
         require("map.goal_tolerance", self.goal_tolerance, above=0.0)
+        plausibility.check("map.goal_tolerance", self.goal_tolerance)
         if self.time_limit is not None:
             require("map.time_limit", self.time_limit, above=0.0)
+            plausibility.check("map.time_limit", self.time_limit)
         require("map.clock_distance", self.clock_distance, at_least=0.0)
-        for key in ("goal_tolerance", "time_limit"):
-            plausibility.check(f"map.{key}", getattr(self, key))
         chosen = self.worlds
         if chosen is not None and (not chosen or len(set(chosen)) < len(chosen) or min(chosen) < 0):
             raise InputError(
