@@ -23,6 +23,7 @@ from runners.experiments.verdict import HeldOutComparison, Verdict
 from runners.explainer import pages
 from runners.explainer.training_report import TrainingReport, write_report
 from runners.explainer.training_tables import HeldOut
+from runners.records.launch_record import trust_flags
 from runners.search.race import START, Race
 
 if TYPE_CHECKING:
@@ -184,7 +185,7 @@ def _commands(
             both = lme_command("compare", start_dir / place, run_dir / place)
             words[f"Compare with the start on {place}, world by world"] = both
     if worst.failed:
-        why = lme_command("explain", worst.run_dir, "failures")
+        why = lme_command("explain", worst.run_dir, "failures", *trust_flags(worst.run_dir))
         words[f"See why the robot failed on {worst.run_dir.name}"] = why
     words["Continue this training, if it was stopped"] = resume_command("train", run_dir)
     return words

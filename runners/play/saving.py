@@ -23,7 +23,7 @@ from runners.play.script_file import SCRIPT, write_script
 from runners.play.session import Session
 from runners.records import inputs
 from runners.records.episode_record import EpisodeKey, EpisodeResult
-from runners.records.launch_record import identity, launch_of
+from runners.records.launch_record import identity, launch_of, trust_flags
 from runners.records.whole_file import write_atomically
 from runners.workers.trace import Drive, Trace, TracedStep, TraceEnd
 
@@ -100,7 +100,8 @@ def _save_record(session: Session, place: _Place, step: int) -> Saved:
         words.append(f"map.worlds=[{setup.task.number}]")
     world = 0 if drawn and not script.changed else setup.task.number
     _write_run(session, lane, run_dir, [*words, f"runs={setup.run + 1}"], EpisodeKey(world, setup.run))
-    return Saved(place.shown(run_dir), lme_command("play", place.shown(run_dir), f"{world}/{setup.run}"))
+    words = [f"{world}/{setup.run}", *trust_flags(run_dir)]
+    return Saved(place.shown(run_dir), lme_command("play", place.shown(run_dir), *words))
 
 
 def _in_file(words: list[str], path: Path, base: Task, name: str) -> list[str]:

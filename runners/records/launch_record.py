@@ -148,6 +148,12 @@ def read_launch(directory: Path) -> Launch | None:
     return launch
 
 
+def trust_flags(directory: Path) -> list[str]:
+    """What a command that builds the classes of a run needs: `--trust` if one of them is not lme's, else nothing."""
+    launch = read_launch(directory)
+    return [trust.FLAG] if launch is not None and any(trust.foreign(launch.configs[0])) else []
+
+
 def recorded_config(
     values: Mapping[str, Any], directory: Path | None = None, kept: Sequence[Input] = ()
 ) -> RecordedConfig:

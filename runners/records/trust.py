@@ -83,14 +83,18 @@ def check_config(values: Mapping[str, Any], directory: Path | None) -> None:
 
 def check_code(values: Mapping[str, Any], directory: Path | None) -> None:
     """Raise UntrustedError if a config names a class or function that is not lme's."""
-    if is_trusted(directory):
-        return
+    for key, value in [] if is_trusted(directory) else foreign(values):
+        raise UntrustedError(
+            f"{_name(directory)}: its {key} is {value}, which is not lme's own code: "
+            f"add {FLAG} to run it, if you trust whoever made the run"
+        )
+
+
+def foreign(values: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """Every key of a config that names a class or function that is not lme's, with its value."""
     for key, value in leaves(values):
         if isinstance(value, str) and _is_foreign(key, value):
-            raise UntrustedError(
-                f"{_name(directory)}: its {key} is {value}, which is not lme's own code: "
-                f"add {FLAG} to run it, if you trust whoever made the run"
-            )
+            yield key, value
 
 
 def check_words(words: Sequence[str], directory: Path) -> None:

@@ -126,7 +126,7 @@ def check_repeatable(launch: launch_record.Launch, run_dir: Path, key: EpisodeKe
     if launch.command == "play":
         raise InputError(
             f"{run_dir}: its world changed during the drive, so only lme play can drive it again: "
-            + lme_command("play", run_dir, f"{key.world}/{key.run}")
+            + lme_command("play", run_dir, f"{key.world}/{key.run}", *launch_record.trust_flags(run_dir))
         )
 
 

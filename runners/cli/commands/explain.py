@@ -109,6 +109,7 @@ def _list(run_dir: Path) -> None:
     """Print the failed episodes, the number of the others, and the commands that explain them."""
     from runners.analysis.failures import is_failure
     from runners.config.quoting import lme_command
+    from runners.records.launch_record import trust_flags
     from runners.records.records import read_episodes
 
     episodes = read_episodes([run_dir])
@@ -121,10 +122,11 @@ def _list(run_dir: Path) -> None:
         print(f"{many} reached the goal" + "; you can explain any of them, too" * bool(len(failed)))
     first = (failed if len(failed) else episodes).iloc[0]
     episode = f"{first['world']}/{first['run']}"
-    print(f"\nOne of them:        {lme_command('explain', run_dir, episode)}")
-    print(f"In words:           {lme_command('explain', run_dir, episode, '--text')}")
+    trust = trust_flags(run_dir)
+    print(f"\nOne of them:        {lme_command('explain', run_dir, episode, *trust)}")
+    print(f"In words:           {lme_command('explain', run_dir, episode, '--text', *trust)}")
     if len(failed):
-        print(f"All that failed:    {lme_command('explain', run_dir, 'failures')}")
+        print(f"All that failed:    {lme_command('explain', run_dir, 'failures', *trust)}")
 
 
 def _lines(episodes: pd.DataFrame) -> list[str]:

@@ -28,6 +28,7 @@ from runners.figures.parts.scene import (
 )
 from runners.figures.parts.style import INK, LEGEND_ORDER, STYLES, new_figure, save
 from runners.records.episode_record import EpisodeKey
+from runners.records.launch_record import trust_flags
 from runners.records.parquet import TRAJECTORIES, lacks_steps
 from runners.records.records import read_trajectories
 
@@ -87,7 +88,7 @@ def without_steps(run_dirs: Sequence[Path]) -> bool:
     found = next((run_dir for run_dir in run_dirs if lacks_steps(run_dir)), None)
     if found is None:
         return False
-    command = lme_command("figure trajectories", override("run", found))
+    command = lme_command("figure trajectories", override("run", found), *trust_flags(found))
     warnings.warn(
         f"{found}: has no {TRAJECTORIES}, so no paths are drawn; {command} drives them again", stacklevel=3
     )
