@@ -191,7 +191,9 @@ class Robot:
                 "robot.drivetrain and robot.response are both set: must be one, and null for the other"
             )
         check_fields("robot", self)
-        check_mount("robot.lidar", self.lidar.x, self.lidar.y, max(self.footprint.r_max, self.hull.r_max))
+        outlines = (self.footprint, self.contact)  # a config is typed only once it is built
+        reach = max(outline.r_max for outline in outlines if isinstance(outline, Footprint))
+        check_mount("robot.lidar", self.lidar.x, self.lidar.y, reach)
 
     @property
     def hull(self) -> Footprint:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -102,9 +103,10 @@ class ScanSource:
             check_unit_of_angles(scan_of(first))
             self._widest = _fov(first)  # [rad]
         raw = self.raw(first)
-        seen, _ = own_lidar(tidied(raw, self.upside_down), self._pose)
+        seen = self._lidar_of(raw)
         if config.lidar == "recorded" and not same_lidar(seen, robot.lidar):
-            robot = replace(robot, lidar=replace(seen, noise_std=robot.lidar.noise_std))
+            with _quietly():
+                robot = replace(robot, lidar=replace(seen, noise_std=robot.lidar.noise_std))
         self.robot = robot
         self._geometry: tuple[float, ...] = ()
         self._own = self._untouched = False
@@ -124,7 +126,7 @@ class ScanSource:
         geometry = (len(raw.ranges), *raw[1:])
         if geometry != self._geometry:
             self._geometry = geometry
-            self._own = same_lidar(own_lidar(tidied(raw, self.upside_down), self._pose)[0], lidar)
+            self._own = same_lidar(self._lidar_of(raw), lidar)
             self._untouched = self._own and self._needs_no_conversion(raw)
         if self._untouched:
             return _scan_of_lidar(lidar, raw.ranges)
@@ -167,6 +169,11 @@ class ScanSource:
         high = scan.range_max if config.range_max is None else config.range_max
         low = max(low, 0.0) if math.isfinite(low) else 0.0
         return scan._replace(range_min=low, range_max=high if low < high < math.inf else self._spare_range)
+
+    def _lidar_of(self, raw: LaserScan) -> Lidar:
+        """The lidar that measured a scan."""
+        with _quietly():
+            return own_lidar(tidied(raw, self.upside_down), self._pose)[0]
 
     def _faults(self, message: Any, raw: LaserScan) -> list[ScanFault]:
         came_from = frame(message.header.frame_id)
@@ -237,6 +244,14 @@ class ScanSource:
         scan = to_scan(cloud_points(message), projection, self._matrix)
         middle = scan.angle_min + scan.angle_increment / 2.0  # of the first bin, which begins at angle_min
         return scan._replace(ranges=np.asarray(scan.ranges, np.float32), angle_min=middle)
+
+
+@contextlib.contextmanager
+def _quietly() -> Iterator[None]:
+    """Build the lidar of a message without the warnings for a robot's file: `scan_faults` says what is odd about it."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)
+        yield
 
 
 def _mount(config: ScanConfig, by_tf: Floats | None, robot: Robot, height: float) -> tuple[str, Floats]:

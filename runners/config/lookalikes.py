@@ -26,7 +26,7 @@ def check_words(words: Sequence[str]) -> None:
     for number, word in enumerate(words):
         _check_lookalikes(word)
         before, after = words[number - 1 : number], words[number + 1 : number + 2]
-        if word.startswith("="):
+        if word.startswith("=") and before:
             raise _blank([*before, word, *(after if word == "=" else [])])
         if word.endswith("=") and after and "=" not in after[0]:
             raise _blank([word, *after])

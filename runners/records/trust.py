@@ -93,7 +93,7 @@ def check_code(values: Mapping[str, Any], directory: Path | None) -> None:
 def foreign(values: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     """Every key of a config that names a class or function that is not lme's, with its value."""
     for key, value in leaves(values):
-        if isinstance(value, str) and _is_foreign(key, value):
+        if isinstance(value, str) and "${" not in value and _is_foreign(key, value):
             yield key, value
 
 
@@ -104,7 +104,8 @@ def check_words(words: Sequence[str], directory: Path) -> None:
     for word in words:
         key, _, value = word.lstrip("+~").partition("=")
         hydra = re.match(r"hydra\b", key) and key != "hydra.mode"
-        if hydra or "${" in word or _OUTSIDE.search(f"={value}") or ".." in key or _is_foreign(key, value):
+        outside = _OUTSIDE.search(f"={value}") or ".." in key
+        if hydra or "${" in word or outside or _is_foreign(key, value) or _WRITTEN_OUT.search(value):
             raise UntrustedError(
                 f"{directory}: it was started with {word}, which can run code or read files that are not the run's: "
                 f"add {FLAG} to use it, if you trust whoever made the run"
@@ -126,9 +127,7 @@ def _is_foreign(key: str, value: str) -> bool:
     package = value.strip("'\"").partition(".")[0]
     if key.rpartition(".")[2] == "_target_":
         return package not in _TARGETS
-    if _CRITERION.search(key):
-        return package not in _CRITERIA
-    return bool(_WRITTEN_OUT.search(value))
+    return bool(_CRITERION.search(key)) and package not in _CRITERIA
 
 
 def _name(directory: Path | None) -> str:

@@ -18,7 +18,6 @@ from typing import TYPE_CHECKING, Any
 from lme.errors import InputError
 from runners.config.flatten import flatten
 from runners.config.urls import masked
-from runners.records.launch_record import read_launch
 from runners.records.whole_file import obstacle, write_atomically
 from runners.tracking.names import fitting_names, fitting_text, renamed
 
@@ -174,6 +173,8 @@ def end_when_jobs_have(client: MlflowClient, parent: str, sweep_dir: Path) -> No
 
     A launcher may run the jobs after the process that submitted them has ended, so every job looks at the others.
     """
+    from runners.records.launch_record import read_launch  # heavy: `lme doctor` answers without it
+
     launch = read_launch(sweep_dir)
     started = sum(1 for _ in sweep_dir.rglob(f"*/{RUN_ID_FILE}"))
     if launch is not None and launch.num_jobs is not None and started < launch.num_jobs:

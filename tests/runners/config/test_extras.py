@@ -45,7 +45,7 @@ def test_no_command_installs_lme_from_an_index():
 
 
 def test_a_replay_without_rosbags_says_what_to_install(tmp_path, monkeypatch):
-    (tmp_path / "metadata.yaml").touch()
+    (tmp_path / "metadata.yaml").write_text("storage_identifier: mcap\n")
     monkeypatch.setitem(sys.modules, "rosbags.highlevel", None)
     with pytest.raises(InputError, match="needs the package rosbags: pip install 'rosbags"):
         bags.Bag(tmp_path).__enter__()

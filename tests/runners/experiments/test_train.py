@@ -247,12 +247,12 @@ def test_a_planner_is_tuned_by_its_own_space(capsys):
     """What is trained is a matter of the space alone."""
     Path("own/space").mkdir(parents=True)
     Path("own/space/gains.yaml").write_text("# Gains\nplanner:\n  kp: {low: 0.5, high: 8.0}\n")
-    run_dir = train("guide=target", "space=gains", "--config-dir", "own", "trials=2")
+    run_dir = train("guide=tangent_bug", "planner.kp=0.1", "space=gains", "--config-dir", "own", "trials=4")
     weights = yaml.safe_load((run_dir / "weights.yaml").read_text())
     assert weights["parameters"] == {}
     gain = weights["settings"]["planner.kp"]
     assert 0.5 <= gain <= 8.0
-    assert f"lme eval guide=target planner=simple planner.kp={gain}" in capsys.readouterr().out
+    assert f"lme eval guide=tangent_bug planner=simple planner.kp={gain}" in capsys.readouterr().out
     assert not list(Path("outputs/weights").glob("*"))
 
 
@@ -341,7 +341,7 @@ def test_a_map_that_has_changed_is_refused(capsys):
     run_dir = train("trials=1", "map=file", "map.path=mine.yaml")
     Path("mine.yaml").write_text("bounds: [0, 0, 10, 10]\n")
     assert main(["train", f"resume={run_dir}"]) == 2
-    assert "which has changed since: start another study" in capsys.readouterr().err
+    assert "mine.yaml has changed since the run began" in capsys.readouterr().err
 
 
 def test_two_processes_do_not_share_a_run(trained, monkeypatch, capsys):

@@ -189,7 +189,8 @@ def test_a_change_that_cannot_be_driven_leaves_the_session_as_it_was(desk, monke
     with monkeypatch.context() as patch:
         patch.setattr(RunningEpisode, "decide", fail)
         (error,) = replies(desk, kind, **message)
-    assert error == {"type": "error", "text": "MemoryError: no 7 GiB"}
+    assert error["type"] == "error"
+    assert error["text"].endswith("MemoryError: no 7 GiB")
     assert ways(desk.session) == expected
     assert {**desk.session.state(), **before} == desk.session.state()
     drive(desk.session, 40)

@@ -90,7 +90,7 @@ def test_a_launch_that_is_no_record_is_damaged(tmp_path, content):
 
 def test_a_launch_that_is_a_folder_cannot_be_read(tmp_path):
     (tmp_path / LAUNCH).mkdir()
-    with pytest.raises(InputError, match=r"its launch\.json cannot be read \(Is a directory\)"):
+    with pytest.raises(InputError, match=r"launch\.json: is a directory"):
         read_launch(tmp_path)
 
 

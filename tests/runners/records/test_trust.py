@@ -152,10 +152,7 @@ def test_the_config_in_a_recording_is_checked_too(folder):
     config = read_launch(folder / "RUN").configs[0] | {"planner": {"_target_": "evil.Part"}}
     about = {"seed": 0, "world": 0, "run": 0, "scan": {}, "config": config}
     message = SimpleNamespace(content=SimpleNamespace(data=json.dumps(about)))
-    topic = SimpleNamespace(name="/lme", types=["std_msgs/msg/String"])
-    bag = SimpleNamespace(
-        path=folder / "drive.mcap", topics=lambda: [topic], messages=lambda names: iter([message])
-    )
+    bag = SimpleNamespace(path=folder / "drive.mcap", by_lme=True, messages=lambda names: iter([message]))
     with pytest.raises(UntrustedError, match=r"evil\.Part"):
         episode_of(bag)
     with trust.trusting(None):
