@@ -166,7 +166,9 @@ def test_resume_by_path_alone_after_a_change_of_the_options_does_not_advise_itse
     probe.launch(f"weights={path}", "-m", "ablation.c_t=3,4", "hydra.sweep.dir=out")
     path.write_text(PUBLISHED.replace("a_close: 1.51", "a_close: 2.6"))
     for place in ("out", "out/1"):
-        with pytest.raises(InputError, match=r"have changed since \(.*mine\.yaml\); start again in another directory"):
+        with pytest.raises(
+            InputError, match=r"have changed since \(.*mine\.yaml\); start again in another directory"
+        ):
             probe.launch(f"resume={place}")
 
 
