@@ -1,27 +1,23 @@
 """What a run has read from the user's own files: copies beside its records, so that its directory is complete.
 
-`gather` finds the files of the jobs that are about to run: those that the config names (maps with their pictures,
-tracks, networks, weights), the options of --config-dir, and the source of own classes and criteria with what it
-imports from the user's own folders. `keep` copies them, once for a sweep, into inputs/DIGEST/. `launch.json` holds the
-list.
+`input_search.gather` finds the files. `keep` copies them, once for a sweep, into inputs/DIGEST/, and `launch.json`
+holds the list. `located` and `provide_code` lead to the copies again, and `check_unchanged` compares them with today's
+files.
 """
 
 from __future__ import annotations
 
-import ast
 import hashlib
 import importlib
-import json
 import os
 import re
 import stat
 import sys
-import sysconfig
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, fields, replace
-from importlib.machinery import ModuleSpec, PathFinder
+from importlib.machinery import PathFinder
 from pathlib import Path, PurePosixPath
 from typing import Any, TypeVar
 
@@ -31,31 +27,16 @@ from lme.errors import InputError
 from lme.resources import resource_dir
 from lme.weight_files import find_network, find_weights
 from lme.yaml_entry import read_yaml
-from runners.config.catalogue import Catalogue
-from runners.config.job import Job
-from runners.config.schema import SystemConfig
 from runners.records import trust
 from runners.records.whole_file import replacing
 
 FOLDER = "inputs"  # in the directory of a run or of a sweep
-LARGEST, MOST = 64 * 2**20, 256 * 2**20  # [bytes] of a file that is copied, and of all together
-CODE, OPTIONS = "code", "--config-dir"  # keys of inputs that no key of the config names
+LARGEST = 64 * 2**20  # [bytes] of a file that is copied
+CODE, OPTIONS, WEIGHTS = "code", "--config-dir", "weights"  # keys of inputs that no path in the config names
+PATHS = ("path", "paths", "source")  # keys that name a file or a folder
 
-_PATHS = ("path", "paths", "source")  # keys that name a file or a folder
-_WEIGHTS = "weights"
-_NOT_READ = (
-    "bag",
-    "run",
-    "resume",
-    "storage",
-    "study",
-    "executor",
-    "tracking",
-    "hydra",
-)  # not inputs of a drive
 _ABOVE = 3  # folders from a recording up to the directory of its sweep
 _DIGEST = re.compile(r"[0-9a-f]{16}")
-_DOTTED = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)+")
 
 C = TypeVar("C")
 
@@ -84,28 +65,6 @@ class Input:
     files: dict[str, InputFile]
 
 
-def gather(jobs: Sequence[Job[SystemConfig]], config_name: str | None = None) -> list[Input]:
-    """The user's own files that these jobs read. Raises InputError for one that cannot be read."""
-    found: dict[tuple[str, str], Input] = {}
-    budget = [MOST]
-    for job in jobs:
-        values = {each.name: getattr(job.config, each.name) for each in fields(job.config)}
-        for key, given, node in _named(values):
-            if (key, given) in found:
-                continue
-            path = _path_of(key, given)
-            if path is not None and not _is_shipped(path):
-                files, name = _files_of(path, key, node)
-                found[key, given] = _input(key, given, name, files, budget)
-    options = _options(jobs, config_name)
-    code = _sources(jobs)
-    if options:
-        found[OPTIONS, ""] = _input(OPTIONS, "", "", options, budget)
-    if code:
-        found[CODE, ""] = _input(CODE, "", "", code, budget)
-    return list(found.values())
-
-
 def keep(inputs: Sequence[Input], directory: Path) -> None:
     """Copy the files into the directory of a run or of a sweep, unless that of which it is a part has them.
 
@@ -117,7 +76,7 @@ def keep(inputs: Sequence[Input], directory: Path) -> None:
             if not file.copy:
                 continue
             try:
-                content = _content(Path(file.source))
+                content = content_of(Path(file.source))
                 place.parent.mkdir(parents=True, exist_ok=True)
                 with replacing(place) as draft:
                     draft.write_bytes(content)
@@ -125,7 +84,7 @@ def keep(inputs: Sequence[Input], directory: Path) -> None:
                 raise InputError(
                     f"{place}: the copy of {file.source} cannot be written ({error.strerror})"
                 ) from error
-            if _sha(content) != file.copy:
+            if sha(content) != file.copy:
                 raise InputError(
                     f"{file.source}: has changed while the run was being started: start it again"
                 )
@@ -151,7 +110,7 @@ def located(values: C, inputs: Sequence[Input], directory: Path) -> C:
     directory: of the run or the recording. Where today's file differs from the copy, a warning says that the copy is
     used. Raises InputError for a copy that is missing or damaged, and UntrustedError for a file outside the run.
     """
-    known = {(_last(each.key), each.given): each for each in inputs}
+    known = {(last_part(each.key), each.given): each for each in inputs}
 
     def moved(value: Any, key: str) -> Any:
         if isinstance(value, Mapping):
@@ -161,10 +120,10 @@ def located(values: C, inputs: Sequence[Input], directory: Path) -> C:
         if isinstance(value, list):
             return [moved(child, key) for child in value]
         if (
-            not isinstance(value, str) or key == _WEIGHTS
+            not isinstance(value, str) or key == WEIGHTS
         ):  # the parameters of a weight set are recorded themselves
             return value
-        own = known.get((_last(key), value))
+        own = known.get((last_part(key), value))
         if own is not None:
             return _place(own, directory)
         _refuse_outside(key, value, directory)
@@ -199,7 +158,7 @@ def is_gone(each: Input) -> bool:
 
 def is_lost(each: Input) -> bool:
     """Whether a value that named a file or folder at launch names none here."""
-    return each.key not in (CODE, OPTIONS) and _path_of(each.key, each.given) is None
+    return each.key not in (CODE, OPTIONS) and path_of(each.key, each.given) is None
 
 
 def check_unchanged(saved: Sequence[Input], now: Sequence[Input], directory: Path) -> None:
@@ -273,77 +232,21 @@ def from_record(values: Any) -> list[Input]:
     return found
 
 
-def _named(values: Mapping[str, Any]) -> Iterator[tuple[str, str, Mapping[str, Any]]]:
-    """(dotted key, text, the mapping that it is in) for every text of a job's config that may name an input."""
-
-    def walk(node: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, str, Mapping[str, Any]]]:
-        for name, value in node.items():
-            if isinstance(value, Mapping):
-                yield from walk(value, f"{prefix}{name}.")
-            for text in value if isinstance(value, list) else [value]:
-                if isinstance(text, str):
-                    yield f"{prefix}{name}", text, node
-
-    yield from walk({name: value for name, value in values.items() if name not in _NOT_READ}, "")
-
-
-def _path_of(key: str, given: str) -> Path | None:
+def path_of(key: str, given: str) -> Path | None:
     """The file or folder that a value names; None if it names none."""
     with suppress(InputError, OSError, RuntimeError, ValueError):
-        if key == _WEIGHTS:
+        if key == WEIGHTS:
             return find_weights(given)
-        if _last(key) == _WEIGHTS or key == "start":
+        if last_part(key) == WEIGHTS or key == "start":
             return find_network(given)
         path = Path(given).expanduser()
-        if path.is_file() and (_last(key) in _PATHS or path.suffix or "/" in given):
+        if path.is_file() and (last_part(key) in PATHS or path.suffix or "/" in given):
             return path
-        return path if _last(key) in _PATHS and path.is_dir() else None
+        return path if last_part(key) in PATHS and path.is_dir() else None
     return None
 
 
-def _files_of(path: Path, key: str, node: Mapping[str, Any]) -> tuple[dict[str, Path], str]:
-    """The files that belong to an input by their paths among the copies, and the path of the input itself there."""
-    if path.is_file():
-        return _with_companions(path, PurePosixPath(path.name)), path.name
-    if _last(key) == "paths":
-        maps = sorted(path.glob("*.yaml"))
-        return {
-            name: file
-            for each in maps
-            for name, file in _with_companions(each, PurePosixPath(each.name)).items()
-        }, ""
-    worlds = _barn_files(path, key, node) if _last(key) == "source" else []
-    files = worlds or sorted(each for each in path.rglob("*") if each.is_file())
-    return {each.relative_to(path).as_posix(): each for each in files}, ""
-
-
-def _barn_files(source: Path, key: str, node: Mapping[str, Any]) -> list[Path]:
-    """The published files of the BARN worlds that are driven; none if the folder holds others."""
-    from lme.worlds.barn.files import find_worlds, path_file
-    from runners.config.instantiate import build
-
-    with suppress(InputError):
-        worlds, numbers = find_worlds(source), build(node, key.rpartition(".")[0]).numbers
-        driven = [worlds[number] for number in numbers if number in worlds]
-        return [file for world in driven for file in (world, path_file(world)) if file.is_file()]
-    return []
-
-
-def _with_companions(path: Path, name: PurePosixPath) -> dict[str, Path]:
-    """A file and those that it leads to: the picture of a ROS map, the weights beside an ONNX file."""
-    picture = _picture(path)
-    if picture is not None:
-        return {
-            str(name): path,
-            str(name.parent / (picture if _is_beside(picture) else Path(picture).name)): _shown(path),
-        }
-    if path.suffix == ".onnx":
-        beside = sorted(path.parent.glob(f"{path.stem}*data"))
-        return {str(name): path, **{str(name.parent / each.name): each for each in beside if each.is_file()}}
-    return {str(name): path}
-
-
-def _picture(path: Path) -> str | None:
+def picture_of(path: Path) -> str | None:
     """The picture that a ROS map names; None for another file."""
     if path.suffix.lower() not in (".yaml", ".yml") or path.stat().st_size > LARGEST:
         return None
@@ -355,134 +258,19 @@ def _picture(path: Path) -> str | None:
     return None
 
 
-def _shown(path: Path) -> Path:
-    """The picture of a ROS map that has one."""
-    return path.parent / Path(str(_picture(path))).expanduser()
-
-
-def _is_beside(picture: str) -> bool:
+def is_beside(picture: str) -> bool:
     """Whether a picture is found beside a copy of its map under the same name."""
     return not (picture.startswith("~") or Path(picture).is_absolute() or ".." in Path(picture).parts)
 
 
-def _content(path: Path) -> bytes:
+def content_of(path: Path) -> bytes:
     """The content of a copy: that of the file, except that a ROS map names the copy of its picture."""
-    picture = _picture(path)
-    if picture is None or _is_beside(picture):
+    picture = picture_of(path)
+    if picture is None or is_beside(picture):
         return path.read_bytes()
     content = read_yaml(path)
     assert isinstance(content, dict)
     return yaml.safe_dump({**content, "image": Path(picture).name}, allow_unicode=True).encode()
-
-
-def _input(key: str, given: str, name: str, files: Mapping[str, Path], budget: list[int]) -> Input:
-    """budget: bytes that may still be copied, in a list that this changes."""
-    found = {}
-    for place, path in sorted(files.items()):
-        try:
-            size = path.stat().st_size
-            fits = size <= min(LARGEST, budget[0])
-            budget[0] -= size if fits else 0
-            copy = _sha(_content(path)) if fits else ""
-            found[place] = InputFile(str(path.absolute()), _sha_of(path), size, copy)
-        except OSError as error:
-            raise InputError(f"{key} is {given}: {path} cannot be read ({error.strerror})") from error
-    contents = json.dumps([[place, file.copy or file.sha256] for place, file in found.items()])
-    return Input(key, given, name, _sha(contents.encode())[:16], found)
-
-
-def _options(jobs: Sequence[Job[SystemConfig]], config_name: str | None) -> dict[str, Path]:
-    """The files below --config-dir of the options that these jobs chose, with those that they inherit."""
-    found: dict[str, Path] = {}
-    for job in jobs:
-        catalogue, own = Catalogue(job.folders), job.folders[1:]
-        names = [
-            f"{group.partition('@')[0]}/{name}"
-            for group, option in job.choices.items()
-            for name in option.split("+")
-        ]
-        names += [f"system/{name}" for name in getattr(job.config, "table", [])]
-        for name in [*names, *([config_name] if config_name else [])]:
-            files = catalogue.files(name) if own and catalogue.has(name) else []
-            found |= {
-                file.relative_to(own[0]).as_posix(): file for file in files if file.is_relative_to(own[0])
-            }
-    return found
-
-
-def _sources(jobs: Sequence[Job[SystemConfig]]) -> dict[str, Path]:
-    """The source of the user's own modules that these jobs name, with what it imports from the user's own folders."""
-    texts = (
-        text
-        for job in jobs
-        for each in fields(job.config)
-        if each.name not in _NOT_READ
-        for _, text in trust.leaves(getattr(job.config, each.name))
-    )
-    waiting = [text.rpartition(".")[0] for text in texts if isinstance(text, str) and _DOTTED.fullmatch(text)]
-    found: dict[str, Path] = {}
-    seen = set()
-    while waiting:
-        module = waiting.pop()
-        file = None if module in seen else _own_source(module)
-        seen.add(module)
-        if file is not None:
-            end = "/__init__.py" if file.name == "__init__.py" else ".py"
-            found[module.replace(".", "/") + end] = file
-            waiting += [module.rpartition(".")[0], *_imported(file, module)]
-    return found
-
-
-def _own_source(module: str) -> Path | None:
-    """The source of a module that is the user's own; None for an installed one, or one that is not there."""
-    top = module.partition(".")[0]
-    if top in ("", "lme", "runners", "__main__") or top in sys.stdlib_module_names:
-        return None
-    loaded = sys.modules.get(module)
-    origin = _origin(module) if loaded is None else getattr(loaded, "__file__", None)
-    path = Path(origin) if origin else None
-    if path is None or path.suffix != ".py" or not path.is_file() or _is_installed(path):
-        return None
-    return path
-
-
-def _origin(module: str) -> str | None:
-    """Where a module would be imported from, found without importing anything."""
-    spec: ModuleSpec | None = None
-    places: list[str] | None = None
-    name = ""
-    for part in module.split("."):
-        name = f"{name}.{part}" if name else part
-        spec = PathFinder.find_spec(name, places)
-        if spec is None:
-            return None
-        places = spec.submodule_search_locations or []
-    return None if spec is None else spec.origin
-
-
-def _is_installed(path: Path) -> bool:
-    library = [Path(sysconfig.get_path(name)) for name in ("stdlib", "platstdlib")]
-    return bool({"site-packages", "dist-packages"} & set(path.parts)) or any(
-        map(path.is_relative_to, library)
-    )
-
-
-def _imported(file: Path, module: str) -> list[str]:
-    """The modules that a source file may import, by name."""
-    try:
-        tree = ast.parse(file.read_bytes())
-    except (SyntaxError, ValueError, OSError):
-        return []
-    package = module if file.name == "__init__.py" else module.rpartition(".")[0]
-    found = []
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Import):
-            found += [alias.name for alias in node.names]
-        elif isinstance(node, ast.ImportFrom):
-            above = package.split(".")[: len(package.split(".")) - (node.level - 1)] if node.level else []
-            base = ".".join([*above, *([node.module] if node.module else [])])
-            found += [base, *(f"{base}.{alias.name}" for alias in node.names)]
-    return found
 
 
 def _place(each: Input, directory: Path) -> str:
@@ -502,7 +290,7 @@ def _place(each: Input, directory: Path) -> str:
 
 def _is_at_home(each: Input) -> bool:
     """Whether the value leads to the files that it led to at launch, which it may not from another folder."""
-    path = _path_of(each.key, each.given)
+    path = path_of(each.key, each.given)
     if path is None or not each.files:
         return False
     file = path if path.is_file() else path / next(iter(each.files))
@@ -525,7 +313,7 @@ def _copies(each: Input, directory: Path) -> Path | None:
         for name, file in each.files.items():
             path = folder / name
             inside = path.resolve().is_relative_to(place.resolve() / FOLDER)
-            if not (inside and _is_regular(path) and _sha_of(path) == file.copy):
+            if not (inside and _is_regular(path) and sha_of(path) == file.copy):
                 raise InputError(
                     f"{path}: is missing or not what the run kept there: restore the run's directory"
                 )
@@ -539,8 +327,8 @@ def _is_copied(each: Input) -> bool:
 
 def _refuse_outside(key: str, given: str, directory: Path) -> None:
     """Raise UntrustedError for a file or folder that a run names and that belongs neither to it nor to lme."""
-    path = Path(given) if _last(key) in _PATHS and os.path.exists(given) else _path_of(key, given)  # noqa: PTH110
-    if path is None or _is_shipped(path) or trust.is_trusted(directory):
+    path = Path(given) if last_part(key) in PATHS and os.path.exists(given) else path_of(key, given)  # noqa: PTH110
+    if path is None or is_shipped(path) or trust.is_trusted(directory):
         return
     if not path.resolve().is_relative_to(directory.resolve()):
         raise trust.UntrustedError(
@@ -549,7 +337,7 @@ def _refuse_outside(key: str, given: str, directory: Path) -> None:
         )
 
 
-def _is_shipped(path: Path) -> bool:
+def is_shipped(path: Path) -> bool:
     here = path.resolve()
     return any(here.is_relative_to(resource_dir(name).resolve()) for name in ("conf", "maps"))
 
@@ -567,7 +355,7 @@ def _check_loaded(each: Input) -> None:
     for name, file in each.files.items():
         module = sys.modules.get(name.removesuffix(".py").removesuffix("/__init__").replace("/", "."))
         origin = getattr(module, "__file__", None)
-        if origin and not (_is_regular(Path(origin)) and _sha_of(Path(origin)) == file.copy):
+        if origin and not (_is_regular(Path(origin)) and sha_of(Path(origin)) == file.copy):
             raise InputError(
                 f"{Path(file.source).name}: two versions of it are asked for: give the runs one at a time"
             )
@@ -577,7 +365,7 @@ def _is_same(file: InputFile) -> bool:
     """Whether a source is today what it was."""
     path = Path(file.source)
     with suppress(OSError, ValueError):
-        return _is_regular(path) and path.stat().st_size == file.size and _sha_of(path) == file.sha256
+        return _is_regular(path) and path.stat().st_size == file.size and sha_of(path) == file.sha256
     return False
 
 
@@ -588,16 +376,16 @@ def _is_regular(path: Path) -> bool:
         return False
 
 
-def _sha_of(path: Path) -> str:
+def sha_of(path: Path) -> str:
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def _sha(content: bytes) -> str:
+def sha(content: bytes) -> str:
     return hashlib.sha256(content).hexdigest()
 
 
-def _last(key: str) -> str:
+def last_part(key: str) -> str:
     return key.rpartition(".")[2]
 
 

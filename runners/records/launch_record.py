@@ -25,7 +25,7 @@ from runners.config.job import Job
 from runners.config.quoting import lme_command
 from runners.config.schema import RecordedConfig, SystemConfig
 from runners.config.urls import masked_text, masked_values
-from runners.records import inputs, trust
+from runners.records import input_search, inputs, trust
 from runners.records.inputs import Input
 from runners.records.versions import code
 from runners.records.whole_file import write_atomically
@@ -201,7 +201,7 @@ def launch_of(
         config_dir=str(own[0]) if own else None,
         config_name=config_name,
         worlds=_numbers_of_worlds(jobs) if command == "eval" else [],
-        inputs=inputs.gather(jobs, config_name) if kept is None else list(kept),
+        inputs=input_search.gather(jobs, config_name) if kept is None else list(kept),
         started=datetime.now(UTC).isoformat(timespec="seconds"),
         code=code(),
     )

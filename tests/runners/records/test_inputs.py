@@ -9,7 +9,7 @@ import pytest
 import yaml
 
 from lme.errors import InputError
-from runners.records import inputs, trust
+from runners.records import input_search, inputs, trust
 from runners.records.launch_record import launch_of, read_launch
 from runners.records.run_directories import check_same, make_fresh
 from tests.composing import jobs_of
@@ -61,11 +61,11 @@ def job(composed, tmp_path, monkeypatch):
 
 
 def kept(job):
-    return {name: file for each in inputs.gather([job]) for name, file in each.files.items()}
+    return {name: file for each in input_search.gather([job]) for name, file in each.files.items()}
 
 
 def test_a_config_of_shipped_parts_has_no_inputs(job):
-    assert inputs.gather([job()]) == []
+    assert input_search.gather([job()]) == []
 
 
 @pytest.mark.parametrize(
@@ -79,7 +79,7 @@ def test_a_ros_map_is_kept_with_its_picture(job, tmp_path, image, copied):
     (tmp_path / "maps" / "hall.yaml").write_text(
         yaml.safe_dump({"image": image.replace("/HERE", str(tmp_path))})
     )
-    (own,) = inputs.gather([job(map={"path": "maps/hall.yaml"})])
+    (own,) = input_search.gather([job(map={"path": "maps/hall.yaml"})])
     inputs.keep([own], tmp_path / "run")
     folder = tmp_path / "run" / "inputs" / own.digest
     assert sorted(path.name for path in folder.iterdir()) == ["hall.pgm", "hall.yaml"]
@@ -126,9 +126,9 @@ def test_own_code_is_kept_with_what_it_imports_of_ones_own(job):
 
 
 def test_a_large_file_is_kept_by_its_checksum(job, tmp_path, monkeypatch):
-    monkeypatch.setattr(inputs, "LARGEST", 3)
+    monkeypatch.setattr(input_search, "LARGEST", 3)
     (tmp_path / "tracks.txt").write_text("0 1 2 3\n")
-    found = inputs.gather([job(map={"path": "tracks.txt"})])
+    found = input_search.gather([job(map={"path": "tracks.txt"})])
     assert inputs.sentence(found) == "too large to keep, so only their checksums are: tracks.txt"
     inputs.keep(found, tmp_path / "run")
     assert (
@@ -218,7 +218,7 @@ def test_a_job_reads_what_was_there_at_launch(job, run_dir, tmp_path):
 
 def test_own_code_comes_from_its_copy_where_todays_differs(job, tmp_path, monkeypatch):
     own = job(planner={"_target_": "own_planner.Planner"})
-    found = inputs.gather([own])
+    found = input_search.gather([own])
     inputs.keep(found, tmp_path / "run")
     monkeypatch.setattr(sys, "path", list(sys.path))
     inputs.provide_code(found, tmp_path / "run")

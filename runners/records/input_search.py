@@ -1,0 +1,239 @@
+"""Finds the user's own files that the jobs of a command read.
+
+These are the files that the config names (maps with their pictures, tracks, networks, weights), the options of
+--config-dir, and the source of own classes and criteria, with what it imports from the user's own folders.
+"""
+
+from __future__ import annotations
+
+import ast
+import json
+import re
+import sys
+import sysconfig
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import fields
+from importlib.machinery import ModuleSpec, PathFinder
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+from lme.errors import InputError
+from runners.config.catalogue import Catalogue
+from runners.config.job import Job
+from runners.config.schema import SystemConfig
+from runners.records import trust
+from runners.records.inputs import (
+    CODE,
+    LARGEST,
+    OPTIONS,
+    Input,
+    InputFile,
+    content_of,
+    is_beside,
+    is_shipped,
+    last_part,
+    path_of,
+    picture_of,
+    sha,
+    sha_of,
+)
+
+_MOST = 256 * 2**20  # [bytes] of all files that are copied for a run
+_NOT_READ = (
+    "bag",
+    "run",
+    "resume",
+    "storage",
+    "study",
+    "executor",
+    "tracking",
+    "hydra",
+)  # no inputs of a drive
+_DOTTED = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)+")
+
+
+def gather(jobs: Sequence[Job[SystemConfig]], config_name: str | None = None) -> list[Input]:
+    """The user's own files that these jobs read. Raises InputError for one that cannot be read."""
+    found: dict[tuple[str, str], Input] = {}
+    budget = [_MOST]
+    for job in jobs:
+        values = {each.name: getattr(job.config, each.name) for each in fields(job.config)}
+        for key, given, node in _named(values):
+            if (key, given) in found:
+                continue
+            path = path_of(key, given)
+            if path is not None and not is_shipped(path):
+                files, name = _files_of(path, key, node)
+                found[key, given] = _input(key, given, name, files, budget)
+    options = _options(jobs, config_name)
+    code = _sources(jobs)
+    if options:
+        found[OPTIONS, ""] = _input(OPTIONS, "", "", options, budget)
+    if code:
+        found[CODE, ""] = _input(CODE, "", "", code, budget)
+    return list(found.values())
+
+
+def _named(values: Mapping[str, Any]) -> Iterator[tuple[str, str, Mapping[str, Any]]]:
+    """(dotted key, text, the mapping that it is in) for every text of a job's config that may name an input."""
+
+    def walk(node: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, str, Mapping[str, Any]]]:
+        for name, value in node.items():
+            if isinstance(value, Mapping):
+                yield from walk(value, f"{prefix}{name}.")
+            for text in value if isinstance(value, list) else [value]:
+                if isinstance(text, str):
+                    yield f"{prefix}{name}", text, node
+
+    yield from walk({name: value for name, value in values.items() if name not in _NOT_READ}, "")
+
+
+def _files_of(path: Path, key: str, node: Mapping[str, Any]) -> tuple[dict[str, Path], str]:
+    """The files that belong to an input by their paths among the copies, and the path of the input itself there."""
+    if path.is_file():
+        return _with_companions(path, PurePosixPath(path.name)), path.name
+    if last_part(key) == "paths":
+        maps = sorted(path.glob("*.yaml"))
+        return {
+            name: file
+            for each in maps
+            for name, file in _with_companions(each, PurePosixPath(each.name)).items()
+        }, ""
+    worlds = _barn_files(path, key, node) if last_part(key) == "source" else []
+    files = worlds or sorted(each for each in path.rglob("*") if each.is_file())
+    return {each.relative_to(path).as_posix(): each for each in files}, ""
+
+
+def _barn_files(source: Path, key: str, node: Mapping[str, Any]) -> list[Path]:
+    """The published files of the BARN worlds that are driven; none if the folder holds others."""
+    from lme.worlds.barn.files import find_worlds, path_file
+    from runners.config.instantiate import build
+
+    with suppress(InputError):
+        worlds, numbers = find_worlds(source), build(node, key.rpartition(".")[0]).numbers
+        driven = [worlds[number] for number in numbers if number in worlds]
+        return [file for world in driven for file in (world, path_file(world)) if file.is_file()]
+    return []
+
+
+def _with_companions(path: Path, name: PurePosixPath) -> dict[str, Path]:
+    """A file and those that it leads to: the picture of a ROS map, the weights beside an ONNX file."""
+    picture = picture_of(path)
+    if picture is not None:
+        place = name.parent / (picture if is_beside(picture) else Path(picture).name)
+        return {str(name): path, str(place): path.parent / Path(picture).expanduser()}
+    if path.suffix == ".onnx":
+        beside = sorted(path.parent.glob(f"{path.stem}*data"))
+        return {str(name): path, **{str(name.parent / each.name): each for each in beside if each.is_file()}}
+    return {str(name): path}
+
+
+def _input(key: str, given: str, name: str, files: Mapping[str, Path], budget: list[int]) -> Input:
+    """budget: bytes that may still be copied, in a list that this changes."""
+    found = {}
+    for place, path in sorted(files.items()):
+        try:
+            size = path.stat().st_size
+            fits = size <= min(LARGEST, budget[0])
+            budget[0] -= size if fits else 0
+            copy = sha(content_of(path)) if fits else ""
+            found[place] = InputFile(str(path.absolute()), sha_of(path), size, copy)
+        except OSError as error:
+            raise InputError(f"{key} is {given}: {path} cannot be read ({error.strerror})") from error
+    contents = json.dumps([[place, file.copy or file.sha256] for place, file in found.items()])
+    return Input(key, given, name, sha(contents.encode())[:16], found)
+
+
+def _options(jobs: Sequence[Job[SystemConfig]], config_name: str | None) -> dict[str, Path]:
+    """The files below --config-dir of the options that these jobs chose, with those that they inherit."""
+    found: dict[str, Path] = {}
+    for job in jobs:
+        catalogue, own = Catalogue(job.folders), job.folders[1:]
+        names = [
+            f"{group.partition('@')[0]}/{name}"
+            for group, option in job.choices.items()
+            for name in option.split("+")
+        ]
+        names += [f"system/{name}" for name in getattr(job.config, "table", [])]
+        for name in [*names, *([config_name] if config_name else [])]:
+            files = catalogue.files(name) if own and catalogue.has(name) else []
+            found |= {
+                file.relative_to(own[0]).as_posix(): file for file in files if file.is_relative_to(own[0])
+            }
+    return found
+
+
+def _sources(jobs: Sequence[Job[SystemConfig]]) -> dict[str, Path]:
+    """The source of the user's own modules that these jobs name, with what it imports from the user's own folders."""
+    texts = (
+        text
+        for job in jobs
+        for each in fields(job.config)
+        if each.name not in _NOT_READ
+        for _, text in trust.leaves(getattr(job.config, each.name))
+    )
+    waiting = [text.rpartition(".")[0] for text in texts if isinstance(text, str) and _DOTTED.fullmatch(text)]
+    found: dict[str, Path] = {}
+    seen = set()
+    while waiting:
+        module = waiting.pop()
+        file = None if module in seen else _own_source(module)
+        seen.add(module)
+        if file is not None:
+            end = "/__init__.py" if file.name == "__init__.py" else ".py"
+            found[module.replace(".", "/") + end] = file
+            waiting += [module.rpartition(".")[0], *_imported(file, module)]
+    return found
+
+
+def _own_source(module: str) -> Path | None:
+    """The source of a module that is the user's own; None for an installed one, or one that is not there."""
+    top = module.partition(".")[0]
+    if top in ("", "lme", "runners", "__main__") or top in sys.stdlib_module_names:
+        return None
+    loaded = sys.modules.get(module)
+    origin = _origin(module) if loaded is None else getattr(loaded, "__file__", None)
+    path = Path(origin) if origin else None
+    if path is None or path.suffix != ".py" or not path.is_file() or _is_installed(path):
+        return None
+    return path
+
+
+def _origin(module: str) -> str | None:
+    """Where a module would be imported from, found without importing anything."""
+    spec: ModuleSpec | None = None
+    places: list[str] | None = None
+    name = ""
+    for part in module.split("."):
+        name = f"{name}.{part}" if name else part
+        spec = PathFinder.find_spec(name, places)
+        if spec is None:
+            return None
+        places = spec.submodule_search_locations or []
+    return None if spec is None else spec.origin
+
+
+def _is_installed(path: Path) -> bool:
+    library = [Path(sysconfig.get_path(name)) for name in ("stdlib", "platstdlib")]
+    return bool({"site-packages", "dist-packages"} & set(path.parts)) or any(
+        map(path.is_relative_to, library)
+    )
+
+
+def _imported(file: Path, module: str) -> list[str]:
+    """The modules that a source file may import, by name."""
+    try:
+        tree = ast.parse(file.read_bytes())
+    except (SyntaxError, ValueError, OSError):
+        return []
+    package = module if file.name == "__init__.py" else module.rpartition(".")[0]
+    found = []
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            found += [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            above = package.split(".")[: len(package.split(".")) - (node.level - 1)] if node.level else []
+            base = ".".join([*above, *([node.module] if node.module else [])])
+            found += [base, *(f"{base}.{alias.name}" for alias in node.names)]
+    return found
