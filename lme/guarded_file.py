@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import stat
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -61,12 +62,23 @@ class UnfoldingError(yaml.MarkedYAMLError):
     """
 
 
+def _events(text: str) -> Iterator[Any]:
+    """The events of a YAML text. libyaml has a limit of its own for nesting, which it may reach before the first."""
+    try:
+        yield from yaml.parse(text, SafeLoader)
+    except yaml.MarkedYAMLError as error:
+        if "nesting depth" not in str(error.problem):
+            raise
+        problem = f"more than {_DEEPEST} nested values"
+        raise UnfoldingError(problem=problem, problem_mark=error.problem_mark) from None
+
+
 def check_structure(text: str) -> None:
     """Raise UnfoldingError for such a YAML text, and another yaml.YAMLError for one that is not YAML."""
     sizes: dict[str, int] = {}  # of the values with an anchor, unfolded
     nested: list[tuple[str | None, int]] = []  # anchor and size so far of the values around this one
     repeated = 0
-    for event in yaml.parse(text, SafeLoader):
+    for event in _events(text):
         mark: Any = event.start_mark  # its type depends on the loader
         if isinstance(event, yaml.CollectionStartEvent):
             nested.append((event.anchor, 1))
