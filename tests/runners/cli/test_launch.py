@@ -172,6 +172,27 @@ def test_resume_by_path_alone_after_a_change_of_the_options_does_not_advise_itse
             probe.launch(f"resume={place}")
 
 
+def test_a_sweep_drives_the_options_as_they_were_when_it_began(probe, tmp_path, monkeypatch):
+    """Somebody edits the robot's file while the first job runs."""
+    file = tmp_path / "own" / "robot" / "mine.yaml"
+    file.parent.mkdir(parents=True)
+    text = (ROOT / "conf/robot/jackal.yaml").read_text().replace("name: jackal", "name: mine")
+    file.write_text(text)
+    run = probe.run
+
+    def edit_and_run(job):
+        file.write_text(text.replace("num_beams: 720", "num_beams: 811"))
+        run(job)
+
+    monkeypatch.setattr(probe, "run", edit_and_run)
+    assert probe.launch("-m", "robot=mine", "seed=0,1", "--config-dir", "own") == 0
+    assert [config.robot.lidar.num_beams for config, _ in probe.runs] == [720, 720]
+    assert [dict(job.changes) for job in probe.jobs] == [{}, {}]
+    recorded = [launch_record.read_launch(run_dir) for _, run_dir in probe.runs]
+    assert [record.configs[0]["robot"]["lidar"]["num_beams"] for record in recorded] == [720, 720]
+    assert [record.changes for record in recorded] == [[{}], [{}]]
+
+
 def test_a_system_is_its_pair(probe):
     probe.launch("system=lme")
     config, with_system = probe.runs[0]
