@@ -141,6 +141,7 @@ def read_launch(directory: Path) -> Launch | None:
     try:
         fields = {**json.loads(text), "directory": directory}
         launch = Launch(**{**fields, "inputs": inputs.from_record(fields.get("inputs", []))})
+        launch._text()  # nested so deeply that it cannot be written again: RecursionError
     except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
         launch = None
     if launch is None or not _is_complete(launch):

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from lme.errors import InputError
 from lme.geometry.frames import compose, relative
-from lme.guarded_file import open_bytes
+from lme.guarded_file import LOG_BYTES, open_bytes
 from lme.live.messages import LASER_SCAN, POSE, SECOND, TF
 from lme.types import Pose
 from runners.replay.bags import Bag, Message, Topic
@@ -163,9 +163,13 @@ def _lines(path: Path) -> Iterator[str]:
         raise InputError(f"log {path}: no such file")
     if path.is_dir():
         raise InputError(f"log {path}: is a directory; must be a CARMEN log ({', '.join(ENDINGS)})")
-    empty = True
+    empty, packed = True, path.suffix.lower() == ".gz"
     try:
-        with open_bytes(path) as raw, gzip.open(raw) if path.suffix.lower() == ".gz" else raw as file:
+        # What is packed ends with any number of zeros, which gzip would all read.
+        with (
+            open_bytes(path, LOG_BYTES if packed else None) as raw,
+            gzip.open(raw) if packed else raw as file,
+        ):
             for line in iter(partial(file.readline, _LINE_BYTES), b""):
                 if len(line) == _LINE_BYTES:
                     raise InputError(

@@ -1,5 +1,6 @@
 """Which folders are jobs of a sweep, and whether a run may be resumed."""
 
+import contextlib
 import json
 import re
 
@@ -75,6 +76,17 @@ def test_a_launch_with_a_value_of_another_kind_is_damaged(tmp_path, damage):
     (tmp_path / LAUNCH).write_text(json.dumps(values | damage))
     with pytest.raises(InputError, match=re.escape(f"{tmp_path}: its launch.json is damaged: restore or ")):
         read_launch(tmp_path)
+
+
+def test_a_launch_whose_config_has_no_end_is_damaged(tmp_path):
+    launch().write(tmp_path)
+    text = (tmp_path / LAUNCH).read_text()
+    deep = "[" * 900 + "]" * 900
+    (tmp_path / LAUNCH).write_text(
+        text.replace('"overrides": [', f'"changes": [{{"a": {deep}}}], "overrides": [', 1)
+    )
+    with contextlib.suppress(InputError):  # damaged, or read as a whole: never a RecursionError
+        assert not read_launch(tmp_path).is_own
 
 
 @pytest.mark.parametrize("content", [b"", b"{", b"[]", b"\xff\xfe", b'{"a":' * 100_000])

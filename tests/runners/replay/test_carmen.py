@@ -189,3 +189,12 @@ def test_replay_lists_the_topics_of_a_log(tmp_path, capsys):
     out = capsys.readouterr().out
     assert "/scan" in out
     assert "sensor_msgs/msg/LaserScan" in out
+
+
+def test_a_packed_log_that_ends_with_a_terabyte_of_zeros_is_refused(tmp_path):
+    path = tmp_path / "drive.log.gz"
+    path.write_bytes(gzip.compress(b"# CARMEN\n"))
+    with path.open("r+b") as file:
+        file.truncate(2**40)
+    with pytest.raises(InputError, match=r"drive\.log\.gz: has 1099511627776 bytes"), CarmenLog(path):
+        pass
