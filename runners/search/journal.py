@@ -58,7 +58,12 @@ class Journal(BaseJournalBackend):
 
 def _complete_steps(path: Path) -> Iterator[dict[str, Any]]:
     """Yield the entries of a journal up to its last mark, and cut off the rest of the file."""
-    content = read_bytes(path, LOG_BYTES) if path.is_file() else b""
+    try:
+        content = read_bytes(path, LOG_BYTES)
+    except FileNotFoundError:
+        content = b""
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror})") from error
     if not _BEGINNING.startswith(content[: len(_BEGINNING)]):  # another file: leave it as it is
         raise _not_an_entry(path, 1)
     lines = content.splitlines(keepends=True)
