@@ -12,6 +12,7 @@ import os
 import shutil
 import subprocess
 import sys
+import tempfile
 import time
 import traceback
 import warnings
@@ -32,7 +33,7 @@ def main(words: list[str]) -> None:
     folder, names, mutator = Path(words[0]).resolve(), words[1].split(BETWEEN), words[2]
     first, count, seed = map(int, words[3:])
     folder.mkdir(parents=True, exist_ok=True)
-    os.environ["HOME"] = str(folder)
+    os.environ["HOME"] = tempfile.tempdir = str(folder)  # torch makes a temporary folder when it is imported
     os.chdir(folder)
     warnings.simplefilter("ignore")
     readers = [next(reader for reader in READERS if reader.name == name) for name in names]
