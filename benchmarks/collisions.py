@@ -85,7 +85,7 @@ def _last_that_stops(trace: Trace) -> tuple[TracedStep, StoppingState, StoppingC
     for step in trace.steps:
         points = step.guidance.points
         points = blind.points(step.observation) if points is None else points
-        now = StoppingState(points, step.observation.twist, step.observation.limits)
+        now = StoppingState.of(step.observation, points)
         if check.stops(STILL, now):
             found = step, now, [*check.under_way]
         check.sent(step.command)

@@ -19,7 +19,7 @@ except ModuleNotFoundError:
 def main(world: int) -> None:
     robot = lme.load_robot("jackal")
     guide = lme.Lme(lme.Lme.Config(parameters=lme.load_parameters("published")), robot)
-    navigator = lme.Navigator(guide, lme.Simple(lme.Simple.Config(), robot))
+    navigator = lme.Navigator(guide, lme.Simple(lme.Simple.Config(), robot), dt=robot.dt)
     simulator = lme.FastSimulator(lme.FastSimulator.Config(), robot)
     task = lme.Barn(lme.Barn.Config(worlds=[world])).task(world)
     episode = lme.run_episode(task, navigator, simulator, np.random.default_rng(0))

@@ -28,6 +28,7 @@ def load_system(
     weights: str | Path | None = None,
     goal_tolerance: float = 0.0,
     people: str = "truth",
+    feedback: str = "OPEN_LOOP",
     **changes: Any,
 ) -> Navigator:
     """The navigator that `lme eval system=NAME` drives with::
@@ -37,9 +38,10 @@ def load_system(
 
     name: in `conf/system/`. robot: it drives this one. weights: as on the command line; None: the system's own.
     goal_tolerance: the robot stops within this distance of the target [m]. people: "truth": those in the
-    observations; "tracked": those found in the scans; "none". changes: words of the command line, as
-    keywords: `guide`, `planner` and `filter` by name or by the path of a YAML, `ablation` by name or several in a list,
-    and any key of these parts, such as "planner.latency".
+    observations; "tracked": those found in the scans; "none". feedback: commands ramp from the last command
+    (OPEN_LOOP) or from the measured twist (CLOSED_LOOP). changes: words of the command line, as keywords: `guide`,
+    `planner` and `filter` by name or by the path of a YAML, `ablation` by name or several in a list, and any key of
+    these parts, such as "planner.latency".
 
     Call `reset(rng)` before each episode, and `act(observation)` in each control period.
 
@@ -63,7 +65,8 @@ def load_system(
         filter_class, filter_config = configured(filtered, its_place)
         made = filter_class(filter_config, made, robot)
     guide_made: Guide = guide_class(guide_config, robot)
-    return Navigator(guide_made, made, goal_tolerance=goal_tolerance, people=people_source(people, robot))
+    source = people_source(people, robot)
+    return Navigator(guide_made, made, goal_tolerance, source, feedback, robot.dt)
 
 
 def _composed(name: str) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -85,7 +88,7 @@ def _nested(changes: Mapping[str, Any]) -> dict[str, Any]:
     for key, value in changes.items():
         part, *rest = key.split(".")
         if part not in _PARTS or not rest:
-            known = [*_PARTS, "ablation", "weights", "goal_tolerance"]
+            known = [*_PARTS, "ablation", "weights", "goal_tolerance", "people", "feedback"]
             raise InputError(
                 f"{key} is unknown: {nearest(key, known)}must be one of {', '.join(known)}, or a key of guide, "
                 "planner or filter, such as 'planner.latency'"

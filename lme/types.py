@@ -17,6 +17,8 @@ Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 Ints = NDArray[np.int64]
 
+_ROUNDING = 1e-9  # [m/s, rad/s]
+
 
 class Pose(NamedTuple):
     """Position [m] and heading [rad] of a frame in its parent frame."""
@@ -55,6 +57,15 @@ class Limits(NamedTuple):
         """(v_max, omega_max, alpha_v, alpha_omega) as a plain tuple, for compiled functions and networks."""
         return self[:4]
 
+    def clamped(self, twist: Twist) -> Twist:
+        """The nearest twist within the limits of velocity. Differences of rounding stay as they are."""
+        v, omega = twist
+        if not self.lowest - _ROUNDING <= v <= self.v_max + _ROUNDING:
+            v = min(max(v, self.lowest), self.v_max)
+        if not -self.omega_max - _ROUNDING <= omega <= self.omega_max + _ROUNDING:
+            omega = min(max(omega, -self.omega_max), self.omega_max)
+        return Twist(v, omega)
+
 
 _NOBODY: Floats = np.empty((0, 4))
 _NOBODY.flags.writeable = False
@@ -78,11 +89,14 @@ class Observation(NamedTuple):
     """Input of guide and planner: {scan, p_T, v, ω, v_max, ω_max, α_v, α_ω} (paper §III.A) and odometry.
 
     target: (2,) position of the goal in the robot frame [m]. odometry: pose of the base in the odometry frame,
-    the base frame at the start of the episode, for guides and planners that keep a map or a band; LME does not
-    read it. pedestrians: (P, 4) of x, y [m], vx, vy [m/s] over ground, all in the robot frame, of those in sight, as a
+    the base frame at the start of the episode, for guides and planners that keep a map or a band; LME reads it
+    where the twist does not explain it (`lme.dead_reckoning`). pedestrians: (P, 4) of x, y [m], vx, vy [m/s] over ground, all in the robot frame, of those in sight, as a
     tracker of people would give them; empty without a tracker. Their returns are in the scan, too: planners take the
     radius of a person from these. LME does not read it. scan_pose: pose of the base in the odometry frame when the scan
     was taken; None: `odometry`. Only maps with an `update_rate` read it.
+
+    twist: as measured. last_command: the command that the robot follows; None: the navigator fills in its own last one.
+    closed_loop: the next command ramps from the measured twist instead of the last command.
     """
 
     scan: LaserScan
@@ -92,6 +106,25 @@ class Observation(NamedTuple):
     odometry: Pose
     pedestrians: Floats = _NOBODY
     scan_pose: Pose | None = None
+    last_command: Twist | None = None
+    closed_loop: bool = False
+
+    @property
+    def ramp_start(self) -> Twist:
+        """The twist from which the next command ramps, within the limits of velocity [m/s, rad/s].
+
+        It is the last command, so that commands do not follow the motion of a robot that overshoots, sways or reports
+        no speed. With `closed_loop`, or where no last command is known, it is the measured twist.
+        """
+        start = self.twist if self.closed_loop or self.last_command is None else self.last_command
+        return self.limits.clamped(start)
+
+    @property
+    def twists(self) -> tuple[Twist, ...]:
+        """The measured twist, and the last command if it is another: a stopping check must pass with each of them."""
+        if self.last_command is None or self.last_command == self.twist:
+            return (self.twist,)
+        return self.twist, self.last_command
 
 
 class Guidance(NamedTuple):
@@ -109,6 +142,17 @@ class Guidance(NamedTuple):
     blocked: bool = False
     points: Floats | None = None
     way: Floats | None = None
+
+
+class Feedback(StrEnum):
+    """From where a command ramps, in the words of Nav2's velocity smoother.
+
+    OPEN_LOOP: from the last command. CLOSED_LOOP: from the measured twist, as in the paper. Both are kept within the
+    limits. They are the same where the robot moves exactly as commanded, as in `sim=fast` without disturbances.
+    """
+
+    OPEN_LOOP = "OPEN_LOOP"
+    CLOSED_LOOP = "CLOSED_LOOP"
 
 
 class Outcome(StrEnum):

@@ -85,8 +85,12 @@ def stopping_clearance(points, twist, under_way, command, motion, footprint):
     limits, period, late, lag = motion
     circles, pose, least = np.column_stack([points, np.zeros(len(points))]), (0.0, 0.0, 0.0), np.inf
     commands, durations = [*under_way, command], [period - late]
-    while commands or (np.abs(twist) @ [1.0, footprint.r_max]) > (1e-4 / lag if lag else 0.0):
-        acting = commands.pop(0) if commands else (0.0, 0.0)
+    slower, ramp = np.array(command, dtype=float), np.array(limits[2:]) * period
+    while commands or slower.any() or (np.abs(twist) @ [1.0, footprint.r_max]) > (1e-4 / lag if lag else 0.0):
+        if commands:
+            acting = commands.pop(0)
+        else:
+            acting = slower = slower - np.clip(slower, -ramp, ramp)
         for duration in durations:
             way, twist = followed(pose, twist, acting, duration, (limits, lag), footprint)
             clearance, contact = sweep(way, footprint.box, circles, [])

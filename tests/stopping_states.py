@@ -83,8 +83,9 @@ def random_steps(make, rng, number, chain=10):
         robot = random_robot(rng)
         latency, lag = DELAYS[rng.integers(len(DELAYS))]
         planner, check = make(robot, latency, lag), StoppingCheck(robot.footprint, robot.dt, latency, lag)
-        now = StoppingState(random_points(rng, robot), random_twist(rng, robot), robot.limits)
+        points, twist = random_points(rng, robot), random_twist(rng, robot)
         sent = [random_twist(rng, robot) for _ in check.under_way]
+        now = StoppingState(points, (twist,), robot.limits, sent[-1] if sent else twist)
         for each in (check, planner._check):
             each.under_way.extend(sent)
         if not check.stops(STILL, now):
@@ -122,7 +123,8 @@ def _asked(planner, rng, robot, now):
     subgoal = far * np.array([math.cos(turn), math.sin(turn)])
     way = np.outer([-0.4, -0.8, -1.2], subgoal / far)
     guidance = Guidance(subgoal, points=now.points, blocked=bool(rng.random() < 0.2), way=way)
-    return planner.plan(observation(twist=now.twist, robot=robot), guidance)
+    seen = observation(twist=now.twists[0], robot=robot)._replace(last_command=now.ramp_start)
+    return planner.plan(seen, guidance)
 
 
 def _a_period_later(now, commands, robot, latency, lag):
@@ -131,10 +133,10 @@ def _a_period_later(now, commands, robot, latency, lag):
     pieces = (
         [(commands[0], robot.dt - late), (commands[1], late)] if late > 1e-9 else [(commands[0], robot.dt)]
     )
-    pose, twist = Pose(0.0, 0.0, 0.0), (*now.twist,)
+    pose, twist = Pose(0.0, 0.0, 0.0), (*now.twists[0],)
     for command, duration in pieces:
         way, twist = oracles.followed(
             pose, twist, command, duration, (robot.limits.bounds, lag), robot.footprint
         )
         pose = Pose(*way[-1])
-    return now._replace(points=to_robot(now.points, pose), twist=Twist(*twist))
+    return now._replace(points=to_robot(now.points, pose), twists=(Twist(*twist),), ramp_start=commands[-1])

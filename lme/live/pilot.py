@@ -53,14 +53,15 @@ class Pilot:
         if self._number != number:
             navigator.reset(goal_rng(self._seed, number))
             self._number = number
-        observation = self.source.observation(sight.scan, sight.motion, target)
+        observation = self.source.observation(sight.scan, sight.motion, target, last)
         began = self._wall()
         wanted = navigator.act(observation, sight.motion.stamp / SECOND)
+        assert navigator.observation is not None
         return LiveStep(
             now,
             LiveState.DRIVING,
             "",
-            reachable(*wanted, last, robot.limits, robot.dt),
+            reachable(*wanted, navigator.observation.ramp_start, robot.limits, robot.dt),
             number,
             navigator.observation,
             navigator.guidance,
@@ -84,8 +85,10 @@ class Pilot:
         points = obstacle_points(seen.scan, self.robot.lidar.mount)
         age = max(step.stamp - newest.stamp, 0) / SECOND
         then = relative(newest.pose, seen.odometry)
-        here, twist = predict(then, newest.twist, last, age, self.robot)
-        return touches(points, here, twist, step.command, self.robot)
+        return any(
+            touches(points, *predict(then, twist, last, age, self.robot), step.command, self.robot)
+            for twist in seen._replace(twist=newest.twist).twists
+        )
 
 
 def goal_rng(seed: int, number: int) -> np.random.Generator:

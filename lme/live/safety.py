@@ -22,5 +22,5 @@ def touches(points: Floats, pose: Pose, twist: Twist, command: Twist, robot: Rob
 
     points (M, 2) [m], in the frame in which `pose` is given. twist: of the robot now.
     """
-    now = StoppingState(to_robot(points, pose), twist, robot.limits)
+    now = StoppingState(to_robot(points, pose), (twist,), robot.limits, ramp_start=command)
     return not StoppingCheck(robot.hull, robot.dt).stops(command, now)

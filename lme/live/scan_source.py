@@ -20,7 +20,7 @@ from lme.sensing.point_cloud import cloud_points, rigid_transform
 from lme.sensing.projection import Projection, to_scan
 from lme.sensing.resampling import own_lidar, resampled, same_lidar, tidied
 from lme.sensing.scan_check import FAR, ScanFault, check_unit_of_angles, scan_faults
-from lme.types import Floats, LaserScan, Observation, Pose
+from lme.types import Floats, LaserScan, Observation, Pose, Twist
 
 LIDARS = ("recorded", "robot")
 _FINER = 2.5  # times as many beams per angle as in the first message are a finer lidar
@@ -133,9 +133,15 @@ class ScanSource:
         scan = tidied(raw, self.upside_down)
         return _scan_of_lidar(lidar, scan.ranges) if self._own else resampled(scan, self._pose, lidar)
 
-    def observation(self, message: Any, motion: StampedMotion, target: Floats) -> Observation:
-        """The input of guide and planner: the scan of a message, and pose, twist and target (2,) [m] at its stamp."""
-        return Observation(self.read(message), target, motion.twist, self.robot.limits, motion.pose)
+    def observation(
+        self, message: Any, motion: StampedMotion, target: Floats, last_command: Twist
+    ) -> Observation:
+        """The input of guide and planner: the scan of a message, and pose, twist and target (2,) [m] at its stamp.
+
+        last_command: what the robot follows now.
+        """
+        limits, scan = self.robot.limits, self.read(message)
+        return Observation(scan, target, motion.twist, limits, motion.pose, last_command=last_command)
 
     def exceeded_by(self, message: Any) -> bool:
         """Whether a message shows a wider or much finer lidar than the first, which then was not a whole scan."""

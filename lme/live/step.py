@@ -27,7 +27,7 @@ class LiveStep(NamedTuple):
     """One control period.
 
     stamp: time of the tick [ns]. reason: why the robot stands; "" while it drives. command: what to send now, within
-    all limits. goal: number of the goal, from 1; 0 before the first. wanted: the planner's command before the limits.
+    all limits. goal: number of the goal, from 1; 0 before the first. wanted: the navigator's command.
     observation, guidance, wanted: None if there was no decision. explanation: of the guide's decision; None if it made
     none in this period, or cannot explain itself. soft_stopped: the wanted command would have led into contact.
     decision_us: computing time of the decision [µs], with the tracking of people. motion: the latest pose and twist;

@@ -79,7 +79,7 @@ class Apf:
 
     def _follow(self, force: tuple[float, float], distance: float, observation: Observation) -> Twist:
         """Turn towards the force, with a speed proportional to its component ahead."""
-        limits, now = observation.limits, observation.twist
+        limits, now = observation.limits, observation.ramp_start
         bearing = math.atan2(force[1], force[0])
         fastest = approach(bearing, now.omega, limits.omega_max, limits.alpha_omega, self._dt)
         gentle = self._config.turn_gain * bearing

@@ -7,7 +7,8 @@ import math
 import numpy as np
 
 from lme.errors import InputError, require
-from lme.types import Floats, Limits, Observation, Twist
+from lme.ramp import reachable, towards
+from lme.types import Floats, Observation, Twist
 
 MOST_SAMPLES = 1001  # of v and of ω: a planner holds values of every pair
 _AT_REST = 1e-6  # [m/s, rad/s] slower than this counts as 0
@@ -20,18 +21,8 @@ def without_tiny_rates(twist: Twist) -> Twist:
 
 
 def limited(v: float, omega: float, observation: Observation, dt: float) -> Twist:
-    """The command nearest to (v, ω) that the limits allow within one period of `dt` [s]."""
-    return reachable(v, omega, observation.twist, observation.limits, dt)
-
-
-def reachable(v: float, omega: float, now: Twist, limits: Limits, dt: float) -> Twist:
-    """The twist nearest to (v, ω) within the limits of velocity, and of acceleration `dt` [s] after `now`."""
-    v = min(max(v, limits.lowest), limits.v_max)
-    omega = min(max(omega, -limits.omega_max), limits.omega_max)
-    return Twist(
-        towards(v, now.v, limits.alpha_v, dt),
-        towards(omega, now.omega, limits.alpha_omega, dt),
-    )
+    """The command nearest to (v, ω) that the limits allow within one period of `dt` [s] after `ramp_start`."""
+    return reachable(v, omega, observation.ramp_start, observation.limits, dt)
 
 
 def approach(error: float, rate: float, rate_max: float, alpha: float, dt: float) -> float:
@@ -50,11 +41,6 @@ def approach(error: float, rate: float, rate_max: float, alpha: float, dt: float
         reachable = (slack + math.sqrt(max(slack * slack + 4.0 * alpha * (ahead - braking), 0.0))) / 2.0
         reachable = max(reachable, 0.0) if ahead > braking else 0.0
     return towards(sign * min(rate_max, reachable), rate, alpha, dt)
-
-
-def towards(wanted: float, rate: float, alpha: float, dt: float) -> float:
-    """The rate nearest to `wanted` that is reachable from `rate` in one period at `alpha`."""
-    return min(max(wanted, rate - alpha * dt), rate + alpha * dt)
 
 
 def check_turn_samples(number: int) -> None:

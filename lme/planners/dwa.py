@@ -84,7 +84,7 @@ class Dwa:
         admissible = window.contact >= window.stopping
         driving = window.v[:, 0] > 0.0
         if driving.any() and not admissible[driving].any():
-            command = self._turn_away(window, points, observation.twist)
+            command = self._turn_away(window, points, observation.ramp_start)
         else:
             score = self._objective(window, guidance.subgoal, observation.limits)
             score[~admissible] = -np.inf
@@ -102,7 +102,7 @@ class Dwa:
 
     def _window(self, observation: Observation, subgoal: Floats, points: Floats) -> _Window:
         """Velocities that are reachable in one period and allow a stop at the subgoal."""
-        limits, now, dt, config = observation.limits, observation.twist, self._dt, self._config
+        limits, now, dt, config = observation.limits, observation.ramp_start, self._dt, self._config
         distance = math.hypot(*subgoal)
         v_low = max(now.v - limits.alpha_v * dt, 0.0)
         v_high = approach(distance, now.v, limits.v_max, limits.alpha_v, dt)

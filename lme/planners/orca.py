@@ -71,7 +71,7 @@ class Orca:
         points = seen[~own]
         x, y = map(float, guidance.subgoal)
         distance, bearing = math.hypot(x, y), math.atan2(y, x)
-        limits, now = observation.limits, observation.twist
+        limits, now = observation.limits, observation.ramp_start
         speed = approach(distance, max(now.v, 0.0), limits.v_max, limits.alpha_v, self._dt)
         wanted = (speed * math.cos(bearing), speed * math.sin(bearing))
         config = self._config

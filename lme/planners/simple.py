@@ -54,7 +54,7 @@ class Simple:
         """Command for one control period."""
         x, y = guidance.subgoal.tolist()
         bearing = math.atan2(y, x)
-        v, omega = observation.twist
+        v, omega = observation.ramp_start
         limits = observation.limits
         if abs(bearing) < self._config.heading_tolerance:
             alpha_v = min(self._alpha_v, limits.alpha_v)

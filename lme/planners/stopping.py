@@ -8,7 +8,7 @@ from lme.kernels.collision import sweep
 from lme.kernels.motion import drive
 from lme.planners.commands import limited
 from lme.robots import Robot
-from lme.types import Floats, Observation, Pose, Twist
+from lme.types import Floats, Limits, Observation, Pose, Twist
 
 _SHARES = (1.0, 0.7, 0.45, 0.25, 0.12, 0.05)  # of the wanted twist, on the same arc
 _STEP = 0.02  # [m] no point of the outline moves further between two checks
@@ -54,20 +54,23 @@ class StoppingGuard:
         self, command: Twist, observation: Observation, circles: Floats, least: float, room: float
     ) -> bool:
         """Whether the outline keeps `least` [m], and the centre `room` [m], over one period and braking."""
-        poses = until_rest(command, observation, self._robot)
-        clearance, contact = sweep(poses, self._box, circles, _NO_EDGES)
-        if contact >= 0 or clearance < least:
-            return False
-        return command.v == 0.0 or sweep(poses, _CENTRE, circles, _NO_EDGES)[0] >= room
+        for now in observation.twists:
+            poses = until_rest(command, now, observation.limits, self._robot)
+            clearance, contact = sweep(poses, self._box, circles, _NO_EDGES)
+            if contact >= 0 or clearance < least:
+                return False
+            if command.v != 0.0 and sweep(poses, _CENTRE, circles, _NO_EDGES)[0] < room:
+                return False
+        return True
 
 
-def until_rest(command: Twist, observation: Observation, robot: Robot, max_step: float = _STEP) -> Floats:
-    """Poses (K, 3) in the robot frame over one period of the command and a full stop after it.
+def until_rest(command: Twist, now: Twist, limits: Limits, robot: Robot, max_step: float = _STEP) -> Floats:
+    """Poses (K, 3) in the robot frame over one period of the command, from the twist `now`, and a full stop after it.
 
     No point of the outline moves further than `max_step` [m] between two poses.
     """
-    limits, reach = observation.limits, robot.footprint.r_max
-    way, twist = drive(_HERE, observation.twist, command, limits.bounds, robot.dt, max_step, reach)
+    reach = robot.footprint.r_max
+    way, twist = drive(_HERE, now, command, limits.bounds, robot.dt, max_step, reach)
     braking = max(abs(twist[0]) / limits.alpha_v, abs(twist[1]) / limits.alpha_omega, _SHORTEST_STOP)
     stop, _ = drive(Pose(*way[-1].tolist()), twist, (0.0, 0.0), limits.bounds, braking, max_step, reach)
     return np.vstack((way, stop))

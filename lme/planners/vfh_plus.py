@@ -116,7 +116,7 @@ class VfhPlus:
     def _direction(self, cells: Floats, target: float, observation: Observation) -> tuple[float | None, bool]:
         """Direction relative to the heading [rad], None if all are blocked, and whether to stop first."""
         yaw = observation.odometry.yaw
-        turn_radius = abs(observation.twist.v) / observation.limits.omega_max
+        turn_radius = abs(observation.ramp_start.v) / observation.limits.omega_max
         limits = turning_limits(cells, turn_radius, self._radius)
         for blocked, stop in ((masked(self._blocked, yaw, *limits), False), (self._blocked, True)):
             candidates = candidate_directions(blocked, target / self._alpha, self._wide)
@@ -147,7 +147,7 @@ class VfhPlus:
         """Turn towards the direction, with a speed limited by density and turn."""
         if direction is None:
             return Twist(0.0, 0.0)
-        limits, now, config = observation.limits, observation.twist, self._config
+        limits, now, config = observation.limits, observation.ramp_start, self._config
         fastest = approach(direction, now.omega, limits.omega_max, limits.alpha_omega, self._dt)
         gentle = config.turn_gain * direction
         omega = min(fastest, gentle) if direction > 0.0 else max(fastest, gentle)

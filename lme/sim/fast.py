@@ -78,6 +78,7 @@ class FastSimulator:
         """Drive for one control period, or until contact or arrival, whichever comes first."""
         command = forward_enough(command, self._robot)
         if self._substepper:
+            self._sensors.sent(command)
             self.state = self._substepper.period(command, self._substeps, self._limits)
             return self._observe()
         state = self.state
@@ -85,7 +86,9 @@ class FastSimulator:
         # Plain tuples: Numba takes a named one for another type, and needs longer to recognise it.
         motion = (*state.pose,), (*state.twist,), (*command,), limits.bounds
         travel, twist = drive(*motion, self._dt, self._config.max_step, self._reach)
-        self.state = self._end_at_event(travel, Twist(*twist), state.time, self._dt)
+        # Without delay the ramp itself is the command that the robot follows.
+        self._sensors.last_command = Twist(*twist)
+        self.state = self._end_at_event(travel, self._sensors.last_command, state.time, self._dt)
         return self._observe()
 
     def change(self, task: Task) -> Observation:

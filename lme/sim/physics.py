@@ -77,6 +77,7 @@ class PhysicsSimulator:
     def step(self, command: Twist) -> Observation:
         """Drive for one control period, or until contact or arrival, whichever comes first."""
         command = forward_enough(command, self._robot)
+        self._sensors.sent(command)
         self.state = self._substepper.period(command, self._substeps, self._limits)
         return self._observe()
 

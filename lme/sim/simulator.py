@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from lme.geometry.frames import compose, relative
 from lme.kernels.noise import add_noise
 from lme.kernels.raycast import cast, cast_grid
+from lme.ramp import reachable
 from lme.robots import Robot
 from lme.sensing.resampling import resampled, tidied
 from lme.sim.crowd import Crowd
@@ -93,10 +94,15 @@ class Sensors:
         self._past = PastMotion(config.odometry_age)
         self._target = TargetEstimate(config, np.asarray(task.goal, dtype=np.float64), goal_rng)
         self._look_in(task)
+        self.last_command = Twist(0.0, 0.0)
         self._fired, self._mount = robot.lidar.native, robot.lidar.mount
         self._mid360 = mid360_of(robot.lidar) if robot.lidar.cloud else None
         if self._mid360:
             self._mid360.reset(rng)
+
+    def sent(self, command: Twist) -> None:
+        """Note the command of a period, as far as the robot's limits allow it after the last one."""
+        self.last_command = reachable(*command, self.last_command, self._limits, self._robot.dt)
 
     def change(self, task: Task) -> None:
         """Look among the obstacles of another task from now on, for its goal."""
@@ -124,7 +130,15 @@ class Sensors:
         then = self._past.at(state.time, now)
         target = self._target.seen_from(then.pose, then.odometry, state.time)
         scanned_at = compose(now.odometry, relative(scan_pose, now.pose))
-        seen = Observation(scan, target, then.twist, self._limits, then.odometry, scan_pose=scanned_at)
+        seen = Observation(
+            scan,
+            target,
+            then.twist,
+            self._limits,
+            then.odometry,
+            scan_pose=scanned_at,
+            last_command=self.last_command,
+        )
         if crowd is None or not len(crowd):
             return seen
         lidar = compose(scan_pose, self._mount)

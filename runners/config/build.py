@@ -50,7 +50,7 @@ def navigator(config: SystemConfig, robot: Robot | None = None) -> Navigator:
         planner = build(config.filter, "filter", planner, robot)
     people = people_source(people_of(config), robot)
     guide = build(with_network(config.guide, "guide"), "guide", robot)
-    return Navigator(guide, planner, people=people)
+    return Navigator(guide, planner, people=people, feedback=config.feedback, dt=robot.dt)
 
 
 def people_of(config: SystemConfig) -> People:

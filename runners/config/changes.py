@@ -47,7 +47,7 @@ def changed_keys(config: DictConfig, choices: Mapping[str, str], catalogue: Cata
             dotted = f"{node}.{key}"
             if not _is_shown(node, key) and not (key in written and _equal(written[key], value)):
                 changes[dotted] = resolved.get(dotted, value)
-    return changes | _changed_people(config) | _changed_costmap_range(config)
+    return changes | _changed_keys(config) | _changed_costmap_range(config)
 
 
 def _of_family(node: str, config: DictConfig, catalogue: Catalogue) -> dict[str, Any]:
@@ -59,11 +59,11 @@ def _of_family(node: str, config: DictConfig, catalogue: Catalogue) -> dict[str,
     return cast(dict[str, Any], families.get(node.removeprefix(TRAINING)) or {})
 
 
-def _changed_people(config: DictConfig) -> dict[str, Any]:
-    """Whom the system sees, if it is not the command's default."""
+def _changed_keys(config: DictConfig) -> dict[str, Any]:
+    """Whom the system sees, and from where its commands ramp, if these are not the command's defaults."""
     schema: Any = OmegaConf.get_type(config)
-    default = next((each.default for each in fields(schema) if each.name == "people"), None)
-    return {} if default is None or config.people == default else {"people": str(config.people)}
+    defaults = {each.name: each.default for each in fields(schema) if each.name in ("people", "feedback")}
+    return {key: str(config[key]) for key, default in defaults.items() if config[key] != default}
 
 
 def _changed_costmap_range(config: DictConfig) -> dict[str, Any]:

@@ -12,6 +12,7 @@ from omegaconf import DictConfig, OmegaConf
 
 from lme.robots import Robot
 from lme.sensing.people.source import People
+from lme.types import Feedback
 
 
 class Record(StrEnum):
@@ -33,7 +34,7 @@ class Explain(StrEnum):
 class SystemConfig:
     """A guide and a planner on a robot. Groups that hold a `_target_` are checked against that class's Config.
 
-    filter: what the planner's commands go through; empty for nothing.
+    filter: what the planner's commands go through; empty for nothing. feedback: from where commands ramp.
     """
 
     seed: int
@@ -42,6 +43,7 @@ class SystemConfig:
     guide: dict[str, Any]
     planner: dict[str, Any]
     filter: dict[str, Any] = field(default_factory=dict)
+    feedback: Feedback = Feedback.OPEN_LOOP
     ablation: dict[str, float] = field(default_factory=dict)
     system: dict[str, Any] = field(default_factory=dict)
 

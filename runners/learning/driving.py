@@ -176,7 +176,8 @@ class Driving:
             views.ranges[row], lidar.angle_min, lidar.angle_increment, lidar.range_min, lidar.range_max
         )
         twist, limits = Twist(*views.twists[row].tolist()), Limits(*views.limits[row].tolist())
-        return Observation(scan, views.targets[row], twist, limits, Pose(0.0, 0.0, 0.0))
+        here = Pose(0.0, 0.0, 0.0)
+        return Observation(scan, views.targets[row], twist, limits, here, last_command=twist)
 
     def _follower(self, views: Views, row: int) -> Follower:
         """The follower of a robot at the start of an episode."""

@@ -88,12 +88,16 @@ class LiveRecorder:
         file = self._open.enter_context(McapFile(path, LIVE_TOPICS, LATCHED, _ADVICE))
         self._writer = DecisionWriter(file, about, robot)
         self._goal, self._latest, self._shift, self._said, self._before = step.goal, -1, 0, "", None
+        self._before_first = True
 
     def _decision(self, writer: DecisionWriter, step: LiveStep, now: int) -> None:
         assert step.observation is not None
         assert step.guidance is not None
         assert step.wanted is not None
         writer.decision(step.observation, step.guidance, now)
+        if self._before_first and step.observation.last_command is not None:
+            writer.twist("/cmd_vel", step.observation.last_command, now)
+        self._before_first = False
         writer.text(TAKEN, str(step.taken), now)
         writer.twist(WANTED, step.wanted, now)
         if step.explanation is not None:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+from bisect import bisect_left
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from operator import itemgetter
 from time import perf_counter_ns
 from typing import Any, NamedTuple
 
@@ -136,12 +138,20 @@ class Driver:
         if target is None:
             self.log.skipped["no goal"] += 1
             return
-        observation = self._scan_source.observation(message.content, motion, target)
+        observation = self._scan_source.observation(message.content, motion, target, self._commanded(motion))
         self.log.tally.add(observation.scan)
         began = perf_counter_ns()
         command = self._navigator.act(observation, motion.stamp / SECOND)
         decision_us = (perf_counter_ns() - began) / 1000.0
         self._note(observation, motion, command, decision_us)
+
+    def _commanded(self, motion: StampedMotion) -> Twist:
+        """The command that the robot recorded last; its twist where it recorded none."""
+        commands = self.log.commands
+        before = bisect_left(commands, motion.stamp, key=itemgetter(0))
+        if before:
+            return Twist(*commands[before - 1][1:])
+        return motion.twist if self._recording.topics.command is None else Twist(0.0, 0.0)
 
     def _note(
         self, observation: Observation, motion: StampedMotion, command: Twist, decision_us: float

@@ -18,7 +18,7 @@ from runners.replay.bags import EPISODE, Bag
 from runners.workers.episodes import episode_rng
 from runners.workers.recorder import WANTED
 
-GOAL, ODOM, SCAN = "/goal", "/odom", "/scan"
+GOAL, ODOM, SCAN, SENT = "/goal", "/odom", "/scan", "/cmd_vel"
 GROUPS = ("robot", "guide", "planner", "filter")
 
 

@@ -20,7 +20,7 @@ from lme.types import LaserScan, Observation, Pose, Twist
 from lme.worlds.world import Task, World
 from runners.config import build
 from runners.replay.bags import Bag, Message
-from runners.replay.recorded import GOAL, ODOM, SCAN, RecordedEpisode, episode_of
+from runners.replay.recorded import GOAL, ODOM, SCAN, SENT, RecordedEpisode, episode_of
 from runners.workers.recorder import STATE, TAKEN, WANTED
 from runners.workers.trace import Drive, Trace, TracedStep, TraceEnd, rerun
 
@@ -80,7 +80,7 @@ def _moments(bag: Bag, episode: RecordedEpisode) -> Iterator[_Moment]:
     """Every decision, and the end: the last pose, without a scan."""
     latest: dict[str, Message] = {}
     began = None
-    for message in bag.messages([ODOM, GOAL, SCAN, TAKEN, WANTED]):
+    for message in bag.messages([ODOM, GOAL, SCAN, TAKEN, WANTED, SENT]):
         latest[message.topic] = message
         if message.topic == WANTED:
             began = message.recorded if began is None else began
@@ -99,12 +99,14 @@ def _moments(bag: Bag, episode: RecordedEpisode) -> Iterator[_Moment]:
 
 def _observation(episode: RecordedEpisode, latest: dict[str, Message]) -> Observation:
     goal, odometry, scan = (latest[topic].content for topic in (GOAL, ODOM, SCAN))
+    last_command = twist_of(latest[SENT].content, TWIST) if SENT in latest else None
     return Observation(
         LaserScan(np.asarray(scan.ranges, np.float32), **episode.scan),
         np.array([goal.pose.position.x, goal.pose.position.y]),
         twist_of(odometry, ODOMETRY),
         episode.config.robot.limits,
         pose_of(odometry, ODOMETRY),
+        last_command=last_command,
     )
 
 

@@ -10,15 +10,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lme.dead_reckoning import DeadReckoning
 from lme.errors import require
 from lme.guides.learned_subgoal.candidates import BEARINGS, RANGES, bearings, candidates
 from lme.guides.learned_subgoal.kernels import nearest_by_sector
 from lme.guides.learned_subgoal.weights import TOLD
 from lme.kernels.straight_ways import straight_ways
-from lme.policies.lme.maintenance import update_position
+from lme.policies.lme.maintenance import carried
 from lme.robots import Robot
 from lme.sensing.scan_points import obstacle_points
-from lme.types import Floats, Guidance, Limits, Observation, Twist
+from lme.types import Floats, Guidance, Limits, Observation
 
 REACH = 5.0  # [m] farther returns count as this far
 _TARGET = 10.0  # [m] farther targets count as this far
@@ -73,12 +74,12 @@ class SubgoalInterface:
     def clear(self) -> None:
         """Start a new episode."""
         self._subgoal: Floats = np.zeros((1, 2))
-        self._twist: Twist | None = None
+        self._reckoning = DeadReckoning(self._dt)
         self._new = self._blocked = False
 
     def features(self, observation: Observation, target: Floats) -> SubgoalFeatures:
         """The inputs of the network. target: (2,) in the robot frame [m]. Where nothing is free, all candidates are."""
-        self._follow(observation.twist)
+        self._follow(observation)
         config = self._config
         points = obstacle_points(observation.scan, self._mount)
         ways = straight_ways(self._candidates, points, self._box, config.margin, config.turn_margin)
@@ -97,14 +98,14 @@ class SubgoalInterface:
         """The subgoal; called once per control period, after `choose` where there was one."""
         new, self._new = self._new, False
         if not new:
-            self._follow(observation.twist)
+            self._follow(observation)
         return Guidance(self._subgoal[0].copy(), None, new, self._blocked)
 
-    def _follow(self, twist: Twist) -> None:
+    def _follow(self, observation: Observation) -> None:
         """Keep the subgoal in place while the robot moves on."""
-        if self._twist is not None:
-            self._subgoal = update_position(self._subgoal, self._twist, twist, self._dt)
-        self._twist = twist
+        move = self._reckoning.move(observation)
+        if move is not None:
+            self._subgoal = carried(self._subgoal, move, self._dt)
 
     def _state(self, observation: Observation, target: Floats) -> Floats:
         x, y = target.tolist()

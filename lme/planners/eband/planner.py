@@ -104,14 +104,14 @@ class EBand:
             return 0.0, 0.0
         error, omega_max = math.atan2(y, x), min(config.omega_max, limits.omega_max)
         wanted = min(config.heading_gain * abs(error), omega_max)
-        turn = approach(error, observation.twist.omega, omega_max, limits.alpha_omega, dt)
+        turn = approach(error, observation.ramp_start.omega, omega_max, limits.alpha_omega, dt)
         turn = math.copysign(min(abs(turn), wanted), turn)
         if abs(error) > config.rotation_threshold:
             return 0.0, turn
         fastest = min(self._allowed(), limits.v_max)
         if error != 0.0:  # so that the arc at this turn rate reaches the aim
             fastest = min(fastest, wanted * math.hypot(x, y) / (2.0 * math.sin(abs(error))))
-        return approach(left, observation.twist.v, fastest, limits.alpha_v, dt), turn
+        return approach(left, observation.ramp_start.v, fastest, limits.alpha_v, dt), turn
 
     def _aim(self, here: Pose) -> tuple[float, float, float]:
         """Point where the band leaves the bubble around the robot, and length of the band to its end or tear [m].
@@ -137,11 +137,14 @@ class EBand:
         back = [(-self._config.v_min, omega), (-self._config.v_min, 0.0)]
         for pair in ahead + back:
             command = limited(*pair, observation, self._robot.dt)
-            poses = until_rest(command, observation, self._robot, _MAX_STEP)
+            ways = [
+                until_rest(command, twist, observation.limits, self._robot, _MAX_STEP)
+                for twist in observation.twists
+            ]
             if now > self._margin:
-                clear = self._clearance(poses, circles) > self._margin
+                clear = all(self._clearance(way, circles) > self._margin for way in ways)
             else:  # possibly by noise: only motions that gain clearance are safe
-                clear = self._clearance(poses[-1:], circles) > now + _RELIEF
+                clear = all(self._clearance(way[-1:], circles) > now + _RELIEF for way in ways)
             if clear:
                 return command
         return limited(0.0, 0.0, observation, self._robot.dt)

@@ -13,7 +13,7 @@ from lme.kernels.arcs import first_contacts
 from lme.kernels.motion import drive
 from lme.kernels.movers import WIDEST, movers_among
 from lme.kernels.straight_ways import KEPT
-from lme.planners.commands import reachable, turn_shares, without_tiny_rates
+from lme.planners.commands import limited, reachable, turn_shares, without_tiny_rates
 from lme.planners.min_time.config import MinTimeConfig
 from lme.planners.min_time.kernels.best_command import best_command, best_twist, tried
 from lme.planners.min_time.lag import Lag
@@ -88,8 +88,10 @@ class MinTime:
         wanted = turn or self._wanted(guidance, now, limits, self._config.back > 0.0 and sees_back)
         reached = reachable(*wanted, now.twist, limits, self._robot.dt)
         self._asked = float(reached.omega)
-        command = self._lag.command_for(reached, now.twist, limits)
-        command = self._stoppable(command, StoppingState(here.points, observation.twist, limits))
+        dt = self._robot.dt
+        command = limited(*self._lag.command_for(reached, now.twist, limits), observation, dt)
+        command = self._stoppable(command, StoppingState.of(observation, here.points))
+        command = limited(*command, observation, dt)
         self._check.sent(command)
         return command
 
@@ -131,13 +133,16 @@ class MinTime:
     def _stoppable(self, command: Twist, now: StoppingState) -> Twist:
         """The command, or the nearest after which the robot can still stop, if it can stop now."""
         check = self._check
-        if check.stops(command, now) or not check.stops(STILL, now):
-            return command
-        return check.nearest(command, now) or STILL
+        for state in (now, now.as_measured()):
+            if check.stops(STILL, state):
+                return command if check.stops(command, state) else check.nearest(command, state) or STILL
+        return command
 
     def _here(self, observation: Observation, guidance: Guidance) -> _Situation:
-        """The situation now."""
-        twist = without_tiny_rates(observation.twist)
+        """The situation now. Where latency or lag are known, the motion is predicted from the measured twist."""
+        predicts = self._check.under_way or self._config.lag
+        start = observation.limits.clamped(observation.twist) if predicts else observation.ramp_start
+        twist = without_tiny_rates(start)
         return _Situation(guidance.subgoal, *self._obstacles(observation, guidance), twist, guidance.way)
 
     def _ahead(self, here: _Situation, limits: Limits) -> _Situation:

@@ -164,7 +164,7 @@ class MotionTubes:
 
     def _follow(self, scene: _Scene) -> Twist:
         """Drive the best tube; brake if there is none."""
-        config, now, dt = self._config, scene.observation.twist, self._dt
+        config, now, dt = self._config, scene.observation.ramp_start, self._dt
         chosen = self._tubes.ahead(scene.route, now, scene.view, scene.seen)
         if chosen is None:
             self._state = _Manoeuvre.STOP
@@ -180,14 +180,14 @@ class MotionTubes:
         """The speed [m/s], limited so that the reachable turn rate keeps the robot in the tube."""
         limits = observation.limits
         wanted = min(max(v * curvature, -limits.omega_max), limits.omega_max)
-        omega = towards(wanted, observation.twist.omega, limits.alpha_omega, self._dt)
+        omega = towards(wanted, observation.ramp_start.omega, limits.alpha_omega, self._dt)
         if omega * curvature > 0.0:
             return min(v, omega / curvature)
         return v if curvature == 0.0 else min(v, self._config.near_speed)
 
     def _stop(self, scene: _Scene) -> Twist:
         """Brake until a tube is free; at a standstill, recover."""
-        v, omega = scene.observation.twist
+        v, omega = scene.observation.ramp_start
         if v > -_STANDSTILL and self._tubes.ahead(scene.route, Twist(v, omega), scene.view, scene.seen):
             self._state = _Manoeuvre.FOLLOW
             return self._follow(scene)
@@ -208,7 +208,7 @@ class MotionTubes:
         if done or not self._room_to_turn(scene, 0.0):
             self._state = _Manoeuvre.STOP
             return self._brake(scene)
-        rate = scene.observation.twist.omega
+        rate = scene.observation.ramp_start.omega
         return Twist(0.0, approach(bearing, rate, config.turn_speed, config.turn_acceleration, self._dt))
 
     def _back_up(self, scene: _Scene) -> Twist:
@@ -217,12 +217,14 @@ class MotionTubes:
         if curvature is None or self._has_backed_off(scene):
             self._state, self._stuck = _Manoeuvre.STOP, None
             return self._brake(scene)
-        v = towards(-self._config.back_speed, scene.observation.twist.v, self._config.deceleration, self._dt)
+        v = towards(
+            -self._config.back_speed, scene.observation.ramp_start.v, self._config.deceleration, self._dt
+        )
         return Twist(v, v * curvature)
 
     def _brake(self, scene: _Scene) -> Twist:
         """Brake to a stop on the current arc."""
-        v, omega = scene.observation.twist
+        v, omega = scene.observation.ramp_start
         if abs(v) <= _STANDSTILL:
             return Twist(0.0, 0.0)
         slower = towards(0.0, v, self._config.stop_deceleration, self._dt)
@@ -240,9 +242,12 @@ class MotionTubes:
 
     def _clearance(self, command: Twist, observation: Observation, circles: Floats) -> float:
         """Least distance to the points over one period of the command and a full stop [m]; −1 in contact."""
-        poses = until_rest(command, observation, self._robot)
-        clearance, contact = sweep(poses, self._robot.footprint.box, circles, _NO_EDGES)
-        return clearance if contact < 0 else -1.0
+        least = math.inf
+        for twist in observation.twists:
+            poses = until_rest(command, twist, observation.limits, self._robot)
+            clearance, contact = sweep(poses, self._robot.footprint.box, circles, _NO_EDGES)
+            least = min(least, clearance if contact < 0 else -1.0)
+        return least
 
     def _turns_usefully(self, scene: _Scene, margin: float) -> bool:
         off = abs(self._tubes.bearing(scene.route)) > self._config.turn_tolerance
@@ -263,7 +268,7 @@ class MotionTubes:
 
     def _can_drive_ahead(self, scene: _Scene) -> bool:
         """Whether enough tubes are free, and one ends near the path (authors' public code: within one bin)."""
-        chosen = self._tubes.ahead(scene.route, scene.observation.twist, scene.view, scene.seen)
+        chosen = self._tubes.ahead(scene.route, scene.observation.ramp_start, scene.view, scene.seen)
         return chosen is not None and chosen.share >= self._config.free_low and chosen.bin <= 1
 
     def _backward_curvature(self, scene: _Scene) -> float | None:

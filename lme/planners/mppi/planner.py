@@ -106,7 +106,7 @@ class Mppi:
                 self.sequence,
                 noise,
                 stds,
-                observation.twist,
+                observation.ramp_start,
                 observation.odometry,
                 limits,
                 config.model_dt,

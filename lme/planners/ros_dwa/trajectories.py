@@ -139,7 +139,7 @@ class TrajectorySearch:
         samples = self._samples(observation, path, limits)
         samples = samples[:0] if self._escape else samples
         forward = _Scored(samples, *self._score(samples, observation, math.inf, best_only=True))
-        samples = self._in_place(observation.twist, limits)
+        samples = self._in_place(observation.ramp_start, limits)
         turns = _Scored(samples, *self._score(samples, observation, forward.least, best_only=False))
         wanted = self._choose(forward, turns)
         if wanted is None:
@@ -169,7 +169,7 @@ class TrajectorySearch:
 
     def _samples(self, observation: Observation, path: Floats, limits: Limits) -> Floats:
         """Forward velocities of the dynamic window: (N, 2), slow ones first, straight ones before turns."""
-        config, (v, omega), dt = self._config, observation.twist, self._dt
+        config, (v, omega), dt = self._config, observation.ramp_start, self._dt
         left = math.dist(path[-1], observation.odometry[:2])
         slowest = min(config.min_vel_x, limits.v_max)
         fastest = min(limits.v_max, left / config.sim_time, v + limits.alpha_v * dt)
@@ -200,7 +200,7 @@ class TrajectorySearch:
         return score(
             twists,
             observation.odometry,
-            observation.twist,
+            observation.ramp_start,
             (limits.alpha_v, limits.alpha_omega),
             self._simulation,
             costmap.outline,

@@ -171,7 +171,7 @@ class S3Fisvfh:
         A robot that turns at ω drives a circle. Above v = ω·d / (2 sin bearing) the circle passes outside the goal.
         """
         limits = observation.limits
-        v = min(v, approach(distance, observation.twist.v, limits.v_max, limits.alpha_v, self._robot.dt))
+        v = min(v, approach(distance, observation.ramp_start.v, limits.v_max, limits.alpha_v, self._robot.dt))
         near, off = distance <= self._costs.step, abs(bearing)
         if near and off >= math.pi / 2:
             return 0.0

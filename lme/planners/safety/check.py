@@ -8,9 +8,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lme.planners.safety.kernels import StoppingMotion, stopping_clearances, twist_after
+from lme.planners.safety.kernels import StoppingMotion, stopping_clearances
+from lme.ramp import reachable
 from lme.robots import Footprint
-from lme.types import Floats, Limits, Twist
+from lme.types import Floats, Limits, Observation, Twist
 
 STILL = Twist(0.0, 0.0)
 TOUCHING = 1e-6  # [m] nearer counts as contact: far beyond rounding errors, and less than any scan resolves
@@ -20,18 +21,32 @@ _NONE = np.empty((0, 2))
 
 
 class StoppingState(NamedTuple):
-    """Obstacle points (M, 2) in the robot frame [m], the twist, and the limits. A state has commands under way, too."""
+    """Obstacle points (M, 2) in the robot frame [m], twists, and the limits. A state has commands under way, too.
+
+    twists: the robot may move with each of them, as with the measured twist and the last command
+    (`Observation.twists`); what is asked of the state must be true of all. ramp_start: from it commands ramp.
+    """
 
     points: Floats
-    twist: Twist
+    twists: tuple[Twist, ...]
     limits: Limits
+    ramp_start: Twist
+
+    @classmethod
+    def of(cls, observation: Observation, points: Floats) -> StoppingState:
+        """The state of an observation among these points."""
+        return cls(points, observation.twists, observation.limits, observation.ramp_start)
+
+    def as_measured(self) -> StoppingState:
+        """The state with the measured twist alone."""
+        return self._replace(twists=self.twists[:1])
 
 
 class StoppingCheck:
     """Says of commands whether the robot could still stop after them, and finds the nearest one of which that is true.
 
-    It counts the commands under way itself. The robot can stop if these, and then zero until it stands, lead to no
-    contact of the outline with a point (`lme.planners.safety.kernels`).
+    It counts the commands under way itself. The robot can stop if these, and then commands that ramp to zero until it
+    stands, lead to no contact of the outline with a point (`lme.planners.safety.kernels`).
     """
 
     def __init__(self, outline: Footprint, dt: float, latency: float = 0.0, lag: float = 0.0) -> None:
@@ -55,12 +70,15 @@ class StoppingCheck:
         self.under_way.append(command)
 
     def clearance(self, command: Twist, now: StoppingState, enough: float = TOUCHING) -> float:
-        """Least distance to a point with this command, until the robot stands [m]; at most `enough`."""
-        self._tested[0, 0], self._tested[0, 1] = command
-        return float(self._clearances(self._tested, now, enough)[0])
+        """Least distance to a point with this command, until the robot stands [m]; at most `enough`.
+
+        The command is the nearest that is within a ramp: zero brakes.
+        """
+        self._tested[0] = reachable(*command, now.ramp_start, now.limits, self._times[0])
+        return min(float(self._clearances(self._tested, now, twist, enough)[0]) for twist in now.twists)
 
     def stops(self, command: Twist, now: StoppingState) -> bool:
-        """Whether the robot can stop after the command without contact. After zero: whether it can stop now."""
+        """Whether the robot can stop after the command without contact. With zero: whether it can stop now."""
         return self.clearance(command, now) >= TOUCHING
 
     def nearest(self, wanted: Twist, now: StoppingState, enough: float = TOUCHING) -> Twist | None:
@@ -72,13 +90,20 @@ class StoppingCheck:
         tried = self._tried(wanted, now)
         far = np.abs(tried - wanted) @ [1.0, self._r_max]
         tried = tried[np.argsort(far, kind="stable")]
-        found = np.flatnonzero(self._clearances(tried, now, enough) >= enough)
-        return Twist(*tried[found[0]].tolist()) if len(found) else None
+        while len(tried):
+            first = np.flatnonzero(self._clearances(tried, now, now.twists[0], enough) >= enough)
+            if not len(first):
+                return None
+            command = Twist(*tried[first[0]].tolist())
+            if len(now.twists) == 1 or self.clearance(command, now, enough) >= enough:
+                return command
+            tried = tried[first[0] + 1 :]
+        return None
 
     def _tried(self, wanted: Twist, now: StoppingState) -> Floats:
-        """Commands (N, 2) within reach of the twist that the robot will have; the wanted v and ω are among theirs."""
+        """Commands (N, 2) within reach of the last one; the wanted v and ω are among theirs."""
         limits, dt = now.limits, self._times[0]
-        v, omega = twist_after(_plain(now.twist), self._sent(), self._motion(limits))
+        v, omega = now.ramp_start
         low = (
             max(v - limits.alpha_v * dt, limits.lowest),
             max(omega - limits.alpha_omega * dt, -limits.omega_max),
@@ -91,8 +116,8 @@ class StoppingCheck:
         rates = [*np.linspace(low[1], high[1], _OMEGA_SAMPLES), min(max(wanted.omega, low[1]), high[1])]
         return np.array(np.meshgrid(speeds, rates)).reshape(2, -1).T
 
-    def _clearances(self, tried: Floats, now: StoppingState, enough: float) -> Floats:
-        start = now.points, _plain(now.twist), self._sent()
+    def _clearances(self, tried: Floats, now: StoppingState, twist: Twist, enough: float) -> Floats:
+        start = now.points, _plain(twist), self._sent()
         found: Floats = stopping_clearances(*start, tried, self._motion(now.limits), self._box, enough)
         return found
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lme.errors import require
+from lme.planners.commands import limited
 from lme.planners.safety.check import STILL, TOUCHING, StoppingCheck, StoppingState
 from lme.plausibility import check_fields
 from lme.returned import checked_command
@@ -44,6 +45,7 @@ class SafetyFilter:
     def __init__(self, config: SafetyFilterConfig, planner: Planner, robot: Robot) -> None:
         self.planner = planner
         self._margin = max(config.margin, TOUCHING)
+        self._dt = robot.dt
         self._check = StoppingCheck(robot.hull, robot.dt, config.latency, config.lag)
         self._mount = robot.lidar.mount
         self._blind = BlindArc(self._mount, _REACH, _CELL)
@@ -58,8 +60,10 @@ class SafetyFilter:
         """Command for one control period. Raises InputError if the planner's is no pair of finite numbers."""
         points = self._blind.points(observation) if guidance.points is None else guidance.points
         v, omega = checked_command(self.planner.plan(observation, guidance), self.planner)
-        now = StoppingState(points, observation.twist, observation.limits)
-        command = self._filtered(Twist(max(v, now.limits.lowest), omega), now)
+        now = StoppingState.of(observation, points)
+        command = limited(
+            *self._filtered(limited(v, omega, observation, self._dt), now), observation, self._dt
+        )
         self._check.sent(command)
         return command
 

@@ -2,8 +2,8 @@
 
 The motion is that of `sim=fast`: v and ω ramp to each command at their own limits (`lme.kernels.motion.drive`), and a
 drive with a lag approaches it with a time constant. A state is the points, the twist and the commands under way. It
-can be stopped if the commands under way, and then zero until the robot stands, lead to no contact. After one period of
-zero the rest of the same motion is left, so a state that can be stopped leads to another one.
+can be stopped if the commands under way, and then commands that ramp to zero until it stands, lead to no contact.
+After one period of them the rest of the same motion is left, so a state that can be stopped leads to another one.
 """
 
 import math
@@ -54,7 +54,7 @@ def stopping_clearances(
     box: tuple[float, float, float],
     enough: float,
 ) -> Floats:
-    """Least distance from outline to points with each command for a period, and then zero until the robot stands [m].
+    """Least distance from outline to points with each command for a period, and then braking until it stands [m].
 
     points (M, 2) in the robot frame [m]; twist (v, ω) now; under_way (L, 2): v and ω of the commands that were sent
     and act before the next one, the oldest first; tried (N, 2): commands [m/s, rad/s]; box: footprint (half_length,
@@ -70,24 +70,10 @@ def stopping_clearances(
     found = np.full(len(tried), np.nan)
     for n in range(len(tried)):
         after = _follow(near, state, tried[n : n + 1], len(under_way) == 0, named, box, r_max)
-        found[n] = _brake(near, after, named, box, r_max)
+        found[n] = _brake(near, after, (tried[n, 0], tried[n, 1]), named, box, r_max)
         if found[n] >= enough:
             break
     return found
-
-
-@njit(cache=True, error_model="numpy")
-def twist_after(
-    twist: tuple[float, float],
-    under_way: Floats,
-    motion: StoppingMotion | tuple[tuple[float, float, float, float], float, float, float],
-) -> tuple[float, float]:
-    """The twist when the commands under way (L, 2) have acted; see `stopping_clearances`."""
-    limits, period, late, lag = motion
-    state, nothing = _State(0.0, 0.0, 0.0, twist[0], twist[1], 1.0), np.empty((0, 2))
-    named = StoppingMotion(limits, period, late, lag)
-    state = _follow(nothing, state, under_way, True, named, (0.0, 0.0, 0.0), 0.0)
-    return state.v, state.omega
 
 
 @njit(cache=True, error_model="numpy")
@@ -97,7 +83,7 @@ def _farthest(twist, under_way, tried, motion):
     for commands in (under_way, tried):
         for n in range(len(commands)):
             top = max(top, min(abs(commands[n, 0]), motion.limits[0]))
-    commanded = (len(under_way) + 1) * motion.period
+    commanded = (len(under_way) + 2) * motion.period
     return top * (commanded + motion.lag + 0.5 * top / motion.limits[2])
 
 
@@ -126,11 +112,14 @@ def _follow(near, state, commands, first, motion, box, r_max):
 
 
 @njit(cache=True, error_model="numpy")
-def _brake(near, state, motion, box, r_max):
-    """The least distance when the robot stands."""
-    still = np.zeros((1, 2))
-    while state.least > 0.0 and _moves(state, motion, r_max):
-        state = _follow(near, state, still, False, motion, box, r_max)
+def _brake(near, state, command, motion, box, r_max):
+    """The least distance when the robot stands, after commands that ramp from this one to zero."""
+    slower = np.array([command])
+    while state.least > 0.0 and (slower.any() or _moves(state, motion, r_max)):
+        for k in range(2):
+            change = motion.limits[2 + k] * motion.period
+            slower[0, k] -= min(max(slower[0, k], -change), change)
+        state = _follow(near, state, slower, False, motion, box, r_max)
     return state.least
 
 

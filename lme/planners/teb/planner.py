@@ -59,7 +59,7 @@ class Teb:
         command = Twist(*self._saturated(*self.band.command())) if feasible else Twist(0.0, 0.0)
         if not feasible:
             self.band.reset()
-        self._oscillation.record(command, observation.twist.omega)
+        self._oscillation.record(command, observation.ramp_start.omega)
         return limited(*command, observation, self._dt)
 
     def _optimize(self, observation: Observation, guidance: Guidance) -> bool:
@@ -68,7 +68,7 @@ class Teb:
         way = self._way(observation, guidance)
         self.band.follow(way, pose, limits)
         turn = self._oscillation.turn
-        total = self.band.optimize(way.via, self._obstacles(pose), observation.twist, limits, turn)
+        total = self.band.optimize(way.via, self._obstacles(pose), observation.ramp_start, limits, turn)
         most = self._config.divergence_detection_max_chi_squared
         return math.isfinite(total) and (most is None or total <= most) and self._free()
 

@@ -10,20 +10,21 @@ from typing import Self
 
 import numpy as np
 
+from lme.dead_reckoning import DeadReckoning
 from lme.errors import InputError, require
 from lme.kernels.fan import fan_blocked
 from lme.policies.lme import criteria as paper
 from lme.policies.lme.candidates import CandidateConfig, sample
 from lme.policies.lme.criteria import ORIGIN, SURMOUNT, Criterion, View
 from lme.policies.lme.explanation import Decision, Explanation, Step, explain
-from lme.policies.lme.maintenance import Choice, History, choose, update_position
+from lme.policies.lme.maintenance import Choice, History, carried, choose
 from lme.policies.lme.parameter_file import read_parameters
 from lme.policies.lme.score import CRITERIA, Parameters, rank
 from lme.policies.lme.surmount import RULES, find_blockage
 from lme.returned import checked_values
 from lme.robots import Robot
 from lme.sensing.scan_points import is_full_circle, obstacle_points
-from lme.types import Floats, Observation, Twist
+from lme.types import Floats, Observation
 
 PAPER_CRITERIA: Mapping[str, Criterion] = {name: getattr(paper, name) for name in CRITERIA}
 
@@ -87,7 +88,7 @@ class LocalMinimumEscaper:
         self._rng = rng
         self._history = History(self._config.history_length, self._config.history_min_distance * self._radius)
         self._subgoal: Floats | None = None
-        self._twist: Twist | None = None
+        self._reckoning = DeadReckoning(self._dt)
         self._last: Step | None = None
 
     def decide(self, observation: Observation) -> Decision:
@@ -101,7 +102,7 @@ class LocalMinimumEscaper:
 
     def _step(self, observation: Observation) -> Step:
         """Algorithm 1: generate, score, keep or switch."""
-        self._advance(observation.twist)
+        self._advance(observation)
         view = self._look(observation)
         parts = self._generate(observation, view)
         candidates = sum(map(len, parts))
@@ -121,13 +122,14 @@ class LocalMinimumEscaper:
         names, parameters = self._names, self._parameters
         return Step(decision, names, parameters, observation.scan, view, pool, features, scores, new, old)
 
-    def _advance(self, twist: Twist) -> None:
+    def _advance(self, observation: Observation) -> None:
         """Transform the history and the old subgoal from the last robot frame to the current one."""
-        if self._twist is not None:
-            self._history.step(self._twist, twist, self._dt)
-        if self._twist is not None and self._subgoal is not None:
-            self._subgoal = update_position(self._subgoal[None], self._twist, twist, self._dt)[0]
-        self._twist = twist
+        move = self._reckoning.move(observation)
+        if move is None:
+            return
+        self._history.step(move, self._dt)
+        if self._subgoal is not None:
+            self._subgoal = carried(self._subgoal[None], move, self._dt)[0]
 
     def _look(self, observation: Observation) -> View:
         scan = observation.scan

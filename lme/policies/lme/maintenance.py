@@ -8,6 +8,8 @@ from enum import StrEnum
 import numpy as np
 from numba import njit
 
+from lme.dead_reckoning import Move
+from lme.geometry.frames import to_robot
 from lme.types import Floats, Twist
 
 
@@ -31,6 +33,13 @@ def update_position(points: Floats, before: Twist, now: Twist, dt: float) -> Flo
     velocity, then rotate by the mean turn rate.
     """
     return _shift_and_turn(points, *_motion(before, now, dt))
+
+
+def carried(points: Floats, move: Move, dt: float) -> Floats:
+    """The same points (N, 2) in the current robot frame: by UpdatePos, or by odometry where that is better."""
+    if move.pose is None:
+        return update_position(points, move.before, move.now, dt)
+    return to_robot(points, move.pose)
 
 
 def _motion(before: Twist, now: Twist, dt: float) -> tuple[float, float]:
@@ -86,9 +95,13 @@ class History:
         self._min_distance = min_distance
         self._positions = np.empty((0, 2))
 
-    def step(self, before: Twist, now: Twist, dt: float) -> None:
+    def step(self, move: Move, dt: float) -> None:
         """Add the position of one control period ago and transform all positions to the current frame."""
-        self._positions = _remember(self._positions, self._length, *_motion(before, now, dt))
+        if move.pose is None:
+            motion = _motion(move.before, move.now, dt)
+            self._positions = _remember(self._positions, self._length, *motion)
+        else:
+            self._positions = to_robot(_remember(self._positions, self._length, 0.0, 0.0), move.pose)
 
     def points(self) -> Floats:
         """(H, 2) positions at least `min_distance` away [m], oldest first."""

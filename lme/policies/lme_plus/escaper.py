@@ -88,7 +88,7 @@ class LocalMinimumEscaperPlus:
         self._memory.see(observation)
         self.sight, way = self._look(observation)
         self._last = step = self._step(observation, self.sight, way)
-        stands = abs(observation.twist.v) < _STANDS
+        stands = abs(observation.ramp_start.v) < _STANDS
         if step.decision.blocked and stands and len(way) and not len(self._memory.people):
             self._stuck.wait(to_world(way[0], self.sight.pose))
         return step.decision, self.sight.points, way

@@ -1,4 +1,4 @@
-"""Short memory of obstacle points, carried along by the robot's twist alone."""
+"""Short memory of obstacle points, carried along by dead reckoning."""
 
 from __future__ import annotations
 
@@ -7,13 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lme.dead_reckoning import DeadReckoning, Move
 from lme.errors import require
-from lme.geometry.frames import to_world
+from lme.geometry.frames import compose, to_world
 from lme.kernels.movers import WIDEST, movers_among
 from lme.policies.lme_plus.kernels.carried_points import remember, split, squares_around
 from lme.robots import Robot
 from lme.sensing.scan_points import obstacle_points
-from lme.types import Floats, Limits, Observation, Pose, Twist
+from lme.types import Floats, Limits, Observation, Pose
 
 _NOTHING, _NOBODY = np.empty((0, 2)), np.empty((0, 6))
 _STANDING = 0.05  # [m/s] slower people stand
@@ -40,8 +41,9 @@ class Memory:
     """Points seen so far, in a frame fixed to the ground that starts at the robot.
 
     The frame is carried by the mean twist of each control period (UpdatePos, paper §III.D, with the turn's middle
-    heading); v and ω are taken to change at their limits of acceleration and then to hold. It drifts like any dead
-    reckoning, so only near and recent points can be relied on. A point is forgotten as soon as the scan sees its place,
+    heading); v and ω are taken to change at their limits of acceleration and then to hold. Where odometry is the better
+    source, it is carried by that (`lme.dead_reckoning`). It drifts like any dead reckoning, so only near and recent
+    points can be relied on. A point is forgotten as soon as the scan sees its place,
     so points behind obstacles and in the blind arc are kept, and far ones until the robot comes back.
     """
 
@@ -61,14 +63,13 @@ class Memory:
         self.seen: Floats = _NOTHING  # points of the last scan in the robot frame, sorted by bearing
         # (P, 6) x, y, vx, vy, radius of tracked people in the carried frame [m, m/s], and for how long they stand [s]
         self.people = _NOBODY
-        self._twist: Twist | None = None
+        self._reckoning = DeadReckoning(self._dt)
 
     def see(self, observation: Observation) -> None:
         """Advance one control period and take in the scan."""
-        now, scan = observation.twist, observation.scan
-        if self._twist is not None:
-            self.pose = _moved(self.pose, self._twist, now, self._dt, observation.limits)
-        self._twist = now
+        scan, move = observation.scan, self._reckoning.move(observation)
+        if move is not None:
+            self.pose = _moved(self.pose, move, self._dt, observation.limits)
         self.seen = obstacle_points(scan, self._mount)
         still, theirs = self._without_people(observation.pedestrians)
         if math.dist(self.pose[:2], self._sorted_at[:2]) >= _SORTED:
@@ -118,8 +119,12 @@ class Memory:
         return np.where(known, before[same, 5] + self._dt, 0.0)
 
 
-def _moved(pose: Pose, before: Twist, now: Twist, dt: float, limits: Limits) -> Pose:
+def _moved(pose: Pose, move: Move, dt: float, limits: Limits) -> Pose:
     """The pose one control period later."""
+    if move.pose is not None:
+        x, y, yaw = compose(pose, move.pose)
+        return Pose(x, y, yaw)
+    before, now = move.before, move.now
     distance = _way(before.v, now.v, limits.alpha_v, dt)
     turn = _way(before.omega, now.omega, limits.alpha_omega, dt)
     middle = pose.yaw + turn / 2

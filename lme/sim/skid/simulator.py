@@ -84,6 +84,7 @@ class SkidSimulator:
     def step(self, command: Twist) -> Observation:
         """Drive for one control period, or until contact or arrival, whichever comes first."""
         factors = slip_factors(self._config.slip, self._slip_rng)
+        self._sensors.sent(command)
         begin, duration = self.state.time, self._robot.dt / self._pieces
         self._delay.send(forward_enough(command, self._robot), begin)
         states: list[State] = []

@@ -89,7 +89,7 @@ def test_commands_are_within_the_limits(rig):
         [step.command for step in steps],
         [(0.4, -0.4), (0.5, -0.8), (0.5, -1.2), *[(0.5, -math.pi / 2)] * 3],
     )
-    assert steps[0].wanted == (9.0, -9.0)
+    assert steps[0].wanted == (0.5, -math.pi / 2)
 
 
 def test_after_a_stop_the_driver_starts_from_rest(rig):

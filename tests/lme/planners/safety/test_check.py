@@ -12,7 +12,8 @@ from tests.stopping_states import random_points, random_robot, random_twist
 
 
 def state(points, twist=STILL, robot=None):
-    return StoppingState(np.array(points, dtype=float).reshape(-1, 2), twist, (robot or stage()).limits)
+    limits = (robot or stage()).limits
+    return StoppingState(np.array(points, dtype=float).reshape(-1, 2), (twist,), limits, twist)
 
 
 def check_of(robot, latency=0.0):
