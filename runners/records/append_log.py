@@ -27,6 +27,7 @@ from runners.records.episode_record import COLUMNS, TEXTS, EpisodeKey, EpisodeRe
 APPEND_LOG = "parts/episodes.jsonl"
 
 _BLOCK = 1 << 20  # bytes
+_FOREIGN_BYTES = 2**20  # read of a line that is no episode, to see where it ends
 _LINE_BYTES = 2**28  # of an episode; one of a million steps has about 2**27
 
 
@@ -95,11 +96,13 @@ class AppendLog:
 
     def _index(self) -> array[int]:
         index, start = array("q"), 0
-        for number, line in enumerate(iter(partial(self._lines.readline, _LINE_BYTES), b""), start=1):
-            if not line.endswith(b"\n") and len(line) < _LINE_BYTES:
+        for number, first in enumerate(iter(partial(self._lines.readline, 1), b""), start=1):
+            most = _LINE_BYTES if first == b"{" else _FOREIGN_BYTES
+            line = first if first == b"\n" else first + self._lines.readline(most)
+            if not line.endswith(b"\n") and len(line) <= most:
                 break
             with _name_bad_line(self._path, number):
-                fields = json.loads(line)
+                fields = json.loads(line.decode())  # of bytes it guesses the encoding, at length for zeros
                 key = EpisodeKey.of(fields["record"])
                 index.extend((key.world, key.run, start))
                 self.layouts.add(_layout(fields["trajectory"]))
@@ -116,7 +119,7 @@ def read_log(path: Path) -> Iterator[AppendLog]:
 
 def _decode(line: bytes, path: Path, number: int) -> LogEntry:
     with _name_bad_line(path, number):
-        fields = json.loads(line)
+        fields = json.loads(line.decode())  # of bytes it guesses the encoding, at length for zeros
         arrays = {
             name: np.frombuffer(base64.b64decode(data), dtype=_dtype(kind))
             for name, (kind, data) in fields["trajectory"].items()

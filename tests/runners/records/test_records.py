@@ -139,6 +139,7 @@ def test_steps_are_stored_in_blocks_of_whole_episodes_and_read_by_episode(tmp_pa
 
 def test_a_line_without_end_is_refused_before_it_fills_the_memory(tmp_path, monkeypatch):
     monkeypatch.setattr(append_log, "_LINE_BYTES", 1000)
+    monkeypatch.setattr(append_log, "_FOREIGN_BYTES", 1000)
     monkeypatch.setattr(append_log, "_BLOCK", 100)
     log = tmp_path / "episodes.jsonl"
     log.write_bytes(bytes(2000))
