@@ -63,9 +63,8 @@ def explained(trace: Trace) -> str:
         return "never: the robot could not stop before what it saw at any step"
     step, now, check = last
     place = _touched(trace)
-    ago = (
-        f"{trace.end.time - step.time:.1f} s before, at {now.twist.v:.2f} m/s and {now.twist.omega:.2f} rad/s"
-    )
+    v, omega = step.observation.twist
+    ago = f"{trace.end.time - step.time:.1f} s before, at {v:.2f} m/s and {omega:.2f} rad/s"
     if not check.stops(step.command, now):
         return f"command: {ago}"
     away = 100.0 * np.hypot(*(now.points - to_robot(place, step.pose)).T).min(initial=math.inf)

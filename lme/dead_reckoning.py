@@ -23,6 +23,11 @@ class Move(NamedTuple):
     now: Twist
     pose: Pose | None
 
+    @property
+    def reports_no_speed(self) -> bool:
+        """Whether the twist is exactly zero at both ends of a motion that the poses show."""
+        return self.pose is not None and not (any(self.before) or any(self.now)) and any(self.pose)
+
 
 class DeadReckoning:
     """Follows the base from observation to observation.

@@ -30,9 +30,9 @@ ONE_BY_ONE = 'use one environment per robot instead (gym.make_vec with vectoriza
 class Views(NamedTuple):
     """What K robots see.
 
-    ranges (K, B) float32 [m], range_max without a return; targets (K, 2): goals in the robots' frames [m];
-    twists (K, 2): they are the last commands, too, as far as the robots could follow [m/s, rad/s]; limits (K, 4): v_max, ω_max, α_v, α_ω; boxes (K, 3): half length, half width and
-    rounding of what collides [m].
+    ranges (K, B) float32 [m], range_max without a return; targets (K, 2): goals in the robots' frames [m]; twists (K,
+    2): they are the last commands, too, as far as the robots could follow [m/s, rad/s]; limits (K, 4): v_max, ω_max,
+    α_v, α_ω; boxes (K, 3): half length, half width and rounding of what collides [m].
     """
 
     ranges: NDArray[np.float32]

@@ -15,7 +15,7 @@ from lme.live.sensors import LiveSight
 from lme.live.step import STILL, LiveState, LiveStep
 from lme.live.track import StampedMotion
 from lme.navigator import Explanations, Navigator
-from lme.planners.commands import reachable
+from lme.ramp import reachable
 from lme.sensing.scan_points import obstacle_points
 from lme.types import Floats, Pose, Twist
 

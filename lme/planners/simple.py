@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from lme.errors import require
-from lme.planners.commands import approach, towards
+from lme.planners.commands import approach
+from lme.ramp import towards
 from lme.robots import Robot
 from lme.types import Guidance, Observation, Twist
 

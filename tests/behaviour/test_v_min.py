@@ -8,8 +8,9 @@ import pytest
 import lme
 from lme.envs.fleet import Fleet
 from lme.errors import InputError
-from lme.planners.commands import limited, reachable
+from lme.planners.commands import limited
 from lme.presets import load_map_set, load_simulator
+from lme.ramp import reachable
 from tests.builders import observation, stage, task
 
 BACK = lme.Twist(-0.4, 0.3)

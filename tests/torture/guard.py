@@ -12,7 +12,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-SLOWEST_S = 10.0
+SLOWEST_S = 10.0  # of processor time, so that a busy machine finds no faults; and six times that of wall time
+_WAIT = 6.0
 MEMORY_MB = 1024
 _WRITES = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND
 _CHANGES = (
@@ -24,7 +25,7 @@ _OWN = ("__pycache__", "/dev/null", "/dev/shm", "/proc/self")  # of Python, Numb
 
 
 class Hang(BaseException):
-    """Reading took longer than SLOWEST_S."""
+    """Reading took longer than SLOWEST_S, or waited."""
 
 
 class Guard:
@@ -35,6 +36,7 @@ class Guard:
         self.trespasses: list[str] = []
         sys.addaudithook(self._heard)
         signal.signal(signal.SIGALRM, _hang)
+        signal.signal(signal.SIGPROF, _hang)
 
     def limit_memory(self) -> None:
         """Let the process have MEMORY_MB more than now. Call it after one good input."""
@@ -44,12 +46,14 @@ class Guard:
     @contextmanager
     def watched(self) -> Iterator[None]:
         """Raise Hang in the block after SLOWEST_S; end the process if it does not hear that."""
-        faulthandler.dump_traceback_later(2 * SLOWEST_S, exit=True)
-        signal.setitimer(signal.ITIMER_REAL, SLOWEST_S)
+        faulthandler.dump_traceback_later(2 * _WAIT * SLOWEST_S, exit=True)
+        signal.setitimer(signal.ITIMER_REAL, _WAIT * SLOWEST_S)
+        signal.setitimer(signal.ITIMER_PROF, SLOWEST_S)
         try:
             yield
         finally:
             signal.setitimer(signal.ITIMER_REAL, 0.0)
+            signal.setitimer(signal.ITIMER_PROF, 0.0)
             faulthandler.cancel_dump_traceback_later()
 
     def _heard(self, event: str, arguments: tuple[Any, ...]) -> None:
@@ -73,8 +77,11 @@ class Guard:
             self.trespasses.append(f"{event} {place}")
 
 
-def _hang(_number: int, _frame: Any) -> None:
-    raise Hang(f"longer than {SLOWEST_S:g} s")
+def _hang(number: int, _frame: Any) -> None:
+    used = number == signal.SIGPROF
+    raise Hang(
+        f"longer than {SLOWEST_S if used else _WAIT * SLOWEST_S:g} s{' of processor time' if used else ''}"
+    )
 
 
 def _mapped_bytes() -> int:

@@ -11,12 +11,13 @@ import numpy as np
 
 from lme.errors import require
 from lme.kernels.collision import sweep
-from lme.planners.commands import approach, limited, towards
+from lme.planners.commands import approach, limited
 from lme.planners.motion_tubes.choice import Route, TubeChoice, TubeChoiceConfig, TubeGoal
 from lme.planners.motion_tubes.kernels import Ranges
 from lme.planners.motion_tubes.surroundings import Surroundings
 from lme.planners.motion_tubes.tubes import BackwardTubes, LidarView, backward_tubes, lidar_view
 from lme.planners.stopping import until_rest
+from lme.ramp import towards
 from lme.robots import Robot
 from lme.sensing.scan_points import obstacle_points
 from lme.types import Bools, Floats, Guidance, Observation, Pose, Twist

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lme.live.safety import predict, touches
-from lme.planners.commands import reachable
+from lme.ramp import reachable
 from lme.robots import Footprint
 from lme.types import Limits, Pose, Twist
 from tests import builders

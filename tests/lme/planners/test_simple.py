@@ -8,8 +8,9 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from lme.errors import InputError
-from lme.planners.commands import approach, towards
+from lme.planners.commands import approach
 from lme.planners.simple import Simple, SimpleConfig
+from lme.ramp import towards
 from lme.sim.fast import FastConfig, FastSimulator
 from lme.types import Guidance, Limits, Pose, Twist
 from tests.builders import SHIPPED, observation, shipped, stage, task

@@ -8,8 +8,8 @@ import pytest
 from lme.geometry.frames import to_robot
 from lme.kernels.collision import sweep
 from lme.kernels.motion import drive
-from lme.planners.commands import reachable
 from lme.planners.min_time.multi_point_turn import MultiPointTurn
+from lme.ramp import reachable
 from lme.types import Limits, Pose, Twist
 from tests.lme.planners.min_time.kernels.test_way_out import LONG, dead_end, pocket
 
