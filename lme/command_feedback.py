@@ -21,7 +21,7 @@ _MOVED_M = 0.02  # in a control period: no noise of the odometry
 class CommandFeedback:
     """Tells planners the last command, and a twist that is the robot's, and keeps commands within the limits.
 
-    A robot that makes less than a fifth of the commanded motion over two seconds is held: lifted, blocked, or stopped by
+    A robot that makes less than a fifth of the commanded motion over two seconds is held: lifted, blocked or stopped by
     an emergency switch. Then commands ramp from its measured motion, so that it does not leap when it is let go.
 
     A twist that is exactly zero from one pose to another is no measurement (FAST-LIO publishes such odometry): the

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import re
+import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import MISSING, fields, is_dataclass
 from pathlib import Path
@@ -43,7 +44,10 @@ def load_robot(robot: str | Path) -> Robot:
     Raises InputError if there is no such robot, or if a value in the file is missing or wrong.
     """
     path = find_option("robot", robot)
-    return _build(Robot, str(path), _with_base(path, "robot"))
+    made: Robot = _build(Robot, str(path), _with_base(path, "robot"))
+    if made.radius_note and path.parent != resource_dir("conf") / "robot":
+        warnings.warn(f"{path}: {made.radius_note}", stacklevel=2)
+    return made
 
 
 def load_map_set(name: str, settings: Mapping[str, Any] | None = None, robot: Robot | None = None) -> MapSet:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import warnings
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
@@ -215,8 +214,19 @@ class Robot:
         """The collision radius that LME plans with [m]: r_max unless it is set (paper §III.G)."""
         return self.footprint.r_max if self.collision_radius is None else self.collision_radius
 
+    @property
+    def radius_note(self) -> str:
+        """What a collision radius below r_max means (paper §III.G); empty if it is none."""
+        radius, r_max = self.collision_radius, self.footprint.r_max
+        if radius is None or radius >= r_max:
+            return ""
+        return (
+            f"robot.collision_radius {radius:g} m is less than the footprint's outer radius {r_max:.3g} m: "
+            "some subgoals are reachable in some orientations only"
+        )
+
     def _check_collision_radius(self, radius: float) -> None:
-        """Raise InputError below r_min, where no subgoal is reachable; warn below r_max (paper §III.G)."""
+        """Raise InputError below r_min, where no subgoal is reachable (paper §III.G)."""
         r_min, r_max = self.footprint.r_min, self.footprint.r_max
         if radius < r_min:
             raise InputError(
@@ -224,9 +234,3 @@ class Robot:
                 f"must be at least {r_min:.3g}, better {r_max:.3g} (null)"
             )
         require("robot.collision_radius", radius, above=0.0)
-        if radius < r_max:
-            warnings.warn(
-                f"robot.collision_radius {radius:g} m is less than the footprint's outer radius {r_max:.3g} m: "
-                "some subgoals are reachable in some orientations only",
-                stacklevel=3,
-            )

@@ -19,7 +19,7 @@ from runners.config import arguments, contradictions, diagnosis, worlds
 from runners.config.composer import COMPOSING, Composer, without_hydra
 from runners.config.hydra_errors import keys_beside, translate_error, unknown_key
 from runners.config.job import Job
-from runners.config.likeness import namesakes
+from runners.config.likeness import namesakes, radius_note
 from runners.config.overrides import SEVERAL_OPTIONS, normalised, text_of
 
 MAX_JOBS_CHECKED = 64  # of a sweep; of larger ones every value is checked once
@@ -97,8 +97,9 @@ def validated(plan: Plan, composer: Composer, validate: Validate) -> list[Job[An
 def _validated(config: DictConfig, words: Sequence[str], composer: Composer, validate: Validate) -> Job[Any]:
     try:
         job: Job[Any] = Job.composed(without_hydra(config), config.hydra, composer.catalogue)
-        for line in namesakes(job.choices, job.folders):
-            warnings.warn(line, stacklevel=2)
+        for line in (*namesakes(job.choices, job.folders), radius_note(job.config.robot)):
+            if line:
+                warnings.warn(line, stacklevel=2)
         validate(job)
     except InputError as error:
         raise diagnosis.add_location(error, config, words, composer) from error

@@ -41,6 +41,11 @@ def robot_difference(robot: Mapping[str, Any]) -> str:
     return f"robot.{key} is {_shown(ours.get(key))}, and {_shown(shipped.get(key))} in the shipped {name}"
 
 
+def radius_note(robot: Robot) -> str:
+    """What a small collision radius means, unless the robot is a shipped one; empty if there is nothing to say."""
+    return robot.radius_note if robot.radius_note and not robots_like(asdict(robot), SHIPPED) else ""
+
+
 def map_like(node: Mapping[str, Any], option: str, name: str) -> str:
     """The shipped map set that a map's config is by its values: `option` itself if it ships, else `name` if it agrees.
 
@@ -95,7 +100,7 @@ def _values(robot: Mapping[str, Any]) -> dict[str, Any]:
         return {}
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of a small collision radius: composing has said it
+            warnings.simplefilter("ignore")  # of implausible values: composing has said it
             return dict(flatten(asdict(fill_dataclass(Robot, dict(robot), "robot"))))
     except InputError:
         return {}

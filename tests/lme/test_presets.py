@@ -1,5 +1,7 @@
 """Robots and parameters by name, without Hydra."""
 
+import warnings
+
 import numpy as np
 import pytest
 import yaml
@@ -17,7 +19,7 @@ ROBOTS = sorted((ROOT / "conf" / "robot").glob("*.yaml"))
 STAGE = (ROOT / "conf" / "robot" / "stage.yaml").read_text(encoding="utf-8")
 
 
-@pytest.mark.filterwarnings("ignore:robot.collision_radius")
+@pytest.mark.filterwarnings("ignore:.*robot.collision_radius")
 @pytest.mark.parametrize("path", ROBOTS, ids=lambda path: path.stem)
 def test_a_robot_is_what_hydra_makes_of_its_file(path):
     with initialize_config_dir(str(ROOT / "conf"), version_base=None):
@@ -25,6 +27,19 @@ def test_a_robot_is_what_hydra_makes_of_its_file(path):
     expected = fill_dataclass(Robot, given, "robot")
     assert load_robot(path.stem) == load_robot(path) == load_robot(str(path)) == expected
     assert type(load_robot(path.stem).lidar.num_beams) is int
+
+
+def test_a_shipped_robot_is_loaded_without_a_warning_and_an_own_one_hears_of_its_radius(tmp_path):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for path in ROBOTS:
+            load_robot(path.stem)
+    own = tmp_path / "mine.yaml"
+    own.write_text(
+        (ROOT / "conf" / "robot" / "go2.yaml").read_text().replace("radius: 0.3 ", "radius: 0.25 ")
+    )
+    with pytest.warns(UserWarning, match=r"mine\.yaml: robot\.collision_radius 0\.25 m is less than"):
+        load_robot(own)
 
 
 def test_a_key_omitted_from_a_robots_file_is_the_default(tmp_path):

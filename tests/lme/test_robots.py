@@ -1,7 +1,6 @@
 """What a robot may be, and what follows from its footprint and lidar."""
 
 import math
-import warnings
 
 import numpy as np
 import pytest
@@ -125,20 +124,17 @@ def test_a_collision_radius_below_the_inner_radius_is_an_error(radius):
 
 
 @pytest.mark.parametrize("radius", [0.155, 0.2, 0.26])
-def test_a_collision_radius_between_the_radii_is_warned_of_once(radius):
-    with pytest.warns(
-        UserWarning, match=rf"collision_radius {radius:g} m is less than .* 0\.261 m"
-    ) as caught:
-        robot = stage(footprint=Footprint(**BODY), collision_radius=radius)
-    assert len(caught) == 1
+def test_a_collision_radius_between_the_radii_has_a_note(radius):
+    robot = stage(footprint=Footprint(**BODY), collision_radius=radius)
+    assert robot.radius_note.startswith(f"robot.collision_radius {radius:g} m is less than")
+    assert "0.261 m" in robot.radius_note
     assert robot.r == radius
 
 
 @pytest.mark.parametrize("radius", [None, 0.2611, 0.5])
 def test_a_collision_radius_that_covers_the_footprint_or_is_not_set_passes_in_silence(radius):
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        robot = stage(footprint=Footprint(**BODY), collision_radius=radius)
+    robot = stage(footprint=Footprint(**BODY), collision_radius=radius)
+    assert robot.radius_note == ""
     assert robot.r == (robot.footprint.r_max if radius is None else radius)
 
 

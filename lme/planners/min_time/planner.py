@@ -32,7 +32,8 @@ _BACKWARD = 0.25  # share of v_max at which the robot backs up
 _ARCS = 7  # on which it may back up
 _LATELY = 10.0  # [s] since the robot last began to back up: until then it does so again only after
 _PATIENCE = 1.0  # [s] of slow driving, in which it may turn out of a narrow place
-_SETTLES = 0.3  # [s] until the motion has come to the command; a walking Go2 does 63 % of a step in 0.17 to 0.37 s
+# [s] for which motion beyond the command goes on. A walking Go2 does 63 % of a step in .17 to .37 s.
+_SETTLES = 0.3
 _SLOW = 0.05  # [s] extra cost of a command of speed 0 over one of v_max
 
 
@@ -44,6 +45,11 @@ class _Situation(NamedTuple):
     movers: Floats
     twist: Twist
     way: Floats | None
+
+
+def _excess(measured: float, commanded: float) -> float:
+    """By how much a measured rate exceeds the commanded one."""
+    return measured - commanded if abs(measured) > abs(commanded) else 0.0
 
 
 def _moved(now: _Situation, pose: Pose, later: float = 0.0) -> _Situation:
@@ -150,7 +156,10 @@ class MinTime:
         return command
 
     def _here(self, observation: Observation, guidance: Guidance) -> _Situation:
-        """The situation now. Where latency or lag are known, the motion is predicted from the measured twist."""
+        """The situation now. Where latency or lag are known, the motion is predicted from the measured twist.
+
+        Where they are not, a robot that moves faster than its command is taken to be where that leads it.
+        """
         predicts = self._check.under_way or self._config.lag
         start = observation.limits.clamped(observation.twist) if predicts else observation.ramp_start
         here = _Situation(
@@ -158,9 +167,9 @@ class MinTime:
         )
         if predicts or observation.twist == start:
             return here
-        # Until the motion has come to the command, it goes on as measured.
         (v, omega), measured = start, observation.twist
-        return _moved(here, Pose(_SETTLES * (measured.v - v), 0.0, _SETTLES * (measured.omega - omega)))
+        further = _SETTLES * _excess(measured.v, v), 0.0, _SETTLES * _excess(measured.omega, omega)
+        return _moved(here, Pose(*further)) if any(further) else here
 
     def _ahead(self, here: _Situation, limits: Limits) -> _Situation:
         """The situation in which the next command takes effect."""

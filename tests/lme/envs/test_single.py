@@ -29,7 +29,6 @@ def drive(env, action=AHEAD, **reset):
     return rewards, info
 
 
-@pytest.mark.filterwarnings("ignore:robot.collision_radius")
 @pytest.mark.parametrize(
     ("env_id", "keywords"),
     [
@@ -49,7 +48,6 @@ def test_gymnasiums_checker_has_no_complaint(env_id, keywords):
     env = gym.make(f"lme:lme/{env_id}-v0", render_mode="rgb_array", **keywords)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        warnings.filterwarnings("ignore", "robot.collision_radius")
         warnings.filterwarnings("ignore", ".*A Box observation space m(in|ax)imum value is -?infinity")
         check_env(env.unwrapped)
     env.close()
