@@ -100,7 +100,8 @@ class Contact(Footprint):
 class Lidar:
     """The source of planar scans, mounted on the base at (x, y, yaw).
 
-    native_beams: beams that the scanner fires over its field of view, if the scan is interpolated from them.
+    native_beams: beams that the scanner fires over its field of view, if the scan is interpolated from them. height: of
+    a planar scanner over the floor, which it sees when the robot tilts (`sim.tilt`); None: not known.
     cloud: how a 3D lidar makes the scan; None: a planar scanner.
     """
 
@@ -113,6 +114,7 @@ class Lidar:
     y: float = 0.0  # [m]
     yaw: float = 0.0  # [rad]
     native_beams: int | None = None
+    height: float | None = None  # [m]
     cloud: Cloud | None = None
 
     def __post_init__(self) -> None:
@@ -125,6 +127,8 @@ class Lidar:
             require(f"robot.lidar.{key}", getattr(self, key))
         if self.native_beams is not None:
             require("robot.lidar.native_beams", self.native_beams, above=1, at_most=_MOST_BEAMS)
+        if self.height is not None:
+            require("robot.lidar.height", self.height, above=0.0)
         if self.cloud is not None and (self.native_beams is not None or not self.full_circle):
             raise InputError(
                 f"robot.lidar.cloud is set with fov {self.fov:g} rad and native_beams {self.native_beams}: "

@@ -1,4 +1,4 @@
-"""Disturbances: latency, lag, wheel slip, odometry and scan errors, lost beams, localisation error of the goal."""
+"""Disturbances: latency, lag, gait, wheel slip, errors of odometry, scan and localisation, lost beams."""
 
 from __future__ import annotations
 
@@ -21,6 +21,10 @@ _NOT_NEGATIVE = (
     "latency",
     "odometry_age",
     "lag",
+    "natural_frequency",
+    "ripple_v",
+    "ripple_omega",
+    "tilt",
     "slip",
     "odometry_error",
     "scan_noise",
@@ -36,6 +40,12 @@ class Disturbances:
     latency: float = 0.0  # [s] from a command to its effect
     odometry_age: float = 0.0  # [s] of the measured pose and twist
     lag: float = 0.0  # [s] time constant with which the velocity then approaches the command
+    natural_frequency: float = 0.0  # [rad/s] with which legs follow that, as a second-order response; 0: none
+    overshoot_v: float = 0.0  # [-] of this response to a step in v, as a share of the step
+    overshoot_omega: float = 0.0  # [-] and to a step in ω
+    ripple_v: float = 0.0  # [m/s] standard deviation of the measured speed of a walking robot
+    ripple_omega: float = 0.0  # [rad/s] and of its measured turn rate
+    tilt: float = 0.0  # [rad] standard deviation of the pitch of a walking robot's planar lidar
     slip: float = 0.0  # [-] standard deviation of each wheel's relative slip, drawn per control period
     odometry_error: float = (
         0.0  # [-] standard deviation of relative errors of speed and turn rate, per episode
@@ -49,6 +59,8 @@ class Disturbances:
     def __post_init__(self) -> None:
         for key in _NOT_NEGATIVE:
             require(f"sim.{key}", getattr(self, key), at_least=0.0)
+        for key in ("overshoot_v", "overshoot_omega"):
+            require(f"sim.{key}", getattr(self, key), at_least=0.0, at_most=0.95)
         require("sim.scan_dropout", self.scan_dropout, at_least=0.0, at_most=1.0)
         if self.goal_rate is not None:
             require("sim.goal_rate", self.goal_rate, at_least=0.0)

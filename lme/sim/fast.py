@@ -15,6 +15,7 @@ from lme.robots import Robot
 from lme.sim.crowd import Crowd
 from lme.sim.disturbances import Disturbances
 from lme.sim.events import until_event
+from lme.sim.gait import check_height
 from lme.sim.simulator import Sensors, State, forward_enough
 from lme.sim.substeps import Body, Substepper, rolled
 from lme.types import Floats, Limits, Observation, Pose, Twist
@@ -39,13 +40,14 @@ class FastConfig(Disturbances):
 class FastSimulator:
     """Differential drive with a footprint and a noisy lidar; any contact ends the episode.
 
-    Without movers, slip, latency and lag, a whole control period is checked at once; otherwise in substeps
+    Without movers, slip, latency, lag and gait, a whole control period is checked at once; otherwise in substeps
     (`Substepper`).
     """
 
     Config = FastConfig
 
     def __init__(self, config: FastConfig, robot: Robot) -> None:
+        check_height(config.tilt, robot)
         self._robot = robot
         self._box, self._reach, self._dt = robot.hull.box, robot.hull.r_max, robot.dt
         self._config = config
@@ -120,15 +122,17 @@ class FastSimulator:
     def _make_substepper(self, task: Task, crowd: Crowd, body: Body) -> Substepper | None:
         """A substepper if one is needed."""
         robot, config = self._robot, self._config
-        if not (len(crowd) or config.latency or config.lag or config.slip):
+        if not (len(crowd) or config.latency or config.lag or config.natural_frequency or config.slip):
             return None
         self._substeps = self._count_substeps(crowd)
         return Substepper(task, robot, config, self._rng.spawn(1)[0], crowd, body)
 
     def _count_substeps(self, crowd: Crowd) -> int:
         """Substeps of a period: `max_step` bounds robot and movers at their top speeds together."""
-        robot = self._robot
-        fastest = robot.v_max + robot.hull.r_max * robot.omega_max + crowd.top_speed
+        robot, config = self._robot, self._config
+        v_max = (1.0 + config.overshoot_v) * robot.v_max
+        omega_max = (1.0 + config.overshoot_omega) * robot.omega_max
+        fastest = v_max + robot.hull.r_max * omega_max + crowd.top_speed
         return math.ceil(max(fastest * robot.dt / self._config.max_step, robot.dt / MAX_SUBSTEP) - 1e-9)
 
     def _limits(self, command: Twist, twist: Twist) -> Limits:

@@ -15,6 +15,7 @@ from lme.plausibility import check_fields
 from lme.robots import Footprint, Robot
 from lme.sim.crowd import Crowd
 from lme.sim.disturbances import Disturbances
+from lme.sim.gait import check_height
 from lme.sim.simulator import Sensors, forward_enough
 from lme.sim.substeps import Substepper, track
 from lme.types import Floats, Limits, Observation, Pose, Twist
@@ -50,6 +51,7 @@ class PhysicsSimulator:
     Config = PhysicsConfig
 
     def __init__(self, config: PhysicsConfig, robot: Robot) -> None:
+        check_height(config.tilt, robot)
         self._robot = robot
         self._config = config
         self._substeps = max(1, math.ceil(robot.dt / config.substep - 1e-9))

@@ -22,6 +22,7 @@ from lme.sim.disturbances import (
     TargetEstimate,
     lose_beams,
 )
+from lme.sim.gait import floor_ranges, is_walking, rippled
 from lme.sim.mid360 import mid360_of
 from lme.sim.tracker import tracked
 from lme.types import Floats, LaserScan, Observation, Pose, Twist
@@ -90,7 +91,8 @@ class Sensors:
         self._config = config
         self._rng = rng
         self._scan_rng, goal_rng = rng.spawn(2)
-        self._odometry = Odometry(config.odometry_error, goal_rng.spawn(1)[0])
+        odometry_rng, self._ripple_rng, self._tilt_rng = goal_rng.spawn(3)
+        self._odometry = Odometry(config.odometry_error, odometry_rng)
         self._past = PastMotion(config.odometry_age)
         self._target = TargetEstimate(config, np.asarray(task.goal, dtype=np.float64), goal_rng)
         self._look_in(task)
@@ -125,7 +127,10 @@ class Sensors:
         crowd: the movers among them. scan_pose: where the newest scan was taken, if not at the current pose.
         """
         scan_pose = scan_pose or state.pose
-        scan = self._scan(scan_pose, circles, edges)
+        config, walking = self._config, is_walking(twist)
+        scan = self._scan(scan_pose, circles, edges, config.tilt if walking else 0.0)
+        if walking and (config.ripple_v or config.ripple_omega):
+            twist = rippled(twist, config.ripple_v, config.ripple_omega, self._ripple_rng)
         now = Measured(state.pose, *self._odometry.measured(twist, odometry))
         then = self._past.at(state.time, now)
         target = self._target.seen_from(then.pose, then.odometry, state.time)
@@ -148,8 +153,11 @@ class Sensors:
         self._grid, self._lattice = task.world.grid, task.world.lattice
         self._in_grid = len(task.world.edges) if len(self._grid.edges) else 0
 
-    def _scan(self, pose: Pose, circles: Floats, edges: Floats) -> LaserScan:
-        """A planar scanner's beams, interpolated if it has `native_beams`, or the projection of a cloud."""
+    def _scan(self, pose: Pose, circles: Floats, edges: Floats, tilt: float) -> LaserScan:
+        """A planar scanner's beams, interpolated if it has `native_beams`, or the projection of a levelled cloud.
+
+        tilt: standard deviation of the pitch [rad], which a levelled cloud does not have.
+        """
         lidar, fired, config = self._robot.lidar, self._fired, self._config
         others = edges[self._in_grid :]
         if self._mid360:
@@ -157,6 +165,12 @@ class Sensors:
         else:
             angles = (fired.angle_min, fired.angle_increment, fired.num_beams)
             ranges = self._cast(compose(pose, self._mount), angles, circles, others)
+            if tilt > 0.0:
+                assert lidar.height is not None
+                beams = np.arange(fired.num_beams, dtype=np.float64)
+                bearings = self._mount.yaw + fired.angle_min + fired.angle_increment * beams
+                floor = floor_ranges(bearings, lidar.height, tilt, self._tilt_rng)
+                ranges = np.minimum(ranges, floor, dtype=np.float32)
             own_noise = lidar.noise_std
         for std, rng in ((own_noise, self._rng), (config.scan_noise, self._scan_rng)):
             if std > 0.0:

@@ -1,4 +1,4 @@
-"""Motion in short substeps, as delay, lag, slip, movers and rigid bodies need it."""
+"""Motion in short substeps, as delay, lag, gait, slip, movers and rigid bodies need it."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from lme.robots import Footprint, Robot
 from lme.sim.crowd import Crowd
 from lme.sim.disturbances import Delay, Disturbances, slip_factors, slipped
 from lme.sim.events import nearby
+from lme.sim.gait import GaitResponse, response_of
 from lme.sim.simulator import State
 from lme.types import Floats, Limits, Pose, Twist
 from lme.worlds.world import Task
@@ -35,13 +36,18 @@ class Body(Protocol):
 class Wheels:
     """Two driven wheels that follow commands within the limits, with encoders.
 
-    twist: of the tread. odometry: pose of the base by the encoders, in the frame of the start.
+    ramped: where the ramps are. twist: of the tread; the same unless there is a response. odometry: pose of the base
+    by the encoders, in the frame of the start.
     """
 
-    def __init__(self, lag: float = 0.0) -> None:
-        """lag: time constant with which the velocities approach the command, within the limits [s]."""
+    def __init__(self, lag: float = 0.0, response: GaitResponse | None = None) -> None:
+        """lag: time constant with which the velocities approach the command, within the limits [s].
+
+        response: of legs in the wheels' place, which follow the ramps.
+        """
         self._lag = lag
-        self.twist = Twist(0.0, 0.0)
+        self._response = response
+        self.ramped = self.twist = Twist(0.0, 0.0)
         self.odometry = Pose(0.0, 0.0, 0.0)
 
     def turn(self, command: Twist, limits: Limits, dt: float) -> tuple[float, float]:
@@ -50,11 +56,14 @@ class Wheels:
         omega_goal = min(max(command.omega, -limits.omega_max), limits.omega_max)
         if self._lag:
             left = math.exp(-dt / self._lag)
-            v_goal += left * (self.twist.v - v_goal)
-            omega_goal += left * (self.twist.omega - omega_goal)
-        v, distance = _ramp(self.twist.v, v_goal, limits.alpha_v, dt)
-        omega, angle = _ramp(self.twist.omega, omega_goal, limits.alpha_omega, dt)
-        self.twist = Twist(v, omega)
+            v_goal += left * (self.ramped.v - v_goal)
+            omega_goal += left * (self.ramped.omega - omega_goal)
+        v, distance = _ramp(self.ramped.v, v_goal, limits.alpha_v, dt)
+        omega, angle = _ramp(self.ramped.omega, omega_goal, limits.alpha_omega, dt)
+        self.ramped = self.twist = Twist(v, omega)
+        if self._response:
+            distance, angle = self._response.follow((distance / dt, angle / dt), dt)
+            self.twist = self._response.twist
         self.odometry = rolled(self.odometry, (distance, angle))
         return distance, angle
 
@@ -72,7 +81,7 @@ class Substepper:
         body: Body,
     ) -> None:
         self.crowd = crowd
-        self.wheels = Wheels(config.lag)
+        self.wheels = Wheels(config.lag, response_of(config))
         self._body = body
         self._robot = robot
         self._track = track(robot.footprint)
@@ -104,7 +113,8 @@ class Substepper:
     def join(self, state: State, odometry: Pose) -> None:
         """Go on from a state that was reached without substeps."""
         self._time = state.time
-        self.wheels.twist, self.wheels.odometry = state.twist, odometry
+        self.wheels.ramped = self.wheels.twist = state.twist
+        self.wheels.odometry = odometry
 
     def _enter(self, task: Task) -> None:
         self._world = task.world
@@ -115,7 +125,7 @@ class Substepper:
         """Simulate one control period in equal substeps, or until the first contact or arrival.
 
         A delayed command takes effect in the first substep whose middle is at or past its time.
-        limits: function of a command and of the twist of the wheels when the command takes effect.
+        limits: function of a command and of where the ramps are when the command takes effect.
         """
         dt, least, travel = self._robot.dt / substeps, math.inf, np.empty((substeps, 3))
         factors = slip_factors(self._slip, self._rng)
@@ -124,7 +134,7 @@ class Substepper:
         for k in range(substeps):
             active = self._delay.at(self._time + (k + 0.5) * dt)
             if active is not previous:
-                previous, allowed = active, limits(active, self.wheels.twist)
+                previous, allowed = active, limits(active, self.wheels.ramped)
             self.crowd.advance(self._body.pose, dt)
             self._body.move(slipped(self.wheels.turn(active, allowed, dt), factors, self._track), dt)
             travel[k] = self._body.pose

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from enum import StrEnum, auto
 from typing import Any
 
@@ -132,11 +132,17 @@ class DisturbanceRanges:
     latency: list[float] | None = None  # [s]
     slip: list[float] | None = None  # [-]
     scan_noise: list[float] | None = None  # [m]
+    natural_frequency: list[float] | None = None  # [rad/s]
+    overshoot_v: list[float] | None = None  # [-]
+    overshoot_omega: list[float] | None = None  # [-]
+    ripple_v: list[float] | None = None  # [m/s]
+    ripple_omega: list[float] | None = None  # [rad/s]
+    tilt: list[float] | None = None  # [rad]
 
     @property
     def any(self) -> bool:
         """Whether something is drawn."""
-        return not (self.latency is None and self.slip is None and self.scan_noise is None)
+        return any(getattr(self, field.name) is not None for field in fields(self))
 
 
 @dataclass(slots=True, kw_only=True)

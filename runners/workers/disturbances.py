@@ -1,4 +1,4 @@
-"""Delay, slip and noise that a training draws for each of its worlds."""
+"""Delay, slip, noise and gait that a training draws for each of its worlds."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lme.errors import InputError, require
-from runners.config.build import with_disturbances
+from runners.config.build import simulator, with_disturbances
 
 if TYPE_CHECKING:
     from runners.config.schema import TrainConfig
@@ -26,7 +26,8 @@ def disturbed(config: TrainConfig, world: int) -> TrainConfig:
 
 
 def check_disturbances(config: TrainConfig) -> None:
-    """Raise InputError for a range that is not one, or a disturbance that the simulator does not have."""
+    """Raise InputError for a range that is not one, or a disturbance that the simulator does not have or refuses."""
+    highest = {}
     for key, bounds in asdict(config.disturbances).items():
         if bounds is None:
             continue
@@ -36,3 +37,5 @@ def check_disturbances(config: TrainConfig) -> None:
             raise InputError(f"disturbances.{key}: this simulator has no {key}; choose sim=fast, or null")
         require(f"disturbances.{key}[0]", bounds[0], at_least=0.0)
         require(f"disturbances.{key}[1]", bounds[1], at_least=bounds[0])
+        highest[key] = bounds[1]
+    simulator(with_disturbances(config, highest))

@@ -121,7 +121,7 @@ def test_keys_of_fresh_worlds_are_refused_with_official_ones():
             load_map_set("barn", keys)
 
 
-@pytest.mark.parametrize("name", ["fast", "physics", "skid"])
+@pytest.mark.parametrize("name", ["fast", "physics", "skid", "walking"])
 def test_a_simulator_is_what_hydra_makes_of_its_file(name):
     with initialize_config_dir(str(ROOT / "conf"), version_base=None):
         given = OmegaConf.to_container(compose(f"sim/{name}").sim)

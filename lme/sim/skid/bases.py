@@ -12,6 +12,7 @@ from lme.drivetrain import Drivetrain, Response
 from lme.geometry.frames import compose
 from lme.robots import Footprint
 from lme.sim.disturbances import Delay, slipped
+from lme.sim.gait import GaitResponse
 from lme.sim.skid.kernels import Chassis, WheelState, slide
 from lme.sim.substeps import Wheels, rolled, track
 from lme.types import Floats, Limits, Pose, Twist
@@ -42,8 +43,11 @@ class Base(Protocol):
 class SlidingBase:
     """Wheels on a floor with friction."""
 
-    def __init__(self, drivetrain: Drivetrain, start: Pose, axes: int, lag: float) -> None:
-        """lag: time constant of the wheels' controller [s]."""
+    def __init__(
+        self, drivetrain: Drivetrain, start: Pose, axes: int, lag: float, gait: GaitResponse | None = None
+    ) -> None:
+        """lag: time constant of the wheels' controller [s]. gait: response that the controller follows."""
+        self._gait = gait
         given = asdict(drivetrain)
         controller = given.pop("controller")
         multiplier, _ = controller.pop("separation_multiplier"), controller.pop("timeout")
@@ -61,6 +65,9 @@ class SlidingBase:
     ) -> Floats:
         """See `Base`."""
         state = self._state
+        if self._gait:
+            distance, angle = self._gait.follow(command, duration)
+            command = Twist(distance / duration, angle / duration)
         poses = slide(
             state, self._chassis, command, self._limits, factors, self._axes, yaw_errors, duration, count
         )
@@ -77,12 +84,19 @@ class RespondingBase:
     So encoders give the ground velocity divided by its gain, and odometry drifts accordingly.
     """
 
-    def __init__(self, response: Response, footprint: Footprint, start: Pose, lag: float) -> None:
-        """lag: time constant of the velocity over ground, besides the measured response [s]."""
+    def __init__(
+        self,
+        response: Response,
+        footprint: Footprint,
+        start: Pose,
+        lag: float,
+        gait: GaitResponse | None = None,
+    ) -> None:
+        """lag: time constant of the velocity over ground [s], and gait, both besides the measured response."""
         self._response = response
         self._track = track(footprint)
         self._limits = Limits(math.inf, math.inf, response.alpha_v, response.alpha_omega)
-        self._ground = Wheels(lag)  # its twist is the ground velocity
+        self._ground = Wheels(lag, gait)  # its twist is the ground velocity
         self._delay_v, self._delay_omega = Delay(response.delay_v), Delay(response.delay_omega)
         self._time = 0.0
         self.pose, self.twist, self.measured = start, Twist(0.0, 0.0), Twist(0.0, 0.0)

@@ -14,13 +14,14 @@ from lme.robots import Robot
 from lme.sim.crowd import Crowd
 from lme.sim.disturbances import Delay, Disturbances, slip_factors
 from lme.sim.events import until_event
+from lme.sim.gait import check_height, response_of
 from lme.sim.simulator import Sensors, State, forward_enough
 from lme.sim.skid.bases import Base, RespondingBase, SlidingBase
 from lme.sim.skid.kernels import AXES
 from lme.types import Floats, Observation, Pose, Twist
 from lme.worlds.world import Task
 
-MAX_SUBSTEP = 0.01  # [s] resolution of latency and movers
+MAX_SUBSTEP = 0.01  # [s] resolution of latency, gait and movers
 ODOMETRY_RATE = 50.0  # [Hz] of Jackal's odometry filter
 
 
@@ -52,6 +53,7 @@ class SkidSimulator:
 
     def __init__(self, config: SkidConfig, robot: Robot) -> None:
         _check(robot)
+        check_height(config.tilt, robot)
         self._robot = robot
         self._config = config
 
@@ -111,7 +113,7 @@ class SkidSimulator:
         self._static = (np.ascontiguousarray(task.world.circles, dtype=np.float64), task.world.edges)
         self._crowd = Crowd(task.world.movers, task.world, self._robot.hull.r_max)
         self._pieces = 1
-        if len(self._crowd) or self._config.latency:
+        if len(self._crowd) or self._config.latency or self._config.natural_frequency:
             self._pieces = math.ceil(self._robot.dt / MAX_SUBSTEP - 1e-9)
 
     def _drive(self, time: float, duration: float, factors: tuple[float, float]) -> State:
@@ -132,11 +134,12 @@ class SkidSimulator:
         return State(Pose(*travel[-1].tolist()), self._base.twist, end, travel, clearance, contact, arrived)
 
     def _make_base(self) -> Base:
-        robot, lag = self._robot, self._config.lag
+        robot, config = self._robot, self._config
+        lag, gait = config.lag, response_of(config)
         if robot.response is not None:
-            return RespondingBase(robot.response, robot.footprint, self._start, lag)
+            return RespondingBase(robot.response, robot.footprint, self._start, lag, gait)
         assert robot.drivetrain is not None
-        return SlidingBase(robot.drivetrain, self._start, AXES.index(self._config.friction), lag)
+        return SlidingBase(robot.drivetrain, self._start, AXES.index(config.friction), lag, gait)
 
     def _observe(self) -> Observation:
         base, pose = self._base, self.state.pose

@@ -21,6 +21,12 @@ KEYS = {
     "latency": 0.05,
     "lag": 0.2,
     "odometry_age": 0.02,
+    "natural_frequency": 7.0,
+    "overshoot_v": 0.5,
+    "overshoot_omega": 0.25,
+    "ripple_v": 0.07,
+    "ripple_omega": 0.25,
+    "tilt": 0.3,
     "slip": 0.1,
     "odometry_error": 0.03,
     "scan_noise": 0.02,
@@ -38,8 +44,18 @@ def started(kind, world=None, robot=None, seed=0, goal=(1e3, 0.0), **sim):
     return simulator, simulator.reset(task(world, goal=goal), np.random.default_rng(seed))
 
 
+LEGS = {"natural_frequency": 7.0}
+WITH = {
+    "goal_rate": {"goal_noise": 0.1},
+    "overshoot_v": LEGS,
+    "overshoot_omega": LEGS,
+}  # keys that act with others
+
+
 def seen_on_the_way(kind, steps=8, **sim):
-    simulator, first = started(kind, CLUTTER, **sim)
+    robot = stage()
+    robot.lidar.height = 0.3
+    simulator, first = started(kind, CLUTTER, robot, **sim)
     return [first] + [simulator.step(Twist(0.2, 0.3)) for _ in range(steps)]
 
 
@@ -50,8 +66,9 @@ def test_the_keys_are_all_tried():
 @BOTH
 @pytest.mark.parametrize("key", KEYS)
 def test_every_disturbance_acts_and_repeats_with_the_seed(kind, key):
-    sim = {key: KEYS[key], **({"goal_noise": 0.1} if key == "goal_rate" else {})}
-    calm, one, again = (seen_on_the_way(kind, **s) for s in ({}, sim, sim))
+    others = WITH.get(key, {})
+    sim = {key: KEYS[key], **others}
+    calm, one, again = (seen_on_the_way(kind, **s) for s in (others, sim, sim))
     for a, b in zip(one, again, strict=True):
         np.testing.assert_array_equal(a.scan.ranges, b.scan.ranges)
         np.testing.assert_array_equal(a.target, b.target)
@@ -175,7 +192,8 @@ def test_lost_beams_return_nothing(kind, share):
 def test_disturbances_leave_the_lidars_own_noise_alone(kind):
     robot = shipped("jackal")
     plain = started(kind, room(8.0), robot)[1].scan.ranges
-    for sim in ({"scan_dropout": 0.3}, {"slip": 0.2}, {"latency": 0.1}, {"goal_noise": 0.3}):
+    gait = {"natural_frequency": 7.0, "ripple_v": 0.1}
+    for sim in ({"scan_dropout": 0.3}, {"slip": 0.2}, {"latency": 0.1}, {"goal_noise": 0.3}, gait):
         ranges = started(kind, room(8.0), robot, **sim)[1].scan.ranges
         kept = ranges < np.float32(30.0)
         np.testing.assert_array_equal(ranges[kept], plain[kept])
@@ -267,6 +285,11 @@ def test_arrival_is_judged_by_the_truth(kind):
         ("lag", -0.1, "at least 0"),
         ("odometry_age", -0.1, "at least 0"),
         ("slip", math.nan, "at least 0"),
+        ("natural_frequency", -1.0, "at least 0"),
+        ("overshoot_v", 1.5, "at most 0.95"),
+        ("overshoot_omega", -0.1, "at least 0"),
+        ("ripple_v", -0.1, "at least 0"),
+        ("tilt", -0.1, "at least 0"),
         ("odometry_error", -0.1, "at least 0"),
         ("scan_noise", math.inf, "finite"),
         ("scan_dropout", 1.5, "at most 1"),

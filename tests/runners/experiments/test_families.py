@@ -1,5 +1,7 @@
 """The families of worlds of a training: which ones, with which robots, and which worlds."""
 
+from dataclasses import asdict
+
 import pytest
 
 from lme.errors import InputError
@@ -93,6 +95,18 @@ def test_disturbances_are_drawn_for_each_world_and_the_same_for_every_candidate(
     assert disturbed(found(job, "map=env1")["env1"], 3).sim == config.sim
 
 
+def test_every_disturbance_that_is_drawn_is_one_of_the_simulators(job):
+    config = found(job, "map=env1", "sim=walking")["env1"]
+    for key in asdict(config.disturbances):
+        setattr(config.disturbances, key, [0.1, 0.2])
+        assert config.disturbances.any
+        drawn = disturbed(config, 3).sim
+        assert {name for name, value in drawn.items() if value != config.sim[name]} == {key}
+        assert 0.1 <= drawn[key] <= 0.2
+        setattr(config.disturbances, key, None)
+    assert not config.disturbances.any
+
+
 def test_a_planner_that_knows_the_delay_knows_the_drawn_one(job):
     words = "map=env1", "guide=lme_plus", "planner=min_time", "disturbances={latency: [0.02, 0.1]}"
     drawn = disturbed(found(job, *words)["env1"], 3)
@@ -106,6 +120,8 @@ def test_a_planner_that_knows_the_delay_knows_the_drawn_one(job):
         (["disturbances.slip=[0.1]"], r"disturbances\.slip is \[0\.1\]: must be \[lowest, highest\] or null"),
         (["disturbances.slip=[-1,1]"], r"disturbances\.slip\[0\] is -1: must be at least 0"),
         (["disturbances.slip=[0.2,0.1]"], r"disturbances\.slip\[1\] is 0\.1: must be at least 0\.2"),
+        (["disturbances.overshoot_v=[0,2]"], r"sim\.overshoot_v is 2: must be .*at most 0\.95"),
+        (["disturbances.tilt=[0,0.05]"], r"robot\.lidar\.height is null in robot stage"),
     ],
 )
 def test_disturbances_that_cannot_be_drawn(job, words, said):
