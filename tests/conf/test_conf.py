@@ -12,9 +12,11 @@ from omegaconf import OmegaConf
 from lme.policies.lme_plus.criteria import CRITERIA as PLUS_CRITERIA
 from lme.resources import resource_dir
 from lme.robots import Robot
+from lme.worlds.check import check_task
 from runners.analysis.published import TEXTS
 from runners.cli.main import command_files
-from runners.config import ablations, catalogue, schema
+from runners.config import ablations, build, catalogue, schema
+from runners.config.command_line import compose_job
 from runners.config.composer import Composer, without_hydra
 from runners.config.flatten import flatten
 from runners.config.instantiate import configured
@@ -231,6 +233,21 @@ def test_every_part_of_lme_plus_is_removed_in_its_experiment(chosen):
     assert swept[0] == "none"
     assert set(swept) == {"none", *OF_BOTH, *OF_PLUS} - {"no_latency", "no_people"}
     assert config.hydra.runtime.choices["system"] == "lme_plus"
+
+
+def test_the_gait_table_drives_a_walking_go2_from_starts_of_its_own(composer, chosen):
+    """Each of its maps has a way for the Go2. Other experiments use the numbers 0 to 99."""
+    swept = chosen("experiment", "gait").hydra.sweeper.params.map.split(",")
+    assert len(swept) == 8
+    for name in swept:
+        words = ["experiment=gait", "hydra.mode=RUN", f"map={name}", "system=lme"]
+        config = compose_job(composer, words).config
+        assert config.sim["natural_frequency"] > 0.0
+        maps = build.map_set(config)
+        assert len(maps.numbers) == 20
+        assert min(maps.numbers) > 99
+        assert config.robot.name == "go2"
+        check_task(maps.task(maps.numbers[0]), config.robot)
 
 
 def test_maps_have_clocks_of_their_own_only_where_that_is_asked_for(chosen):
