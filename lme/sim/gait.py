@@ -83,9 +83,9 @@ def _transition(frequency: float, damping: float, dt: float) -> Floats:
 def rippled(twist: Twist, ripple_v: float, ripple_omega: float, rng: np.random.Generator) -> Twist:
     """The measured twist with white noise of these standard deviations [m/s, rad/s].
 
-    The body sways with every stride, and the twist with it. It sways by a centimetre and a degree only, so the pose
-    is left as it is. The Go2's strides (2 to 5 Hz) are irregular enough that the twist at successive steps of 8 Hz
-    is almost uncorrelated; a faster control loop would see a smoother ripple than this.
+    The body sways with every stride, and the twist with it; the sway is a centimetre or two and a degree, so the pose
+    is left as it is. White noise is a simplification: at 8 Hz successive twists of the Go2 correlate by −.35 to .26,
+    and a faster control loop would see a smoother ripple.
     """
     v, omega = rng.normal((twist.v, twist.omega), (ripple_v, ripple_omega)).tolist()
     return Twist(v, omega)
@@ -109,6 +109,6 @@ def check_height(tilt: float, robot: Robot) -> None:
     """Raise InputError for a planar lidar that tilts at an unknown height."""
     if tilt > 0.0 and robot.lidar.cloud is None and robot.lidar.height is None:
         raise InputError(
-            f"sim.tilt is {tilt:g}, but robot.lidar.height is null in robot {robot.name}: must be the planar lidar's "
-            "height above the floor [m], so that tilted beams can meet it"
+            f"sim.tilt is {tilt:g}, but robot.lidar.height is null in robot {robot.name}: must be the height of the "
+            "planar lidar above the floor [m], where tilted beams end; or set sim.tilt to 0"
         )
