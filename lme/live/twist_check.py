@@ -9,9 +9,10 @@ import numpy as np
 
 from lme.geometry.frames import relative
 from lme.live.messages import SECOND
-from lme.types import Pose, Twist
+from lme.types import Floats, Pose, Twist
 
 _WINDOW_S = 1.0  # time over which motion is compared: it averages a walking robot's ripple and the noise
+_MOVING_S = 0.5  # time over which the poses move, twice in a row, if they do not only jump
 _LONGEST_GAP_S = 0.5  # between poses; over a longer one a twist says little about the motion
 _SLOWEST = (0.15, 0.2)  # [m/s], [rad/s] below both the robot counts as standing
 _NEAR = (0.1, 0.15)  # [m/s], [rad/s] differences that are never wrong
@@ -22,22 +23,32 @@ _COMPARED, _WRONG = 5, 4  # windows with motion that are compared, and how many 
 class TwistCheck:
     """Takes the poses and twists of one source, in order.
 
-    One wrong window is no contradiction: the pose may jump at a loop closure or a reset.
+    One wrong window is no contradiction: the pose may jump at a loop closure or a reset. Twists that have all been
+    zero, as of a driver that never sets them, are found within about a second of motion, others in four to five.
     """
 
     def __init__(self) -> None:
         self._before: tuple[int, Pose, Twist] | None = None
         self._sums = np.zeros(5)  # time; way ahead and turn by the poses; the same by the twists
         self._windows: deque[tuple[bool, tuple[float, ...]]] = deque(maxlen=_COMPARED)
+        self._all_zero = True
+        self._moved = np.zeros(3)  # time; way ahead and turn by the poses
+        self._velocities: deque[Floats] = deque(maxlen=2)  # by the poses, while all twists are zero
 
     def add(self, stamp: int, pose: Pose, twist: Twist) -> None:
         """Compare one more motion. stamp: [ns]. pose: in the odometry frame. twist: as the message has it."""
         before, self._before = self._before, (stamp, pose, twist)
+        self._all_zero = self._all_zero and twist == (0.0, 0.0)
         seconds = (stamp - before[0]) / SECOND if before else 0.0
         if before is None or not 0.0 < seconds <= _LONGEST_GAP_S:
-            self._sums[:] = 0.0
+            self._sums[:] = self._moved[:] = 0.0
+            self._velocities.clear()
             return
         moved = relative(pose, before[1])
+        self._moved += (seconds, moved.x, moved.yaw)
+        if self._moved[0] >= _MOVING_S:
+            self._velocities.append(self._moved[1:] / self._moved[0])
+            self._moved[:] = 0.0
         means = [(one + other) / 2 for one, other in zip(before[2], twist, strict=True)]
         self._sums += np.array((seconds, moved.x, moved.yaw, *(seconds * mean for mean in means)))
         if self._sums[0] < _WINDOW_S:
@@ -55,6 +66,15 @@ class TwistCheck:
 
     def contradiction(self, at_end: bool = False) -> str | None:
         """What contradicts, if it does. at_end: nothing more comes, so fewer windows decide, if all are wrong."""
+        if self._all_zero and len(self._velocities) == 2:
+            one, other = self._velocities
+            onward = one * other > 0.0  # not out and back, as one wrong pose
+            if (onward & (np.minimum(np.abs(one), np.abs(other)) >= _SLOWEST)).any():
+                v, omega = (one + other) / 2.0
+                return (
+                    f"its twist is always zero, but its poses move ({v:.2f} m/s, {omega:.2f} rad/s), so velocities are "
+                    "taken from the poses"
+                )
         wrong = [numbers for is_wrong, numbers in self._windows if is_wrong]
         if len(wrong) < _WRONG and not (at_end and len(wrong) == len(self._windows) > 1):
             return None

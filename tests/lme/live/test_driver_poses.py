@@ -121,18 +121,28 @@ def test_names_of_frames_that_are_given(rig):
     assert rig.driver.frames == ("world", "robot")
 
 
-def test_twists_that_contradict_the_poses_are_replaced_by_their_slope(rig):
-    """As from a driver that means the odometry frame, or never sets them."""
-
-    def drive():
-        for k in range(60):
-            rig.pass_time(0.1)
-            rig.odometry(pose=Pose(0.0, 0.05 * k, math.pi / 2), v=0.0)
-            rig.scan()
-            step = rig.tick()
-        return step
-
+def moves(rig, seconds, said=0.0, yaw=math.pi / 2):
+    """The step after a robot has driven along its heading at 0.5 m/s, and said so."""
     rig.driver.set_goal(FAR, "odom", rig.now)
+    for k in range(round(10 * seconds)):
+        rig.pass_time(0.1)
+        way = 0.05 * k
+        rig.odometry(pose=Pose(way * math.cos(yaw), way * math.sin(yaw), yaw), v=said)
+        rig.scan()
+        step = rig.tick()
+    return step
+
+
+def test_twists_that_contradict_the_poses_are_replaced_by_their_slope(rig):
+    """As from a driver that means another unit."""
     with pytest.warns(UserWarning, match="odometry of base_link in odom: its twists contradict its poses"):
-        step = drive()
+        step = moves(rig, 6.0, said=50.0)
+    assert step.observation.twist == pytest.approx((0.5, 0.0))
+
+
+def test_a_robot_that_moves_and_always_says_zero_is_noticed_within_a_second(rig):
+    """As with FAST-LIO, which never sets its twist."""
+    with pytest.warns(UserWarning, match="odometry of base_link in odom: its twist is always zero") as said:
+        step = moves(rig, 1.3)
+    assert [str(one.message) for one in said if "twist" in str(one.message)] == [str(said[-1].message)]
     assert step.observation.twist == pytest.approx((0.5, 0.0))

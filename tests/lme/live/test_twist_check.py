@@ -46,7 +46,7 @@ def test_a_twist_that_means_something_else_is_found(said):
     if "odometry" in next(name for name, other in WRONG.items() if other is said):
         path = drive(omega=lambda t: 0.0, yaw=math.pi / 4)  # on a diagonal
     found = contradiction(path, said)
-    assert "contradict" in found
+    assert ("always zero" if said is WRONG["never set"] else "contradict") in found
     assert "\n" not in found
 
 
@@ -57,10 +57,40 @@ def test_a_drive_may_turn_before_its_twists_are_wrong():
     assert contradiction(path, WRONG["in the odometry frame"])
 
 
+@pytest.mark.parametrize("rate", [5.0, 10.0, 200.0])
+def test_twists_that_are_all_zero_are_found_after_a_second_of_motion(rate):
+    """FAST-LIO never sets its twist. The robot stands first, which says nothing."""
+    stands = [*drive(seconds=3.0, rate=rate, v=0.0, omega=lambda t: 0.0)]
+    moves = [(t + 3.0, pose, twist) for t, pose, twist in drive(seconds=2.0, rate=rate, v=0.3)]
+    assert contradiction(stands, WRONG["never set"], at_end=True) is None
+    found = contradiction([*stands, *moves], WRONG["never set"])
+    assert "always zero, but its poses move (0.3" in found
+
+
+@pytest.mark.parametrize("at", range(10, 20))
+@pytest.mark.parametrize("rate", [2.0, 10.0])
+def test_a_pose_that_jumps_while_the_robot_stands_is_no_motion(rate, at):
+    """At a loop closure it jumps for good, at a wrong pose out and back."""
+    still = [*drive(seconds=15.0, rate=rate, v=0.0, omega=lambda t: 0.0)]
+    away = Pose(2.0, 0.0, 0.3)
+    for_good = [(t, compose(away, p) if k >= at else p, twist) for k, (t, p, twist) in enumerate(still)]
+    out_and_back = [(t, compose(away, p) if k == at else p, twist) for k, (t, p, twist) in enumerate(still)]
+    for path in (for_good, out_and_back):
+        check = TwistCheck()
+        for seconds, pose, twist in path:
+            check.add(round(seconds * SECOND), pose, twist)
+            assert check.contradiction() is None
+
+
+def test_one_twist_that_is_not_zero_shows_that_they_are_set():
+    path = [(t, pose, Twist(0.01 if t < 0.2 else 0.0, 0.0)) for t, pose, _ in drive(seconds=3.0)]
+    assert contradiction(path) is None
+
+
 def test_a_short_drive_counts_at_its_end():
     path = [*drive(seconds=2.5)]
-    assert contradiction(path, WRONG["never set"]) is None
-    assert "0.00 m/s" in contradiction(path, WRONG["never set"], at_end=True)
+    assert contradiction(path, WRONG["speed never set"]) is None
+    assert "0.00 m/s" in contradiction(path, WRONG["speed never set"], at_end=True)
     assert contradiction(path, at_end=True) is None
 
 
