@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, Protocol
 
 import numpy as np
@@ -16,6 +16,13 @@ _TYPES = {7: "f4", 8: "f8"}  # sensor_msgs/PointField: FLOAT32, FLOAT64
 _TYPE_NAMES = dict(
     enumerate(("INT8", "UINT8", "INT16", "UINT16", "INT32", "UINT32", "FLOAT32", "FLOAT64"), start=1)
 )
+_TIMES, _TIME_TYPES = (
+    ("timestamp", "time", "t"),
+    {6: "u4", **_TYPES},
+)  # fields with the time of a point; UINT32
+_EPOCH = 1e6  # [s] later times are since 1970
+_LONGEST = 1.0  # [s] no point of a cloud is measured longer before or after its stamp
+_SECOND = 1e9  # [ns]
 _NOT_RIGID = 1e-3  # deviation from orthonormal; accepts a rotation written with four digits
 
 
@@ -56,17 +63,27 @@ def cloud_points(cloud: PointCloud2) -> Floats:
 
     Raises InputError if x, y or z is missing or not a float, or if the layout does not fit the data.
     """
-    layout = _layout(cloud)
-    height, width = cloud.height, cloud.width
-    if height * width == 0:
-        return np.empty((0, 3))
-    data = np.frombuffer(cloud.data, np.uint8)
-    row_step = _row_step(cloud, len(data))
-    grid: NDArray[np.void] = np.ndarray((height, width), layout, data, 0, (row_step, cloud.point_step))
-    points = np.empty((height, width, 3))
-    for axis, name in enumerate("xyz"):
-        points[..., axis] = grid[name]
-    return points.reshape(-1, 3)
+    return _channels(cloud, _layout(cloud, tuple("xyz"), _TYPES))
+
+
+def point_times(cloud: PointCloud2, stamp: int) -> Floats | None:
+    """The time of each point after the stamp of the cloud, row by row: (N,) [s]; None if the cloud does not say.
+
+    stamp [ns]: of the cloud. Drivers name the field `timestamp`, since 1970 (Livox: ns; Hesai, RoboSense: s), `time`
+    (Velodyne, Unitree: s after the stamp) or `t` (Ouster: ns after the stamp, as an integer).
+    """
+    field = next((one for one in cloud.fields if one.name in _TIMES and one.datatype in _TIME_TYPES), None)
+    if field is None:
+        return None
+    times = _channels(cloud, _layout(cloud, (field.name,), _TIME_TYPES))[:, 0]
+    latest = times.max(initial=0.0)
+    if field.datatype not in _TYPES:
+        times = times / _SECOND
+    elif latest > _EPOCH * _SECOND:
+        times = (times - stamp) / _SECOND
+    elif latest > _EPOCH:
+        times = times - stamp / _SECOND
+    return times if len(times) and np.ptp(times) > 0.0 and (np.abs(times) <= _LONGEST).all() else None
 
 
 def rigid_transform(mount: ArrayLike) -> Floats:
@@ -88,36 +105,51 @@ def rigid_transform(mount: ArrayLike) -> Floats:
     )
 
 
-def _layout(cloud: PointCloud2) -> np.dtype[np.void]:
-    """Layout of x, y and z within a point."""
+def _channels(cloud: PointCloud2, layout: np.dtype[np.void]) -> Floats:
+    """The channels of a layout, row by row: (N, C). Raises InputError if it does not fit the data."""
+    names = layout.names or ()
+    height, width = cloud.height, cloud.width
+    if height * width == 0:
+        return np.empty((0, len(names)))
+    data = np.frombuffer(cloud.data, np.uint8)
+    row_step = _row_step(cloud, len(data))
+    grid: NDArray[np.void] = np.ndarray((height, width), layout, data, 0, (row_step, cloud.point_step))
+    channels = np.empty((height, width, len(names)))
+    for k, name in enumerate(names):
+        channels[..., k] = grid[name]
+    return channels.reshape(-1, len(names))
+
+
+def _layout(cloud: PointCloud2, names: Sequence[str], types: Mapping[int, str]) -> np.dtype[np.void]:
+    """Layout of channels of these types within a point."""
     fields: dict[str, PointField] = {field.name: field for field in cloud.fields}
-    missing = [name for name in "xyz" if name not in fields]
+    missing = [name for name in names if name not in fields]
     if missing:
         there = ", ".join(fields) or "none"
         raise InputError(
             f"PointCloud2 has no field {missing[0]!r}: must have x, y and z; its fields are {there}"
         )
     order = ">" if cloud.is_bigendian else "<"
-    formats = [order + _format(fields[name], cloud.point_step) for name in "xyz"]
-    offsets = [int(fields[name].offset) for name in "xyz"]
+    formats = [order + _format(fields[name], cloud.point_step, types) for name in names]
+    offsets = [int(fields[name].offset) for name in names]
     itemsize = int(cloud.point_step)
-    return np.dtype({"names": list("xyz"), "formats": formats, "offsets": offsets, "itemsize": itemsize})
+    return np.dtype({"names": list(names), "formats": formats, "offsets": offsets, "itemsize": itemsize})
 
 
-def _format(field: PointField, point_step: int) -> str:
-    if field.datatype not in _TYPES or field.count > 1:
+def _format(field: PointField, point_step: int, types: Mapping[int, str]) -> str:
+    if field.datatype not in types or field.count > 1:
         name = _TYPE_NAMES.get(field.datatype, "unknown")
         raise InputError(
             f"PointCloud2 field {field.name!r} is {field.count} × datatype {field.datatype} ({name}): "
             "must be a single FLOAT32 (7) or FLOAT64 (8)"
         )
-    size = np.dtype(_TYPES[field.datatype]).itemsize
+    size = np.dtype(types[field.datatype]).itemsize
     if not 0 <= field.offset <= point_step - size:
         raise InputError(
             f"PointCloud2 field {field.name!r} has offset {field.offset} and {size} bytes: must lie within "
             f"point_step {point_step}"
         )
-    return _TYPES[field.datatype]
+    return types[field.datatype]
 
 
 def _row_step(cloud: PointCloud2, num_bytes: int) -> int:

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lme.errors import InputError
-from lme.sensing.point_cloud import cloud_points
+from lme.sensing.point_cloud import cloud_points, point_times
 from lme.sensing.projection import Projection, to_scan
 
 SEEDS = st.integers(0, 2**32 - 1)
@@ -136,3 +136,52 @@ def test_a_message_that_does_not_hold_together_is_refused(changes, message_):
     vars(cloud).update(changes)
     with pytest.raises(InputError, match=r"PointCloud2 .*" + message_):
         cloud_points(cloud)
+
+
+UINT32 = 6
+STAMP = 1_700_000_000_123_456_789  # [ns]
+AFTER = np.array([0.0, 0.0125, 0.05, 0.0999])  # [s]
+
+
+def timed(name, datatype, values, order="<"):
+    """Four points with the time of each in a field after z."""
+    letter = {FLOAT32: "f", FLOAT64: "d", UINT32: "I"}[datatype]
+    data = b"".join(struct.pack(f"{order}fff{letter}", 1.0, 2.0, 3.0, value) for value in values)
+    step = len(data) // len(values)
+    fields = [*XYZ, field(name, 12, datatype)]
+    return SimpleNamespace(
+        height=1, width=len(values), fields=fields, is_bigendian=order == ">", point_step=step,
+        row_step=len(data), data=data,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("order", ["<", ">"])
+@pytest.mark.parametrize(
+    ("name", "datatype", "values"),
+    [
+        ("timestamp", FLOAT64, STAMP + 1e9 * AFTER),  # livox_ros_driver2
+        ("timestamp", FLOAT64, 1e-9 * STAMP + AFTER),  # HesaiLidar_ROS_2.0, rslidar_sdk
+        ("time", FLOAT32, AFTER),  # velodyne, unilidar_sdk
+        ("t", UINT32, (1e9 * AFTER).astype(int)),  # ouster-ros
+    ],
+    ids=["Livox", "Hesai", "Velodyne", "Ouster"],
+)
+def test_the_times_of_points_as_drivers_give_them(name, datatype, values, order):
+    cloud = timed(name, datatype, [value.item() for value in values], order)
+    np.testing.assert_allclose(point_times(cloud, STAMP), AFTER, atol=1e-6)
+    np.testing.assert_array_equal(cloud_points(cloud), np.tile([1.0, 2.0, 3.0], (4, 1)))
+
+
+@pytest.mark.parametrize(
+    ("name", "values"),
+    [("intensity", AFTER), ("time", 0.0 * AFTER), ("time", 50.0 + AFTER), ("time", AFTER + np.nan)],
+    ids=["none", "all at once", "of another clock", "not a number"],
+)
+def test_a_cloud_that_does_not_say_when_its_points_were_measured(name, values):
+    assert point_times(timed(name, FLOAT32, values.tolist()), STAMP) is None
+
+
+def test_an_empty_cloud_has_no_times():
+    cloud = timed("time", FLOAT32, AFTER.tolist())
+    cloud.width, cloud.data = 0, b""
+    assert point_times(cloud, STAMP) is None
