@@ -11,6 +11,8 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from lme.geometry.frames import compose
 from lme.kernels.raycast import cast
+from lme.live.messages import Tilt
+from lme.sensing.point_cloud import rigid_transform
 from lme.types import Pose
 
 SECOND = 1_000_000_000
@@ -23,6 +25,8 @@ EDGES = np.array(
 
 
 MOUNT = Pose(0.1, 0.0, 0.0)
+MOUNT_HEIGHT = 0.2  # [m]
+LEVEL = Tilt(0.0, 0.0)
 
 # The same drive of other robots: arguments of `drive`.
 OTHERS = {
@@ -85,13 +89,21 @@ class BagMaker:
 
     # Messages
 
-    def quaternion(self, yaw, roll=0.0):
-        cy, sy, cr, sr = math.cos(yaw / 2), math.sin(yaw / 2), math.cos(roll / 2), math.sin(roll / 2)
-        return self.make("geometry_msgs/msg/Quaternion", cy * sr, sy * sr, sy * cr, cy * cr)
+    def quaternion(self, yaw, roll=0.0, pitch=0.0):
+        (cy, sy), (cr, sr), (cp, sp) = (
+            (math.cos(angle / 2), math.sin(angle / 2)) for angle in (yaw, roll, pitch)
+        )
+        return self.make(
+            "geometry_msgs/msg/Quaternion",
+            cy * sr * cp - sy * cr * sp,
+            sy * sr * cp + cy * cr * sp,
+            sy * cr * cp - cy * sr * sp,
+            cy * cr * cp + sy * sr * sp,
+        )
 
-    def pose(self, pose):
-        point = self.make("geometry_msgs/msg/Point", pose.x, pose.y, 0.0)
-        return self.make("geometry_msgs/msg/Pose", point, self.quaternion(pose.yaw))
+    def pose(self, pose, height=0.0, tilt=LEVEL):
+        point = self.make("geometry_msgs/msg/Point", pose.x, pose.y, height)
+        return self.make("geometry_msgs/msg/Pose", point, self.quaternion(pose.yaw, *tilt))
 
     def twist(self, v, omega):
         linear = self.make("geometry_msgs/msg/Vector3", v, 0.0, 0.0)
@@ -99,12 +111,19 @@ class BagMaker:
             "geometry_msgs/msg/Twist", linear, self.make("geometry_msgs/msg/Vector3", 0.0, 0.0, omega)
         )
 
-    def odometry(self, stamp, pose, v, omega):
+    def odometry(self, stamp, pose, v, omega, height=0.0, tilt=LEVEL):
         none = np.zeros(36)
         return self.make(
             "nav_msgs/msg/Odometry", self.header(stamp, "odom"), "base_link",
-            self.make("geometry_msgs/msg/PoseWithCovariance", self.pose(pose), none),
+            self.make("geometry_msgs/msg/PoseWithCovariance", self.pose(pose, height, tilt), none),
             self.make("geometry_msgs/msg/TwistWithCovariance", self.twist(v, omega), none),
+        )  # fmt: skip
+
+    def imu(self, stamp, yaw=0.0, tilt=LEVEL, frame="base_link"):
+        unknown, vector = np.zeros(9), self.make("geometry_msgs/msg/Vector3", 0.0, 0.0, 9.81)
+        return self.make(
+            "sensor_msgs/msg/Imu", self.header(stamp, frame), self.quaternion(yaw, *tilt), unknown, vector, unknown,
+            vector, unknown,
         )  # fmt: skip
 
     def pose_with_covariance(self, stamp, frame, pose):
@@ -115,7 +134,7 @@ class BagMaker:
         return self.make("geometry_msgs/msg/PoseStamped", self.header(stamp, frame), self.pose(pose))
 
     def transform(self, stamp, frame, child, pose, roll=0.0):
-        shift = self.make("geometry_msgs/msg/Vector3", pose.x, pose.y, 0.2)
+        shift = self.make("geometry_msgs/msg/Vector3", pose.x, pose.y, MOUNT_HEIGHT)
         moved = self.make("geometry_msgs/msg/Transform", shift, self.quaternion(pose.yaw, roll))
         return self.make("tf2_msgs/msg/TFMessage", [
             self.make("geometry_msgs/msg/TransformStamped", self.header(stamp, frame), child, moved)
@@ -128,12 +147,17 @@ class BagMaker:
             *limits, np.ascontiguousarray(ranges, np.float32), np.empty(0, np.float32),
         )  # fmt: skip
 
-    def cloud(self, stamp, points):
+    def cloud(self, stamp, points, frame="laser", times=None):
+        """times: of the points [ns], in a field as that of livox_ros_driver2."""
         fields = [self.make("sensor_msgs/msg/PointField", n, 4 * k, 7, 1) for k, n in enumerate("xyz")]
-        data = np.ascontiguousarray(points, np.float32).view(np.uint8).reshape(-1)
+        rows = np.ascontiguousarray(points, np.float32).view(np.uint8)
+        if times is not None:
+            fields.append(self.make("sensor_msgs/msg/PointField", "timestamp", 12, 8, 1))
+            rows = np.hstack((rows, np.array(times, np.float64)[:, None].view(np.uint8)))
+        step = rows.shape[1] if len(points) else 12
         return self.make(
-            "sensor_msgs/msg/PointCloud2", self.header(stamp, "laser"), 1, len(points), fields, False, 12,
-            12 * len(points), data, True,
+            "sensor_msgs/msg/PointCloud2", self.header(stamp, frame), 1, len(points), fields, False, step,
+            step * len(points), rows.reshape(-1), True,
         )  # fmt: skip
 
 
@@ -175,11 +199,14 @@ def drive(
     repeated=False,
     spoil=lambda ranges: ranges,
     plate=None,
+    tilt=lambda k: LEVEL,
+    tilted=("poses",),
 ):
     """A BagMaker with one drive.
 
     stamps: what the headers say, by when a message was recorded. repeated: the first beam comes again as the last.
-    spoil: what becomes of the ranges. plate: pose on the base of a plate that carries the lidar.
+    spoil: what becomes of the ranges. plate: pose on the base of a plate that carries the lidar. tilt: of the base at
+    every step, where clouds are seen from. tilted: what says so, poses or imu.
     """
     made = BagMaker(suffix)
     carrier = "base_link" if plate is None else "plate"
@@ -192,7 +219,9 @@ def drive(
         recorded = BEGAN + k * SECOND // 10
         stamp = stamps(recorded)
         if poses == "odometry":
-            made.add("/odom", "nav_msgs/msg/Odometry", recorded, made.odometry(stamp, pose, v, omega))
+            known = tilt(k) if "poses" in tilted else LEVEL
+            message = made.odometry(stamp, pose, v, omega, tilt=known)
+            made.add("/odom", "nav_msgs/msg/Odometry", recorded, message)
         elif poses == "tf":
             made.add("/tf", TF, recorded, made.transform(stamp, "odom", "base_link", pose))
         elif poses == "motion capture":
@@ -207,13 +236,22 @@ def drive(
         ranges = spoil(seen(pose, mount, beams, first))
         if repeated:
             ranges = np.append(ranges, ranges[0])
-        _add_scan(made, scans, recorded, stamp, ranges, (first, 2 * math.pi / beams, clockwise))
+        if "imu" in tilted:
+            made.add("/imu", "sensor_msgs/msg/Imu", recorded, made.imu(stamp, pose.yaw, tilt(k)))
+        angles = first, 2 * math.pi / beams, clockwise
+        _add_scan(made, scans, recorded, stamp, ranges, angles, seen_tilted(mount, tilt(k)))
         if commands:
             made.add("/cmd_vel", "geometry_msgs/msg/Twist", recorded, made.twist(v, omega))
     return made
 
 
-def _add_scan(made, scans, recorded, stamp, ranges, angles):
+def seen_tilted(mount, tilt):
+    """(4, 4) from where a level lidar sees a point to where it sees it on a tilted base, on the floor."""
+    lidar = rigid_transform((mount.x, mount.y, MOUNT_HEIGHT, 0.0, 0.0, mount.yaw))
+    return np.linalg.inv(rigid_transform((0.0, 0.0, 0.0, *tilt, 0.0)) @ lidar) @ lidar
+
+
+def _add_scan(made, scans, recorded, stamp, ranges, angles, tilted):
     first, increment, clockwise = angles
     if scans == "laser":
         if clockwise:
@@ -223,7 +261,11 @@ def _add_scan(made, scans, recorded, stamp, ranges, angles):
     elif scans == "cloud":
         angles = first + np.arange(len(ranges)) * increment
         flat = np.column_stack((ranges * np.cos(angles), ranges * np.sin(angles), np.zeros(len(ranges))))
-        floor = np.column_stack((0.5 * np.cos(angles), 0.5 * np.sin(angles), np.full(len(ranges), -0.2)))
-        made.add(
-            "/points", "sensor_msgs/msg/PointCloud2", recorded, made.cloud(stamp, np.vstack((flat, floor)))
-        )
+        rings = [
+            np.column_stack(
+                (reach * np.cos(angles), reach * np.sin(angles), np.full(len(ranges), -MOUNT_HEIGHT))
+            )
+            for reach in (0.5, np.minimum(0.9 * ranges, 2.5))
+        ]
+        points = np.vstack((flat, *rings)) @ tilted[:3, :3].T + tilted[:3, 3]
+        made.add("/points", "sensor_msgs/msg/PointCloud2", recorded, made.cloud(stamp, points))

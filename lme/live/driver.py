@@ -13,11 +13,13 @@ import numpy as np
 from lme.errors import InputError
 from lme.live.clock import Clock
 from lme.live.config import LiveConfig
-from lme.live.frames import Frames, FramesConfig
+from lme.live.frames import Carrier, Frames, FramesConfig
 from lme.live.goal import Goal
 from lme.live.messages import SECOND, frame
 from lme.live.pilot import Pilot
-from lme.live.scan_source import ScanConfig, ScanSource
+from lme.live.postures import Posture
+from lme.live.scan_config import ScanConfig
+from lme.live.scan_source import ScanSource
 from lme.live.sensors import LiveSensors, LiveSight
 from lme.live.step import STILL, LiveState, LiveStep, NotReadyError
 from lme.live.track import StampedMotion
@@ -37,12 +39,22 @@ class _Ready(NamedTuple):
     number: int
 
 
+class _First(NamedTuple):
+    """A scan for whose lidar guide and planner are built; mount: (4, 4) by tf, carrier: of its frame."""
+
+    scan: Any
+    mount: Floats | None
+    carrier: Carrier
+    posture: Posture | None
+
+
 class LiveDriver:
     """One robot with one guide and one planner.
 
     make_navigator builds them for the robot with the lidar in use, which the first scan shows (`ScanConfig.lidar`).
     Messages are duck-typed. `now` is the time on the node's clock [ns], the one that stamps messages; `wall` a
-    monotonic time [ns]. Methods may be called from several threads, `tick` from one.
+    monotonic time [ns]. Methods may be called from several threads, `tick` from one. measured_twists: whether
+    velocities are the twists of the odometry, until these contradict the poses; else they are the slope of the poses.
 
     The robot stands in these cases, checked in this order: after shutdown; after a jump of the clock, which also
     discards the sensor data, and while the clock stands still; without a goal; without a fresh scan that measures
@@ -59,12 +71,13 @@ class LiveDriver:
         scan_config: ScanConfig | None = None,
         frames: FramesConfig | None = None,
         wall: Callable[[], int] = monotonic_ns,
+        measured_twists: bool = True,
     ) -> None:
         self.config = config or LiveConfig()
         self._make_navigator, self._configured = make_navigator, robot
         self._scan_config = scan_config or ScanConfig()
         self._stale = round(self.config.stale * SECOND)
-        self._sensors = LiveSensors(self.config, frames or FramesConfig())
+        self._sensors = LiveSensors(self.config, frames or FramesConfig(), measured_twists)
         self._wall = wall
         self._clock = Clock(round(self.config.time_jump * SECOND), wall)
         self._lock = Lock()
@@ -105,6 +118,10 @@ class LiveDriver:
     def take_odometry(self, message: Any, now: int) -> None:
         """Take an Odometry, PoseStamped, PoseWithCovarianceStamped or TransformStamped of the robot's pose."""
         self._take("pose", now, lambda: self._sensors.take_pose(message, now))
+
+    def take_imu(self, message: Any, now: int) -> None:
+        """Take an Imu, whose orientation levels clouds while the poses hold no roll and pitch."""
+        self._take("imu", now, lambda: self._sensors.take_imu(message, now))
 
     def take_transforms(self, message: Any, now: int, static: bool = False) -> None:
         """Take a TFMessage. static: it came on tf_static, so it holds forever; others go stale."""
@@ -175,7 +192,7 @@ class LiveDriver:
         if first is not None:
             if self._last.command != STILL:  # it takes seconds
                 raise NotReadyError("guide and planner must be prepared for another lidar")
-            self._prepare(*first)
+            self._prepare(first)
             raise NotReadyError("guide and planner were being prepared")
         with self._lock:
             ready = self._ready(now)
@@ -197,24 +214,26 @@ class LiveDriver:
         decided = self._last.observation is not None and now <= self._last.stamp
         return decided and self._goal is not None and self._number == self._last.goal
 
-    def _scan_to_prepare_for(self) -> tuple[Any, Floats | None] | None:
-        """A scan, and its mount by tf, if guide and planner must still be built for its lidar."""
-        scan, mount = self._sensors.scan, self._sensors.mount
+    def _scan_to_prepare_for(self) -> _First | None:
+        """A scan, if guide and planner must still be built for its lidar."""
+        sensors, scan, mount = self._sensors, self._sensors.scan, self._sensors.mount
         if scan is None:
             return None
-        if self._pilot is None or self._pilot.source.exceeded_by(scan):
-            return scan, mount
-        mounted = mount is None or self.mounted_by in ("scan.mount", "tf")
-        return None if mounted else (scan, mount)
+        if self._pilot is not None:
+            source = self._pilot.source
+            known = not source.exceeded_by(scan) and source.carrier is sensors.carrier
+            if known and (mount is None or not source.mounted_by.startswith("robot=")):
+                return None
+        return _First(scan, mount, sensors.carrier, sensors.posture)
 
-    def _prepare(self, scan: Any, mount: Floats | None) -> None:
+    def _prepare(self, first: _First) -> None:
         """Build guide and planner."""
-        source = ScanSource(self._scan_config, scan, mount, self._configured)
-        fault = source.blinding_fault(scan)
+        source = ScanSource(self._scan_config, first.scan, first.mount, self._configured, first.carrier)
+        fault = source.blinding_fault(first.scan, first.posture)
         if fault is not None:  # nor are guide and planner built for a lidar that it shows wrongly
             raise NotReadyError(fault)
         pilot = Pilot(source, self._make_navigator(source.robot), self.config.seed, self._wall)
-        pilot.warm_up(scan)
+        pilot.warm_up(first.scan, first.posture)
         self._pilot = pilot
 
     def _ready(self, now: int) -> _Ready:
@@ -223,7 +242,7 @@ class LiveDriver:
             raise NotReadyError(*self._idle_reason)
         sensors, goal = self._sensors, self._goal
         sight, frames, tree = sensors.look(now), sensors.frames, sensors.tree
-        fault = None if self._pilot is None else self._pilot.source.blinding_fault(sight.scan)
+        fault = None if self._pilot is None else self._pilot.source.blinding_fault(sight.scan, sight.posture)
         if fault is not None:
             raise NotReadyError(fault)
         sensors.check_transforms(tree.chain(goal.frame, frames.odom), now)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass
+from enum import Enum, auto
 from typing import Any, NamedTuple
 
 from lme.live.messages import frame
@@ -26,6 +27,26 @@ class Frames(NamedTuple):
 
     odom: str
     base: str
+
+
+class Carrier(Enum):
+    """What a frame moves with, and so whether a cloud in it must be levelled."""
+
+    BASE = auto()  # it tilts as the base does
+    LEVEL = (
+        auto()
+    )  # it is between the odometry frame and the base, such as base_footprint: it goes along, but is level
+    ODOMETRY = auto()  # it is the odometry frame
+    MAP = auto()  # it is above the odometry frame
+
+
+def carrier_of(name: str, frames: Frames, tree: TransformTree) -> Carrier:
+    """What carries a frame, as far as tf knows it."""
+    if name == frames.odom:
+        return Carrier.ODOMETRY
+    if tree.chain(name, frames.odom):
+        return Carrier.MAP
+    return Carrier.LEVEL if tree.chain(name, frames.base) else Carrier.BASE
 
 
 def tf_frames(config: FramesConfig, tree: TransformTree) -> Frames | None:

@@ -6,7 +6,7 @@ A message is any object with the fields of its type: of rclpy, of rospy, or of a
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -17,10 +17,18 @@ LASER_SCAN, POINT_CLOUD = "sensor_msgs/msg/LaserScan", "sensor_msgs/msg/PointClo
 ODOMETRY = "nav_msgs/msg/Odometry"
 POSE, POSE_WITH_COVARIANCE = "geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/PoseWithCovarianceStamped"
 TRANSFORM = "geometry_msgs/msg/TransformStamped"
+IMU = "sensor_msgs/msg/Imu"
 TF = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 TWIST, TWIST_STAMPED = "geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped"
 SECOND = 1_000_000_000  # [ns]
 _UNIT = 1e-3  # how far the square of the norm of a unit quaternion may be from 1
+
+
+class Tilt(NamedTuple):
+    """Roll and pitch [rad] about fixed axes, as in URDF: first roll about x, then pitch about y, then yaw about z."""
+
+    roll: float
+    pitch: float
 
 
 def stamp_of(header: Any) -> int:
@@ -81,7 +89,26 @@ def pose_of(message: Any, kind: str) -> Pose:
 
 def has_orientation(message: Any, kind: str) -> bool:
     """Whether the quaternion of a message with a pose is set, not left at zero."""
-    _, orientation = _position_and_orientation(message, kind)
+    return _is_set(_position_and_orientation(message, kind)[1])
+
+
+def pose_matrix(message: Any, kind: str) -> Floats:
+    """The pose of a message of type `kind` in 3D: transform (4, 4) from the base to the odometry frame."""
+    return matrix_of(*_position_and_orientation(message, kind))
+
+
+def imu_rotation(message: Any) -> Floats | None:
+    """The orientation of an Imu: rotation (3, 3) to a frame whose z axis points up; None if it measures none.
+
+    Then the first covariance is −1 (sensor_msgs/Imu), or the quaternion is zero or not finite.
+    """
+    if message.orientation_covariance[0] == -1.0 or not _is_set(message.orientation):
+        return None
+    rotation = _rotation(message.orientation)
+    return rotation if np.isfinite(rotation).all() else None
+
+
+def _is_set(orientation: Any) -> bool:
     return any(getattr(orientation, key) != 0.0 for key in "xyzw")
 
 
@@ -108,17 +135,29 @@ def twist_of(message: Any, kind: str) -> Twist:
 
 def matrix_of(translation: Any, rotation: Any) -> Floats:
     """Transform (4, 4) from the child to the parent frame, from a translation [m] and a quaternion."""
-    x, y, z, w = (float(getattr(rotation, key)) for key in "xyzw")
-    norm = x * x + y * y + z * z + w * w
-    s = 2.0 / norm if norm > 0.0 else 0.0  # an unset quaternion counts as no rotation
     matrix = np.eye(4)
-    matrix[:3, :3] = [
-        [1 - s * (y * y + z * z), s * (x * y - z * w), s * (x * z + y * w)],
-        [s * (x * y + z * w), 1 - s * (x * x + z * z), s * (y * z - x * w)],
-        [s * (x * z - y * w), s * (y * z + x * w), 1 - s * (x * x + y * y)],
-    ]
+    matrix[:3, :3] = _rotation(rotation)
     matrix[:3, 3] = [float(getattr(translation, key)) for key in "xyz"]
     return matrix
+
+
+def _rotation(quaternion: Any) -> Floats:
+    """The rotation (3, 3) of a quaternion, which need not be normalised; none if it is unset."""
+    x, y, z, w = (float(getattr(quaternion, key)) for key in "xyzw")
+    norm = x * x + y * y + z * z + w * w
+    s = 2.0 / norm if norm > 0.0 else 0.0
+    return np.array(
+        [
+            [1 - s * (y * y + z * z), s * (x * y - z * w), s * (x * z + y * w)],
+            [s * (x * y + z * w), 1 - s * (x * x + z * z), s * (y * z - x * w)],
+            [s * (x * z - y * w), s * (y * z + x * w), 1 - s * (x * x + y * y)],
+        ]
+    )
+
+
+def tilt_of(matrix: Floats) -> Tilt:
+    """Roll and pitch of a rotation (3, 3) or transform (4, 4); both exactly 0 if it turns about z alone."""
+    return Tilt(math.atan2(matrix[2, 1], matrix[2, 2]), math.asin(min(max(-float(matrix[2, 0]), -1.0), 1.0)))
 
 
 def planar_matrix(matrix: Floats) -> tuple[Pose, bool]:

@@ -9,6 +9,7 @@ import numpy as np
 
 from lme.geometry.frames import relative
 from lme.live.messages import SECOND
+from lme.live.postures import Posture
 from lme.live.safety import predict, touches
 from lme.live.scan_source import ScanSource
 from lme.live.sensors import LiveSight
@@ -33,15 +34,15 @@ class Pilot:
         self._number = 0  # of the goal that the navigator was reset for
         self._explanations = Explanations(navigator)
 
-    def warm_up(self, scan: Any) -> None:
-        """Make a few decisions on a scan, and discard them.
+    def warm_up(self, scan: Any, posture: Posture | None = None) -> None:
+        """Make a few decisions on a scan, and discard them. posture: of the base at the stamp of a cloud.
 
         Time goes on from one to the next, since a tracker of people does nothing with a scan that is not newer.
         """
         self._navigator.reset(np.random.default_rng(self._seed))
         for k in range(_WARM_UPS):
             here = StampedMotion(k * _WARM_UP_PERIOD, Pose(0.0, 0.0, 0.0), STILL)
-            step = self.decide(LiveSight(scan, here, here), _AHEAD, self._number, STILL, 0)
+            step = self.decide(LiveSight(scan, here, here, posture), _AHEAD, self._number, STILL, 0)
             self.leads_into_contact(step, STILL)
 
     def decide(self, sight: LiveSight, target: Floats, number: int, last: Twist, now: int) -> LiveStep:
@@ -53,7 +54,7 @@ class Pilot:
         if self._number != number:
             navigator.reset(goal_rng(self._seed, number))
             self._number = number
-        observation = self.source.observation(sight.scan, sight.motion, target, last)
+        observation = self.source.observation(sight.scan, sight.motion, target, last, sight.posture)
         began = self._wall()
         wanted = navigator.act(observation, sight.motion.stamp / SECOND)
         assert navigator.observation is not None

@@ -5,20 +5,39 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from lme.live.frames import Frames
-from lme.live.messages import ODOMETRY, frame, planar_matrix, pose_of, twist_of
+from lme.live.messages import (
+    ODOMETRY,
+    Tilt,
+    frame,
+    imu_rotation,
+    planar_matrix,
+    pose_matrix,
+    pose_of,
+    tilt_of,
+    twist_of,
+)
 from lme.live.transforms import TransformTree
 from lme.types import Pose, Twist
 
 FARTHEST = 1e9  # [m], [rad] larger numbers come from a fault
 FASTEST = 50.0  # [m/s], [rad/s] the same
+TWISTS = (
+    "measured",
+    "poses",
+)  # where velocities come from: the messages, as far as they have them, or the poses
 
 
 class Sample(NamedTuple):
-    """The pose of the base in the odometry frame, its header with the stamp, and the twist if the message has one."""
+    """The pose of the base in the odometry frame, its header with the stamp, and the twist if the message has one.
+
+    height [m], tilt: what the planar pose leaves out.
+    """
 
     header: Any
     pose: Pose
     twist: Twist | None
+    height: float
+    tilt: Tilt
 
 
 def is_sound(pose: Pose, twist: Twist | None) -> bool:
@@ -29,9 +48,9 @@ def is_sound(pose: Pose, twist: Twist | None) -> bool:
 
 def message_pose(message: Any, kind: str) -> Sample:
     """The pose in a message of type `kind`: Odometry, a pose or a transform."""
-    return Sample(
-        message.header, pose_of(message, kind), twist_of(message, kind) if kind == ODOMETRY else None
-    )
+    matrix = pose_matrix(message, kind)
+    twist = twist_of(message, kind) if kind == ODOMETRY else None
+    return Sample(message.header, pose_of(message, kind), twist, float(matrix[2, 3]), tilt_of(matrix))
 
 
 def moving_links(tree: TransformTree, frames: Frames) -> set[str]:
@@ -48,4 +67,19 @@ def tf_pose(message: Any, tree: TransformTree, frames: Frames) -> Sample | None:
     links = moving_links(tree, frames)
     moved = [one for one in message.transforms if frame(one.child_frame_id) in links]
     matrix = tree.lookup(*frames) if moved else None
-    return None if matrix is None else Sample(moved[-1].header, planar_matrix(matrix)[0], None)
+    if matrix is None:
+        return None
+    pose = planar_matrix(matrix)[0]
+    return Sample(moved[-1].header, pose, None, float(matrix[2, 3]), tilt_of(matrix))
+
+
+def imu_tilt(message: Any, frames: Frames, tree: TransformTree) -> Tilt | None:
+    """Roll and pitch of the base by an Imu; None if that holds no orientation.
+
+    An IMU that tf does not connect to the base is taken to have the axes of the base.
+    """
+    rotation = imu_rotation(message)
+    to_base = tree.lookup(frames.base, frame(message.header.frame_id))
+    if rotation is None:
+        return None
+    return tilt_of(rotation if to_base is None else rotation @ to_base[:3, :3].T)

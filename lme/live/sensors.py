@@ -8,9 +8,19 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from lme.live.config import LiveConfig
-from lme.live.frames import Frames, FramesConfig, message_frames, tf_frames
-from lme.live.messages import SECOND, frame, has_orientation, is_empty, kind_of_pose, matrix_of, stamp_of
-from lme.live.poses import Sample, is_sound, message_pose, tf_pose
+from lme.live.frames import Carrier, Frames, FramesConfig, carrier_of, message_frames, tf_frames
+from lme.live.messages import (
+    SECOND,
+    frame,
+    has_orientation,
+    is_cloud,
+    is_empty,
+    kind_of_pose,
+    matrix_of,
+    stamp_of,
+)
+from lme.live.poses import Sample, imu_tilt, is_sound, message_pose, tf_pose
+from lme.live.postures import Posture
 from lme.live.step import NotReadyError
 from lme.live.track import StampedMotion, Track
 from lme.live.transforms import TransformTree
@@ -21,11 +31,15 @@ _NAMES = {"scan": "scan", "pose": "odometry"}
 
 
 class LiveSight(NamedTuple):
-    """What the robot senses. scan: the latest message. motion: at its stamp. newest: the latest motion."""
+    """What the robot senses. scan: the latest message. motion: at its stamp. newest: the latest motion.
+
+    posture: of the base at the stamp of a cloud; None for a LaserScan.
+    """
 
     scan: Any
     motion: StampedMotion
     newest: StampedMotion
+    posture: Posture | None = None
 
 
 class LiveSensors:
@@ -33,13 +47,14 @@ class LiveSensors:
 
     A message counts if its stamp is within `stale` of its arrival, and later than those before it.
     Poses come from tf until the first message that holds one; from then on, only from such messages.
+    measured_twists: whether the twists of these messages count.
     """
 
-    def __init__(self, config: LiveConfig, frames: FramesConfig) -> None:
+    def __init__(self, config: LiveConfig, frames: FramesConfig, measured_twists: bool = True) -> None:
         self._stale = round(config.stale * SECOND)
         self._by_header = config.clock == "header"
         self._config = frames
-        self._believes_twists = True
+        self._believes_twists = measured_twists
         self._pose_message: Any = None
         self._tf_frames: Frames | None = None
         self._moving: set[str] = set()  # child frames whose transforms come on tf, not only on tf_static
@@ -81,6 +96,12 @@ class LiveSensors:
         self._pose_message = message
         self._add(sample, now)
 
+    def take_imu(self, message: Any, now: int) -> None:
+        """Add an Imu."""
+        stamp = self._stamp("imu", message.header, now)
+        if stamp is not None:
+            self.track.postures.add_imu(stamp, imu_tilt(message, self.frames, self.tree))
+
     def take_transforms(self, message: Any, now: int, static: bool) -> None:
         """Add a TFMessage."""
         for one in message.transforms:
@@ -110,6 +131,18 @@ class LiveSensors:
             return None
         return self.tree.lookup(self.frames.base, frame(self.scan.header.frame_id))
 
+    @property
+    def carrier(self) -> Carrier:
+        """What carries the frame of the scan, if that is a cloud; nothing depends on it for a LaserScan."""
+        if not is_cloud(self.scan):
+            return Carrier.BASE
+        return carrier_of(frame(self.scan.header.frame_id), self.frames, self.tree)
+
+    @property
+    def posture(self) -> Posture | None:
+        """How the base stands at the stamp of the scan, if that is a cloud; None without a pose close in time."""
+        return self.track.posture(self._scan_stamp, self._stale) if is_cloud(self.scan) else None
+
     def look(self, now: int) -> LiveSight:
         """What the robot senses at `now` [ns]. Raises NotReadyError if something is missing, stale or empty."""
         self._check("scan", now)
@@ -119,7 +152,7 @@ class LiveSensors:
         motion, newest = self.track.at(self._scan_stamp, self._stale), self.track.latest
         if motion is None or newest is None:
             raise NotReadyError("no odometry close in time to the scan")
-        return LiveSight(self.scan, motion, newest)
+        return LiveSight(self.scan, motion, newest, self.posture)
 
     def check_transforms(self, names: set[str], now: int) -> None:
         """Raise NotReadyError if one of these frames moves and its transform is stale."""
@@ -145,7 +178,8 @@ class LiveSensors:
             self.note_problem("pose", "it is not finite, or absurdly large")
             return
         if self.track.newest is None or stamp > self.track.newest:
-            self.track.add(stamp, sample.pose, sample.twist if self._believes_twists else None)
+            twist = sample.twist if self._believes_twists else None
+            self.track.add(stamp, sample.pose, twist, sample.height, sample.tilt)
             self._check_twist(stamp, sample)
             self._note("pose", stamp, now)
 

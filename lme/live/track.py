@@ -1,4 +1,4 @@
-"""The motion of the robot: its pose and twist at any time within the last seconds."""
+"""The motion of the robot: its pose, twist and posture at any time within the last seconds."""
 
 from __future__ import annotations
 
@@ -6,12 +6,14 @@ from bisect import bisect_left, bisect_right
 from typing import NamedTuple
 
 from lme.geometry.frames import between, relative
-from lme.live.messages import SECOND
+from lme.live.messages import SECOND, Tilt
+from lme.live.postures import Posture, Postures
 from lme.types import Pose, Twist
 
 _KEPT = 5 * SECOND
 _SLOPE = SECOND // 5  # interval over which velocity is computed from poses that have no twist
 _TRIMMED_AT = 4096  # poses
+_LEVEL = Tilt(0.0, 0.0)
 
 
 class StampedMotion(NamedTuple):
@@ -23,17 +25,21 @@ class StampedMotion(NamedTuple):
 
 
 class Track:
-    """Collects poses and interpolates between them."""
+    """Collects poses and interpolates between them. postures: their heights and tilts."""
 
     def __init__(self) -> None:
         self._stamps: list[int] = []
         self._poses: list[Pose] = []
         self._twists: list[Twist | None] = []
+        self.postures = Postures()
 
-    def add(self, stamp: int, pose: Pose, twist: Twist | None) -> None:
+    def add(
+        self, stamp: int, pose: Pose, twist: Twist | None, height: float = 0.0, tilt: Tilt = _LEVEL
+    ) -> None:
         """Add a pose, unless a later one is known. Without a twist, the velocity is the slope of the poses."""
         if self._stamps and stamp <= self._stamps[-1]:
             return
+        self.postures.add(stamp, height, tilt)
         self._stamps.append(stamp)
         self._poses.append(pose)
         self._twists.append(twist)
@@ -72,6 +78,11 @@ class Track:
         if abs(self._stamps[end] - stamp) > tolerance:
             return None
         return StampedMotion(stamp, self._poses[end], self._twist(end))
+
+    def posture(self, stamp: int, tolerance: int) -> Posture | None:
+        """How the base stands at `stamp` [ns]; None if no pose is within `tolerance` [ns]."""
+        motion = self.at(stamp, tolerance)
+        return None if motion is None else self.postures.at(stamp, motion.pose, tolerance)
 
     def _between(self, k: int, stamp: int) -> StampedMotion:
         a, b = self._poses[k - 1], self._poses[k]

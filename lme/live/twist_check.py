@@ -73,7 +73,7 @@ class TwistCheck:
                 v, omega = (one + other) / 2.0
                 return (
                     f"its twist is always zero, but its poses move ({v:.2f} m/s, {omega:.2f} rad/s), so velocities are "
-                    "taken from the poses"
+                    "taken from the poses; topics.twist=poses does so from the start"
                 )
         wrong = [numbers for is_wrong, numbers in self._windows if is_wrong]
         if len(wrong) < _WRONG and not (at_end and len(wrong) == len(self._windows) > 1):

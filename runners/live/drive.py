@@ -6,7 +6,7 @@ from contextlib import ExitStack
 
 from lme.live.driver import LiveDriver
 from lme.live.frames import FramesConfig
-from lme.live.scan_source import ScanConfig
+from lme.live.scan_config import ScanConfig
 from lme.live.step import LiveStep
 from lme.navigator import Navigator
 from lme.robots import Robot
@@ -33,7 +33,8 @@ def drive_robot(job: Job[LiveCommandConfig], transport: Transport) -> None:
         fill_dataclass(ScanConfig, config.scan, "scan"),
         fill_dataclass(FramesConfig, config.frames, "frames"),
     )
-    driver = LiveDriver(navigator, config.robot, own, scan, frames)
+    measured = topics.twist == "measured"
+    driver = LiveDriver(navigator, config.robot, own, scan, frames, measured_twists=measured)
     node = Node(own, transport, topics, driver, config.robot.dt)
     node.listen(_StatePrinter().take)
     version = transport.version

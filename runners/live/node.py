@@ -22,7 +22,7 @@ from runners.live.clock import SystemClock, TopicClock
 from runners.live.markers import markers
 from runners.live.outgoing import OutgoingMessages
 from runners.live.status import Status
-from runners.live.topics import TF, TF_MESSAGE, LiveTopicsConfig
+from runners.live.topics import IMU_KIND, TF, TF_MESSAGE, LiveTopicsConfig
 from runners.live.transport import ActionGoal, Delivery, Transport
 from runners.live.watchdog import Watchdog
 
@@ -206,6 +206,8 @@ class Node:
         ros.subscribe(topics.scan, topics.scan_kind, stamped(driver.take_scan), Delivery.NEWEST)
         if topics.pose != TF:
             ros.subscribe(topics.pose, topics.pose_kind, stamped(driver.take_odometry), Delivery.NEWEST)
+        if topics.imu is not None:
+            ros.subscribe(topics.imu, IMU_KIND, stamped(driver.take_imu), Delivery.NEWEST)
         if topics.pose == TF or ros.has(TF_MESSAGE):
             fixed = partial(driver.take_transforms, static=True)
             ros.subscribe(topics.tf, TF_MESSAGE, stamped(driver.take_transforms), Delivery.ALL)

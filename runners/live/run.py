@@ -12,7 +12,7 @@ import numpy as np
 
 from lme.errors import InputError, require
 from lme.live.frames import FramesConfig
-from lme.live.scan_source import ScanConfig
+from lme.live.scan_config import ScanConfig
 from lme.worlds.check import check_task
 from lme.worlds.world import Task
 from runners.config import build

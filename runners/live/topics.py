@@ -6,6 +6,7 @@ import re
 from dataclasses import asdict, dataclass
 
 from lme.errors import InputError
+from lme.live.poses import TWISTS
 
 TF_MESSAGE = "tf2_msgs/TFMessage"
 TF = "tf"  # instead of a topic of poses
@@ -17,6 +18,7 @@ POSES = {
     "TransformStamped": "geometry_msgs",
 }
 COMMANDS = {"Twist": "geometry_msgs", "TwistStamped": "geometry_msgs"}
+IMU_KIND = "sensor_msgs/Imu"
 _GOAL = {1: "move_base_simple/goal", 2: "goal_pose"}  # where RViz sends a goal
 _NAME = re.compile(r"(~/|/)?[a-z_]\w*(/[a-z_]\w*)*", re.ASCII | re.IGNORECASE)
 _ACTION = {1: "move_base", 2: "navigate_to_pose"}
@@ -24,12 +26,17 @@ _ACTION = {1: "move_base", 2: "navigate_to_pose"}
 
 @dataclass(slots=True)
 class LiveTopicsConfig:
-    """Names and types of the topics. goal, action: null for the usual name in this version of ROS."""
+    """Names and types of the topics. goal, action: null for the usual name in this version of ROS.
+
+    imu: null for none. twist: where velocities come from, the messages or the poses.
+    """
 
     scan: str = "scan"
     scan_type: str = "LaserScan"
     pose: str = "odom"
     pose_type: str = "Odometry"
+    twist: str = "measured"
+    imu: str | None = None
     command: str = "cmd_vel"
     command_type: str = "Twist"
     goal: str | None = None
@@ -44,7 +51,8 @@ class LiveTopicsConfig:
     diagnostics: str = "/diagnostics"
 
     def __post_init__(self) -> None:
-        for key, types in (("scan_type", SCANS), ("pose_type", POSES), ("command_type", COMMANDS)):
+        choices = {"scan_type": SCANS, "pose_type": POSES, "command_type": COMMANDS, "twist": TWISTS}
+        for key, types in choices.items():
             if getattr(self, key) not in types:
                 raise InputError(f"topics.{key} is {getattr(self, key)}: must be one of {', '.join(types)}")
         for key, name in asdict(self).items():

@@ -13,7 +13,9 @@ from lme.errors import InputError, nearest, require
 from lme.geometry.frames import compose
 from lme.live.frames import FramesConfig
 from lme.live.messages import SECOND, is_cloud
-from lme.live.scan_source import ScanConfig, ScanSource
+from lme.live.postures import Posture
+from lme.live.scan_config import ScanConfig
+from lme.live.scan_source import ScanSource
 from lme.presets import load_robot
 from lme.robots import Robot
 from lme.types import LaserScan, Pose
@@ -113,12 +115,16 @@ class DriveLog:
         """Every scan between start and end; None for one without a pose. Raises InputError if time goes backwards."""
         recording = self._recording
         source = ScanSource(
-            self._config.scan, recording.first_scan.content, recording.mount, _robot(self._config.robot)
+            self._config.scan,
+            recording.first_scan.content,
+            recording.mount,
+            _robot(self._config.robot),
+            recording.carrier,
         )
         posed = PosedScans(recording, _STALE)
         for coming in self._messages():
-            for message, motion in posed.ready(coming):
-                yield None if motion is None else _located(source, message.content, motion.pose)
+            for message, motion, posture in posed.ready(coming):
+                yield None if motion is None else _located(source, message.content, motion.pose, posture)
             if coming is not None:
                 posed.take(coming)
 
@@ -156,9 +162,9 @@ def _robot(name: str | None) -> Robot:
     return robot if name else replace(robot, lidar=replace(robot.lidar, x=0.0, y=0.0, yaw=0.0))
 
 
-def _located(source: ScanSource, message: Any, base: Pose) -> LocatedScan:
-    scan = source.raw(message)
-    source.warn_of_faults(message, scan)
+def _located(source: ScanSource, message: Any, base: Pose, posture: Posture | None) -> LocatedScan:
+    scan = source.raw(message, posture)
+    source.warn_of_faults(message, scan, posture)
     if source.upside_down:  # its bearings are reversed
         scan = scan._replace(angle_min=-scan.angle_min, angle_increment=-scan.angle_increment)
     return LocatedScan(scan, compose(base, source.mount), base, not is_cloud(message))

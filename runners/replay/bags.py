@@ -23,7 +23,7 @@ EPISODE, EPISODE_TYPE = "/lme", "std_msgs/msg/String"  # of recordings by lme
 _SECOND = 1_000_000_000
 _READ = (  # message types that a replay reads
     messages.LASER_SCAN, messages.POINT_CLOUD, messages.ODOMETRY, messages.POSE, messages.POSE_WITH_COVARIANCE,
-    messages.TRANSFORM, messages.TWIST, messages.TWIST_STAMPED, messages.TF[0],
+    messages.TRANSFORM, messages.TWIST, messages.TWIST_STAMPED, messages.IMU, messages.TF[0],
 )  # fmt: skip
 _ROS1_MAGIC, _MCAP_MAGIC, _SQLITE_MAGIC = b"#ROSBAG", b"\x89MCAP0\r\n", b"SQLite format 3\x00"
 _OLD_MAGIC = (b"#ROSRECORD", b"#ROSBAG V1")

@@ -16,6 +16,7 @@ from lme.errors import InputError
 from lme.kernels.collision import sweep
 from lme.kernels.motion import drive
 from lme.live.messages import SECOND, twist_of
+from lme.live.postures import Posture
 from lme.live.scan_source import ScanSource
 from lme.live.track import StampedMotion
 from lme.navigator import Navigator
@@ -127,18 +128,19 @@ class Driver:
 
     def _decide(self, coming: Message | None) -> None:
         """Decide on the scans whose poses are known. coming: the next message, None at the end."""
-        for message, motion in self._scans.ready(coming):
+        for message, motion, posture in self._scans.ready(coming):
             if motion is None:
                 self.log.skipped["no pose"] += 1
             else:
-                self._tick(message, motion)
+                self._tick(message, motion, posture)
 
-    def _tick(self, message: Message, motion: StampedMotion) -> None:
+    def _tick(self, message: Message, motion: StampedMotion, posture: Posture | None) -> None:
         target = self._goal.target(motion, self._scans.tree)
         if target is None:
             self.log.skipped["no goal"] += 1
             return
-        observation = self._scan_source.observation(message.content, motion, target, self._commanded(motion))
+        last_command = self._commanded(motion)
+        observation = self._scan_source.observation(message.content, motion, target, last_command, posture)
         self.log.tally.add(observation.scan)
         began = perf_counter_ns()
         command = self._navigator.act(observation, motion.stamp / SECOND)

@@ -7,7 +7,9 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
-from lme.live.messages import frame
+from lme.live.messages import frame, is_cloud
+from lme.live.poses import imu_tilt
+from lme.live.postures import Posture
 from lme.live.track import StampedMotion, Track
 from lme.live.twist_check import TwistCheck
 from runners.replay.bags import Message
@@ -16,10 +18,14 @@ from runners.replay.recording import RecordedPose, Recording, is_whole
 
 
 class PosedScan(NamedTuple):
-    """A message with a scan, and the motion of the base at its stamp; None if no pose is near in time."""
+    """A message with a scan, and motion and posture of the base at its stamp; None if no pose is near in time.
+
+    posture: None also for a LaserScan.
+    """
 
     message: Message
     motion: StampedMotion | None
+    posture: Posture | None = None
 
 
 class PosedScans:
@@ -42,12 +48,18 @@ class PosedScans:
         self._left_out: set[str] = set()  # kinds of scans
 
     def take(self, message: Message) -> None:
-        """Process a pose, a transform or a scan; ignore any other message. Raises InputError if time goes backwards."""
+        """Process a pose, a transform, an orientation or a scan; ignore any other message.
+
+        Raises InputError if time goes backwards.
+        """
         sample = self._recording.pose(message, self.tree)
         if sample is not None:
             if self._pose_order.accepts(sample.stamp):
                 self.track.add(*sample)
                 self._check_twist(sample)
+        elif message.topic == self._recording.topics.imu_name:
+            tilt = imu_tilt(message.content, self._recording.frames, self.tree)
+            self.track.postures.add_imu(self._recording.stamp(message), tilt)
         elif message.topic == self._recording.topics.scan.name:
             stamp = self._recording.stamp(message)
             if self._usable(message) and self._scan_order.accepts(stamp):
@@ -92,4 +104,5 @@ class PosedScans:
                 if coming.recorded <= scan.recorded or not (known or late):
                     return
             self._waiting.popleft()
-            yield PosedScan(scan, self.track.at(stamp, self._stale))
+            posture = self.track.posture(stamp, self._stale) if is_cloud(scan.content) else None
+            yield PosedScan(scan, self.track.at(stamp, self._stale), posture)

@@ -12,8 +12,8 @@ from itertools import islice, pairwise
 from typing import NamedTuple
 
 from lme.errors import InputError
-from lme.live.frames import Frames, FramesConfig, message_frames, tf_frames
-from lme.live.messages import LASER_SCAN, ODOMETRY, SECOND, frame, has_orientation, stamp_of
+from lme.live.frames import Carrier, Frames, FramesConfig, carrier_of, message_frames, tf_frames
+from lme.live.messages import LASER_SCAN, ODOMETRY, SECOND, Tilt, frame, has_orientation, stamp_of
 from lme.live.poses import is_sound, message_pose, moving_links, tf_pose
 from lme.live.transforms import TransformTree
 from lme.live.twist_check import TwistCheck
@@ -31,11 +31,13 @@ _TAIL_S = (2, 30)  # [s] at the end to search for the last pose, before the whol
 
 
 class RecordedPose(NamedTuple):
-    """A recorded pose: stamp [ns], pose of the base, twist if the message has one."""
+    """A recorded pose: stamp [ns], pose of the base, twist if the message has one, height [m] and tilt of the base."""
 
     stamp: int
     pose: Pose
     twist: Twist | None
+    height: float
+    tilt: Tilt
 
 
 @dataclass(slots=True)
@@ -44,8 +46,8 @@ class Recording:
 
     frames: the odometry frame and the base frame. headers: whether stamps come from the headers. offset: clock
     of the file minus clock of the stamps [ns]. mount: (4, 4) from the scan's frame to the base frame; None if tf has
-    none. scan_rate [Hz]. first_scan: the first one with the usual frame and geometry. tree: the transforms at the
-    beginning. twists: whether those of odometry can be believed.
+    none. carrier: of the scan's frame. scan_rate [Hz]. first_scan: the first one with the usual frame and geometry.
+    tree: the transforms at the beginning. twists: whether those of odometry count.
     """
 
     bag: Bag
@@ -54,10 +56,11 @@ class Recording:
     headers: bool
     offset: int
     mount: Floats | None
+    carrier: Carrier
     scan_rate: float
     first_scan: Message
     tree: TransformTree
-    twists: bool = True
+    twists: bool
 
     def stamp(self, message: Message) -> int:
         """The stamp of a message [ns]; for a message without one, its time of recording on the clock of the stamps."""
@@ -86,7 +89,7 @@ class Recording:
         if found is None or not is_sound(found.pose, found.twist):
             return None
         stamp = stamp_of(found.header) if self.headers else message.recorded - self.offset
-        return RecordedPose(stamp, found.pose, found.twist)
+        return RecordedPose(stamp, *found[1:])
 
     def doubt_twists(self, contradiction: str) -> None:
         """Take no velocity from the odometry messages any more, and say why."""
@@ -109,7 +112,7 @@ class Recording:
             if headings[-1]:
                 sample = message_pose(message.content, pose.type)
                 stamp = stamp_of(sample.header) if self.headers else message.recorded
-                if sample.twist is not None and is_sound(sample.pose, None):
+                if self.twists and sample.twist is not None and is_sound(sample.pose, None):
                     check.add(stamp, sample.pose, sample.twist)
                 if check.contradiction() or check.full:
                     break
@@ -159,8 +162,12 @@ def inspect(bag: Bag, topics: Topics, frames: FramesConfig, clock: str) -> Recor
     gaps = [b - a for a, b in pairwise(stamps) if b > a]
     rate = SECOND / statistics.median(gaps) if gaps else 0.0
     scan = _usual_scan(bag, topics, first.scans)
-    mount = first.tree.lookup(chosen.base, frame(scan.content.header.frame_id))
-    recording = Recording(bag, topics, chosen, headers, offset, mount, rate, scan, first.tree)
+    came_from = frame(scan.content.header.frame_id)
+    mount = first.tree.lookup(chosen.base, came_from)
+    carrier = carrier_of(came_from, chosen, first.tree)
+    recording = Recording(
+        bag, topics, chosen, headers, offset, mount, carrier, rate, scan, first.tree, topics.measured_twists
+    )
     recording.check_poses()
     return recording
 

@@ -13,7 +13,8 @@ import numpy as np
 from lme.errors import InputError, require
 from lme.live.frames import FramesConfig
 from lme.live.messages import SECOND
-from lme.live.scan_source import ScanConfig, ScanSource
+from lme.live.scan_config import ScanConfig
+from lme.live.scan_source import ScanSource
 from lme.robots import Robot
 from lme.sensing.people.source import People
 from runners.config import build, instantiate
@@ -105,6 +106,7 @@ def _replay(
         recording.first_scan.content,
         recording.mount,
         config.robot if episode is not None else _at_scan_rate(config, recording),
+        recording.carrier,
     )
     navigator = build.navigator(config, scan_source.robot)
 

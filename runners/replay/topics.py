@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 from lme.errors import InputError, nearest
 from lme.live import messages
+from lme.live.poses import TWISTS
 from runners.analysis.columns import aligned
 from runners.replay.bags import Bag, Topic
 
@@ -18,16 +19,23 @@ _POSES = (messages.ODOMETRY,)  # tf comes second, then _OTHER_POSES
 _OTHER_POSES = (messages.POSE, messages.POSE_WITH_COVARIANCE, messages.TRANSFORM)
 _COMMANDS = (messages.TWIST, messages.TWIST_STAMPED)
 _GOALS = (messages.POSE,)
+_IMUS = (messages.IMU,)
 _USUAL = {"scan": "/scan", "pose": "/odom", "command": "/cmd_vel"}
 
 
 @dataclass(slots=True)
 class BagTopicsConfig:
-    """Names of topics; null: chosen by type."""
+    """Names of topics; null: chosen by type. twist: where velocities come from, the messages or the poses."""
 
     scan: str | None = None
     pose: str | None = None
     command: str | None = None
+    imu: str | None = None
+    twist: str = "measured"
+
+    def __post_init__(self) -> None:
+        if self.twist not in TWISTS:
+            raise InputError(f"topics.twist is {self.twist}: must be one of {', '.join(TWISTS)}")
 
 
 class ChosenTopic(NamedTuple):
@@ -38,19 +46,29 @@ class ChosenTopic(NamedTuple):
 
 
 class Topics(NamedTuple):
-    """The topics that are read. pose: None if poses come from tf. tf: names of the tf topics, if any."""
+    """The topics that are read. pose: None if poses come from tf. tf: names of the tf topics, if any.
+
+    measured_twists: whether velocities come from the messages with poses, not from the slope of the poses.
+    """
 
     scan: ChosenTopic
     pose: ChosenTopic | None
     command: ChosenTopic | None
     goal: ChosenTopic | None
+    imu: ChosenTopic | None
     tf: tuple[str, ...]
+    measured_twists: bool
 
     @property
     def names(self) -> set[str]:
         """Names of all topics that are read."""
-        single = (topic.name for topic in self[:4] if isinstance(topic, ChosenTopic))
+        single = (topic.name for topic in self if isinstance(topic, ChosenTopic))
         return {*single, *self.tf}
+
+    @property
+    def imu_name(self) -> str | None:
+        """The topic of the IMU; None if none is read."""
+        return None if self.imu is None else self.imu.name
 
     @property
     def pose_name(self) -> str:
@@ -74,8 +92,19 @@ def choose(bag: Bag, config: BagTopicsConfig, goal: str | None) -> Topics:
     if command is not None and config.command is None:
         command = _without_several_types(bag, known, command)
     chosen_goal = None if goal is None else _choose(known, "goal", goal, _GOALS)
-    topics = Topics(scan, pose, command, chosen_goal, tf)
+    imu = _choose_imu(known, config.imu, scan)
+    topics = Topics(scan, pose, command, chosen_goal, imu, tf, config.twist == "measured")
     return topics._replace(pose=other_pose(bag, topics)) if pose is None and not tf else topics
+
+
+def _choose_imu(known: Sequence[Topic], requested: str | None, scan: ChosenTopic) -> ChosenTopic | None:
+    """The requested topic of an IMU, else the only one, which may level the clouds; a LaserScan needs none."""
+    if requested is not None:
+        return _requested_topic(known, "topics.imu", requested, _IMUS)
+    there = [topic.name for topic in known if messages.IMU in topic.types and topic.number]
+    return (
+        ChosenTopic(there[0], messages.IMU) if scan.type == messages.POINT_CLOUD and len(there) == 1 else None
+    )
 
 
 def _without_several_types(bag: Bag, known: Sequence[Topic], command: ChosenTopic) -> ChosenTopic | None:
@@ -105,7 +134,13 @@ def other_pose(bag: Bag, topics: Topics) -> ChosenTopic:
 def table(bag: Bag) -> list[str]:
     """One line per topic: name, type, number of messages, rate, and its possible roles."""
     known = bag.topics()
-    uses = [("scan", _SCANS), ("pose", (*_POSES, *_OTHER_POSES)), ("command", _COMMANDS), ("tf", messages.TF)]
+    uses = [
+        ("scan", _SCANS),
+        ("pose", (*_POSES, *_OTHER_POSES)),
+        ("command", _COMMANDS),
+        ("imu", _IMUS),
+        ("tf", messages.TF),
+    ]
     rows = [("topic", "type", "messages", "Hz", "can be")]
     for topic in known:
         roles = [role for role, types in uses if set(topic.types) & set(types)]

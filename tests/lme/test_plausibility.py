@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from lme.errors import InputError
-from lme.live.scan_source import ScanConfig
+from lme.live.scan_config import ScanConfig
 from lme.plausibility import USUAL, check
 from lme.robots import Cloud, Footprint, Lidar
 from lme.sim.fast import FastConfig

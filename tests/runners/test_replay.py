@@ -2,6 +2,7 @@
 
 import json
 import math
+import warnings
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ pytest.importorskip("rosbags")
 
 import pandas as pd
 
+from lme.live.messages import Tilt
 from lme.types import Pose
 from runners.cli.main import main
 from runners.replay import figures
@@ -203,6 +205,33 @@ def test_a_cloud_is_flattened(replay, plain, tmp_path):
     np.testing.assert_allclose(table["clearance_m"], told["clearance_m"], atol=0.02)
 
 
+@pytest.mark.parametrize("tilted", ["poses", "imu"])
+def test_the_cloud_of_a_robot_that_rocks_is_levelled(replay, plain, tmp_path, tilted):
+    rocking = {"scans": "cloud", "tilt": lambda k: Tilt(0.05 * math.sin(k), 0.09 * math.cos(2 * k))}
+    table, told = replay(drive(**rocking, tilted=(tilted,)).write(tmp_path)), replay(plain)
+    np.testing.assert_allclose(table["clearance_m"], told["clearance_m"], atol=0.02)
+    np.testing.assert_allclose(table["scan_points"], told["scan_points"], rtol=0.3)
+
+
+def test_the_cloud_of_a_robot_that_rocks_is_not_levelled_if_nothing_says_so(replay, plain, tmp_path):
+    rocking = {"scans": "cloud", "tilt": lambda k: Tilt(0.05 * math.sin(k), 0.09 * math.cos(2 * k))}
+    path = drive(**rocking, tilted=()).write(tmp_path)
+    with pytest.warns(UserWarning, match="a cloud is read as if the robot never tilted"):
+        table = replay(path)
+    assert (table["clearance_m"] - replay(plain)["clearance_m"]).abs().max() > 0.1
+    with warnings.catch_warnings():
+        warnings.filterwarnings("error", message="a cloud is read")
+        pd.testing.assert_series_equal(
+            replay(path, "scan.cloud.level=false")["clearance_m"], table["clearance_m"]
+        )
+
+
+def test_velocities_from_the_poses_where_that_is_asked_for(replay, plain):
+    table = replay(plain, "topics.twist=poses")
+    np.testing.assert_allclose(table["v_mps"][2:], 0.25, atol=5e-3)
+    assert (table["v_mps"] != 0.25).any()
+
+
 def test_the_robots_own_lidar_where_it_is_asked_for(replay, plain, capsys):
     table = replay(plain, "scan.lidar=robot")
     assert "270 beams over 360°" in capsys.readouterr().out
@@ -307,6 +336,7 @@ def test_another_system_on_a_recording_of_eval_must_be_asked_for(replay, tmp_pat
         (["start=100"], "nothing to replay"),
         (["horizon=0"], "horizon is 0"),
         (["topic.scan=/scan"], "did you mean topics"),
+        (["topics.twist=slope"], "topics.twist is slope: must be one of measured, poses"),
     ],
 )  # fmt: skip
 def test_a_mistake_is_one_line(plain, capsys, tmp_path, monkeypatch, words, message):

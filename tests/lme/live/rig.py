@@ -43,7 +43,7 @@ class Puppet:
 class Rig:
     """A driver, the clock, and a robot that stands at the origin of odom with walls 3 m away."""
 
-    def __init__(self, frames=None, robot=None, scan=None, **config):
+    def __init__(self, frames=None, robot=None, scan=None, measured_twists=True, **config):
         self.puppet, self.make = Puppet(), BagMaker()
         self.now, self.wall = BEGAN, 0
         self.robot = robot or builders.stage()
@@ -54,6 +54,7 @@ class Rig:
             scan,
             frames=frames,
             wall=lambda: self.wall,
+            measured_twists=measured_twists,
         )
 
     def scan(self, stamp=None, ranges=None):

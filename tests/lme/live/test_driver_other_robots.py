@@ -12,7 +12,7 @@ pytest.importorskip("rosbags")
 from lme.live.config import LiveConfig
 from lme.live.driver import LiveDriver
 from lme.live.messages import LASER_SCAN, ODOMETRY, POINT_CLOUD
-from lme.live.scan_source import ScanConfig
+from lme.live.scan_config import ScanConfig
 from lme.live.step import LiveState
 from lme.navigator import Navigator
 from lme.sensing.scan_points import obstacle_points

@@ -1,6 +1,7 @@
 """The live driver and the robot's pose: from odometry or tf, fresh, finite, and at the time of the scan."""
 
 import math
+import warnings
 
 import pytest
 
@@ -145,4 +146,12 @@ def test_a_robot_that_moves_and_always_says_zero_is_noticed_within_a_second(rig)
     with pytest.warns(UserWarning, match="odometry of base_link in odom: its twist is always zero") as said:
         step = moves(rig, 1.3)
     assert [str(one.message) for one in said if "twist" in str(one.message)] == [str(said[-1].message)]
+    assert step.observation.twist == pytest.approx((0.5, 0.0))
+
+
+def test_velocities_may_come_from_the_poses_from_the_start():
+    rig = Rig(measured_twists=False)
+    with warnings.catch_warnings():
+        warnings.filterwarnings("error", message="odometry")
+        step = moves(rig, 0.5)
     assert step.observation.twist == pytest.approx((0.5, 0.0))

@@ -6,7 +6,8 @@ import pytest
 pytest.importorskip("rosbags")
 
 from lme.live.pilot import Pilot
-from lme.live.scan_source import ScanConfig, ScanSource
+from lme.live.scan_config import ScanConfig
+from lme.live.scan_source import ScanSource
 from lme.navigator import Navigator
 from lme.sensing.people.source import TrackedPeople
 from tests import builders

@@ -10,7 +10,8 @@ import pytest
 pytest.importorskip("rosbags")
 
 from lme.errors import InputError
-from lme.live.scan_source import CloudConfig, ScanConfig, ScanSource
+from lme.live.scan_config import CloudConfig, ScanConfig
+from lme.live.scan_source import ScanSource
 from lme.robots import Cloud
 from lme.sensing.point_cloud import rigid_transform
 from tests import builders
@@ -120,7 +121,7 @@ def test_points_in_range_but_not_between_the_heights_are_warned_of_once():
     assert nearest == math.inf
     (text,) = said
     assert (
-        "none of the 300 points within 10 m is between 0.05 and 0.5 m high: they are 1.55 to 1.75 m" in text
+        "none of the 300 points within 20 m is between 0.05 and 0.5 m high: they are 1.55 to 1.75 m" in text
     )
     with warnings.catch_warnings():
         warnings.simplefilter("error")

@@ -65,6 +65,7 @@ def test_twists_that_are_all_zero_are_found_after_a_second_of_motion(rate):
     assert contradiction(stands, WRONG["never set"], at_end=True) is None
     found = contradiction([*stands, *moves], WRONG["never set"])
     assert "always zero, but its poses move (0.3" in found
+    assert "topics.twist=poses" in found
 
 
 @pytest.mark.parametrize("at", range(10, 20))

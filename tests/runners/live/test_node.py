@@ -21,7 +21,7 @@ class Ros:
     version, sim_time = 1, False
 
     def __init__(self):
-        self.sent = []
+        self.sent, self.heard = [], {}
 
     def publisher(self, topic, kind, latched=False):
         return self.sent.append if topic == "cmd_vel" else SimpleNamespace(watched=False)
@@ -35,8 +35,8 @@ class Ros:
     def serve(self, *_):
         return False
 
-    def subscribe(self, *_):
-        pass
+    def subscribe(self, topic, kind, take, delivery):
+        self.heard[topic] = kind
 
     def handle(self, timeout):
         pass
@@ -49,7 +49,7 @@ class Ros:
 class Driver:
     """Gives the steps of a script, which may be functions, and then ends the node."""
 
-    take_scan = take_odometry = take_transforms = None
+    take_scan = take_odometry = take_imu = take_transforms = None
     frames, soft_stops = Frames("odom", "base_link"), 0
 
     def __init__(self, *script):
@@ -75,6 +75,14 @@ def sent(*script, stale=5.0):
 
 
 FAREWELL = [0.0] * 3
+
+
+@pytest.mark.parametrize("imu", [None, "utlidar/imu"])
+def test_the_node_hears_an_imu_where_one_is_given(imu):
+    ros = Ros()
+    Node(NodeConfig(), ros, LiveTopicsConfig(imu=imu), Driver(), 0.1)
+    assert {kind for kind in ros.heard.values() if "Imu" in kind} == ({"sensor_msgs/Imu"} if imu else set())
+    assert ros.heard.get("utlidar/imu") == (imu and "sensor_msgs/Imu")
 
 
 @pytest.mark.parametrize("state", [LiveState.CANCELLED, LiveState.ARRIVED])

@@ -306,6 +306,17 @@ def test_two_scanners_of_unknown_names_require_a_choice(tmp_path):
         chosen(maker, tmp_path)
 
 
+def test_the_only_imu_is_read_for_the_sake_of_clouds(tmp_path):
+    tilted = {"steps": 2, "tilted": ("imu",)}
+    assert chosen(drive(scans="cloud", **tilted), tmp_path / "a").imu.name == "/imu"
+    assert chosen(drive(**tilted), tmp_path / "b").imu is None
+    assert chosen(drive(**tilted), tmp_path / "c", imu="imu").imu.name == "/imu"
+    two = drive(scans="cloud", **tilted)
+    two.add("/livox/imu", "sensor_msgs/msg/Imu", BEGAN, two.imu(BEGAN))
+    assert chosen(two, tmp_path / "d").imu is None
+    assert chosen(two, tmp_path / "e", imu="/imu").names >= {"/points", "/odom", "/imu", "/tf_static"}
+
+
 @pytest.mark.parametrize(
     ("names", "message"),
     [
@@ -315,6 +326,10 @@ def test_two_scanners_of_unknown_names_require_a_choice(tmp_path):
         ),
         ({"scan": "/skan"}, "topics.scan is /skan: no such topic; did you mean /scan?"),
         ({"command": "/scan"}, "must be of type geometry_msgs/Twist"),
+        (
+            {"imu": "/scan"},
+            "topics.imu is /scan, of type sensor_msgs/LaserScan: must be of type sensor_msgs/Imu",
+        ),
         ({"goal": "/odom"}, "goal is /odom, of type nav_msgs/Odometry"),
     ],
 )
@@ -342,10 +357,11 @@ def test_a_goal_is_not_taken_for_the_robots_pose(tmp_path):
 
 
 def test_the_list_says_what_a_topic_can_be(tmp_path, capsys):
-    path = drive(steps=12).write(tmp_path)
+    path = drive(steps=12, tilted=("imu",)).write(tmp_path)
     with Bag(path) as bag:
         rows = {line.split()[0]: line for line in table(bag)}
     assert rows["/scan"].endswith("scan")
+    assert rows["/imu"].endswith("imu")
     assert rows["/odom"].endswith("pose")
     assert "12" in rows["/cmd_vel"]
     assert main([f"bag={path}", "list=true"]) == 0

@@ -60,6 +60,16 @@ def test_a_twist_that_contradicts_the_poses_is_replaced_by_their_slope(tmp_path,
     np.testing.assert_allclose(speeds[3:], 0.25, atol=0.01)
 
 
+def test_velocities_are_the_slope_of_the_poses_where_that_is_asked_for(tmp_path):
+    path = changed(tmp_path, in_mm)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        _, found = motions(path, twist="poses")
+    np.testing.assert_allclose([motion.twist.v for motion in found[3:]], 0.25, atol=0.01)
+    with pytest.raises(InputError, match=r"topics\.twist is poes: must be one of measured, poses"):
+        BagTopicsConfig(twist="poes")
+
+
 def test_twists_that_become_wrong_are_replaced_from_then_on(tmp_path):
     path = changed(tmp_path, lambda k, message: no_twist(k, message) if k > 70 else None, steps=160)
     with pytest.warns(UserWarning, match="contradict"):

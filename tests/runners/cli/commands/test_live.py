@@ -29,6 +29,8 @@ def installed(monkeypatch):
             ["ros2", "topics.scan_type=Image"],
             "topics.scan_type is Image: must be one of LaserScan, PointCloud2",
         ),
+        (["ros2", "topics.twist=slope"], "topics.twist is slope: must be one of measured, poses"),
+        (["ros2", "topics.imu=''"], "topics.imu is '': must be letters"),
         (["ros2", "topics.scann=x"], "scan"),
         (["ros1", "topics.scan="], "topics.scan is '': must be letters, digits and _, as in front/scan"),
         (["ros2", "topics.pose='a b'"], "topics.pose is 'a b': must be letters"),
