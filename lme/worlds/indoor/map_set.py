@@ -53,7 +53,7 @@ class IndoorConfig(PacedRules):
             require(f"map.{key}", getattr(self, key), at_least=0.0)
         require("map.max_distance", self.max_distance, at_least=self.min_distance)
         if self.radius is not None:
-            require("map.radius", self.radius, above=0.0, at_most=0.4)
+            require("map.radius", self.radius, above=0.0, at_most=0.45)
         require("map.grid", self.grid, above=0.0)
         require("map.passage_margin", self.passage_margin, at_least=2 * self.grid, at_most=0.5)
 

@@ -41,6 +41,21 @@ def test_without_disturbances_the_twist_is_the_last_command_bit_for_bit(system, 
     np.testing.assert_allclose(followed, sent, rtol=0.0, atol=1e-12)
 
 
+@pytest.mark.parametrize("system", ["lme", "lme_plus", "dwa_tuned"])
+def test_without_disturbances_both_kinds_of_feedback_drive_the_same_episode(system):
+    robot, world = lme.load_robot("jackal"), lme.load_map_set("barn", {"worlds": [120]}).task(120)
+    one, other = (
+        lme.run_episode(
+            world,
+            lme.load_system(system, robot, feedback=feedback),
+            FastSimulator(FastConfig(), robot),
+            np.random.default_rng(0),
+        )
+        for feedback in ("OPEN_LOOP", "CLOSED_LOOP")
+    )
+    np.testing.assert_array_equal(one.trajectory, other.trajectory)
+
+
 @pytest.mark.parametrize("config", [FastConfig(latency=0.3), FastConfig(lag=0.2)])
 def test_with_disturbances_the_last_command_is_what_was_sent(config):
     simulator = FastSimulator(config, stage())

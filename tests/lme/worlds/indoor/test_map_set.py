@@ -78,7 +78,7 @@ def test_the_yaml_builds_what_ships():
         ({"building_seed": -1}, "map.building_seed is -1: must be at least 0"),
         ({"min_distance": -1.0}, "map.min_distance is -1: must be at least 0"),
         ({"max_distance": 5.0}, "map.max_distance is 5: must be at least 6"),
-        ({"radius": 0.5}, "map.radius is 0.5: must be greater than 0 and at most 0.4"),
+        ({"radius": 0.5}, "map.radius is 0.5: must be greater than 0 and at most 0.45"),
         ({"passage_margin": 0.05}, "map.passage_margin is 0.05: must be at least 0.1"),
         ({"passage_margin": 0.6}, "map.passage_margin is 0.6: must be"),
         ({"margin": math.nan}, "map.margin is nan: must be"),
