@@ -181,12 +181,16 @@ class Robot:
     drivetrain: Drivetrain | None = None  # for sim=skid
     response: Response | None = None  # for sim=skid, in place of a drivetrain
     v_min: float | None = None  # [m/s], at most 0: it backs up no faster; None: −v_max
+    settling_time: float = (
+        0.0  # [s] for which the motion goes on after a command has changed; `MinTime` reads it
+    )
 
     def __post_init__(self) -> None:
         for key in ("v_max", "omega_max", "alpha_v", "alpha_omega", "control_rate"):
             require(f"robot.{key}", getattr(self, key), above=0.0)
         if self.v_min is not None:
             require("robot.v_min", self.v_min, at_most=0.0)
+        require("robot.settling_time", self.settling_time, at_least=0.0)
         if self.collision_radius is not None:
             self._check_collision_radius(self.collision_radius)
         if self.drivetrain is not None and self.response is not None:

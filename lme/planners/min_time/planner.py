@@ -32,8 +32,6 @@ _BACKWARD = 0.25  # share of v_max at which the robot backs up
 _ARCS = 7  # on which it may back up
 _LATELY = 10.0  # [s] since the robot last began to back up: until then it does so again only after
 _PATIENCE = 1.0  # [s] of slow driving, in which it may turn out of a narrow place
-# [s] for which motion beyond the command goes on. A walking Go2 does 63 % of a step in .17 to .37 s.
-_SETTLES = 0.3
 _SLOW = 0.05  # [s] extra cost of a command of speed 0 over one of v_max
 
 
@@ -84,6 +82,7 @@ class MinTime:
         slow_ones = np.linspace(0.0, 1.0, config.v_samples) ** 2  # more of them at low speed
         self._shares = slow_ones, shares * np.abs(shares)  # and near the present turn rate
         self._check = StoppingCheck(robot.footprint, robot.dt, config.latency, config.lag)
+        self._late = max(config.lag, robot.settling_time)  # [s] by which it takes longer to stop
         self._turn = MultiPointTurn(robot.footprint, robot.dt, config.multi_point, config.margin)
         self.reset(np.random.default_rng(0))
 
@@ -158,18 +157,19 @@ class MinTime:
     def _here(self, observation: Observation, guidance: Guidance) -> _Situation:
         """The situation now. Where latency or lag are known, the motion is predicted from the measured twist.
 
-        Where they are not, a robot that moves faster than its command is taken to be where that leads it.
+        Where they are not, a robot that moves faster than its command is taken to be where that leads it within its
+        settling time.
         """
         predicts = self._check.under_way or self._config.lag
         start = observation.limits.clamped(observation.twist) if predicts else observation.ramp_start
         here = _Situation(
             guidance.subgoal, *self._obstacles(observation, guidance), without_tiny_rates(start), guidance.way
         )
-        if predicts or observation.twist == start:
+        time = self._robot.settling_time
+        if predicts or time == 0.0 or observation.twist == start:
             return here
-        (v, omega), measured = start, observation.twist
-        further = _SETTLES * _excess(measured.v, v), 0.0, _SETTLES * _excess(measured.omega, omega)
-        return _moved(here, Pose(*further)) if any(further) else here
+        excess = [_excess(*rates) for rates in zip(observation.twist, start, strict=True)]
+        return _moved(here, Pose(time * excess[0], 0.0, time * excess[1])) if any(excess) else here
 
     def _ahead(self, here: _Situation, limits: Limits) -> _Situation:
         """The situation in which the next command takes effect."""
@@ -240,7 +240,7 @@ class MinTime:
         window = (*now,), (*least,), (*most,), limits.bounds[2:], config.calm, config.near, self._asked
         estimate = limits.v_max, config.turn, dt, max(config.horizon, dt), _SLOW
         brake = min(config.brake, limits.alpha_v)
-        safety = share * config.margin, config.margin_time, brake, config.grip, config.lag
+        safety = share * config.margin, config.margin_time, brake, config.grip, self._late
         return window, subgoal, points, self._robot.footprint.box, estimate, safety, movers
 
     def _backward(self, limits: Limits) -> float:
@@ -276,7 +276,7 @@ class MinTime:
         """Whether backing up at each turn rate (W,), and stopping, keeps a share of the margin: (W,)."""
         config, box = self._config, self._robot.footprint.box
         braking = speed / min(config.brake, limits.alpha_v)
-        stop = np.maximum(braking, np.abs(omega) / (2.0 * limits.alpha_omega)) + config.lag
+        stop = np.maximum(braking, np.abs(omega) / (2.0 * limits.alpha_omega)) + self._late
         horizons, margins = self._robot.dt + stop, np.full(len(omega), share * config.margin)
         ahead = np.column_stack((np.full(len(omega), speed), -omega))  # backwards, among mirrored points
         contacts = first_contacts(ahead, points * [-1.0, 1.0], box, margins, horizons, horizons, KEPT)
