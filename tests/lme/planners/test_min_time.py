@@ -342,3 +342,26 @@ def test_any_scan_gives_a_command_within_the_limits(value):
 def test_mistakes_are_named(key, value):
     with pytest.raises(InputError, match=f"planner.{key} is {value}"):
         MinTimeConfig(**{key: value})
+
+
+WALL_AHEAD = np.column_stack((np.full(41, 1.0), np.linspace(-1.0, 1.0, 41)))
+
+
+def before_a_wall(settling_time, v=0.5, measured=0.5):
+    """The speed asked for at `v` [m/s], 0.8 m before a wall, of a robot that moves with `measured`."""
+    robot = stage(settling_time=settling_time)
+    seen = observation((0.95, 0.0), twist=Twist(measured, 0.0), robot=robot)
+    seen = seen._replace(last_command=Twist(v, 0.0))
+    return made(robot).plan(seen, Guidance(np.array([0.95, 0.0]), points=WALL_AHEAD)).v
+
+
+def test_a_robot_that_settles_late_slows_down_earlier():
+    speeds = [before_a_wall(time) for time in (0.0, 0.3, 0.8, 1.2)]
+    assert speeds == sorted(speeds, reverse=True)
+    assert speeds[0] > speeds[-1]
+
+
+def test_one_that_exceeds_its_command_is_taken_to_be_farther_on():
+    assert before_a_wall(0.8, measured=0.9) < before_a_wall(0.8)
+    assert before_a_wall(0.8, measured=0.1) == before_a_wall(0.8)  # to be slower gives no room
+    assert before_a_wall(0.0, measured=0.5) == before_a_wall(0.0, measured=0.1)
