@@ -275,6 +275,31 @@ def test_a_mistake_in_a_ros_map_is_one_line(tmp_path, changes, right):
     assert "\n" not in str(error.value)
 
 
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"origin": [0, 0, 30]}, r"origin\.yaw is 30 rad: .* is it in degrees\?"),
+        ({"origin": [0, 0, -90]}, r"origin\.yaw is -90 rad: .* is it in degrees\?"),
+        ({"resolution": 50}, r"resolution is 50 m per cell: .* is it in millimetres or centimetres\?"),
+        ({"resolution": "0.0005"}, r"resolution is 0\.0005 m per cell: it is usually from 0\.001 to 1"),
+    ],
+)
+def test_a_value_in_another_unit_gets_a_warning(tmp_path, changes, said):
+    path = ros_map(tmp_path, [[255, 0]], **changes)
+    with pytest.warns(UserWarning, match=rf"^{path}: {said}"):
+        read_ros_map(path, unknown_is_obstacle=True)
+
+
+@pytest.mark.parametrize("resolution", ["5000", "0.000001"])
+def test_no_map_has_such_cells(tmp_path, resolution):
+    path = ros_map(tmp_path, [[255, 0]], resolution=resolution)
+    with pytest.raises(
+        InputError,
+        match=rf"{path}: resolution is {float(resolution):g} m per cell: must be from 1e-05 to 1000",
+    ):
+        read_ros_map(path, unknown_is_obstacle=True)
+
+
 def broken_pictures(tmp_path):
     whole = picture(tmp_path / "whole.png", np.random.default_rng(0).integers(0, 255, (64, 64))).read_bytes()
     yield "truncated.png", whole[: len(whole) // 2]

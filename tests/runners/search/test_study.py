@@ -2,6 +2,7 @@
 
 import json
 import math
+import os
 import sys
 import tempfile
 from pathlib import Path
@@ -315,6 +316,21 @@ def test_a_file_that_is_not_a_journal_is_not_changed(tmp_path):
     with pytest.raises(InputError, match="line 1: is not an entry of an Optuna journal"):
         Journal(path)
     assert path.read_bytes() == b"somebody's notes"
+
+
+@pytest.mark.parametrize(
+    ("make", "said"),
+    [
+        (os.mkfifo, "is a pipe, not a regular file"),
+        (lambda path: path.symlink_to("/dev/zero"), "is a device, not a regular file"),
+        (os.mkdir, "is a directory, not a regular file"),
+        (lambda path: path.symlink_to(path), r"cannot be read \(Too many levels of symbolic links\)"),
+    ],
+)
+def test_a_journal_that_is_no_file_is_one_line(tmp_path, make, said):
+    make(tmp_path / JOURNAL)
+    with pytest.raises(InputError, match=rf"^{tmp_path / JOURNAL}: {said}$"):
+        opened(tmp_path, "random")
 
 
 @pytest.mark.parametrize("search", SEARCHES)
