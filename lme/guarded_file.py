@@ -1,7 +1,8 @@
-"""Guarded reading of the user's files: regular files of a bounded size, and YAML that cannot unfold without end."""
+"""Guarded reading of the user's files: regular files of a bounded size, YAML and JSON of a bounded depth."""
 
 from __future__ import annotations
 
+import json
 import os
 import stat
 from collections.abc import Iterator
@@ -19,7 +20,7 @@ YAML_BYTES = 8 * 2**20  # parsing takes about 3 s for each MiB
 SafeLoader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 _KINDS = {"d": "a directory", "p": "a pipe", "c": "a device", "b": "a device", "s": "a socket"}
-_DEEPEST = 100  # of nested values in YAML; libyaml ends the process at some 50,000
+_DEEPEST = 100  # of nested values; libyaml ends the process at some 50,000, Python has a limit at some 1,000
 _MOST_REPEATED = 100_000  # values that the aliases of a YAML file repeat
 
 
@@ -53,6 +54,29 @@ def read_text(path: Path, most: int = TEXT_BYTES) -> str:
     """The content of a text file in UTF-8, with or without a byte order mark. Raises also UnicodeDecodeError."""
     text = read_bytes(path, most).decode("utf-8-sig")
     return text.replace("\r\n", "\n").replace("\r", "\n")
+
+
+def read_json(path: Path) -> Any:
+    """The value in a JSON file. Raises as `read_bytes` and `decode_json` do."""
+    return decode_json(read_bytes(path))
+
+
+def decode_json(text: str | bytes) -> Any:
+    """The value of a JSON text. Raises ValueError if it is not JSON, or if more than 100 values are nested."""
+    too_deep = ValueError(f"more than {_DEEPEST} nested values")
+    try:
+        value = json.loads(text)
+    except RecursionError:
+        raise too_deep from None
+    level, depth = [value], 0
+    while level := [parent for parent in level if isinstance(parent, dict | list)]:
+        depth += 1
+        if depth > _DEEPEST:
+            raise too_deep
+        level = [
+            child for parent in level for child in (parent.values() if isinstance(parent, dict) else parent)
+        ]
+    return value
 
 
 class UnfoldingError(yaml.MarkedYAMLError):

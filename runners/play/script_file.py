@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from lme.errors import InputError
-from lme.guarded_file import read_text
+from lme.guarded_file import read_json
 from lme.types import Pose
 from lme.worlds.world import Task
 from runners.play.drawing import Sketch, item_of
@@ -30,9 +30,9 @@ def write_script(script: Script, path: Path) -> None:
 def read_script(path: Path, task: Task) -> Mapping[int, Sketch]:
     """The drawings by step, on a task. Raises InputError for a damaged file."""
     try:
-        drawings = json.loads(read_text(path))["drawings"]
+        drawings = read_json(path)["drawings"]
         found = {int(step): _sketch(task, plain) for step, plain in drawings.items()}
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise InputError(f"{path}: is damaged ({error}): the changes of this drive are lost") from error
     if 0 not in found:
         raise InputError(f"{path}: is damaged (no drawing at step 0): the changes of this drive are lost")

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from lme.errors import InputError
-from lme.guarded_file import read_bytes
+from lme.guarded_file import decode_json, read_bytes
 from lme.sensing.people.source import People
 from runners.config import catalogue
 from runners.config.flatten import flatten
@@ -139,10 +139,9 @@ def read_launch(directory: Path) -> Launch | None:
     except OSError as error:
         raise InputError(f"{directory}: its {LAUNCH} cannot be read ({error.strerror})") from error
     try:
-        fields = {**json.loads(text), "directory": directory}
+        fields = {**decode_json(text), "directory": directory}
         launch = Launch(**{**fields, "inputs": inputs.from_record(fields.get("inputs", []))})
-        launch._text()  # nested so deeply that it cannot be written again: RecursionError
-    except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
+    except (ValueError, TypeError, KeyError, AttributeError):
         launch = None
     if launch is None or not _is_complete(launch):
         raise InputError(f"{directory}: its {LAUNCH} is damaged: restore or remove it")

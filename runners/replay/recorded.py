@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from lme.errors import InputError
+from lme.guarded_file import decode_json
 from lme.navigator import MapReader, Navigator
 from runners.config import build
 from runners.config.schema import RecordedConfig
@@ -68,7 +68,7 @@ def episode_of(bag: Bag) -> RecordedEpisode | None:
         return None
     text = next((message.content.data for message in bag.messages([EPISODE])), "")
     try:
-        about = json.loads(text)
+        about = decode_json(text)
         seed, world, run = (int(about[name]) for name in ("seed", "world", "run"))
         scan, tolerance = dict(about["scan"]), about.get("goal_tolerance")
         return RecordedEpisode(seed, world, run, _config(bag.path, about["config"]), scan, tolerance)

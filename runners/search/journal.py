@@ -16,7 +16,7 @@ from typing import Any
 from optuna.storages.journal import BaseJournalBackend
 
 from lme.errors import InputError
-from lme.guarded_file import LOG_BYTES, read_bytes
+from lme.guarded_file import LOG_BYTES, decode_json, read_bytes
 
 _SET_STUDY_SYSTEM_ATTR = 3  # op_code of the entry that is used as a mark
 _MARK = "lme:entries"
@@ -85,11 +85,11 @@ def _complete_steps(path: Path) -> Iterator[dict[str, Any]]:
 
 def _decode(line: bytes, path: Path, number: int) -> dict[str, Any]:
     try:
-        entry: dict[str, Any] = json.loads(line)
+        entry: dict[str, Any] = decode_json(line)
         _ = entry["op_code"], entry["worker_id"], dict(entry.get("system_attr") or {})
         if not all(isinstance(value, int | float) for value in entry.get("values") or []):
             raise TypeError("a reward must be a number")
-    except (ValueError, KeyError, TypeError, RecursionError):
+    except (ValueError, KeyError, TypeError):
         raise _not_an_entry(path, number) from None
     return entry
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TextIO
 
 from lme.errors import InputError
-from lme.guarded_file import LOG_BYTES, read_bytes
+from lme.guarded_file import LOG_BYTES, decode_json, read_bytes
 from runners.records.append_log import cut_torn_line
 from runners.workers.trials import Attempt, Score
 
@@ -57,9 +57,9 @@ class RaceLog:
 
 def _decode(line: bytes, path: Path, number: int) -> Score:
     try:
-        trial, world, outcome, steps, reward, family = json.loads(line)
+        trial, world, outcome, steps, reward, family = decode_json(line)
         return Score(int(trial), int(world), str(outcome), int(steps), float(reward), str(family))
-    except (ValueError, TypeError, OverflowError, RecursionError):
+    except (ValueError, TypeError, OverflowError):
         raise InputError(
             f"{path} line {number} does not hold the score of an episode: remove that line"
         ) from None

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from lme.errors import InputError
-from lme.guarded_file import LOG_BYTES, read_bytes
+from lme.guarded_file import LOG_BYTES, decode_json, read_bytes
 from runners.records.append_log import cut_torn_line
 
 SCORE_LOG = "scores.jsonl"
@@ -43,11 +43,11 @@ class ScoreLog:
 
 def _decode(line: bytes, path: Path, number: int) -> tuple[frozenset[tuple[str, float]], list[Any]]:
     try:
-        values, scores = json.loads(line)
+        values, scores = decode_json(line)
         return frozenset((key, float(value)) for key, value in values.items()), [
             list(score) for score in scores
         ]
-    except (ValueError, TypeError, AttributeError, OverflowError, RecursionError):
+    except (ValueError, TypeError, AttributeError, OverflowError):
         raise InputError(
             f"{path} line {number} does not hold the scores of a trial: remove that line"
         ) from None

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lme.errors import InputError
+from lme.guarded_file import read_json
 from runners.config.flatten import flatten
 from runners.config.urls import masked
 from runners.records.whole_file import obstacle, write_atomically
@@ -142,7 +143,7 @@ def run_of(directory: Path, client: MlflowClient, uri: str, experiment: str, tag
     with _locked(directory):  # the jobs of a sweep may ask for its run at the same time
         note = directory / RUN_ID_FILE
         with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
-            known = json.loads(note.read_text())
+            known = read_json(note)
             if known["experiment"] == experiment and _exists(client, known["run"]):
                 client.update_run(known["run"], status=RUNNING)
                 return str(known["run"])
@@ -164,7 +165,7 @@ def noted_run(directory: Path) -> tuple[str, str] | None:
     note = directory / RUN_ID_FILE
     if not note.is_file():
         return None
-    known = json.loads(note.read_text())
+    known = read_json(note)
     return str(known.get("uri", DEFAULT_URI)), str(known["run"])
 
 

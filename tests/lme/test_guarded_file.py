@@ -1,5 +1,6 @@
 """What every reader of the user's files refuses at once, whatever it reads."""
 
+import json
 import os
 
 import pytest
@@ -7,7 +8,15 @@ import yaml
 
 from lme.array_file import read_shapes as read_array_shapes
 from lme.errors import InputError
-from lme.guarded_file import SafeLoader, check_structure, open_bytes, read_bytes, read_text
+from lme.guarded_file import (
+    SafeLoader,
+    check_structure,
+    decode_json,
+    open_bytes,
+    read_bytes,
+    read_json,
+    read_text,
+)
 from lme.planners.drl_vo.importing import import_archive
 from lme.planners.lics.importing import import_state
 from lme.worlds.barn.files import read_world
@@ -101,6 +110,25 @@ def test_yaml_that_would_unfold_without_end_is_refused(text, words, tmp_path):
         check_structure(text)
     (tmp_path / "a.yaml").write_text(text)
     assert f"{tmp_path / 'a.yaml'}, line " in refused(read_yaml, tmp_path / "a.yaml")
+
+
+@pytest.mark.parametrize("around", ["[", '{"a":[0,', '[{"a":'])
+@pytest.mark.parametrize("times", [101, 400, 200_000])
+def test_json_that_is_nested_too_deep_is_refused(around, times):
+    closed = "".join({"[": "]", "{": "}"}.get(letter, "") for letter in reversed(around))
+    for text in (around * times + "0" + closed * times, around * times):
+        with pytest.raises(ValueError, match=r"more than 100 nested values|Expecting value"):
+            decode_json(text)
+
+
+def test_json_of_a_hundred_nested_values_is_read(tmp_path):
+    value = 5
+    for _ in range(50):
+        value = {"a": [value, "text"], "b": None}
+    (tmp_path / "a.json").write_text("\ufeff" + json.dumps(value), encoding="utf-8")
+    assert read_json(tmp_path / "a.json") == value
+    with pytest.raises(ValueError, match="more than 100 nested values"):
+        decode_json(json.dumps([value]))
 
 
 def test_ordinary_anchors_and_merges_are_read():
