@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import platform
-import re
 import sys
 from collections.abc import Sequence
 from importlib.metadata import PackageNotFoundError, metadata, version
@@ -129,23 +128,18 @@ def _mlflow() -> Line:
     uri = os.environ.get("MLFLOW_TRACKING_URI", DEFAULT_URI)
     try:
         check_uri("MLFLOW_TRACKING_URI", uri)
-    except InputError:  # its message shows the whole URI, and so a password
+    except InputError:
         advice = f"MLFLOW_TRACKING_URI must be a database or a server, such as {DEFAULT_URI}"
-        return Line("MLflow store", _without_password(uri), advice)
+        return Line("MLflow store", masked(uri), advice)
     path = sqlite_path(uri)
     if path is None:
-        return Line("MLflow store", f"{_without_password(uri)}, not asked")
+        return Line("MLflow store", f"{masked(uri)}, not asked")
     path = path.absolute()
     if obstacle(path) is None:
         return Line("MLflow store", f"{path}, writable")
     return Line(
         "MLflow store", f"{path}, not writable", "set MLFLOW_TRACKING_URI to another store, or tracking=none"
     )
-
-
-def _without_password(uri: str) -> str:
-    """A server's address, without the name and password before its @."""
-    return masked(re.sub(r"//.*@", "//", uri))
 
 
 def _is_writable(folder: Path) -> bool:

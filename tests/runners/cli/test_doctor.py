@@ -130,9 +130,11 @@ def test_a_file_in_the_place_of_a_folder_and_a_store_that_is_read_only(installed
 @pytest.mark.parametrize(
     ("uri", "found", "is_right"),
     [
-        ("http://me:secret@host:5000", "http://host:5000, not asked", True),
+        ("http://me:secret@host:5000", "http://me:***@host:5000, not asked", True),
+        ("https://secret@host:5000", "https://***@host:5000, not asked", True),
+        ("mysql://me:se/cret@ho@host/runs", "mysql://me:***@host/runs, not asked", True),
         ("databricks://profile", "databricks://profile, not asked", True),
-        ("postgres://me:secret@host/runs", "postgres://host/runs", False),
+        ("postgres://me:secret@host/runs", "postgres://me:***@host/runs", False),
         ("outputs", "outputs", False),
     ],
 )
