@@ -1,4 +1,5 @@
-"""Guarded reading of the user's files: regular files of a bounded size, YAML and JSON of a bounded depth."""
+"""Guarded reading of the user's files: regular files of a bounded size, YAML and JSON of a bounded depth,
+and a ~ in a path."""
 
 from __future__ import annotations
 
@@ -22,6 +23,15 @@ SafeLoader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 _KINDS = {"d": "a directory", "p": "a pipe", "c": "a device", "b": "a device", "s": "a socket"}
 _DEEPEST = 100  # of nested values; libyaml ends the process at some 50,000, Python has a limit at some 1,000
 _MOST_REPEATED = 100_000  # values that the aliases of a YAML file repeat
+
+
+def expanded(path: str | Path) -> Path:
+    """The path with the home folder in place of a ~ at its beginning. Raises InputError if that folder is not known."""
+    try:
+        return Path(path).expanduser()
+    except RuntimeError:
+        home = Path(path).parts[0]
+        raise InputError(f"{path}: the home folder {home} is not known: write the whole path") from None
 
 
 def check_regular(path: Path, most: int | None = None) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from lme.errors import InputError, nearest
+from lme.guarded_file import expanded
 from lme.policies.lme.parameter_file import read_parameters
 from lme.policies.lme.score import CRITERIA, THRESHOLDS
 from lme.resources import resource_dir
@@ -84,7 +85,7 @@ def find_network(weights: str, key: str = "planner.weights") -> Path:
     """
     registered = {path.stem: path for path in sorted(REGISTERED.glob("*.npz"))}
     known = {**registered, **shipped_networks()}
-    path = Path(weights).expanduser()
+    path = expanded(weights)
     if path.is_dir():
         path = path / NETWORK
     if weights in known or path.is_file():

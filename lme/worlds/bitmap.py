@@ -14,7 +14,7 @@ from PIL import Image, UnidentifiedImageError
 
 from lme import plausibility
 from lme.errors import InputError
-from lme.guarded_file import open_bytes
+from lme.guarded_file import expanded, open_bytes
 from lme.types import Bools, Floats, Pose
 from lme.worlds.contours import corners, outlines
 from lme.worlds.floor_plan import FloorPlan, enclosed
@@ -62,7 +62,7 @@ def read_ros_map(path: Path, unknown_is_obstacle: bool) -> FloorPlan:
         raise entry.mistake("mode", "trinary, the only mode that is supported")
     try:
         in_home = image.startswith("~/")
-        picture = path.parent / (Path(image).expanduser() if in_home else image)
+        picture = path.parent / (expanded(image) if in_home else image)
         levels, white, transparent = _levels(picture)
     except InputError as error:
         raise InputError(f"{path}: image is {image}: {error}") from error

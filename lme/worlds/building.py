@@ -12,6 +12,7 @@ from numba import njit
 from scipy import ndimage
 
 from lme.errors import InputError
+from lme.guarded_file import expanded
 from lme.kernels.heap import pop, push
 from lme.types import Floats
 from lme.worlds.room import Room, RoomConfig
@@ -115,7 +116,7 @@ def _maps(paths: Sequence[str] | None) -> list[Path]:
         )
     found: list[Path] = []
     for given in paths:
-        folder = Path(given).expanduser()
+        folder = expanded(given)
         inside = sorted(folder.glob("*.yaml")) if folder.is_dir() else []
         if folder.is_dir() and not inside:
             raise InputError(f"map.paths holds {given}: the folder has no maps (.yaml)")

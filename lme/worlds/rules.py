@@ -10,6 +10,7 @@ from typing import Any
 
 from lme import plausibility
 from lme.errors import InputError, require
+from lme.guarded_file import expanded
 from lme.robots import Robot
 from lme.types import Floats, Pose
 from lme.worlds.world import Task, World
@@ -157,7 +158,7 @@ def path_measures(length: float, straight: float) -> dict[str, float]:
 
 def map_path(given: str, right: str) -> Path:
     """The file that `map.path` names. right: what it must be. Raises InputError if it is not a file."""
-    path = Path(given).expanduser()
+    path = expanded(given)
     if not path.is_file():
         problem = "is a directory" if path.is_dir() else "no such file"
         raise InputError(f"map.path is {given}: {problem}; must be {right}")

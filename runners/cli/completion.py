@@ -10,6 +10,8 @@ from collections.abc import Iterable, Sequence
 from itertools import pairwise
 from pathlib import Path
 
+from lme.errors import InputError
+from lme.guarded_file import expanded
 from runners.config import arguments, catalogue
 from runners.config.arguments import CFG, INFO
 
@@ -142,10 +144,10 @@ def _starting(word: str, names: Iterable[str]) -> list[str]:
 def _paths(word: str, folders_only: bool = False) -> list[str]:
     """Files and folders that begin with `word`; folders end in a slash."""
     folder, slash, start = word.rpartition("/")
-    place = Path(f"{folder}{slash}" or ".").expanduser()
     try:
+        place = expanded(f"{folder}{slash}" or ".")
         entries = sorted(entry for entry in place.iterdir() if entry.name.startswith(start))
-    except OSError:
+    except (InputError, OSError):
         return []
     visible = [entry for entry in entries if start.startswith(".") or not entry.name.startswith(".")]
     wanted = [entry for entry in visible if entry.is_dir() or not folders_only]

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from lme.errors import InputError
+from lme.guarded_file import expanded
 from runners.cli.parsers import texts
 
 BUILD_EXAMPLES = (
@@ -136,7 +137,7 @@ def _build(arguments: argparse.Namespace) -> None:
         no_returns=arguments.no_returns,
         log=log_config(settings, arguments.robot),
     )
-    target = arguments.output.expanduser() if arguments.output else _default_output(logs[0])
+    target = expanded(arguments.output) if arguments.output else _default_output(logs[0])
     check_target(target, arguments.overwrite)
     built = build_map(logs, config)
     write_map(built, target)
@@ -154,8 +155,8 @@ def _sorted_out(words: Sequence[str]) -> tuple[list[Path], dict[str, Any]]:
     from omegaconf.errors import OmegaConfBaseException
     from yaml import YAMLError
 
-    settings = [word for word in words if "=" in word and not Path(word).expanduser().exists()]
-    logs = [Path(word).expanduser() for word in words if word not in settings]
+    settings = [word for word in words if "=" in word and not expanded(word).exists()]
+    logs = [expanded(word) for word in words if word not in settings]
     if not logs:
         raise InputError("give the log of a drive, e.g. lme maps build drive.bag")
     try:
@@ -175,4 +176,4 @@ def _default_output(log: Path) -> Path:
 def _buildings(arguments: argparse.Namespace) -> None:
     from runners.mapping.radish import build_all
 
-    build_all(arguments.source.expanduser(), arguments.destination.expanduser(), arguments.overwrite)
+    build_all(expanded(arguments.source), expanded(arguments.destination), arguments.overwrite)

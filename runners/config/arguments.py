@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from lme.errors import InputError
+from lme.guarded_file import expanded
 from runners.config.lookalikes import check_words
 
 INFO = ("all", "config", "defaults", "defaults-tree", "plugins", "searchpath")
@@ -56,7 +57,7 @@ def _from_home(word: str) -> str:
     """Replace the ~ of `key=~/path`. A shell replaces it only at the beginning of a word."""
     key, equals, value = word.partition("=")
     home = value == "~" or value.startswith("~/")
-    return f"{key}={Path(value).expanduser()}" if equals and home else word
+    return f"{key}={expanded(value)}" if equals and home else word
 
 
 class _Parser(argparse.ArgumentParser):

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lme.errors import InputError
+from lme.guarded_file import expanded
 from runners.config import build, command_line
 from runners.config.arguments import check_config_dir
 from runners.config.composer import Composer
@@ -110,7 +111,7 @@ def _in_pythons_words() -> Iterator[None]:
 def _path(keyword: str, given: str | Path | None) -> Path | None:
     if given is not None and not isinstance(given, str | Path):
         raise InputError(f"{keyword}={given!r}: must be a path or None")
-    return None if given is None else Path(given).expanduser()
+    return None if given is None else expanded(given)
 
 
 def _words(overrides: Sequence[str], keys: Mapping[str, Any], workers: int | None) -> list[str]:

@@ -19,6 +19,7 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 from lme.errors import InputError
+from lme.guarded_file import expanded
 from runners.config.catalogue import Catalogue
 from runners.config.job import Job
 from runners.config.schema import SystemConfig
@@ -122,7 +123,7 @@ def _with_companions(path: Path, name: PurePosixPath) -> dict[str, Path]:
     picture = picture_of(path)
     if picture is not None:
         place = name.parent / (picture if is_beside(picture) else Path(picture).name)
-        return {str(name): path, str(place): path.parent / Path(picture).expanduser()}
+        return {str(name): path, str(place): path.parent / expanded(picture)}
     if path.suffix == ".onnx":
         beside = sorted(path.parent.glob(f"{path.stem}*data"))
         return {str(name): path, **{str(name.parent / each.name): each for each in beside if each.is_file()}}

@@ -24,6 +24,7 @@ from typing import Any, TypeVar
 import yaml
 
 from lme.errors import InputError
+from lme.guarded_file import expanded
 from lme.resources import resource_dir
 from lme.weight_files import find_network, find_weights
 from lme.yaml_entry import read_yaml
@@ -234,12 +235,12 @@ def from_record(values: Any) -> list[Input]:
 
 def path_of(key: str, given: str) -> Path | None:
     """The file or folder that a value names; None if it names none."""
-    with suppress(InputError, OSError, RuntimeError, ValueError):
+    with suppress(OSError, ValueError):
         if key == WEIGHTS:
             return find_weights(given)
         if last_part(key) == WEIGHTS or key == "start":
             return find_network(given)
-        path = Path(given).expanduser()
+        path = expanded(given)
         if path.is_file() and (last_part(key) in PATHS or path.suffix or "/" in given):
             return path
         return path if last_part(key) in PATHS and path.is_dir() else None
@@ -253,7 +254,7 @@ def picture_of(path: Path) -> str | None:
     with suppress(InputError):
         content = read_yaml(path)
         image = content.get("image") if isinstance(content, dict) else None
-        if isinstance(image, str) and (path.parent / Path(image).expanduser()).is_file():
+        if isinstance(image, str) and (path.parent / expanded(image)).is_file():
             return image
     return None
 

@@ -2,6 +2,7 @@
 
 import json
 import os
+from pathlib import Path
 
 import pytest
 import yaml
@@ -12,6 +13,7 @@ from lme.guarded_file import (
     SafeLoader,
     check_structure,
     decode_json,
+    expanded,
     open_bytes,
     read_bytes,
     read_json,
@@ -27,6 +29,7 @@ from runners.analysis.gazebo import read_log
 from runners.records.launch_record import LAUNCH, read_launch
 from runners.replay.bags import Bag
 from runners.replay.carmen import CarmenLog
+from tests.places import ROOT
 
 READERS = {  # of a whole file, by a name that it takes
     "a.yaml": (read_yaml, read_floor_plan),
@@ -76,6 +79,20 @@ def test_links_to_regular_files_are_followed(tmp_path):
     assert read_text(tmp_path / "b") == "one\ntwo\n"
     with open_bytes(tmp_path / "b") as file:
         assert len(file.read()) == 12
+
+
+def test_a_home_folder_that_is_not_known_is_one_line(monkeypatch, tmp_path):
+    monkeypatch.setenv("HOME", str(tmp_path))
+    assert expanded("~/a/b") == tmp_path / "a" / "b"
+    assert expanded("a/~b") == Path("a/~b")
+    assert refused(expanded, "~no-such-user/maps/a.yaml") == (
+        "~no-such-user/maps/a.yaml: the home folder ~no-such-user is not known: write the whole path"
+    )
+
+
+def test_no_other_module_looks_for_home_folders():
+    modules = [path for package in ("lme", "runners") for path in (ROOT / package).rglob("*.py")]
+    assert [path.name for path in modules if "expanduser" in path.read_text("utf-8")] == ["guarded_file.py"]
 
 
 def test_the_limit_is_the_last_size_that_is_read(tmp_path):

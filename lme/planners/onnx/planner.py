@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 
 from lme.errors import InputError
+from lme.guarded_file import expanded
 from lme.planners.commands import limited
 from lme.planners.onnx.config import OnnxConfig
 from lme.planners.onnx.features import OnnxFeatures
@@ -29,7 +28,7 @@ class OnnxPolicy:
             raise InputError("planner.path is null: must be the path of an .onnx file (docs/envs.md)")
         self._config, self._robot = config, robot
         self._features = OnnxFeatures(config, robot)
-        self._network = Network(Path(config.path).expanduser(), self._features.sizes)
+        self._network = Network(expanded(config.path), self._features.sizes)
         self._last: Floats = np.zeros(2)
 
     def reset(self, rng: np.random.Generator) -> None:

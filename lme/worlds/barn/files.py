@@ -17,7 +17,7 @@ from defusedxml.ElementTree import fromstring
 from numpy.lib import format as npy
 
 from lme.errors import InputError
-from lme.guarded_file import read_bytes
+from lme.guarded_file import expanded, read_bytes
 from lme.types import Floats, Ints
 from lme.worlds.barn.generator import GRID_CELLS, start_wall
 
@@ -32,7 +32,7 @@ _PATH_BYTES = 2**16  # a published path has at most 1.1 kB
 
 def find_worlds(source: str | Path) -> dict[int, Path]:
     """The world files by number, in order. source: an official checkout, its `worlds/` or its `BARN/` folder."""
-    root = Path(source).expanduser()
+    root = expanded(source)
     try:
         state = "" if root.is_dir() else "is a file" if root.exists() else "does not exist"
     except OSError as error:

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lme.errors import InputError
+from lme.guarded_file import expanded
 from runners.cli import map_building
 from runners.cli.parsers import texts
 
@@ -219,7 +220,7 @@ def _import(arguments: argparse.Namespace) -> None:
     from lme.worlds.barn.importing import import_worlds
     from runners.config.quoting import lme_command, override
 
-    report = import_worlds(arguments.source.expanduser(), arguments.destination.expanduser())
+    report = import_worlds(expanded(arguments.source), expanded(arguments.destination))
     different = [world for world in report if "different" in (world.cylinders, world.path)]
     for world in different:
         print(f"world {world.number}: cylinders {world.cylinders}, path {world.path}")

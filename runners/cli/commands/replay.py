@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 EXAMPLES = (
     "lme replay drive.mcap",
     "lme replay drive.bag list=true",
@@ -16,13 +14,14 @@ def main(argv: list[str]) -> int:
 
     A first word without "=" is the recording: `lme replay drive.bag` stands for `bag=drive.bag`.
     """
+    from lme.guarded_file import expanded
     from runners.cli.launch import Command, launch
     from runners.config.quoting import quoted
     from runners.replay.run import replay, validate
 
     words = list(argv)
     if words and "=" not in words[0] and not words[0].startswith("-"):
-        words[0] = f"bag={quoted(str(Path(words[0]).expanduser()))}"
+        words[0] = f"bag={quoted(str(expanded(words[0])))}"
     given = dict(word.partition("=")[::2] for word in words)
     if given.get("list", "false").lower() in ("true", "1", "yes", "on"):
         return _list(given.get("bag", "").strip("'\""))
@@ -31,12 +30,13 @@ def main(argv: list[str]) -> int:
 
 def _list(path: str) -> int:
     from lme.errors import InputError
+    from lme.guarded_file import expanded
     from runners.replay.opening import open_recording
     from runners.replay.topics import table
 
     if not path:
         raise InputError("bag is null: give the recording, e.g. lme replay drive.mcap list=true")
-    with open_recording(Path(path).expanduser()) as bag:
+    with open_recording(expanded(path)) as bag:
         print(f"{bag.path}: {bag.duration_s:.1f} s")
         print("\n".join(table(bag)))
     return 0

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from lme.errors import InputError
+from lme.guarded_file import expanded
 from runners.cli.parsers import texts
 
 if TYPE_CHECKING:
@@ -121,7 +122,7 @@ def _import(arguments: argparse.Namespace) -> None:
     check_name(name, ".npz", "a network", shipped_networks(), "NAME")
     path = REGISTERED / f"{name}.npz"
     network = NETWORKS[arguments.network]
-    weights = network.read(arguments.path.expanduser())
+    weights = network.read(expanded(arguments.path))
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with replacing(path) as draft, draft.open("wb") as file:

@@ -61,6 +61,7 @@ def test_paths_are_completed(tmp_path, monkeypatch):
     assert completion.candidates("lme eval weights=best/", COMMANDS) == ["weights=best/weights.yaml"]
     assert completion.candidates("lme eval --config-dir b", COMMANDS) == ["best/"]
     assert completion.candidates("lme table be", COMMANDS) == ["best/", "best.yaml"]
+    assert completion.candidates("lme table ~no-such-user/", COMMANDS) == []
 
 
 def test_options_of_ones_own_are_completed(tmp_path):

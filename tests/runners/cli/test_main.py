@@ -95,6 +95,28 @@ def test_an_input_error_is_one_line_and_status_2(greet, capsys):
     assert capsys.readouterr().err == "lme greet: greet.who is wrong: must be a name\n"
 
 
+@pytest.mark.parametrize(
+    "line",
+    [
+        "maps import ~no-such-user/barn worlds",
+        "maps build ~no-such-user/drive.bag",
+        "weights import dclp ~no-such-user/weights.h5",
+        "replay ~no-such-user/drive.bag",
+        "eval map=building \"map.paths=['~no-such-user/a.yaml']\" tracking=none",
+        "eval planner=onnx \"planner.path='~no-such-user/a.onnx'\" tracking=none",
+    ],
+)
+def test_the_home_folder_of_nobody_is_one_line(line, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    words = shlex.split(line)
+    assert main.main(words) == 2
+    said = capsys.readouterr().err
+    assert re.fullmatch(
+        rf"lme {words[0]}: ~no-such-user/\S+: the home folder ~no-such-user is not known: write the whole path\n",
+        said,
+    )
+
+
 def test_a_full_disk_is_one_line(greet, monkeypatch, capsys):
     """Also outside of a job, as where a sweep ends."""
     full = OSError(errno.ENOSPC, "No space left on device", "sweep/table.md")
