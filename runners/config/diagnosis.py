@@ -10,11 +10,12 @@ import yaml
 from hydra.core.override_parser.types import Override
 from hydra.errors import MissingConfigException
 from omegaconf import DictConfig, OmegaConf
-from omegaconf.errors import OmegaConfBaseException
+from omegaconf.errors import GrammarParseError, OmegaConfBaseException
 
 from lme.errors import InputError, nearest
 from lme.requirements import install
 from lme.resources import resource_dir
+from runners.config import catalogue
 from runners.config.composer import COMPOSING, Composer
 from runners.config.flatten import dotted_keys
 from runners.config.hydra_errors import describe_expected, full_key, keys_beside, one_line, translate_error
@@ -38,6 +39,8 @@ def diagnose(error: Exception, composer: Composer, job: Sequence[str]) -> InputE
     """Find the override or file that makes composing fail. The error says why."""
     if isinstance(error, yaml.YAMLError):
         return _broken_yaml(error)
+    if isinstance(error.__cause__, GrammarParseError) and not str(error):
+        return _broken_interpolation(error.__cause__, composer)
     missing = error.missing_cfg_file if isinstance(error, MissingConfigException) else None
     if missing and not missing.startswith("hydra/"):
         return _no_file(missing, composer)
@@ -66,6 +69,21 @@ def _broken_yaml(error: yaml.YAMLError) -> InputError:
     return InputError(f"{place}: not valid YAML ({one_line(getattr(error, 'problem', None) or str(error))})")
 
 
+def _broken_interpolation(error: GrammarParseError, composer: Composer) -> InputError:
+    """Hydra does not say which of the user's files holds the interpolation that OmegaConf cannot read."""
+    folders = [folder / group for folder in composer.catalogue.folders[1:] for group in (*composer.slots, "")]
+    for file in (file for folder in folders for file in sorted(folder.glob("*.yaml"))):
+        try:
+            catalogue.check_structure_of(file)
+            OmegaConf.load(file)
+        except GrammarParseError as same:
+            if (full_key(same), same.value) == (full_key(error), error.value):
+                return InputError(f"{translate_error(error)} (in {file})")
+        except (InputError, *COMPOSING):
+            continue  # nothing has asked for this file
+    return translate_error(error)
+
+
 def _no_file(name: str, composer: Composer) -> InputError:
     """A file is missing that the chosen options need, such as the search space of a planner."""
     group, _, option = name.rpartition("/")
@@ -90,6 +108,8 @@ def _find_mistake(override: Override, config: DictConfig, composer: Composer) ->
         return _unknown(key, known, config, composer)
     try:
         OmegaConf.update(config, key, override.value(), merge=True, force_add=override.is_force_add())
+    except GrammarParseError as error:
+        return translate_error(error)
     except (OmegaConfBaseException, TypeError, OverflowError, AttributeError) as error:
         schema = OmegaConf.get_type(config)
         wanted = describe_expected(schema, key)

@@ -10,6 +10,8 @@ import typing
 from collections.abc import Iterable
 from typing import Any
 
+from omegaconf.errors import GrammarParseError
+
 from lme.errors import InputError, nearest
 
 _WORDS = {float: "a number", int: "a whole number", bool: "true or false", str: "text", type(None): "null"}
@@ -28,6 +30,9 @@ def unknown_key(key: str, known: Iterable[str]) -> InputError:
 def translate_error(error: BaseException, schema: Any = None) -> InputError:
     """Translate an error of OmegaConf about a config of type `schema`."""
     message, key = str(error), full_key(error)
+    if isinstance(error, GrammarParseError) and error.value is not None:
+        right = "an interpolation with its closing brace, such as ${robot.v_max}"
+        return InputError(f"{key} is {error.value!s:.80}: must be {right}")
     inner = re.match(r"InputError raised while resolving interpolation: (.+)", message)
     if inner:
         return InputError(inner.group(1))

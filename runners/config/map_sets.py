@@ -109,11 +109,15 @@ def _node(name: str, settings: Sequence[str], robot: Robot, configs: Catalogue) 
 def _merged(written: Mapping[str, Any], settings: Sequence[str], prefix: str) -> Any:
     """A config as it is written, with other values for some keys. prefix: of the settings, for the message."""
     from omegaconf import OmegaConf
-    from omegaconf.errors import OmegaConfBaseException
+    from omegaconf.errors import GrammarParseError, OmegaConfBaseException
     from yaml import YAMLError
+
+    from runners.config.hydra_errors import translate_error
 
     try:
         return OmegaConf.merge(written, OmegaConf.from_dotlist(list(settings)))
+    except GrammarParseError as error:
+        raise translate_error(error) from error
     except (OmegaConfBaseException, YAMLError, ValueError) as error:
         given = " ".join(f"{prefix}{setting}" for setting in settings)
         raise InputError(f"{given}: must be key=value, as in YAML") from error

@@ -45,6 +45,7 @@ def _never(job):
     [
         ("robot=jakal", ["robot=jakal: no such option; did you mean jackal?", "conf/robot/ holds: go2, "]),
         ("+robot=jakal", ["did you mean jackal?"]),
+        ('robot.name="${x"', ["robot.name is ${x: must be an interpolation with its closing brace"]),
         ("robot=3", ["robot=3: no such option", "turtlebot2"]),
         ("robot=", ["robot=: no such option", "turtlebot2"]),
         ("robot=null", ["robot=null: must be one of go2, "]),
@@ -228,6 +229,12 @@ def own(tmp_path):
         ("num_beams: 720", "num_beams: 7.5", "robot.lidar.num_beams is 7.5: must be a whole number"),
         ("num_beams: 720", "num_beams: 0", "robot.lidar.num_beams is 0"),
         ("contact: null", "contact: ${oc.env:PATH}", "robot.contact is '"),
+        ("v_max: 2.0", "v_max: ${x", "v_max is ${x: must be an interpolation with its closing brace"),
+        (
+            "num_beams: 720",
+            "num_beams: '${oc.env:A'",
+            "lidar.num_beams is ${oc.env:A: must be an interpolation",
+        ),
         ("v_max: 2.0", 'v_max: 2.0\n"a\\nb": 1', "a b"),
     ],
 )
@@ -241,6 +248,16 @@ def test_a_mistake_in_an_own_yaml_names_the_file(launch, own, old, new, said):
 def test_a_value_from_the_command_line_does_not_blame_the_file(launch, own):
     words, _ = own("v_max: 2.0", "v_max: 1.0")
     assert "mine.yaml" not in launch(*words, "robot.v_max=-3")
+
+
+def test_of_several_files_the_one_with_the_open_interpolation_is_named(launch, own):
+    words, place = own("v_max: 2.0", "v_max: ${x.y")
+    folder = Path(words[1])
+    (folder / "robot" / "another.yaml").write_text(ROBOT.replace("v_max: 2.0", "v_max: ${x.y}"))
+    (folder / "robot" / "broken.yaml").write_text("v_max: ${x.y\n- 1\n")
+    (folder / "map").mkdir()
+    (folder / "map" / "mine.yaml").write_text("defaults: [env1]\nv_max: ${x.z\n")
+    assert launch(*words).endswith(place)
 
 
 def test_broken_yaml_names_file_and_line(launch, own):

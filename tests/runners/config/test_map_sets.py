@@ -88,3 +88,9 @@ def test_a_map_that_refers_to_nothing_is_one_line(folder):
     (folder / "map" / "mine.yaml").write_text(MINE.replace("robot.v_max", "robot.speed"))
     with pytest.raises(InputError, match=r"mine.yaml: .*robot.speed"):
         choose(["mine"], configs=shipped(folder))
+
+
+def test_a_map_whose_interpolation_does_not_end_is_one_line(folder):
+    (folder / "map" / "mine.yaml").write_text(MINE.replace("robot.v_max}", "robot.v_max"))
+    with pytest.raises(InputError, match=r"^speed is \$\{robot\.v_max: must be .* closing brace"):
+        choose(["mine"], configs=shipped(folder))
