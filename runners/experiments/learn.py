@@ -14,11 +14,11 @@ from lme.weight_files import NETWORK, find_network, with_network
 from runners.analysis import failures
 from runners.config import build, instantiate
 from runners.config.job import Job
-from runners.config.misfits import PAIR
 from runners.config.options import named_option
 from runners.config.quoting import lme_command, override
 from runners.config.schema import LearnConfig
 from runners.experiments import evaluate
+from runners.experiments.driven import driven
 from runners.experiments.held_out import evaluate_held_out, held_out_places, report_held_out
 from runners.experiments.labels import run_labels
 from runners.experiments.resume_hint import resume_hint
@@ -193,9 +193,8 @@ def _register(job: Job[LearnConfig], run: Run, held_out: Mapping[str, Any]) -> l
         "last": last,
         "held_out": dict(held_out),
     }
-    chosen = [f"{group}={job.choices[group]}" for group in PAIR]
-    network = override(f"{learned_part(config)}.weights", name)
-    use = lme_command("eval", *chosen, network, folders=job.folders)
+    key = f"{learned_part(config)}.weights"
+    use = lme_command("eval", *driven(job, "eval", [key]), override(key, name), folders=job.folders)
     files = network_file.register(job.run_dir, name, about, use)
     if not held_out:
         print(f"Best validation success of {len(run.rows)} networks: {run.best:.3f}")

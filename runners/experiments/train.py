@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,14 +13,13 @@ from lme.errors import require
 from lme.weight_files import WEIGHTS
 from runners.analysis import failures
 from runners.config import build, instantiate
-from runners.config.catalogue import Catalogue
 from runners.config.changes import TRAINING
 from runners.config.job import Job
-from runners.config.misfits import PAIR
-from runners.config.quoting import element, lme_command, resume_command
+from runners.config.quoting import element, lme_command, override, resume_command
 from runners.config.schema import TrainConfig
 from runners.config.space import PARAMETERS
 from runners.experiments import evaluate
+from runners.experiments.driven import driven
 from runners.experiments.families import Families, families, too_narrow
 from runners.experiments.held_out import Places, evaluate_held_out, report_held_out
 from runners.experiments.labels import run_labels
@@ -48,16 +47,6 @@ from runners.workers.disturbances import check_disturbances
 if TYPE_CHECKING:
     import pandas as pd
 
-_DRIVES = (
-    "robot",
-    "system",
-    "guide",
-    "planner",
-    "ablation",
-    "scale",
-    "sim",
-)  # parts of the config that drive a robot
-_OPTIONS = ("robot", "system", *PAIR, "sim")  # groups of which a file can choose the option that drives
 _START = "start"  # the folder of the evaluation with the config's own values
 
 
@@ -165,26 +154,11 @@ def _write_weights(
 
 
 def _usage(job: Job[TrainConfig], found: Found) -> str:
-    return weight_file.usage(
-        job.config, found.values, _driven(job, found.values), weights_name(job), job.folders
-    )
-
-
-def _driven(job: Job[TrainConfig], values: Collection[str] = ()) -> list[str]:
-    """The overrides that choose what drives, without those of the keys `values`.
-
-    An experiment, or a config of the user's own, may have chosen it instead, so it is named where it is not the
-    default of `lme train`. The pair is always named where the values are a planner's.
-    """
-    keys = {word: word.partition("=")[0].lstrip("+") for word in job.overrides}
-    words = [word for word, key in keys.items() if key.partition(".")[0] in _DRIVES and key not in values]
-    usual = Catalogue(job.folders).groups("train")
-    chosen = {group: job.choices[group] for group in _OPTIONS if job.choices.get(group) != usual[group]}
-    if not all(key.startswith(PARAMETERS) for key in values):
-        chosen |= {group: job.choices[group] for group in PAIR}
-    if "system" in {*chosen, *keys.values()}:  # it chooses the pair
-        chosen = {group: option for group, option in chosen.items() if group not in PAIR}
-    return [*words, *(f"{group}={option}" for group, option in chosen.items() if group not in keys.values())]
+    """The command that drives with the values found."""
+    words = driven(job, "train", found.values)
+    if weight_file.best_parameters(job.config, found.values):
+        words.append(override("weights", weights_name(job)))
+    return lme_command("eval", *words, *weight_file.settings(found.values), folders=job.folders)
 
 
 def _advise(job: Job[TrainConfig], found: Found, verdict: Verdict) -> None:
@@ -200,12 +174,15 @@ def _advise(job: Job[TrainConfig], found: Found, verdict: Verdict) -> None:
         print(line)
     use = f"{'not recommended' if verdict.is_worse else 'use them with'}: {_usage(job, found)}"
     print(f"Weights: {job.run_dir / WEIGHTS}; {'those started from' if found.number == START else use}")
-    if found.number != START and (elsewhere := _elsewhere(job)):
+    if found.number != START and (elsewhere := _elsewhere(job, found)):
         print(f"Trained on {job.choices['map']} alone, they may be worse elsewhere: {elsewhere}")
 
 
-def _elsewhere(job: Job[TrainConfig]) -> str:
-    """The command that compares weights trained on one map with the start on the families that any robot drives."""
+def _elsewhere(job: Job[TrainConfig], found: Found) -> str:
+    """The command that drives weights trained on one map on the families that any robot drives.
+
+    It compares them with the weights started from, unless it also gives the values found for other keys.
+    """
     config = job.config
     if not config.map or config.held_out or not config.guide.get("parameters"):
         return ""
@@ -217,9 +194,13 @@ def _elsewhere(job: Job[TrainConfig]) -> str:
     others = [name for name in maps if name not in ("", job.choices["map"])]
     if not others:
         return ""
-    words = [word for word in _driven(job) if word.lstrip("+").partition("=")[0] != "robot"]
+    words = [
+        word for word in driven(job, "train", found.values) if word.lstrip("+").partition("=")[0] != "robot"
+    ]
+    settings = weight_file.settings(found.values)
+    compared = [*([] if settings else [job.weights]), weights_name(job)]
     words = [f"robot={job.choices['robot']}", *words, f"map={','.join(others)}"]
-    words.append(f"weights={element(job.weights)},{element(weights_name(job))}")
+    words += [f"weights={','.join(map(element, compared))}", *settings]
     return lme_command("eval", "-m", *words, folders=job.folders)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +10,6 @@ import yaml
 
 from lme.errors import InputError
 from lme.weight_files import REGISTERED, WEIGHTS, shipped_weights
-from runners.config.quoting import lme_command, override
 from runners.config.schema import TrainConfig
 from runners.config.space import PARAMETERS
 from runners.records import registered_name
@@ -38,7 +37,7 @@ def write_weights(
     content = {
         "name": name,
         "parameters": parameters,
-        **_settings(values),
+        **({"settings": others} if (others := _others(values)) else {}),
         "robot": config.robot.name,
         **about,
         "seed": config.seed,
@@ -49,22 +48,6 @@ def write_weights(
         path.parent.mkdir(parents=True, exist_ok=True)
         write_atomically(path, text)
     return run_dir / WEIGHTS
-
-
-def usage(
-    config: TrainConfig,
-    values: Mapping[str, float],
-    driven: Sequence[str],
-    name: str,
-    folders: Sequence[Path],
-) -> str:
-    """The command that drives with the values found.
-
-    driven: the overrides that choose what drives. folders: of the configs, the shipped one first.
-    """
-    words = [*driven, *([override("weights", name)] if best_parameters(config, values) else [])]
-    words += [f"{key}={value!r}" for key, value in _settings(values).get("settings", {}).items()]
-    return lme_command("eval", *words, folders=folders)
 
 
 def best_parameters(config: TrainConfig, values: Mapping[str, float]) -> dict[str, float]:
@@ -84,7 +67,10 @@ def check_name(name: str, study: str) -> None:
         raise InputError(f"name is {name!r}: {path} holds the weights of another study; choose another name")
 
 
-def _settings(values: Mapping[str, float]) -> dict[str, Any]:
-    """The entry `settings`: the values found for keys that are not parameters of the guide."""
-    others = {key: value for key, value in values.items() if not key.startswith(PARAMETERS)}
-    return {"settings": others} if others else {}
+def settings(values: Mapping[str, float]) -> list[str]:
+    """The overrides that set the values found for keys that are not parameters of the guide."""
+    return [f"{key}={value!r}" for key, value in _others(values).items()]
+
+
+def _others(values: Mapping[str, float]) -> dict[str, float]:
+    return {key: value for key, value in values.items() if not key.startswith(PARAMETERS)}

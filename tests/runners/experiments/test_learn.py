@@ -233,9 +233,11 @@ def test_reinforcement_from_a_network(words, points, losses):
 
 
 @pytest.mark.parametrize("planner", ["simple", "dclp"])
-def test_a_guide_learns_subgoals_for_a_planner(planner):
+def test_a_guide_learns_subgoals_for_a_planner(planner, capsys):
     subgoal_file(Path("mine.npz"))
-    words = last_of_each(*SUBGOALS, f"planner={planner}", "start=mine.npz", "name=subgoals", "device=cpu")
+    words = last_of_each(
+        *SUBGOALS, f"planner={planner}", "start=mine.npz", "name=subgoals", "device=cpu", "robot.v_max=1.5"
+    )
     assert main(["learn", *words, "hydra.run.dir=run"]) == 0
     rows = curves(Path("run"))
     assert [row["steps"] for row in rows] == [0, 64, 128]
@@ -244,6 +246,9 @@ def test_a_guide_learns_subgoals_for_a_planner(planner):
     assert 0 < np.abs(trained["output.kernel"] - before["output.kernel"]).max() < 0.05
     card = yaml.safe_load(Path("run/card.yaml").read_text())
     assert (card["guide"], card["planner"]) == ("learned_subgoal", planner)
+    use = f"lme eval guide=learned_subgoal planner={planner} robot.v_max=1.5 guide.weights=subgoals"
+    assert f"use it with: {use}\n" in capsys.readouterr().out
+    assert Path("run/card.yaml").read_text().startswith(f"# Written by lme learn; use with: {use}\n")
     assert "barn" in card["held_out"]
     words = ["guide=learned_subgoal", f"planner={planner}", "guide.weights=subgoals", *SHORT[1:5]]
     assert main(["eval", *words, "executor=serial", "hydra.run.dir=eval"]) == 0

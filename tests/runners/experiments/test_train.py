@@ -143,6 +143,17 @@ def test_weights_of_one_map_come_with_the_command_that_tries_them_elsewhere(trai
     assert f"lme eval -m robot=stage map=indoor weights=published,{name}" in said
 
 
+def test_elsewhere_the_values_found_drive_and_not_those_before_the_training(capsys):
+    weights = (
+        train("system=lme_plus", "guide.margin=0.1", "trials=3", "start_from_config=false") / "weights.yaml"
+    )
+    content = yaml.safe_load(weights.read_text())
+    assert content["settings"]["guide.margin"] != 0.1
+    found = " ".join(f"{key}={value!r}" for key, value in content["settings"].items())
+    chosen = f"robot=stage system=lme_plus map=indoor weights={content['name']}"
+    assert f"worse elsewhere: lme eval -m {chosen} {found}\n" in capsys.readouterr().out
+
+
 def test_where_no_trial_beats_the_start_it_says_so_and_drives_it_once(capsys):
     run_dir = train("trials=1")
     said = capsys.readouterr().out

@@ -1,0 +1,37 @@
+"""The words with which `lme eval` drives what a job has trained."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+from runners.config.catalogue import Catalogue
+from runners.config.job import Job
+from runners.config.misfits import PAIR
+from runners.config.schema import SystemConfig
+from runners.config.space import PARAMETERS
+
+# Parts of the config that drive a robot, and those that are groups: a file can choose their option.
+_DRIVES = ("robot", "system", "guide", "planner", "filter", "ablation", "scale", "sim")
+_OPTIONS = ("robot", "system", *PAIR, "filter", "sim")
+
+
+def driven(job: Job[SystemConfig], command: str, values: Collection[str]) -> list[str]:
+    """The overrides that choose what drives, without those of the keys `values`, which have been trained.
+
+    An experiment, or a config of the user's own, may have chosen it instead, so it is named where it is not the
+    default of `command`. The pair is always named where the values are not a guide's parameters alone.
+    """
+    keys = {word: word.partition("=")[0].lstrip("+") for word in job.overrides}
+    trained = {*values, *(PARAMETERS.rstrip(".") for key in values if key.startswith(PARAMETERS))}
+    words = [word for word, key in keys.items() if key.partition(".")[0] in _DRIVES and key not in trained]
+    usual = Catalogue(job.folders).groups(command)
+    chosen = {
+        group: job.choices[group]
+        for group in _OPTIONS
+        if job.choices.get(group, usual[group]) != usual[group]
+    }
+    if not all(key.startswith(PARAMETERS) for key in values):
+        chosen |= {group: job.choices[group] for group in PAIR}
+    if "system" in {*chosen, *keys.values()}:  # it chooses the pair
+        chosen = {group: option for group, option in chosen.items() if group not in PAIR}
+    return [*words, *(f"{group}={option}" for group, option in chosen.items() if group not in keys.values())]
