@@ -16,6 +16,28 @@ from runners.workers.environment import search_working_folder_last
 from tests.hearing import hear_signals
 
 SHORT = ["eval", "map.worlds=[0,3]", "runs=1", "planner._target_=my_module.Planner"]
+TRAIN = [
+    "train",
+    "planner._target_=my_module.Planner",
+    "map=env1",
+    "map.configurations=2",
+    "configurations=2",
+    "runs=1",
+    "race=null",
+    "trials=3",
+    "search.startup=1",
+]
+LEARN = [
+    "learn",
+    "validation=2",
+    "runs=1",
+    "map.worlds=[0,6]",
+    *(f"{each}.time_limit=8" for each in ("map", "training.fresh", "training.fresh_hard")),
+    "learner.rounds=1",
+    "learner.episodes=2",
+    "learner.updates=[2,2]",
+    "learner.time_limit=3",
+]
 PLANNER = """
 from dataclasses import dataclass
 
@@ -39,7 +61,11 @@ PACKAGES = (
     "numpy",
     "yaml",
     "hydra",
+    "matplotlib",
     "mlflow",
+    "optuna",
+    "pandas",
+    "torch",
     "flask",
     "uvicorn",
     "sqlalchemy",
@@ -105,6 +131,15 @@ def lme(folder, *words, python=("-P", "-m", "runners.cli.main")):
 def test_workers_find_the_own_planner_and_no_shadow_of_the_library(folder, package, words):
     pytest.importorskip(package)
     done = lme(folder, *SHORT, "tracking=none", *words)
+    assert done.returncode == 0, done.stderr
+    assert "was imported" not in done.stderr
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("package", "words"), [("optuna", TRAIN), ("torch", LEARN)])
+def test_a_training_imports_nothing_from_the_working_folder(folder, package, words):
+    pytest.importorskip(package)
+    done = lme(folder, *words, "executor.workers=2", "tracking=none")
     assert done.returncode == 0, done.stderr
     assert "was imported" not in done.stderr
 
