@@ -2,6 +2,7 @@
 
 import os
 import signal
+import sqlite3
 import subprocess
 import sys
 import time
@@ -12,6 +13,7 @@ import pytest
 
 from runners.cli import main as cli
 from runners.cli.interrupts import Terminated, status_of, terminable
+from runners.tracking.store import RUN_ID_FILE
 from tests.places import ROOT
 
 WORDS = ["map.subset=all", "tracking=none", "executor.workers=2", "hydra.run.dir=run"]
@@ -70,6 +72,31 @@ def test_a_sweep_names_the_whole_sweep():
     assert "The whole sweep: lme eval resume=sweep" in said
     assert "Traceback" not in said
     assert len(pd.read_parquet(first)) == 1
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("launcher", ["joblib", "submitit_local"])
+def test_mlflow_knows_that_the_jobs_of_a_launcher_were_killed(launcher):
+    pytest.importorskip(f"hydra_plugins.hydra_{launcher.partition('_')[0]}_launcher")
+    words = [
+        "eval",
+        "-m",
+        "seed=0,1",
+        "map.subset=all",
+        "runs=30",
+        "executor=serial",
+        "hydra.sweep.dir=sweep",
+    ]
+    notes = [Path("sweep", job, RUN_ID_FILE) for job in "01"]
+    status, said, _ = stopped(
+        [*words, f"hydra/launcher={launcher}", "tracking.uri=sqlite:///mlflow.db"],
+        lambda: all(note.is_file() for note in notes),
+    )
+    assert status == 143
+    assert "The whole sweep: lme eval resume=sweep" in said
+    assert "Traceback" not in said
+    states = sqlite3.connect("mlflow.db").execute("SELECT status FROM runs").fetchall()
+    assert states == [("KILLED",)] * 3  # the sweep and its jobs
 
 
 def terminated_twice(said):
