@@ -168,6 +168,6 @@ def describe_limits(config: DriveConfig, frame: pd.DataFrame) -> str:
 
 
 def _span(low: float, high: float) -> str:
-    """ "60 to 142", or "60"."""
-    first, last = f"{low:.3g}", f"{high:.3g}"
+    """ "60 to 1,420", or "60"."""
+    first, last = (f"{time:.3g}" if time < 1000 else f"{time:,.0f}" for time in (low, high))
     return first if first == last else f"{first} to {last}"

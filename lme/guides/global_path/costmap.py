@@ -7,6 +7,7 @@ Unknown space is free.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -195,9 +196,13 @@ def _layout(config: CostmapConfig, places: Floats) -> tuple[Grid, tuple[int, int
         np.ceil((config.margin + side) / config.cell_size) for side in (-ends.min(axis=0), ends.max(axis=0))
     )
     size = [int(cells) + 1 for cells in below + above]
-    if size[0] * size[1] > _MOST_CELLS:
+    cells = size[0] * size[1]
+    if cells > _MOST_CELLS:
+        # A side has up to three cells more than its length has: the ends are rounded outwards.
+        least = math.ceil(1000 * config.cell_size * math.sqrt(cells) / (math.sqrt(_MOST_CELLS) - 3)) / 1000
         raise InputError(
-            f"guide.costmap.cell_size is {config.cell_size:g}: a map of start and goal with a margin of "
-            f"{config.margin:g} m has over {_MOST_CELLS:,} cells: must be larger, or guide.costmap.margin smaller"
+            f"guide.costmap.cell_size is {config.cell_size:g}: the global map with a margin of {config.margin:g} m "
+            f"has {cells:,} cells: must have at most {_MOST_CELLS:,}, so cells of at least {least:g} m, or a smaller "
+            "guide.costmap.margin"
         )
     return (-int(below[0]), -int(below[1]), config.cell_size), (size[0], size[1])

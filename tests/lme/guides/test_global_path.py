@@ -1,10 +1,12 @@
 import math
+import re
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import lme.guides.global_path.costmap as costmap_module
 import lme.guides.global_path.guide as module
 from lme.episode import run_episode
 from lme.errors import InputError
@@ -133,6 +135,28 @@ def test_without_a_way_the_path_is_the_straight_line_and_the_robot_waits():
     assert guidance.path[-1] == pytest.approx([4.0, 0.0])
     assert np.abs(guidance.path[:, 1]).max() < KERNEL
     assert guidance.subgoal == pytest.approx([0.0, 0.0])
+
+
+@pytest.mark.parametrize("half", [30.0, 100.0, 123.4])
+def test_a_map_of_too_many_cells_names_the_size_that_fits(monkeypatch, half):
+    monkeypatch.setattr(costmap_module, "_MOST_CELLS", 40_000)
+    world = boxes((2.0, -half, 2.0, half), (-half, half, half / 2, half))
+
+    def guide(cell_size):
+        path = global_path(
+            global_map="known", costmap=CostmapConfig(cell_size=cell_size, inflation_radius=cell_size)
+        )
+        path.read_map(world, HERE)
+        path.guide(first_view(world))
+
+    with pytest.raises(InputError) as error:
+        guide(0.05)
+    least = re.search(r"must have at most 40,000, so cells of at least (\S+) m", str(error.value))[1]
+    guide(float(least))
+    with pytest.raises(
+        InputError, match=r"^guide\.costmap\.cell_size is .* has [\d,]+ cells: must have at most"
+    ):
+        guide(0.95 * float(least))
 
 
 @pytest.mark.parametrize(("global_map", "half"), [("observed", 9.0), ("known", 9.0), ("known", 60.0)])

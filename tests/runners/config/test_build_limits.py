@@ -29,6 +29,10 @@ def records(lengths, tolerance=0.2):
     [
         (["map=traps", "robot=stage"], "8 × shortest path / v_max, at least 60 s: 60 to 160 s"),
         (["map=traps", "robot=stage", "robot.v_max=5"], "8 × shortest path / v_max, at least 60 s: 60 s"),
+        (
+            ["map=traps", "robot=stage", "robot.v_max=0.07"],
+            "8 × shortest path / v_max, at least 60 s: 229 to 1,143 s",
+        ),
         (["map=env1", "robot=stage"], "40 s"),
         (
             ["map=env1", "robot=stage", "robot.v_max=0.1"],
