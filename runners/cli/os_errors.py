@@ -7,16 +7,26 @@ from pathlib import Path
 
 from runners.records.whole_file import what_is_full
 
+_NO_TEMPORARY = "No usable temporary directory"  # as Python's tempfile says it
 _FORBIDDEN = (errno.EROFS, errno.EACCES, errno.EPERM)
 
 
 def explain_os_error(error: BaseException) -> str:
-    """What to say of a full disk, of a deleted folder, and of a place that may not be used; else empty."""
+    """What to say of a full disk, of temporary folders, of a deleted folder, and of a place that may not be used.
+
+    Empty for another error.
+    """
     if not isinstance(error, OSError):
         return ""
     full = what_is_full(error, error.filename or "a file")
     if full:
         return f"{full}: finished work is kept; free some space and add resume=true"
+    if error.errno == errno.ENOENT and _NO_TEMPORARY in (error.strerror or ""):
+        places = error.strerror.partition("[")[2].rstrip("]")
+        return (
+            f"no temporary file can be written in {places}: free some space there, set TMPDIR to a folder that can be "
+            "written, or raise ulimit -f"
+        )
     if error.errno == errno.ENOENT and error.filename and not Path(str(error.filename)).parent.exists():
         return f"{error.filename}: its folder is gone: it was deleted while lme was using it; start again"
     if error.errno in _FORBIDDEN and error.filename:

@@ -2,13 +2,17 @@
 
 import math
 
+import numpy as np
 import pytest
+from PIL import Image
 
 from lme.errors import InputError
+from lme.worlds.check import check_task
 from lme.worlds.map_file import MapFile, MapFileConfig
 from lme.worlds.room import Room, RoomConfig
 from lme.worlds.traps import Traps, TrapsConfig
 from lme.worlds.world import Named
+from tests.builders import stage
 
 RADIUS = 0.2
 
@@ -161,3 +165,21 @@ def test_a_mistake_in_what_stands_in_the_file_is_one_line(tmp_path, line, proble
     with pytest.raises(InputError) as error:
         chosen(path)
     assert problem in str(error.value)
+
+
+@pytest.mark.slow
+def test_a_ros_map_of_twenty_million_cells_has_tasks(tmp_path):
+    """A site of 250 by 200 m; a wall reaches 60 m into it from the lower side."""
+    cells = np.full((4000, 5000), 254, np.uint8)
+    cells[2800:, 2500:2504] = 0
+    Image.fromarray(cells).save(tmp_path / "site.png")
+    path = tmp_path / "site.yaml"
+    path.write_text(
+        "image: site.png\nresolution: 0.05\norigin: [0, 0, 0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.2\n"
+    )
+    drawn = chosen(path)
+    for number in range(4):
+        check_task(drawn.task(number), stage())
+    task = chosen(path, start=[45.0, 20.0], goal=[205.0, 20.0]).task(0)
+    around = math.hypot(80.0, 40.0 + RADIUS) * 2
+    assert task.shortest_path_length == pytest.approx(around, rel=0.014)

@@ -208,6 +208,23 @@ def test_files_of_ros_1_that_need_a_tool_first(tmp_path, name, old, new, message
     assert message in refused(path)
 
 
+def test_an_encrypted_bag_names_the_tool(tmp_path):
+    """The header of the file says what encrypts the rest; padding takes up its length."""
+    path = drive(".bag", steps=2).write(tmp_path)
+    content = path.read_bytes()
+    begin = content.index(b"\n") + 1
+    end = begin + 4 + int.from_bytes(content[begin : begin + 4], "little")
+    padding = int.from_bytes(content[end : end + 4], "little")
+    name = b"encryptor=rosbag/AesCbcEncryptor"
+    field = len(name).to_bytes(4, "little") + name
+    lengths = [
+        number.to_bytes(4, "little") for number in (end - begin - 4 + len(field), padding - len(field))
+    ]
+    header = lengths[0] + content[begin + 4 : end] + field + lengths[1]
+    path.write_bytes(content[:begin] + header + content[end + 4 + len(field) :])
+    assert "'rosbag/AesCbcEncryptor' is not supported): convert it with `rosbag decrypt`" in refused(path)
+
+
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
