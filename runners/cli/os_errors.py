@@ -21,8 +21,8 @@ def explain_os_error(error: BaseException) -> str:
     full = what_is_full(error, error.filename or "a file")
     if full:
         return f"{full}: finished work is kept; free some space and add resume=true"
-    if error.errno == errno.ENOENT and _NO_TEMPORARY in (error.strerror or ""):
-        places = error.strerror.partition("[")[2].rstrip("]")
+    if error.errno == errno.ENOENT and _NO_TEMPORARY in str(error.strerror):
+        places = str(error.strerror).partition("[")[2].rstrip("]")
         return (
             f"no temporary file can be written in {places}: free some space there, set TMPDIR to a folder that can be "
             "written, or raise ulimit -f"
