@@ -182,7 +182,7 @@ class Robot:
     response: Response | None = None  # for sim=skid, in place of a drivetrain
     v_min: float | None = None  # [m/s], at most 0: it backs up no faster; None: −v_max
     settling_time: float = (
-        0.0  # [s] for which the motion goes on after a command has changed; `MinTime` reads it
+        0.0  # [s] for which the motion goes on after a command has changed; for `MinTime` and `Dwa`
     )
 
     def __post_init__(self) -> None:

@@ -61,7 +61,8 @@ class Dwa:
 
     As in the paper: circular arcs; only velocities from which the robot can stop before contact; heading,
     clearance and velocity, each in [0, 1]; a safety margin that grows with velocity; turning away if no arc is
-    free. The stopping time includes the period until the next command. The objective is not smoothed.
+    free. The stopping time includes the period until the next command, and the robot's settling time. The objective
+    is not smoothed.
     """
 
     Config = DwaConfig
@@ -70,7 +71,7 @@ class Dwa:
         self._config = config
         self._box = robot.footprint.box
         self._mount = robot.lidar.mount
-        self._dt = robot.dt
+        self._dt, self._settling = robot.dt, robot.settling_time
         self._v_share = np.linspace(0.0, 1.0, config.v_samples)
         self._omega_share = turn_shares(config.omega_samples)
 
@@ -109,7 +110,8 @@ class Dwa:
         v_high = min(v_high, limits.omega_max * distance / 2.0)  # a faster robot could circle the subgoal
         v = v_low + (max(v_high, v_low) - v_low) * self._v_share[:, None]
         omega = self._turn_rates(now, limits)[None, :]
-        stopping = dt + np.maximum(v / (2.0 * limits.alpha_v), np.abs(omega) / (2.0 * limits.alpha_omega))
+        braking = np.maximum(v / (2.0 * limits.alpha_v), np.abs(omega) / (2.0 * limits.alpha_omega))
+        stopping = dt + self._settling + braking
         twists = np.stack(np.broadcast_arrays(v, omega), axis=-1).reshape(-1, 2)
         margins = config.margin + config.margin_time * twists[:, 0]
         horizons = np.maximum(stopping, config.clear_way / np.maximum(v, 1e-3)).ravel()

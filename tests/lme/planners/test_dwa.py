@@ -242,3 +242,19 @@ def test_lengths_and_times_of_nothing_are_named(key):
 def test_too_few_or_lopsided_samples_are_refused(key, value, say):
     with pytest.raises(InputError, match=rf"planner\.{key} is {value}: .*{say}"):
         DwaConfig(**{key: value})
+
+
+def test_a_robot_that_settles_late_slows_down_earlier():
+    """Before a wall 0.8 m ahead: 0.5 s more to stop are 0.25 m more at 0.5 m/s."""
+    wall = np.repeat(np.array([0.8], dtype=np.float32), 540)
+    robots = [stage(), stage(settling_time=0.5), stage(settling_time=1.5)]
+    seen = [observation(ranges=wall, twist=Twist(0.5, 0.0), robot=robot) for robot in robots]
+    fastest = [
+        max(v for v, cost in zip(weighed.commands[:, 0], weighed.costs, strict=True) if np.isfinite(cost))
+        for weighed in (
+            Dwa(DwaConfig(), robot).weighed(each, Guidance(each.target))
+            for robot, each in zip(robots, seen, strict=True)
+        )
+    ]
+    assert fastest == sorted(fastest, reverse=True)
+    assert fastest[0] > fastest[-1]
