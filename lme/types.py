@@ -116,15 +116,19 @@ class Observation(NamedTuple):
         It is the last command, so that commands do not follow the motion of a robot that overshoots, sways or reports
         no speed. With `closed_loop`, or where no last command is known, it is the measured twist.
         """
-        start = self.twist if self.closed_loop or self.last_command is None else self.last_command
+        start = self.twist if self.closed_loop else self.twists[-1]
         return self.limits.clamped(start)
 
     @property
     def twists(self) -> tuple[Twist, ...]:
-        """The measured twist, and the last command if it is another: a stopping check must pass with each of them."""
-        if self.last_command is None or self.last_command == self.twist:
-            return (self.twist,)
-        return self.twist, self.last_command
+        """The measured twist, and the last command if it is another one, by more than rounding.
+
+        A stopping check must pass with each of them.
+        """
+        last, now = self.last_command, self.twist
+        if last is None or (abs(last.v - now.v) <= _ROUNDING and abs(last.omega - now.omega) <= _ROUNDING):
+            return (now,)
+        return now, last
 
 
 class Guidance(NamedTuple):

@@ -120,7 +120,8 @@ def replies(requests: Iterable[str], system: str, people: str, as_is: bool = Fal
         scene = scene_of(json.loads(line))
         if navigator is None:
             robot = robot_of(scene)
-            navigator = lme.load_system(system, robot, people=people)
+            # Robot SF moves exactly, and may be moving at the first request.
+            navigator = lme.load_system(system, robot, people=people, feedback="CLOSED_LOOP")
             navigator.reset(np.random.default_rng(0))
         command = navigator.act(observe(scene, robot))
         v, omega = command if as_is else reply_of(command, scene.twist, scene.dt)

@@ -68,7 +68,7 @@ class GlobalPlanner(GlobalPath):
         """The map with this scan, to be inflated for this speed."""
         costmap = super()._updated(observation)
         config, slow = self._inflation, self._inflation.costmap.inflation_radius
-        share = min(max(observation.ramp_start.v / config.full_speed, 0.0), 1.0)
+        share = min(max(observation.twist.v / config.full_speed, 0.0), 1.0)
         radius = round((slow + share * (config.fast_inflation_radius - slow)) / _ROUNDED)
         if radius not in self._stamps:
             inflated = replace(config.costmap, inflation_radius=radius * _ROUNDED)

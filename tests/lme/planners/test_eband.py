@@ -150,6 +150,7 @@ def mirrored(view: Observation) -> Observation:
         scan=view.scan._replace(ranges=view.scan.ranges[::-1].copy()),
         target=view.target * (1.0, -1.0),
         twist=Twist(view.twist.v, -view.twist.omega),
+        last_command=Twist(view.last_command.v, -view.last_command.omega),
         odometry=Pose(pose.x, -pose.y, -pose.yaw),
     )
 

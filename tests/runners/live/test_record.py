@@ -168,7 +168,8 @@ def test_explain_opens_a_recording_of_eval(place, capsys):
 def test_the_recording_holds_commands_states_and_odometry(by_lme):
     found = messages(by_lme.path)
     sent = [(message.linear.x, message.angular.z) for message in found["/cmd_vel"]]
-    assert sent == [*(tuple(step.command) for step in by_lme.steps), (0.0, 0.0)]
+    before = (0.0, 0.0)  # what the robot followed at the first decision
+    assert sent == [before, *(tuple(step.command) for step in by_lme.steps), (0.0, 0.0)]
     assert [message.data for message in found["/state"]] == ["driving", "arrived"]
     assert len(found["/odom"]) == len(found["/scan"]) + 1 == len(by_lme.steps) + 1
 
