@@ -8,6 +8,7 @@ from typing import Any, cast
 
 from omegaconf import DictConfig, OmegaConf
 
+from lme.errors import InputError
 from lme.robots import Robot
 from runners.config import ablations
 from runners.config.catalogue import Catalogue
@@ -41,6 +42,8 @@ def changed_keys(config: DictConfig, choices: Mapping[str, str], catalogue: Cata
     ablated = ablations.settings(choices.get(ablations.GROUP, ""), catalogue)
     for node, names in _chosen(config, choices):
         given: Any = OmegaConf.select(config, node)
+        if not isinstance(given, DictConfig):
+            raise InputError(f"{node} is {given!r}: must be a mapping, such as a file in conf/ has")
         written = _written(names, {**_of_family(node, config, catalogue), **ablated.get(node, {})}, catalogue)
         resolved = dict(flatten(_plain(given, resolve=True), f"{node}."))
         for key, value in flatten(_plain(given, resolve=False)):

@@ -2,6 +2,7 @@
 
 import pytest
 
+from lme.errors import InputError
 from runners.analysis.table_notes import title
 from runners.cli.main import main
 from runners.experiments.families import families
@@ -140,3 +141,9 @@ def test_a_broken_system_of_ones_own_is_named(tmp_path, monkeypatch, capsys):
     error = capsys.readouterr().err
     assert "system.giude: no such key; did you mean guide?" in error
     assert str(file) in error
+
+
+def test_a_family_of_worlds_that_is_no_mapping_is_an_error():
+    mistake = r"^training\.fresh is True: must be a mapping"
+    with jobs_of("learn") as job_of, pytest.raises(InputError, match=mistake):
+        job_of("training={fresh: true}")
