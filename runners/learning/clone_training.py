@@ -11,6 +11,7 @@ import torch
 from torch import Tensor
 
 from lme.errors import InputError
+from lme.guarded_file import check_regular
 from runners.learning.mixture import MixtureBatch, log_likelihood
 from runners.learning.run import Row, Run, descend
 from runners.learning.settings import CloneConfig
@@ -140,13 +141,16 @@ def _write(path: Path, found: list[LessonResult], failures: bool) -> None:
 
 
 def _read(path: Path) -> Data:
-    """The steps in a file. Raises InputError if it is damaged."""
+    """The steps in a file. Raises InputError if it is damaged or no file."""
     try:
+        check_regular(path)
         with np.load(path) as file:
             arrays = {name: torch.from_numpy(file[name]) for name in file.files}
         count = sum(name.startswith("feature_") for name in arrays)
         features = tuple(arrays[f"feature_{i}"] for i in range(count))
         return Data(features, arrays["actions"], arrays["outcomes"])
+    except InputError:
+        raise
     except Exception as error:  # damaged bytes can raise anything
         raise InputError(
             f"{path}: is damaged ({type(error).__name__}): restore it, or start again in another directory"
