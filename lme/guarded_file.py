@@ -25,19 +25,8 @@ _DEEPEST = 100  # of nested values; libyaml ends the process at some 50,000, Pyt
 _MOST_REPEATED = 100_000  # values that the aliases of a YAML file repeat
 
 
-_NAME_BYTES = 255  # of a file or folder
-
-
 def expanded(path: str | Path) -> Path:
-    """The path with the home folder in place of a ~ at its beginning.
-
-    Raises InputError if that folder is not known, or if a name in the path is longer than a file system allows.
-    """
-    longest = max(Path(path).parts, key=len, default="")
-    if len(os.fsencode(longest)) > _NAME_BYTES:
-        raise InputError(
-            f"{longest[:20]}…: the name has more than {_NAME_BYTES} bytes, which no file can have"
-        )
+    """The path with the home folder in place of a ~ at its beginning. Raises InputError if that folder is not known."""
     try:
         return Path(path).expanduser()
     except RuntimeError:

@@ -13,7 +13,7 @@ from types import TracebackType
 from typing import Any, NamedTuple, Self
 
 from lme.errors import InputError
-from lme.guarded_file import YAML_BYTES, check_regular, expanded, open_bytes
+from lme.guarded_file import YAML_BYTES, check_regular, open_bytes
 from lme.live import messages
 from lme.requirements import install
 
@@ -200,8 +200,11 @@ def _parts(fields: Any) -> Iterator[str]:
 
 def _to_open(path: Path) -> Path:
     """What to open: the path, or the only file of a folder whose metadata.yaml is missing or names no storage."""
-    path = expanded(path)
-    if not path.is_dir():
+    try:
+        is_folder = path.is_dir()
+    except OSError as error:  # such as a name that is too long
+        raise InputError(f"bag {path}: cannot be read ({error.strerror})") from None
+    if not is_folder:
         return path
     metadata, problem = path / "metadata.yaml", "the folder has no metadata.yaml"
     if metadata.is_file():

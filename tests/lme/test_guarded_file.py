@@ -85,8 +85,6 @@ def test_a_home_folder_that_is_not_known_is_one_line(monkeypatch, tmp_path):
     monkeypatch.setenv("HOME", str(tmp_path))
     assert expanded("~/a/b") == tmp_path / "a" / "b"
     assert expanded("a/~b") == Path("a/~b")
-    assert "more than 255 bytes" in refused(expanded, "maps/" + 256 * "x")
-    assert expanded("maps/" + 255 * "x")
     assert refused(expanded, "~no-such-user/maps/a.yaml") == (
         "~no-such-user/maps/a.yaml: the home folder ~no-such-user is not known: write the whole path"
     )

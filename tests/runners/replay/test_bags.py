@@ -4,6 +4,7 @@ import contextlib
 import os
 import sqlite3
 from contextlib import suppress
+from pathlib import Path
 
 import pytest
 
@@ -419,3 +420,8 @@ def test_a_message_whose_time_is_not_a_number_is_damage(tmp_path):
     with pytest.raises(InputError) as error, Bag(path) as bag:
         list(bag.messages([topic.name for topic in bag.topics()]))
     assert "damaged" in one_line(error) or "not readable" in one_line(error)
+
+
+def test_a_name_that_no_file_can_have_is_refused():
+    with pytest.raises(InputError, match=r"^bag x+: cannot be read \(File name too long\)$"):
+        Bag(Path("x" * 300))
