@@ -72,7 +72,7 @@ def dataclass_of(annotation: Any) -> Any:
 
 
 def check_parts(config: Any, key: str = "") -> None:
-    """Raise InputError for a part of a typed config that is a single value: OmegaConf lets a resolver's through."""
+    """Raise InputError for a single value that must be a mapping, or the reverse, which OmegaConf lets through."""
     annotations = typing.get_type_hints(type(config))
     for field in dataclasses.fields(config):
         value, name = getattr(config, field.name), f"{key}.{field.name}".removeprefix(".")
@@ -80,6 +80,11 @@ def check_parts(config: Any, key: str = "") -> None:
             check_parts(value, name)
         elif value is not None and dataclass_of(annotations[field.name]):
             raise InputError(f"{name} is {value!r:.80}: must be a mapping")
+        elif typing.get_origin(annotations[field.name]) is dict and isinstance(value, dict):
+            each = typing.get_args(annotations[field.name])[1]
+            for part, given in value.items():
+                if each in _WORDS and isinstance(given, dict | list):
+                    raise InputError(f"{name}.{part} is {given!r:.80}: must be {describe(each)}")
 
 
 def describe(annotation: Any) -> str:

@@ -19,6 +19,7 @@ OPEN_MAPPINGS = (  # may be given new keys
     "ablation", "scale", "guide.criteria", "space", "held_out", "training", "training_robots", "training_radius",
     "guides", "learner.expert.settings",
 )  # fmt: skip
+_TYPED_MAPPINGS = ("training_robots",)  # of these, which hold what has known keys: new are their names alone
 
 
 def normalised(overrides: Sequence[str], composer: Composer) -> list[Override]:
@@ -64,7 +65,8 @@ def _normalised(override: Override, composer: Composer, open_mappings: Sequence[
     text, key = text_of(override), override.key_or_group
     if override.is_hydra_override() or key.startswith("hydra/"):
         return text
-    is_open = any(key.startswith(f"{name}.") for name in open_mappings) or (
+    is_typed = any(key.startswith(f"{name}.") and key.count(".") > 1 for name in _TYPED_MAPPINGS)
+    is_open = (not is_typed and any(key.startswith(f"{name}.") for name in open_mappings)) or (
         key in open_mappings and all(isinstance(value, dict) for value in _values(override))
     )
     if override.is_delete():

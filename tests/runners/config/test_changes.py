@@ -147,3 +147,21 @@ def test_a_family_of_worlds_that_is_no_mapping_is_an_error():
     mistake = r"^training\.fresh is True: must be a mapping"
     with jobs_of("learn") as job_of, pytest.raises(InputError, match=mistake):
         job_of("training={fresh: true}")
+
+
+@pytest.mark.parametrize(
+    ("command", "word", "mistake"),
+    [
+        ("learn", "guides={lme: {share: 1}}", r"guides\.lme is {'share': 1}: must be a number"),
+        ("train", "training_radius.fresh=[2]", r"training_radius\.fresh is \[2\]: must be a number"),
+        (
+            "train",
+            "training_robots.fresh.lidar.tilt.v=1",
+            r"training_robots\.fresh\.lidar\.tilt\.v: no such key",
+        ),
+        ("train", "training_robots.new.v_max=1", r"training_robots\.new\.v_max: no such key"),
+    ],
+)
+def test_what_is_in_an_open_mapping_has_the_right_type(command, word, mistake):
+    with jobs_of(command) as job_of, pytest.raises(InputError, match=f"^{mistake}"):
+        job_of(word)
