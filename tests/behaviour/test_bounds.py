@@ -6,7 +6,6 @@ import pytest
 
 from lme.errors import InputError
 from lme.planners.dwa import DwaConfig
-from lme.planners.min_time.config import MinTimeConfig
 from lme.planners.mppi.config import MppiConfig
 from lme.planners.ros_dwa.trajectories import TrajectoriesConfig
 from lme.planners.teb.config import TebConfig
@@ -24,7 +23,6 @@ CASES = {
     "guide.candidates.number": (CandidateConfig, "number", 100_000),
     "planner.v_samples": (DwaConfig, "v_samples", 1001),
     "planner.omega_samples": (DwaConfig, "omega_samples", 1001),
-    "min_time's planner.v_samples": (MinTimeConfig, "v_samples", 1001),
     "planner.vx_samples": (TrajectoriesConfig, "vx_samples", 201),
     "planner.vtheta_samples": (TrajectoriesConfig, "vtheta_samples", 201),
     "planner.time_steps": (MppiConfig, "time_steps", 500),

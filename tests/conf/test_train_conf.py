@@ -77,7 +77,7 @@ def test_the_space_of_lme_plus_holds_its_values_and_its_planners(composer):
     config = compose_job(composer, [*words, "planner=min_time"]).config
     space = read_space(config)
     assert own_values(config, space).keys() == space.keys()
-    assert {"guide.parameters.d2", "guide.travel.comfort", "planner.turn"} <= space.keys()
+    assert {"guide.parameters.d2", "guide.travel.comfort", "planner.margin"} <= space.keys()
     without = read_space(compose_job(composer, [*words, "planner=dwa_tuned"]).config)
     assert not any(key.startswith("planner.") for key in without)  # it has no space
 

@@ -16,6 +16,7 @@ from lme.planners.safety.check import STILL
 from lme.robots import Footprint
 from lme.types import Floats, Limits, Twist
 
+_AFTER = 2.0  # [s] without a free way, after which a turn begins
 _CLOSE = 0.4  # share of the margin that is kept
 _ROOM = 2.0  # times the margin that the circle around the robot needs to turn on the spot
 _SPEED, _MOST_SPEED = 0.25, 0.2  # share of v_max, at most [m/s]
@@ -39,16 +40,14 @@ class MultiPointTurn:
     too long, as of a robot that does not move, ends the turn. With a known delay, progress is that of the commands.
     """
 
-    def __init__(self, footprint: Footprint, dt: float, after: float, margin: float) -> None:
-        """dt: control period [s]; after: for how long there is no free way [s], 0: never; margin: to points [m]."""
+    def __init__(self, footprint: Footprint, dt: float, margin: float) -> None:
+        """dt: control period [s]; margin: to points [m]."""
         self._dt = dt
-        self._after = after
         self._box = footprint.box
         self._close = _CLOSE * margin
         self._room = footprint.r_max + _ROOM * margin
         self.reset()
-        if after > 0.0:
-            _load()
+        _load()
 
     def reset(self) -> None:
         """Forget for how long there was no free way, and the strokes."""
@@ -69,7 +68,7 @@ class MultiPointTurn:
         self._count(now, limits)
         if not self._strokes:
             self._blocked_for = max(self._blocked_for + (self._dt if blocked else -self._dt), 0.0)
-            begins = self._after > 0.0 and self._blocked_for > self._after
+            begins = self._blocked_for > _AFTER
             if not begins and not self._goes_on:
                 return None
         if not self._strokes or not self._is_free(points):

@@ -27,7 +27,12 @@ from lme.types import Floats, Guidance, Limits, Observation, Pose, Twist
 
 _STEP = 0.05  # [m] of the prediction over the latency
 _NOBODY = np.empty((0, 5))
-_TIGHT = 0.75  # share of the margin that is kept if the robot could not move otherwise
+_HORIZON = 0.5  # [s] a command is held for up to this time
+_TURN = 0.5  # [s/rad] expected time to turn to the subgoal after that
+_SPEEDS, _RATES = 7, 15  # numbers of v and of ω that are tried; odd, so that one ω is in the middle
+_CALM = 10.0  # [rad/s²] greatest turn acceleration, but near obstacles and where people move
+_NEAR = 0.15  # [m] distance of the footprint to obstacle points at which it uses all that the robot has
+_BACK = 0.3  # [m] distance that a stuck robot backs up at least
 _BACKWARD = 0.25  # share of v_max at which the robot backs up
 _ARCS = 7  # on which it may back up
 _LATELY = 10.0  # [s] since the robot last began to back up: until then it does so again only after
@@ -78,12 +83,14 @@ class MinTime:
         self._config = config
         self._robot = robot
         self._lag = Lag(config.lag, robot.dt)
-        shares = turn_shares(config.omega_samples)
-        slow_ones = np.linspace(0.0, 1.0, config.v_samples) ** 2  # more of them at low speed
+        shares = turn_shares(_RATES)
+        slow_ones = np.linspace(0.0, 1.0, _SPEEDS) ** 2  # more of them at low speed
         self._shares = slow_ones, shares * np.abs(shares)  # and near the present turn rate
         self._check = StoppingCheck(robot.footprint, robot.dt, config.latency, config.lag)
         self._late = max(config.lag, robot.settling_time)  # [s] by which it takes longer to stop
-        self._turn = MultiPointTurn(robot.footprint, robot.dt, config.multi_point, config.margin)
+        self._turn = (
+            MultiPointTurn(robot.footprint, robot.dt, config.margin) if config.parts.multi_point else None
+        )
         self.reset(np.random.default_rng(0))
 
     def reset(self, rng: np.random.Generator) -> None:
@@ -93,7 +100,8 @@ class MinTime:
         self._slow_for = 0.0  # [s] with no free way and no command ahead faster than backing up
         self._backed_up = math.inf  # [s] since it last began to
         self._check.reset()
-        self._turn.reset()
+        if self._turn is not None:
+            self._turn.reset()
 
     def plan(self, observation: Observation, guidance: Guidance) -> Twist:
         """Command for one control period."""
@@ -101,7 +109,7 @@ class MinTime:
         now = self._ahead(here, limits)
         sees_back = guidance.points is not None or is_full_circle(observation.scan)
         turn = self._multi_point_turn(guidance, now, limits)
-        wanted = turn or self._wanted(guidance, now, limits, self._config.back > 0.0 and sees_back)
+        wanted = turn or self._wanted(guidance, now, limits, self._config.parts.back and sees_back)
         reached = reachable(*wanted, now.twist, limits, self._robot.dt)
         self._asked = float(reached.omega)
         dt = self._robot.dt
@@ -113,6 +121,8 @@ class MinTime:
 
     def _multi_point_turn(self, guidance: Guidance, now: _Situation, limits: Limits) -> Twist | None:
         """The command of a multi-point turn, if the guide knows points and the way, and nobody is in sight."""
+        if self._turn is None:
+            return None
         if guidance.points is None or now.way is None or len(now.movers):
             self._turn.reset()
             return None
@@ -124,7 +134,7 @@ class MinTime:
 
     def _wanted(self, guidance: Guidance, now: _Situation, limits: Limits, may_back: bool) -> Twist:
         """The best command, or one back if the robot is stuck and may."""
-        wanted = self._choose(now, limits)
+        wanted = self._best(now, limits)
         if may_back and (self._left_to_back_up > 0.0 or self._is_stuck(wanted, guidance, now, limits)):
             return self._back_up(now, limits) or wanted
         return wanted
@@ -136,7 +146,7 @@ class MinTime:
         """
         stands = not any(wanted)
         blocked = guidance.blocked and wanted.v < self._backward(limits)
-        waits = len(now.movers) > 0 or math.hypot(*now.subgoal.tolist()) <= self._config.back
+        waits = len(now.movers) > 0 or math.hypot(*now.subgoal.tolist()) <= _BACK
         slow = blocked or (stands and not waits)
         self._slow_for = self._slow_for + self._robot.dt if slow else 0.0
         self._backed_up += self._robot.dt
@@ -202,17 +212,11 @@ class MinTime:
             pose, now = Pose(*way[-1].tolist()), Twist(*twist)
         return pose, without_tiny_rates(now)
 
-    def _choose(self, now: _Situation, limits: Limits) -> Twist:
-        """The best command with all of the margin; if that is to stand still, with `_TIGHT` of it."""
-        wide = self._best(now, limits, 1.0)
-        return wide if any(wide) else self._best(now, limits, _TIGHT)
-
     def weighed(self, observation: Observation, guidance: Guidance) -> Weighed:
         """See `lme.planners.weighed`: every arc with its expected time, but for backing up and multi-point turns."""
         limits = observation.limits
         now = self._ahead(self._here(observation, guidance), limits)
-        share = 1.0 if any(self._best(now, limits, 1.0)) else _TIGHT
-        ahead, *given = self._given(now, limits, share)
+        ahead, *given = self._given(now, limits)
         v, omega, alpha = tried(ahead, self._shares, self._robot.dt, given[1], given[2], now.movers)
         costs = np.array(
             [
@@ -222,25 +226,27 @@ class MinTime:
         )
         costs[(v[:, None] * np.abs(omega) > self._config.grip) & (v > v[0])[:, None]] = np.inf
         commands = np.stack(np.broadcast_arrays(v[:, None], omega), axis=-1).reshape(-1, 2)
-        return Weighed(commands, costs.ravel(), self._config.horizon)
+        return Weighed(commands, costs.ravel(), _HORIZON)
 
-    def _best(self, situation: _Situation, limits: Limits, share: float) -> Twist:
-        window, *given = self._given(situation, limits, share)
+    def _best(self, situation: _Situation, limits: Limits) -> Twist:
+        """The safe command with the least expected time; if none is safe, to brake on the present arc."""
+        window, *given = self._given(situation, limits)
         v, omega, time, slowest = best_command(window, self._shares, *given)
         if math.isfinite(time):
             return Twist(v, omega)
         now = situation.twist
         return Twist(0.0, now.omega * slowest / now.v if now.v > 0.0 else 0.0)
 
-    def _given(self, situation: _Situation, limits: Limits, share: float) -> tuple[Any, ...]:
+    def _given(self, situation: _Situation, limits: Limits) -> tuple[Any, ...]:
         """What `best_command` takes, but for the shares: its `Window`, `Estimate` and `Safety` in plain tuples."""
         config, dt = self._config, self._robot.dt
         subgoal, points, movers, now, _ = situation
         least, most = self._lag.reach(now, limits)
-        window = (*now,), (*least,), (*most,), limits.bounds[2:], config.calm, config.near, self._asked
-        estimate = limits.v_max, config.turn, dt, max(config.horizon, dt), _SLOW
+        calm = _CALM if config.parts.calm else math.inf
+        window = (*now,), (*least,), (*most,), limits.bounds[2:], calm, _NEAR, self._asked
+        estimate = limits.v_max, _TURN, dt, max(_HORIZON, dt), _SLOW
         brake = min(config.brake, limits.alpha_v)
-        safety = share * config.margin, config.margin_time, brake, config.grip, self._late
+        safety = config.margin, config.margin_time, brake, config.grip, self._late
         return window, subgoal, points, self._robot.footprint.box, estimate, safety, movers
 
     def _backward(self, limits: Limits) -> float:
@@ -248,17 +254,16 @@ class MinTime:
         return min(_BACKWARD * limits.v_max, -limits.lowest)
 
     def _back_up(self, now: _Situation, limits: Limits) -> Twist | None:
-        """Back for at least `back`, on the safe arc with the least expected time to the subgoal; None: none is safe."""
+        """Back for `_BACK` or more, on the safe arc with the least expected time to the subgoal; None: none is safe."""
         speed = self._backward(limits)
         omega = self._turns_back(speed, now.twist.omega, limits) if speed > 0.0 else np.empty(0)
-        for share in (1.0, _TIGHT):
-            safe = omega[self._is_safe_back(speed, omega, now.points, share, limits)]
-            if len(safe):
-                left = self._left_to_back_up if self._left_to_back_up > 0.0 else self._config.back
-                self._left_to_back_up = left - speed * self._robot.dt
-                return Twist(-speed, float(safe[self._times_back(speed, safe, now.subgoal, limits).argmin()]))
-        self._left_to_back_up = 0.0
-        return None
+        safe = omega[self._is_safe_back(speed, omega, now.points, limits)]
+        if not len(safe):
+            self._left_to_back_up = 0.0
+            return None
+        left = self._left_to_back_up if self._left_to_back_up > 0.0 else _BACK
+        self._left_to_back_up = left - speed * self._robot.dt
+        return Twist(-speed, float(safe[self._times_back(speed, safe, now.subgoal, limits).argmin()]))
 
     def _turns_back(self, speed: float, omega: float, limits: Limits) -> Floats:
         """Turn rates (W,) within a period of `omega` at which the robot may back up [rad/s]; 0 if it is among them."""
@@ -270,14 +275,12 @@ class MinTime:
             turns[np.abs(turns).argmin()] = 0.0
         return turns
 
-    def _is_safe_back(
-        self, speed: float, omega: Floats, points: Floats, share: float, limits: Limits
-    ) -> NDArray[np.bool_]:
-        """Whether backing up at each turn rate (W,), and stopping, keeps a share of the margin: (W,)."""
+    def _is_safe_back(self, speed: float, omega: Floats, points: Floats, limits: Limits) -> NDArray[np.bool_]:
+        """Whether backing up at each turn rate (W,), and stopping, keeps the margin: (W,)."""
         config, box = self._config, self._robot.footprint.box
         braking = speed / min(config.brake, limits.alpha_v)
         stop = np.maximum(braking, np.abs(omega) / (2.0 * limits.alpha_omega)) + self._late
-        horizons, margins = self._robot.dt + stop, np.full(len(omega), share * config.margin)
+        horizons, margins = self._robot.dt + stop, np.full(len(omega), config.margin)
         ahead = np.column_stack((np.full(len(omega), speed), -omega))  # backwards, among mirrored points
         contacts = first_contacts(ahead, points * [-1.0, 1.0], box, margins, horizons, horizons, KEPT)
         safe: NDArray[np.bool_] = contacts >= horizons
@@ -285,11 +288,11 @@ class MinTime:
 
     def _times_back(self, speed: float, omega: Floats, subgoal: Floats, limits: Limits) -> Floats:
         """Expected time to the subgoal (W,) after having backed up at each turn rate for the horizon [s]."""
-        held = max(self._config.horizon, self._robot.dt)
+        held = max(_HORIZON, self._robot.dt)
         half = 0.5 * omega * held
         chord = -speed * held * np.sinc(half / math.pi)
         x, y = subgoal[0] - chord * np.cos(half), subgoal[1] - chord * np.sin(half)
         heading = omega * (held + np.abs(omega) / (2.0 * limits.alpha_omega))
         turn = np.abs((np.arctan2(y, x) - heading + math.pi) % (2.0 * math.pi) - math.pi)
-        times: Floats = np.hypot(x, y) / limits.v_max + self._config.turn * turn
+        times: Floats = np.hypot(x, y) / limits.v_max + _TURN * turn
         return times

@@ -12,22 +12,21 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import njit
 
-from lme.kernels.straight_ways import reachable
+from lme.kernels.straight_ways import straight_ways
 from lme.policies.distance import distances_to, turns
 from lme.policies.lme.score import rank
 from lme.policies.lme_plus.kernels.travel_lookup import rest_at, turns_at
 from lme.policies.lme_plus.travel import BEYOND, Field
 from lme.types import Floats, Pose
 
-TIGHT = 0.75  # share of the margins that is kept if there is no other way
-NARROW_SHARE = 0.5  # share of the margins that is kept if the fastest way is a narrow passage
+NARROW_SHARE = 0.5  # share of the margin that is kept if the fastest way is a narrow passage
 
 
 class Sight(NamedTuple):
     """Input of the criteria.
 
     points: (M, 2) known obstacle points in the robot frame [m]. pose: of the robot in the frame of `field`. box:
-    footprint. margin, turn_margin: distances that straight ways and turns keep [m]. v_max [m/s].
+    footprint. margin: distance that straight ways and turns keep [m]. v_max [m/s].
     """
 
     points: Floats
@@ -35,14 +34,13 @@ class Sight(NamedTuple):
     field: Field
     box: tuple[float, float, float]
     margin: float
-    turn_margin: float
     v_max: float
 
     def plain(self) -> tuple[Any, ...]:
         """The same in plain tuples: Numba takes named ones for other types, and needs longer to recognise them."""
         times, narrow, robot_time, grid, *places = self.field
         field = times, narrow, robot_time, (*grid,), *places
-        return self.points, (*self.pose,), field, self.box, self.margin, self.turn_margin, self.v_max
+        return self.points, (*self.pose,), field, self.box, self.margin, self.v_max
 
 
 Criterion = Callable[[Floats, Sight], Floats]
@@ -74,11 +72,8 @@ def a_rest(candidates: Floats, sight: Sight) -> Floats:
 
 @njit(cache=True, error_model="numpy")
 def c_o(candidates: Floats, sight: Sight) -> Floats:
-    """Collision-free reachability: 1 if the footprint can turn to the candidate and drive straight there, else 0.
-
-    If there is no such candidate, those that can be reached with the margins times `TIGHT` have 1/2.
-    """
-    return reachable(candidates, sight.points, sight.box, sight.margin, sight.turn_margin, TIGHT)
+    """Collision-free reachability: 1 if the footprint can turn to the candidate and drive straight there, else 0."""
+    return straight_ways(candidates, sight.points, sight.box, sight.margin, sight.margin).astype(np.float64)
 
 
 CRITERIA: Mapping[str, Criterion] = {"a_reach": a_reach, "a_dev": a_dev, "a_rest": a_rest, "c_o": c_o}
@@ -92,8 +87,8 @@ def ranked(
 
     The first points are the candidates. sight: `Sight.plain`. See `lme.policies.lme.score.rank`.
     """
-    points, pose, field, box, margin, turn_margin, v_max = sight
-    named = Sight(points, pose, Field(*field), box, margin, turn_margin, v_max)
+    points, pose, field, box, margin, v_max = sight
+    named = Sight(points, pose, Field(*field), box, margin, v_max)
     features = np.empty((4, len(pool)))
     features[0], features[1] = a_reach(pool, named), a_dev(pool, named)
     features[2], features[3] = a_rest(pool, named), c_o(pool, named)

@@ -17,39 +17,45 @@ from lme.policies.lme.maintenance import Choice, choose
 from lme.policies.lme.score import Parameters
 from lme.policies.lme_plus.criteria import CRITERIA, NARROW_SHARE, Sight, ranked
 from lme.policies.lme_plus.learned_times import OTHER_TARGET, LearnedTimes
-from lme.policies.lme_plus.memory import Memory, MemoryConfig
-from lme.policies.lme_plus.stuck_places import StuckPlaces
+from lme.policies.lme_plus.memory import Memory
 from lme.policies.lme_plus.travel import NARROW, Field, Travel, TravelConfig, apart
 from lme.robots import Robot
 from lme.types import Floats, Observation, Pose
 
 _NAMES = tuple(CRITERIA)
 _NONE = np.empty((0, 2))
+_CANDIDATES = 100  # random ones
+_EVERY = 3  # decisions with the same expected times, if nobody is near and the target does not move
 _BEFORE = 1.0  # [m] ahead of the robot, where it tries a narrow passage
 _TRIED = 10.0  # [s] before narrow passages, after which they are expected to take twice as long
 _MOST = 5.0  # times that this is done
-_STANDS = 0.05  # [m/s] slower than this the robot stands
 _SAME_TARGET = 0.1  # [m] by which the target may move before times are found anew
 
 
 @dataclass(slots=True)
-class EscaperPlusConfig:
-    """Candidates, memory, expected times, and the distances that ways keep."""
+class Parts:
+    """Parts of the method; False leaves one out, for an ablation."""
 
-    candidates: CandidateConfig = field(default_factory=lambda: CandidateConfig(number=100))
-    structured: bool = True  # places on the fastest way are candidates, too
-    memory: MemoryConfig = field(default_factory=MemoryConfig)
+    memory: bool = True  # of points; else those of the current scan
+    random: bool = True  # candidates; else a single one
+    structured: bool = True  # candidates on the fastest way
+    narrow: bool = True  # passages are a last resort; else closed
+    learned: bool = True  # times of places that are out of reach
+    people: bool = True  # are expected to walk on; else they are points like all others
+
+
+@dataclass(slots=True)
+class EscaperPlusConfig:
+    """How far it remembers, the distance that it keeps, and what it expects of the speed near obstacles and people."""
+
+    reach: float = 12.0  # [m] of the memory and of the expected times
+    margin: float = 0.08  # [m] distance to obstacle points on a straight way and in the turn before it
     travel: TravelConfig = field(default_factory=TravelConfig)
-    margin: float = 0.08  # [m] distance of a straight way's sides and front to obstacle points
-    turn_margin: float = 0.08  # [m] distance of the outline in a turn
-    every: int = 3  # decisions with the same expected times, if nobody is near and the target does not move
-    stuck: float = 10.0  # [-] times as long as it was stuck before a place, the way through takes longer
+    parts: Parts = field(default_factory=Parts)
 
     def __post_init__(self) -> None:
+        require("guide.reach", self.reach, above=0.0)
         require("guide.margin", self.margin, at_least=0.0)
-        require("guide.turn_margin", self.turn_margin, at_least=0.0)
-        require("guide.every", self.every, at_least=1)
-        require("guide.stuck", self.stuck, at_least=0.0)
 
 
 class LocalMinimumEscaperPlus:
@@ -62,19 +68,23 @@ class LocalMinimumEscaperPlus:
         self._robot = robot
         self._config = config or EscaperPlusConfig()
         self._parameters = Parameters.from_mapping(parameters, _NAMES)
-        self._travel = Travel(self._config.travel, robot, self._config.memory.reach, self._config.margin)
+        parts = self._config.parts
+        self._candidates = CandidateConfig(number=_CANDIDATES if parts.random else 1)
+        self._travel = Travel(
+            self._config.travel, robot, self._config.reach, self._config.margin, parts.narrow
+        )
         self.reset(np.random.default_rng(0))
 
     def reset(self, rng: np.random.Generator) -> None:
         """Start a new episode; `rng` draws the candidates."""
         self._rng = rng
-        self._memory = Memory(self._config.memory, self._robot)
+        parts = self._config.parts
+        self._memory = Memory(self._robot, self._config.reach, parts.memory, parts.people)
         self._learned = LearnedTimes()
         self._learned_for: Floats | None = None  # the target, in the carried frame
         self._field: Field | None = None
         self._age = 0  # decisions made with the field
         self._tried = 0.0  # [s] spent before narrow passages on the way to the target
-        self._stuck = StuckPlaces(self._robot.dt, self._config.stuck)  # on the way to the target
         self.sight: Sight | None = None  # of the last decision
         self._subgoal: Floats | None = None  # in the carried frame
         self._last: Step | None = None
@@ -88,9 +98,6 @@ class LocalMinimumEscaperPlus:
         self._memory.see(observation)
         self.sight, way = self._look(observation)
         self._last = step = self._step(observation, self.sight, way)
-        stands = abs(observation.ramp_start.v) < _STANDS
-        if step.decision.blocked and stands and len(way) and not len(self._memory.people):
-            self._stuck.wait(to_world(way[0], self.sight.pose))
         return step.decision, self.sight.points, way
 
     def explanation(self) -> Explanation | None:
@@ -131,23 +138,22 @@ class LocalMinimumEscaperPlus:
         field = self._times(to_world(observation.target, pose), pose)
         way, ahead = field.descent(pose, self._reach(observation))
         self._tried += robot.dt if ahead < _BEFORE else 0.0
-        share = NARROW_SHARE if math.isfinite(ahead) else 1.0
-        margins = share * config.margin, share * config.turn_margin
-        return Sight(self._memory.known, pose, field, robot.footprint.box, *margins, robot.v_max), way
+        margin = config.margin * (NARROW_SHARE if math.isfinite(ahead) else 1.0)
+        return Sight(self._memory.known, pose, field, robot.footprint.box, margin, robot.v_max), way
 
     def _reach(self, observation: Observation) -> float:
         """How far candidates may be [m]."""
-        return min(self._config.candidates.max_range, observation.scan.range_max)
+        return min(self._candidates.max_range, observation.scan.range_max)
 
     def _times(self, target: Floats, pose: Pose) -> Field:
         """The expected times of the last decisions, or new ones, if these are old or of another target."""
         memory, field = self._memory, self._field
         self._age += 1
-        old = self._age >= self._config.every or len(memory.people) > 0
+        old = self._age >= _EVERY or len(memory.people) > 0
         if field is None or old or apart(target, field.target) > _SAME_TARGET:
             learned, here = self._learned_of(target), np.array(pose[:2])
             narrow = NARROW * 2.0 ** min(self._tried / _TRIED, _MOST)
-            given = memory.points, target, here, memory.people, learned, narrow, self._stuck.rows
+            given = memory.points, target, here, memory.people, learned, narrow
             self._field = field = self._travel.field(*given)
             self._age = 0
         return field
@@ -157,18 +163,17 @@ class LocalMinimumEscaperPlus:
         other = self._learned_for is None or apart(target, self._learned_for) > OTHER_TARGET
         if other:
             self._tried = 0.0
-            self._stuck.forget()
-        if other or not self._config.memory.kept:
+        if other or not (self._config.parts.memory and self._config.parts.learned):
             self._learned, self._learned_for = LearnedTimes(), target
         return self._learned
 
     def _generate(self, observation: Observation, way: Floats, subgoal: Floats | None) -> Floats:
         """Random candidates all around, places on the fastest way, the target if it is in range; then the subgoal."""
-        config, reach = self._config.candidates, self._reach(observation)
-        parts = [sample(self._rng, config, reach, -math.pi, 2 * math.pi)]
-        if self._config.structured:
+        reach = self._reach(observation)
+        parts = [sample(self._rng, self._candidates, reach, -math.pi, 2 * math.pi)]
+        if self._config.parts.structured:
             parts.append(way)
-        if config.target and math.hypot(*observation.target.tolist()) <= reach:
+        if math.hypot(*observation.target.tolist()) <= reach:
             parts.append(observation.target[None])
         if subgoal is not None:
             parts.append(subgoal[None])

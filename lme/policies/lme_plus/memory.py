@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
 from lme.dead_reckoning import DeadReckoning, Move
-from lme.errors import require
 from lme.geometry.frames import compose, to_world
 from lme.kernels.movers import WIDEST, movers_among
 from lme.policies.lme_plus.kernels.carried_points import remember, split, squares_around
@@ -21,20 +19,7 @@ _STANDING = 0.05  # [m/s] slower people stand
 _SAME = 0.5  # [m] from where somebody stood a period ago: the same person
 _SORTED = 1.0  # [m] of way after which points near and far are sorted again
 _SLACK = 0.15  # [m] a beam that ends less than this before a remembered point has seen its surface again
-
-
-@dataclass(slots=True)
-class MemoryConfig:
-    """How far and how finely points are remembered."""
-
-    kept: bool = True  # false: only the points of the current scan
-    reach: float = 12.0  # [m] farther points are out of use until the robot comes nearer
-    square: float = 0.05  # [m] one point per square of this side
-    people: bool = True  # false: points of tracked people are kept like all others
-
-    def __post_init__(self) -> None:
-        require("guide.memory.reach", self.reach, above=0.0)
-        require("guide.memory.square", self.square, above=0.0)
+_SQUARE = 0.05  # [m] one point is kept per square of this side
 
 
 class Memory:
@@ -47,8 +32,13 @@ class Memory:
     so points behind obstacles and in the blind arc are kept, and far ones until the robot comes back.
     """
 
-    def __init__(self, config: MemoryConfig, robot: Robot) -> None:
-        self._config = config
+    def __init__(self, robot: Robot, reach: float, keeps: bool = True, people: bool = True) -> None:
+        """reach: farther points are out of use until the robot comes nearer [m].
+
+        keeps: if not, only the points of the current scan are known. people: if not, the points of tracked people are
+        kept like all others.
+        """
+        self._keeps, self._tells_people = keeps, people
         self._dt = robot.dt
         self._mount = robot.lidar.mount
         self.pose = Pose(0.0, 0.0, 0.0)  # of the robot in the carried frame
@@ -56,10 +46,9 @@ class Memory:
         self.known: Floats = _NOTHING  # the same in the robot frame
         self._far: Floats = _NOTHING  # out of reach, in the carried frame
         self._sorted_at = self.pose
-        self._reach = (
-            config.reach + 2.0 * _SORTED
-        )  # the points of `reach` are all in, wherever they were sorted
-        self._taken = squares_around(self._reach, config.square)
+        self._near = reach + _SORTED
+        self._reach = self._near + _SORTED  # the points of `reach` are all in, wherever they were sorted
+        self._taken = squares_around(self._reach, _SQUARE)
         self.seen: Floats = _NOTHING  # points of the last scan in the robot frame, sorted by bearing
         # (P, 6) x, y, vx, vy, radius of tracked people in the carried frame [m, m/s], and for how long they stand [s]
         self.people = _NOBODY
@@ -76,13 +65,13 @@ class Memory:
             self._sort()
         self.points, self.known = remember(
             self._taken,
-            self.points if self._config.kept else self.points[:0],
+            self.points if self._keeps else self.points[:0],
             still,
             scan.ranges,
             (scan.angle_min, scan.angle_increment),
             (*self._mount,),
             (*self.pose,),  # plain tuples, which Numba recognises faster
-            self._config.square,
+            _SQUARE,
             self._reach,
             _SLACK,
             scan.range_max,
@@ -93,14 +82,14 @@ class Memory:
     def _sort(self) -> None:
         """Put the points that have come into reach among the near ones, and those that have left it among the far."""
         self._sorted_at = self.pose
-        if self._config.kept:
+        if self._keeps:
             points = np.concatenate((self.points, self._far))
-            self.points, self._far = split(points, self.pose[:2], self._config.reach + _SORTED)
+            self.points, self._far = split(points, self.pose[:2], self._near)
 
     def _without_people(self, pedestrians: Floats) -> tuple[Floats, Floats]:
         """The scan's points that are not those of people (M, 2), and those that are; notes where the people are."""
         before, self.people = self.people, _NOBODY
-        if not (self._config.people and len(pedestrians)):
+        if not (self._tells_people and len(pedestrians)):
             return self.seen, self.seen[:0]
         own, people = movers_among(self.seen, self.seen, pedestrians, WIDEST)
         people[:, :2] = to_world(people[:, :2], self.pose)

@@ -17,6 +17,7 @@ from lme.robots import Robot
 from lme.types import Bools, Floats, Pose
 
 BEYOND = 1.0  # [s] ways that take longer than the best by more than this are not searched
+_CELL = 0.15  # [m] side of a cell
 NARROW = 100.0  # [-] times as long as at v_max it takes in a passage that leaves less than the margin
 _EVERY = 3  # cells between two places on the way of steepest descent
 _WINDING = 4.0  # times the reach: as far as a way in the grid is followed
@@ -27,19 +28,16 @@ _LEAST_BAND = 0.05  # [m] of slower driving near obstacles, however wide the rob
 
 @dataclass(slots=True)
 class TravelConfig:
-    """The grid on which times are found, and the speed near obstacles."""
+    """The speed near obstacles, and how people count."""
 
-    cell: float = 0.15  # [m] side of a cell
     comfort: float = 0.345  # [m] from the outline; with obstacles farther away the robot drives at v_max
     slowdown: float = 2.0  # [-] in a passage that just leaves the margin it takes 1 + this times as long
-    narrow: bool = True  # passages that leave less than the margin are ways of last resort, not closed
     patience: float = (
-        10.0  # [s] for which who stands is expected to stay, at least; else for as long as up to now
+        10.0  # [s] for which who stands is expected to stay; for longer if they have stood so far
     )
     personal_space: float = 0.4  # [m] from the outline of people, where it takes time to wait for them
 
     def __post_init__(self) -> None:
-        require("guide.travel.cell", self.cell, above=0.0)
         require("guide.travel.comfort", self.comfort, above=0.0)
         require("guide.travel.slowdown", self.slowdown, at_least=0.0)
         require("guide.travel.patience", self.patience, at_least=0.0)
@@ -88,17 +86,19 @@ class Field(NamedTuple):
 class Travel:
     """Finds expected times within about `reach` [m] of a robot, for one robot at a time."""
 
-    def __init__(self, config: TravelConfig, robot: Robot, reach: float, margin: float) -> None:
-        """margin: distance that passages must leave on each side [m]."""
+    def __init__(
+        self, config: TravelConfig, robot: Robot, reach: float, margin: float, narrow: bool = True
+    ) -> None:
+        """margin: distance that passages leave on each side [m]; narrow: those that leave less are not closed."""
         inner = robot.footprint.r_min + margin
-        tight = robot.footprint.r_min if config.narrow else inner
+        tight = robot.footprint.r_min if narrow else inner
         comfort = max(robot.footprint.r_min + config.comfort, inner + _LEAST_BAND)
-        room = robot.footprint.r_max + config.cell
-        self._cell, self._reach = config.cell, reach
+        room = robot.footprint.r_max + _CELL
+        self._reach = reach
         self._berth, self._patience = inner + config.personal_space, config.patience
         self._pace = Pace(robot.v_max, tight, inner, comfort, config.slowdown, NARROW, room)
-        self._size = math.ceil(2.0 * reach / config.cell) + 1
-        self._workspace = workspace(self._size, config.cell, comfort)
+        self._size = math.ceil(2.0 * reach / _CELL) + 1
+        self._workspace = workspace(self._size, _CELL, comfort)
 
     def field(
         self,
@@ -108,23 +108,18 @@ class Travel:
         people: Floats = _NOBODY,
         learned: LearnedTimes | None = None,
         narrow: float = NARROW,
-        stuck: Floats = _NOBODY,
     ) -> Field:
         """The field of a robot at `here` (2,), among `points` (M, 2), to its `target` (2,), valid until the next call.
 
         people (P, 6): x, y, vx, vy and radius of those who are no points, in the same frame [m, m/s], and for how long
         they stand [s]. learned: what earlier fields said of the places at the edge; this one's times are added, unless
         there are people, who will not be there later. narrow: times as long as at v_max it takes in narrow passages.
-        stuck (S, 6): places that take longer, `StuckPlaces.rows`. Of people and such places at one place the longest
-        time counts.
         """
-        x, y = (math.floor((at - self._reach) / self._cell) * self._cell for at in here.tolist())
-        grid = Grid(x, y, self._cell, self._size)
+        x, y = (math.floor((at - self._reach) / _CELL) * _CELL for at in here.tolist())
+        grid = Grid(x, y, _CELL, self._size)
         learned = LearnedTimes() if learned is None else learned
         pace = (*self._pace._replace(narrow=narrow),)
-        crowd = self._crowd(people)
-        crowd = np.concatenate((crowd, stuck)) if len(stuck) else crowd
-        scene = points, target, here, (*grid,), pace, crowd, *learned.around(grid)
+        scene = points, target, here, (*grid,), pace, self._crowd(people), *learned.around(grid)
         given = (*self._workspace,), *scene, BEYOND
         work, places = self._workspace, (grid, here, target, self._pace.v_max)
         field = Field(work.times, work.narrow, travel_times(*given, False), *places)

@@ -11,8 +11,15 @@ from tests.stopping_states import random_steps
 
 
 def made(robot, latency=0.0, lag=0.0):
+    return MinTime(MinTimeConfig(latency=latency, lag=lag), robot)
+
+
+@pytest.fixture(autouse=True)
+def turns_at_once():
     """It makes multi-point turns as soon as the guide is blocked."""
-    return MinTime(MinTimeConfig(latency=latency, lag=lag, multi_point=1e-6), robot)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("lme.planners.min_time.multi_point_turn._AFTER", 1e-6)
+        yield
 
 
 @settings(max_examples=40)

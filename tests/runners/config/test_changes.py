@@ -51,7 +51,10 @@ lidar: {num_beams: 90, fov: 6, range_min: 0.1, range_max: 5}
         (["ablation.c_t=0.5"], {"ablation.c_t": 0.5}),
         (["system=lme_plus", "ablation=no_memory"], {}),  # what an ablation sets
         (["system=lme_plus", "ablation=[no_memory,no_back]", "planner.grip=2"], {"planner.grip": 2.0}),
-        (["system=lme_plus", "ablation=no_back", "planner.back=0.1"], {"planner.back": 0.1}),  # the last word
+        (
+            ["system=lme_plus", "ablation=no_back", "planner.parts.back=1"],
+            {"planner.parts.back": True},
+        ),  # it is last
         (["ablation=[no_c_t,no_c_h]"], {}),
         (["ablation=[no_c_t,no_c_h]", "ablation.d1=3"], {"ablation.d1": 3.0}),
         (

@@ -20,11 +20,11 @@ def said(*words):
     [
         (
             ["ablation=no_memory"],
-            f"ablation=no_memory (LME+ without memory) sets guide.memory, which guide=lme does not have; {PLUS}",
+            f"ablation=no_memory (LME+ without memory) sets guide.parts, which guide=lme does not have; {PLUS}",
         ),
-        (["ablation=[no_c_o,no_memory]"], "ablation=no_memory (LME+ without memory) sets guide.memory, which"),
+        (["ablation=[no_c_o,no_memory]"], "ablation=no_memory (LME+ without memory) sets guide.parts, which"),
         (["ablation=no_a_reach"], f"sets guide.parameters.a_reach, which guide=lme does not have; {PLUS}"),
-        (["ablation=no_memory", "system=dwa"], f"sets guide.memory, which guide=target does not have; {PLUS}"),
+        (["ablation=no_memory", "system=dwa"], f"sets guide.parts, which guide=target does not have; {PLUS}"),
         (["ablation=no_grip"], "sets planner.grip, which planner=simple does not have; must go with planner=min_time"),
         (["-m", "system=lme_plus,lme", "ablation=no_memory"], "ablation=no_memory (LME+ without memory) sets"),
         (

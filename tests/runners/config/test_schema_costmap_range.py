@@ -33,5 +33,5 @@ def test_it_is_named_as_a_change_where_there_is_a_map():
 def test_buildings_and_the_cold_trial_let_maps_reach_as_far_as_lme_plus_remembers():
     for words in (["experiment=buildings", "map=building", "map.paths=[x]"], ["experiment=cold_trial"]):
         with jobs_of("eval", "runs=1", "executor=serial", "tracking=none", "hydra.mode=RUN") as job:
-            reach = job(*words, "system=lme_plus").config.guide["memory"]["reach"]
+            reach = job(*words, "system=lme_plus").config.guide["reach"]
             assert job(*words, "system=kul_fm_tuned").config.guide["costmap"]["obstacle_range"] == reach

@@ -481,7 +481,7 @@ def test_a_further_criterion_has_a_weight_too():
 
 
 def test_the_advice_drives_the_system_that_was_trained(capsys):
-    words = ["system=lme_plus", "robot=turtlebot2", "guide.memory.kept=6"]
+    words = ["system=lme_plus", "robot=turtlebot2", "guide.reach=6"]
     weights = train(*words, "trials=3", "start_from_config=false") / "weights.yaml"
     content = yaml.safe_load(weights.read_text())
     found = [f"{key}={value!r}" for key, value in content.get("settings", {}).items()]

@@ -14,15 +14,15 @@ from lme.types import Limits, Pose, Twist
 from tests.lme.planners.min_time.kernels.test_way_out import LONG, dead_end, pocket
 
 LIMITS = Limits(v_max=0.66, omega_max=1.0, alpha_v=1.0, alpha_omega=2.0)
-DT, AFTER, MARGIN = 0.125, 2.0, 0.05
+DT, MARGIN = 0.125, 0.05
 ROOM = LONG.r_max + 2.0 * MARGIN
 BACK = np.column_stack((-0.45 * np.arange(1, 12), np.zeros(11)))  # a way back along −x
 DOWN = BACK[:, ::-1]  # along −y
 STILL, NO_WAY = Twist(0.0, 0.0), np.empty((0, 2))
 
 
-def turn(after=AFTER):
-    return MultiPointTurn(LONG, DT, after, MARGIN)
+def turn():
+    return MultiPointTurn(LONG, DT, MARGIN)
 
 
 def follow(points, way, steps=400, limits=LIMITS, appears=None, lag=0.0, noise=0.0):
@@ -176,8 +176,3 @@ def test_reset_ends_a_turn():
         made.command(True, dead_end(0.5), BACK, STILL, LIMITS)
     made.reset()
     assert made.command(True, dead_end(0.5), BACK, STILL, LIMITS) is None
-
-
-def test_zero_turns_it_off():
-    made = turn(after=0.0)
-    assert all(made.command(True, dead_end(0.5), BACK, STILL, LIMITS) is None for _ in range(100))

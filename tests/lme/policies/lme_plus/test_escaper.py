@@ -91,31 +91,6 @@ def test_lme_plus_leaves_a_dead_end_in_which_a_long_robot_cannot_turn(seed):
     assert outcome is Outcome.SUCCESS
 
 
-def test_places_before_which_it_was_stuck_are_for_one_target():
-    robot = without_errors(shipped("go2"))
-    navigator = lme.load_system("lme_plus", robot)
-    job = task(
-        World(segments=np.array(HALL + LANE, dtype=float)), Pose(10.4, 5.0, 0.0), (2.0, 6.0), time_limit=15.0
-    )
-    seen = []
-
-    class Looks:
-        def decided(self, observation, guidance, command, state):
-            seen.append(observation)
-
-        def ended(self, observation, state):
-            pass
-
-    simulator, rng = FastSimulator(FastConfig(), robot), np.random.default_rng(0)
-    lme.run_episode(job, navigator, simulator, rng, Looks())
-    places = navigator.guide.escaper._stuck
-    assert len(places.rows) > 0
-    navigator.guide.guide(seen[-1]._replace(target=np.add(seen[-1].target, [0.5, 0.0])))
-    assert len(places.rows) > 0
-    navigator.guide.guide(seen[-1]._replace(target=np.add(seen[-1].target, [5.0, 0.0])))
-    assert len(places.rows) == 0
-
-
 @pytest.mark.parametrize("name", ["jackal", "turtlebot2"])
 def test_a_target_behind_costs_one_turn(name):
     outcome, turned = driven(name, ROOM, Pose(30.0, 15.0, np.pi), (34.5, 15.0))

@@ -6,17 +6,18 @@ import numpy as np
 import pytest
 
 import lme
-from lme.errors import InputError
 from lme.geometry.frames import to_robot
-from lme.policies.lme_plus.memory import Memory, MemoryConfig
+from lme.policies.lme_plus.memory import Memory
 from lme.types import Pose, Twist
 from tests.builders import escape, stage, wander
 from tests.tolerances import KERNEL
 
+REACH = 12.0  # [m]
+
 
 @pytest.mark.parametrize("seed", range(3))
 def test_the_frame_is_carried_with_the_robot(seed):
-    memory = Memory(MemoryConfig(), stage())
+    memory = Memory(stage(), REACH)
     seen, poses = wander(seed=seed, even=False)
     for view, pose in zip(seen, poses, strict=True):
         memory.see(view)
@@ -27,7 +28,7 @@ def test_the_frame_is_carried_with_the_robot(seed):
 
 def test_points_out_of_reach_come_back_with_the_robot():
     """A post seen at the start is in use again when the robot has gone 20 m away, blind, and returned."""
-    memory, robot = Memory(MemoryConfig(reach=6.0), stage()), stage()
+    memory, robot = Memory(stage(), 6.0), stage()
     memory.see(scan_of([(2.0, 2.0, 0.3)], []))
     there = memory.points.copy()
     assert len(there)
@@ -42,32 +43,26 @@ def test_points_out_of_reach_come_back_with_the_robot():
 
 
 def test_points_of_the_scan_are_known_from_the_first_look_on():
-    memory = Memory(MemoryConfig(square=0.1, reach=30.0), stage())
+    memory = Memory(stage(), 30.0)
     seen = escape(steps=5)
     for view in seen:
         memory.see(view)
         known = to_robot(memory.points, memory.pose)
         away = np.hypot(*(known[:, None] - memory.seen).transpose(2, 0, 1)).min(axis=0)
-        assert away.max() <= 0.1 * math.sqrt(2.0)  # one point per square
+        assert away.max() <= 0.05 * math.sqrt(2.0)  # one point per square
     assert memory.seen.shape[1] == 2
 
 
 def test_without_kept_the_memory_holds_the_last_scan_alone():
-    memory = Memory(MemoryConfig(kept=False), stage())
+    memory = Memory(stage(), REACH, keeps=False)
     seen = escape(steps=5)
     for view in seen:
         memory.see(view)
-    alone = Memory(MemoryConfig(kept=False), stage())
+    alone = Memory(stage(), REACH, keeps=False)
     alone.see(seen[-1])
     assert (
         abs(len(memory.points) - len(alone.points)) <= 0.1 * len(alone.points) + KERNEL
     )  # squares lie otherwise
-
-
-@pytest.mark.parametrize("key", ["reach", "square"])
-def test_mistakes_are_named(key):
-    with pytest.raises(InputError, match=f"guide.memory.{key} is 0"):
-        MemoryConfig(**{key: 0})
 
 
 def scan_of(circles, pedestrians, turn=0.0):
@@ -82,7 +77,7 @@ def scan_of(circles, pedestrians, turn=0.0):
 def test_points_of_tracked_people_are_known_but_never_remembered():
     post, person = (2.0, 0.0, 0.3), (2.0, 2.0, 0.3)
     hidden = (4.0, 4.0, 0.5)  # a post that hides the place behind it
-    memory = Memory(MemoryConfig(), stage())
+    memory = Memory(stage(), REACH)
     memory.see(scan_of([post, person], [(2.0, 2.0, 0.5, -1.0)]))
     away = np.hypot(*(memory.points - person[:2]).T)
     assert away.min() > 0.5  # not the person
@@ -93,7 +88,7 @@ def test_points_of_tracked_people_are_known_but_never_remembered():
     memory.see(scan_of([post, hidden], []))
     assert not len(memory.people)
     assert np.hypot(*(memory.known - person[:2]).T).min() > 0.5  # nobody is left behind
-    plain = Memory(MemoryConfig(people=False), stage())
+    plain = Memory(stage(), REACH, people=False)
     plain.see(scan_of([post, person], [(2.0, 2.0, 0.5, -1.0)]))
     assert np.hypot(*(plain.points - person[:2]).T).min() < 0.35
     assert not len(plain.people)
@@ -101,14 +96,14 @@ def test_points_of_tracked_people_are_known_but_never_remembered():
 
 def test_people_are_carried_in_the_frame_of_the_points():
     """The robot turned by 0.5 rad while it was watching: places and velocities are those of the first frame."""
-    memory, turning = Memory(MemoryConfig(), stage()), Twist(0.0, 0.5 / stage().dt)
+    memory, turning = Memory(stage(), REACH), Twist(0.0, 0.5 / stage().dt)
     memory.see(scan_of([], [])._replace(twist=turning))
     memory.see(scan_of([(2.0, 1.0, 0.3)], [(2.0, 1.0, 0.4, 0.3)], turn=0.5)._replace(twist=turning))
     assert memory.people == pytest.approx(np.array([[2.0, 1.0, 0.4, 0.3, 0.3, 0.0]]), abs=0.02)
 
 
 def test_who_stands_is_timed_until_they_walk_on():
-    memory, dt = Memory(MemoryConfig(), stage()), stage().dt
+    memory, dt = Memory(stage(), REACH), stage().dt
     stood = []
     for vx in (0.0, 0.0, 0.0, 0.8, 0.0):
         memory.see(scan_of([(2.0, 1.0, 0.3), (-2.0, 1.0, 0.3)], [(2.0, 1.0, vx, 0.0), (-2.0, 1.0, 0.5, 0.0)]))
