@@ -83,7 +83,7 @@ def _composed(name: str) -> tuple[dict[str, Any], dict[str, Any]]:
 
 
 def _nested(changes: Mapping[str, Any]) -> dict[str, Any]:
-    """{"guide.memory.reach": 8.0} as {"guide": {"memory": {"reach": 8.0}}}."""
+    """{"guide.travel.comfort": 0.5} as {"guide": {"travel": {"comfort": 0.5}}}."""
     nested: dict[str, Any] = {}
     for key, value in changes.items():
         part, *rest = key.split(".")

@@ -18,6 +18,7 @@ from lme.policies.lme.score import Parameters
 from lme.policies.lme_plus.criteria import CRITERIA, NARROW_SHARE, Sight, ranked
 from lme.policies.lme_plus.learned_times import OTHER_TARGET, LearnedTimes
 from lme.policies.lme_plus.memory import Memory
+from lme.policies.lme_plus.stuck_places import StuckPlaces
 from lme.policies.lme_plus.travel import NARROW, Field, Travel, TravelConfig, apart
 from lme.robots import Robot
 from lme.types import Floats, Observation, Pose
@@ -29,6 +30,7 @@ _EVERY = 3  # decisions with the same expected times, if nobody is near and the 
 _BEFORE = 1.0  # [m] ahead of the robot, where it tries a narrow passage
 _TRIED = 10.0  # [s] before narrow passages, after which they are expected to take twice as long
 _MOST = 5.0  # times that this is done
+_STANDS = 0.05  # [m/s] slower than this the robot stands
 _SAME_TARGET = 0.1  # [m] by which the target may move before times are found anew
 
 
@@ -40,6 +42,7 @@ class Parts:
     random: bool = True  # candidates; else a single one
     structured: bool = True  # candidates on the fastest way
     narrow: bool = True  # passages are a last resort; else closed
+    stuck: bool = True  # places take longer
     learned: bool = True  # times of places that are out of reach
     people: bool = True  # are expected to walk on; else they are points like all others
 
@@ -85,6 +88,7 @@ class LocalMinimumEscaperPlus:
         self._field: Field | None = None
         self._age = 0  # decisions made with the field
         self._tried = 0.0  # [s] spent before narrow passages on the way to the target
+        self._stuck = StuckPlaces(self._robot.dt)  # on the way to the target
         self.sight: Sight | None = None  # of the last decision
         self._subgoal: Floats | None = None  # in the carried frame
         self._last: Step | None = None
@@ -98,6 +102,11 @@ class LocalMinimumEscaperPlus:
         self._memory.see(observation)
         self.sight, way = self._look(observation)
         self._last = step = self._step(observation, self.sight, way)
+        waits = (
+            step.decision.blocked and abs(observation.ramp_start.v) < _STANDS and not len(self._memory.people)
+        )
+        if waits and len(way) and self._config.parts.stuck:
+            self._stuck.wait(to_world(way[0], self.sight.pose))
         return step.decision, self.sight.points, way
 
     def explanation(self) -> Explanation | None:
@@ -153,7 +162,7 @@ class LocalMinimumEscaperPlus:
         if field is None or old or apart(target, field.target) > _SAME_TARGET:
             learned, here = self._learned_of(target), np.array(pose[:2])
             narrow = NARROW * 2.0 ** min(self._tried / _TRIED, _MOST)
-            given = memory.points, target, here, memory.people, learned, narrow
+            given = memory.points, target, here, memory.people, learned, narrow, self._stuck.rows
             self._field = field = self._travel.field(*given)
             self._age = 0
         return field
@@ -163,6 +172,7 @@ class LocalMinimumEscaperPlus:
         other = self._learned_for is None or apart(target, self._learned_for) > OTHER_TARGET
         if other:
             self._tried = 0.0
+            self._stuck.forget()
         if other or not (self._config.parts.memory and self._config.parts.learned):
             self._learned, self._learned_for = LearnedTimes(), target
         return self._learned

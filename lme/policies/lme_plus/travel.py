@@ -108,18 +108,23 @@ class Travel:
         people: Floats = _NOBODY,
         learned: LearnedTimes | None = None,
         narrow: float = NARROW,
+        stuck: Floats = _NOBODY,
     ) -> Field:
         """The field of a robot at `here` (2,), among `points` (M, 2), to its `target` (2,), valid until the next call.
 
         people (P, 6): x, y, vx, vy and radius of those who are no points, in the same frame [m, m/s], and for how long
         they stand [s]. learned: what earlier fields said of the places at the edge; this one's times are added, unless
         there are people, who will not be there later. narrow: times as long as at v_max it takes in narrow passages.
+        stuck (S, 6): places that take longer, `StuckPlaces.rows`. Of people and such places at one place the longest
+        time counts.
         """
         x, y = (math.floor((at - self._reach) / _CELL) * _CELL for at in here.tolist())
         grid = Grid(x, y, _CELL, self._size)
         learned = LearnedTimes() if learned is None else learned
         pace = (*self._pace._replace(narrow=narrow),)
-        scene = points, target, here, (*grid,), pace, self._crowd(people), *learned.around(grid)
+        crowd = self._crowd(people)
+        crowd = np.concatenate((crowd, stuck)) if len(stuck) else crowd
+        scene = points, target, here, (*grid,), pace, crowd, *learned.around(grid)
         given = (*self._workspace,), *scene, BEYOND
         work, places = self._workspace, (grid, here, target, self._pace.v_max)
         field = Field(work.times, work.narrow, travel_times(*given, False), *places)

@@ -7,7 +7,7 @@ import lme
 from lme.sim.fast import FastConfig, FastSimulator
 from lme.types import Outcome, Pose
 from lme.worlds.world import World
-from tests.builders import shipped, task, without_errors
+from tests.builders import observation, shipped, task, without_errors
 
 ROOM = [(0, 0, 60, 0), (60, 0, 60, 30), (60, 30, 0, 30), (0, 30, 0, 0)]
 # A corridor of 38 m points at the goal and is closed there; the way leads back to its mouth and around it.
@@ -89,6 +89,19 @@ def test_lme_plus_leaves_a_dead_end_in_which_a_long_robot_cannot_turn(seed):
     there = Pose(10.4, 5.0, 0.0), (2.0, 6.0)
     outcome, _ = driven("go2", HALL + LANE, *there, seed, time_limit=90.0)
     assert outcome is Outcome.SUCCESS
+
+
+def test_places_before_which_it_was_stuck_are_for_one_target():
+    robot = without_errors(shipped("go2"))
+    guide, seen = lme.load_system("lme_plus", robot).guide, observation((8.0, 0.0), robot=robot)
+    guide.guide(seen)
+    places = guide.escaper._stuck
+    for _ in range(round(3.0 / robot.dt)):
+        places.wait(np.array([1.0, 0.0]))
+    guide.guide(seen._replace(target=np.array([8.5, 0.0])))
+    assert len(places.rows) > 0
+    guide.guide(seen._replace(target=np.array([13.0, 0.0])))
+    assert len(places.rows) == 0
 
 
 @pytest.mark.parametrize("name", ["jackal", "turtlebot2"])

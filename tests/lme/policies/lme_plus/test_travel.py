@@ -100,6 +100,24 @@ def test_a_way_round_outside_the_grid_is_better_than_a_narrow_passage():
     assert 14.0 / stage().v_max < found.robot_time < 20.0 / stage().v_max
 
 
+def test_the_way_through_a_place_where_the_robot_was_stuck_takes_longer_and_at_last_leads_round_it():
+    beside = np.concatenate(
+        (np.arange(-8.0, -0.75, 0.05), np.arange(0.75, 3.0, 0.05), np.arange(5.0, 8.0, 0.05))
+    )
+    wall = HERE + np.column_stack(
+        (np.full(len(beside), 2.0), beside)
+    )  # two doors, of which one is straight ahead
+    door = HERE + np.array([2.0, 0.0])
+    ways, times = [], []
+    for cost in (0.0, 3.0, 300.0):
+        stuck = np.array([[*door, 0.0, 0.0, 0.9, cost]])
+        found = Travel(CONFIG, stage(), 8.0, 0.08).field(wall, BEYOND_DOOR, HERE, stuck=stuck)
+        ways.append(found.descent(Pose(*HERE, 0.0), 12.0)[0])
+        times.append(found.robot_time)
+    assert times[0] + 3.0 < times[1] < times[2] < times[0] + 60.0
+    assert np.abs(ways[0][:, 1]).max() < 0.75 < 3.0 < ways[2][:, 1].max()
+
+
 @pytest.mark.parametrize(("key", "value"), [("comfort", 0), ("slowdown", -1)])
 def test_mistakes_are_named(key, value):
     with pytest.raises(InputError, match=f"guide.travel.{key} is {value}"):
