@@ -37,6 +37,26 @@ def straight_ways(
 
 
 @njit(cache=True, error_model="numpy")
+def reachable(
+    places: Floats,
+    points: Floats,
+    box: tuple[float, float, float],
+    margin: float,
+    turn_margin: float,
+    tight: float,
+) -> Floats:
+    """1 for places to which a way is free (`straight_ways`); if there is none, ½ with margins times `tight`: (N,)."""
+    ways, value = straight_ways(places, points, box, margin, turn_margin), 1.0
+    if not ways.any():
+        ways, value = straight_ways(places, points, box, tight * margin, tight * turn_margin), 0.5
+    out = np.zeros(len(ways))
+    for n in range(len(ways)):
+        if ways[n]:
+            out[n] = value
+    return out
+
+
+@njit(cache=True, error_model="numpy")
 def _blocked_ahead(places, points, box, margin):
     """Whether a point is on the straight way to each place, for a robot that faces it: (N,)."""
     width = box[1] + box[2] + margin

@@ -20,6 +20,7 @@ _FELL = {
     "c_t": "lost its free line to the target",
     "c_h": "ended up behind recent positions of the robot",
 }
+_NARROWED = "became reachable only with a smaller margin"  # c_o of LME+ is then 1/2
 _FELL_IN_A_MOUNT = {  # by the reading of the surmount feature
     "every": "ended up off the way around the sector that now blocks the robot's way to the target",
     "hidden": "became hidden from the target behind the blocking sector",
@@ -190,6 +191,8 @@ def _describe_fall(term: Term, then: float, now: float, weight: float, words: Ma
     lost = weight * (then - now)
     if term.value <= 0.0 or lost < term.value / 2:
         return ""
+    if term.name == "c_o":
+        return _NARROWED if now > 0.0 else words["c_o"]
     return words[term.name] if then == _BEST.get(term.name) else f"fell by {_shown(lost)} in {term.name}"
 
 

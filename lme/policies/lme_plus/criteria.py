@@ -12,13 +12,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import njit
 
-from lme.kernels.straight_ways import straight_ways
+from lme.kernels.straight_ways import reachable
 from lme.policies.distance import distances_to, turns
 from lme.policies.lme.score import rank
 from lme.policies.lme_plus.kernels.travel_lookup import rest_at, turns_at
 from lme.policies.lme_plus.travel import BEYOND, Field
 from lme.types import Floats, Pose
 
+TIGHT = 0.75  # share of the margin that is kept if there is no other way
 NARROW_SHARE = 0.5  # share of the margin that is kept if the fastest way is a narrow passage
 
 
@@ -72,8 +73,11 @@ def a_rest(candidates: Floats, sight: Sight) -> Floats:
 
 @njit(cache=True, error_model="numpy")
 def c_o(candidates: Floats, sight: Sight) -> Floats:
-    """Collision-free reachability: 1 if the footprint can turn to the candidate and drive straight there, else 0."""
-    return straight_ways(candidates, sight.points, sight.box, sight.margin, sight.margin).astype(np.float64)
+    """Collision-free reachability: 1 if the footprint can turn to the candidate and drive straight there, else 0.
+
+    If there is no such candidate, those that can be reached with the margin times `TIGHT` have 1/2.
+    """
+    return reachable(candidates, sight.points, sight.box, sight.margin, sight.margin, TIGHT)
 
 
 CRITERIA: Mapping[str, Criterion] = {"a_reach": a_reach, "a_dev": a_dev, "a_rest": a_rest, "c_o": c_o}

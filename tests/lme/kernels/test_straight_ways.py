@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lme.kernels.collision import sweep
-from lme.kernels.straight_ways import straight_ways
+from lme.kernels.straight_ways import reachable, straight_ways
 
 JACKAL, DISC, QUADRUPED = (0.21, 0.155, 0.0), (0.0, 0.0, 0.2), (0.35, 0.155, 0.0)
 LONG = [JACKAL, DISC, QUADRUPED, (0.3, 0.1, 0.1)]
@@ -53,6 +53,17 @@ def test_a_free_way_is_free_to_drive(seed, box):
     places, points = scene(seed, box, 0.0)
     for place in places[free(places, points, box)]:
         assert swept(place, points, box, 0.0, 0.0)
+
+
+@settings(max_examples=60)
+@given(st.integers(0, 10**6), BOXES, st.sampled_from([1, 12]))
+def test_tight_ways_count_half_where_no_other_is_free(seed, box, number):
+    places, points = scene(seed, box, 0.0)
+    places, tight = places[:number], 0.75
+    wide, narrow = (free(places, points, box, share * MARGIN, share * TURN_MARGIN) for share in (1.0, tight))
+    expected = wide if wide.any() else 0.5 * narrow
+    found = reachable(places, points, box, MARGIN, TURN_MARGIN, tight)
+    assert found.tolist() == expected.tolist()
 
 
 @settings(max_examples=60)

@@ -59,10 +59,23 @@ def test_better_names_the_term_and_what_befell_the_old_one():
     )
 
 
+def test_losing_c_o_from_a_small_margin_reads_as_stopped_being_reachable():
+    now = explained([{}], old={"c_o": 0.0})
+    assert reason(now, explained([{"c_o": 0.5}])).endswith("c_o +999.8; the old one stopped being reachable")
+
+
+def test_a_criterion_that_the_old_subgoal_never_met_is_not_a_change():
+    before = explained([{"c_t": 0.0}])
+    now = explained([{}], old={"c_t": 0.0})
+    assert reason(now, before) == "switched: new subgoal scores 206 higher (d2 200), mainly c_t +205.8"
+    assert reason(now, None) == reason(now, before)
+
+
 @pytest.mark.parametrize(
     ("old", "change"),
     [
         ({"c_o": 0.0}, "stopped being reachable"),
+        ({"c_o": 0.5}, "; the old one became reachable only with a smaller margin"),
         (
             {"a_mount": -3.0},  # 88.7 · 3
             "; the old one ended up off the way around the sector that now blocks the robot's way to the target",
