@@ -9,7 +9,7 @@ from lme.errors import require
 
 
 @dataclass(slots=True)
-class Parts:
+class MinTimeParts:
     """Parts of the planner; False leaves one out, for an ablation."""
 
     calm: bool = True  # turns, away from obstacles and people
@@ -27,7 +27,7 @@ class MinTimeConfig:
     grip: float = 1.0  # [m/s²] greatest v·|ω|, the lateral acceleration
     latency: float = 0.0  # [s] known delay from a command to its effect
     lag: float = 0.0  # [s] known time constant with which the velocity then approaches the command
-    parts: Parts = field(default_factory=Parts)
+    parts: MinTimeParts = field(default_factory=MinTimeParts)
 
     def __post_init__(self) -> None:
         for key in ("margin", "margin_time", "latency", "lag"):

@@ -35,7 +35,7 @@ _SAME_TARGET = 0.1  # [m] by which the target may move before times are found an
 
 
 @dataclass(slots=True)
-class Parts:
+class EscaperPlusParts:
     """Parts of the method; False leaves one out, for an ablation."""
 
     memory: bool = True  # of points; else those of the current scan
@@ -54,7 +54,7 @@ class EscaperPlusConfig:
     reach: float = 12.0  # [m] of the memory and of the expected times
     margin: float = 0.08  # [m] distance to obstacle points on a straight way and in the turn before it
     travel: TravelConfig = field(default_factory=TravelConfig)
-    parts: Parts = field(default_factory=Parts)
+    parts: EscaperPlusParts = field(default_factory=EscaperPlusParts)
 
     def __post_init__(self) -> None:
         require("guide.reach", self.reach, above=0.0)

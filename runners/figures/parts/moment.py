@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from lme.errors import InputError, require
 from lme.guides.lme import Lme
+from lme.policies.lme.candidates import CandidateConfig
 from lme.policies.lme.explanation import Explanation
 from lme.policies.lme.maintenance import Choice
 from lme.policies.lme.reasons import reason
@@ -104,8 +105,9 @@ def check_guided(configs: Sequence[SystemConfig], figure: str, by: Guided) -> No
 
 
 def candidate_reach(trace: Trace) -> float:
-    """The largest distance of a candidate from the robot [m]."""
-    return float(min(_guide(trace.config).candidates.max_range, trace.robot.lidar.range_max))
+    """The largest distance of a candidate from the robot [m]; LME+ has no setting for it, and LME's default."""
+    candidates = getattr(_guide(trace.config), "candidates", CandidateConfig())
+    return float(min(candidates.max_range, trace.robot.lidar.range_max))
 
 
 def heading(shot: Shot) -> list[str]:

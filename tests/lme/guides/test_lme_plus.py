@@ -15,7 +15,7 @@ from lme.planners.min_time.planner import MinTime
 from lme.policies.lme.maintenance import Choice
 from lme.policies.lme.reasons import reason, reasons
 from lme.policies.lme_plus.criteria import CRITERIA
-from lme.policies.lme_plus.escaper import Parts
+from lme.policies.lme_plus.escaper import EscaperPlusParts
 from lme.sim.fast import FastConfig, FastSimulator
 from lme.types import Outcome, Twist
 from lme.worlds.world import World
@@ -105,7 +105,7 @@ def test_lme_plus_finds_reachable_places_when_enclosed():
 
 def test_without_memory_lme_plus_knows_only_the_current_scan():
     robot = without_errors(shipped("jackal"))
-    kept, forgetful = guide(robot), guide(robot, parts=Parts(memory=False))
+    kept, forgetful = guide(robot), guide(robot, parts=EscaperPlusParts(memory=False))
     for view in looks(CLUTTER, robot):
         known, scan_alone = (len(made.guide(view).points) for made in (kept, forgetful))
         assert scan_alone <= known
@@ -135,7 +135,7 @@ def test_a_mirrored_scene_has_mirrored_criteria(monkeypatch):
     # Cells do not mirror, so times may differ by what a cell takes; the other criteria may not.
     robot = stage()
     draw = lme.policies.lme_plus.escaper.sample
-    one, other = (guide(robot, parts=Parts(structured=False)) for _ in range(2))
+    one, other = (guide(robot, parts=EscaperPlusParts(structured=False)) for _ in range(2))
     mirrored = World(circles=CLUTTER.circles * [1, -1, 1], segments=CLUTTER.segments * [1, -1, 1, -1])
     simulators = [FastSimulator(FastConfig(), robot) for _ in range(2)]
     seen = [
@@ -183,7 +183,7 @@ def test_every_decision_has_its_names_and_its_reason():
 
 
 def test_there_is_nothing_to_explain_before_the_first_decision():
-    made = guide(parts=Parts(random=False))
+    made = guide(parts=EscaperPlusParts(random=False))
     assert made.explanation() is None
     made.guide(observation())
     assert (

@@ -13,7 +13,7 @@ from lme.errors import InputError
 from lme.geometry.frames import to_robot
 from lme.kernels.collision import sweep
 from lme.kernels.motion import drive as moved_by
-from lme.planners.min_time.config import MinTimeConfig, Parts
+from lme.planners.min_time.config import MinTimeConfig, MinTimeParts
 from lme.planners.min_time.planner import MinTime
 from lme.sim.fast import FastConfig, FastSimulator
 from lme.types import Guidance, Outcome, Pose, Twist
@@ -172,13 +172,15 @@ def test_min_time_backs_up_only_as_the_robot_can(v_min, slowest):
 
 
 def test_without_backing_up_min_time_never_does():
-    commands, _, _ = follow(made(parts=Parts(back=False)), JACKAL, (3.0, 0.0), wedge(), 20, blocked=True)
+    commands, _, _ = follow(
+        made(parts=MinTimeParts(back=False)), JACKAL, (3.0, 0.0), wedge(), 20, blocked=True
+    )
     assert commands[:, 0].min() >= 0.0
 
 
 @pytest.mark.parametrize(("way", "person"), [(True, False), (False, False), (True, True)])
 def test_min_time_makes_a_multi_point_turn_if_the_guide_tells_the_way_and_nobody_is_near(way, person):
-    planner = made(parts=Parts(back=False))
+    planner = made(parts=MinTimeParts(back=False))
     people = np.array([[1.0, 0.0, 0.0, 0.0]]) if person else NOBODY
     guidance = Guidance(np.array([3.0, 0.0]), blocked=True, points=wedge())
     guidance = guidance._replace(way=np.array([[-0.5, 0.0], [-1.0, 0.0]]) if way else None)
@@ -227,7 +229,7 @@ def test_min_time_turns_calmly_in_the_open_and_with_all_it_has_near_obstacles_an
     assert first_turn(np.array([[-behind[1], 0.0]])) == pytest.approx(10.0, abs=KERNEL)
     assert first_turn(np.array([[-behind[0], 0.0]])) > 15.0
     assert first_turn(people=np.array([[-6.0, 0.0, 0.1, 0.0]])) > 15.0
-    assert first_turn(parts=Parts(calm=False)) > 15.0
+    assert first_turn(parts=MinTimeParts(calm=False)) > 15.0
     assert first_turn(robot=stage(alpha_omega=5.0)) == pytest.approx(5.0, abs=KERNEL)
 
 
