@@ -105,7 +105,7 @@ def check_guided(configs: Sequence[SystemConfig], figure: str, by: Guided) -> No
 
 
 def candidate_reach(trace: Trace) -> float:
-    """The largest distance of a candidate from the robot [m]; LME+ has no setting for it, and LME's default."""
+    """The largest distance of a candidate from the robot [m]; LME+, without a setting for it, has LME's default."""
     candidates = getattr(_guide(trace.config), "candidates", CandidateConfig())
     return float(min(candidates.max_range, trace.robot.lidar.range_max))
 
