@@ -6,7 +6,7 @@ import math
 from typing import NamedTuple
 
 from lme.geometry.frames import relative
-from lme.types import Observation, Pose, Twist
+from lme.types import Limits, Observation, Pose, Twist
 
 _SLACK = 1e-3  # [m, rad] and
 _SHARE = 0.02  # of the motion: what a twist that explains the poses may differ from them
@@ -34,8 +34,9 @@ class DeadReckoning:
 
     By twist, as the paper does (UpdatePos, §III.D), for as long as the twists explain the odometry: while a ramp from
     one twist to the next leads from one pose to the next. From the first period in which it does not, by the poses: the
-    twist is always zero, sways with the gait or comes from wheels that slip, or the period is another one than `dt`.
-    An odometry that does not change while the twist says that the robot moves counts as none.
+    twist is always zero, sways with the gait, comes from wheels that slip or is itself the velocity between two poses,
+    which lags by half a period, or the period is another one than `dt`. An odometry that does not change while the
+    twist says that the robot moves counts as none.
     """
 
     def __init__(self, dt: float) -> None:
@@ -54,7 +55,7 @@ class DeadReckoning:
         if odometry == former and any(now):
             return Move(before, now, None)
         pose = relative(odometry, former)
-        self.by_poses = self.by_poses or not self._explained(pose, before, now)
+        self.by_poses = self.by_poses or not self._explained(pose, before, now, observation.limits)
         return Move(before, now, pose if self.by_poses else None)
 
     def velocity(self, move: Move) -> Twist:
@@ -63,14 +64,19 @@ class DeadReckoning:
             return Twist((move.before.v + move.now.v) / 2, (move.before.omega + move.now.omega) / 2)
         return Twist(move.pose.x / self._dt, move.pose.yaw / self._dt)
 
-    def _explained(self, pose: Pose, before: Twist, now: Twist) -> bool:
+    def _explained(self, pose: Pose, before: Twist, now: Twist, limits: Limits) -> bool:
         """Whether a drive that ramps from one twist to the next, and then holds it, moves the base like this."""
         half_turn = pose.yaw / 2
         chord = pose.x * math.cos(half_turn) + pose.y * math.sin(half_turn)
         arc = chord if half_turn == 0.0 else chord * half_turn / math.sin(half_turn)
-        return _ramps(arc, before.v, now.v, self._dt) and _ramps(pose.yaw, before.omega, now.omega, self._dt)
+        return _ramps(arc, before.v, now.v, limits.alpha_v, self._dt) and _ramps(
+            pose.yaw, before.omega, now.omega, limits.alpha_omega, self._dt
+        )
 
 
-def _ramps(moved: float, before: float, now: float, dt: float) -> bool:
-    """Whether the integral over `dt` of a rate that changes from `before` to `now` can be `moved`."""
-    return abs(moved - now * dt) <= abs(now - before) * dt / 2 + _SHARE * abs(moved) + _SLACK
+def _ramps(moved: float, before: float, now: float, alpha: float, dt: float) -> bool:
+    """Whether a rate that ramps from `before` to `now`, at `alpha` or more slowly, can move the robot by `moved` in `dt`."""
+    change = abs(now - before)
+    behind = math.copysign(1.0, now - before) * (now * dt - moved)
+    slack = _SHARE * abs(moved) + _SLACK
+    return change**2 / (2 * alpha) - slack <= behind <= change * dt / 2 + slack

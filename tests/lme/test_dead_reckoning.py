@@ -51,6 +51,18 @@ def test_a_twist_of_zero_while_the_poses_move_is_not():
     assert compose(steps[1].odometry, second.pose) == pytest.approx(steps[2].odometry, abs=KERNEL)
 
 
+def test_nor_is_a_twist_that_is_the_velocity_between_two_poses():
+    """It jumps, where a robot ramps: its mean over a period lags behind the motion by half a period."""
+    poses = [(0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.04, 0.0, 0.0), (0.12, 0.0, 0.0)]
+    velocities = [0.0, 0.0, 0.2, 0.4]
+    first, second, third = moves(
+        *[seen((v, 0.0), pose) for v, pose in zip(velocities, poses, strict=True)]
+    )[0]
+    assert first.pose is None
+    assert second.pose == (0.04, 0.0, 0.0)
+    assert third.pose == pytest.approx((0.08, 0.0, 0.0), abs=KERNEL)
+
+
 def test_once_refuted_the_twist_is_not_believed_again():
     between, after = moves(
         seen((0.0, 0.0), (0.0, 0.0, 0.0)),
